@@ -20,14 +20,14 @@ Nonlinear Dynamics 32 (2003), with nu = 1/(1 - p.p/16).
 import math
 
 from msahl.kernel import kernel
-from msahl.vector import add, axpy, cross, dot, scale
+from msahl.vector import Matrix, Vector, add, axpy, cross, dot, scale
 
 HALF_TURN = 4.0
 """|p| of a turn by pi, where the parameters change to their shadow."""
 
 
 @kernel
-def rescaled(p):
+def rescaled(p: Vector) -> Vector:
     """The parameters of the same orientation with ``|p| <= 4``."""
     square = dot(p, p)
     if square > HALF_TURN * HALF_TURN:
@@ -36,7 +36,7 @@ def rescaled(p):
 
 
 @kernel
-def matrix(p):
+def matrix(p: Vector) -> Matrix:
     """``R`` of the parameters ``p``; orthogonal to round-off for any ``p``."""
     p0 = 2.0 - 0.125 * dot(p, p)
     a = 1.0 / ((4.0 - p0) * (4.0 - p0))
@@ -51,7 +51,7 @@ def matrix(p):
 
 
 @kernel
-def compose(p, q):
+def compose(p: Vector, q: Vector) -> Vector:
     """Rescaled parameters of ``R(p) R(q)``: first turn ``p``, then ``q`` about the turned axes."""
     p0 = 2.0 - 0.125 * dot(p, p)
     q0 = 2.0 - 0.125 * dot(q, q)
@@ -65,46 +65,46 @@ def compose(p, q):
 
 
 @kernel
-def inverse(p):
+def inverse(p: Vector) -> Vector:
     """Parameters of the opposite turn."""
     return (-p[0], -p[1], -p[2])
 
 
 @kernel
-def from_step_turn(Q):
+def from_step_turn(Q: Vector) -> Vector:
     """Wiener-Milenkovic parameters of the step turn ``Q``; any ``Q``, since phi < pi."""
     return scale(2.0 / (1.0 + math.sqrt(1.0 + 0.25 * dot(Q, Q))), Q)
 
 
 @kernel
-def to_step_turn(c):
+def to_step_turn(c: Vector) -> Vector:
     """``Q`` of the parameters ``c``, ``|c| < 4``."""
     return scale(1.0 / (1.0 - dot(c, c) / 16.0), c)
 
 
 @kernel
-def turn_change(Q, a):
+def turn_change(Q: Vector, a: Vector) -> Vector:
     """``(R(Q) - 1) a``: the change of a body-fixed vector over the step, free of cancellation."""
     Qa = cross(Q, a)
     return scale(1.0 / (1.0 + 0.25 * dot(Q, Q)), axpy(0.5, cross(Q, Qa), Qa))
 
 
 @kernel
-def turn_tangent(Q):
+def turn_tangent(Q: Vector) -> Matrix:
     """``D`` with ``d(R(Q) a) = (D dQ) x R(Q) a``: ``D = (1 + [Q]/2) / N``."""
     n = 1.0 / (1.0 + 0.25 * dot(Q, Q))
     x, y, z = 0.5 * n * Q[0], 0.5 * n * Q[1], 0.5 * n * Q[2]
     return ((n, -z, y), (z, n, -x), (-y, x, n))
 
 
-def from_axis_angle(axis, phi):
+def from_axis_angle(axis: Vector, phi: float) -> Vector:
     """Rescaled parameters of the turn by ``phi`` [rad] about ``axis`` (any length but zero)."""
     length = math.hypot(*axis)
     turn = math.remainder(phi, 2.0 * math.pi)
     return scale(4.0 * math.tan(0.25 * turn) / length, axis)
 
 
-def to_axis_angle(p):
+def to_axis_angle(p: Vector) -> tuple[Vector, float]:
     """Unit axis and angle in [0, pi] of ``p``; the axis of the identity is z."""
     p = rescaled(p)
     length = math.hypot(*p)

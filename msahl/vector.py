@@ -4,6 +4,8 @@ Plain Python for the deck and the tests, registers for the compiled kernels. ``[
 matrix of ``a x (.)``.
 """
 
+import numpy as np
+
 from msahl.kernel import kernel
 
 Vector = tuple[float, float, float]
@@ -14,37 +16,37 @@ IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 @kernel
-def add(a, b):
+def add(a: Vector, b: Vector) -> Vector:
     """``a + b``."""
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
 
 @kernel
-def sub(a, b):
+def sub(a: Vector, b: Vector) -> Vector:
     """``a - b``."""
     return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
 @kernel
-def scale(c, a):
+def scale(c: float, a: Vector) -> Vector:
     """``c a`` for a number ``c``."""
     return (c * a[0], c * a[1], c * a[2])
 
 
 @kernel
-def axpy(c, a, b):
+def axpy(c: float, a: Vector, b: Vector) -> Vector:
     """``c a + b`` for a number ``c``."""
     return (c * a[0] + b[0], c * a[1] + b[1], c * a[2] + b[2])
 
 
 @kernel
-def dot(a, b):
+def dot(a: Vector, b: Vector) -> float:
     """``a . b``."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @kernel
-def cross(a, b):
+def cross(a: Vector, b: Vector) -> Vector:
     """``a x b``."""
     return (
         a[1] * b[2] - a[2] * b[1],
@@ -54,19 +56,19 @@ def cross(a, b):
 
 
 @kernel
-def skew(a):
+def skew(a: Vector) -> Matrix:
     """``[a]``, the matrix of ``a x (.)``."""
     return ((0.0, -a[2], a[1]), (a[2], 0.0, -a[0]), (-a[1], a[0], 0.0))
 
 
 @kernel
-def times(M, a):
+def times(M: Matrix, a: Vector) -> Vector:
     """``M a``."""
     return (dot(M[0], a), dot(M[1], a), dot(M[2], a))
 
 
 @kernel
-def transpose(M):
+def transpose(M: Matrix) -> Matrix:
     """``M^T``."""
     return (
         (M[0][0], M[1][0], M[2][0]),
@@ -76,26 +78,26 @@ def transpose(M):
 
 
 @kernel
-def product(M, N):
+def product(M: Matrix, N: Matrix) -> Matrix:
     """``M N``."""
     T = transpose(N)
     return (times(T, M[0]), times(T, M[1]), times(T, M[2]))
 
 
 @kernel
-def at(A, k):
+def at(A: np.ndarray, k: int) -> Vector:
     """Row ``k`` of an array ``(n, 3)`` as a vector."""
     return (A[k, 0], A[k, 1], A[k, 2])
 
 
 @kernel
-def put(A, k, a):
+def put(A: np.ndarray, k: int, a: Vector) -> None:
     """Store the vector ``a`` in row ``k`` of an array ``(n, 3)``."""
     A[k, 0], A[k, 1], A[k, 2] = a
 
 
 @kernel
-def accumulate(A, k, a):
+def accumulate(A: np.ndarray, k: int, a: Vector) -> None:
     """Add the vector ``a`` to row ``k`` of an array ``(n, 3)``."""
     A[k, 0] += a[0]
     A[k, 1] += a[1]
@@ -103,7 +105,7 @@ def accumulate(A, k, a):
 
 
 @kernel
-def matrix_at(A, k):
+def matrix_at(A: np.ndarray, k: int) -> Matrix:
     """Entry ``k`` of an array ``(n, 3, 3)`` as a matrix."""
     return (
         (A[k, 0, 0], A[k, 0, 1], A[k, 0, 2]),
@@ -113,7 +115,7 @@ def matrix_at(A, k):
 
 
 @kernel
-def put_matrix(A, k, M):
+def put_matrix(A: np.ndarray, k: int, M: Matrix) -> None:
     """Store the matrix ``M`` in entry ``k`` of an array ``(n, 3, 3)``."""
     for i in range(3):
         A[k, i, 0], A[k, i, 1], A[k, i, 2] = M[i]

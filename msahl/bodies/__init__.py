@@ -1,0 +1,1 @@
+"""Bodies: the records of the deck and the laws of their motion."""

@@ -1,8 +1,47 @@
-"""Rigid body."""
+"""Rigid body: Hamilton's weak principle over one step, its energy, its free acceleration.
+
+Over a step of size h the body is displaced by u and turned by Q (inertial axes); its equations,
+with the end values of velocity used up, are
+
+    m (2 u/h - 2 v0)                    = h F                     mean force, inertial axes
+    R(Q) L - J0 W0                      = h T ,   L = J0 (2 Q/h - W0)      mean moment about G
+
+    J0 = R0 J R0^T    inertia about G at the start, inertial axes [kg m^2]
+    W0 = R0 w0        angular velocity at the start, inertial axes [rad/s]
+
+F and T come from gravity and from the elements at the body. Multiplied by h/(2 m) and h/(2 m l),
+l a length of the body, both rows are in metres whatever the step; so are the unknowns u and l Q.
+Derivative of the second row (times h/2) by Q: R J0 - [R L h/2] D, with D of ``rotation``.
+Source: Borri, Mello, Atluri, Primal and mixed forms of Hamilton's principle for constrained rigid
+body systems, Comput. Mech. 7 (1991); the turn as increment is ours.
+"""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
-from msahl.vector import Matrix, Vector
+import numpy as np
+
+from msahl.kernel import kernel
+from msahl.rotation import matrix, turn_change, turn_tangent
+from msahl.vector import (
+    Matrix,
+    Vector,
+    accumulate,
+    add,
+    at,
+    axpy,
+    cross,
+    dot,
+    matrix_at,
+    product,
+    put,
+    put_matrix,
+    scale,
+    skew,
+    sub,
+    times,
+    transpose,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,3 +62,145 @@ class RigidBody:
     orientation: Vector
     velocity: Vector
     angular_velocity: Vector
+
+
+class Bodies(NamedTuple):
+    """All bodies, the ground last with index n: it has no equations, its inverse mass is zero."""
+
+    inverse_mass: np.ndarray  # (n+1,) [1/kg]
+    inertia: np.ndarray  # (n+1, 3, 3) about G, body axes [kg m^2]
+    r_BG: np.ndarray  # (n+1, 3) from the reference point B to the mass centre G, body axes [m]
+    length: np.ndarray  # (n+1,) l, the length that makes a turn a displacement [m]
+    ballistic: np.ndarray  # (n+1,) whether nothing but gravity acts on it
+    gravity: np.ndarray  # (3,) inertial axes [m/s^2]
+    block: np.ndarray  # (n+1,) where the derivative of the moment by the turn starts
+
+
+class BodyStart(NamedTuple):
+    """What the step's equations need of its start, in inertial axes."""
+
+    R: np.ndarray  # (n+1, 3, 3) body to inertial axes
+    J: np.ndarray  # (n+1, 3, 3) [kg m^2]
+    v: np.ndarray  # (n+1, 3) of G [m/s]
+    W: np.ndarray  # (n+1, 3) [rad/s]
+
+
+@kernel
+def turn_of(bodies: Bodies, Z: np.ndarray, b: int) -> Vector:
+    """The step turn Q of body ``b`` in the unknowns ``Z`` (which hold l Q)."""
+    return scale(1.0 / bodies.length[b], at(Z, 2 * b + 1))
+
+
+@kernel
+def mean(bodies: Bodies, Z: np.ndarray, b: int, a: Vector) -> Vector:
+    """Mean over the step of a vector fixed in body ``b`` that starts as ``a``."""
+    return axpy(0.5, turn_change(turn_of(bodies, Z, b), a), a)
+
+
+@kernel
+def end_tangent(bodies: Bodies, Z: np.ndarray, b: int, a: Vector) -> Matrix:
+    """``T`` with ``d(R(Q) a) = -T d(l Q)``."""
+    Q = turn_of(bodies, Z, b)
+    T = product(skew(add(a, turn_change(Q, a))), turn_tangent(Q))
+    c = 1.0 / bodies.length[b]
+    return (scale(c, T[0]), scale(c, T[1]), scale(c, T[2]))
+
+
+@kernel
+def push(
+    bodies: Bodies, half_h2: float, F: np.ndarray, b: int, force: Vector, moment: Vector
+) -> None:
+    """Take a mean ``force`` and a mean ``moment`` about G from the rows of body ``b``."""
+    c = half_h2 * bodies.inverse_mass[b]
+    accumulate(F, 2 * b, scale(-c, force))
+    accumulate(F, 2 * b + 1, scale(-c / bodies.length[b], moment))
+
+
+@kernel
+def prepare(bodies: Bodies, p: np.ndarray, v: np.ndarray, w: np.ndarray, start: BodyStart) -> None:
+    """Carry velocities and inertias of the accepted state into inertial axes."""
+    for b in range(bodies.inverse_mass.size):
+        R = matrix(at(p, b))
+        put_matrix(start.R, b, R)
+        put_matrix(start.J, b, product(product(R, matrix_at(bodies.inertia, b)), transpose(R)))
+        put(start.v, b, at(v, b))
+        put(start.W, b, times(R, at(w, b)))
+
+
+@kernel
+def residual(bodies: Bodies, start: BodyStart, h: float, Z: np.ndarray, F: np.ndarray) -> None:
+    """Set the rows of every body to inertia minus gravity [m]."""
+    g = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
+    for b in range(bodies.inverse_mass.size - 1):
+        put(F, 2 * b, sub(at(Z, 2 * b), axpy(h, at(start.v, b), scale(0.5 * h * h, g))))
+        Q = turn_of(bodies, Z, b)
+        J = matrix_at(start.J, b)
+        hW = scale(h, at(start.W, b))
+        L = times(J, sub(scale(2.0, Q), hW))
+        change = add(times(J, sub(Q, hW)), scale(0.5, turn_change(Q, L)))
+        put(F, 2 * b + 1, scale(bodies.inverse_mass[b] / bodies.length[b], change))
+
+
+@kernel
+def jacobian(bodies: Bodies, start: BodyStart, h: float, Z: np.ndarray, values: np.ndarray) -> None:
+    """Add the derivative of the moment rows by l Q; that of the force rows is constant."""
+    for b in range(bodies.inverse_mass.size - 1):
+        Q = turn_of(bodies, Z, b)
+        J = matrix_at(start.J, b)
+        half_L = times(J, axpy(-0.5 * h, at(start.W, b), Q))
+        K = skew(add(half_L, turn_change(Q, half_L)))
+        D = turn_tangent(Q)
+        c = bodies.inverse_mass[b] / (bodies.length[b] * bodies.length[b])
+        for j in range(3):
+            Jj = (J[0][j], J[1][j], J[2][j])
+            Dj = (D[0][j], D[1][j], D[2][j])
+            column = sub(add(Jj, turn_change(Q, Jj)), times(K, Dj))
+            for i in range(3):
+                values[bodies.block[b] + 3 * i + j] += c * column[i]
+
+
+@kernel
+def free_acceleration(bodies: Bodies, start: BodyStart, F: np.ndarray) -> None:
+    """Set the rows of every body to the forces no element gives: gravity and gyroscopic moment."""
+    g = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
+    for b in range(bodies.inverse_mass.size - 1):
+        W = at(start.W, b)
+        moment = cross(times(matrix_at(start.J, b), W), W)
+        put(F, 2 * b, g)
+        put(F, 2 * b + 1, scale(bodies.inverse_mass[b] / bodies.length[b], moment))
+
+
+@kernel
+def energy(bodies: Bodies, x: np.ndarray, v: np.ndarray, w: np.ndarray) -> tuple[float, float]:
+    """Kinetic and potential energy [J] (Hainge 2010, eq. 3.5-3.9; the potential is -m g.x_G)."""
+    kinetic = 0.0
+    potential = 0.0
+    for b in range(bodies.inverse_mass.size - 1):
+        m = 1.0 / bodies.inverse_mass[b]
+        vb, wb, xb = at(v, b), at(w, b), at(x, b)
+        kinetic += 0.5 * (m * dot(vb, vb) + dot(wb, times(matrix_at(bodies.inertia, b), wb)))
+        for i in range(3):
+            potential -= m * bodies.gravity[i] * xb[i]
+    return kinetic, potential
+
+
+@kernel
+def publish(
+    bodies: Bodies,
+    x: np.ndarray,
+    p: np.ndarray,
+    start: BodyStart,
+    w: np.ndarray,
+    table: np.ndarray,
+    row: int,
+) -> None:
+    """Write the published state of every body into a row of ``table``: 12 numbers, of point B."""
+    for b in range(bodies.inverse_mass.size - 1):
+        R = matrix_at(start.R, b)
+        r = at(bodies.r_BG, b)
+        w_b = at(w, b)
+        place = 12 * b
+        v_B = sub(times(transpose(R), at(start.v, b)), cross(w_b, r))
+        for i, values in enumerate((sub(at(x, b), times(R, r)), at(p, b), v_B, w_b)):
+            for j in range(3):
+                table[row, place + 3 * i + j] = values[j]

@@ -1,0 +1,15 @@
+"""The deck: XML text -> validated -> frozen model. The last place that knows XML."""
+
+from msahl.deck.faults import DeckError, Fault
+from msahl.deck.read import read_deck
+from msahl.deck.simulation import check_simulation
+from msahl.deck.write import deck_digest, effective_deck
+
+__all__ = [
+    "DeckError",
+    "Fault",
+    "check_simulation",
+    "deck_digest",
+    "effective_deck",
+    "read_deck",
+]

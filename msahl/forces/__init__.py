@@ -1,0 +1,1 @@
+"""Forces: one module a kind of load, its law, derivative and work side by side."""

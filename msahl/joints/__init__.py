@@ -1,0 +1,1 @@
+"""Joints: one module a kind, built from primitives that hold the equations."""

@@ -1,0 +1,1 @@
+"""Results: tables and run.json on disk, written and read back."""

@@ -1,0 +1,1 @@
+"""Time elements: how one step follows from the last."""

@@ -1,0 +1,1 @@
+"""Solving: the nonlinear equations of a step, and many steps of an island."""

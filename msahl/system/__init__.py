@@ -1,0 +1,1 @@
+"""The system: from the model to grouped flat arrays, and the state at t = 0."""

@@ -1,0 +1,54 @@
+"""The kernels, compiled by numba and kept on disk.
+
+The cache is the user's own (an installed package may be read-only), one folder per state of our
+sources: numba looks only at the file of the function it enters, not at those it calls, so a cache
+shared between versions would run old physics. ``NUMBA_CACHE_DIR`` moves it, ``NUMBA_DISABLE_JIT=1``
+runs everything as plain Python.
+"""
+
+import hashlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+import platformdirs
+from numba.extending import register_jitable
+
+from msahl.kernel import MARKED
+
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
+"""Division by zero gives inf or nan, which the solver sees, instead of an exception. Without numba's
+runtime (_nrt) a kernel cannot allocate, and arrays are passed without counting their references,
+which took seven eighths of a small scene's step."""
+INLINED = OPTIONS | {"forceinline": True}
+"""What an entry point calls becomes part of it: half the time again."""
+
+_registered: set[Callable[..., Any]] = set()
+
+
+def cache_folder() -> Path:
+    """Where the compiled kernels of these very sources are kept."""
+    root = os.environ.get("NUMBA_CACHE_DIR") or platformdirs.user_cache_dir(
+        "msahl", appauthor=False
+    )
+    package = Path(__file__).parent
+    digest = hashlib.sha256()
+    for source in sorted(package.rglob("*.py")):
+        stat = source.stat()
+        digest.update(f"{source} {stat.st_mtime_ns} {stat.st_size}\n".encode())
+    return Path(root) / digest.hexdigest()[:16]
+
+
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """``function`` compiled on its first call (or loaded from the cache), with all it calls."""
+    for mark in MARKED:
+        if mark not in _registered:
+            register_jitable(**INLINED)(mark)
+            _registered.add(mark)
+    dispatcher: Callable[..., Any] = numba.njit(cache=True, **OPTIONS)(function)
+    return dispatcher
+
+
+setattr(numba.config, "CACHE_DIR", str(cache_folder()))  # noqa: B010 - not in its type stub

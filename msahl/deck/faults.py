@@ -1,0 +1,101 @@
+"""Faults of a deck: collected, told all at once, each with file, line, place and remedy."""
+
+from dataclasses import dataclass
+from typing import NoReturn
+
+from lxml import etree
+
+Element = etree._Element
+
+KINDS = {"bodies": "body", "joints": "joint", "loads": "load"}
+"""What a child of these elements is called in a message."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One fault: ``file`` as the user named it, ``line`` (0: the file as a whole), ``where``
+    (an element's path, or its body, joint or load by name) and ``message`` with the remedy."""
+
+    file: str
+    line: int
+    where: str
+    message: str
+
+    def __str__(self) -> str:
+        place = f"{self.file}:{self.line}" if self.line else self.file
+        return ": ".join(part for part in (place, self.where, self.message) if part)
+
+
+class DeckError(Exception):
+    """A deck that cannot be run; ``faults`` holds every fault found, in the order of lines."""
+
+    def __init__(self, faults: tuple[Fault, ...]) -> None:
+        super().__init__(faults)
+        self.faults = faults
+
+    def __str__(self) -> str:
+        return "\n".join(map(str, self.faults))
+
+
+class Faults:
+    """Collects the faults of the deck ``file``, and knows which elements are free of them."""
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self._found: dict[Fault, None] = {}  # ordered, without repetitions
+        self._touched: set[Element] = set()
+
+    def add(self, element: Element, message: str, at: Element | None = None) -> None:
+        """A fault of ``element``, on the line of ``at`` if that is given."""
+        line = line_of(element if at is None else at)
+        self._found[Fault(self.file, line, where(element), message)] = None
+        self.doubt(element)
+
+    def doubt(self, element: Element) -> None:
+        """``element`` is not sound, through no fault of its own."""
+        self._touched.update((element, *element.iterancestors()))
+
+    def sound(self, element: Element) -> bool:
+        """No fault was found in ``element`` or in anything inside it."""
+        return element not in self._touched
+
+    def stop(self, message: str, line: int = 0) -> NoReturn:
+        """Raise ``DeckError`` for a file that cannot be read any further."""
+        raise DeckError((Fault(self.file, line, "", message),))
+
+    def raise_if_any(self) -> None:
+        """Raise ``DeckError`` with all faults, in the order of lines, if there are any."""
+        if self._found:
+            raise DeckError(tuple(sorted(self._found, key=lambda fault: fault.line)))
+
+
+def line_of(element: Element) -> int:
+    """Line of an element in its file; 0 if it came from no file."""
+    line = element.sourceline
+    return line if isinstance(line, int) else 0
+
+
+def text(element: Element | None) -> str:
+    """Text of an element with white space collapsed; empty without element."""
+    return "" if element is None else " ".join((element.text or "").split())
+
+
+def where(element: Element) -> str:
+    """Place of an element for a reader: ``body 'Bob', moi/Ixx`` or ``system/gravity/g3``."""
+    path: list[str] = []
+    for step in (element, *element.iterancestors()):
+        record = _record(step)
+        if record:
+            return ", ".join(filter(None, (record, "/".join(path))))
+        path.insert(0, str(step.tag))
+    return "/".join(path[1:] or path)
+
+
+def _record(element: Element) -> str:
+    """``body 'Bob'`` for a body, joint or load; "" for any other element."""
+    parent = element.getparent()
+    kind = KINDS.get(str(parent.tag)) if parent is not None else None
+    if parent is None or kind is None:
+        return ""
+    name = text(element.find("name"))
+    return f"{kind} '{name}'" if name else f"{kind} {parent.index(element) + 1}"

@@ -1,0 +1,111 @@
+"""Bytes -> XML tree, on guard: a deck is data and opens nothing but itself.
+
+A document type declaration is refused before anything in it is read, for all an entity can do is
+expand or fetch; comments are dropped; size, depth and text length are bounded.
+"""
+
+from contextlib import suppress
+from pathlib import Path
+from xml.parsers import expat
+
+from lxml import etree
+
+from msahl.deck.faults import Element, Faults, line_of
+
+MAX_BYTES = 64 * 2**20
+"""Largest deck read, in bytes: some hundred thousand bodies."""
+
+_XSI = "{http://www.w3.org/2001/XMLSchema-instance}"
+_LOCATIONS = ("schemaLocation", "noNamespaceSchemaLocation")
+_NO_DTD = (
+    "a document type declaration (<!DOCTYPE ...>, <!ENTITY ...>) is not accepted in a deck; "
+    "delete it and write the values out"
+)
+
+
+def read_bytes(path: Path, faults: Faults) -> bytes:
+    """The file as it is; raises ``DeckError`` if it cannot be read, is empty or too large."""
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        faults.stop(f"cannot be read: {reason}; give the path of a deck")
+    if not data.strip():
+        faults.stop("the file is empty; 'msahl new' writes a deck to start from")
+    if len(data) > MAX_BYTES:
+        faults.stop(f"larger than {MAX_BYTES // 2**20} MiB, the largest deck accepted")
+    return data
+
+
+def parse(data: bytes, faults: Faults) -> Element:
+    """Root of the tree, free of comments; raises ``DeckError`` unless it is a ``<data>`` deck."""
+    line = _doctype_line(data)
+    if line:
+        faults.stop(_NO_DTD, line)
+    try:
+        root = etree.fromstring(data, _parser(keep_comments=False))
+    except etree.XMLSyntaxError as error:
+        reason = (error.msg or "no element found").split(", line ")[0]
+        faults.stop(f"not well-formed XML: {reason}", error.lineno or 1)
+    # The search above cannot read every encoding that this parser can.
+    if root.getroottree().docinfo.internalDTD is not None:
+        faults.stop(_NO_DTD, 1)
+    if root.tag != "data":
+        faults.stop(f"the root element is <{root.tag}>; a deck's is <data>", line_of(root))
+    _drop_instance_attributes(root, faults)
+    return root
+
+
+def parse_with_comments(data: bytes) -> Element:
+    """Root of a deck that ``parse`` has accepted, comments and all."""
+    return etree.fromstring(data, _parser(keep_comments=True))
+
+
+def _parser(keep_comments: bool) -> etree.XMLParser:
+    """A parser that expands no entity, loads no DTD, uses no network and bounds its memory."""
+    return etree.XMLParser(
+        resolve_entities=False,
+        load_dtd=False,
+        dtd_validation=False,
+        no_network=True,
+        huge_tree=False,
+        remove_comments=not keep_comments,
+        remove_pis=not keep_comments,
+    )
+
+
+class _Enough(Exception):  # noqa: N818 - ends a search, no error
+    """The search has its answer."""
+
+
+def _doctype_line(data: bytes) -> int:
+    """Line of the document type declaration, 0 without one; reads no further than the root."""
+    parser = expat.ParserCreate()
+    found = 0
+
+    def on_doctype(*_: object) -> None:
+        nonlocal found
+        found = parser.CurrentLineNumber
+        raise _Enough
+
+    def on_root(*_: object) -> None:
+        raise _Enough
+
+    parser.StartDoctypeDeclHandler = on_doctype
+    parser.StartElementHandler = on_root
+    # What is not well-formed is told by the parser that builds the tree.
+    with suppress(_Enough, expat.ExpatError, ValueError, LookupError):
+        parser.Parse(data, True)
+    return found
+
+
+def _drop_instance_attributes(root: Element, faults: Faults) -> None:
+    """Drop every ``xsi:`` attribute: a schema named by the deck is ignored, never opened; others
+    (``xsi:type``, ``xsi:nil``) would bend our own schema and are faults."""
+    for element in root.iter(etree.Element):
+        for name in [str(key) for key in element.attrib if str(key).startswith(_XSI)]:
+            del element.attrib[name]
+            word = name.removeprefix(_XSI)
+            if word not in _LOCATIONS:
+                faults.add(element, f"xsi:{word} has no meaning in a deck; delete it")

@@ -1,0 +1,39 @@
+"""The schema and the two that read it.
+
+libxml2 says in 2 ms whether a deck is valid; only a deck that is not pays for ``xmlschema`` (a
+quarter of a second to load and build), whose errors carry what a good message needs. A test holds
+the two to the same verdict.
+"""
+
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+
+from lxml import etree
+
+from msahl.deck.faults import Element, Faults
+from msahl.deck.parse import parse_with_comments
+
+SCHEMA_NAME = "msaHLData.xsd"
+
+
+def schema_bytes() -> bytes:
+    """The schema: installed as ``msahl.schemas``, or ``schemas/`` beside a checkout's package."""
+    try:
+        folder: Traversable = files("msahl.schemas")
+    except ModuleNotFoundError:
+        folder = Path(__file__).parents[2] / "schemas"
+    return folder.joinpath(SCHEMA_NAME).read_bytes()
+
+
+def check_schema(root: Element, faults: Faults) -> None:
+    """Add every departure of the tree ``root`` from the schema to ``faults``."""
+    source = schema_bytes()
+    judge = etree.XMLSchema(parse_with_comments(source))
+    if judge.validate(root.getroottree()):
+        return
+    from msahl.deck.diagnosis import add_faults
+
+    add_faults(root, source, faults)
+    if faults.sound(root):  # the two disagree: the verdict stands, in the first one's words
+        faults.add(root, f"not valid: {judge.error_log}")

@@ -1,0 +1,59 @@
+"""How the scene is run: step and end, and which of them make sense."""
+
+import math
+
+from msahl.deck.faults import Element, text
+from msahl.deck.values import Reader
+from msahl.model import Simulation
+
+MAX_STEPS = 10**9
+"""Most steps of a run: more is a slip of the pen (a day at 10 us a step)."""
+
+
+def read_simulation(element: Element, reader: Reader) -> Simulation:
+    """Record of ``<simulation>``, times in s."""
+    simulation = Simulation(
+        title=text(element.find("title")),
+        dt=reader.number(element.find("deltaT"), "time"),
+        t_final=reader.number(element.find("tFinal"), "time"),
+    )
+    if reader.faults.sound(element):
+        for tag, message in _complaints(simulation):
+            place = element.find(tag)
+            reader.faults.add(element if place is None else place, message)
+    return simulation
+
+
+def check_simulation(simulation: Simulation) -> list[str]:
+    """What is wrong with the step and the end of a simulation; empty if nothing is."""
+    return [f"{tag}: {message}" for tag, message in _complaints(simulation)]
+
+
+def _complaints(simulation: Simulation) -> list[tuple[str, str]]:
+    """Tag of the wrong element, and the message."""
+    times = {"deltaT": simulation.dt, "tFinal": simulation.t_final}
+    wrong = [
+        (tag, f"it is {value:g} s; it must be greater than zero and finite")
+        for tag, value in times.items()
+        if not 0.0 < value < math.inf
+    ]
+    if wrong:
+        return wrong
+    steps = simulation.t_final / simulation.dt
+    if steps < 1.0:
+        return [
+            (
+                "deltaT",
+                f"the step {simulation.dt:g} s is longer than the run of "
+                f"{simulation.t_final:g} s; shorten it or raise tFinal",
+            )
+        ]
+    if steps > MAX_STEPS:
+        return [
+            (
+                "deltaT",
+                f"{steps:.3g} steps of {simulation.dt:g} s to {simulation.t_final:g} s "
+                f"are more than {MAX_STEPS:g}; lengthen the step",
+            )
+        ]
+    return []

@@ -1,0 +1,114 @@
+"""Elements -> numbers and vectors in SI, in the axes the model wants.
+
+Axes are named by ``basis`` and taken as they stand at t = 0; a ground's are the inertial axes. A
+vector given in the axes it is wanted in passes unchanged, bit for bit. What cannot be read becomes
+a fault and a harmless value, so that reading goes on to the next fault.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from msahl.deck.faults import Element, Faults, text
+from msahl.deck.units import DEFAULTS, to_si
+from msahl.rotation import from_axis_angle
+from msahl.vector import IDENTITY, ZERO, Matrix, Vector, times, transpose
+
+VECTORS: Mapping[str, tuple[str, tuple[str, str, str]]] = {
+    "gravity": ("acceleration", ("g1", "g2", "g3")),
+    "rGB": ("length", ("x", "y", "z")),
+    "position": ("length", ("x", "y", "z")),
+    "velocity": ("velocity", ("v1", "v2", "v3")),
+    "angularVelocity": ("angularVelocity", ("omega1", "omega2", "omega3")),
+    "force": ("force", ("xForce", "yForce", "zForce")),
+    "reaction": ("force", ("xForce", "yForce", "zForce")),
+    "moment": ("moment", ("xMoment", "yMoment", "zMoment")),
+}
+"""Quantity and components of every vector element."""
+
+INERTIAL = ""
+"""Stands for the inertial axes where a frame is named; no body's name is empty."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reader:
+    """What reading needs to know: default units, the bodies' axes, where faults go.
+
+    ``axes`` holds R (body to inertial components at t = 0) by name of body or ground; ``origins``
+    the point B in inertial axes [m], of those whose place is free of faults.
+    """
+
+    unit_system: str
+    faults: Faults
+    axes: dict[str, Matrix] = field(default_factory=lambda: {INERTIAL: IDENTITY})
+    origins: dict[str, Vector] = field(default_factory=dict)
+    grounds: list[str] = field(default_factory=list)
+
+    def number(self, element: Element | None, quantity: str = "") -> float:
+        """Value in SI; without element zero; a number too large for a double is a fault."""
+        if element is None:
+            return 0.0
+        value = float(text(element))
+        if quantity:
+            unit = element.get("units") or DEFAULTS[self.unit_system][quantity]
+            value = to_si(value, " ".join(unit.split()), quantity)
+        if not math.isfinite(value):
+            self.faults.add(element, f"{text(element)} is too large for a number; give less")
+            return 0.0
+        return value
+
+    def numbers(
+        self, parent: Element, tags: Sequence[str], quantity: str = ""
+    ) -> tuple[float, ...]:
+        """Values of the children ``tags`` in SI; missing ones are zero."""
+        return tuple(self.number(parent.find(tag), quantity) for tag in tags)
+
+    def components(self, element: Element | None) -> Vector:
+        """The three components of a vector element as they are given, in SI."""
+        if element is None:
+            return ZERO
+        quantity, tags = VECTORS[str(element.tag)]
+        x, y, z = self.numbers(element, tags, quantity)
+        return (x, y, z)
+
+    def vector(self, element: Element | None, own: str, wanted: str) -> Vector:
+        """Components of a vector element in the axes of ``wanted``; its basis is ``own`` unless it
+        names another."""
+        if element is None:
+            return ZERO
+        basis = self.basis(element) or own
+        return self.turned(self.components(element), basis, wanted)
+
+    def basis(self, element: Element) -> str:
+        """The frame an element's ``basis`` names, "" if it names none; unknown ones are faults."""
+        name = " ".join((element.get("basis") or "").split())
+        if name and not self.known(element, name, "basis"):
+            return ""
+        return name
+
+    def known(self, element: Element, name: str, role: str, at: Element | None = None) -> bool:
+        """Whether ``name`` is a body or ground of this deck; a fault of ``element`` if not."""
+        if name in self.axes:
+            return True
+        names = ", ".join(filter(None, self.axes)) or "none"
+        message = f"{role} '{name}' is not a body of this deck (bodies: {names})"
+        self.faults.add(element, message, at)
+        return False
+
+    def turned(self, a: Vector, basis: str, wanted: str) -> Vector:
+        """``a`` from the axes of ``basis`` to those of ``wanted``."""
+        if self.axes[basis] != self.axes[wanted]:
+            a = times(transpose(self.axes[wanted]), times(self.axes[basis], a))
+        return a
+
+    def orientation(self, body: Element) -> Vector:
+        """Wiener-Milenkovic parameters of a body's axes relative to the inertial ones."""
+        rotation = body.find("initialConditions/orientation/eulerRotation")
+        if rotation is None:
+            return ZERO
+        phi = self.number(rotation.find("phi"), "angle")
+        u1, u2, u3 = self.numbers(rotation, ("u1", "u2", "u3"))
+        if math.hypot(u1, u2, u3) == 0.0:
+            self.faults.add(rotation, "the axis (u1, u2, u3) is zero; give a direction, 0 0 1 say")
+            return ZERO
+        return from_axis_angle((u1, u2, u3), phi)

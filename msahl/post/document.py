@@ -1,0 +1,127 @@
+"""A document as a list of blocks; its forms: Markdown beside its pictures, one HTML file."""
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+from msahl.post.table import Table
+
+
+@dataclass(frozen=True, slots=True)
+class Heading:
+    """``level`` 1 is the document's title."""
+
+    level: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Paragraph:
+    """Plain text."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Items:
+    """A list; each item a term (may be empty) and a text."""
+
+    items: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A PNG picture, its file's ``name`` and what it shows."""
+
+    name: str
+    text: str
+    png: bytes
+
+
+Block = Heading | Paragraph | Items | Picture | Table
+
+CSS = """
+:root { color-scheme: light dark; --line: #8886; --soft: #8881; }
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 52rem; margin: 2rem auto; padding: 0 1rem; }
+h1, h2 { line-height: 1.2; }
+h2 { margin-top: 2.2em; border-bottom: 1px solid var(--line); padding-bottom: .2em; }
+div { overflow-x: auto; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .9em; }
+th, td { text-align: left; padding: .25em .8em; border-bottom: 1px solid var(--line); }
+th { background: var(--soft); vertical-align: bottom; }
+.number { text-align: right; white-space: nowrap; }
+td { overflow-wrap: anywhere; }
+img { width: 100%; background: white; border-radius: 6px; margin: .5em 0; }
+""".strip()
+
+
+def as_markdown(blocks: Sequence[Block]) -> str:
+    """The document in Markdown; pictures are files of their names beside it."""
+    return "\n\n".join(map(_markdown, blocks)) + "\n"
+
+
+def _markdown(block: Block) -> str:
+    match block:
+        case Heading(level, text):
+            return f"{'#' * level} {_plain(text)}"
+        case Paragraph(text):
+            return _plain(text)
+        case Items(items):
+            return "\n".join(
+                f"- **{_plain(term)}**: {_plain(text)}" if term else f"- {_plain(text)}"
+                for term, text in items
+            )
+        case Picture(name, text, _):
+            return f"![{_plain(text)}]({name})"
+        case Table():
+            rule = ["---:" if right else "---" for right in block.numeric()]
+            cells = [[_plain(cell) for cell in row] for row in (block.headers(), *block.shown())]
+            return "\n".join(f"| {' | '.join(row)} |" for row in (cells[0], rule, *cells[1:]))
+
+
+def _plain(text: str) -> str:
+    """``text`` with what Markdown would read as markup taken at its word."""
+    for mark in "\\`*|<":
+        text = text.replace(mark, "\\" + mark)
+    return text
+
+
+def as_html(title: str, blocks: Sequence[Block]) -> str:
+    """The document as one HTML file that needs nothing outside it; light or dark."""
+    body = "\n".join(map(_html, blocks))
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(title)}</title>\n<style>\n{CSS}\n</style>\n</head>\n"
+        f"<body>\n{body}\n</body>\n</html>\n"
+    )
+
+
+def _html(block: Block) -> str:
+    match block:
+        case Heading(level, text):
+            return f"<h{level}>{escape(text)}</h{level}>"
+        case Paragraph(text):
+            return f"<p>{escape(text)}</p>"
+        case Items(items):
+            lines = [
+                f"<li><b>{escape(term)}</b>: {escape(text)}</li>"
+                if term
+                else f"<li>{escape(text)}</li>"
+                for term, text in items
+            ]
+            return "\n".join(["<ul>", *lines, "</ul>"])
+        case Picture(_, text, png):
+            data = base64.b64encode(png).decode()
+            return f'<img alt="{escape(text)}" src="data:image/png;base64,{data}">'
+        case Table():
+            rows = [_html_row(block, "th", block.headers())]
+            rows += [_html_row(block, "td", row) for row in block.shown()]
+            return "\n".join(["<div><table>", *rows, "</table></div>"])
+
+
+def _html_row(table: Table, tag: str, cells: Sequence[str]) -> str:
+    kinds = [' class="number"' if right else "" for right in table.numeric()]
+    texts = (f"<{tag}{k}>{escape(c)}</{tag}>" for k, c in zip(kinds, cells, strict=True))
+    return f"<tr>{''.join(texts)}</tr>"

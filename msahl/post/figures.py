@@ -1,0 +1,164 @@
+"""The pictures of a run: paths, energy, virtual work, constraints, reactions."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from msahl.post.draw import curves, legend, looks, new_figure, sizes
+from msahl.post.measure import Measures
+from msahl.results.read import ResultError, Run
+
+AXES = "xyz"
+NEGLIGIBLE = 1e-9
+"""A force component below this part of the largest is not worth a panel; the title says so."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """What to draw: a ``plane`` (two of x, y, z; none: the one that shows most), and which
+    ``bodies`` and ``joints`` by name (none: all)."""
+
+    plane: str = ""
+    bodies: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()
+
+
+def figures(
+    run: Run, measures: Measures, choice: Choice, kinds: Sequence[str] = ()
+) -> Iterator[tuple[str, Figure]]:
+    """Name and picture of each of ``kinds``, or of all kinds the run has data for.
+
+    Raises ``ResultError`` for a kind asked for without data, or a name the scene does not have.
+    """
+    _pick("body", tuple(body.name for body in run.model.bodies), choice.bodies)
+    _pick("joint", measures.constraints.joints, choice.joints)
+    for kind in kinds or tuple(KINDS):
+        lacks = _lacks(kind, measures)
+        if lacks and kinds:
+            raise ResultError(f"{run.folder}: no picture of {kind}: {lacks}")
+        if not lacks:
+            yield KINDS[kind](run, measures, choice)
+
+
+def _lacks(kind: str, measures: Measures) -> str:
+    """Why there is nothing to draw; empty if there is something."""
+    if kind in ("work", "constraints", "reactions") and not measures.constraints.joints:
+        return "the scene has no joints"
+    if kind == "work" and measures.work is None:
+        return "virtual work takes every step's row, and the run was thinned by --every"
+    return ""
+
+
+def _pick(kind: str, names: tuple[str, ...], wanted: tuple[str, ...]) -> list[int]:
+    """Indices of the wanted names, all of them if none is wanted."""
+    for name in wanted:
+        if name not in names:
+            raise ResultError(f"no {kind} '{name}' (there are: {', '.join(names) or 'none'})")
+    return [i for i, name in enumerate(names) if not wanted or name in wanted]
+
+
+def _path(run: Run, measures: Measures, choice: Choice) -> tuple[str, Figure]:
+    """Paths of the reference points B in a plane, equal scales; down is where gravity points."""
+    picked = _pick("body", measures.energy.bodies, choice.bodies)
+    names = [measures.energy.bodies[i] for i in picked]
+    points = np.stack([run.states[[f"{n}.{c}" for c in AXES]].to_numpy() for n in names], axis=1)
+    plane = choice.plane or _widest_plane(points)
+    i, j = map(AXES.index, plane)
+    figure, (axes,) = new_figure(1, 5.4, _title(run, f"paths in the {plane} plane, from the dots"))
+    for track, name, look in zip(points.swapaxes(0, 1), names, looks(), strict=False):
+        (line,) = axes.plot(track[:, i], track[:, j], label=name, **look)
+        axes.plot(*track[0, [i, j]], "o", color=line.get_color(), markersize=5)
+    axes.set(xlabel=f"{plane[0]} [m]", ylabel=f"{plane[1]} [m]", aspect="equal")
+    axes.set_adjustable("datalim")
+    axes.margins(0.06)
+    if run.model.gravity[j] > 0.0:
+        axes.invert_yaxis()
+    legend(figure, axes)
+    return f"path-{plane}", figure
+
+
+def _widest_plane(points: np.ndarray) -> str:
+    """The two axes along which ``points`` (m, n, 3) reach farthest, in alphabetical order."""
+    spans = np.ptp(points.reshape(-1, 3), axis=0)
+    # Ties (a scene at rest, a motion along one line) go to x and z, the pendulum's plane.
+    order = sorted(range(3), key=lambda axis: (-spans[axis], axis == 1))
+    return "".join(AXES[axis] for axis in sorted(order[:2]))
+
+
+def _energy(run: Run, measures: Measures, choice: Choice) -> tuple[str, Figure]:
+    energy = measures.energy
+    figure, (parts, error) = new_figure(2, title=_title(run, "energy"))
+    series = [energy.kinetic, energy.potential.sum(axis=1), energy.total]
+    names = ["kinetic", "potential", "total"]
+    if run.work is not None:
+        series.append(energy.work)
+        names.append("work of loads")
+    # Total and work often lie on another curve: broken lines let it show.
+    curves(parts, energy.time, np.stack(series, axis=1), names, lines=["-", "-", "--", ":"])
+    parts.set_ylabel("energy [J]")
+    largest = energy.largest_kinetic
+    sizes(error, energy.time, energy.error[:, None] / (largest or 1.0), ["error"])
+    error.set_ylabel("|balance error|\nover largest KE" if largest else "|balance error| [J]")
+    error.set_xlabel("time [s]")
+    legend(figure, parts)
+    return "energy", figure
+
+
+def _work(run: Run, measures: Measures, choice: Choice) -> tuple[str, Figure]:
+    assert measures.work is not None
+    work = measures.work
+    picked = _pick("joint", work.joints, choice.joints)
+    names = [work.joints[k] for k in picked]
+    figure, (hainge, sharp) = new_figure(2, title=_title(run, "virtual work over each step"))
+    curves(hainge, work.time, work.hainge[:, picked], names)
+    hainge.set_ylabel("Hainge's measure [J]")
+    sizes(sharp, work.time, work.sharp[:, picked], names)
+    sharp.set(ylabel="|force . change of gap| [J]", xlabel="time [s]")
+    legend(figure, hainge)
+    return "work", figure
+
+
+def _constraints(run: Run, measures: Measures, choice: Choice) -> tuple[str, Figure]:
+    joints = measures.constraints
+    picked = _pick("joint", joints.joints, choice.joints)
+    names = [joints.joints[k] for k in picked]
+    figure, (gap, rate) = new_figure(2, title=_title(run, "how far the joints open"))
+    sizes(gap, joints.time, joints.gap[:, picked], names)
+    gap.set_ylabel("gap [m]")
+    sizes(rate, joints.time, joints.rate[:, picked], names)
+    rate.set(ylabel="gap rate [m/s]", xlabel="time [s]")
+    legend(figure, gap)
+    return "constraints", figure
+
+
+def _reactions(run: Run, measures: Measures, choice: Choice) -> tuple[str, Figure]:
+    picked = _pick("joint", measures.constraints.joints, choice.joints)
+    names = [measures.constraints.joints[k] for k in picked]
+    forces = measures.forces[:, picked]
+    largest = np.abs(forces).max(axis=(0, 1))
+    shown = [axis for axis in range(3) if largest[axis] > NEGLIGIBLE * largest.max()] or [2]
+    zero = ", ".join(f"F{AXES[axis]}" for axis in range(3) if axis not in shown)
+    note = f"\n({zero} as good as zero throughout)" if zero else ""
+    title = _title(run, f"joint force on the child, mean over each step{note}")
+    figure, panels = new_figure(len(shown), title=title)
+    for axis, axes in zip(shown, panels, strict=True):
+        curves(axes, run.time, forces[:, :, axis], names)
+        axes.set_ylabel(f"F{AXES[axis]} [N]")
+    panels[-1].set_xlabel("time [s]")
+    legend(figure, panels[0])
+    return "reactions", figure
+
+
+def _title(run: Run, what: str) -> str:
+    return f"{run.model.simulation.title or run.folder.name}: {what}"
+
+
+KINDS: dict[str, Callable[[Run, Measures, Choice], tuple[str, Figure]]] = {
+    "path": _path,
+    "energy": _energy,
+    "work": _work,
+    "constraints": _constraints,
+    "reactions": _reactions,
+}

@@ -1,0 +1,164 @@
+"""The report on one run: built once as blocks, written as Markdown and as HTML."""
+
+from pathlib import Path
+
+from msahl.post.document import Block, Heading, Items, Paragraph, Picture, as_html, as_markdown
+from msahl.post.draw import encode, style
+from msahl.post.figures import Choice, figures
+from msahl.post.measure import Measures
+from msahl.post.summary import (
+    body_table,
+    constraints_table,
+    energy_table,
+    partial_note,
+    thinned_note,
+    work_table,
+)
+from msahl.post.table import Column, Table
+from msahl.post.verdict import constraints_verdict, energy_verdict, start_verdict, work_verdict
+from msahl.results.read import Run
+from msahl.results.write import write_whole
+
+CAPTIONS = {
+    "path": "Paths of the bodies' reference points",
+    "energy": "Energies, and the error of their balance",
+    "work": "Virtual work of each joint over each step",
+    "constraints": "Gap and gap rate of each joint",
+    "reactions": "Force of the parent on the child in each joint",
+}
+
+DEFINITIONS = (
+    ("E", "m v_G.v_G/2 + w.J w/2 - m g.x_G, summed over the bodies (Hainge 2010, eq. 3.5-3.10)."),
+    ("error", "E(t) - E(0) - work of the loads since t = 0; zero for the exact motion."),
+    ("error over |E(1)|", "error over the absolute energy of the first row (eq. 3.11)."),
+    ("error over max KE", "error over the largest kinetic energy of any row."),
+    ("RMS", "square root of the mean square, over all rows or steps (eq. 3.12)."),
+    ("max", "largest absolute value."),
+    ("gap", "distance of a joint's point on the child from its point on the parent."),
+    ("gap rate", "relative speed of these two points."),
+    (
+        "Hainge's measure",
+        "lam_k . C_k (V_(k-1) + V_k)/2 dt: joint force, child's velocity, step (eq. 3.16-3.18); C "
+        "is that of the step's end. Not zero where a joint moves energy between translation and "
+        "rotation. What Hainge prints as its RMS is negative at times: compare it with the mean.",
+    ),
+    ("force . change of gap", "lam_k . (g_k - g_(k-1)): work of the joint on both of its bodies."),
+)
+
+
+def write_report(run: Run, measures: Measures, folder: Path) -> list[Path]:
+    """Write ``report.md`` with its pictures and ``report.html`` to ``folder``; the two paths."""
+    blocks = build_report(run, measures)
+    folder.mkdir(parents=True, exist_ok=True)
+    for block in blocks:
+        if isinstance(block, Picture):
+            write_whole(folder / block.name, block.png)
+    texts = {"report.md": as_markdown(blocks), "report.html": as_html(_title(run), blocks)}
+    for name, text in texts.items():
+        write_whole(folder / name, text.encode())
+    return [folder / name for name in texts]
+
+
+def build_report(run: Run, measures: Measures) -> list[Block]:
+    """What the report says, in order."""
+    return [
+        Heading(1, _title(run)),
+        Paragraph(_status(run)),
+        *_warnings(run),
+        Heading(2, "How wrong it is"),
+        Items(tuple(("", sentence) for sentence in _verdicts(run, measures))),
+        *_figures_in_tables(run, measures),
+        Heading(2, "What it looks like"),
+        *_pictures(run, measures),
+        Heading(2, "What ran"),
+        _facts(run),
+        Heading(2, "What the numbers mean"),
+        Items(DEFINITIONS),
+    ]
+
+
+def _title(run: Run) -> str:
+    return run.model.simulation.title or run.folder.resolve().name
+
+
+def _status(run: Run) -> str:
+    steps = run.info.get("steps")
+    taken = f"{steps} steps" if steps else f"{len(run.time)} rows"
+    whole = f"The run is complete: {taken} to t = {run.time[-1]:g} s."
+    note = partial_note(run)
+    return f"{note[0].upper()}{note[1:]}." if note else whole
+
+
+def _warnings(run: Run) -> list[Block]:
+    warnings = run.info.get("warnings", [])
+    return [Items(tuple(("Warning", text) for text in warnings))] if warnings else []
+
+
+def _verdicts(run: Run, measures: Measures) -> list[str]:
+    sentences = [
+        energy_verdict(measures.energy),
+        start_verdict(measures.energy),
+        *constraints_verdict(measures.constraints),
+        work_verdict(measures.work, measures.energy),
+    ]
+    if run.every > 1:
+        sentences.append(f"These figures are of every {run.every}th step, the ones on file.")
+        if run.model.joints:
+            sentences.append(f"V{thinned_note(run)[1:]}.")
+    return [sentence for sentence in sentences if sentence]
+
+
+def _figures_in_tables(run: Run, measures: Measures) -> list[Block]:
+    """Tables of energy, of bodies and, with joints, of constraints and virtual work."""
+    measured = [("", measures)]
+    blocks: list[Block] = [
+        Heading(3, "Energy"),
+        energy_table(measured).without("run").transposed(),
+        body_table(measures.energy),
+    ]
+    if run.model.joints:
+        blocks += [Heading(3, "Joints"), constraints_table(measured).without("run")]
+        if measures.work is not None:
+            blocks += [Heading(3, "Virtual work over a step"), work_table(measured).without("run")]
+    return blocks
+
+
+def _pictures(run: Run, measures: Measures) -> list[Block]:
+    with style():
+        return [
+            Picture(f"{name}.png", CAPTIONS[name.partition("-")[0]], encode(figure, "png"))
+            for name, figure in figures(run, measures, Choice())
+        ]
+
+
+def _facts(run: Run) -> Table:
+    """What ran, as far as ``run.json`` tells."""
+    info, simulation = run.info, run.model.simulation
+    deck, options = info.get("deck", {}), info.get("options", {})
+    seconds = ", ".join(f"{phase} {time:.3g}" for phase, time in info.get("seconds", {}).items())
+    versions = ("msahl", "python", "numpy", "scipy", "numba")
+    facts = (
+        ("deck", deck.get("path")),
+        ("deck's SHA-256", deck.get("digest")),
+        ("bodies, joints, loads", _counts(run)),
+        ("step dt [s]", f"{simulation.dt:.12g}"),
+        ("end [s]", f"{simulation.t_final:.12g}"),
+        ("scheme, solver", ", ".join(options.get(key, "?") for key in ("scheme", "solver"))),
+        ("rows on file", f"{len(run.time)} (every {run.every}. step)" if run.every > 1 else None),
+        ("rows on file", str(len(run.time)) if run.every == 1 else None),
+        ("unknowns", info.get("unknowns")),
+        ("iterations", info.get("iterations")),
+        ("steps cut in halves", info.get("substeps")),
+        ("seconds", seconds or None),
+        (
+            "versions",
+            ", ".join(f"{name} {info[name]}" for name in versions if name in info) or None,
+        ),
+    )
+    known = tuple((name, str(value)) for name, value in facts if value is not None)
+    return Table((Column("what", "what"), Column("value", "value")), known)
+
+
+def _counts(run: Run) -> str:
+    model = run.model
+    return ", ".join(str(len(group)) for group in (model.bodies, model.joints, model.loads))

@@ -1,0 +1,124 @@
+"""A run's folder -> arrays: the model it ran, its tables and its ``run.json``."""
+
+import io
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from msahl.deck import read_deck
+from msahl.model import Model
+from msahl.results.write import PART
+from msahl.system.names import reaction_columns, state_columns, work_columns
+
+
+class ResultError(Exception):
+    """A folder that is not a run's; the message names file and remedy."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run as read back. Tables have the columns of ``system.names``; rows share ``time``."""
+
+    folder: Path
+    model: Model
+    info: dict[str, Any]
+    states: pd.DataFrame
+    reactions: pd.DataFrame | None
+    work: pd.DataFrame | None
+    partial: bool
+
+    @property
+    def time(self) -> np.ndarray:
+        """Times of the rows [s]."""
+        return self.states["time"].to_numpy()
+
+    @property
+    def every(self) -> int:
+        """Steps from one row to the next: above 1 if the output was thinned.
+
+        A run cut off by force has no ``run.json`` to say so; its rows' spacing tells.
+        """
+        told = self.info.get("options", {}).get("every")
+        if told is not None or len(self.time) < 2:
+            return int(told or 1)
+        spacing = float(self.time[1] - self.time[0])
+        return max(1, round(spacing / self.model.simulation.dt))
+
+
+def read_run(folder: Path) -> Run:
+    """Read the run in ``folder``; a run that stopped early is read as far as it came.
+
+    Raises ``ResultError`` if there is no run, ``DeckError`` if its deck is not valid.
+    """
+    if not (folder / "deck.xml").is_file():
+        raise ResultError(f"{folder}: not the folder of a run (no deck.xml); make one: msahl run")
+    model = read_deck(folder / "deck.xml")
+    columns = {"states.csv": state_columns(model)}
+    if model.joints:
+        columns["reactions.csv"] = reaction_columns(model)
+    if model.loads:
+        columns["work.csv"] = work_columns(model)
+    tables = {name: _table(folder, name, header) for name, header in columns.items()}
+    # A run cut off by force may have written more of one table than of another.
+    rows = min(map(len, tables.values()))
+    if rows == 0:
+        raise ResultError(f"{folder}: the run has no rows yet; run the deck again: msahl run")
+    tables = {name: table.iloc[:rows] for name, table in tables.items()}
+    return Run(
+        folder=folder,
+        model=model,
+        info=_info(folder),
+        states=tables["states.csv"],
+        reactions=tables.get("reactions.csv"),
+        work=tables.get("work.csv"),
+        partial=not (folder / "states.csv").is_file(),
+    )
+
+
+def find_table(folder: Path, name: str) -> Path | None:
+    """Path of the table ``name``, whole or ``.part``; ``None`` if there is neither."""
+    paths = (folder / name, folder / (name + PART))
+    return next((path for path in paths if path.is_file()), None)
+
+
+def read_table(path: Path) -> pd.DataFrame:
+    """A CSV table of numbers, every double as it was written.
+
+    Of a table under way (``.part``) a last row cut short is left out: a number may be cut, too.
+    """
+    try:
+        text = path.read_bytes().decode()
+        if path.suffix == PART:
+            text = text[: text.rfind("\n") + 1]
+        header, _, rows = text.partition("\n")
+        columns = header.rstrip("\r").split(",")
+        # numpy reads a decimal as the nearest double; pandas does so in some versions only.
+        numbers = np.empty((0, len(columns)))
+        if rows.strip():
+            numbers = np.loadtxt(io.StringIO(rows), delimiter=",", ndmin=2)
+        return pd.DataFrame(numbers, columns=columns)
+    except (ValueError, OSError) as error:
+        raise ResultError(f"{path}: not a table of numbers: {error}") from error
+
+
+def _table(folder: Path, name: str, columns: list[str]) -> pd.DataFrame:
+    """The table ``name``, whole or partial; its columns must be those of the deck."""
+    path = find_table(folder, name)
+    if path is None:
+        raise ResultError(f"{folder / name}: missing; run the deck again: msahl run")
+    table = read_table(path)
+    if list(table.columns) != columns:
+        raise ResultError(f"{path}: its columns are not those of {folder / 'deck.xml'}")
+    return table
+
+
+def _info(folder: Path) -> dict[str, Any]:
+    path = folder / "run.json"
+    try:
+        return dict(json.loads(path.read_text())) if path.is_file() else {}
+    except ValueError as error:
+        raise ResultError(f"{path}: not JSON: {error}") from error

@@ -1,0 +1,239 @@
+"""The time loop: chunks of steps of every island, their rows to the sink, a look at the clock.
+
+Interruptions are honoured between chunks, so every row on disk is an accepted state.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from msahl.model import Model, Simulation
+from msahl.solve.island import MAX_HALVINGS, Runner
+from msahl.solve.outcome import TOLERANCE, Outcome
+from msahl.solve.watch import Extremes
+from msahl.system.arrays import Tables
+from msahl.system.islands import split, whole
+from msahl.system.names import FORCE_COLUMNS, STATE_COLUMNS, describe_row
+
+CHUNK_SECONDS = 0.2
+"""About how long the loop goes on between output, progress and a look at interruptions."""
+CHUNK_NUMBERS = 2_000_000
+"""Most numbers published at once: bounds the memory whatever the scene and the run."""
+
+
+class Sink(Protocol):
+    """Where rows go: tables with the columns of ``system.names``, the time first."""
+
+    def write(self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray) -> None:
+        """Append rows."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the user chose beside the deck; ``full`` leaves nothing out of the equations."""
+
+    scheme: str = "preserving"
+    solver: str = "auto"
+    every: int = 1
+    full: bool = False
+
+
+@dataclass(slots=True)
+class Report:
+    """What happened; becomes ``run.json``."""
+
+    status: str = "running"
+    message: str = ""
+    rows: int = 0
+    steps: int = 0
+    time: float = 0.0
+    joints: int = 0
+    islands: int = 0
+    planar_islands: int = 0
+    unknowns: int = 0
+    iterations: int = 0
+    factorisations: int = 0
+    root_steps: int = 0
+    halvings: int = 0
+    warnings: list[str] = field(default_factory=list)
+    seconds: dict[str, float] = field(default_factory=dict)
+    extremes: dict[str, float | None] = field(default_factory=dict)
+
+    def as_json(self) -> dict[str, Any]:
+        """The fields by name, as ``run.json`` shows them."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Times of the steps' ends: ``n`` steps of ``h``, the last one shorter if it must."""
+
+    h: float
+    n: int
+    t_final: float
+    whole: bool
+
+    @classmethod
+    def of(cls, simulation: Simulation) -> "Grid":
+        """A ``t_final`` that is a whole number of steps to round-off is taken as just that."""
+        dt, t_final = simulation.dt, simulation.t_final
+        n = max(1, int(np.ceil(t_final / dt * (1.0 - 1e-9))))
+        whole = abs(n * dt - t_final) <= 1e-9 * t_final
+        return cls(t_final / n if whole else dt, n, t_final, whole)
+
+    def time(self, k: int) -> float:
+        """End of step ``k``; as a quotient it rounds to the decimal a reader expects."""
+        return self.t_final * k / self.n if self.whole else min(k * self.h, self.t_final)
+
+    def step(self, k: int) -> float:
+        """Size of step ``k`` = 1..n."""
+        return self.h if k < self.n or self.whole else self.t_final - (self.n - 1) * self.h
+
+
+def run(
+    model: Model,
+    options: Options,
+    sink: Sink,
+    progress: Callable[[int, float], Any] = lambda steps, t: None,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Report:
+    """Run ``model`` to its end, into ``sink``; ``progress`` is told of steps done and time.
+
+    Never raises for the physics: a step that does not converge ends the run, and the report says
+    so. What the sink raises goes through.
+    """
+    return _Run(model, options, sink).go(progress, stopped)
+
+
+class _Run:
+    """One run under way."""
+
+    def __init__(self, model: Model, options: Options, sink: Sink) -> None:
+        began = time.perf_counter()
+        self.model, self.options, self.sink = model, options, sink
+        self.grid = Grid.of(model.simulation)
+        numbers = 12 * len(model.bodies) + 3 * len(model.joints) + 4
+        self.chunk = max(1, min(4096, self.grid.n, CHUNK_NUMBERS // numbers))
+        islands = [whole(model)] if options.full else split(model)
+        self.runners = [Runner(i, options.solver, options.full, self.chunk) for i in islands]
+        self.report = Report(
+            joints=len(model.joints),
+            islands=len(islands),
+            planar_islands=sum(runner.axis is not None for runner in self.runners),
+            unknowns=sum(runner.scene.unknowns.free.size for runner in self.runners),
+            warnings=[w for runner in self.runners for w in velocity_warnings(runner)],
+            seconds={"prepare": time.perf_counter() - began, "loop": 0.0, "output": 0.0},
+        )
+
+    def go(self, progress: Callable[[int, float], Any], stopped: Callable[[], bool]) -> Report:
+        report, grid = self.report, self.grid
+        for runner in self.runners:
+            runner.show_start()
+        self.extremes = Extremes([runner.scene.watch.rows[:1] for runner in self.runners])
+        self._publish(np.zeros(1))
+        report.status = "completed"
+        steps = 1
+        while report.steps < grid.n and report.status == "completed":
+            began = time.perf_counter()
+            self._take(min(steps, self.chunk))
+            seconds = time.perf_counter() - began
+            progress(report.steps, grid.time(report.steps))
+            # The first chunks may compile; sizes at most quadruple until they fill their time.
+            wanted = steps * CHUNK_SECONDS / max(seconds, 1e-9)
+            steps = max(1, min(4 * steps, int(wanted)))
+            if report.status == "completed" and report.steps < grid.n and stopped():
+                report.status = "interrupted"
+                report.message = f"stopped at t = {grid.time(report.steps):g} s"
+        return self._finish()
+
+    def _take(self, steps: int) -> None:
+        """One chunk of about ``steps`` equal steps: advance, watch, publish."""
+        began, first = time.perf_counter(), self.report.steps
+        steps = min(steps, self.grid.n - first)
+        if first + steps == self.grid.n and not self.grid.whole and steps > 1:
+            steps -= 1  # the last step has a size of its own
+        ends = np.arange(first + 1, first + steps + 1)
+        published = (ends % self.options.every == 0) | (ends == self.grid.n)
+        plan = np.where(published, np.cumsum(published) - 1, -1)
+        done = min(self._advance(steps, plan))
+        self.report.steps += done
+        self.extremes.fold([runner.scene.watch.rows[:done] for runner in self.runners])
+        self.report.seconds["loop"] += time.perf_counter() - began
+        times = [self.grid.time(int(k)) for k in ends[:done][published[:done]]]
+        self._publish(np.array(times))
+
+    def _advance(self, steps: int, plan: np.ndarray) -> list[int]:
+        """Advance every island; the steps each has taken."""
+        h = self.grid.step(self.report.steps + steps)
+        taken = []
+        for runner in self.runners:
+            done, outcome = runner.advance(h, 0, steps, plan)
+            taken.append(done)
+            if done < steps and done == min(taken):
+                self.report.status = "not converged"
+                self.report.message = self._failure(self.report.steps + done, runner, outcome)
+        return taken
+
+    def _publish(self, times: np.ndarray) -> None:
+        """Bring the islands' first rows together, in the columns of the whole scene."""
+        if not times.size:
+            return
+        began = time.perf_counter()
+        model, rows = self.model, times.size
+        widths = {
+            "states": len(STATE_COLUMNS) * len(model.bodies),
+            "reactions": len(FORCE_COLUMNS) * len(model.joints),
+            "work": len(model.loads),
+        }
+        tables = Tables(**{name: np.empty((rows, width + 1)) for name, width in widths.items()})
+        for table in tables:
+            table[:, 0] = times
+        for runner in self.runners:
+            island, own = runner.island, runner.scene.tables
+            places = Tables(
+                *(np.array(p, dtype=int) for p in (island.bodies, island.joints, island.loads))
+            )
+            for table, part, place, width in zip(tables, own, places, (12, 3, 1), strict=True):
+                columns = (1 + width * place[:, None] + np.arange(width)).reshape(-1)
+                table[:, columns] = part[:rows]
+        self.sink.write(*tables)
+        self.report.rows += rows
+        self.report.seconds["output"] += time.perf_counter() - began
+
+    def _finish(self) -> Report:
+        report = self.report
+        report.time = self.grid.time(report.steps)
+        report.iterations = sum(int(runner.scene.counts[0]) for runner in self.runners)
+        report.factorisations = sum(int(runner.scene.counts[1]) for runner in self.runners)
+        report.root_steps = sum(runner.root_steps for runner in self.runners)
+        report.halvings = sum(runner.halvings for runner in self.runners)
+        report.extremes = self.extremes.as_json()
+        return report
+
+    def _failure(self, step: int, runner: Runner, outcome: Outcome) -> str:
+        return (
+            f"step {step + 1} from t = {self.grid.time(step):g} s did not converge, nor did steps "
+            f"down to {self.grid.h / 2**MAX_HALVINGS:.3g} s: the residual stayed at "
+            f"{outcome.residual:.1e} of the step's motion (solved: {TOLERANCE:g}), worst in "
+            f"{describe_row(runner.island.model, outcome.worst)}. Try a smaller --dt, and look at "
+            "the last rows for forces or speeds that grow without bound."
+        )
+
+
+def velocity_warnings(runner: Runner) -> list[str]:
+    """What was done to the initial velocities, in a sentence, or nothing."""
+    change = runner.change
+    if change.method == "none":
+        return []
+    kept = "angular velocities kept" if change.method == "keepAngular" else "least change by mass"
+    head = f"initial velocities opened a joint at {change.rate:.3g} m/s and were changed ({kept}): "
+    changes = [
+        f"body '{body.name}' by {np.linalg.norm(dv):.3g} m/s"
+        + (f" and {np.linalg.norm(dw):.3g} rad/s" if dw.any() else "")
+        for body, dv, dw in zip(runner.island.model.bodies, change.dv, change.dw, strict=True)
+        if dv.any() or dw.any()
+    ]
+    return [head + ", ".join(changes)]

@@ -1,0 +1,105 @@
+"""Many steps of one island, by whichever solver, and what is done when a step is hard.
+
+``newton`` is the compiled loop, ``root`` is scipy's, and ``auto`` starts with ``root`` and calls
+it for every step that the compiled loop does not converge on. A step that resists is taken in two
+halves, these in halves again where needed, down to 2^-10 of it.
+"""
+
+import numpy as np
+
+from msahl.compiled import compiled
+from msahl.schemes import preserving
+from msahl.solve import newton, step
+from msahl.solve.outcome import Outcome
+from msahl.solve.step import Scene, new_scene
+from msahl.solve.unknowns import choose
+from msahl.system.arrays import new_start
+from msahl.system.build import build_state, build_system
+from msahl.system.initial import make_consistent, solve_accelerations
+from msahl.system.islands import Island
+from msahl.system.reduce import all_unknowns, needed_unknowns, plane_normal
+
+MAX_HALVINGS = 10
+
+_march = compiled(newton.march)
+_take_newton = compiled(newton.take)
+_show = compiled(step.show)
+
+
+class Runner:
+    """An island with its solver; builds the scene at t = 0 and advances it chunk by chunk.
+
+    ``change`` tells what was done to the given velocities, ``axis`` the normal of a planar
+    island's plane or None.
+    """
+
+    def __init__(self, island: Island, solver: str, full: bool, chunk: int) -> None:
+        self.island, self.solver = island, solver
+        self.root_steps = self.halvings = 0
+        system = build_system(island.model)
+        state = build_state(island.model, system)
+        self.change = make_consistent(system, state)
+        start = new_start(system, state)
+        preserving.prepare(system, state, start)
+        self.axis = None if full else plane_normal(system, start)
+        free = all_unknowns(system) if full else needed_unknowns(system, self.axis)
+        unknowns = choose(system, free)
+        solve_accelerations(system, state, unknowns)
+        self.scene: Scene = new_scene(system, unknowns, state, chunk)
+        preserving.prepare(system, state, self.scene.start)
+        self.begun = False
+
+    def show_start(self) -> None:
+        """Fill the first rows of watch and tables with the state at t = 0."""
+        self.scene.mean_force[:] = self.scene.state.force
+        step.show(self.scene, 0, 0)
+
+    def advance(self, h: float, first: int, last: int, plan: np.ndarray) -> tuple[int, Outcome]:
+        """Take steps ``first``..``last - 1`` of a chunk as ``newton.march`` has them.
+
+        Returns the number of the step that did not converge (``last`` if none) and its outcome;
+        the state is then that of the last whole step.
+        """
+        k, outcome = first, Outcome(0.0, -1)
+        while k < last:
+            if self.solver == "newton" or (self.solver == "auto" and self.begun):
+                k = _march(self.scene, h, k, last, plan)
+            if k < last:
+                outcome = self._take_hard(h)
+                if not outcome.converged:
+                    break
+                _show(self.scene, k, plan[k])
+                k += 1
+            self.begun = True
+        return k, outcome
+
+    def _take_hard(self, h: float) -> Outcome:
+        """One step by the reference solver, or all of it in smaller ones; else no step at all."""
+        before = [array.copy() for array in self.scene.state]
+        # Where things change fast, last step's change is a worse guess than none.
+        state = self.scene.state
+        for trend in (state.a_trend, state.alpha_trend, state.force_trend):
+            trend[:] = 0.0
+        outcome = self._take(h, MAX_HALVINGS, 1.0)
+        if not outcome.converged:
+            for array, value in zip(self.scene.state, before, strict=True):
+                array[:] = value
+            preserving.prepare(self.scene.system, self.scene.state, self.scene.start)
+        return outcome
+
+    def _take(self, h: float, halvings: int, share: float) -> Outcome:
+        outcome = self._take_once(h, share)
+        if outcome.converged or halvings == 0:
+            return outcome
+        self.halvings += 1
+        outcome = self._take(0.5 * h, halvings - 1, 0.5 * share)
+        return self._take(0.5 * h, halvings - 1, 0.5 * share) if outcome.converged else outcome
+
+    def _take_once(self, h: float, share: float) -> Outcome:
+        if self.solver == "newton":
+            return Outcome(*_take_newton(self.scene, h, share))
+        # scipy.optimize is slow to import: only where it is called.
+        from msahl.solve import root
+
+        self.root_steps += 1
+        return root.take(self.scene, h, share)

@@ -1,0 +1,77 @@
+"""Newton's method on the sparse system, and the loop of many steps, to be compiled.
+
+One Jacobian serves a whole step: the guess is good enough that the error of the first, exact,
+iteration is squared and later ones gain as much again. It is renewed where a residual does not
+fall to a twentieth.
+"""
+
+import numpy as np
+
+from msahl.kernel import kernel
+from msahl.schemes import preserving
+from msahl.solve import dense, sparse
+from msahl.solve.outcome import TARGET, TOLERANCE
+from msahl.solve.step import Scene, accept, show
+
+MAX_ITERATIONS = 25
+SLOW = 0.05
+"""Ratio of residuals above which the Jacobian is made anew."""
+STUCK = 0.5
+"""Ratio of residuals above which a solved step is not improved further."""
+DIVERGED = 1e3
+"""Residual, relative to the smallest so far, at which an iteration is given up."""
+
+
+@kernel
+def solve_step(scene: Scene, h: float) -> tuple[float, int]:
+    """Solve one step from the guess in ``Z``; its residual (relative) and worst row."""
+    system, start, Z, F = scene.system, scene.start, scene.Z, scene.F
+    unknowns, y = scene.unknowns, scene.y
+    order = unknowns.elimination.order
+    preserving.residual(system, start, h, Z, F)
+    residual, worst = dense.judge(system, unknowns, start, h, Z, F)
+    smallest, slow, stuck = residual, True, False
+    for _ in range(MAX_ITERATIONS):
+        if residual <= TARGET or stuck or not residual <= DIVERGED * smallest:
+            break
+        if slow:
+            preserving.jacobian(system, start, h, Z, scene.values)
+            sparse.factor(unknowns.elimination, scene.values, scene.factor)
+            scene.counts[1] += 1
+        dense.gather(order, F, y)
+        sparse.solve(unknowns.elimination, scene.factor, y)
+        for k in range(y.size):
+            Z[order[k] // 3, order[k] % 3] -= y[k]
+        scene.counts[0] += 1
+        before = residual
+        preserving.residual(system, start, h, Z, F)
+        residual, worst = dense.judge(system, unknowns, start, h, Z, F)
+        slow = residual > SLOW * before
+        stuck = residual > STUCK * before and residual <= TOLERANCE
+        smallest = min(smallest, residual)
+    return residual, worst
+
+
+@kernel
+def take(scene: Scene, h: float, share: float) -> tuple[float, int]:
+    """Take a step of size ``h``, a ``share`` of the whole one, if it converges: residual, row."""
+    preserving.predict(scene.system, scene.state, scene.start, h, scene.Z)
+    residual, worst = solve_step(scene, h)
+    if residual <= TOLERANCE:
+        accept(scene, h, share)
+    return residual, worst
+
+
+@kernel
+def march(scene: Scene, h: float, first: int, last: int, plan: np.ndarray) -> int:
+    """Take steps ``first``..``last - 1`` of a chunk; the one that would not converge, or ``last``.
+
+    Step k fills row k of the watch and is published in row ``plan[k]`` of the tables unless that
+    is negative.
+    """
+    for k in range(first, last):
+        residual, _ = take(scene, h, 1.0)
+        if not residual <= TOLERANCE:
+            return k
+        show(scene, k, plan[k])
+    return last

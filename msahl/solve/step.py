@@ -1,0 +1,72 @@
+"""Work arrays and kernels that both solvers share: accepting a step and showing it."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.kernel import kernel
+from msahl.schemes import preserving
+from msahl.solve.unknowns import Unknowns
+from msahl.solve.watch import Watch, look, new_watch
+from msahl.system.arrays import Start, State, System, Tables, new_start, new_tables, node_count
+
+
+class Scene(NamedTuple):
+    """One island on its way: constant data, what advances, and room to work in."""
+
+    system: System
+    unknowns: Unknowns
+    state: State
+    start: Start
+    Z: np.ndarray  # (nodes, 3) unknowns of the step
+    F: np.ndarray  # (nodes, 3) its rows
+    values: np.ndarray  # block values of the Jacobian
+    factor: np.ndarray  # its sparse factors
+    y: np.ndarray  # (f,) right-hand side, in the order of elimination
+    mean_force: np.ndarray  # (k, 3) joint forces over the step being taken, halves added up [N]
+    counts: np.ndarray  # (2,) iterations and factorisations so far
+    tables: Tables
+    watch: Watch
+
+
+def new_scene(system: System, unknowns: Unknowns, state: State, chunk: int) -> Scene:
+    """Room for chunks of up to ``chunk`` steps."""
+    nodes = (node_count(system), 3)
+    return Scene(
+        system=system,
+        unknowns=unknowns,
+        state=state,
+        start=new_start(system, state),
+        Z=np.zeros(nodes),
+        F=np.zeros(nodes),
+        values=np.zeros_like(system.constant),
+        factor=np.zeros(int(unknowns.elimination.base[-1])),
+        y=np.zeros(unknowns.free.size),
+        mean_force=np.zeros_like(state.force),
+        counts=np.zeros(2, dtype=np.int64),
+        tables=new_tables(system, chunk),
+        watch=new_watch(state, chunk),
+    )
+
+
+@kernel
+def accept(scene: Scene, h: float, share: float) -> None:
+    """Take over the solved step of size ``h``, a ``share`` of the whole one; prepare the next."""
+    preserving.accept(scene.system, scene.state, scene.start, h, scene.Z, scene.F)
+    preserving.prepare(scene.system, scene.state, scene.start)
+    for k in range(scene.mean_force.shape[0]):
+        for i in range(3):
+            scene.mean_force[k, i] += share * scene.state.force[k, i]
+
+
+@kernel
+def show(scene: Scene, step: int, row: int) -> None:
+    """Enter the accepted state in row ``step`` of the watch; publish it in ``row`` unless < 0."""
+    look(scene.system, scene.state, scene.start, scene.watch, step)
+    if row >= 0:
+        preserving.publish(
+            scene.system, scene.state, scene.start, scene.mean_force, scene.tables, row
+        )
+    for k in range(scene.mean_force.shape[0]):
+        for i in range(3):
+            scene.mean_force[k, i] = 0.0

@@ -1,0 +1,40 @@
+"""Which unknowns are solved for, and the maps that bring them together.
+
+The step's equations are written for every node; a solver works on the free ones only. The others
+keep their predicted values, which the reductions of ``system.reduce`` make exact.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.system.arrays import System, node_count
+from msahl.system.order import Elimination, eliminate
+
+
+class Unknowns(NamedTuple):
+    """The free unknowns of a system, for the dense and for the sparse solver."""
+
+    free: np.ndarray  # (f,) indices into the flat unknowns
+    dense_from: np.ndarray  # (q,) positions in the block values of the free-free entries
+    dense_to: np.ndarray  # (q,) their positions in the dense (f, f) matrix
+    elimination: Elimination
+
+
+def choose(system: System, free: np.ndarray) -> Unknowns:
+    """The maps for solving the ``free`` unknowns."""
+    dense_from, dense_to = _dense_map(system, free)
+    return Unknowns(free, dense_from, dense_to, eliminate(system, free))
+
+
+def _dense_map(system: System, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where each free-free entry stands in the block values and in the dense matrix."""
+    position = np.full(3 * node_count(system), -1, dtype=np.int64)
+    position[free] = np.arange(free.size)
+    offsets = np.arange(3)
+    rows = position[3 * system.blocks[:, 0, None, None] + offsets[:, None]]
+    columns = position[3 * system.blocks[:, 1, None, None] + offsets[None, :]]
+    rows, columns = np.broadcast_arrays(rows, columns)
+    solved = (rows >= 0) & (columns >= 0)
+    solved[0] = False
+    return np.flatnonzero(solved), (rows * free.size + columns)[solved]

@@ -1,0 +1,132 @@
+"""The state at t = 0 made consistent: velocities that keep the joints closed, first reactions.
+
+    G v = 0                                       hidden velocity constraint of every joint
+    [ M  -G^T ] [ dv ]   [   0  ]                 smallest change by mass
+    [ G    0  ] [ mu ] = [ -G v ]
+
+    [ M  -G^T ] [ a   ]   [ forces          ]     index-1 problem of the accelerations and
+    [ G    0  ] [ lam ] = [ -dG/dt v        ]     the initial reactions
+
+Both matrices are the step's own Jacobian for a scene at rest with h^2 = 2. By default the angular
+velocities are kept and only the translational ones change (the thesis's top decks give v = 0 with a
+spin that moves the mass centre); where that cannot close the joints, all may change. Velocities
+that break a joint would alternate with its multiplier for ever, at conserved energy.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.schemes import preserving
+from msahl.solve import sparse
+from msahl.solve.unknowns import Unknowns, choose
+from msahl.system.arrays import Start, State, System, new_start, node_count
+from msahl.system.reduce import TURNS, all_unknowns
+
+CONSISTENT = 1e-12
+"""Gap rate, relative to the fastest speed in the scene, that is taken for round-off."""
+ROUND_OFF = 1e-10
+"""Residual of a linear solution, relative to its right-hand side, above which pivots failed."""
+
+
+class VelocityChange(NamedTuple):
+    """What was done to the velocities of the deck."""
+
+    method: str  # "none", "keepAngular" or "massWeighted"
+    rate: float  # largest gap rate as given [m/s]
+    dv: np.ndarray  # (n, 3) change of the mass centres' velocities, inertial axes [m/s]
+    dw: np.ndarray  # (n, 3) change of the angular velocities, inertial axes [rad/s]
+
+
+def make_consistent(system: System, state: State) -> VelocityChange:
+    """Change ``state.v`` (and ``state.w`` if needed) so that no joint opens; say how."""
+    n = system.bodies.inverse_mass.size - 1
+    start = new_start(system, state)
+    v0, w0 = state.v.copy(), state.w.copy()
+    given = _gap_rate(system, state, start)
+    speed = max(np.abs(v0).max(), (np.abs(start.bodies.W) * system.bodies.length[:, None]).max())
+    method = "none"
+    if np.abs(given).max(initial=0.0) > CONSISTENT * speed:
+        method = "keepAngular"
+        _project(system, state, start, choose(system, _translations(system)))
+        if np.abs(_gap_rate(system, state, start)).max() > 1e3 * CONSISTENT * speed:
+            method = "massWeighted"
+            state.v[:], state.w[:] = v0, w0
+            _project(system, state, start, choose(system, all_unknowns(system)))
+    R = start.bodies.R
+    dw = np.einsum("bij,bj->bi", R, state.w - w0)
+    return VelocityChange(method, float(np.abs(given).max(initial=0.0)), (state.v - v0)[:n], dw[:n])
+
+
+def solve_accelerations(system: System, state: State, unknowns: Unknowns) -> None:
+    """Set ``state.a``, ``state.alpha`` and ``state.force`` to their values at t = 0."""
+    start = new_start(system, state)
+    preserving.prepare(system, state, start)
+    rows = np.zeros((node_count(system), 3))
+    preserving.free_acceleration(system, start, rows)
+    solution = _solve_at_rest(system, state, rows, unknowns)
+    n = system.bodies.inverse_mass.size
+    state.a[:] = solution[0 : 2 * n : 2]
+    state.alpha[:] = solution[1 : 2 * n : 2] / system.bodies.length[:, None]
+    state.force[:] = solution[2 * n :] * system.coincide.mass[:, None]
+
+
+def _gap_rate(system: System, state: State, start: Start) -> np.ndarray:
+    """(k, 3) gap rates of the state [m/s]; leaves ``start`` prepared."""
+    preserving.prepare(system, state, start)
+    gap, rate = np.zeros_like(state.gap), np.zeros_like(state.gap)
+    preserving.observe(system, state, start, gap, rate)
+    return rate
+
+
+def _translations(system: System) -> np.ndarray:
+    """All unknowns without the bodies' turns."""
+    free = all_unknowns(system)
+    node = free // 3
+    turns = (node < 2 * system.bodies.inverse_mass.size) & (node % 2 == TURNS)
+    return free[~turns]
+
+
+def _project(system: System, state: State, start: Start, unknowns: Unknowns) -> None:
+    """Change the velocities among ``unknowns``, least by mass, so that the gap rate is 0."""
+    rows = np.zeros((node_count(system), 3))
+    n = system.bodies.inverse_mass.size
+    rows[2 * n :] = -_gap_rate(system, state, start)
+    change = _solve_at_rest(system, state, rows, unknowns)
+    state.v[:] += change[0 : 2 * n : 2]
+    dW = change[1 : 2 * n : 2] / system.bodies.length[:, None]
+    state.w[:] += np.einsum("bji,bj->bi", start.bodies.R, dW)
+
+
+def _solve_at_rest(
+    system: System, state: State, rows: np.ndarray, unknowns: Unknowns
+) -> np.ndarray:
+    """Solve with the Jacobian at rest in the ``unknowns``; (nodes, 3), zero elsewhere."""
+    rest = state._replace(v=np.zeros_like(state.v), w=np.zeros_like(state.w))
+    start = new_start(system, rest)
+    preserving.prepare(system, rest, start)
+    values = np.zeros_like(system.constant)
+    preserving.jacobian(system, start, np.sqrt(2.0), np.zeros_like(rows), values)
+    solution = np.zeros_like(rows)
+    solution.reshape(-1)[unknowns.free] = _solve(values, rows.reshape(-1), unknowns)
+    return solution
+
+
+def _solve(values: np.ndarray, rows: np.ndarray, unknowns: Unknowns) -> np.ndarray:
+    """Sparse where that works; redundant joints take the least squares of the dense matrix."""
+    order, size = unknowns.elimination.order, unknowns.free.size
+    factor = np.zeros(int(unknowns.elimination.base[-1]))
+    solution, y = np.zeros_like(rows), rows[order]
+    with np.errstate(all="ignore"):
+        sparse.factor(unknowns.elimination, values, factor)
+        sparse.solve(unknowns.elimination, factor, y)
+        solution[order] = y
+        x = solution[unknowns.free]
+        entries = values[unknowns.dense_from] * x[unknowns.dense_to % max(size, 1)]
+        left = np.bincount(unknowns.dense_to // max(size, 1), entries, size) - rows[unknowns.free]
+        solved = np.abs(left).max(initial=0.0) <= ROUND_OFF * np.abs(rows).max(initial=0.0)
+    if solved:
+        return x
+    A = np.zeros(size * size)
+    A[unknowns.dense_to] = values[unknowns.dense_from]
+    return np.linalg.lstsq(A.reshape(size, size), rows[unknowns.free], rcond=None)[0]

@@ -1,0 +1,163 @@
+"""The order of elimination, and the sparse LU it makes, found once per scene.
+
+Bodies are eliminated in an order of smallest degree on the graph of bodies (the ground does not
+count): in a tree that takes the leaves first, without fill-in, from however many grounds the tree
+hangs. A body goes with one of its joints: displacement, then multiplier, then turn; in this order
+the pivots are 1, the share of the joint's mass, and an inertia about the joint. Joints that close
+loops go after both their bodies. Pivots keep this order whatever the values; a scene that defeats
+it is left to the dense solver.
+
+Column k of L and row k of U stand one after the other in the factor array, from ``base[k]``: the
+pivot (kept inverted), ``lower[k]`` entries of L, ``upper[k]`` of U. ``rows`` and ``columns`` say
+where those act. ``target`` lists, pivot by pivot, the entries that the outer product of both is
+taken from.
+"""
+
+import heapq
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.joints.coincide import Coincide
+from msahl.system.arrays import System
+
+
+class Elimination(NamedTuple):
+    """A program that factors the Jacobian without looking at its pattern again."""
+
+    order: np.ndarray  # (f,) flat unknowns as they are eliminated
+    base: np.ndarray  # (f + 1,) where pivot k stands in the factor; the last is its length
+    lower: np.ndarray  # (f,) number of entries of L below pivot k
+    upper: np.ndarray  # (f,) number of entries of U right of pivot k
+    other: np.ndarray  # (length,) row (of L entries) or column (of U entries) in the order
+    target: np.ndarray  # (operations,) places in the factor
+    source: np.ndarray  # (q,) places in the block values ...
+    place: np.ndarray  # (q,) ... and where they go in the factor
+
+
+def eliminate(system: System, free: np.ndarray) -> Elimination:
+    """The elimination of the ``free`` unknowns in the pattern of the system's blocks."""
+    blocks = system.blocks
+    nodes = _node_order(system.bodies.inverse_mass.size - 1, system.coincide, blocks)
+    solved = set(free.tolist())
+    order = [3 * node + i for node in nodes for i in range(3) if 3 * node + i in solved]
+    position = {unknown: k for k, unknown in enumerate(order)}
+    entries = _scalar_entries(blocks, position)
+    rows, columns = _fill(len(order), entries)
+    return _program(order, entries, rows, columns)
+
+
+def _node_order(n_bodies: int, coincide: Coincide, blocks: np.ndarray) -> list[int]:
+    """Nodes in order of elimination."""
+    neighbours: list[set[int]] = [set() for _ in range(n_bodies)]
+    for row, column in blocks[1:].tolist():
+        a, b = row // 2, column // 2
+        if max(a, b) < n_bodies and a != b:
+            neighbours[a].add(b)
+            neighbours[b].add(a)
+    joints: list[list[int]] = [[] for _ in range(n_bodies + 1)]
+    ends = list(zip(coincide.a.tolist(), coincide.b.tolist(), strict=True))
+    for k, (a, b) in enumerate(ends):
+        joints[a].append(k)
+        joints[b].append(k)
+        if max(a, b) < n_bodies:
+            neighbours[a].add(b)
+            neighbours[b].add(a)
+    order: list[int] = []
+    gone, placed = {n_bodies}, set()
+    for body in _smallest_degree(neighbours):
+        gone.add(body)
+        order.append(2 * body)
+        tree = next((k for k in joints[body] if k not in placed), None)
+        if tree is not None:
+            placed.add(tree)
+            order.append(int(coincide.row[tree]))
+        order.append(2 * body + 1)
+        for k in joints[body]:
+            if k not in placed and gone.issuperset(ends[k]):
+                placed.add(k)
+                order.append(int(coincide.row[k]))
+    return order
+
+
+def _smallest_degree(neighbours: list[set[int]]) -> list[int]:
+    """Vertices of a graph, each of smallest degree among those left; consumes ``neighbours``."""
+    heap = [(len(near), vertex) for vertex, near in enumerate(neighbours)]
+    heapq.heapify(heap)
+    order: list[int] = []
+    done = [False] * len(neighbours)
+    while heap:
+        degree, vertex = heapq.heappop(heap)
+        if done[vertex] or degree != len(neighbours[vertex]):
+            continue
+        done[vertex] = True
+        order.append(vertex)
+        near = neighbours[vertex]
+        for other in near:
+            neighbours[other] |= near
+            neighbours[other] -= {vertex, other}
+            heapq.heappush(heap, (len(neighbours[other]), other))
+    return order
+
+
+def _scalar_entries(blocks: np.ndarray, position: dict[int, int]) -> dict[tuple[int, int], int]:
+    """(row, column) in the order -> place in the block values."""
+    entries: dict[tuple[int, int], int] = {}
+    for block, (row, column) in enumerate(blocks.tolist()):
+        if block == 0:
+            continue
+        for i in range(3):
+            for j in range(3):
+                k, l = position.get(3 * row + i), position.get(3 * column + j)
+                if k is not None and l is not None:
+                    entries[k, l] = 9 * block + 3 * i + j
+    return entries
+
+
+def _fill(n: int, entries: dict[tuple[int, int], int]) -> tuple[list[list[int]], list[list[int]]]:
+    """Rows below and columns right of each pivot, with the fill-in of the elimination."""
+    rows: list[set[int]] = [set() for _ in range(n)]
+    columns: list[set[int]] = [set() for _ in range(n)]
+    for i, j in entries:
+        if i > j:
+            rows[j].add(i)
+        elif j > i:
+            columns[i].add(j)
+    for k in range(n):
+        for i in rows[k]:
+            for j in columns[k]:
+                if i > j:
+                    rows[j].add(i)
+                elif j > i:
+                    columns[i].add(j)
+    return [sorted(r) for r in rows], [sorted(c) for c in columns]
+
+
+def _program(
+    order: list[int],
+    entries: dict[tuple[int, int], int],
+    rows: list[list[int]],
+    columns: list[list[int]],
+) -> Elimination:
+    n = len(order)
+    lower = np.array([len(r) for r in rows], dtype=np.int64)
+    upper = np.array([len(c) for c in columns], dtype=np.int64)
+    base = np.concatenate([[0], np.cumsum(1 + lower + upper)]).astype(np.int64)
+    place = {(k, k): int(base[k]) for k in range(n)}
+    other = np.zeros(int(base[-1]), dtype=np.int64)
+    for k in range(n):
+        start = int(base[k]) + 1
+        place |= {(i, k): start + e for e, i in enumerate(rows[k])}
+        place |= {(k, j): start + len(rows[k]) + e for e, j in enumerate(columns[k])}
+        other[start : int(base[k + 1])] = rows[k] + columns[k]
+    target = [place[i, j] for k in range(n) for i in rows[k] for j in columns[k]]
+    return Elimination(
+        order=np.array(order, dtype=np.int64),
+        base=base,
+        lower=lower,
+        upper=upper,
+        other=other,
+        target=np.array(target, dtype=np.int64),
+        source=np.array(list(entries.values()), dtype=np.int64),
+        place=np.array([place[key] for key in entries], dtype=np.int64),
+    )

@@ -1,0 +1,1 @@
+"""The XML schema of msahl decks, as package data."""
