@@ -50,7 +50,7 @@ def check(decks: tuple[Path, ...]) -> None:
     """
     faulty = False
     for deck in decks:
-        model, faults = _read(deck)
+        model, faults = _read(deck, thorough=True)
         faulty |= model is None
         click.echo("\n".join(faults) if faults else f"{deck}: good", err=bool(faults))
     if faulty:
@@ -77,10 +77,10 @@ def explain(deck: Path) -> None:
 @click.option("--dt", type=float, metavar="S", help="Step [s], instead of the deck's deltaT.")
 @click.option("--t-final", type=float, metavar="S", help="End [s], instead of the deck's tFinal.")
 @click.option("--scheme", type=click.Choice(["preserving"]), default="preserving",
-              show_default=True, help="Time element: 'preserving' keeps the energy; order 2.")  # fmt: skip
+              show_default=True, help="'preserving' keeps the energy; order 2.")  # fmt: skip
 @click.option("--solver", type=click.Choice(["auto", "newton", "root"]), default="auto",
-              show_default=True, help="'newton' is compiled, 'root' is scipy.optimize.root, 'auto' "
-              "is newton with root for the first step and every hard one.")  # fmt: skip
+              show_default=True, help="'newton' is compiled, 'root' is scipy.optimize.root, "
+              "'auto' is newton with root for the first step and every hard one.")  # fmt: skip
 @click.option("--every", type=click.IntRange(min=1), default=1, show_default=True, metavar="N",
               help="Write every Nth step (the last one always).")  # fmt: skip
 @click.option("--full", is_flag=True, help="Leave nothing out of the equations (see explain).")
@@ -143,11 +143,11 @@ def _stop(message: str) -> NoReturn:
     sys.exit(BAD_INPUT)
 
 
-def _read(deck: Path) -> tuple["Model | None", list[str]]:
+def _read(deck: Path, thorough: bool = False) -> tuple["Model | None", list[str]]:
     from msahl.deck import DeckError, read_deck
 
     try:
-        return read_deck(deck), []
+        return read_deck(deck, thorough), []
     except DeckError as error:
         return None, [str(fault) for fault in error.faults]
 
@@ -158,9 +158,11 @@ def _model_to_run(deck: Path, dt: float | None, t_final: float | None) -> "Model
     model, faults = _read(deck)
     if model is None:
         _stop("\n".join(faults))
-    given = {"dt": dt, "t_final": t_final}
-    changes = {name: value for name, value in given.items() if value is not None}
-    simulation = replace(model.simulation, **changes)
+    simulation = model.simulation
+    if dt is not None:
+        simulation = replace(simulation, dt=dt)
+    if t_final is not None:
+        simulation = replace(simulation, t_final=t_final)
     faults = check_simulation(simulation)
     if faults:
         _stop("\n".join(f"msahl run: {fault}" for fault in faults))
@@ -170,10 +172,14 @@ def _model_to_run(deck: Path, dt: float | None, t_final: float | None) -> "Model
 def _simulate(
     deck: Path, text: bytes, model: "Model", options: Any, folder: Path, shown: bool
 ) -> "Report":
+    from msahl.compiled import is_kept
     from msahl.deck import deck_digest
     from msahl.results.write import RunFolder, write_json
     from msahl.run import run as simulate
+    from msahl.solve import newton
 
+    if shown and not is_kept(newton.march):
+        click.echo("compiling the step for this kind of scene, once", err=True)
     with _stoppable() as stopped, RunFolder(folder, model, text) as results:
         with _progress(model, shown) as progress:
             report = simulate(model, options, results, progress, stopped)
@@ -257,6 +263,6 @@ def _tell(deck: Path, folder: Path, report: "Report", quiet: bool, verbose: bool
 
 def _quality(report: "Report") -> str:
     energy = report.extremes["energyErrorMaxRelative"]
-    kept = f", energy kept to {energy:.1e} of the largest kinetic energy" if energy is not None else ""
+    kept = "" if energy is None else f", energy kept to {energy:.1e} of the largest kinetic energy"
     gap = f", joints closed to {report.extremes['gapMax']:.1e} m" if report.joints else ""
     return f"{report.steps} steps to t = {report.time:g} s{kept}{gap}"

@@ -19,26 +19,34 @@ from numba.extending import register_jitable
 from msahl.kernel import MARKED
 
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
-"""Division by zero gives inf or nan, which the solver sees, instead of an exception. Without numba's
-runtime (_nrt) a kernel cannot allocate, and arrays are passed without counting their references,
-which took seven eighths of a small scene's step."""
+"""Division by zero gives inf or nan, which the solver sees, instead of an exception. Without
+numba's runtime (_nrt) a kernel cannot allocate, and arrays are passed without counting their
+references, which took seven eighths of a small scene's step."""
 INLINED = OPTIONS | {"forceinline": True}
 """What an entry point calls becomes part of it: half the time again."""
+
+KERNEL_ROOMS = ("", "bodies", "joints", "forces", "schemes", "system", "solve")
+"""The folders of the package whose sources are part of compiled code."""
 
 _registered: set[Callable[..., Any]] = set()
 
 
 def cache_folder() -> Path:
     """Where the compiled kernels of these very sources are kept."""
-    root = os.environ.get("NUMBA_CACHE_DIR") or platformdirs.user_cache_dir(
-        "msahl", appauthor=False
-    )
+    kept = os.environ.get("NUMBA_CACHE_DIR")
+    root = kept or platformdirs.user_cache_dir("msahl", appauthor=False)
     package = Path(__file__).parent
-    digest = hashlib.sha256()
-    for source in sorted(package.rglob("*.py")):
+    digest = hashlib.sha256(numba.__version__.encode())
+    for source in sorted(s for room in KERNEL_ROOMS for s in (package / room).glob("*.py")):
         stat = source.stat()
         digest.update(f"{source} {stat.st_mtime_ns} {stat.st_size}\n".encode())
     return Path(root) / digest.hexdigest()[:16]
+
+
+def is_kept(function: Callable[..., Any]) -> bool:
+    """Whether a compiled ``function`` is on disk already, or need not be compiled at all."""
+    name = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
+    return bool(os.environ.get("NUMBA_DISABLE_JIT")) or any(cache_folder().glob(f"*/{name}-*.nbi"))
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -51,4 +59,4 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     return dispatcher
 
 
-setattr(numba.config, "CACHE_DIR", str(cache_folder()))  # noqa: B010 - not in its type stub
+setattr(numba.config, "CACHE_DIR", str(cache_folder()))  # noqa: B010 - missing in its type stub

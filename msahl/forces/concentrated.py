@@ -1,6 +1,6 @@
 """Concentrated load: a constant force at a point of a body, and a constant moment.
 
-    F = mean(R_f f),  M = mean(R_m m),  T = mean(r) x F + M          mean = half the sum of both ends
+    F = mean(R_f f),  M = mean(R_m m),  T = mean(r) x F + M        mean: half of both ends' sum
     work over the step = F . (u + dr) + M . Q                        exactly what the body gains
 
 f and m have constant components in the axes of some body (or the ground: then R is constant), and
@@ -116,13 +116,13 @@ def jacobian(
         by_moment = end_tangent(bodies, Z, axes_m, at(start.m, k))
         # The mean moves by half of the end, and push takes c F from the rows: + c/2.
         c = 0.5 * half_h2 * bodies.inverse_mass[b]
-        l = bodies.length[b]
+        c_turn = c / bodies.length[b]
         for i in range(3):
             for j in range(3):
                 values[group.force_by_turn[k] + 3 * i + j] += c * by_force[i][j]
-                values[group.moment_by_turn[k, 0] + 3 * i + j] -= c / l * by_arm[i][j]
-                values[group.moment_by_turn[k, 1] + 3 * i + j] += c / l * by_lever[i][j]
-                values[group.moment_by_turn[k, 2] + 3 * i + j] += c / l * by_moment[i][j]
+                values[group.moment_by_turn[k, 0] + 3 * i + j] -= c_turn * by_arm[i][j]
+                values[group.moment_by_turn[k, 1] + 3 * i + j] += c_turn * by_lever[i][j]
+                values[group.moment_by_turn[k, 2] + 3 * i + j] += c_turn * by_moment[i][j]
 
 
 @kernel

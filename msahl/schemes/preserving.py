@@ -123,7 +123,7 @@ def accept(
 
 @kernel
 def free_acceleration(system: System, start: Start, F: np.ndarray) -> None:
-    """Set the rows to what the accelerations must balance, for ``jacobian`` at rest with h^2 = 2."""
+    """Set the rows to what accelerations must balance, for ``jacobian`` at rest with h^2 = 2."""
     rigid.free_acceleration(system.bodies, start.bodies, F)
     coincide.free_gap_acceleration(system.coincide, start.coincide, start.bodies.W, F)
     concentrated.free_acceleration(system.loads, start.loads, system.bodies, F)

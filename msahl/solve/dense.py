@@ -4,8 +4,8 @@ import numpy as np
 
 from msahl.kernel import kernel
 from msahl.schemes import preserving
-from msahl.solve.unknowns import Unknowns
 from msahl.system.arrays import Start, State, System
+from msahl.system.unknowns import Unknowns
 
 
 @kernel

@@ -10,14 +10,14 @@ import numpy as np
 from msahl.compiled import compiled
 from msahl.schemes import preserving
 from msahl.solve import newton, step
+from msahl.solve.initial import make_consistent, solve_accelerations
 from msahl.solve.outcome import Outcome
 from msahl.solve.step import Scene, new_scene
-from msahl.solve.unknowns import choose
 from msahl.system.arrays import new_start
 from msahl.system.build import build_state, build_system
-from msahl.system.initial import make_consistent, solve_accelerations
 from msahl.system.islands import Island
 from msahl.system.reduce import all_unknowns, needed_unknowns, plane_normal
+from msahl.system.unknowns import choose
 
 MAX_HALVINGS = 10
 

@@ -21,9 +21,9 @@ def factor(lu: Elimination, values: np.ndarray, W: np.ndarray) -> None:
         first_upper = pivot + 1 + lu.lower[k]
         for left in range(pivot + 1, first_upper):
             W[left] *= inverse
-            l = W[left]
+            multiple = W[left]
             for right in range(first_upper, lu.base[k + 1]):
-                W[lu.target[operation]] -= l * W[right]
+                W[lu.target[operation]] -= multiple * W[right]
                 operation += 1
 
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from msahl.kernel import kernel
 from msahl.schemes import preserving
-from msahl.solve.unknowns import Unknowns
 from msahl.solve.watch import Watch, look, new_watch
 from msahl.system.arrays import Start, State, System, Tables, new_start, new_tables, node_count
+from msahl.system.unknowns import Unknowns
 
 
 class Scene(NamedTuple):

@@ -2,8 +2,8 @@
 
 Nodes of three numbers hold unknowns and equations alike: node 2b is the displacement u of body b
 and its force rows, node 2b+1 its turn l Q and its moment rows; after the ground (b = n) come the
-joints' multipliers and gaps. The Jacobian is a list of 3 x 3 blocks, one after the other in one array; block 0 takes what belongs
-to the ground and is never read.
+joints' multipliers and gaps. The Jacobian is a list of 3 x 3 blocks, one after the other in one
+array; block 0 takes what belongs to the ground and is never read.
 """
 
 from typing import NamedTuple

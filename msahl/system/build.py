@@ -144,7 +144,9 @@ def _coincide(model: Model, index: dict[str, int], bodies: Bodies, blocks: _Bloc
     a, b = _indices(parents, index), _indices(children, index)
     mass = 1.0 / (bodies.inverse_mass[a] + bodies.inverse_mass[b])
     first = 2 * bodies.inverse_mass.size
-    moment_by_turn, moment_by_force, gap_by_turn = (np.zeros((a.size, 2), dtype=np.int64) for _ in "123")
+    moment_by_turn, moment_by_force, gap_by_turn = (
+        np.zeros((a.size, 2), dtype=np.int64) for _ in "123"
+    )
     for k, pair in enumerate(zip(a.tolist(), b.tolist(), strict=True)):
         for side, (sign, body) in enumerate(zip((-1.0, 1.0), pair, strict=True)):
             u, turn, node = 2 * body, 2 * body + 1, first + k

@@ -108,9 +108,9 @@ def _scalar_entries(blocks: np.ndarray, position: dict[int, int]) -> dict[tuple[
             continue
         for i in range(3):
             for j in range(3):
-                k, l = position.get(3 * row + i), position.get(3 * column + j)
-                if k is not None and l is not None:
-                    entries[k, l] = 9 * block + 3 * i + j
+                at = position.get(3 * row + i), position.get(3 * column + j)
+                if at[0] is not None and at[1] is not None:
+                    entries[at[0], at[1]] = 9 * block + 3 * i + j
     return entries
 
 

@@ -19,9 +19,9 @@ import numpy as np
 
 from msahl.schemes import preserving
 from msahl.solve import sparse
-from msahl.solve.unknowns import Unknowns, choose
 from msahl.system.arrays import Start, State, System, new_start, node_count
 from msahl.system.reduce import TURNS, all_unknowns
+from msahl.system.unknowns import Unknowns, choose
 
 CONSISTENT = 1e-12
 """Gap rate, relative to the fastest speed in the scene, that is taken for round-off."""
@@ -84,7 +84,8 @@ def _translations(system: System) -> np.ndarray:
     free = all_unknowns(system)
     node = free // 3
     turns = (node < 2 * system.bodies.inverse_mass.size) & (node % 2 == TURNS)
-    return free[~turns]
+    translations: np.ndarray = free[~turns]
+    return translations
 
 
 def _project(system: System, state: State, start: Start, unknowns: Unknowns) -> None:
@@ -98,15 +99,21 @@ def _project(system: System, state: State, start: Start, unknowns: Unknowns) -> 
     state.w[:] += np.einsum("bji,bj->bi", start.bodies.R, dW)
 
 
-def _solve_at_rest(
-    system: System, state: State, rows: np.ndarray, unknowns: Unknowns
-) -> np.ndarray:
-    """Solve with the Jacobian at rest in the ``unknowns``; (nodes, 3), zero elsewhere."""
+def jacobian_at_rest(system: System, state: State) -> np.ndarray:
+    """Block values of the Jacobian in the state's configuration without motion, h^2 = 2."""
     rest = state._replace(v=np.zeros_like(state.v), w=np.zeros_like(state.w))
     start = new_start(system, rest)
     preserving.prepare(system, rest, start)
     values = np.zeros_like(system.constant)
-    preserving.jacobian(system, start, np.sqrt(2.0), np.zeros_like(rows), values)
+    preserving.jacobian(system, start, np.sqrt(2.0), np.zeros((node_count(system), 3)), values)
+    return values
+
+
+def _solve_at_rest(
+    system: System, state: State, rows: np.ndarray, unknowns: Unknowns
+) -> np.ndarray:
+    """Solve with the Jacobian at rest in the ``unknowns``; (nodes, 3), zero elsewhere."""
+    values = jacobian_at_rest(system, state)
     solution = np.zeros_like(rows)
     solution.reshape(-1)[unknowns.free] = _solve(values, rows.reshape(-1), unknowns)
     return solution
@@ -114,19 +121,30 @@ def _solve_at_rest(
 
 def _solve(values: np.ndarray, rows: np.ndarray, unknowns: Unknowns) -> np.ndarray:
     """Sparse where that works; redundant joints take the least squares of the dense matrix."""
+    x = solve_sparse(values, rows, unknowns)
+    if x is not None:
+        return x
+    size = unknowns.free.size
+    A = np.zeros(size * size)
+    A[unknowns.dense_to] = values[unknowns.dense_from]
+    least: np.ndarray = np.linalg.lstsq(A.reshape(size, size), rows[unknowns.free], rcond=None)[0]
+    return least
+
+
+def solve_sparse(values: np.ndarray, rows: np.ndarray, unknowns: Unknowns) -> np.ndarray | None:
+    """The free unknowns (f,) by the sparse factors, or None if the matrix is (nearly) singular."""
     order, size = unknowns.elimination.order, unknowns.free.size
     factor = np.zeros(int(unknowns.elimination.base[-1]))
     solution, y = np.zeros_like(rows), rows[order]
+    wanted = rows[unknowns.free]
+    largest = np.abs(wanted).max(initial=0.0)
     with np.errstate(all="ignore"):
         sparse.factor(unknowns.elimination, values, factor)
         sparse.solve(unknowns.elimination, factor, y)
         solution[order] = y
         x = solution[unknowns.free]
         entries = values[unknowns.dense_from] * x[unknowns.dense_to % max(size, 1)]
-        left = np.bincount(unknowns.dense_to // max(size, 1), entries, size) - rows[unknowns.free]
-        solved = np.abs(left).max(initial=0.0) <= ROUND_OFF * np.abs(rows).max(initial=0.0)
-    if solved:
-        return x
-    A = np.zeros(size * size)
-    A[unknowns.dense_to] = values[unknowns.dense_from]
-    return np.linalg.lstsq(A.reshape(size, size), rows[unknowns.free], rcond=None)[0]
+        got = np.bincount(unknowns.dense_to // max(size, 1), entries, size)
+        good = np.abs(got - wanted).max(initial=0.0) <= ROUND_OFF * largest
+        bounded = np.abs(x).max(initial=0.0) <= largest / ROUND_OFF
+    return x if good and bounded else None
