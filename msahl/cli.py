@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 import msahl
+from msahl.schemes import SCHEMES
+from msahl.study.cli import study
 
 if TYPE_CHECKING:
     from msahl.model import Model
@@ -66,8 +68,12 @@ def explain(deck: Path) -> None:
     """
     model = _model_to_run(deck, None, None)
     from msahl.explain import explain as lines
+    from msahl.solve.initial import StartError
 
-    click.echo("\n".join(lines(model)))
+    try:
+        click.echo("\n".join(lines(model)))
+    except StartError as error:
+        _stop(f"{deck}: {error}")
 
 
 @main.command()
@@ -76,7 +82,7 @@ def explain(deck: Path) -> None:
               help="Folder of the results (default: results/<deck's name>).")  # fmt: skip
 @click.option("--dt", type=float, metavar="S", help="Step [s], instead of the deck's deltaT.")
 @click.option("--t-final", type=float, metavar="S", help="End [s], instead of the deck's tFinal.")
-@click.option("--scheme", type=click.Choice(["preserving"]), default="preserving",
+@click.option("--scheme", type=click.Choice(SCHEMES), default=SCHEMES[0],
               show_default=True, help="'preserving' keeps the energy; order 2.")  # fmt: skip
 @click.option("--solver", type=click.Choice(["auto", "newton", "root"]), default="auto",
               show_default=True, help="'newton' is compiled, 'root' is scipy.optimize.root, "
@@ -111,12 +117,16 @@ def run(
 
     options = Options(scheme, solver, every, full)
     folder = output or Path("results") / deck.stem
+    from msahl.solve.initial import StartError
+
     try:
         text = effective_deck(deck, dt, t_final)
         report = _simulate(deck, text, model, options, folder, shown=not quiet)
     except OSError as error:
         where = error.filename or folder
         _stop(f"{where}: {error.strerror or error}; choose another folder with -o")
+    except StartError as error:
+        _stop(f"{deck}: {error}")
     _tell(deck, folder, report, quiet, verbose)
     sys.exit(STATUS[report.status])
 
@@ -266,3 +276,6 @@ def _quality(report: "Report") -> str:
     kept = "" if energy is None else f", energy kept to {energy:.1e} of the largest kinetic energy"
     gap = f", joints closed to {report.extremes['gapMax']:.1e} m" if report.joints else ""
     return f"{report.steps} steps to t = {report.time:g} s{kept}{gap}"
+
+
+main.add_command(study)

@@ -18,12 +18,13 @@ from numba.extending import register_jitable
 
 from msahl.kernel import MARKED
 
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
 """Division by zero gives inf or nan, which the solver sees, instead of an exception. Without
 numba's runtime (_nrt) a kernel cannot allocate, and arrays are passed without counting their
 references, which took seven eighths of a small scene's step."""
-INLINED = OPTIONS | {"forceinline": True}
-"""What an entry point calls becomes part of it: half the time again."""
+SMALL = 800
+"""Bytes of Python code up to which a function is made part of its callers: calls carry whole groups
+of arrays. Small scenes gain a third; larger functions would only take longer to compile."""
 
 KERNEL_ROOMS = ("", "bodies", "joints", "forces", "schemes", "system", "solve")
 """The folders of the package whose sources are part of compiled code."""
@@ -53,7 +54,8 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """``function`` compiled on its first call (or loaded from the cache), with all it calls."""
     for mark in MARKED:
         if mark not in _registered:
-            register_jitable(**INLINED)(mark)
+            inlined = {"forceinline": True} if len(mark.__code__.co_code) < SMALL else {}
+            register_jitable(**OPTIONS, **inlined)(mark)
             _registered.add(mark)
     dispatcher: Callable[..., Any] = numba.njit(cache=True, **OPTIONS)(function)
     return dispatcher

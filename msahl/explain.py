@@ -6,9 +6,9 @@ import numpy as np
 
 from msahl.model import Model
 from msahl.run import Grid
-from msahl.solve.freedom import constraint_rank
 from msahl.solve.island import Runner
-from msahl.system.islands import Island, split
+from msahl.system.arrays import multiplier_count
+from msahl.system.islands import split
 from msahl.system.reduce import all_unknowns
 
 AXES = "xyz"
@@ -21,6 +21,7 @@ def explain(model: Model) -> list[str]:
     return [
         model.simulation.title or "(no title)",
         f"  {_count(len(model.bodies), 'body', 'bodies')}, {_count(len(model.joints), 'joint')}, "
+        f"{_count(len(model.couplings), 'coupling')}, {_count(len(model.motions), 'motion')}, "
         f"{_count(len(model.loads), 'load')}, {_count(len(model.grounds), 'ground')}; "
         f"{grid.n} steps of {grid.h:g} s",
         *_freedoms(model, runners),
@@ -36,40 +37,47 @@ def _count(n: int, one: str, many: str = "") -> str:
 
 
 def _freedoms(model: Model, runners: list[Runner]) -> Iterator[str]:
-    bodies, equations = 6 * len(model.bodies), 3 * len(model.joints)
-    rank = sum(constraint_rank(runner.scene.system, runner.scene.state) for runner in runners)
+    bodies = 6 * len(model.bodies)
+    rank = sum(runner.rank for runner in runners)
+    equations = rank + sum(runner.redundant for runner in runners)
     yield f"degrees of freedom: by count {bodies} - {equations} = {bodies - equations}, " + (
         f"by rank {bodies} - {rank} = {bodies - rank}"
     )
-    if rank < equations:
+    shared = [name for runner in runners for name in runner.shared]
+    if shared:
         yield (
             f"  {equations - rank} joint equations follow from the others: motion and energy are "
-            "unique, the reactions of some joints are not"
+            f"unique, but not the reactions of {', '.join(shared)}"
         )
+    names = [joint.name for joint in model.joints] + [c.name for c in model.couplings]
+    unique = [name for name in names if name not in shared]
+    if shared and unique:
+        yield f"  unique reactions: {', '.join(unique)}"
 
 
 def _unknowns(model: Model, runners: list[Runner]) -> Iterator[str]:
-    bodies, joints = len(model.bodies), len(model.joints)
+    bodies = len(model.bodies)
+    equations = sum(multiplier_count(runner.scene.system) for runner in runners)
     solved = sum(runner.scene.unknowns.free.size for runner in runners)
     full = sum(all_unknowns(runner.scene.system).size for runner in runners)
     yield (
-        f"unknowns of a step: {12 * bodies + 3 * joints} (displacements, turns and their rates, "
+        f"unknowns of a step: {12 * bodies + equations} (displacements, turns and their rates, "
         f"multipliers), {full} after using up the rates, {solved} solved for"
     )
 
 
 def _island(runner: Runner, alone: bool) -> Iterator[str]:
-    island, scene = runner.island, runner.scene
-    head = "" if alone else f"island of {_members(island)}: "
+    scene = runner.scene
+    head = "" if alone else f"island of {_members(runner.model)}: "
     lu = scene.unknowns.elimination
     if runner.axis is not None:
         yield (
             f"{head}planar: nothing ever happens along {AXES[runner.axis]}, so each body has "
-            "three unknowns and each joint two"
+            "three unknowns, and equations that hold by symmetry are left out"
         )
     flying = [
         body.name
-        for body, ballistic in zip(island.model.bodies, scene.system.bodies.ballistic, strict=False)
+        for body, ballistic in zip(runner.model.bodies, scene.system.bodies.ballistic, strict=False)
         if ballistic
     ]
     if flying:
@@ -80,8 +88,8 @@ def _island(runner: Runner, alone: bool) -> Iterator[str]:
     yield f"{head}elimination: {lu.order.size} pivots, {lu.target.size} multiplications"
 
 
-def _members(island: Island) -> str:
-    names = [body.name for body in island.model.bodies]
+def _members(island: Model) -> str:
+    names = [body.name for body in island.bodies]
     return ", ".join(names if len(names) <= 4 else [*names[:3], f"... ({len(names)} bodies)"])
 
 
@@ -91,6 +99,9 @@ def _left_out(model: Model, runners: list[Runner]) -> Iterator[str]:
     absent = {
         "gravity (zero)": not np.any(model.gravity),
         "joints (none)": not model.joints,
+        "equations along quantities: axes, slides, springs (none)": all(
+            runner.scene.system.along is None for runner in runners
+        ),
         "loads (none)": not model.loads,
     }
     names = [name for name, missing in absent.items() if missing]

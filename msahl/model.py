@@ -1,19 +1,47 @@
 """The model: what the deck says, complete, in SI units, with every basis resolved.
 
 Vectors are tuples, so two models compare with ``==``. Frames: I, the inertial axes, which are every
-ground's; B, a body's own axes at its reference point B. Records of bodies, joints and loads stand
-in their elements' modules.
+ground's; B, a body's own axes at its reference point B. Records of bodies, joints, motions and
+loads stand with their elements.
 """
 
 from dataclasses import dataclass
 
 from msahl.bodies.ground import Ground
 from msahl.bodies.rigid import RigidBody
-from msahl.forces.concentrated import ConcentratedLoad
-from msahl.joints.spherical import Spherical
+from msahl.forces.records import (
+    Bushing,
+    ConcentratedLoad,
+    Drag,
+    Friction,
+    JointSpring,
+    Load,
+    SpringDamper,
+)
+from msahl.joints.coupling import Coupling
+from msahl.joints.joint import Joint
+from msahl.law import Law
+from msahl.motion import Drive, PointMotion
 from msahl.vector import Vector
 
-__all__ = ["ConcentratedLoad", "Ground", "Model", "RigidBody", "Simulation", "Spherical"]
+__all__ = [
+    "Bushing",
+    "ConcentratedLoad",
+    "Coupling",
+    "Drag",
+    "Drive",
+    "Friction",
+    "Ground",
+    "Joint",
+    "JointSpring",
+    "Law",
+    "Load",
+    "Model",
+    "PointMotion",
+    "RigidBody",
+    "Simulation",
+    "SpringDamper",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,12 +56,18 @@ class Simulation:
 @dataclass(frozen=True, slots=True)
 class Model:
     """A whole deck. ``gravity`` [m/s^2] in I; names are unique across bodies and grounds, across
-    joints, and across loads; ``unit_system`` names the units the deck speaks by default."""
+    joints, couplings and motions, and across loads; ``unit_system`` names the units the deck speaks
+    by default. ``position`` and ``velocity`` say how the start is made consistent.
+    """
 
     gravity: Vector
     grounds: tuple[Ground, ...]
     bodies: tuple[RigidBody, ...]
-    joints: tuple[Spherical, ...]
-    loads: tuple[ConcentratedLoad, ...]
+    joints: tuple[Joint, ...]
+    loads: tuple[Load, ...]
     simulation: Simulation
     unit_system: str = "SI"
+    couplings: tuple[Coupling, ...] = ()
+    motions: tuple[Drive | PointMotion, ...] = ()
+    position: str = "check"  # or "project": close the joints by Newton's method
+    velocity: str = "keepAngular"  # or "massWeighted", or "refuse"

@@ -14,14 +14,18 @@ from msahl.model import Model, Simulation
 from msahl.solve.island import MAX_HALVINGS, Runner
 from msahl.solve.outcome import TOLERANCE, Outcome
 from msahl.solve.watch import Extremes
-from msahl.system.arrays import Tables
-from msahl.system.islands import split, whole
-from msahl.system.names import FORCE_COLUMNS, STATE_COLUMNS, describe_row
+from msahl.system.islands import split
+from msahl.system.names import describe_row, reaction_columns, state_columns, work_columns
 
 CHUNK_SECONDS = 0.2
 """About how long the loop goes on between output, progress and a look at interruptions."""
 CHUNK_NUMBERS = 2_000_000
 """Most numbers published at once: bounds the memory whatever the scene and the run."""
+
+WORTH_TELLING = 1e-12
+"""Way an inconsistent velocity would go in a step, relative to the bodies' length, that is told."""
+COLUMNS = (state_columns, reaction_columns, work_columns)
+"""What heads the tables of states, reactions and work."""
 
 
 class Sink(Protocol):
@@ -54,6 +58,8 @@ class Report:
     islands: int = 0
     planar_islands: int = 0
     unknowns: int = 0
+    freedoms: dict[str, int] = field(default_factory=dict)
+    sharedReactions: list[str] = field(default_factory=list)
     iterations: int = 0
     factorisations: int = 0
     root_steps: int = 0
@@ -115,16 +121,26 @@ class _Run:
         began = time.perf_counter()
         self.model, self.options, self.sink = model, options, sink
         self.grid = Grid.of(model.simulation)
-        numbers = 12 * len(model.bodies) + 3 * len(model.joints) + 4
+        self.columns = [names(model) for names in COLUMNS]
+        numbers = sum(len(columns) for columns in self.columns)
         self.chunk = max(1, min(4096, self.grid.n, CHUNK_NUMBERS // numbers))
-        islands = [whole(model)] if options.full else split(model)
+        islands = [model] if options.full else split(model)
         self.runners = [Runner(i, options.solver, options.full, self.chunk) for i in islands]
+        self.places = [
+            [
+                [whole.index(c) for c in names(runner.model)[1:]]
+                for whole, names in zip(self.columns, COLUMNS, strict=True)
+            ]
+            for runner in self.runners
+        ]
         self.report = Report(
-            joints=len(model.joints),
+            joints=len(model.joints) + len(model.couplings),
             islands=len(islands),
             planar_islands=sum(runner.axis is not None for runner in self.runners),
             unknowns=sum(runner.scene.unknowns.free.size for runner in self.runners),
-            warnings=[w for runner in self.runners for w in velocity_warnings(runner)],
+            freedoms=_freedoms(model, self.runners),
+            sharedReactions=[name for runner in self.runners for name in runner.shared],
+            warnings=[w for runner in self.runners for w in _warnings(runner)],
             seconds={"prepare": time.perf_counter() - began, "loop": 0.0, "output": 0.0},
         )
 
@@ -182,25 +198,14 @@ class _Run:
         if not times.size:
             return
         began = time.perf_counter()
-        model, rows = self.model, times.size
-        widths = {
-            "states": len(STATE_COLUMNS) * len(model.bodies),
-            "reactions": len(FORCE_COLUMNS) * len(model.joints),
-            "work": len(model.loads),
-        }
-        tables = Tables(**{name: np.empty((rows, width + 1)) for name, width in widths.items()})
+        tables = [np.empty((times.size, len(columns))) for columns in self.columns]
         for table in tables:
             table[:, 0] = times
-        for runner in self.runners:
-            island, own = runner.island, runner.scene.tables
-            places = Tables(
-                *(np.array(p, dtype=int) for p in (island.bodies, island.joints, island.loads))
-            )
-            for table, part, place, width in zip(tables, own, places, (12, 3, 1), strict=True):
-                columns = (1 + width * place[:, None] + np.arange(width)).reshape(-1)
-                table[:, columns] = part[:rows]
+        for runner, places in zip(self.runners, self.places, strict=True):
+            for table, part, columns in zip(tables, runner.scene.tables, places, strict=True):
+                table[:, columns] = part[: times.size]
         self.sink.write(*tables)
-        self.report.rows += rows
+        self.report.rows += times.size
         self.report.seconds["output"] += time.perf_counter() - began
 
     def _finish(self) -> Report:
@@ -218,22 +223,52 @@ class _Run:
             f"step {step + 1} from t = {self.grid.time(step):g} s did not converge, nor did steps "
             f"down to {self.grid.h / 2**MAX_HALVINGS:.3g} s: the residual stayed at "
             f"{outcome.residual:.1e} of the step's motion (solved: {TOLERANCE:g}), worst in "
-            f"{describe_row(runner.island.model, outcome.worst)}. Try a smaller --dt, and look at "
-            "the last rows for forces or speeds that grow without bound."
+            f"{describe_row(runner.model, runner.scene.system, outcome.worst)}. Try a smaller "
+            "--dt, and look at the last rows for forces or speeds that grow without bound."
         )
 
 
-def velocity_warnings(runner: Runner) -> list[str]:
-    """What was done to the initial velocities, in a sentence, or nothing."""
-    change = runner.change
-    if change.method == "none":
+def _freedoms(model: Model, runners: list[Runner]) -> dict[str, int]:
+    """Degrees of freedom by count (Hainge 2010, eq. 1.1) and by rank of the joints' equations."""
+    n = 6 * len(model.bodies)
+    rank = sum(runner.rank for runner in runners)
+    return {"byCount": n - rank - sum(runner.redundant for runner in runners), "byRank": n - rank}
+
+
+def _warnings(runner: Runner) -> list[str]:
+    """What a reader of the results must know of their start, in sentences."""
+    warnings = _assembly_warnings(runner) + _velocity_warnings(runner)
+    if runner.shared:
+        warnings.append(
+            f"{runner.redundant} joint equations are redundant: motion and energy are unique, the "
+            f"reactions of {', '.join(runner.shared)} are not; the smallest, weighted by mass, are "
+            "given"
+        )
+    return warnings
+
+
+def _assembly_warnings(runner: Runner) -> list[str]:
+    moved = runner.moved
+    if moved is None or moved.gap == 0.0:
+        return []
+    changes = [
+        f"body '{body.name}' by {way:.3g} m and {turn:.3g} rad"
+        for body, way, turn in zip(runner.model.bodies, moved.ways, moved.turns, strict=True)
+    ]
+    return [f"joints open by {moved.gap:.3g} m were closed: moved {', '.join(changes)}"]
+
+
+def _velocity_warnings(runner: Runner) -> list[str]:
+    change, dt = runner.change, runner.model.simulation.dt
+    length = float(runner.scene.system.bodies.length.max())
+    if change.method == "none" or change.rate * dt <= WORTH_TELLING * length:
         return []
     kept = "angular velocities kept" if change.method == "keepAngular" else "least change by mass"
     head = f"initial velocities opened a joint at {change.rate:.3g} m/s and were changed ({kept}): "
     changes = [
         f"body '{body.name}' by {np.linalg.norm(dv):.3g} m/s"
         + (f" and {np.linalg.norm(dw):.3g} rad/s" if dw.any() else "")
-        for body, dv, dw in zip(runner.island.model.bodies, change.dv, change.dw, strict=True)
+        for body, dv, dw in zip(runner.model.bodies, change.dv, change.dw, strict=True)
         if dv.any() or dw.any()
     ]
     return [head + ", ".join(changes)]

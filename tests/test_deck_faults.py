@@ -153,7 +153,7 @@ SCHEMA_FAULTS = {
     ),
     "stray text": (
         ("<joints>", "<joints>and"),
-        ":19: system/joints: stray text 'and'; <joints> holds <spherical>",
+        ":19: system/joints: stray text 'and'; <joints> holds one of <rigid>, <revolute>,",
     ),
 }
 

@@ -14,6 +14,9 @@ from xmlschema.validators import XsdAttributeGroup, XsdGroup
 
 from msahl.deck.faults import Element, Faults, text
 
+NAMES = ("name", "body", "joint", "first", "second")
+"""Elements that hold a name."""
+
 
 def add_faults(root: Element, schema: bytes, faults: Faults) -> None:
     """Add a fault for everything in ``root`` that the ``schema`` forbids."""
@@ -61,6 +64,10 @@ def _children(element: Element, group: Any) -> Explained:
         for name, child in known.items():
             if child.min_occurs and not counts[name]:
                 yield element, name, f"<{name}> is missing; add it to <{element.tag}>"
+    elif group.model == "choice" and group.max_occurs == 1 and len(element) > 1:
+        first, *others = element
+        for child in others:
+            yield child, "", f"<{child.tag}> stands beside <{first.tag}>; keep one"
     elif group.min_occurs and not counts.keys() & known.keys():
         yield element, "", f"<{element.tag}> is empty; add {_listed(names)}"
     stray = _stray_text(element)
@@ -96,7 +103,7 @@ def _value(error: Any) -> Explained:
         shown = value if name else text(element)
         what = {"units": "unknown unit ", "": "unknown value "}.get(name, f"unknown value {name}=")
         yield element, name, f"{what}'{shown}'{_choice(str(shown), allowed)}"
-    elif name == "basis" or element.tag in ("name", "body"):
+    elif name == "basis" or element.tag in NAMES:
         yield element, name, f"the {name or 'name'} is empty; give a name"
     elif error.reason and "attribute" in error.reason:
         yield element, name, error.reason

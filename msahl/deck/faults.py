@@ -5,16 +5,18 @@ from typing import NoReturn
 
 from lxml import etree
 
+from msahl.vector import Vector
+
 Element = etree._Element
 
-KINDS = {"bodies": "body", "joints": "joint", "loads": "load"}
+KINDS = {"bodies": "body", "joints": "joint", "motions": "motion", "loads": "load"}
 """What a child of these elements is called in a message."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One fault: ``file`` as the user named it, ``line`` (0: the file as a whole), ``where``
-    (an element's path, or its body, joint or load by name) and ``message`` with the remedy."""
+    """One fault: ``file`` as the user named it, ``line`` (0: the file as a whole), ``where`` (an
+    element's path, or its body, joint, motion or load by name), ``message`` with the remedy."""
 
     file: str
     line: int
@@ -92,10 +94,16 @@ def where(element: Element) -> str:
 
 
 def _record(element: Element) -> str:
-    """``body 'Bob'`` for a body, joint or load; "" for any other element."""
+    """``body 'Bob'`` for a body, joint, motion or load; "" for any other element."""
     parent = element.getparent()
     kind = KINDS.get(str(parent.tag)) if parent is not None else None
     if parent is None or kind is None:
         return ""
     name = text(element.find("name"))
     return f"{kind} '{name}'" if name else f"{kind} {parent.index(element) + 1}"
+
+
+def shown(a: Vector) -> str:
+    """A vector for a reader."""
+    x, y, z = (component + 0.0 for component in a)  # no minus before a zero
+    return f"({x:.9g}, {y:.9g}, {z:.9g})"

@@ -1,78 +1,92 @@
-"""Joints: elements -> records, and whether their points meet at t = 0."""
+"""Joints: elements -> records. What each kind takes stands in ``msahl.joints``, with its law."""
 
 import math
-import sys
 
+from msahl.deck.ends import Ends, carried, is_placed, own_frame, read_ends, shared_frame
 from msahl.deck.faults import Element, text
-from msahl.deck.values import INERTIAL, Reader
-from msahl.joints.spherical import Spherical
-from msahl.vector import ZERO, Vector, add, sub
+from msahl.deck.fit import complaints
+from msahl.deck.frames import turned_round
+from msahl.deck.values import Reader
+from msahl.joints.joint import Joint, Kind
+from msahl.joints.registry import KINDS
+from msahl.vector import IDENTITY, Matrix, cross, dot, sub
 
-GAP = 1e-6
-"""Largest gap of a joint at t = 0, in parts of its longest arm: decks are typed with 6-7 digits."""
+ON_GROUND = ("knifeEdge", "rollingDisk")
+"""Kinds whose law between rates holds against the inertial axes only."""
 
-ROUND_OFF = 64 * sys.float_info.epsilon
-"""Gap that is always forgiven, in parts of the points' distance from the inertial origin."""
+Frames = tuple[Matrix, Matrix]
 
 
-def read_spherical(element: Element, reader: Reader) -> Spherical:
-    """Record of a ``<spherical>``; each point in its own body's axes."""
-    parent, parent_point = _end(element, "parent", reader)
-    child, child_point = _end(element, "child", reader)
+def read_joint(element: Element, reader: Reader) -> Joint:
+    """Record of a joint of any kind; each point and frame in its own body's axes."""
+    kind = KINDS[str(element.tag)]
+    ends = read_ends(element, reader)
     reaction = element.find("initialConditions/reaction")
     if reaction is not None:  # only a first guess, of which nothing but its faults is used
         reader.components(reaction)
         reader.basis(reaction)
-    joint = Spherical(text(element.find("name")), parent, child, parent_point, child_point)
-    _check_ends(element, joint, reader)
+    _check_parent(element, ends, reader)
+    parent_axes, child_axes = _frames(element, kind, ends, reader)
+    joint = Joint(
+        name=text(element.find("name")),
+        kind=kind.name,
+        parent=ends.parent,
+        child=ends.child,
+        parent_point=ends.parent_point,
+        child_point=ends.child_point,
+        parent_axes=carried(parent_axes, ends.parent, reader),
+        child_axes=carried(child_axes, ends.child, reader),
+        parameters=_parameters(element, kind, reader),
+    )
+    if is_placed(element, ends, reader):
+        for message in complaints(joint, ends, reader):
+            reader.faults.add(element, message)
     if reader.faults.sound(element):
-        _check_gap(element, joint, reader)
+        reader.joints[joint.name] = joint
     return joint
 
 
-def _end(joint: Element, role: str, reader: Reader) -> tuple[str, Vector]:
-    """Name of the parent or child, and its joint point [m] in its own axes."""
-    end = joint.find(role)
-    assert end is not None  # the schema requires it
-    label = end.find("name")
-    name = text(label)
-    if not reader.known(joint, name, role, at=label):
-        return name, ZERO
-    return name, reader.vector(end.find("position"), own=name, wanted=name)
+def _check_parent(element: Element, ends: Ends, reader: Reader) -> None:
+    if element.tag in ON_GROUND and ends.parent in reader.axes.keys() - set(reader.grounds):
+        message = f"the parent of a {element.tag} is a ground; '{ends.parent}' is a body"
+        reader.faults.add(element, message, element.find("parent/name"))
 
 
-def _check_ends(element: Element, joint: Spherical, reader: Reader) -> None:
-    """A joint holds two different bodies, at least one of which can move."""
-    if joint.parent == joint.child:
-        message = f"parent and child are both '{joint.parent}'; a joint holds two different bodies"
-        reader.faults.add(element, message)
-    elif {joint.parent, joint.child} <= set(reader.grounds):
-        message = f"'{joint.parent}' and '{joint.child}' are both grounds; name a body that moves"
-        reader.faults.add(element, message)
+def _parameters(element: Element, kind: Kind, reader: Reader) -> tuple[tuple[str, float], ...]:
+    """Every parameter of the kind by name [SI]; what may be left out has its default."""
+    values = []
+    for name, quantity, default, bound in kind.parameters:
+        place = element.find(name)
+        value = reader.number(place, quantity)
+        if place is None and default is not None:
+            value = default
+        elif value <= bound and place is not None and reader.faults.sound(place):
+            reader.faults.add(place, f"it is {value:g}; it must be greater than {bound:g}")
+        values.append((name, value))
+    return tuple(values)
 
 
-def _check_gap(element: Element, joint: Spherical, reader: Reader) -> None:
-    """The two points coincide at t = 0, as far as a typed deck can say so."""
-    if not {joint.parent, joint.child} <= reader.origins.keys():
-        return  # a body with faults of its own
-    here = _placed(joint.parent, joint.parent_point, reader)
-    there = _placed(joint.child, joint.child_point, reader)
-    gap = math.dist(here, there)
-    arm = max(math.hypot(*joint.parent_point), math.hypot(*joint.child_point))
-    reach = max(math.hypot(*here), math.hypot(*there))
-    if gap > max(GAP * arm, ROUND_OFF * reach):
-        message = (
-            f"open by {gap:.4g} m at t = 0: its point is at {_shown(here)} m on parent "
-            f"'{joint.parent}' but at {_shown(there)} m on child '{joint.child}' (inertial axes); "
-            f"move the child by {_shown(sub(here, there))} m"
-        )
-        reader.faults.add(element, message)
+def _frames(element: Element, kind: Kind, ends: Ends, reader: Reader) -> Frames:
+    """Frames of parent and child, inertial axes at t = 0."""
+    if kind.axes == 0:
+        return IDENTITY, IDENTITY
+    if kind.axes == 1:
+        shared = shared_frame(element, reader)
+        if shared is None and reader.faults.sound(element):
+            message = "<axis> is missing; add it to <parent> or <child>, <axis><z>1</z></axis> say"
+            reader.faults.add(element, message)
+        return shared or IDENTITY, shared or IDENTITY
+    parent, child = own_frame(element, "parent", reader), own_frame(element, "child", reader)
+    if parent is None or child is None:
+        return IDENTITY, IDENTITY
+    if kind.name == "crossedCylinders" and is_placed(element, ends, reader):
+        return parent, _facing(parent, child, ends, reader)
+    return parent, child
 
 
-def _placed(body: str, point: Vector, reader: Reader) -> Vector:
-    """A point of a body from the inertial origin, inertial axes [m]."""
-    return add(reader.origins[body], reader.turned(point, body, INERTIAL))
-
-
-def _shown(a: Vector) -> str:
-    return f"({a[0]:.9g}, {a[1]:.9g}, {a[2]:.9g})"
+def _facing(parent: Matrix, child: Matrix, ends: Ends, reader: Reader) -> Matrix:
+    """The child's frame, turned round if its axis b has D . (a x b) < 0: the law wants it so."""
+    here = reader.placed(ends.parent, ends.parent_point)
+    there = reader.placed(ends.child, ends.child_point)
+    volume = dot(sub(there, here), cross(parent[2], child[2]))
+    return turned_round(child) if math.copysign(1.0, volume) < 0.0 else child

@@ -1,6 +1,7 @@
 """A deck file -> the model. All faults at once.
 
-    bytes -> tree -> schema -> names -> axes -> bodies -> joints, loads -> model
+    bytes -> tree -> schema -> names -> axes -> bodies -> joints -> couplings, motions, loads
+          -> model
 
 Only records that the schema finds sound are read further, but every name counts: a slip in one
 record does not make references to it look wrong.
@@ -12,23 +13,46 @@ from pathlib import Path
 from typing import Any
 
 from msahl.deck.bodies import read_ground, read_rigid_body
+from msahl.deck.couplings import read_coupling
 from msahl.deck.faults import KINDS, Element, Faults, line_of, text
-from msahl.deck.joints import read_spherical
-from msahl.deck.loads import read_concentrated
+from msahl.deck.joints import read_joint
+from msahl.deck.loads import (
+    read_body_force,
+    read_concentrated,
+    read_distributed,
+    read_drag,
+    read_friction,
+)
+from msahl.deck.motions import check_driven_once, read_drive, read_point_motion
 from msahl.deck.parse import parse, read_bytes
 from msahl.deck.schema import check_schema
-from msahl.deck.simulation import read_simulation
+from msahl.deck.simulation import Assembly, read_assembly, read_simulation
+from msahl.deck.springs import read_bushing, read_joint_spring, read_spring_damper
 from msahl.deck.values import Reader
+from msahl.joints.coupling import FREEDOMS
+from msahl.joints.registry import KINDS as JOINT_KINDS
 from msahl.model import Ground, Model, RigidBody, Simulation
 from msahl.rotation import matrix
 from msahl.vector import IDENTITY, ZERO, Vector
 
-BODIES: Mapping[str, Callable[[Element, Reader], Any]] = {
-    "ground": read_ground,
-    "rigidBody": read_rigid_body,
+Read = Callable[[Element, Reader], Any]
+
+BODIES: Mapping[str, Read] = {"ground": read_ground, "rigidBody": read_rigid_body}
+MOTIONS: Mapping[str, Read] = {"drive": read_drive, "pointMotion": read_point_motion}
+LOADS: Mapping[str, Read] = {
+    "concentrated": read_concentrated,
+    "bodyForce": read_body_force,
+    "distributed": read_distributed,
+    "springDamper": read_spring_damper,
+    "torsionalSpringDamper": read_joint_spring,
+    "slideSpringDamper": read_joint_spring,
+    "bushing": read_bushing,
+    "drag": read_drag,
+    "friction": read_friction,
 }
-JOINTS: Mapping[str, Callable[[Element, Reader], Any]] = {"spherical": read_spherical}
-LOADS: Mapping[str, Callable[[Element, Reader], Any]] = {"concentrated": read_concentrated}
+
+ONE_NAME = (("bodies",), ("joints", "motions"), ("loads",))
+"""Groups whose records share one set of names."""
 
 FORBIDDEN = frozenset(",;\"'")
 """Characters no name may hold, beside those that do not print: names become CSV columns."""
@@ -50,22 +74,34 @@ def read_deck(path: str | PathLike[str], thorough: bool = False) -> Model:
 
 def _read_model(root: Element, faults: Faults) -> Model:
     """What can be read of the deck; complete if ``faults`` stays empty."""
-    unit_system = text(root.find("unitSystem"))
-    reader = Reader("US" if unit_system == "US" else "SI", faults)
+    unit_system = "US" if text(root.find("unitSystem")) == "US" else "SI"
+    simulation = root.find("simulation")
+    usable = simulation is not None and faults.sound(simulation)
+    assembly = read_assembly(root) if usable else Assembly()
+    reader = Reader(unit_system, faults, assembly.position == "project")
     sound = {group: _sound(root.iterfind(f"system/{group}/*"), faults) for group in KINDS}
-    for group in KINDS:
-        _check_names(root, group, faults)
+    for groups in ONE_NAME:
+        _check_names(root, groups, faults)
     _read_axes(root, sound["bodies"], reader)
+    _read_kinds(root, reader)
     bodies = [_read_body(element, reader) for element in sound["bodies"]]
     _check_some_body(root, faults)
+    joints = [read_joint(e, reader) for e in sound["joints"] if e.tag in JOINT_KINDS]
+    couplings = [read_coupling(e, reader) for e in sound["joints"] if e.tag in FREEDOMS]
+    motions = [MOTIONS[str(e.tag)](e, reader) for e in sound["motions"]]
+    check_driven_once(sound["motions"], reader)
     return Model(
         gravity=_gravity(root, reader),
         grounds=tuple(body for body in bodies if isinstance(body, Ground)),
         bodies=tuple(body for body in bodies if isinstance(body, RigidBody)),
-        joints=tuple(JOINTS[str(e.tag)](e, reader) for e in sound["joints"]),
+        joints=tuple(joints),
         loads=tuple(LOADS[str(e.tag)](e, reader) for e in sound["loads"]),
         simulation=_simulation(root, reader),
         unit_system=reader.unit_system,
+        couplings=tuple(couplings),
+        motions=tuple(motions),
+        position=assembly.position,
+        velocity=assembly.velocity,
     )
 
 
@@ -74,10 +110,10 @@ def _sound(elements: Iterable[Element], faults: Faults) -> list[Element]:
     return [element for element in elements if faults.sound(element)]
 
 
-def _check_names(root: Element, group: str, faults: Faults) -> None:
-    """Names are printable, fit to head a column, and unique within their group."""
+def _check_names(root: Element, groups: Iterable[str], faults: Faults) -> None:
+    """Names are printable, fit to head a column, and unique within their groups."""
     taken: dict[str, Element] = {}
-    for record in root.iterfind(f"system/{group}/*"):
+    for record in (record for group in groups for record in root.iterfind(f"system/{group}/*")):
         label = record.find("name")
         name = text(label)
         if label is None or not name:
@@ -107,6 +143,13 @@ def _read_axes(root: Element, sound: list[Element], reader: Reader) -> None:
         reader.axes[name] = matrix(reader.orientation(element))
 
 
+def _read_kinds(root: Element, reader: Reader) -> None:
+    """Make every joint's kind known, faults or not, before anything refers to it."""
+    for element in root.iterfind("system/joints/*"):
+        if element.tag in JOINT_KINDS:
+            reader.kinds.setdefault(text(element.find("name")), str(element.tag))
+
+
 def _read_body(element: Element, reader: Reader) -> Ground | RigidBody:
     """Record of a ground or body; its place becomes known to the joints if it has no fault."""
     body: Ground | RigidBody = BODIES[str(element.tag)](element, reader)
@@ -115,6 +158,8 @@ def _read_body(element: Element, reader: Reader) -> Ground | RigidBody:
     label = element.find("name")
     if placed and label is not None and reader.faults.sound(label):
         reader.origins[body.name] = getattr(body, "position", ZERO)
+    if isinstance(body, RigidBody) and reader.faults.sound(element):
+        reader.bodies[body.name] = body
     return body
 
 

@@ -1,6 +1,7 @@
-"""How the scene is run: step and end, and which of them make sense."""
+"""How the scene is run: step and end, which of them make sense, and how the start is made."""
 
 import math
+from dataclasses import dataclass
 
 from msahl.deck.faults import Element, text
 from msahl.deck.values import Reader
@@ -22,6 +23,26 @@ def read_simulation(element: Element, reader: Reader) -> Simulation:
             place = element.find(tag)
             reader.faults.add(element if place is None else place, message)
     return simulation
+
+
+@dataclass(frozen=True, slots=True)
+class Assembly:
+    """How the start is made consistent: see ``Model``."""
+
+    position: str = "check"
+    velocity: str = "keepAngular"
+
+
+def read_assembly(root: Element) -> Assembly:
+    """What ``<assembly>`` says; the defaults without it."""
+    element = root.find("simulation/assembly")
+    default = Assembly()
+    if element is None:
+        return default
+    return Assembly(
+        position=" ".join(element.get("position", default.position).split()),
+        velocity=" ".join(element.get("velocity", default.velocity).split()),
+    )
 
 
 def check_simulation(simulation: Simulation) -> list[str]:

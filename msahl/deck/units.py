@@ -28,10 +28,37 @@ _LENGTHS = {
 }
 
 
+_ANGLES = {"rad": Fraction(1), "deg": _DEG}
+_MOMENTS = {
+    "N-m": Fraction(1),
+    "N-mm": Fraction(1, 1000),
+    "kN-m": Fraction(1000),
+    "lbf-ft": _LBF * _FT,
+    "lbf-in": _LBF * _IN,
+}
+_FORCE_PER_LENGTH = {
+    "N/m": Fraction(1),
+    "N/mm": Fraction(1000),
+    "kN/m": Fraction(1000),
+    "lbf/ft": _LBF / _FT,
+    "lbf/in": _LBF / _IN,
+}
+
+
 def _per_second(factors: Factors, power: str = "") -> dict[str, Fraction]:
     """The units ``u/sec`` and ``u/s`` (``power`` "^2": per second squared) of each ``u``."""
     return {f"{u}/{s}{power}": f for u, f in factors.items() for s in ("sec", "s")}
 
+
+def _times_second(factors: Factors, power: str = "") -> dict[str, Fraction]:
+    """The units ``a-sec/b`` and ``a-s/b`` of each ``a/b``: of damping, where that of stiffness is
+    ``a/b``; ``power`` as above."""
+    seconds = [f"-{s}{power}/" for s in ("sec", "s")]
+    return {u.replace("/", s): f for u, f in factors.items() for s in seconds}
+
+
+_MOMENT_PER_ANGLE = {f"{m}/{a}": f / g for m, f in _MOMENTS.items() for a, g in _ANGLES.items()}
+_RATES = {**_per_second(_ANGLES), "rpm": 6 * _DEG}
 
 UNITS: Mapping[str, Factors] = {
     "length": _LENGTHS,
@@ -50,27 +77,25 @@ UNITS: Mapping[str, Factors] = {
         "lbm-ft^2": _LBM * _FT**2,
         "lbm-in^2": _LBM * _IN**2,
     },
-    "angle": {"rad": Fraction(1), "deg": _DEG},
+    "angle": _ANGLES,
     "velocity": _per_second(_LENGTHS),
-    "angularVelocity": {
-        **_per_second({"rad": Fraction(1), "deg": _DEG}),
-        "rpm": 6 * _DEG,
-    },
+    "angularVelocity": _RATES,
     "acceleration": _per_second(_LENGTHS, "^2"),
     "force": {"N": Fraction(1), "mN": Fraction(1, 1000), "kN": Fraction(1000), "lbf": _LBF},
-    "moment": {
-        "N-m": Fraction(1),
-        "N-mm": Fraction(1, 1000),
-        "kN-m": Fraction(1000),
-        "lbf-ft": _LBF * _FT,
-        "lbf-in": _LBF * _IN,
-    },
+    "moment": _MOMENTS,
     "time": {
         "sec": Fraction(1),
         "s": Fraction(1),
         "ms": Fraction(1, 1000),
         "min": Fraction(60),
     },
+    "frequency": {**_RATES, "Hz": 360 * _DEG},
+    "stiffness": _FORCE_PER_LENGTH,
+    "damping": _times_second(_FORCE_PER_LENGTH),
+    "angularStiffness": _MOMENT_PER_ANGLE,
+    "angularDamping": _times_second(_MOMENT_PER_ANGLE),
+    "lineLoad": _FORCE_PER_LENGTH,
+    "dragCoefficient": _times_second({"N/m^2": Fraction(1), "lbf/ft^2": _LBF / _FT**2}, "^2"),
 }
 """Factor to SI of every unit of every quantity."""
 
@@ -87,6 +112,13 @@ DEFAULTS: Mapping[str, Mapping[str, str]] = {
         "force": "lbf",
         "moment": "lbf-ft",
         "time": "sec",
+        "frequency": "rad/sec",
+        "stiffness": "lbf/ft",
+        "damping": "lbf-sec/ft",
+        "angularStiffness": "lbf-ft/rad",
+        "angularDamping": "lbf-ft-sec/rad",
+        "lineLoad": "lbf/ft",
+        "dragCoefficient": "lbf-sec^2/ft^2",
     },
 }
 """Unit of a number without ``units``, per unit system; the SI unit is the first of each list."""

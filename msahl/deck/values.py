@@ -9,10 +9,13 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from msahl.bodies.rigid import RigidBody
 from msahl.deck.faults import Element, Faults, text
-from msahl.deck.units import DEFAULTS, to_si
+from msahl.deck.frames import unit
+from msahl.deck.units import DEFAULTS, UNITS, to_si
+from msahl.joints.joint import Joint
 from msahl.rotation import from_axis_angle
-from msahl.vector import IDENTITY, ZERO, Matrix, Vector, times, transpose
+from msahl.vector import IDENTITY, ZERO, Matrix, Vector, add, times, transpose
 
 VECTORS: Mapping[str, tuple[str, tuple[str, str, str]]] = {
     "gravity": ("acceleration", ("g1", "g2", "g3")),
@@ -23,6 +26,12 @@ VECTORS: Mapping[str, tuple[str, tuple[str, str, str]]] = {
     "force": ("force", ("xForce", "yForce", "zForce")),
     "reaction": ("force", ("xForce", "yForce", "zForce")),
     "moment": ("moment", ("xMoment", "yMoment", "zMoment")),
+    "acceleration": ("acceleration", ("a1", "a2", "a3")),
+    "start": ("length", ("x", "y", "z")),
+    "end": ("length", ("x", "y", "z")),
+    "axis": ("", ("x", "y", "z")),
+    "reference": ("", ("x", "y", "z")),
+    "direction": ("", ("x", "y", "z")),
 }
 """Quantity and components of every vector element."""
 
@@ -32,17 +41,23 @@ INERTIAL = ""
 
 @dataclass(frozen=True, slots=True)
 class Reader:
-    """What reading needs to know: default units, the bodies' axes, where faults go.
+    """What reading needs to know: default units, what was read already, where faults go.
 
     ``axes`` holds R (body to inertial components at t = 0) by name of body or ground; ``origins``
-    the point B in inertial axes [m], of those whose place is free of faults.
+    the point B in inertial axes [m], of those whose place is free of faults; ``kinds`` the kind of
+    every joint by name. ``bodies`` and ``joints`` hold the records free of faults. With ``project``
+    joints need not fit at t = 0.
     """
 
     unit_system: str
     faults: Faults
+    project: bool = False
     axes: dict[str, Matrix] = field(default_factory=lambda: {INERTIAL: IDENTITY})
     origins: dict[str, Vector] = field(default_factory=dict)
     grounds: list[str] = field(default_factory=list)
+    bodies: dict[str, RigidBody] = field(default_factory=dict)
+    kinds: dict[str, str] = field(default_factory=dict)
+    joints: dict[str, Joint] = field(default_factory=dict)
 
     def number(self, element: Element | None, quantity: str = "") -> float:
         """Value in SI; without element zero; a number too large for a double is a fault."""
@@ -50,8 +65,15 @@ class Reader:
             return 0.0
         value = float(text(element))
         if quantity:
-            unit = element.get("units") or DEFAULTS[self.unit_system][quantity]
-            value = to_si(value, " ".join(unit.split()), quantity)
+            name = " ".join((element.get("units") or "").split())
+            name = name or DEFAULTS[self.unit_system][quantity]
+            if name not in UNITS[quantity]:  # where the schema cannot know which of two it is
+                units = ", ".join(UNITS[quantity])
+                self.faults.add(element, f"'{name}' does not fit here; expected one of {units}")
+                return 0.0
+            value = to_si(value, name, quantity)
+        elif element.get("units"):
+            self.faults.add(element, "it is a plain number here; delete units")
         if not math.isfinite(value):
             self.faults.add(element, f"{text(element)} is too large for a number; give less")
             return 0.0
@@ -100,6 +122,20 @@ class Reader:
         if self.axes[basis] != self.axes[wanted]:
             a = times(transpose(self.axes[wanted]), times(self.axes[basis], a))
         return a
+
+    def direction(self, element: Element | None, own: str) -> Vector | None:
+        """Unit vector along a vector element, inertial axes; None without element or if zero."""
+        if element is None:
+            return None
+        a = self.vector(element, own, INERTIAL)
+        if math.hypot(*a) == 0.0:
+            self.faults.add(element, f"the {element.tag} is zero; give a direction, 0 0 1 say")
+            return None
+        return unit(a)
+
+    def placed(self, body: str, point: Vector) -> Vector:
+        """A point of a body from the inertial origin, inertial axes [m]."""
+        return add(self.origins[body], self.turned(point, body, INERTIAL))
 
     def orientation(self, body: Element) -> Vector:
         """Wiener-Milenkovic parameters of a body's axes relative to the inertial ones."""

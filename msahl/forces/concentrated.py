@@ -4,20 +4,20 @@
     work over the step = F . (u + dr) + M . Q                        exactly what the body gains
 
 f and m have constant components in the axes of some body (or the ground: then R is constant), and
-turn with it. r is the arm from the mass centre to the point of application. Source: the thesis's
-concentrated load (Hainge 2010, section 2.3.1); the discrete form is ours.
+turn with it; a law of time, taken at the middle of the step, may multiply both. r is the arm from
+the mass centre to the point of application. Source: the concentrated load of Hainge 2010, section
+2.3.1; the discrete form is ours.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from msahl.bodies.rigid import Bodies, end_tangent, mean, push, turn_of
 from msahl.kernel import kernel
+from msahl.law import Laws, evaluate
 from msahl.rotation import turn_change
 from msahl.vector import (
-    Vector,
     add,
     at,
     cross,
@@ -32,22 +32,6 @@ from msahl.vector import (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class ConcentratedLoad:
-    """``point`` [m] from B in the body's axes; ``force`` [N] and ``moment`` [N m] have constant
-    components in the axes of the bodies (or grounds) named by ``force_basis`` and
-    ``moment_basis``, and turn with them.
-    """
-
-    name: str
-    body: str
-    point: Vector
-    force: Vector
-    force_basis: str
-    moment: Vector
-    moment_basis: str
-
-
 class ConcentratedLoads(NamedTuple):
     """The group of all concentrated loads."""
 
@@ -57,12 +41,14 @@ class ConcentratedLoads(NamedTuple):
     f_axes: np.ndarray  # (k,)
     m: np.ndarray  # (k, 3) in the axes of body m_axes [N m]
     m_axes: np.ndarray  # (k,)
+    law: np.ndarray  # (k,) factor in time, or -1
     force_by_turn: np.ndarray  # (k,) start of the block by the turn of f_axes
     moment_by_turn: np.ndarray  # (k, 3) by the turns of the body, of f_axes and of m_axes
 
 
 class ConcentratedStart(NamedTuple):
-    """Arm, force and moment at the start of the step, inertial axes, (k, 3)."""
+    """Arm at the start of the step, and force and moment with the directions they have there and
+    the size they have over the step; inertial axes, (k, 3)."""
 
     r: np.ndarray
     f: np.ndarray
@@ -70,12 +56,15 @@ class ConcentratedStart(NamedTuple):
 
 
 @kernel
-def prepare(group: ConcentratedLoads, R: np.ndarray, start: ConcentratedStart) -> None:
-    """Carry arm, force and moment into inertial axes."""
+def prepare(
+    group: ConcentratedLoads, laws: Laws, t: float, R: np.ndarray, start: ConcentratedStart
+) -> None:
+    """Carry arm, force and moment into inertial axes; their size is that of time ``t``."""
     for k in range(group.body.size):
+        c = 1.0 if group.law[k] < 0 else evaluate(laws, group.law[k], t)[0]
         put(start.r, k, times(matrix_at(R, group.body[k]), at(group.s, k)))
-        put(start.f, k, times(matrix_at(R, group.f_axes[k]), at(group.f, k)))
-        put(start.m, k, times(matrix_at(R, group.m_axes[k]), at(group.m, k)))
+        put(start.f, k, scale(c, times(matrix_at(R, group.f_axes[k]), at(group.f, k))))
+        put(start.m, k, scale(c, times(matrix_at(R, group.m_axes[k]), at(group.m, k))))
 
 
 @kernel
@@ -131,15 +120,17 @@ def work(
     start: ConcentratedStart,
     bodies: Bodies,
     Z: np.ndarray,
+    column: np.ndarray,
     total: np.ndarray,
 ) -> None:
-    """Add the work [J] of each load over the step to ``total`` (k,)."""
+    """Add the work [J] of each load over the step to its ``column`` of ``total``."""
     for k in range(group.body.size):
         b = group.body[k]
         Q = turn_of(bodies, Z, b)
         f = mean(bodies, Z, group.f_axes[k], at(start.f, k))
         m = mean(bodies, Z, group.m_axes[k], at(start.m, k))
-        total[k] += dot(f, add(at(Z, 2 * b), turn_change(Q, at(start.r, k)))) + dot(m, Q)
+        moved = add(at(Z, 2 * b), turn_change(Q, at(start.r, k)))
+        total[column[k]] += dot(f, moved) + dot(m, Q)
 
 
 @kernel

@@ -2,21 +2,16 @@
 
     g = (r_child + s_child) - (r_parent + s_parent) = 0            (3,)  [m], inertial axes
 
-One ``coincide`` of the primitives; its multiplier is the force of the parent on the child. Free
-motions: 3 (all turns). Source: Hainge 2010, figure 1.2.
+One ``coincide``; its multiplier is the force of the parent on the child. 3 equations, free
+motions: 3 (all turns).
 """
 
-from dataclasses import dataclass
-
-from msahl.vector import Vector
+from msahl.joints.joint import Coincide, Equations, Joint, Kind
 
 
-@dataclass(frozen=True, slots=True)
-class Spherical:
-    """``parent_point`` and ``child_point`` [m] from each body's B, in that body's axes."""
+def equations(joint: Joint) -> Equations:
+    """Three of position."""
+    return [Coincide()]
 
-    name: str
-    parent: str
-    child: str
-    parent_point: Vector
-    child_point: Vector
+
+KIND = Kind("spherical", equations, moment=False)

@@ -50,8 +50,12 @@ class RunFolder:
         _clear(folder)
         write_whole(folder / "deck.xml", deck)
         self.states = Table(folder / "states.csv", state_columns(model))
-        self.reactions = self._table("reactions.csv", reaction_columns(model), bool(model.joints))
-        self.work = self._table("work.csv", work_columns(model), bool(model.loads))
+        self.reactions = self._table(
+            "reactions.csv",
+            reaction_columns(model),
+            bool(model.joints or model.couplings or model.motions),
+        )
+        self.work = self._table("work.csv", work_columns(model), bool(model.loads or model.motions))
 
     def _table(self, name: str, columns: list[str], needed: bool) -> Table | None:
         return Table(self.folder / name, columns) if needed else None

@@ -3,12 +3,12 @@
     x1 - x0 = h (v0 + v1)/2                    (a)   used up: v1 = 2 u/h - v0
     Q       = h (W0 + W1)/2  in body axes      (b)   used up: w1 = 2 R0^T Q/h - w0
     momentum balances of every body            (c), (d)   ``bodies.rigid``
-    joints closed at the end of the step       (e)        ``joints.coincide``
+    joints closed at the end of the step       (e)        ``joints.coincide``, ``joints.rows``
 
 Unknowns of a step are lengths [m]: the displacements u, the turns l Q, the multipliers lam h^2/2m;
 rows are lengths too. So the Jacobian tends to a limit as h -> 0, and a residual is judged against
-the size of the step's own motion. Forces act with mean arms: a conservative scene keeps its energy
-to the residual, at any h. Source: Hainge 2010, chapter II; Borri, Mello, Atluri 1991;
+the size of the step's own motion. Forces are discrete gradients: a conservative scene keeps its
+energy to the residual, at any h. Source: Hainge 2010, chapter II; Borri, Mello, Atluri 1991;
 Bottasso, Dopico, Trainelli, On the optimal scaling of index three DAEs, Multibody Syst. Dyn. 19
 (2008), for the scaling.
 """
@@ -16,8 +16,8 @@ Bottasso, Dopico, Trainelli, On the optimal scaling of index three DAEs, Multibo
 import numpy as np
 
 from msahl.bodies import rigid
-from msahl.forces import concentrated
-from msahl.joints import coincide
+from msahl.forces import concentrated, drag
+from msahl.joints import along, coincide, reaction
 from msahl.kernel import kernel
 from msahl.rotation import compose, from_step_turn, turn_change
 from msahl.system.arrays import Start, State, System, Tables
@@ -28,13 +28,21 @@ from msahl.vector import add, at, axpy, matrix_at, put, scale, sub, times, trans
 def prepare(system: System, state: State, start: Start) -> None:
     """Fill ``start`` from the accepted ``state``."""
     rigid.prepare(system.bodies, state.p, state.v, state.w, start.bodies)
-    coincide.prepare(system.coincide, start.bodies.R, start.coincide)
-    concentrated.prepare(system.loads, start.bodies.R, start.loads)
+    R = start.bodies.R
+    coincide.prepare(system.coincide, R, start.coincide)
+    along.prepare(
+        system.along, state.x, R, state.angle, state.reaction, state.reaction_trend, start.along
+    )
+    reaction.prepare(system.reactions, R, start.reaction_arms)
+    drag.prepare(system.drags, R, start.drag_arms)
 
 
 @kernel
 def predict(system: System, state: State, start: Start, h: float, Z: np.ndarray) -> None:
-    """First guess of the unknowns: accelerations and joint forces go on as they changed last."""
+    """First guess of the unknowns: accelerations and joint forces go on as they changed last.
+
+    Also sets the loads to their size in the middle of the step.
+    """
     half_h2 = 0.5 * h * h
     bodies = system.bodies
     g = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
@@ -45,29 +53,50 @@ def predict(system: System, state: State, start: Start, h: float, Z: np.ndarray)
         alpha = add(at(state.alpha, b), at(state.alpha_trend, b))
         turn = axpy(h, at(start.bodies.W, b), scale(half_h2, alpha))
         put(Z, 2 * b + 1, scale(bodies.length[b], turn))
-    for k in range(system.coincide.a.size):
-        force = add(at(state.force, k), at(state.force_trend, k))
-        put(Z, system.coincide.row[k], scale(half_h2 / system.coincide.mass[k], force))
+    first = 2 * bodies.inverse_mass.size
+    for k in range(state.force.shape[0]):
+        for i in range(3):
+            guess = state.force[k, i] + state.force_trend[k, i]
+            Z[first + k, i] = guess * half_h2 / system.unit[k, i]
+    time = state.time[0] + 0.5 * h
+    concentrated.prepare(system.loads, system.laws, time, start.bodies.R, start.loads)
 
 
 @kernel
-def residual(system: System, start: Start, h: float, Z: np.ndarray, F: np.ndarray) -> None:
+def residual(
+    system: System, state: State, start: Start, h: float, Z: np.ndarray, F: np.ndarray
+) -> None:
     """Set ``F`` (nodes, 3) to the rows of the step's equations at ``Z`` [m]."""
     half_h2 = 0.5 * h * h
-    rigid.residual(system.bodies, start.bodies, h, Z, F)
-    coincide.residual(system.coincide, start.coincide, system.bodies, half_h2, Z, F)
-    concentrated.residual(system.loads, start.loads, system.bodies, half_h2, Z, F)
+    bodies = system.bodies
+    rigid.residual(bodies, start.bodies, h, Z, F)
+    coincide.residual(system.coincide, start.coincide, bodies, half_h2, Z, F)
+    along.residual(system.along, start.along, bodies, state.gap, state.time[0], h, Z, F)
+    concentrated.residual(system.loads, start.loads, bodies, half_h2, Z, F)
+    drag.residual(system.drags, start.drag_arms, bodies, h, Z, F)
+
+
+@kernel
+def joint_jacobian(
+    system: System, start: Start, h: float, Z: np.ndarray, values: np.ndarray
+) -> None:
+    """Set the block ``values`` to the derivative of inertia and joints, after ``residual``."""
+    for i in range(values.size):
+        values[i] = system.constant[i]
+    rigid.jacobian(system.bodies, start.bodies, h, Z, values)
+    coincide.jacobian(system.coincide, start.coincide, system.bodies, 0.5 * h * h, Z, values)
+    along.joint_jacobian(system.along, start.along, system.bodies, h, Z, values)
 
 
 @kernel
 def jacobian(system: System, start: Start, h: float, Z: np.ndarray, values: np.ndarray) -> None:
-    """Set the block ``values`` to the derivative of the rows by the unknowns."""
-    half_h2 = 0.5 * h * h
-    for i in range(values.size):
-        values[i] = system.constant[i]
-    rigid.jacobian(system.bodies, start.bodies, h, Z, values)
-    coincide.jacobian(system.coincide, start.coincide, system.bodies, half_h2, Z, values)
-    concentrated.jacobian(system.loads, start.loads, system.bodies, half_h2, Z, values)
+    """Set the block ``values`` to the derivative of the rows by the unknowns, after ``residual``
+    at the same ``Z``.
+    """
+    joint_jacobian(system, start, h, Z, values)
+    along.force_jacobian(system.along, start.along, system.bodies, h, Z, values)
+    concentrated.jacobian(system.loads, start.loads, system.bodies, 0.5 * h * h, Z, values)
+    drag.jacobian(system.drags, start.drag_arms, system.bodies, h, Z, values)
 
 
 @kernel
@@ -90,8 +119,11 @@ def step_size(system: System, start: Start, h: float, Z: np.ndarray) -> float:
 def accept(
     system: System, state: State, start: Start, h: float, Z: np.ndarray, F: np.ndarray
 ) -> None:
-    """Advance ``state`` by the solved step; ``F`` is the residual at ``Z``."""
-    bodies = system.bodies
+    """Advance ``state`` by the solved step; ``F`` is the residual at ``Z``, evaluated last."""
+    bodies, t = system.bodies, state.time[0]
+    concentrated.work(system.loads, start.loads, bodies, Z, system.load_column, state.work)
+    drag.work(system.drags, start.drag_arms, bodies, h, Z, system.drag_column, state.work)
+    along.accept(system.along, start.along, bodies, t, h, Z, state.angle, state.work)
     for b in range(bodies.inverse_mass.size - 1):
         u = at(Z, 2 * b)
         Q = rigid.turn_of(bodies, Z, b)
@@ -112,41 +144,105 @@ def accept(
         put(state.alpha_trend, b, sub(alpha, at(state.alpha, b)))
         put(state.a, b, a)
         put(state.alpha, b, alpha)
-    for k in range(system.coincide.a.size):
-        row = system.coincide.row[k]
-        force = scale(2.0 * system.coincide.mass[k] / (h * h), at(Z, row))
-        put(state.force_trend, k, sub(force, at(state.force, k)))
-        put(state.force, k, force)
-        put(state.gap, k, at(F, row))
-    concentrated.work(system.loads, start.loads, bodies, Z, state.work)
+    _enter_multipliers(system, state, start, h, Z, F)
+    state.time[0] += h
 
 
 @kernel
-def free_acceleration(system: System, start: Start, F: np.ndarray) -> None:
-    """Set the rows to what accelerations must balance, for ``jacobian`` at rest with h^2 = 2."""
-    rigid.free_acceleration(system.bodies, start.bodies, F)
-    coincide.free_gap_acceleration(system.coincide, start.coincide, start.bodies.W, F)
-    concentrated.free_acceleration(system.loads, start.loads, system.bodies, F)
+def _enter_multipliers(
+    system: System, state: State, start: Start, h: float, Z: np.ndarray, F: np.ndarray
+) -> None:
+    """Set joint forces, reactions and gaps of the state from the solution."""
+    first = 2 * system.bodies.inverse_mass.size
+    for k in range(state.force.shape[0]):
+        for i in range(3):
+            force = Z[first + k, i] * system.unit[k, i] * 2.0 / (h * h)
+            state.force_trend[k, i] = force - state.force[k, i]
+            state.force[k, i] = force
+            state.gap[k, i] = F[first + k, i]
+    for j in range(state.reaction.shape[0]):
+        for i in range(6):
+            state.reaction_trend[j, i] = -state.reaction[j, i]
+    react(system, state, start, Z)
+    for j in range(state.reaction.shape[0]):
+        for i in range(6):
+            state.reaction_trend[j, i] += state.reaction[j, i]
+
+
+@kernel
+def react(system: System, state: State, start: Start, Z: np.ndarray) -> None:
+    """Set the state's reactions from its multipliers, after ``residual`` at ``Z``."""
+    reaction.gather(
+        system.reactions,
+        system.along,
+        start.along,
+        system.bodies,
+        start.reaction_arms,
+        Z,
+        state.force,
+        state.reaction,
+    )
+
+
+@kernel
+def free_acceleration(
+    system: System, state: State, start: Start, Z: np.ndarray, F: np.ndarray
+) -> None:
+    """Set the rows to what the accelerations must balance: forces, and minus the joints' parts.
+
+    For ``joint_jacobian`` of the scene at rest with h^2 = 2. ``Z`` is zero.
+    """
+    bodies, t = system.bodies, state.time[0]
+    v, W = start.bodies.v, start.bodies.W
+    rigid.free_acceleration(bodies, start.bodies, F)
+    coincide.free_gap_acceleration(system.coincide, start.coincide, W, F)
+    along.free_acceleration(system.along, start.along, bodies, v, W, state.reaction, t, Z, F)
+    concentrated.prepare(system.loads, system.laws, t, start.bodies.R, start.loads)
+    concentrated.free_acceleration(system.loads, start.loads, bodies, F)
+    drag.free_acceleration(system.drags, start.drag_arms, bodies, v, W, F)
 
 
 @kernel
 def publish(
-    system: System, state: State, start: Start, force: np.ndarray, tables: Tables, row: int
+    system: System,
+    state: State,
+    start: Start,
+    mean_reaction: np.ndarray,
+    mean_force: np.ndarray,
+    tables: Tables,
+    row: int,
 ) -> None:
-    """Write a row of results: the accepted, prepared state and the joint ``force`` before it."""
+    """Write a row of results: the accepted, observed state, and the joints over the step before."""
     rigid.publish(system.bodies, state.x, state.p, start.bodies, state.w, tables.states, row)
-    for k in range(system.coincide.a.size):
-        for i in range(3):
-            tables.reactions[row, 3 * k + i] = force[k, i]
-    for k in range(system.loads.body.size):
+    reaction.publish(
+        system.shown,
+        system.along,
+        mean_reaction,
+        mean_force,
+        state.time[0],
+        tables.reactions,
+        row,
+    )
+    for k in range(state.work.size):
         tables.work[row, k] = state.work[k]
+    for k in range(state.work.size, tables.work.shape[1]):
+        tables.work[row, k] = 0.0
+    along.publish_energy(
+        system.along, start.along, system.shown.elastic, state.work.size, tables.work, row
+    )
 
 
 @kernel
 def observe(
     system: System, state: State, start: Start, gap: np.ndarray, rate: np.ndarray
 ) -> tuple[float, float]:
-    """Kinetic and potential energy [J]; fills the joints' gaps [m] and gap rates [m/s] (k, 3)."""
+    """Kinetic and potential energy [J] of the prepared state; elastic energy is part of the second.
+
+    Fills ``gap`` and ``rate`` (k, 3), by the multipliers' nodes, with the joints' gaps [m or rad]
+    and their rates, from absolute positions.
+    """
     coincide.gap(system.coincide, start.coincide, state.x, gap)
     coincide.gap_rate(system.coincide, start.coincide, start.bodies, rate)
-    return rigid.energy(system.bodies, state.x, state.v, state.w)
+    elastic = along.observe(system.along, start.along, start.bodies, state.time[0], gap, rate)
+    kinetic, potential = rigid.energy(system.bodies, state.x, state.v, state.w)
+    return kinetic, potential + elastic

@@ -41,16 +41,17 @@ def guess(
 def residual(
     system: System,
     unknowns: Unknowns,
+    state: State,
     start: Start,
     h: float,
     z: np.ndarray,
     Z: np.ndarray,
-    F: np.ndarray,
     f: np.ndarray,
+    F: np.ndarray,
 ) -> tuple[float, int]:
     """Set the free rows ``f`` at ``z``, and ``Z`` and ``F``; the worst row as ``judge`` has it."""
     spread(unknowns.free, z, Z)
-    preserving.residual(system, start, h, Z, F)
+    preserving.residual(system, state, start, h, Z, F)
     gather(unknowns.free, F, f)
     return judge(system, unknowns, start, h, Z, F)
 
@@ -59,15 +60,18 @@ def residual(
 def jacobian(
     system: System,
     unknowns: Unknowns,
+    state: State,
     start: Start,
     h: float,
     z: np.ndarray,
     Z: np.ndarray,
+    F: np.ndarray,
     values: np.ndarray,
     A: np.ndarray,
 ) -> None:
     """Set ``A`` (f * f,) to the dense derivative of the free rows by the free unknowns at ``z``."""
     spread(unknowns.free, z, Z)
+    preserving.residual(system, state, start, h, Z, F)
     preserving.jacobian(system, start, h, Z, values)
     for i in range(A.size):
         A[i] = 0.0

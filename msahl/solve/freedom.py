@@ -1,11 +1,17 @@
-"""Degrees of freedom: how many of the joints' equations are independent."""
+"""Degrees of freedom: how many of the joints' equations are independent, and whose reactions are
+unique.
+
+A joint's reaction is unique if taking its equations away lowers the rank of the constraint matrix
+by their number; else it shares with others what follows from the rest. Source: Wojtyra, Joint
+reactions in rigid body mechanisms with dependent constraints, Mech. Mach. Theory 44 (2009).
+"""
 
 import numpy as np
 
 from msahl.solve.initial import jacobian_at_rest, solve_sparse
-from msahl.system.arrays import State, System, node_count
+from msahl.system.arrays import State, System, body_count, multiplier_count, node_count
 from msahl.system.reduce import all_unknowns
-from msahl.system.unknowns import choose
+from msahl.system.unknowns import Unknowns, choose
 
 INDEPENDENT = 1e-9
 """Singular value, relative to the largest, below which an equation follows from the others."""
@@ -14,7 +20,7 @@ INDEPENDENT = 1e-9
 def constraint_matrix(system: System, state: State) -> np.ndarray:
     """(3 k, 6 (n+1)) derivative of the gaps by displacements and turns l Q, dimensionless."""
     values = jacobian_at_rest(system, state)
-    first = 2 * system.bodies.inverse_mass.size
+    first = 2 * body_count(system)
     G = np.zeros((3 * (node_count(system) - first), 3 * first))
     for start, (row, column) in enumerate(system.blocks[1:].tolist(), start=1):
         if row >= first > column:
@@ -25,11 +31,34 @@ def constraint_matrix(system: System, state: State) -> np.ndarray:
 
 def constraint_rank(system: System, state: State) -> int:
     """Number of independent joint equations in the state's configuration."""
-    unknowns = choose(system, all_unknowns(system))
     # A regular matrix of the whole scene proves them independent, and is cheap where it is large.
+    if is_regular(system, state, choose(system, all_unknowns(system))):
+        return multiplier_count(system)
+    return _rank(constraint_matrix(system, state))
+
+
+def is_regular(system: System, state: State, unknowns: Unknowns) -> bool:
+    """Whether the scene's matrix at rest is regular in the ``unknowns``."""
     probe = np.random.default_rng(0).normal(size=3 * node_count(system))
-    if solve_sparse(jacobian_at_rest(system, state), probe, unknowns) is not None:
-        return 3 * system.coincide.a.size
+    return solve_sparse(jacobian_at_rest(system, state), probe, unknowns) is not None
+
+
+def shared_reactions(system: System, state: State) -> list[int]:
+    """Numbers of the joints, couplings and motions whose reactions are not unique."""
     G = constraint_matrix(system, state)
+    of_row = np.repeat(system.multipliers.element, 3)
+    equations = np.any(G, axis=1)
+    rank = _rank(G)
+    shared = []
+    for element in np.unique(of_row):
+        own = of_row == element
+        if rank - _rank(G[~own]) < np.count_nonzero(equations & own):
+            shared.append(int(element))
+    return shared
+
+
+def _rank(G: np.ndarray) -> int:
+    if not G.size:
+        return 0
     values = np.linalg.svd(G, compute_uv=False)
     return int(np.count_nonzero(values > INDEPENDENT * values[0]))

@@ -17,10 +17,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.joints import quantity
 from msahl.schemes import preserving
 from msahl.solve import sparse
-from msahl.system.arrays import Start, State, System, new_start, node_count
-from msahl.system.reduce import TURNS, all_unknowns
+from msahl.system.arrays import Start, State, System, body_count, new_start, node_count
+from msahl.system.reduce import TURNS
 from msahl.system.unknowns import Unknowns, choose
 
 CONSISTENT = 1e-12
@@ -38,50 +39,86 @@ class VelocityChange(NamedTuple):
     dw: np.ndarray  # (n, 3) change of the angular velocities, inertial axes [rad/s]
 
 
-def make_consistent(system: System, state: State) -> VelocityChange:
-    """Change ``state.v`` (and ``state.w`` if needed) so that no joint opens; say how."""
+class StartError(Exception):
+    """There is no consistent start, or the deck refuses to have it made; the message says more."""
+
+
+def make_consistent(
+    system: System, state: State, free: np.ndarray, wish: str = "keepAngular"
+) -> VelocityChange:
+    """Change the velocities of the ``free`` unknowns so that no joint opens; say how.
+
+    ``wish`` is "keepAngular", "massWeighted" or "refuse": then inconsistent velocities raise
+    ``StartError``, as do velocities that cannot be mended (two motions at odds).
+    """
     n = system.bodies.inverse_mass.size - 1
     start = new_start(system, state)
     v0, w0 = state.v.copy(), state.w.copy()
-    given = _gap_rate(system, state, start)
+    given = _largest(_gap_rate(system, state, start))
     speed = max(np.abs(v0).max(), (np.abs(start.bodies.W) * system.bodies.length[:, None]).max())
+    near = CONSISTENT * max(speed, given)
     method = "none"
-    if np.abs(given).max(initial=0.0) > CONSISTENT * speed:
-        method = "keepAngular"
-        _project(system, state, start, choose(system, _translations(system)))
-        if np.abs(_gap_rate(system, state, start)).max() > 1e3 * CONSISTENT * speed:
-            method = "massWeighted"
-            state.v[:], state.w[:] = v0, w0
-            _project(system, state, start, choose(system, all_unknowns(system)))
+    if given > near:
+        if wish == "refuse":
+            raise StartError(
+                f"the initial velocities open a joint at {given:.3g} m/s, and the deck says "
+                'velocity="refuse"; mend them, or let them be changed: velocity="keepAngular"'
+            )
+        method = wish
+        if wish == "keepAngular":
+            _project(system, state, start, choose(system, _translations(system, free)))
+            if _largest(_gap_rate(system, state, start)) > 1e3 * near:
+                method = "massWeighted"
+                state.v[:], state.w[:] = v0, w0
+        if method == "massWeighted":
+            _project(system, state, start, choose(system, free))
+        left = _largest(_gap_rate(system, state, start))
+        if left > 1e3 * near:
+            raise StartError(
+                f"no velocities satisfy all joints and motions: {left:.3g} m/s are left over; "
+                "look for motions that contradict each other or the joints at t = 0"
+            )
     R = start.bodies.R
     dw = np.einsum("bij,bj->bi", R, state.w - w0)
-    return VelocityChange(method, float(np.abs(given).max(initial=0.0)), (state.v - v0)[:n], dw[:n])
+    return VelocityChange(method, given, (state.v - v0)[:n], dw[:n])
 
 
 def solve_accelerations(system: System, state: State, unknowns: Unknowns) -> None:
-    """Set ``state.a``, ``state.alpha`` and ``state.force`` to their values at t = 0."""
+    """Set accelerations, multipliers and reactions of ``state`` to their values at t = 0.
+
+    Friction presses by the reaction, which depends on friction: two rounds.
+    """
     start = new_start(system, state)
-    preserving.prepare(system, state, start)
-    rows = np.zeros((node_count(system), 3))
-    preserving.free_acceleration(system, start, rows)
-    solution = _solve_at_rest(system, state, rows, unknowns)
-    n = system.bodies.inverse_mass.size
-    state.a[:] = solution[0 : 2 * n : 2]
-    state.alpha[:] = solution[1 : 2 * n : 2] / system.bodies.length[:, None]
-    state.force[:] = solution[2 * n :] * system.coincide.mass[:, None]
+    rows, Z = np.zeros((2, node_count(system), 3))
+    n = body_count(system)
+    for _ in range(2 if system.along and system.along.frictions.quantity.size else 1):
+        preserving.prepare(system, state, start)
+        preserving.free_acceleration(system, state, start, Z, rows)
+        solution = solve_at_rest(system, state, rows, unknowns)
+        state.a[:] = solution[0 : 2 * n : 2]
+        state.alpha[:] = solution[1 : 2 * n : 2] / system.bodies.length[:, None]
+        state.force[:] = solution[2 * n :] * system.unit
+        preserving.react(system, state, start, Z)
+
+
+def _largest(vectors: np.ndarray) -> float:
+    """Length of the longest of ``vectors`` (k, 3)."""
+    return float(np.linalg.norm(vectors, axis=1).max(initial=0.0))
 
 
 def _gap_rate(system: System, state: State, start: Start) -> np.ndarray:
-    """(k, 3) gap rates of the state [m/s]; leaves ``start`` prepared."""
+    """(k, 3) gap rates of the state [m/s], radians times their length; prepares ``start``."""
     preserving.prepare(system, state, start)
     gap, rate = np.zeros_like(state.gap), np.zeros_like(state.gap)
     preserving.observe(system, state, start, gap, rate)
+    if system.along:
+        rows = system.along.rows
+        rate[rows.place[:, 0], rows.place[:, 1]] *= rows.scale
     return rate
 
 
-def _translations(system: System) -> np.ndarray:
-    """All unknowns without the bodies' turns."""
-    free = all_unknowns(system)
+def _translations(system: System, free: np.ndarray) -> np.ndarray:
+    """The free unknowns without the bodies' turns."""
     node = free // 3
     turns = (node < 2 * system.bodies.inverse_mass.size) & (node % 2 == TURNS)
     translations: np.ndarray = free[~turns]
@@ -93,7 +130,7 @@ def _project(system: System, state: State, start: Start, unknowns: Unknowns) -> 
     rows = np.zeros((node_count(system), 3))
     n = system.bodies.inverse_mass.size
     rows[2 * n :] = -_gap_rate(system, state, start)
-    change = _solve_at_rest(system, state, rows, unknowns)
+    change = solve_at_rest(system, state, rows, unknowns)
     state.v[:] += change[0 : 2 * n : 2]
     dW = change[1 : 2 * n : 2] / system.bodies.length[:, None]
     state.w[:] += np.einsum("bji,bj->bi", start.bodies.R, dW)
@@ -104,14 +141,14 @@ def jacobian_at_rest(system: System, state: State) -> np.ndarray:
     rest = state._replace(v=np.zeros_like(state.v), w=np.zeros_like(state.w))
     start = new_start(system, rest)
     preserving.prepare(system, rest, start)
-    values = np.zeros_like(system.constant)
-    preserving.jacobian(system, start, np.sqrt(2.0), np.zeros((node_count(system), 3)), values)
+    values, Z = np.zeros_like(system.constant), np.zeros((node_count(system), 3))
+    if system.along:
+        quantity.evaluate(system.along.quantities, start.along.quantities, system.bodies, Z)
+    preserving.joint_jacobian(system, start, np.sqrt(2.0), Z, values)
     return values
 
 
-def _solve_at_rest(
-    system: System, state: State, rows: np.ndarray, unknowns: Unknowns
-) -> np.ndarray:
+def solve_at_rest(system: System, state: State, rows: np.ndarray, unknowns: Unknowns) -> np.ndarray:
     """Solve with the Jacobian at rest in the ``unknowns``; (nodes, 3), zero elsewhere."""
     values = jacobian_at_rest(system, state)
     solution = np.zeros_like(rows)

@@ -8,18 +8,29 @@ halves, these in halves again where needed, down to 2^-10 of it.
 import numpy as np
 
 from msahl.compiled import compiled
+from msahl.model import Model
 from msahl.schemes import preserving
 from msahl.solve import newton, step
+from msahl.solve.assembly import assemble
+from msahl.solve.freedom import constraint_rank, is_regular, shared_reactions
 from msahl.solve.initial import make_consistent, solve_accelerations
 from msahl.solve.outcome import Outcome
 from msahl.solve.step import Scene, new_scene
-from msahl.system.arrays import new_start
-from msahl.system.build import build_state, build_system
-from msahl.system.islands import Island
-from msahl.system.reduce import all_unknowns, needed_unknowns, plane_normal
+from msahl.system.arrays import multiplier_count, new_start, quantity_count
+from msahl.system.build import build_state, build_system, settle
+from msahl.system.reduce import (
+    all_unknowns,
+    drop_rows,
+    needed_unknowns,
+    plane_normal,
+    symmetric_rows,
+)
 from msahl.system.unknowns import choose
 
 MAX_HALVINGS = 10
+LARGEST_DENSE = 300
+"""Most unknowns for which ``auto`` turns to scipy, whose algebra is dense: a step of 300 takes it
+tens of milliseconds, and the time grows with the third power."""
 
 _march = compiled(newton.march)
 _take_newton = compiled(newton.take)
@@ -29,29 +40,44 @@ _show = compiled(step.show)
 class Runner:
     """An island with its solver; builds the scene at t = 0 and advances it chunk by chunk.
 
-    ``change`` tells what was done to the given velocities, ``axis`` the normal of a planar
-    island's plane or None.
+    ``moved`` and ``change`` tell what was done to the given positions and velocities, ``rank`` and
+    ``redundant`` how many joint equations are independent and how many not, ``shared`` whose
+    reactions are therefore not unique, ``axis`` the normal of a planar island's plane or None.
+    Raises ``StartError`` if there is no consistent start.
     """
 
-    def __init__(self, island: Island, solver: str, full: bool, chunk: int) -> None:
-        self.island, self.solver = island, solver
+    def __init__(self, model: Model, solver: str, full: bool, chunk: int) -> None:
+        self.model, self.solver = model, solver
         self.root_steps = self.halvings = 0
-        system = build_system(island.model)
-        state = build_state(island.model, system)
-        self.change = make_consistent(system, state)
+        system = build_system(model)
+        state = build_state(model, system)
+        self.moved = assemble(system, state) if model.position == "project" else None
+        self.rank = constraint_rank(system, state)
+        self.redundant = multiplier_count(system) - self.rank
+        elements = (*model.joints, *model.couplings, *model.motions)
+        shared = shared_reactions(system, state) if self.redundant else []
+        self.shared = [elements[e].name for e in shared]
         start = new_start(system, state)
         preserving.prepare(system, state, start)
         self.axis = None if full else plane_normal(system, start)
-        free = all_unknowns(system) if full else needed_unknowns(system, self.axis)
+        free = all_unknowns(system) if full else needed_unknowns(system, start, self.axis)
         unknowns = choose(system, free)
+        self.change = make_consistent(system, state, free, model.velocity)
         solve_accelerations(system, state, unknowns)
-        self.scene: Scene = new_scene(system, unknowns, state, chunk)
+        if self.redundant and not is_regular(system, state, unknowns):
+            system = build_system(model, relaxed=True)
+            settle(system, state)
+        if self.axis is not None:
+            system = drop_rows(system, symmetric_rows(system, start, self.axis))
+            state = state._replace(angle=np.zeros(quantity_count(system)))
+        self.scene: Scene = new_scene(system, choose(system, free), state, chunk)
         preserving.prepare(system, state, self.scene.start)
         self.begun = False
 
     def show_start(self) -> None:
         """Fill the first rows of watch and tables with the state at t = 0."""
         self.scene.mean_force[:] = self.scene.state.force
+        self.scene.mean_reaction[:] = self.scene.state.reaction
         step.show(self.scene, 0, 0)
 
     def advance(self, h: float, first: int, last: int, plan: np.ndarray) -> tuple[int, Outcome]:
@@ -96,7 +122,8 @@ class Runner:
         return self._take(0.5 * h, halvings - 1, 0.5 * share) if outcome.converged else outcome
 
     def _take_once(self, h: float, share: float) -> Outcome:
-        if self.solver == "newton":
+        too_large = self.solver == "auto" and self.scene.unknowns.free.size > LARGEST_DENSE
+        if self.solver == "newton" or too_large:
             return Outcome(*_take_newton(self.scene, h, share))
         # scipy.optimize is slow to import: only where it is called.
         from msahl.solve import root

@@ -25,10 +25,10 @@ DIVERGED = 1e3
 @kernel
 def solve_step(scene: Scene, h: float) -> tuple[float, int]:
     """Solve one step from the guess in ``Z``; its residual (relative) and worst row."""
-    system, start, Z, F = scene.system, scene.start, scene.Z, scene.F
+    system, state, start, Z, F = scene.system, scene.state, scene.start, scene.Z, scene.F
     unknowns, y = scene.unknowns, scene.y
     order = unknowns.elimination.order
-    preserving.residual(system, start, h, Z, F)
+    preserving.residual(system, state, start, h, Z, F)
     residual, worst = dense.judge(system, unknowns, start, h, Z, F)
     smallest, slow, stuck = residual, True, False
     for _ in range(MAX_ITERATIONS):
@@ -44,7 +44,7 @@ def solve_step(scene: Scene, h: float) -> tuple[float, int]:
             Z[order[k] // 3, order[k] % 3] -= y[k]
         scene.counts[0] += 1
         before = residual
-        preserving.residual(system, start, h, Z, F)
+        preserving.residual(system, state, start, h, Z, F)
         residual, worst = dense.judge(system, unknowns, start, h, Z, F)
         slow = residual > SLOW * before
         stuck = residual > STUCK * before and residual <= TOLERANCE
@@ -53,9 +53,30 @@ def solve_step(scene: Scene, h: float) -> tuple[float, int]:
 
 
 @kernel
+def drop_null(scene: Scene) -> None:
+    """Take from the guessed multipliers what the joints' redundancy leaves open.
+
+    With G^T n = 0 the relaxed Jacobian maps (0, n) to (0, -relaxation n), so the last factors pick
+    n out. What is left is the multipliers' smallest, weighted by mass as the unknowns are.
+    """
+    lu, Z, y = scene.unknowns.elimination, scene.Z, scene.y
+    first = 2 * scene.system.bodies.inverse_mass.size
+    for k in range(y.size):
+        node = lu.order[k] // 3
+        y[k] = -scene.system.relaxation * Z[node, lu.order[k] % 3] if node >= first else 0.0
+    sparse.solve(lu, scene.factor, y)
+    for k in range(y.size):
+        node = lu.order[k] // 3
+        if node >= first:
+            Z[node, lu.order[k] % 3] -= y[k]
+
+
+@kernel
 def take(scene: Scene, h: float, share: float) -> tuple[float, int]:
     """Take a step of size ``h``, a ``share`` of the whole one, if it converges: residual, row."""
     preserving.predict(scene.system, scene.state, scene.start, h, scene.Z)
+    if scene.system.relaxation > 0.0 and scene.counts[1] > 0:
+        drop_null(scene)
     residual, worst = solve_step(scene, h)
     if residual <= TOLERANCE:
         accept(scene, h, share)

@@ -23,25 +23,25 @@ _accept = compiled(step.accept)
 
 def take(scene: Scene, h: float, share: float) -> Outcome:
     """Take a step of size ``h``, a ``share`` of the whole one, if it converges."""
-    system, unknowns, start = scene.system, scene.unknowns, scene.start
+    system, unknowns, state, start = scene.system, scene.unknowns, scene.state, scene.start
     size = unknowns.free.size
     outcome = Outcome(0.0, -1)
 
     def fun(z: np.ndarray) -> np.ndarray:
         nonlocal outcome
         f = np.empty(size)
-        outcome = Outcome(*_residual(system, unknowns, start, h, z, scene.Z, scene.F, f))
+        outcome = Outcome(*_residual(system, unknowns, state, start, h, z, scene.Z, f, scene.F))
         scene.counts[0] += 1
         return f
 
     def jac(z: np.ndarray) -> np.ndarray:
         A = np.empty(size * size)
-        _jacobian(system, unknowns, start, h, z, scene.Z, scene.values, A)
+        _jacobian(system, unknowns, state, start, h, z, scene.Z, scene.F, scene.values, A)
         scene.counts[1] += 1
         return A.reshape(size, size)
 
     guess = np.empty(size)
-    _guess(system, unknowns, scene.state, start, h, scene.Z, guess)
+    _guess(system, unknowns, state, start, h, scene.Z, guess)
     fun(guess)
     if not outcome.converged and np.isfinite(outcome.residual):
         # Trial points far out may overflow; the residual there says so and they are given up.

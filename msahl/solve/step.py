@@ -23,7 +23,8 @@ class Scene(NamedTuple):
     values: np.ndarray  # block values of the Jacobian
     factor: np.ndarray  # its sparse factors
     y: np.ndarray  # (f,) right-hand side, in the order of elimination
-    mean_force: np.ndarray  # (k, 3) joint forces over the step being taken, halves added up [N]
+    mean_force: np.ndarray  # (k, 3) multipliers over the step being taken, halves added up
+    mean_reaction: np.ndarray  # (j, 6) likewise the joints' reactions [N, N m]
     counts: np.ndarray  # (2,) iterations and factorisations so far
     tables: Tables
     watch: Watch
@@ -43,8 +44,9 @@ def new_scene(system: System, unknowns: Unknowns, state: State, chunk: int) -> S
         factor=np.zeros(int(unknowns.elimination.base[-1])),
         y=np.zeros(unknowns.free.size),
         mean_force=np.zeros_like(state.force),
+        mean_reaction=np.zeros_like(state.reaction),
         counts=np.zeros(2, dtype=np.int64),
-        tables=new_tables(system, chunk),
+        tables=new_tables(system, state, chunk),
         watch=new_watch(state, chunk),
     )
 
@@ -57,6 +59,9 @@ def accept(scene: Scene, h: float, share: float) -> None:
     for k in range(scene.mean_force.shape[0]):
         for i in range(3):
             scene.mean_force[k, i] += share * scene.state.force[k, i]
+    for k in range(scene.mean_reaction.shape[0]):
+        for i in range(6):
+            scene.mean_reaction[k, i] += share * scene.state.reaction[k, i]
 
 
 @kernel
@@ -65,8 +70,17 @@ def show(scene: Scene, step: int, row: int) -> None:
     look(scene.system, scene.state, scene.start, scene.watch, step)
     if row >= 0:
         preserving.publish(
-            scene.system, scene.state, scene.start, scene.mean_force, scene.tables, row
+            scene.system,
+            scene.state,
+            scene.start,
+            scene.mean_reaction,
+            scene.mean_force,
+            scene.tables,
+            row,
         )
     for k in range(scene.mean_force.shape[0]):
         for i in range(3):
             scene.mean_force[k, i] = 0.0
+    for k in range(scene.mean_reaction.shape[0]):
+        for i in range(6):
+            scene.mean_reaction[k, i] = 0.0

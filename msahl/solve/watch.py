@@ -16,13 +16,15 @@ from msahl.schemes import preserving
 from msahl.system.arrays import Start, State, System
 
 BALANCE, KINETIC, GAP, GAP_RATE = range(4)
+AT_REST = 1e-12
+"""Kinetic energy, relative to the energy at the start, below which nothing moved."""
 
 
 class Watch(NamedTuple):
     """Rows of one chunk, and room for the joints' gaps."""
 
     rows: np.ndarray  # (steps, 4) balance, kinetic energy [J], largest gap [m], gap rate [m/s]
-    gap: np.ndarray  # (k, 3)
+    gap: np.ndarray  # (k, 3) by the multipliers' nodes
     rate: np.ndarray  # (k, 3)
 
 
@@ -79,12 +81,15 @@ class Extremes:
         self.rate = max(self.rate, float(worst[:, 1].max()))
 
     def as_json(self) -> dict[str, float | None]:
-        """The figures by name; the relative energy error is over the largest kinetic energy."""
+        """The figures by name; the relative energy error is over the largest kinetic energy, or
+        None where that is round-off itself.
+        """
+        moves = self.kinetic > AT_REST * abs(self.balance)
         return {
             "energyAtStart": self.balance,
             "largestKineticEnergy": self.kinetic,
             "energyErrorMax": self.error,
-            "energyErrorMaxRelative": self.error / self.kinetic if self.kinetic else None,
+            "energyErrorMaxRelative": self.error / self.kinetic if moves else None,
             "energyErrorRms": (self.squares / max(self.steps, 1)) ** 0.5,
             "gapMax": self.gap,
             "gapRateMax": self.rate,

@@ -2,8 +2,8 @@
 
 Nodes of three numbers hold unknowns and equations alike: node 2b is the displacement u of body b
 and its force rows, node 2b+1 its turn l Q and its moment rows; after the ground (b = n) come the
-joints' multipliers and gaps. The Jacobian is a list of 3 x 3 blocks, one after the other in one
-array; block 0 takes what belongs to the ground and is never read.
+joints' multipliers and gaps, three to a node. The Jacobian is a list of 3 x 3 blocks, one after the
+other in one array; block 0 takes what belongs to the ground and is never read.
 """
 
 from typing import NamedTuple
@@ -12,7 +12,22 @@ import numpy as np
 
 from msahl.bodies.rigid import Bodies, BodyStart
 from msahl.forces.concentrated import ConcentratedLoads, ConcentratedStart
+from msahl.forces.drag import Drags
+from msahl.joints.along import Along, AlongStart
 from msahl.joints.coincide import Coincide, CoincideStart
+from msahl.joints.measure import MeasureStart
+from msahl.joints.quantity import MOST, Quantities, QuantityStart
+from msahl.joints.reaction import Reactions, Shown
+from msahl.law import Laws
+
+
+class Multipliers(NamedTuple):
+    """The multipliers' nodes, for the order of elimination."""
+
+    node: np.ndarray  # (k,)
+    element: np.ndarray  # (k,) joint, coupling or motion it belongs to
+    turning: np.ndarray  # (k,) whether its rows see nothing but turns
+    bodies: np.ndarray  # (k, 4) bodies its rows touch; the ground fills up
 
 
 class System(NamedTuple):
@@ -20,7 +35,17 @@ class System(NamedTuple):
 
     bodies: Bodies
     coincide: Coincide
+    along: Along | None
+    reactions: Reactions
+    laws: Laws
     loads: ConcentratedLoads
+    drags: Drags
+    shown: Shown
+    load_column: np.ndarray  # columns of the work of loads ...
+    drag_column: np.ndarray  # ... and of drags
+    unit: np.ndarray  # (k, 3) multiplier over its unknown, times h^2/2 [kg or kg m]
+    multipliers: Multipliers
+    relaxation: float  # on the multipliers' diagonal; 0 unless joints are redundant
     blocks: np.ndarray  # (m, 2) row node and column node of each block; block 0 is (0, 0)
     constant: np.ndarray  # (9 m,) the part of the Jacobian that never changes
 
@@ -28,6 +53,7 @@ class System(NamedTuple):
 class State(NamedTuple):
     """What one step hands to the next; bodies as (n+1, 3), the ground last."""
 
+    time: np.ndarray  # (1,) [s]
     x: np.ndarray  # mass centre, inertial axes [m]
     x_low: np.ndarray  # the part of x below its last digit (compensated summation) [m]
     p: np.ndarray  # Wiener-Milenkovic parameters
@@ -35,20 +61,23 @@ class State(NamedTuple):
     w: np.ndarray  # body axes [rad/s]
     a: np.ndarray  # acceleration of the mass centre over the last step, inertial axes [m/s^2]
     alpha: np.ndarray  # likewise the angular acceleration, inertial axes [rad/s^2]
-    force: np.ndarray  # (k, 3) joint forces over the last step [N]
+    force: np.ndarray  # (k, 3) multipliers, by their nodes, over the last step [N or N m]
     a_trend: np.ndarray  # what a changed by from the last step but one to the last
     alpha_trend: np.ndarray  # likewise alpha
     force_trend: np.ndarray  # likewise force
     gap: np.ndarray  # (k, 3) gap the last solution left over, by increments [m]
-    work: np.ndarray  # (l,) work of the loads since t = 0 [J]
+    angle: np.ndarray  # (q,) quantities' values; angles are counted here [m or rad]
+    reaction: np.ndarray  # (j, 6) of the joints over the last step, inertial axes [N, N m]
+    reaction_trend: np.ndarray  # likewise its change
+    work: np.ndarray  # (w,) since t = 0 [J]
 
 
 class Tables(NamedTuple):
     """Rows of results: columns of ``system.names`` without the time."""
 
     states: np.ndarray  # (rows, 12 n)
-    reactions: np.ndarray  # (rows, 3 k) [N]
-    work: np.ndarray  # (rows, l) [J]
+    reactions: np.ndarray  # (rows, ...) [N, N m, W]
+    work: np.ndarray  # (rows, ...) [J]
 
 
 class Start(NamedTuple):
@@ -56,19 +85,55 @@ class Start(NamedTuple):
 
     bodies: BodyStart
     coincide: CoincideStart
+    along: AlongStart  # None where the system's is
     loads: ConcentratedStart
+    drag_arms: np.ndarray  # (d, 3)
+    reaction_arms: np.ndarray  # (j, 3) from the children's mass centres to the joints [m]
+
+
+def body_count(system: System) -> int:
+    """Number of bodies, the ground included."""
+    return int(system.bodies.inverse_mass.size)
 
 
 def node_count(system: System) -> int:
-    """Number of nodes: two a body (the ground included) and one a multiplier."""
-    return 2 * system.bodies.inverse_mass.size + system.coincide.a.size
+    """Number of nodes: two a body (the ground included) and those of the multipliers."""
+    return 2 * body_count(system) + int(system.multipliers.node.size)
 
 
-def new_tables(system: System, rows: int) -> Tables:
-    """Room for ``rows`` rows of results."""
-    n, k = system.bodies.inverse_mass.size - 1, system.coincide.a.size
-    return Tables(
-        np.zeros((rows, 12 * n)), np.zeros((rows, 3 * k)), np.zeros((rows, system.loads.body.size))
+def multiplier_count(system: System) -> int:
+    """Number of joint equations."""
+    return 3 * int(system.coincide.a.size) + row_count(system)
+
+
+def quantity_count(system: System) -> int:
+    """Number of quantities."""
+    return int(system.along.quantities.kind.size) if system.along else 0
+
+
+def row_count(system: System) -> int:
+    """Number of scalar joint equations, those of coinciding points left out."""
+    return int(system.along.rows.function.size) if system.along else 0
+
+
+def new_quantity_start(group: Quantities) -> QuantityStart:
+    """Room for what is computed of quantities and measures."""
+    m, q = group.measures.kind.size, group.kind.size
+    measures = MeasureStart(
+        *(np.zeros((m, 3)) for _ in range(5)),
+        *(np.zeros(m) for _ in range(2)),
+        *(np.zeros((m, 3)) for _ in range(3)),
+    )
+    return QuantityStart(
+        measures=measures,
+        value=np.zeros(q),
+        change=np.zeros(q),
+        weights=np.zeros((q, MOST)),
+        slopes=np.zeros((q, MOST)),
+        curves=np.zeros((q, MOST, MOST)),
+        force=np.zeros((q, 4, 3)),
+        slope=np.zeros((q, 4, 3)),
+        load=np.zeros(q),
     )
 
 
@@ -76,8 +141,29 @@ def new_start(system: System, state: State) -> Start:
     """Room for the start of a step; the gap is the state's own array."""
     vectors, matrices = state.x.shape, (*state.x.shape, 3)
     k, n_loads = system.coincide.a.size, system.loads.body.size
-    return Start(
-        BodyStart(np.zeros(matrices), np.zeros(matrices), np.zeros(vectors), np.zeros(vectors)),
-        CoincideStart(np.zeros((k, 3)), np.zeros((k, 3)), state.gap),
-        ConcentratedStart(*(np.zeros((n_loads, 3)) for _ in range(3))),
+    along = system.along and AlongStart(
+        quantities=new_quantity_start(system.along.quantities),
+        rate=np.zeros(system.along.quantities.kind.size),
+        reactions=np.zeros_like(state.reaction),
+        elastic=np.zeros(system.along.springs.quantity.size),
     )
+    return Start(
+        bodies=BodyStart(
+            np.zeros(matrices), np.zeros(matrices), np.zeros(vectors), np.zeros(vectors)
+        ),
+        coincide=CoincideStart(np.zeros((k, 3)), np.zeros((k, 3)), state.gap),
+        along=along,  # type: ignore[arg-type]
+        loads=ConcentratedStart(*(np.zeros((n_loads, 3)) for _ in range(3))),
+        drag_arms=np.zeros((system.drags.body.size, 3)),
+        reaction_arms=np.zeros((system.reactions.child.size, 3)),
+    )
+
+
+def new_tables(system: System, state: State, rows: int) -> Tables:
+    """Room for ``rows`` rows of results."""
+    n, shown = body_count(system) - 1, system.shown
+    reactions = int(np.where(shown.moment, 6, 3).sum()) + shown.load_row.size
+    if system.along:
+        reactions += int(np.count_nonzero(system.along.rows.law[shown.load_row] >= 0))
+    work = state.work.size + len(set(shown.elastic.tolist()))
+    return Tables(*(np.zeros((rows, width)) for width in (12 * n, reactions, work)))

@@ -1,16 +1,553 @@
 """Model -> system: one group of arrays per kind of element, the Jacobian's blocks, the state."""
 
 from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from msahl.bodies.rigid import Bodies, RigidBody
 from msahl.forces.concentrated import ConcentratedLoads
+from msahl.forces.drag import Drags
+from msahl.forces.friction import Frictions
+from msahl.forces.records import (
+    Bushing,
+    ConcentratedLoad,
+    Drag,
+    Friction,
+    JointSpring,
+    SpringDamper,
+)
+from msahl.forces.spring import Springs
+from msahl.joints.along import Along
 from msahl.joints.coincide import Coincide
+from msahl.joints.coupling import FREEDOMS, Coupling
+from msahl.joints.joint import (
+    CHILD,
+    GROUND,
+    PARENT,
+    Equation,
+    Joint,
+    Product,
+    Quantity,
+    X,
+    Y,
+    Z,
+    angle,
+    distance,
+    in_plane,
+    perpendicular,
+    slide,
+)
+from msahl.joints.joint import Coincide as Coinciding
+from msahl.joints.measure import DOT, PARTS, Measures
+from msahl.joints.quantity import Quantities, prepare
+from msahl.joints.reaction import Reactions, Shown
+from msahl.joints.registry import KINDS
+from msahl.joints.rows import Rows, left_side
+from msahl.law import Law, build_laws
 from msahl.model import Model
+from msahl.motion import Drive, PointMotion
 from msahl.rotation import matrix
-from msahl.system.arrays import State, System
-from msahl.vector import Vector, add, cross, sub, times
+from msahl.system.arrays import (
+    Multipliers,
+    State,
+    System,
+    new_quantity_start,
+    quantity_count,
+)
+from msahl.vector import ZERO, Vector, add, at, cross, sub, times
+
+RELAXATION = 1e-9
+"""Put on the multipliers' diagonal where joints are redundant: large against round-off, and so
+small against the dimensionless compliances of joints that Newton's method hardly notices."""
+
+FREE_MOTIONS = {"angle": angle, "slide": slide}
+
+
+def build_system(model: Model, relaxed: bool = False) -> System:
+    """The flat arrays of ``model`` (see ``System``); ``relaxed`` if its joints are redundant."""
+    return _Builder(model, RELAXATION if relaxed else 0.0).system()
+
+
+def body_index(model: Model) -> dict[str, int]:
+    """Index of each body by name; every ground has the last one."""
+    index = {body.name: i for i, body in enumerate(model.bodies)}
+    return index | {ground.name: len(model.bodies) for ground in model.grounds}
+
+
+def build_state(model: Model, system: System) -> State:
+    """The state at t = 0 as the deck gives it, accelerations and forces still zero."""
+    n = len(model.bodies)
+    x, p, v, w = (np.zeros((n + 1, 3)) for _ in range(4))
+    for i, body in enumerate(model.bodies):
+        R = matrix(body.orientation)
+        x[i] = add(body.position, times(R, body.r_BG))
+        p[i] = body.orientation
+        v[i] = times(R, add(body.velocity, cross(body.angular_velocity, body.r_BG)))
+        w[i] = body.angular_velocity
+    multipliers = (system.multipliers.node.size, 3)
+    joints = (system.reactions.child.size, 6)
+    state = State(
+        time=np.zeros(1),
+        x=x,
+        x_low=np.zeros_like(x),
+        p=p,
+        v=v,
+        w=w,
+        a=np.zeros_like(x),
+        alpha=np.zeros_like(x),
+        force=np.zeros(multipliers),
+        a_trend=np.zeros_like(x),
+        alpha_trend=np.zeros_like(x),
+        force_trend=np.zeros(multipliers),
+        gap=np.zeros(multipliers),
+        angle=np.zeros(quantity_count(system)),
+        reaction=np.zeros(joints),
+        reaction_trend=np.zeros(joints),
+        work=np.zeros(work_count(model)),
+    )
+    settle(system, state)
+    return state
+
+
+def settle(system: System, state: State) -> None:
+    """Fill in constants of rows and springs that are what their quantities are at t = 0."""
+    x, p = state.x, state.p
+    if system.along is None:
+        return
+    quantities, rows, springs = system.along.quantities, system.along.rows, system.along.springs
+    R = np.array([matrix(at(p, b)) for b in range(len(p))])
+    start = new_quantity_start(quantities)
+    prepare(quantities, x, R, np.zeros(quantities.kind.size), start)
+    for r in np.flatnonzero(np.isnan(rows.offset)):
+        rows.offset[r] = left_side(rows, system.laws, start, int(r))
+    unset = np.isnan(springs.free)
+    springs.free[unset] = start.value[springs.quantity[unset]]
+
+
+def work_count(model: Model) -> int:
+    """Columns of work: one a load and one a motion."""
+    return len(model.loads) + len(model.motions)
+
+
+class _Pair(NamedTuple):
+    """Two bodies with the points and frames between which a quantity is measured."""
+
+    a: int
+    b: int
+    s_a: Vector
+    s_b: Vector
+
+
+class _Builder:
+    """The system while it grows: lists by kind of element, one entry each."""
+
+    def __init__(self, model: Model, relaxation: float) -> None:
+        self.model, self.relaxation = model, relaxation
+        self.index = body_index(model)
+        self.ground = len(model.bodies)
+        self.r_BG = [*(body.r_BG for body in model.bodies), ZERO]
+        self.blocks = _Blocks(self.ground)
+        self.joints = {joint.name: joint for joint in model.joints}
+        self.arms: list[list[float]] = [[] for _ in range(self.ground + 1)]
+        self.measures: list[tuple[Any, ...]] = []
+        self.quantities: list[tuple[Quantity, _Pair]] = []
+        self.freedoms: dict[tuple[str, str], int] = {}
+        self.coincide: list[tuple[int, _Pair]] = []
+        self.rows: list[dict[str, Any]] = []
+        self.joint_rows = [0]
+        self.laws: list[Law] = []
+        self.springs: list[tuple[Any, ...]] = []
+        self.frictions: list[tuple[Any, ...]] = []
+        self.columns: dict[str, list[int]] = {
+            key: [] for key in ("loads", "springs", "frictions", "drags", "rows")
+        }
+        for element, joint in enumerate(model.joints):
+            self._joint(element, joint)
+        self.load_rows: list[int] = []
+        for element, coupling in enumerate(model.couplings, start=len(model.joints)):
+            self._coupling(element, coupling)
+        first = len(model.joints) + len(model.couplings)
+        for i, motion in enumerate(model.motions):
+            self._motion(first + i, len(model.loads) + i, motion)
+        for column, load in enumerate(model.loads):
+            self._load(column, load)
+
+    def system(self) -> System:
+        """Everything as arrays."""
+        bodies = self._bodies()
+        nodes = self._place_multipliers()
+        coincide = self._coincide(bodies)
+        loads, drags = self._concentrated(), self._drags()
+        along = self._along(bodies) if self.quantities else None
+        return System(
+            bodies=bodies,
+            coincide=coincide,
+            along=along,
+            reactions=self._reactions(),
+            laws=build_laws(self.laws),
+            loads=loads,
+            drags=drags,
+            shown=self._shown(),
+            load_column=_indices(self.columns["loads"]),
+            drag_column=_indices(self.columns["drags"]),
+            unit=self._units(coincide, along, len(nodes)),
+            relaxation=self.relaxation,
+            multipliers=self._multipliers(nodes),
+            blocks=self.blocks.nodes(),
+            constant=self.blocks.constant_values(),
+        )
+
+    def _along(self, bodies: Bodies) -> Along:
+        quantities = self._quantities()
+        return Along(
+            quantities=quantities,
+            rows=self._rows(bodies),
+            springs=_group(Springs, self.springs, "qffffq"),
+            frictions=_group(Frictions, self.frictions, "qqff"),
+            laws=build_laws(self.laws),
+            row_column=_indices(self.columns["rows"]),
+            spring_column=_indices(self.columns["springs"]),
+            friction_column=_indices(self.columns["frictions"]),
+        )
+
+    def _point(self, body: int, point: Vector) -> Vector:
+        """A point from B as an arm from the mass centre; counted for the body's length."""
+        arm = sub(point, self.r_BG[body])
+        self.arms[body].append(float(np.linalg.norm(arm)))
+        return arm
+
+    def _pair(self, joint: Joint | SpringDamper | Bushing) -> _Pair:
+        a, b = self.index[joint.parent], self.index[joint.child]
+        s_a, s_b = self._point(a, joint.parent_point), self._point(b, joint.child_point)
+        return _Pair(a, b, s_a, s_b)
+
+    def _quantity(self, quantity: Quantity, pair: _Pair) -> int:
+        """Add a quantity; its number."""
+        self.quantities.append((quantity, pair))
+        self.measures += [_measure(product, pair, self.ground) for product in quantity.products]
+        return len(self.quantities) - 1
+
+    def _freedom(self, joint_name: str, freedom: str) -> int:
+        """The quantity of a joint's free motion, the same for all that act along it."""
+        key = (joint_name, freedom)
+        if key not in self.freedoms:
+            joint = self.joints[joint_name]
+            self.freedoms[key] = self._quantity(FREE_MOTIONS[freedom](joint), self._pair(joint))
+        return self.freedoms[key]
+
+    def _joint(self, element: int, joint: Joint) -> None:
+        pair = self._pair(joint)
+        for equation in KINDS[joint.kind].equations(joint):
+            if isinstance(equation, Coinciding):
+                self.coincide.append((element, pair))
+                continue
+            first = self._quantity(equation.first, pair)
+            second = -1
+            if equation.second is not None:
+                second = self._quantity(equation.second, pair)
+            self._row(element, first, second, equation.coefficient, equation)
+        self.joint_rows.append(len(self.rows))
+
+    def _coupling(self, element: int, coupling: Coupling) -> None:
+        first_freedom, second_freedom = FREEDOMS[coupling.kind]
+        follower = self._freedom(coupling.second, second_freedom)
+        leader = self._freedom(coupling.first, first_freedom)
+        equation = Equation(self.quantities[follower][0], None)
+        factor = -1.0 if coupling.lift is not None else -coupling.ratio
+        self.load_rows.append(len(self.rows))
+        self._row(element, follower, leader, factor, equation, function=self._law(coupling.lift))
+
+    def _motion(self, element: int, column: int, motion: Drive | PointMotion) -> None:
+        if isinstance(motion, Drive):
+            quantity = self._freedom(motion.joint, motion.freedom)
+        else:
+            b = self.index[motion.body]
+            pair = _Pair(self.ground, b, ZERO, self._point(b, motion.point))
+            equation = in_plane(motion.direction)
+            quantity = self._quantity(equation.first, pair)
+        equation = Equation(self.quantities[quantity][0], None)
+        self.load_rows.append(len(self.rows))
+        self._row(element, quantity, -1, 0.0, equation, self._law(motion.law), column)
+
+    def _row(
+        self,
+        element: int,
+        first: int,
+        second: int,
+        coefficient: float,
+        equation: Equation,
+        law: int = -1,
+        column: int = -1,
+        function: int = -1,
+    ) -> None:
+        self.columns["rows"].append(column)
+        self.rows.append(
+            {
+                "element": element,
+                "quantity": (first, second),
+                "coefficient": (1.0, coefficient),
+                "function": function,
+                "law": law,
+                "offset": np.nan if equation.value is None else equation.value,
+                "holonomic": not equation.rate,
+                "angular": equation.first.angular,
+            }
+        )
+
+    def _law(self, law: Law | None) -> int:
+        if law is None:
+            return -1
+        self.laws.append(law)
+        return len(self.laws) - 1
+
+    def _load(self, column: int, load: Any) -> None:
+        if isinstance(load, SpringDamper):
+            quantity = self._quantity(distance(), self._pair(load))
+            free = np.nan if load.free_length is None else load.free_length
+            self._spring(column, quantity, load.stiffness, load.damping, free, load)
+        elif isinstance(load, JointSpring):
+            quantity = self._freedom(load.joint, load.freedom)
+            self._spring(column, quantity, load.stiffness, load.damping, load.free, load)
+        elif isinstance(load, Bushing):
+            pair = self._pair(load)
+            for product, k, c in zip(_bushing(load), load.stiffness, load.damping, strict=True):
+                if k or c:
+                    self._spring(column, self._quantity(product, pair), k, c, np.nan, None)
+        elif isinstance(load, Friction):
+            quantity = self._freedom(load.joint, load.freedom)
+            number = [joint.name for joint in self.model.joints].index(load.joint)
+            lever = load.coefficient * load.radius
+            self.frictions.append((quantity, number, lever, load.width))
+            self.columns["frictions"].append(column)
+        else:
+            kind = "drags" if isinstance(load, Drag) else "loads"
+            self.columns[kind].append(column)
+
+    def _spring(
+        self,
+        column: int,
+        quantity: int,
+        stiffness: float,
+        damping: float,
+        free: float,
+        load: SpringDamper | JointSpring | None,
+    ) -> None:
+        preload = load.preload if load else 0.0
+        table = self._law(load.table) if load else -1
+        self.springs.append((quantity, stiffness, damping, free, preload, table))
+        self.columns["springs"].append(column)
+
+    def _bodies(self) -> Bodies:
+        model, n = self.model, self.ground
+        inertia = np.zeros((n + 1, 3, 3))
+        inertia[:n] = [body.inertia for body in model.bodies]
+        for load in model.loads:
+            if isinstance(load, ConcentratedLoad | Drag):
+                self._point(self.index[load.body], load.point)
+        places = [self.blocks.place(2 * b + 1, 2 * b + 1) for b in range(n + 1)]
+        for b in range(n):
+            self.blocks.constant(2 * b, 2 * b, 1.0)
+        lengths = [_length(body, arms) for body, arms in zip(model.bodies, self.arms, strict=False)]
+        return Bodies(
+            inverse_mass=np.array([1.0 / body.mass for body in model.bodies] + [0.0]),
+            inertia=inertia,
+            r_BG=np.array(self.r_BG),
+            length=np.array([*lengths, 1.0]),
+            ballistic=np.array([*(not arms for arms in self.arms[:n]), True]),
+            gravity=np.array(model.gravity, dtype=float),
+            block=np.array(places, dtype=np.int64),
+        )
+
+    def _place_multipliers(self) -> list[tuple[int, bool, set[int]]]:
+        """Give every row its node and slot: (element, turning, bodies) of each node.
+
+        The points that coincide come first; then the rows of an element, three to a node, those
+        that see displacements apart from those that see nothing but turns.
+        """
+        nodes: list[tuple[int, bool, set[int]]] = [
+            (element, False, {pair.a, pair.b}) for element, pair in self.coincide
+        ]
+        open_nodes: dict[tuple[int, bool], tuple[int, int]] = {}
+        for row in self.rows:
+            quantities = [self.quantities[q] for q in row["quantity"] if q >= 0]
+            key = (row["element"], all(q.angular for q, _ in quantities))
+            if key not in open_nodes:
+                open_nodes[key] = (len(nodes), 0)
+                nodes.append((*key, set()))
+            node, slot = open_nodes.pop(key)
+            row["place"] = (node, slot)
+            nodes[node][2].update(body for _, pair in quantities for body in (pair.a, pair.b))
+            if slot < 2:
+                open_nodes[key] = (node, slot + 1)
+        return nodes
+
+    def _coincide(self, bodies: Bodies) -> Coincide:
+        a = np.array([pair.a for _, pair in self.coincide], dtype=np.int64)
+        b = np.array([pair.b for _, pair in self.coincide], dtype=np.int64)
+        mass = 1.0 / (bodies.inverse_mass[a] + bodies.inverse_mass[b])
+        first = 2 * bodies.inverse_mass.size
+        moment_by_turn, moment_by_force, gap_by_turn = np.zeros((3, a.size, 2), dtype=np.int64)
+        for k, (_, pair) in enumerate(self.coincide):
+            for side, (sign, body) in enumerate(zip((-1.0, 1.0), (pair.a, pair.b), strict=True)):
+                u, turn, node = 2 * body, 2 * body + 1, first + k
+                share = float(bodies.inverse_mass[body] * mass[k])
+                self.blocks.constant(u, node, -sign * share)
+                self.blocks.constant(node, u, sign)
+                moment_by_turn[k, side] = self.blocks.place(turn, turn)
+                moment_by_force[k, side] = self.blocks.place(turn, node)
+                gap_by_turn[k, side] = self.blocks.place(node, turn)
+        return Coincide(
+            a=a,
+            b=b,
+            s_a=_vectors(pair.s_a for _, pair in self.coincide),
+            s_b=_vectors(pair.s_b for _, pair in self.coincide),
+            mass=mass,
+            row=first + np.arange(a.size, dtype=np.int64),
+            moment_by_turn=moment_by_turn,
+            moment_by_force=moment_by_force,
+            gap_by_turn=gap_by_turn,
+        )
+
+    def _quantities(self) -> Quantities:
+        sizes = [len(quantity.products) for quantity, _ in self.quantities]
+        blocks = [
+            [self.blocks.place(row, column) for row in parts for column in parts]
+            for parts in (_parts(quantity, pair) for quantity, pair in self.quantities)
+        ]
+        columns = list(zip(*self.measures, strict=True)) or [()] * len(Measures._fields)
+        vectors = dict(zip(Measures._fields, columns, strict=True))
+        measures = Measures(
+            **{key: np.array(vectors[key], dtype=np.int64) for key in ("kind", "a", "b", "owner")},
+            **{key: _vectors(vectors[key]) for key in ("n", "s_a", "s_b", "e")},
+        )
+        return Quantities(
+            measures=measures,
+            kind=np.array([quantity.kind for quantity, _ in self.quantities], dtype=np.int64),
+            first=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
+            radius=np.array([quantity.radius for quantity, _ in self.quantities], dtype=float),
+            block=np.array(blocks, dtype=np.int64).reshape(-1, PARTS * PARTS),
+        )
+
+    def _rows(self, bodies: Bodies) -> Rows:
+        count, first = len(self.rows), 2 * bodies.inverse_mass.size
+        force_block, gap_block = np.zeros((2, count, 2, PARTS), dtype=np.int64)
+        mass, lengths = np.zeros(count), np.ones(count)
+        for r, row in enumerate(self.rows):
+            node = first + row["place"][0]
+            for side, q in enumerate(row["quantity"]):
+                if q >= 0:
+                    parts = _parts(*self.quantities[q])
+                    force_block[r, side] = [self.blocks.place(part, node) for part in parts]
+                    gap_block[r, side] = [self.blocks.place(node, part) for part in parts]
+            pair = self.quantities[row["quantity"][0]][1]
+            moving = [body for body in (pair.a, pair.b) if body != self.ground]
+            mass[r] = 1.0 / sum(bodies.inverse_mass[body] for body in moving)
+            if row["angular"]:
+                lengths[r] = max(bodies.length[body] for body in moving)
+
+        def integers(key: str, width: int = 0) -> np.ndarray:
+            values = np.array([row[key] for row in self.rows], dtype=np.int64)
+            return values.reshape(-1, width) if width else values
+
+        coefficients = [row["coefficient"] for row in self.rows]
+        return Rows(
+            place=integers("place", 2),
+            quantity=integers("quantity", 2),
+            coefficient=np.array(coefficients, dtype=float).reshape(-1, 2),
+            function=integers("function"),
+            law=integers("law"),
+            offset=np.array([row["offset"] for row in self.rows], dtype=float),
+            holonomic=np.array([row["holonomic"] for row in self.rows], dtype=bool),
+            mass=mass,
+            scale=lengths,
+            force_block=force_block,
+            gap_block=gap_block,
+        )
+
+    def _reactions(self) -> Reactions:
+        coincide = {element: k for k, (element, _) in enumerate(self.coincide)}
+        joints = self.model.joints
+        child = [self.index[joint.child] for joint in joints]
+        arms = [sub(j.child_point, self.r_BG[b]) for j, b in zip(joints, child, strict=True)]
+        return Reactions(
+            child=np.array(child, dtype=np.int64),
+            s=_vectors(arms),
+            coincide=np.array([coincide.get(e, -1) for e in range(len(joints))], dtype=np.int64),
+            first_row=np.array(self.joint_rows, dtype=np.int64),
+        )
+
+    def _concentrated(self) -> ConcentratedLoads:
+        loads = [load for load in self.model.loads if isinstance(load, ConcentratedLoad)]
+        body, f_axes, m_axes = (
+            np.array([self.index[getattr(load, key)] for load in loads], dtype=np.int64)
+            for key in ("body", "force_basis", "moment_basis")
+        )
+        place = self.blocks.place
+        turning = np.stack([body, f_axes, m_axes], axis=1).tolist()
+        moment_by_turn = [[place(2 * t[0] + 1, 2 * c + 1) for c in t] for t in turning]
+        force_by_turn = [place(2 * b, 2 * c + 1) for b, c, _ in turning]
+        arms = [sub(load.point, self.r_BG[self.index[load.body]]) for load in loads]
+        return ConcentratedLoads(
+            body=body,
+            s=_vectors(arms),
+            f=_vectors(load.force for load in loads),
+            f_axes=f_axes,
+            m=_vectors(load.moment for load in loads),
+            m_axes=m_axes,
+            law=np.array([self._law(load.law) for load in loads], dtype=np.int64),
+            force_by_turn=np.array(force_by_turn, dtype=np.int64),
+            moment_by_turn=np.array(moment_by_turn, dtype=np.int64).reshape(-1, 3),
+        )
+
+    def _drags(self) -> Drags:
+        drags = [load for load in self.model.loads if isinstance(load, Drag)]
+        body = [self.index[load.body] for load in drags]
+        blocks = [
+            [
+                self.blocks.place(row, column)
+                for row in (2 * b, 2 * b + 1)
+                for column in (2 * b, 2 * b + 1)
+            ]
+            for b in body
+        ]
+        arms = [sub(load.point, self.r_BG[b]) for load, b in zip(drags, body, strict=True)]
+        return Drags(
+            body=np.array(body, dtype=np.int64),
+            s=_vectors(arms),
+            coefficient=np.array([load.coefficient for load in drags], dtype=float),
+            block=np.array(blocks, dtype=np.int64).reshape(-1, 4),
+        )
+
+    def _shown(self) -> Shown:
+        model = self.model
+        elastic = {column: i for i, column in enumerate(sorted(set(self.columns["springs"])))}
+        return Shown(
+            moment=np.array([KINDS[joint.kind].moment for joint in model.joints], dtype=bool),
+            load_row=np.array(self.load_rows, dtype=np.int64),
+            elastic=np.array([elastic[c] for c in self.columns["springs"]], dtype=np.int64),
+        )
+
+    def _units(self, coincide: Coincide, along: Along | None, nodes: int) -> np.ndarray:
+        unit = np.ones((nodes, 3))
+        unit[: coincide.a.size] = coincide.mass[:, None]
+        if along is not None:
+            place = along.rows.place
+            unit[place[:, 0], place[:, 1]] = along.rows.mass * along.rows.scale
+        return unit
+
+    def _multipliers(self, nodes: list[tuple[int, bool, set[int]]]) -> Multipliers:
+        first = 2 * (self.ground + 1)
+        if self.relaxation:
+            for node in range(first, first + len(nodes)):
+                self.blocks.constant(node, node, -self.relaxation)
+        touched = [[*sorted(bodies), *[self.ground] * 4][:4] for _, _, bodies in nodes]
+        return Multipliers(
+            node=first + np.arange(len(nodes), dtype=np.int64),
+            element=np.array([element for element, _, _ in nodes], dtype=np.int64),
+            turning=np.array([turning for _, turning, _ in nodes], dtype=bool),
+            bodies=np.array(touched, dtype=np.int64).reshape(-1, 4),
+        )
 
 
 class _Blocks:
@@ -22,8 +559,8 @@ class _Blocks:
         self.constants: list[tuple[int, float]] = []
 
     def place(self, row: int, column: int) -> int:
-        """Start of the block in the value array; 0 if it belongs to the ground."""
-        if {row, column} & {2 * self.ground, 2 * self.ground + 1}:
+        """Start of the block in the value array; 0 if it belongs to the ground or to nobody."""
+        if {row, column} & {2 * self.ground, 2 * self.ground + 1} or min(row, column) < 0:
             return 0
         return self.starts.setdefault((row, column), 9 * len(self.starts))
 
@@ -46,144 +583,49 @@ class _Blocks:
         return values
 
 
-def build_system(model: Model) -> System:
-    """The flat arrays of ``model`` (see ``System``)."""
-    index = body_index(model)
-    blocks = _Blocks(ground=len(model.bodies))
-    bodies = _bodies(model, blocks)
-    coincide = _coincide(model, index, bodies, blocks)
-    loads = _loads(model, index, blocks)
-    return System(bodies, coincide, loads, blocks.nodes(), blocks.constant_values())
+def _measure(product: Product, pair: _Pair, ground: int) -> tuple[Any, ...]:
+    """A row of ``Measures``."""
+    owner = {PARENT: pair.a, CHILD: pair.b, GROUND: ground}[product.owner]
+    s_a = pair.s_a if product.up is None else product.up
+    return product.kind, pair.a, pair.b, owner, product.n, s_a, pair.s_b, product.e
 
 
-def body_index(model: Model) -> dict[str, int]:
-    """Index of each body by name; every ground has the last one."""
-    index = {body.name: i for i, body in enumerate(model.bodies)}
-    return index | {ground.name: len(model.bodies) for ground in model.grounds}
+def _parts(quantity: Quantity, pair: _Pair) -> list[int]:
+    """Nodes of the four parts; -1 for displacements that the quantity does not see."""
+    seen = any(product.kind != DOT for product in quantity.products)
+    u_a, u_b = (2 * pair.a, 2 * pair.b) if seen else (-1, -1)
+    return [u_a, 2 * pair.a + 1, u_b, 2 * pair.b + 1]
 
 
-def build_state(model: Model, system: System) -> State:
-    """The state at t = 0 as the deck gives it, accelerations and forces still zero."""
-    n = len(model.bodies)
-    x, p, v, w = (np.zeros((n + 1, 3)) for _ in range(4))
-    for i, body in enumerate(model.bodies):
-        R = matrix(body.orientation)
-        x[i] = add(body.position, times(R, body.r_BG))
-        p[i] = body.orientation
-        v[i] = times(R, add(body.velocity, cross(body.angular_velocity, body.r_BG)))
-        w[i] = body.angular_velocity
-    k = system.coincide.a.size
-    return State(
-        x=x,
-        x_low=np.zeros_like(x),
-        p=p,
-        v=v,
-        w=w,
-        a=np.zeros_like(x),
-        alpha=np.zeros_like(x),
-        force=np.zeros((k, 3)),
-        a_trend=np.zeros_like(x),
-        alpha_trend=np.zeros_like(x),
-        force_trend=np.zeros((k, 3)),
-        gap=np.zeros((k, 3)),
-        work=np.zeros(system.loads.body.size),
-    )
+def _bushing(bushing: Bushing) -> list[Quantity]:
+    """Three slides along the parent's frame and three turns about it, small ones as products."""
+    frame, child = bushing.parent_axes, bushing.child_axes
+    slides = [in_plane(axis).first for axis in frame]
+    pairs = ((Z, Y), (X, Z), (Y, X))
+    return slides + [perpendicular(frame[i], child[j]).first for i, j in pairs]
 
 
-def _bodies(model: Model, blocks: _Blocks) -> Bodies:
-    n = len(model.bodies)
-    inertia = np.zeros((n + 1, 3, 3))
-    inertia[:n] = [body.inertia for body in model.bodies]
-    places = [blocks.place(2 * b + 1, 2 * b + 1) for b in range(n + 1)]
-    for b in range(n):
-        blocks.constant(2 * b, 2 * b, 1.0)
-    return Bodies(
-        inverse_mass=np.array([1.0 / body.mass for body in model.bodies] + [0.0]),
-        inertia=inertia,
-        r_BG=np.array([body.r_BG for body in model.bodies] + [(0.0, 0.0, 0.0)]),
-        length=np.array([_length(model, body) for body in model.bodies] + [1.0]),
-        ballistic=_ballistic(model),
-        gravity=np.array(model.gravity, dtype=float),
-        block=np.array(places, dtype=np.int64),
-    )
-
-
-def _ballistic(model: Model) -> np.ndarray:
-    touched = {joint.parent for joint in model.joints} | {joint.child for joint in model.joints}
-    touched |= {load.body for load in model.loads}
-    return np.array([*(body.name not in touched for body in model.bodies), True])
-
-
-def _length(model: Model, body: RigidBody) -> float:
+def _length(body: RigidBody, arms: Sequence[float]) -> float:
     """The length of a body: its radius of gyration or its longest arm, whichever is larger."""
-    points = [joint.parent_point for joint in model.joints if joint.parent == body.name]
-    points += [joint.child_point for joint in model.joints if joint.child == body.name]
-    points += [load.point for load in model.loads if load.body == body.name]
-    arms = [float(np.linalg.norm(sub(point, body.r_BG))) for point in points]
     gyration = float(np.sqrt(np.trace(np.array(body.inertia)) / (2.0 * body.mass)))
     return max([gyration, *arms])
 
 
-def _arms(model: Model, names: Iterable[str], points: Sequence[Vector]) -> np.ndarray:
-    """(k, 3) points of bodies from their mass centres (of the ground: from the origin)."""
-    r_BG = {body.name: body.r_BG for body in model.bodies}
-    arms = [
-        sub(point, r_BG.get(name, (0.0, 0.0, 0.0)))
-        for name, point in zip(names, points, strict=True)
+def _vectors(vectors: Iterable[Vector]) -> np.ndarray:
+    """(k, 3) array of vectors, also of none."""
+    return np.array(list(vectors), dtype=float).reshape(-1, 3)
+
+
+def _indices(numbers: Iterable[int]) -> np.ndarray:
+    """Array of indices, also of none."""
+    return np.array(list(numbers), dtype=np.int64)
+
+
+def _group(kind: Any, entries: Sequence[tuple[Any, ...]], types: str) -> Any:
+    """A group of arrays from its rows; ``types`` has q for indices, f for numbers."""
+    columns = list(zip(*entries, strict=True)) or [()] * len(types)
+    arrays = [
+        np.array(column, dtype=np.int64 if letter == "q" else float)
+        for column, letter in zip(columns, types, strict=True)
     ]
-    return np.array(arms, dtype=float).reshape(-1, 3)
-
-
-def _indices(names: Iterable[str], index: dict[str, int]) -> np.ndarray:
-    return np.array([index[name] for name in names], dtype=np.int64)
-
-
-def _coincide(model: Model, index: dict[str, int], bodies: Bodies, blocks: _Blocks) -> Coincide:
-    parents = [joint.parent for joint in model.joints]
-    children = [joint.child for joint in model.joints]
-    a, b = _indices(parents, index), _indices(children, index)
-    mass = 1.0 / (bodies.inverse_mass[a] + bodies.inverse_mass[b])
-    first = 2 * bodies.inverse_mass.size
-    moment_by_turn, moment_by_force, gap_by_turn = (
-        np.zeros((a.size, 2), dtype=np.int64) for _ in "123"
-    )
-    for k, pair in enumerate(zip(a.tolist(), b.tolist(), strict=True)):
-        for side, (sign, body) in enumerate(zip((-1.0, 1.0), pair, strict=True)):
-            u, turn, node = 2 * body, 2 * body + 1, first + k
-            share = float(bodies.inverse_mass[body] * mass[k])
-            blocks.constant(u, node, -sign * share)
-            blocks.constant(node, u, sign)
-            moment_by_turn[k, side] = blocks.place(turn, turn)
-            moment_by_force[k, side] = blocks.place(turn, node)
-            gap_by_turn[k, side] = blocks.place(node, turn)
-    return Coincide(
-        a=a,
-        b=b,
-        s_a=_arms(model, parents, [joint.parent_point for joint in model.joints]),
-        s_b=_arms(model, children, [joint.child_point for joint in model.joints]),
-        mass=mass,
-        row=first + np.arange(a.size, dtype=np.int64),
-        moment_by_turn=moment_by_turn,
-        moment_by_force=moment_by_force,
-        gap_by_turn=gap_by_turn,
-    )
-
-
-def _loads(model: Model, index: dict[str, int], blocks: _Blocks) -> ConcentratedLoads:
-    loads = model.loads
-    body = _indices((load.body for load in loads), index)
-    f_axes = _indices((load.force_basis for load in loads), index)
-    m_axes = _indices((load.moment_basis for load in loads), index)
-    turning = np.stack([body, f_axes, m_axes], axis=1).tolist()
-    moment_by_turn = [[blocks.place(2 * t[0] + 1, 2 * c + 1) for c in t] for t in turning]
-    force_by_turn = [blocks.place(2 * b, 2 * c + 1) for b, c, _ in turning]
-    return ConcentratedLoads(
-        body=body,
-        s=_arms(model, [load.body for load in loads], [load.point for load in loads]),
-        f=np.array([load.force for load in loads], dtype=float).reshape(-1, 3),
-        f_axes=f_axes,
-        m=np.array([load.moment for load in loads], dtype=float).reshape(-1, 3),
-        m_axes=m_axes,
-        force_by_turn=np.array(force_by_turn, dtype=np.int64),
-        moment_by_turn=np.array(moment_by_turn, dtype=np.int64).reshape(-1, 3),
-    )
+    return kind(*arrays)

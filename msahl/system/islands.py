@@ -1,25 +1,17 @@
-"""Islands: parts of a scene that no joint and no load couples are scenes of their own.
+"""Islands: parts of a scene that nothing couples are scenes of their own.
 
-Each is built, reduced and solved apart; only the columns of the results bring them together. A
-load whose components turn with another body couples the two.
+Each is built, reduced and solved apart; only the columns of the results bring them together. Bodies
+are coupled by joints, by couplings and motions of joints, by forces between them, and by a load
+whose components turn with another body.
 """
 
-from dataclasses import replace
-from typing import NamedTuple
+from dataclasses import fields, replace
+from typing import Any
 
-from msahl.model import Model
-
-
-class Island(NamedTuple):
-    """A scene of its own, and where its bodies, joints and loads stand in the whole one's."""
-
-    model: Model
-    bodies: tuple[int, ...]
-    joints: tuple[int, ...]
-    loads: tuple[int, ...]
+from msahl.model import Joint, Model
 
 
-def split(model: Model) -> list[Island]:
+def split(model: Model) -> list[Model]:
     """The islands of ``model``, in the order of their first bodies."""
     leader = {body.name: body.name for body in model.bodies}
 
@@ -29,40 +21,36 @@ def split(model: Model) -> list[Island]:
             name = leader[name]
         return name
 
-    for names in _couplings(model):
-        moving = [find(name) for name in names if name in leader]
+    joints = {joint.name: joint for joint in model.joints}
+    for element in (*model.joints, *model.couplings, *model.motions, *model.loads):
+        moving = [find(name) for name in _touched(element, joints) if name in leader]
         for name in moving[1:]:
-            leader[name] = moving[0]
-    groups: dict[str, list[int]] = {}
-    for i, body in enumerate(model.bodies):
-        groups.setdefault(find(body.name), []).append(i)
-    return [_island(model, bodies) for bodies in groups.values()]
+            leader[find(name)] = find(moving[0])
+    groups: dict[str, set[str]] = {}
+    for body in model.bodies:
+        groups.setdefault(find(body.name), set()).add(body.name)
+    return [_island(model, joints, names) for names in groups.values()]
 
 
-def whole(model: Model) -> Island:
-    """The scene as one island."""
-    return Island(
+def _touched(element: Any, joints: dict[str, Joint]) -> set[str]:
+    """Names of the bodies and grounds that an element acts between."""
+    keys = {field.name for field in fields(element)}
+    of_bodies = keys & {"parent", "child", "body", "force_basis", "moment_basis"}
+    names = {getattr(element, key) for key in of_bodies}
+    for key in keys & {"joint", "first", "second"}:
+        names |= _touched(joints[getattr(element, key)], joints)
+    return names
+
+
+def _island(model: Model, joints: dict[str, Joint], names: set[str]) -> Model:
+    def belonging(elements: tuple[Any, ...]) -> tuple[Any, ...]:
+        return tuple(e for e in elements if _touched(e, joints) & names)
+
+    return replace(
         model,
-        tuple(range(len(model.bodies))),
-        tuple(range(len(model.joints))),
-        tuple(range(len(model.loads))),
+        bodies=tuple(body for body in model.bodies if body.name in names),
+        joints=belonging(model.joints),
+        couplings=belonging(model.couplings),
+        motions=belonging(model.motions),
+        loads=belonging(model.loads),
     )
-
-
-def _couplings(model: Model) -> list[tuple[str, ...]]:
-    joints = [(joint.parent, joint.child) for joint in model.joints]
-    loads = [(load.body, load.force_basis, load.moment_basis) for load in model.loads]
-    return [*joints, *loads]
-
-
-def _island(model: Model, bodies: list[int]) -> Island:
-    names = {model.bodies[i].name for i in bodies}
-    joints = [i for i, j in enumerate(model.joints) if j.parent in names or j.child in names]
-    loads = [i for i, load in enumerate(model.loads) if load.body in names]
-    part = replace(
-        model,
-        bodies=tuple(model.bodies[i] for i in bodies),
-        joints=tuple(model.joints[i] for i in joints),
-        loads=tuple(model.loads[i] for i in loads),
-    )
-    return Island(part, tuple(bodies), tuple(joints), tuple(loads))

@@ -1,9 +1,13 @@
 """Names of what the flat arrays hold: CSV columns, and rows of the equations for messages."""
 
-from msahl.model import Model
+from msahl.joints.registry import KINDS
+from msahl.model import Bushing, Joint, JointSpring, Model, SpringDamper
+from msahl.system.arrays import System
 
 STATE_COLUMNS = ("x", "y", "z", "P1", "P2", "P3", "vx", "vy", "vz", "wx", "wy", "wz")
 FORCE_COLUMNS = ("Fx", "Fy", "Fz")
+MOMENT_COLUMNS = ("Mx", "My", "Mz")
+Springy = SpringDamper | JointSpring | Bushing
 
 
 def state_columns(model: Model) -> list[str]:
@@ -12,20 +16,36 @@ def state_columns(model: Model) -> list[str]:
 
 
 def reaction_columns(model: Model) -> list[str]:
-    """Header of ``reactions.csv``."""
-    return ["time", *(f"{joint.name}.{c}" for joint in model.joints for c in FORCE_COLUMNS)]
+    """Header of ``reactions.csv``: of each joint force and, if it has one, moment; of couplings and
+    motions the load [N or N m], of motions the power [W] as well.
+    """
+    joints = [f"{joint.name}.{c}" for joint in model.joints for c in joint_columns(joint)]
+    couplings = [f"{coupling.name}.load" for coupling in model.couplings]
+    motions = [f"{motion.name}.{c}" for motion in model.motions for c in ("load", "power")]
+    return ["time", *joints, *couplings, *motions]
+
+
+def joint_columns(joint: Joint) -> tuple[str, ...]:
+    """What is shown of one joint's reaction."""
+    return FORCE_COLUMNS + (MOMENT_COLUMNS if KINDS[joint.kind].moment else ())
 
 
 def work_columns(model: Model) -> list[str]:
-    """Header of ``work.csv``: work of each load since t = 0 [J]."""
-    return ["time", *(f"{load.name}.work" for load in model.loads)]
+    """Header of ``work.csv``: work of loads and motions since t = 0, and elastic energies [J]."""
+    work = [f"{element.name}.work" for element in (*model.loads, *model.motions)]
+    springs = [load for load in model.loads if isinstance(load, Springy)]
+    return ["time", *work, *(f"{spring.name}.energy" for spring in springs)]
 
 
-def describe_row(model: Model, index: int) -> str:
+def describe_row(model: Model, system: System, index: int) -> str:
     """Row ``index`` of the flat equations in words."""
     node, axis = index // 3, "xyz"[index % 3]
-    joint = node - 2 * (len(model.bodies) + 1)
-    if joint >= 0:
-        return f"joint '{model.joints[joint].name}', gap along {axis}"
-    kind = "moment about" if node % 2 else "force along"
-    return f"body '{model.bodies[node // 2].name}', {kind} {axis}"
+    k = node - 2 * (len(model.bodies) + 1)
+    if k < 0:
+        kind = "moment about" if node % 2 else "force along"
+        return f"body '{model.bodies[node // 2].name}', {kind} {axis}"
+    elements = [*model.joints, *model.couplings, *model.motions]
+    element = elements[int(system.multipliers.element[k])]
+    what = f"gap along {axis}" if k < system.coincide.a.size else f"equation {index % 3 + 1}"
+    kind = type(element).__name__.lower()
+    return f"{kind} '{element.name}', {what}"

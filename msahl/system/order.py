@@ -2,14 +2,15 @@
 
 Bodies are eliminated in an order of smallest degree on the graph of bodies (the ground does not
 count): in a tree that takes the leaves first, without fill-in, from however many grounds the tree
-hangs. A body goes with one of its joints: displacement, then multiplier, then turn; in this order
-the pivots are 1, the share of the joint's mass, and an inertia about the joint. Joints that close
-loops go after both their bodies. Pivots keep this order whatever the values; a scene that defeats
-it is left to the dense solver.
+hangs. A body goes with one of its joints: displacement, then the multipliers that act on it, then
+turn, then the multipliers that see nothing but turns; in this order the pivots are 1, the share of
+the joint's mass, and an inertia about the joint. Joints that close loops, and couplings, go after
+all their bodies. Pivots keep this order whatever the values; a scene that defeats it is left to
+the dense solver.
 
 Column k of L and row k of U stand one after the other in the factor array, from ``base[k]``: the
-pivot (kept inverted), ``lower[k]`` entries of L, ``upper[k]`` of U. ``rows`` and ``columns`` say
-where those act. ``target`` lists, pivot by pivot, the entries that the outer product of both is
+pivot (kept inverted), ``lower[k]`` entries of L, ``upper[k]`` of U. ``other`` says in which row or
+column those act. ``target`` lists, pivot by pivot, the entries that the outer product of both is
 taken from.
 """
 
@@ -18,7 +19,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.joints.coincide import Coincide
 from msahl.system.arrays import System
 
 
@@ -37,47 +37,66 @@ class Elimination(NamedTuple):
 
 def eliminate(system: System, free: np.ndarray) -> Elimination:
     """The elimination of the ``free`` unknowns in the pattern of the system's blocks."""
-    blocks = system.blocks
-    nodes = _node_order(system.bodies.inverse_mass.size - 1, system.coincide, blocks)
     solved = set(free.tolist())
+    nodes = _node_order(system)
     order = [3 * node + i for node in nodes for i in range(3) if 3 * node + i in solved]
     position = {unknown: k for k, unknown in enumerate(order)}
-    entries = _scalar_entries(blocks, position)
+    entries = _scalar_entries(system.blocks, position)
     rows, columns = _fill(len(order), entries)
     return _program(order, entries, rows, columns)
 
 
-def _node_order(n_bodies: int, coincide: Coincide, blocks: np.ndarray) -> list[int]:
+def _node_order(system: System) -> list[int]:
     """Nodes in order of elimination."""
-    neighbours: list[set[int]] = [set() for _ in range(n_bodies)]
-    for row, column in blocks[1:].tolist():
-        a, b = row // 2, column // 2
-        if max(a, b) < n_bodies and a != b:
-            neighbours[a].add(b)
-            neighbours[b].add(a)
-    joints: list[list[int]] = [[] for _ in range(n_bodies + 1)]
-    ends = list(zip(coincide.a.tolist(), coincide.b.tolist(), strict=True))
-    for k, (a, b) in enumerate(ends):
-        joints[a].append(k)
-        joints[b].append(k)
-        if max(a, b) < n_bodies:
-            neighbours[a].add(b)
-            neighbours[b].add(a)
+    ground = system.bodies.inverse_mass.size - 1
+    elements = _elements(system, ground)
+    of_body: list[list[int]] = [[] for _ in range(ground)]
+    for e, (bodies, _, _) in elements.items():
+        for body in bodies:
+            of_body[body].append(e)
     order: list[int] = []
-    gone, placed = {n_bodies}, set()
-    for body in _smallest_degree(neighbours):
+    gone: set[int] = set()
+    placed: set[int] = set()
+    for body in _smallest_degree(_neighbours(system, ground)):
         gone.add(body)
+        waiting = [e for e in of_body[body] if e not in placed]
+        # Joints to what has gone first: left for later they would hold the body at both ends.
+        waiting.sort(key=lambda e: not gone.issuperset(elements[e][0]))
+        tree = [e for e in waiting if len(elements[e][0]) <= 2][:1]
+        late = [e for e in waiting if e not in tree and gone.issuperset(elements[e][0])]
         order.append(2 * body)
-        tree = next((k for k in joints[body] if k not in placed), None)
-        if tree is not None:
-            placed.add(tree)
-            order.append(int(coincide.row[tree]))
+        order += [node for e in tree for node in elements[e][1]]
         order.append(2 * body + 1)
-        for k in joints[body]:
-            if k not in placed and gone.issuperset(ends[k]):
-                placed.add(k)
-                order.append(int(coincide.row[k]))
+        order += [node for e in tree for node in elements[e][2]]
+        order += [node for e in late for part in elements[e][1:] for node in part]
+        placed.update(tree, late)
+    # What couples no body that moves comes last.
+    order += [n for e, (_, *parts) in elements.items() if e not in placed for p in parts for n in p]
     return order
+
+
+def _elements(system: System, ground: int) -> dict[int, tuple[set[int], list[int], list[int]]]:
+    """Of each joint or coupling: its moving bodies, its pushing and its turning nodes."""
+    elements: dict[int, tuple[set[int], list[int], list[int]]] = {}
+    multipliers = system.multipliers
+    for k, node in enumerate(multipliers.node.tolist()):
+        bodies, pushing, turning = elements.setdefault(int(multipliers.element[k]), (set(), [], []))
+        bodies.update(b for b in multipliers.bodies[k].tolist() if b != ground)
+        (turning if multipliers.turning[k] else pushing).append(node)
+    return elements
+
+
+def _neighbours(system: System, ground: int) -> list[set[int]]:
+    """Bodies that a force or a joint couples."""
+    near: list[set[int]] = [set() for _ in range(ground)]
+    pairs = [(row // 2, column // 2) for row, column in system.blocks[1:].tolist()]
+    for bodies in system.multipliers.bodies.tolist():
+        pairs += [(a, b) for a in bodies for b in bodies]
+    for a, b in pairs:
+        if max(a, b) < ground and a != b:
+            near[a].add(b)
+            near[b].add(a)
+    return near
 
 
 def _smallest_degree(neighbours: list[set[int]]) -> list[int]:

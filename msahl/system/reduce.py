@@ -4,15 +4,19 @@
 which is the time element's own answer; only its turn is left to solve for.
 
 *Planar*: if every mass centre, arm, force and velocity lies in one coordinate plane of the inertial
-axes, and every spin, moment and one principal axis of each body is its normal, then by mirror
-symmetry all stays so; three unknowns a body and two a coinciding point are left. The test asks
-for exact zeros, so nothing is neglected. (Distances between parallel planes would make moments;
-they do not count as planar.)
+axes, if every spin, moment and one principal axis of each body is its normal, and every direction
+of a joint lies in the plane or along the normal, then by mirror symmetry all stays so; three
+unknowns a body are left, and those joint equations that do not hold by symmetry alone. The test
+asks for exact zeros, so nothing is neglected. (Distances between parallel planes would make
+moments; they do not count as planar.)
 """
 
 import numpy as np
 
-from msahl.system.arrays import Start, System, node_count
+from msahl.joints.measure import DOT, SLIDE, SLIP, Measures, MeasureStart
+from msahl.joints.quantity import PLAIN, RADIUS, Quantities
+from msahl.joints.rows import Rows
+from msahl.system.arrays import Start, System, body_count, node_count
 
 TURNS = 1
 """Parity of the nodes that hold turns."""
@@ -28,7 +32,7 @@ def plane_normal(system: System, start: Start) -> int | None:
 
 def _is_planar(system: System, start: Start, axis: int) -> bool:
     in_plane = [i for i in range(3) if i != axis]
-    ground = system.bodies.inverse_mass.size - 1
+    ground = body_count(system) - 1
     bodies, coincide, loads = start.bodies, start.coincide, start.loads
     # The ground's arms are places, not levers; a load's arm matters only where a force acts.
     arms_a = coincide.r_a[system.coincide.a != ground, axis]
@@ -41,30 +45,134 @@ def _is_planar(system: System, start: Start, axis: int) -> bool:
         arms_b,
         loads.f[:, axis],
         levers,
+        start.drag_arms[:, axis],
     )
     across = (bodies.W, bodies.J[:, axis], bodies.J[:, :, axis], loads.m)
-    return not any(np.any(a) for a in along) and not any(np.any(a[:, in_plane]) for a in across)
+    lies = not any(np.any(a) for a in along)
+    lies = lies and not any(np.any(a[:, in_plane]) for a in across)
+    if system.along is None or not lies:
+        return lies
+    group, measures = system.along.quantities, start.along.quantities.measures
+    return all(_fits(group, measures, ground, q, axis) for q in range(group.kind.size))
+
+
+def _fits(group: Quantities, measures: MeasureStart, ground: int, q: int, axis: int) -> bool:
+    """Whether a quantity is its own mirror image: its vectors along or across the normal."""
+    for k in range(group.first[q], group.first[q + 1]):
+        kind = group.measures.kind[k]
+        if kind not in (DOT, SLIDE, SLIP):
+            return False
+        n_along = _along(measures.n[k], axis)
+        if n_along is None:
+            return False
+        if kind == DOT:
+            e_along = _along(measures.e[k], axis)
+            mixed = n_along != e_along
+            if e_along is None or (n_along and e_along) or (mixed and group.kind[q] != PLAIN):
+                return False
+        else:
+            a, b = group.measures.a[k], group.measures.b[k]
+            ends = ((a, measures.r_a[k]), (b, measures.r_b[k]))
+            arms = [arm for body, arm in ends if body != ground]
+            if any(arm[axis] for arm in arms) or measures.D[k, axis]:
+                return False
+            if n_along and group.kind[q] not in (PLAIN, RADIUS):
+                return False
+    return True
+
+
+def _along(vector: np.ndarray, axis: int) -> bool | None:
+    """True along the axis, False across it, None if neither."""
+    across = np.delete(vector, axis)
+    if not np.any(across):
+        return True
+    return None if vector[axis] else False
+
+
+def symmetric_rows(system: System, start: Start, axis: int) -> np.ndarray:
+    """(r,) rows that hold by symmetry in a planar scene, whatever its motion in the plane."""
+    if system.along is None:
+        return np.zeros(0, dtype=bool)
+    group, measures = system.along.quantities, start.along.quantities.measures
+    rows = system.along.rows
+    held = np.zeros(group.kind.size, dtype=bool)
+    for q in np.flatnonzero(group.kind == PLAIN):
+        k = group.first[q]
+        n_along = _along(measures.n[k], axis)
+        if group.measures.kind[k] == DOT:
+            held[q] = n_along != _along(measures.e[k], axis)
+        else:
+            held[q] = bool(n_along)
+    symmetric: np.ndarray = held[rows.quantity[:, 0]] & (rows.quantity[:, 1] < 0)
+    return symmetric
+
+
+def drop_rows(system: System, held: np.ndarray) -> System:
+    """The system without the ``held`` rows (r,), and without the quantities only they needed.
+
+    Nodes and blocks stay where they are.
+    """
+    along = system.along
+    if along is None or not held.any():
+        return system
+    rows, group = along.rows, along.quantities
+    kept = np.flatnonzero(~held)
+    acting = (rows.quantity[kept].reshape(-1), along.springs.quantity, along.frictions.quantity)
+    used = np.unique(np.concatenate(acting))
+    used = used[used >= 0]
+    number = np.full(group.kind.size + 1, -1)  # the last entry serves -1
+    number[used] = np.arange(used.size)
+    spans = [np.arange(group.first[q], group.first[q + 1]) for q in used]
+    measures = np.concatenate([*spans, np.zeros(0, dtype=np.int64)]).astype(np.int64)
+    quantities = Quantities(
+        measures=Measures(*(array[measures] for array in group.measures)),
+        kind=group.kind[used],
+        first=np.concatenate([[0], np.cumsum([s.size for s in spans])]).astype(np.int64),
+        radius=group.radius[used],
+        block=group.block[used],
+    )
+    fewer = Rows(*(array[kept] for array in rows))
+    left = np.concatenate([[0], np.cumsum(~held)])
+    return system._replace(
+        along=along._replace(
+            quantities=quantities,
+            rows=fewer._replace(quantity=number[fewer.quantity]),
+            springs=along.springs._replace(quantity=number[along.springs.quantity]),
+            frictions=along.frictions._replace(quantity=number[along.frictions.quantity]),
+            row_column=along.row_column[kept],
+        ),
+        reactions=system.reactions._replace(first_row=left[system.reactions.first_row]),
+        shown=system.shown._replace(load_row=left[system.shown.load_row]),
+    )
 
 
 def all_unknowns(system: System) -> np.ndarray:
     """(f,) every flat unknown but the ground's six."""
-    needed = np.ones((node_count(system), 3), dtype=bool)
-    n = system.bodies.inverse_mass.size
-    needed[2 * n - 2 : 2 * n] = False
-    return np.flatnonzero(needed)
+    return np.flatnonzero(_all(system))
 
 
-def needed_unknowns(system: System, axis: int | None) -> np.ndarray:
-    """(f,) the flat unknowns left to solve for."""
-    n = system.bodies.inverse_mass.size
-    nodes = node_count(system)
-    needed = np.zeros((nodes, 3), dtype=bool)
-    needed.reshape(-1)[all_unknowns(system)] = True
+def _all(system: System) -> np.ndarray:
+    needed = np.zeros((node_count(system), 3), dtype=bool)
+    n = body_count(system)
+    needed[: 2 * n - 2] = True
+    needed[2 * n : 2 * n + system.coincide.a.size] = True
+    if system.along:
+        place = system.along.rows.place
+        needed[2 * n + place[:, 0], place[:, 1]] = True
+    return needed
+
+
+def needed_unknowns(system: System, start: Start, axis: int | None) -> np.ndarray:
+    """(f,) the flat unknowns left to solve for; ``axis`` is the normal of a planar scene."""
+    n, k = body_count(system), int(system.coincide.a.size)
+    needed = _all(system)
     needed[0 : 2 * n : 2][system.bodies.ballistic] = False
     if axis is not None:
-        kept = np.arange(3) == axis
-        turns = np.arange(nodes) % 2 == TURNS
-        turns[2 * n :] = False
-        needed[turns] &= kept
-        needed[~turns] &= ~kept
+        normal = np.arange(3) == axis
+        needed[TURNS : 2 * n : 2] &= normal
+        needed[0 : 2 * n : 2] &= ~normal
+        needed[2 * n : 2 * n + k] &= ~normal
+        if system.along:
+            place = system.along.rows.place[symmetric_rows(system, start, axis)]
+            needed[2 * n + place[:, 0], place[:, 1]] = False
     return np.flatnonzero(needed)

@@ -1,0 +1,82 @@
+# make run and make test need Python 3.11 or newer and GNU make, nothing else: both set up .venv.
+
+PYTHON ?= python3
+DECK ?= decks/thesis/single_pendulum_45.xml
+
+BIN := .venv/bin
+RESULTS := results
+OUT := $(RESULTS)/$(basename $(notdir $(DECK)))
+
+# The thesis's tables 4.2 and 4.4: angles by steps, 10 s.
+SWEEP := $(RESULTS)/sweep
+SWEEP_DECKS := $(foreach n,single double,$(foreach a,45 89 135,$(n)_pendulum_$(a)))
+SWEEP_STEPS := 0.1 0.04 0.01 0.004 0.002
+SWEEP_RUNS := $(foreach d,$(SWEEP_DECKS),$(foreach h,$(SWEEP_STEPS),$(SWEEP)/$(d)/$(h)/run.json))
+
+.PHONY: help run test lint regress regress-update sweep bench clean
+.DELETE_ON_ERROR:
+
+help:
+	@echo 'make run             set up .venv, run DECK ($(DECK)), write its report'
+	@echo 'make test            set up .venv for tests; lint, compare stored results, run all tests'
+	@echo 'make lint            ruff and mypy'
+	@echo 'make regress         run the stored cases again and compare with tests/regression'
+	@echo 'make regress-update  write tests/regression anew and say what changed'
+	@echo 'make sweep           angles by steps of the thesis -> $(SWEEP).csv (in parallel: make -j2 sweep)'
+	@echo 'make bench           measure speed against peers'
+	@echo 'make clean           remove results and build products; .venv stays'
+
+run: .venv/installed
+	$(BIN)/msahl run $(DECK) -o $(OUT)
+	@$(BIN)/msahl-post report $(OUT) > /dev/null
+	@echo 'tables:   $(OUT)/states.csv and others beside it'
+	@echo 'report:   $(OUT)/report/report.html (or report.md)'
+	@echo 'pictures: $(OUT)/report/'
+
+# Tests come last, so that what they say in the end is the end.
+test: lint regress
+	@$(BIN)/python -m pytest
+
+lint: .venv/tested
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+regress: .venv/tested
+	$(BIN)/python tools/regress.py check
+
+regress-update: .venv/tested
+	$(BIN)/python tools/regress.py update
+
+sweep: $(SWEEP).csv
+
+$(SWEEP).csv: $(SWEEP_RUNS) tools/sweep_table.py
+	@$(BIN)/python tools/sweep_table.py $(SWEEP_RUNS) > $@
+	@echo 'table: $@'
+
+# Seconds in the table are those of a warm start: what compiles, once, is this.
+$(SWEEP)/compiled: | .venv/installed
+	$(BIN)/msahl run $(DECK) --t-final 0.01 -q -o $(SWEEP)/first
+	@touch $@
+
+define sweep_rule
+$(SWEEP)/$(1)/$(2)/run.json: decks/thesis/$(1).xml | $(SWEEP)/compiled
+	$(BIN)/msahl run $$< --dt $(2) --t-final 10 -q -o $$(@D)
+endef
+$(foreach d,$(SWEEP_DECKS),$(foreach h,$(SWEEP_STEPS),$(eval $(call sweep_rule,$(d),$(h)))))
+
+bench: .venv/installed
+	$(BIN)/python -m pip install -q -e '.[bench]'
+	$(BIN)/python benchmarks/speed.py
+
+clean:
+	rm -rf $(RESULTS) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+
+.venv/installed: pyproject.toml
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e .
+	@touch $@
+
+.venv/tested: .venv/installed
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[test]'
+	@touch $@

@@ -1,0 +1,1 @@
+"""Speed, error and memory of msahl beside its peers, measured in one run on one machine."""

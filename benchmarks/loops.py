@@ -1,0 +1,125 @@
+"""Time of the loop, and its errors, of every code on every scene."""
+
+import multiprocessing
+import statistics
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from types import ModuleType
+
+import numpy as np
+
+from benchmarks import exudyn_peer, mujoco_peer, ours
+from benchmarks.motion import Errors, errors_of
+from benchmarks.reference import converged_positions
+from benchmarks.scenes import Scene
+
+CODES: dict[str, ModuleType] = {
+    name: module for module in (ours, exudyn_peer, mujoco_peer) for name in module.VARIANTS
+}
+SETTINGS = ours.SETTINGS | exudyn_peer.SETTINGS | mujoco_peer.SETTINGS
+MOST_BODIES = {"msahl root": 10}
+"""A dense solver: its cost grows like the cube of the bodies."""
+PATIENCE = 10.0
+"""Seconds for the samples of one code on one scene, and for the run whose errors are taken; more
+are not begun. One sample there is always."""
+LONGEST_FIRST = 60.0
+"""Seconds after which a code's first step of a very long chain is called too long."""
+
+
+@dataclass(slots=True)
+class Measured:
+    """One code on one scene at one step size."""
+
+    scene: Scene
+    h: float
+    code: str
+    steps: int = 0  # of one timing sample
+    samples: list[float] = field(default_factory=list)  # seconds a step
+    errors: Errors | None = None
+    note: str = ""
+
+    @property
+    def per_step(self) -> float:
+        """Median seconds a step, nan if it was not measured."""
+        return statistics.median(self.samples) if self.samples else float("nan")
+
+    @property
+    def per_step_and_body(self) -> float:
+        return self.per_step / self.scene.bodies
+
+
+def measure(scene: Scene, h: float, repeats: int, sample: float) -> list[Measured]:
+    """Every code on ``scene`` at ``h``: samples of about ``sample`` seconds, interleaved."""
+    rows = [Measured(scene, h, code) for code in CODES if _can(code, scene)]
+    for row in rows:
+        _attempt(row, partial(_choose_steps, row, sample))
+    _give_auto_the_steps_of_newton(rows)
+    for _ in range(repeats):
+        for row in rows:
+            if not row.note and sum(row.samples) * row.steps < PATIENCE:
+                _attempt(row, partial(_take_sample, row))
+    converged = converged_positions(scene.model, h * np.arange(round(scene.span / h) + 1))
+    for row in rows:
+        _attempt(row, partial(_take_errors, row, converged))
+    return rows
+
+
+def _can(code: str, scene: Scene) -> bool:
+    return scene.bodies <= MOST_BODIES.get(code, scene.bodies)
+
+
+def _attempt(row: Measured, part: Callable[[], None]) -> None:
+    """A code that gives up leaves a note, not a hole in the table."""
+    try:
+        part()
+    except (RuntimeError, ValueError, ArithmeticError) as error:
+        row.note = " ".join(str(error).split())[:80] or type(error).__name__
+
+
+def _loop(row: Measured, steps: int) -> float:
+    seconds: float = CODES[row.code].loop_seconds(row.scene.model, row.h, steps, row.code)
+    return seconds
+
+
+def _choose_steps(row: Measured, sample: float) -> None:
+    """How many steps a sample has; the trial also compiles and warms up."""
+    if row.scene.bodies >= 1000 and CODES[row.code] is ours:
+        _finish_first_step(row)
+    trial = max(1, 200 // row.scene.bodies)
+    _loop(row, trial)
+    per_step = _loop(row, trial) / trial
+    most = round(row.scene.timed / row.h)
+    row.steps = min(most, max(1, round(sample / per_step)))
+
+
+def _give_auto_the_steps_of_newton(rows: list[Measured]) -> None:
+    """Its first step may cost as much as many later ones, and would make its samples short."""
+    steps = {row.code: row.steps for row in rows}
+    for row in rows:
+        if row.code == "msahl auto" and not row.note:
+            row.steps = steps["msahl newton"]
+
+
+def _finish_first_step(row: Measured) -> None:
+    """Raise if one step takes too long; tried in a process that can be ended."""
+    process = multiprocessing.get_context("fork").Process(target=_loop, args=(row, 1))
+    process.start()
+    process.join(LONGEST_FIRST)
+    if process.is_alive():
+        process.terminate()
+        process.join()
+        raise RuntimeError(f"its first step had not ended after {LONGEST_FIRST:g} s")
+
+
+def _take_sample(row: Measured) -> None:
+    row.samples.append(_loop(row, row.steps) / row.steps)
+
+
+def _take_errors(row: Measured, converged: np.ndarray) -> None:
+    steps = len(converged) - 1
+    if row.note or row.per_step * steps > PATIENCE:
+        row.note = row.note or "too slow for the errors"
+        return
+    motion = CODES[row.code].motion(row.scene.model, row.h, steps, row.code)
+    row.errors = errors_of(row.scene.model, motion, converged)

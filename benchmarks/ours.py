@@ -1,0 +1,77 @@
+"""msahl as one of the codes: the loop of ``msahl run`` without the writing."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.motion import Motion
+from msahl.model import Model
+from msahl.run import Options, Report, run
+
+VARIANTS = {
+    "msahl newton": Options(solver="newton"),
+    "msahl auto": Options(solver="auto"),
+    "msahl root": Options(solver="root"),
+    "msahl newton --full": Options(solver="newton", full=True),
+}
+SETTINGS = {
+    "msahl newton": "the compiled loop, reductions as found",
+    "msahl auto": "the default: scipy.optimize.root for the first step and for hard ones",
+    "msahl root": "scipy.optimize.root (hybr) for every step; at most 10 bodies",
+    "msahl newton --full": "the compiled loop with nothing left out",
+}
+
+
+class _Rows:
+    """A sink that keeps the states."""
+
+    def __init__(self) -> None:
+        self.states: list[np.ndarray] = []
+
+    def write(self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray) -> None:
+        self.states.append(states)
+
+
+class _Nothing:
+    """A sink that keeps nothing."""
+
+    def write(self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray) -> None:
+        pass
+
+
+def loop_report(model: Model, h: float, steps: int, options: Options) -> Report:
+    """Report of ``steps`` steps of which only the last is published."""
+    return run(_lasting(model, h, steps), replace(options, every=steps), _Nothing())
+
+
+def loop_seconds(model: Model, h: float, steps: int, variant: str) -> float:
+    """Seconds in the loop; it watches energy and gaps at every step, as it always does."""
+    report = loop_report(model, h, steps, VARIANTS[variant])
+    if report.status != "completed":
+        raise RuntimeError(report.message)
+    return report.seconds["loop"]
+
+
+def motion(model: Model, h: float, steps: int, variant: str) -> Motion:
+    rows = _Rows()
+    report = run(_lasting(model, h, steps), VARIANTS[variant], rows)
+    if report.status != "completed":
+        raise RuntimeError(report.message)
+    table = np.concatenate(rows.states)
+    states = table[:, 1:].reshape(len(table), len(model.bodies), 4, 3)
+    R = _matrices(states[:, :, 1])
+    v = np.einsum("tbij,tbj->tbi", R, states[:, :, 2])
+    return Motion(table[:, 0], states[:, :, 0], R, v, states[:, :, 3])
+
+
+def _lasting(model: Model, h: float, steps: int) -> Model:
+    return replace(model, simulation=replace(model.simulation, dt=h, t_final=steps * h))
+
+
+def _matrices(p: np.ndarray) -> np.ndarray:
+    """Rotation matrices of Wiener-Milenkovic parameters p = 4 tan(phi/4) n, all at once."""
+    square = np.sum(p * p, axis=-1, keepdims=True) / 16.0
+    q0, q = (1.0 - square) / (1.0 + square), 0.5 * p / (1.0 + square)
+    eye = np.eye(3)
+    turned = [e + 2.0 * np.cross(q, np.cross(q, e) + q0 * e) for e in eye]
+    return np.stack(turned, axis=-1)

@@ -1,0 +1,59 @@
+"""Prescribed motions: elements -> records."""
+
+from msahl.deck.faults import Element, line_of, text
+from msahl.deck.laws import read_law
+from msahl.deck.named import UNIT, named_joint
+from msahl.deck.values import INERTIAL, Reader
+from msahl.law import Law
+from msahl.motion import Drive, PointMotion
+from msahl.vector import ZERO
+
+NOTHING = Law("constant", (0.0,))
+"""Stands for a law with faults."""
+
+
+def read_drive(element: Element, reader: Reader) -> Drive:
+    """Record of a ``<drive>``."""
+    freedom = text(element.find("freedom"))
+    joint = named_joint(element, "joint", freedom, reader)
+    law = read_law(element.find("law"), UNIT[freedom], reader) or NOTHING
+    return Drive(text(element.find("name")), joint, freedom, law)
+
+
+def read_point_motion(element: Element, reader: Reader) -> PointMotion:
+    """Record of a ``<pointMotion>``."""
+    body = moving_body(element, reader)
+    known = body in reader.axes
+    position, way = element.find("position"), element.find("direction")
+    return PointMotion(
+        name=text(element.find("name")),
+        body=body,
+        point=reader.vector(position, own=body, wanted=body) if known else ZERO,
+        direction=reader.direction(way, INERTIAL) or (0.0, 0.0, 1.0),
+        law=read_law(element.find("law"), "length", reader) or NOTHING,
+    )
+
+
+def moving_body(element: Element, reader: Reader) -> str:
+    """Name of the rigid body an element acts on."""
+    label = element.find("body")
+    body = text(label)
+    reader.known(element, body, "body", at=label)
+    if body in reader.grounds:
+        message = f"'{body}' is a ground and never moves; name a rigid body"
+        reader.faults.add(element, message, label)
+    return body
+
+
+def check_driven_once(elements: list[Element], reader: Reader) -> None:
+    """No free motion of a joint has two drives."""
+    taken: dict[tuple[str, str], Element] = {}
+    for element in elements:
+        if element.tag != "drive":
+            continue
+        joint, freedom = text(element.find("joint")), text(element.find("freedom"))
+        first = taken.setdefault((joint, freedom), element)
+        if first is not element:
+            line = line_of(first)
+            message = f"the {freedom} of '{joint}' is driven already (line {line}); keep one"
+            reader.faults.add(element, message)

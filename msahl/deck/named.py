@@ -1,0 +1,31 @@
+"""What an element names beside bodies: a joint, and one of its free motions."""
+
+from msahl.deck.faults import Element, text
+from msahl.deck.values import Reader
+from msahl.joints.registry import KINDS
+
+UNIT = {"angle": "angle", "slide": "length"}
+"""Quantity of each free motion."""
+
+
+def named_joint(element: Element, tag: str, freedom: str, reader: Reader) -> str:
+    """Name of the joint that the child ``tag`` names; a fault unless it has the ``freedom``."""
+    label = element.find(tag)
+    name = text(label)
+    if name not in reader.kinds:
+        names = ", ".join(reader.kinds) or "none"
+        message = f"{tag} '{name}' is not a joint of this deck (joints: {names})"
+        reader.faults.add(element, message, label)
+    elif freedom not in KINDS[reader.kinds[name]].freedoms:
+        reader.faults.add(element, _without(name, freedom, reader.kinds[name]), label)
+    return name
+
+
+def _without(name: str, freedom: str, kind: str) -> str:
+    """The joint has no such free motion."""
+    others = [kind for kind, record in KINDS.items() if freedom in record.freedoms]
+    has = " and ".join(KINDS[kind].freedoms) or "none"
+    return (
+        f"joint '{name}', a {kind}, has no free {freedom} to act along (it has: {has}); "
+        f"name one of {', '.join(others)}"
+    )

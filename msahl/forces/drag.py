@@ -1,0 +1,133 @@
+"""Quadratic drag on a point of a body, against its velocity relative to the inertial axes.
+
+F = -c |V| V ,   V = (u + dr)/h      mean velocity of the point, c [N s^2/m^2]
+work over the step = F . (u + dr)
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.bodies.rigid import Bodies, end_tangent, mean, push, turn_of
+from msahl.joints.measure import add_block
+from msahl.kernel import kernel
+from msahl.rotation import turn_change
+from msahl.vector import (
+    IDENTITY,
+    Matrix,
+    Vector,
+    add,
+    at,
+    cross,
+    dot,
+    matrix_at,
+    product,
+    put,
+    scale,
+    skew,
+    times,
+)
+
+
+class Drags(NamedTuple):
+    """All drags."""
+
+    body: np.ndarray  # (d,)
+    s: np.ndarray  # (d, 3) point from the mass centre, axes of the body [m]
+    coefficient: np.ndarray  # (d,) c
+    block: np.ndarray  # (d, 4) starts of (u, u), (u, Q), (Q, u), (Q, Q) of the body
+
+
+@kernel
+def prepare(drags: Drags, R: np.ndarray, arm: np.ndarray) -> None:
+    """Carry the arms into inertial axes (d, 3)."""
+    for k in range(drags.body.size):
+        put(arm, k, times(matrix_at(R, drags.body[k]), at(drags.s, k)))
+
+
+@kernel
+def displacement(drags: Drags, arm: np.ndarray, bodies: Bodies, Z: np.ndarray, k: int) -> Vector:
+    """Displacement of the point over the step."""
+    b = drags.body[k]
+    return add(at(Z, 2 * b), turn_change(turn_of(bodies, Z, b), at(arm, k)))
+
+
+@kernel
+def drag(c: float, V: Vector) -> Vector:
+    """Force at the velocity V."""
+    return scale(-c * math.sqrt(dot(V, V)), V)
+
+
+@kernel
+def residual(
+    drags: Drags, arm: np.ndarray, bodies: Bodies, h: float, Z: np.ndarray, F: np.ndarray
+) -> None:
+    """Take the drags from the rows of their bodies."""
+    for k in range(drags.body.size):
+        b = drags.body[k]
+        f = drag(drags.coefficient[k], scale(1.0 / h, displacement(drags, arm, bodies, Z, k)))
+        push(bodies, 0.5 * h * h, F, b, f, cross(mean(bodies, Z, b, at(arm, k)), f))
+
+
+@kernel
+def drag_slope(c: float, V: Vector) -> Matrix:
+    """Derivative of the force by the velocity."""
+    speed = math.sqrt(dot(V, V))
+    if speed == 0.0:
+        return ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    rows = (
+        add(scale(speed, IDENTITY[0]), scale(V[0] / speed, V)),
+        add(scale(speed, IDENTITY[1]), scale(V[1] / speed, V)),
+        add(scale(speed, IDENTITY[2]), scale(V[2] / speed, V)),
+    )
+    return (scale(-c, rows[0]), scale(-c, rows[1]), scale(-c, rows[2]))
+
+
+@kernel
+def jacobian(
+    drags: Drags, arm: np.ndarray, bodies: Bodies, h: float, Z: np.ndarray, values: np.ndarray
+) -> None:
+    """Add the derivatives."""
+    for k in range(drags.body.size):
+        b = drags.body[k]
+        V = scale(1.0 / h, displacement(drags, arm, bodies, Z, k))
+        by_V = drag_slope(drags.coefficient[k], V)
+        T = end_tangent(bodies, Z, b, at(arm, k))
+        r = skew(mean(bodies, Z, b, at(arm, k)))
+        by_Q = product(by_V, T)
+        c = 0.5 * h * h * bodies.inverse_mass[b]
+        c_turn = c / bodies.length[b]
+        lever = product(skew(drag(drags.coefficient[k], V)), T)
+        add_block(values, drags.block[k, 0], -c / h, by_V)
+        add_block(values, drags.block[k, 1], c / h, by_Q)
+        add_block(values, drags.block[k, 2], -c_turn / h, product(r, by_V))
+        add_block(values, drags.block[k, 3], c_turn / h, product(r, by_Q))
+        add_block(values, drags.block[k, 3], -0.5 * c_turn, lever)
+
+
+@kernel
+def free_acceleration(
+    drags: Drags, arm: np.ndarray, bodies: Bodies, v: np.ndarray, W: np.ndarray, F: np.ndarray
+) -> None:
+    """Add the drags at the start to the rows of their bodies."""
+    for k in range(drags.body.size):
+        b = drags.body[k]
+        f = drag(drags.coefficient[k], add(at(v, b), cross(at(W, b), at(arm, k))))
+        push(bodies, 1.0, F, b, scale(-1.0, f), cross(f, at(arm, k)))
+
+
+@kernel
+def work(
+    drags: Drags,
+    arm: np.ndarray,
+    bodies: Bodies,
+    h: float,
+    Z: np.ndarray,
+    column: np.ndarray,
+    total: np.ndarray,
+) -> None:
+    """Add the work [J] over the step to its ``column`` of ``total``."""
+    for k in range(drags.body.size):
+        moved = displacement(drags, arm, bodies, Z, k)
+        total[column[k]] += dot(drag(drags.coefficient[k], scale(1.0 / h, moved)), moved)

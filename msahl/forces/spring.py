@@ -1,0 +1,116 @@
+"""Spring-damper along a quantity: a length, an angle, a slide.
+
+    load  = -T,   T = preload + k (q - q_free)  or a table T(q),   plus  c dq/dt
+    over a step:  -(V(q1) - V(q0)) / (q1 - q0) - c (q1 - q0)/h ,   dV/dq = T
+
+The quotient gives the bodies exactly what the elastic energy loses; the damper takes c (dq/h)^2 h.
+The load acts through the quantity's own unit force, so a two-point spring pulls along its line, a
+torsional one turns about its axis.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.bodies.rigid import Bodies
+from msahl.joints.quantity import Quantities, QuantityStart, add_spring
+from msahl.joints.rows import SAME
+from msahl.kernel import kernel
+from msahl.law import Laws, evaluate, integral
+
+
+class Springs(NamedTuple):
+    """All spring-dampers; units are those of the quantity: N, m or N m, rad."""
+
+    quantity: np.ndarray  # (s,)
+    stiffness: np.ndarray  # (s,) k
+    damping: np.ndarray  # (s,) c
+    free: np.ndarray  # (s,) q_free, where the tension is the preload
+    preload: np.ndarray  # (s,)
+    table: np.ndarray  # (s,) law T(q) in place of preload and k, or -1
+
+
+@kernel
+def potential_change(springs: Springs, laws: Laws, s: int, q0: float, q1: float) -> float:
+    """V(q1) - V(q0) [J]."""
+    if springs.table[s] >= 0:
+        return integral(laws, springs.table[s], q0, q1)
+    mean = 0.5 * (q0 + q1) - springs.free[s]
+    return (springs.preload[s] + springs.stiffness[s] * mean) * (q1 - q0)
+
+
+@kernel
+def potential(springs: Springs, laws: Laws, s: int, q: float) -> float:
+    """Elastic energy [J], zero at q_free."""
+    return potential_change(springs, laws, s, springs.free[s], q)
+
+
+@kernel
+def tension(springs: Springs, laws: Laws, s: int, q0: float, dq: float) -> tuple[float, float]:
+    """Elastic T over a change from q0 by ``dq``, and its derivative by the end."""
+    if springs.table[s] < 0:
+        k = springs.stiffness[s]
+        return springs.preload[s] + k * (q0 + 0.5 * dq - springs.free[s]), 0.5 * k
+    if abs(dq) < SAME:
+        value, slope, _ = evaluate(laws, springs.table[s], q0 + 0.5 * dq)
+        return value, 0.5 * slope
+    mean = integral(laws, springs.table[s], q0, q0 + dq) / dq
+    end, _, _ = evaluate(laws, springs.table[s], q0 + dq)
+    return mean, (end - mean) / dq
+
+
+@kernel
+def residual(springs: Springs, laws: Laws, start: QuantityStart, h: float) -> None:
+    """Add the springs to the loads of their quantities."""
+    for s in range(springs.quantity.size):
+        q = springs.quantity[s]
+        dq = start.change[q]
+        T, _ = tension(springs, laws, s, start.value[q], dq)
+        start.load[q] -= T + springs.damping[s] * dq / h
+
+
+@kernel
+def jacobian(
+    springs: Springs,
+    laws: Laws,
+    quantities: Quantities,
+    start: QuantityStart,
+    bodies: Bodies,
+    h: float,
+    values: np.ndarray,
+) -> None:
+    """Add the derivatives of the loads."""
+    for s in range(springs.quantity.size):
+        q = springs.quantity[s]
+        _, slope = tension(springs, laws, s, start.value[q], start.change[q])
+        slope = -slope - springs.damping[s] / h
+        add_spring(quantities, start, bodies, 0.5 * h * h, q, slope, values)
+
+
+@kernel
+def free_load(springs: Springs, laws: Laws, start: QuantityStart, rate: np.ndarray) -> None:
+    """Add the springs at the start, with the quantities' rates there, to the loads."""
+    for s in range(springs.quantity.size):
+        q = springs.quantity[s]
+        T, _ = tension(springs, laws, s, start.value[q], 0.0)
+        start.load[q] -= T + springs.damping[s] * rate[q]
+
+
+@kernel
+def work(
+    springs: Springs, start: QuantityStart, h: float, column: np.ndarray, total: np.ndarray
+) -> None:
+    """Add the dampers' work [J] over the step to their ``column`` of ``total``."""
+    for s in range(springs.quantity.size):
+        dq = start.change[springs.quantity[s]]
+        total[column[s]] -= springs.damping[s] * dq * dq / h
+
+
+@kernel
+def energy(springs: Springs, laws: Laws, start: QuantityStart, out: np.ndarray) -> float:
+    """Set ``out`` (s,) to each spring's elastic energy at the start; their sum [J]."""
+    total = 0.0
+    for s in range(springs.quantity.size):
+        out[s] = potential(springs, laws, s, start.value[springs.quantity[s]])
+        total += out[s]
+    return total

@@ -1,0 +1,200 @@
+"""All that acts along quantities: rows of joints, couplings and motions, springs, friction.
+
+A scene of points and nothing else (``joints.coincide``) has none of it: ``along`` is then None, and
+the step compiled for such scenes holds none of this code.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.bodies.rigid import Bodies, BodyStart
+from msahl.forces import friction, spring
+from msahl.forces.friction import Frictions
+from msahl.forces.spring import Springs
+from msahl.joints import quantity, rows
+from msahl.joints.quantity import Quantities, QuantityStart
+from msahl.joints.rows import Rows
+from msahl.kernel import kernel
+from msahl.law import Laws
+
+
+class Along(NamedTuple):
+    """The groups that share quantities, and the columns of work they enter theirs in."""
+
+    quantities: Quantities
+    rows: Rows
+    springs: Springs
+    frictions: Frictions
+    laws: Laws
+    row_column: np.ndarray  # (r,) -1 for a row without a law
+    spring_column: np.ndarray  # (s,)
+    friction_column: np.ndarray  # (f,)
+
+
+class AlongStart(NamedTuple):
+    """Quantities at the start of the step and what of them has been computed since."""
+
+    quantities: QuantityStart
+    rate: np.ndarray  # (q,) rates at the start
+    reactions: np.ndarray  # (j, 6) joints' reactions predicted for the step
+    elastic: np.ndarray  # (s,) elastic energies at the start [J]
+
+
+@kernel
+def prepare(
+    along: Along | None,
+    x: np.ndarray,
+    R: np.ndarray,
+    angle: np.ndarray,
+    reaction: np.ndarray,
+    trend: np.ndarray,
+    start: AlongStart,
+) -> None:
+    """Evaluate the quantities of the accepted state and predict the joints' reactions."""
+    if along is None:
+        return
+    quantity.prepare(along.quantities, x, R, angle, start.quantities)
+    for j in range(reaction.shape[0]):
+        for i in range(6):
+            start.reactions[j, i] = reaction[j, i] + trend[j, i]
+
+
+@kernel
+def residual(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    gap: np.ndarray,
+    t: float,
+    h: float,
+    Z: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """Set the rows and take what acts along quantities from the rows of the bodies."""
+    if along is None:
+        return
+    q = start.quantities
+    quantity.evaluate(along.quantities, q, bodies, Z)
+    rows.residual(along.rows, along.laws, q, bodies, gap, t, h, Z, F)
+    spring.residual(along.springs, along.laws, q, h)
+    friction.residual(along.frictions, start.reactions, q, h)
+    quantity.push(along.quantities, q, bodies, 0.5 * h * h, F)
+
+
+@kernel
+def joint_jacobian(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    h: float,
+    Z: np.ndarray,
+    values: np.ndarray,
+) -> None:
+    """Add the blocks of the rows, after ``residual`` at ``Z``."""
+    if along is None:
+        return
+    q, half_h2 = start.quantities, 0.5 * h * h
+    quantity.differentiate(along.quantities, q, bodies, Z)
+    rows.jacobian(along.rows, along.laws, along.quantities, q, bodies, half_h2, Z, values)
+
+
+@kernel
+def force_jacobian(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    h: float,
+    Z: np.ndarray,
+    values: np.ndarray,
+) -> None:
+    """Add what springs, friction and the turning of all loads contribute."""
+    if along is None:
+        return
+    q = start.quantities
+    spring.jacobian(along.springs, along.laws, along.quantities, q, bodies, h, values)
+    friction.jacobian(along.frictions, start.reactions, along.quantities, q, bodies, h, values)
+    quantity.stiffness(along.quantities, q, bodies, 0.5 * h * h, Z, values)
+
+
+@kernel
+def accept(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    t: float,
+    h: float,
+    Z: np.ndarray,
+    angle: np.ndarray,
+    work: np.ndarray,
+) -> None:
+    """Count the angles on and enter the work of dampers, friction and motions."""
+    if along is None:
+        return
+    q = start.quantities
+    spring.work(along.springs, q, h, along.spring_column, work)
+    friction.work(along.frictions, start.reactions, q, h, along.friction_column, work)
+    rows.work(along.rows, along.laws, bodies, t, h, Z, along.row_column, work)
+    for k in range(angle.size):
+        angle[k] = q.value[k] + q.change[k]
+
+
+@kernel
+def free_acceleration(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
+    reaction: np.ndarray,
+    t: float,
+    Z: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """Set the rows of the acceleration problem and add its forces; ``Z`` is zero."""
+    if along is None:
+        return
+    q = start.quantities
+    quantity.evaluate(along.quantities, q, bodies, Z)
+    quantity.rates(along.quantities, q, v, W, start.rate)
+    rows.free_acceleration(
+        along.rows, along.laws, along.quantities, q, bodies, start.rate, v, W, t, F
+    )
+    spring.free_load(along.springs, along.laws, q, start.rate)
+    friction.free_load(along.frictions, reaction, q, start.rate)
+    quantity.push(along.quantities, q, bodies, -1.0, F)
+
+
+@kernel
+def observe(
+    along: Along | None,
+    start: AlongStart,
+    bodies: BodyStart,
+    t: float,
+    gap: np.ndarray,
+    gap_rate: np.ndarray,
+) -> float:
+    """Fill in gaps and rates of the rows; the elastic energy [J]."""
+    if along is None:
+        return 0.0
+    q = start.quantities
+    quantity.slopes(along.quantities, q)
+    quantity.rates(along.quantities, q, bodies.v, bodies.W, start.rate)
+    rows.observe(along.rows, along.laws, q, start.rate, t, gap, gap_rate)
+    return spring.energy(along.springs, along.laws, q, start.elastic)
+
+
+@kernel
+def publish_energy(
+    along: Along | None,
+    start: AlongStart,
+    column: np.ndarray,
+    first: int,
+    table: np.ndarray,
+    row: int,
+) -> None:
+    """Add each spring's elastic energy to its ``column`` from ``first`` on."""
+    if along is None:
+        return
+    for s in range(column.size):
+        table[row, first + column[s]] += start.elastic[s]

@@ -1,0 +1,14 @@
+"""Cylindrical joint: a common axis, along which and about which the child is free.
+
+point on axis, parallel axes            4 equations, free motions: 2 (slide, angle)
+"""
+
+from msahl.joints.joint import Equations, Joint, Kind, on_axis, parallel_axes
+
+
+def equations(joint: Joint) -> Equations:
+    """Two of position, two of orientation."""
+    return [*on_axis(joint), *parallel_axes(joint)]
+
+
+KIND = Kind("cylindrical", equations, axes=1, freedoms=("slide", "angle"))

@@ -1,0 +1,16 @@
+"""Cylindrical slider: a cylinder of the child lies on a plane of the parent, free of friction.
+
+child's point at radius above the plane, normal . axis = 0      2 equations, free motions: 4
+"""
+
+from msahl.joints.joint import Equations, Joint, Kind, Z, in_plane, perpendicular
+
+
+def equations(joint: Joint) -> Equations:
+    """One of position, one of orientation; the child's axis is the cylinder's."""
+    normal = joint.parent_axes[Z]
+    lying = perpendicular(normal, joint.child_axes[Z])
+    return [in_plane(normal, joint.parameter("radius")), lying]
+
+
+KIND = Kind("cylindricalSlider", equations, axes=2, parameters=(("radius", "length", None, 0.0),))

@@ -1,0 +1,20 @@
+"""Distance joint: a massless rod between a point of the parent and a point of the child.
+
+    |P_child - P_parent| = length            1 equation, free motions: 5
+
+Without a ``length`` it is the distance at t = 0.
+"""
+
+import math
+
+from msahl.joints.joint import Equation, Equations, Joint, Kind
+from msahl.joints.joint import distance as between
+
+
+def equations(joint: Joint) -> Equations:
+    """One of position."""
+    length = joint.parameter("length")
+    return [Equation(between(), None if math.isnan(length) else length)]
+
+
+KIND = Kind("distance", equations, parameters=(("length", "length", math.nan, 0.0),), moment=False)

@@ -1,0 +1,179 @@
+"""A joint as the deck gives it, and the words in which each kind states its equations.
+
+A joint has a point and a frame on either body. z of the frame is the joint's axis (the normal of a
+plane, the direction of an edge); x and y complete it. A kind is a list of equations between the
+two, built from ``coincide`` and from quantities (``joints.quantity``); its multipliers make up the
+reaction. Sources: Hainge 2010, figure 1.2, for the names; Nikravesh, Computer-Aided Analysis of
+Mechanical Systems (1988), chapter 7, for equations of this form.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from msahl.joints.measure import DOT, ROLL, SLIDE, SLIP, TRIPLE
+from msahl.joints.quantity import ANGLE, PLAIN, RADIUS, ROUND
+from msahl.vector import IDENTITY, Matrix, Vector, scale
+
+X, Y, Z = range(3)
+PARENT, CHILD, GROUND = "parent", "child", "ground"
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """``parent_point`` and ``child_point`` [m] from each body's B, and ``parent_axes`` and
+    ``child_axes``, the rows x, y, z of the joint's frame, in that body's axes; ``parameters`` by
+    name, in SI.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    parent_point: Vector
+    child_point: Vector
+    parent_axes: Matrix = IDENTITY
+    child_axes: Matrix = IDENTITY
+    parameters: tuple[tuple[str, float], ...] = ()
+
+    def parameter(self, name: str) -> float:
+        """Value of the parameter ``name`` [SI]."""
+        return dict(self.parameters)[name]
+
+
+@dataclass(frozen=True, slots=True)
+class Product:
+    """A measure between the joint's points; ``n`` is fixed in ``owner``, ``e`` in the child.
+
+    ``up`` takes the parent's point's place in a ROLL.
+    """
+
+    kind: int
+    n: Vector
+    owner: str = PARENT
+    e: Vector = (0.0, 0.0, 0.0)
+    up: Vector | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A quantity between parent and child, of some products; ``angular`` if it is in radians."""
+
+    kind: int
+    products: tuple[Product, ...]
+    angular: bool = False
+    radius: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Equation:
+    """A row: ``first`` + ``coefficient`` ``second`` = ``value``; None: what it is at t = 0.
+
+    ``rate`` marks an equation between rates, which has no position law to be checked or assembled.
+    """
+
+    first: Quantity
+    value: float | None = 0.0
+    second: Quantity | None = None
+    coefficient: float = 0.0
+    rate: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Coincide:
+    """The joint's two points are one."""
+
+
+Equations = list[Coincide | Equation]
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of joint.
+
+    ``axes`` says which the deck must give: 0 none, 1 one that both sides share at t = 0, 2 one a
+    side. ``parameters`` are (name, unit quantity, default or None, lower bound); ``freedoms`` are
+    the free motions that drives, springs, gears and friction may act along.
+    """
+
+    name: str
+    equations: Callable[[Joint], Equations]
+    axes: int = 0
+    parameters: tuple[tuple[str, str, float | None, float], ...] = ()
+    freedoms: tuple[str, ...] = ()
+    moment: bool = True
+
+
+def perpendicular(d: Vector, e: Vector) -> Equation:
+    """A direction ``d`` of the parent stays at a right angle to a direction ``e`` of the child."""
+    return Equation(Quantity(PLAIN, (Product(DOT, d, e=e),), angular=True))
+
+
+def parallel_axes(joint: Joint) -> Equations:
+    """The axes stay parallel: two equations."""
+    axis = joint.child_axes[Z]
+    return [perpendicular(joint.parent_axes[X], axis), perpendicular(joint.parent_axes[Y], axis)]
+
+
+def no_turn(joint: Joint) -> Equations:
+    """No relative rotation: three equations."""
+    twist = perpendicular(joint.parent_axes[X], joint.child_axes[Y])
+    return [*parallel_axes(joint), twist]
+
+
+def on_axis(joint: Joint) -> Equations:
+    """The child's point stays on the parent's axis: two equations."""
+    return [in_plane(joint.parent_axes[X]), in_plane(joint.parent_axes[Y])]
+
+
+def in_plane(normal: Vector, offset: float = 0.0) -> Equation:
+    """The child's point stays at ``offset`` [m] above a plane of the parent through its point."""
+    return Equation(Quantity(PLAIN, (Product(SLIDE, normal),)), offset)
+
+
+def slide(joint: Joint) -> Quantity:
+    """Way of the child's point along the parent's axis [m]."""
+    return Quantity(PLAIN, (Product(SLIDE, joint.parent_axes[Z]),))
+
+
+def angle(joint: Joint) -> Quantity:
+    """Turn of the child about the parent's axis, counted over all turns [rad]."""
+    sine = Product(DOT, joint.parent_axes[Y], e=joint.child_axes[X])
+    cosine = Product(DOT, joint.parent_axes[X], e=joint.child_axes[X])
+    return Quantity(ANGLE, (sine, cosine), angular=True)
+
+
+def distance() -> Quantity:
+    """Distance of the two points [m]."""
+    return Quantity(RADIUS, tuple(Product(SLIDE, axis, GROUND) for axis in IDENTITY))
+
+
+def axis_distance(joint: Joint) -> Quantity:
+    """Distance of the child's point from the parent's axis [m]."""
+    x, y, _ = joint.parent_axes
+    return Quantity(RADIUS, (Product(SLIDE, x), Product(SLIDE, y)))
+
+
+def skew_distance(joint: Joint, gap: float) -> Quantity:
+    """Distance of the two axes less ``gap`` [m], times the sine of their angle."""
+    d, e = joint.parent_axes[Z], joint.child_axes[Z]
+    products = (Product(TRIPLE, d, e=e), Product(DOT, d, e=e))
+    return Quantity(ROUND, products, radius=gap)
+
+
+def rim_height(joint: Joint, radius: float) -> Quantity:
+    """Height of a disk's lowest point above the parent's plane [m]; the child's z is its axis."""
+    normal = joint.parent_axes[Z]
+    products = (Product(SLIDE, normal), Product(DOT, normal, e=joint.child_axes[Z]))
+    return Quantity(ROUND, products, radius=radius)
+
+
+def slip(direction: Vector, owner: str = PARENT) -> Equation:
+    """The child's point does not move along ``direction`` relative to the parent's."""
+    return Equation(Quantity(PLAIN, (Product(SLIP, direction, owner),)), rate=True)
+
+
+def roll(joint: Joint, direction: Vector, radius: float) -> Equation:
+    """The lowest point of the child's disk does not move along ``direction``."""
+    up = scale(radius, joint.parent_axes[Z])
+    product = Product(ROLL, direction, e=joint.child_axes[Z], up=up)
+    return Equation(Quantity(PLAIN, (product,)), rate=True)

@@ -1,0 +1,16 @@
+"""Knife edge: a point of the child does not move across its blade (a skate, a wheel's plane).
+
+    n . (velocity of the child's point) = 0        1 equation between rates, free motions: 5
+
+n, the child's axis, is at a right angle to the blade. Non-holonomic: the parent is a ground.
+"""
+
+from msahl.joints.joint import CHILD, Equations, Joint, Kind, Z, slip
+
+
+def equations(joint: Joint) -> Equations:
+    """One of velocity."""
+    return [slip(joint.child_axes[Z], CHILD)]
+
+
+KIND = Kind("knifeEdge", equations, axes=1, moment=False)

@@ -1,0 +1,14 @@
+"""Planar joint: two planes lie on each other.
+
+child's point in plane, parallel normals        3 equations, free motions: 3
+"""
+
+from msahl.joints.joint import Equations, Joint, Kind, Z, in_plane, parallel_axes
+
+
+def equations(joint: Joint) -> Equations:
+    """One of position, two of orientation."""
+    return [in_plane(joint.parent_axes[Z]), *parallel_axes(joint)]
+
+
+KIND = Kind("planar", equations, axes=1)

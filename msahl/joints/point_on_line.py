@@ -1,0 +1,14 @@
+"""Point on line (a sphere in a cylinder): a point of the child moves along an axis of the parent.
+
+point on axis                                   2 equations, free motions: 4 (slide, turns)
+"""
+
+from msahl.joints.joint import Equations, Joint, Kind, on_axis
+
+
+def equations(joint: Joint) -> Equations:
+    """Two of position."""
+    return [*on_axis(joint)]
+
+
+KIND = Kind("pointOnLine", equations, axes=1, freedoms=("slide",))

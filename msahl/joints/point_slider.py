@@ -1,0 +1,14 @@
+"""Point slider: a point of the child moves in a plane of the parent.
+
+child's point in plane                          1 equation, free motions: 5
+"""
+
+from msahl.joints.joint import Equations, Joint, Kind, Z, in_plane
+
+
+def equations(joint: Joint) -> Equations:
+    """One of position."""
+    return [in_plane(joint.parent_axes[Z])]
+
+
+KIND = Kind("pointSlider", equations, axes=1)

@@ -1,0 +1,14 @@
+"""Revolute joint (hinge): a common point and a common axis.
+
+coincide, parallel axes                 5 equations, free motions: 1 (angle)
+"""
+
+from msahl.joints.joint import Coincide, Equations, Joint, Kind, parallel_axes
+
+
+def equations(joint: Joint) -> Equations:
+    """Three of position, two of orientation."""
+    return [Coincide(), *parallel_axes(joint)]
+
+
+KIND = Kind("revolute", equations, axes=1, freedoms=("angle",))

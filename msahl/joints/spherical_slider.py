@@ -1,0 +1,14 @@
+"""Spherical slider: a sphere of the child lies on a plane of the parent, free of friction.
+
+child's point at radius above the plane         1 equation, free motions: 5
+"""
+
+from msahl.joints.joint import Equations, Joint, Kind, Z, in_plane
+
+
+def equations(joint: Joint) -> Equations:
+    """One of position; the child's point is the sphere's centre."""
+    return [in_plane(joint.parent_axes[Z], joint.parameter("radius"))]
+
+
+KIND = Kind("sphericalSlider", equations, axes=1, parameters=(("radius", "length", None, 0.0),))

@@ -1,0 +1,14 @@
+"""Universal joint (Cardan, Hooke): a common point, and two axes at a right angle.
+
+coincide, axis of the parent . axis of the child = 0        4 equations, free motions: 2
+"""
+
+from msahl.joints.joint import Coincide, Equations, Joint, Kind, Z, perpendicular
+
+
+def equations(joint: Joint) -> Equations:
+    """Three of position, one of orientation."""
+    return [Coincide(), perpendicular(joint.parent_axes[Z], joint.child_axes[Z])]
+
+
+KIND = Kind("universal", equations, axes=2)

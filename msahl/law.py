@@ -1,0 +1,179 @@
+"""Laws: functions of one variable that a deck gives, of time for motions and loads, of length or
+angle for springs and cams.
+
+    polynomial  c_0 + c_1 t + c_2 t^2 + ...          a constant is its first term
+    sine        offset + amplitude sin(omega t + phase)
+    pieces      polynomials of degree five between breaks; constant outside, or periodic
+
+Ramps and tables are pieces. A law knows its value, its first two derivatives and its integral.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.kernel import kernel
+
+POLYNOMIAL, SINE, PIECES = range(3)
+DEGREE = 5
+"""Of the pieces: a smooth ramp needs five."""
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """A law as the deck gives it; ``numbers`` by kind:
+
+    constant: value. polynomial: c_0, c_1, ... sine: amplitude, omega [rad/s], phase [rad], offset.
+    ramp: from, to, start, end (smooth: no jump in velocity or acceleration).
+    linear, cubic, periodic: the arguments of a table, increasing, then as many values; ``periodic``
+    is a cubic spline whose last value repeats the first.
+    """
+
+    kind: str
+    numbers: tuple[float, ...]
+
+
+class Laws(NamedTuple):
+    """All laws of a scene: their numbers one after the other."""
+
+    kind: np.ndarray  # (l,)
+    first: np.ndarray  # (l + 1,) into numbers
+    numbers: np.ndarray
+
+
+def build_laws(laws: Sequence[Law]) -> Laws:
+    """The laws as arrays; PIECES hold count, period, breaks, then six coefficients a piece."""
+    parts = [_numbers(law) for law in laws]
+    sizes = [len(numbers) for _, numbers in parts]
+    return Laws(
+        kind=np.array([kind for kind, _ in parts], dtype=np.int64),
+        first=np.concatenate([[0], np.cumsum(sizes, dtype=np.int64)]).astype(np.int64),
+        numbers=np.array([number for _, numbers in parts for number in numbers], dtype=float),
+    )
+
+
+def _numbers(law: Law) -> tuple[int, list[float]]:
+    if law.kind in ("constant", "polynomial"):
+        return POLYNOMIAL, list(law.numbers)
+    if law.kind == "sine":
+        return SINE, list(law.numbers)
+    if law.kind == "ramp":
+        start_value, end_value, start, end = law.numbers
+        rise, span = end_value - start_value, end - start
+        quintic = [start_value, 0.0, 0.0, 10.0, -15.0, 6.0]
+        pieces = quintic[:3] + [c * rise / span**k for k, c in enumerate(quintic[3:], start=3)]
+        return PIECES, [1.0, 0.0, start, end, *pieces]
+    return PIECES, _table(law)
+
+
+def _table(law: Law) -> list[float]:
+    half = len(law.numbers) // 2
+    x, y = np.array(law.numbers[:half]), np.array(law.numbers[half:])
+    pieces = np.zeros((half - 1, DEGREE + 1))
+    if law.kind == "linear":
+        pieces[:, 0], pieces[:, 1] = y[:-1], np.diff(y) / np.diff(x)
+    else:
+        # Half a second to import: only scenes with splines pay.
+        from scipy.interpolate import CubicSpline
+
+        ends = "periodic" if law.kind == "periodic" else "not-a-knot"
+        pieces[:, :4] = CubicSpline(x, y, bc_type=ends).c[::-1].T
+    period = x[-1] - x[0] if law.kind == "periodic" else 0.0
+    return [float(half - 1), float(period), *x.tolist(), *pieces.reshape(-1).tolist()]
+
+
+@kernel
+def evaluate(laws: Laws, law: int, t: float) -> tuple[float, float, float]:
+    """Value and first two derivatives of ``law`` at ``t``."""
+    numbers, first, last = laws.numbers, laws.first[law], laws.first[law + 1]
+    if laws.kind[law] == POLYNOMIAL:
+        return _horner(numbers, first, last, t)
+    if laws.kind[law] == SINE:
+        amplitude, omega, offset = numbers[first], numbers[first + 1], numbers[first + 3]
+        phase = omega * t + numbers[first + 2]
+        s, c = amplitude * math.sin(phase), amplitude * math.cos(phase)
+        return offset + s, omega * c, -omega * omega * s
+    start, x, inside = _piece(numbers, first, t)
+    value, rate, second = _horner(numbers, start, start + DEGREE + 1, x)
+    return (value, rate, second) if inside else (value, 0.0, 0.0)
+
+
+@kernel
+def integral(laws: Laws, law: int, a: float, b: float) -> float:
+    """Integral of ``law`` from ``a`` to ``b``."""
+    return _primitive(laws, law, b) - _primitive(laws, law, a)
+
+
+@kernel
+def _primitive(laws: Laws, law: int, t: float) -> float:
+    """Integral from zero (of pieces: from the first break)."""
+    numbers, first, last = laws.numbers, laws.first[law], laws.first[law + 1]
+    if laws.kind[law] == POLYNOMIAL:
+        return _area(numbers, first, last, t)
+    if laws.kind[law] == SINE:
+        amplitude, omega, phase = numbers[first], numbers[first + 1], numbers[first + 2]
+        return numbers[first + 3] * t - amplitude * math.cos(omega * t + phase) / omega
+    count, period = int(numbers[first]), numbers[first + 1]
+    breaks, total = first + 2, 0.0
+    x, turns = t, 0.0
+    if period > 0.0:
+        turns = math.floor((t - numbers[breaks]) / period)
+        x = t - turns * period
+    for i in range(count):
+        start = breaks + count + 1 + (DEGREE + 1) * i
+        width = numbers[breaks + i + 1] - numbers[breaks + i]
+        whole = _area(numbers, start, start + DEGREE + 1, width)
+        total += turns * whole
+        if x >= numbers[breaks + i + 1]:
+            total += whole
+        elif x > numbers[breaks + i]:
+            total += _area(numbers, start, start + DEGREE + 1, x - numbers[breaks + i])
+    if period == 0.0 and x > numbers[breaks + count]:
+        total += (x - numbers[breaks + count]) * evaluate(laws, law, x)[0]
+    if period == 0.0 and x < numbers[breaks]:
+        total += (x - numbers[breaks]) * evaluate(laws, law, x)[0]
+    return total
+
+
+@kernel
+def _piece(numbers: np.ndarray, first: int, t: float) -> tuple[int, float, bool]:
+    """Where the coefficients of the piece at ``t`` start, the argument in it, and if inside."""
+    count, period = int(numbers[first]), numbers[first + 1]
+    breaks = first + 2
+    low, high = numbers[breaks], numbers[breaks + count]
+    x = t
+    if period > 0.0:
+        x = t - period * math.floor((t - low) / period)
+    inside = low <= x <= high
+    x = min(max(x, low), high)
+    left, right = 0, count
+    while right - left > 1:
+        middle = (left + right) // 2
+        if x < numbers[breaks + middle]:
+            right = middle
+        else:
+            left = middle
+    return breaks + count + 1 + (DEGREE + 1) * left, x - numbers[breaks + left], inside
+
+
+@kernel
+def _horner(numbers: np.ndarray, first: int, last: int, x: float) -> tuple[float, float, float]:
+    """Value and two derivatives of the polynomial with ascending coefficients."""
+    value, rate, second = 0.0, 0.0, 0.0
+    for i in range(last - 1, first - 1, -1):
+        second = second * x + 2.0 * rate
+        rate = rate * x + value
+        value = value * x + numbers[i]
+    return value, rate, second
+
+
+@kernel
+def _area(numbers: np.ndarray, first: int, last: int, x: float) -> float:
+    """Integral of the polynomial from 0 to ``x``."""
+    total = 0.0
+    for i in range(last - 1, first - 1, -1):
+        total = total * x + numbers[i] / (i - first + 1)
+    return total * x

@@ -1,0 +1,109 @@
+"""Accelerations and joint forces of a state, at its own time: the index-1 problem.
+
+    [ M  -G^T ] [ a   ]   [ forces      ]
+    [ G    0  ] [ lam ] = [ -dG/dt v    ]
+
+The multipliers of a step are means over it: of order 2 at its middle, of order 1 at its ends. These
+are forces at one time, as accurate as the state they are asked of. The matrix is the limit of the
+step's own Jacobian for h -> 0, where the terms of the forces (by h^2) and of the spins (by h) fade.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.kernel import kernel
+from msahl.schemes import preserving
+from msahl.solve import dense, sparse
+from msahl.solve.freedom import constraint_rank
+from msahl.system.arrays import Start, State, System, multiplier_count, node_count
+from msahl.system.reduce import all_unknowns
+from msahl.system.unknowns import Unknowns, choose
+
+NO_STEP = 1e-100
+"""Step size for the limit; its square is still a normal number."""
+
+
+class Station(NamedTuple):
+    """Room for the index-1 problem of one system."""
+
+    unknowns: Unknowns
+    Z: np.ndarray  # (nodes, 3) zeros: no step is taken
+    values: np.ndarray  # block values of the matrix
+    factor: np.ndarray  # its sparse factors
+    rows: np.ndarray  # (nodes, 3) right-hand side
+    y: np.ndarray  # (f,) the same in the order of elimination
+    solution: np.ndarray  # (nodes, 3)
+
+
+def new_station(system: System) -> Station:
+    """Room for any state of ``system``."""
+    unknowns = choose(system, all_unknowns(system))
+    nodes = (node_count(system), 3)
+    return Station(
+        unknowns=unknowns,
+        Z=np.zeros(nodes),
+        values=np.zeros_like(system.constant),
+        factor=np.zeros(int(unknowns.elimination.base[-1])),
+        rows=np.zeros(nodes),
+        y=np.zeros(unknowns.elimination.order.size),
+        solution=np.zeros(nodes),
+    )
+
+
+@kernel
+def free(system: System, state: State, start: Start, station: Station) -> None:
+    """Set the ``rows`` to what accelerations must balance, and factor the matrix."""
+    for node in range(station.rows.shape[0]):
+        for i in range(3):
+            station.rows[node, i] = 0.0
+    preserving.free_acceleration(system, state, start, station.Z, station.rows)
+    preserving.joint_jacobian(system, start, NO_STEP, station.Z, station.values)
+    sparse.factor(station.unknowns.elimination, station.values, station.factor)
+
+
+@kernel
+def solve(station: Station) -> None:
+    """Solve for the ``rows`` by the factors; the ``solution`` is zero at what is not free."""
+    order = station.unknowns.elimination.order
+    dense.gather(order, station.rows, station.y)
+    sparse.solve(station.unknowns.elimination, station.factor, station.y)
+    dense.spread(order, station.y, station.solution)
+
+
+@kernel
+def react(system: System, state: State, start: Start, station: Station) -> None:
+    """Set the state's multipliers and reactions from the ``solution``."""
+    first = 2 * system.bodies.inverse_mass.size
+    for k in range(state.force.shape[0]):
+        for i in range(3):
+            state.force[k, i] = station.solution[first + k, i] * system.unit[k, i]
+    preserving.react(system, state, start, station.Z)
+
+
+@kernel
+def accelerate(system: System, state: State, start: Start, station: Station) -> None:
+    """Set the ``solution`` to accelerations a, l alpha and multipliers over their units, and the
+    state's reactions; ``start`` is prepared.
+
+    Friction presses by the reaction, which depends on friction: two rounds.
+    """
+    for _ in range(2):
+        free(system, state, start, station)
+        solve(station)
+        react(system, state, start, station)
+
+
+def is_regular(system: System, state: State) -> bool:
+    """Whether the joints of ``state`` are independent, so that sparse factors can be had."""
+    return constraint_rank(system, state) == multiplier_count(system)
+
+
+def solve_least(station: Station) -> None:
+    """As ``solve``, of a singular matrix: least forces of joints that are not independent."""
+    free, size = station.unknowns.free, station.unknowns.free.size
+    A = np.zeros(size * size)
+    A[station.unknowns.dense_to] = station.values[station.unknowns.dense_from]
+    right = station.rows.reshape(-1)[free]
+    least = np.linalg.lstsq(A.reshape(size, size), right, rcond=None)[0]
+    station.solution.reshape(-1)[free] = least

@@ -1,0 +1,111 @@
+"""The command ``msahl study``; ``msahl.cli`` loads it when it is asked for."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from msahl.schemes import SCHEMES
+
+if TYPE_CHECKING:
+    from msahl.study.study import Plan
+
+BAD_INPUT, NO_RUN = 2, 3
+MEASURE_KEYS = (
+    "position",
+    "orientation",
+    "velocity",
+    "spin",
+    "mean_reaction",
+    "station_reaction",
+    "energy_over_kinetic",
+)
+
+
+@click.command()
+@click.argument("deck", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="DIR",
+              help="Folder of the report (default: studies/<deck's name>).")  # fmt: skip
+@click.option("--dt", "steps", type=click.FloatRange(min=0.0, min_open=True), multiple=True,
+              metavar="S", help="Step [s]; repeat for more (default: 0.1 0.04 0.01 0.004 0.002 "
+              "0.001 0.0004, or eight times to an eighth of the deck's).")  # fmt: skip
+@click.option("--scheme", "schemes", type=click.Choice(SCHEMES), multiple=True,
+              help="Repeat for more (default: all).")  # fmt: skip
+@click.option("--reference", default="auto", show_default=True, metavar="KIND",
+              help="True values: 'exact' (closed form), 'independent' (another integrator), 'auto' "
+              "(the first of these there is), or the folder of a run.")  # fmt: skip
+@click.option("--repeat", type=click.IntRange(min=1), default=3, show_default=True, metavar="N",
+              help="Runs of each case; their median counts.")  # fmt: skip
+@click.option("--target", type=click.FloatRange(min=0.0, min_open=True), default=1e-6,
+              show_default=True, help="Largest error wanted, in the measure's unit.")  # fmt: skip
+@click.option("--measure", type=click.Choice(MEASURE_KEYS), default="position",
+              show_default=True, help="What the target is of.")  # fmt: skip
+@click.option("--t-final", type=float, metavar="S", help="End [s], instead of the deck's tFinal.")
+def study(
+    deck: Path,
+    output: Path | None,
+    steps: tuple[float, ...],
+    schemes: tuple[str, ...],
+    reference: str,
+    repeat: int,
+    target: float,
+    measure: str,
+    t_final: float | None,
+) -> None:
+    """Say how wrong DECK is at each step, what that costs, and which run to choose.
+
+    Writes study.csv, study.md with its pictures, and study.html.
+
+    Example: msahl study decks/thesis/double_pendulum_89.xml --target 1e-4
+    """
+    from msahl.compiled import is_kept
+    from msahl.deck import DeckError, check_simulation, read_deck
+    from msahl.results.read import ResultError
+    from msahl.solve import newton
+    from msahl.study.report import recommendation, write_study
+    from msahl.study.runs import with_step
+    from msahl.study.study import Plan
+    from msahl.study.study import study as carry_out
+
+    try:
+        model = read_deck(deck)
+        simulation = model.simulation
+        model = with_step(model, simulation.dt, t_final or simulation.t_final)
+        faults = [f for dt in steps for f in check_simulation(with_step(model, dt).simulation)]
+        if faults:
+            raise ResultError("\n".join(map(str, faults)))
+        plan = Plan(model, steps, schemes, reference, repeat, target, measure)
+        if not is_kept(newton.march):
+            click.echo("compiling the step for this kind of scene, once", err=True)
+        with _progress(plan) as progress:
+            result = carry_out(plan, progress)
+    except DeckError as error:
+        _stop("\n".join(map(str, error.faults)))
+    except ResultError as error:
+        _stop(f"msahl study: {error}")
+    for path in write_study(result, output or Path("studies") / deck.stem):
+        click.echo(path)
+    click.echo(f"{deck}: {recommendation(result)}", err=True)
+    if not any(point.trial.completed for point in result.points):
+        sys.exit(NO_RUN)
+
+
+def _stop(message: str) -> Any:
+    click.echo(message, err=True)
+    sys.exit(BAD_INPUT)
+
+
+@contextmanager
+def _progress(plan: "Plan") -> Iterator[Callable[[int], Any]]:
+    """A bar of steps on a terminal, nothing elsewhere."""
+    from msahl.study.study import planned_steps
+
+    if not sys.stderr.isatty():
+        yield lambda steps: None
+        return
+    bar: Any = click.progressbar(length=planned_steps(plan), label="studying", file=sys.stderr)
+    with bar:
+        yield bar.update

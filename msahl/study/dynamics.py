@@ -1,0 +1,263 @@
+"""The scene as an ordinary differential equation, and what its states say.
+
+    x_dot = v     e_dot = e o (0, w)/2     v_dot = a(x, e, v, w)     w_dot = R^T alpha
+
+with Euler parameters e in place of the engine's own and accelerations from the index-1 problem of
+``solve.station``. Of the time element nothing is used but the matrix it tends to for h -> 0.
+A vector y holds x (3), e (4), v (3), w (3) of every body, one body after the other.
+"""
+
+import numpy as np
+
+from msahl.bodies import rigid
+from msahl.compiled import compiled
+from msahl.kernel import kernel
+from msahl.model import Model
+from msahl.post.rows import recall
+from msahl.rotation import compose, from_step_turn
+from msahl.schemes import preserving
+from msahl.solve import station
+from msahl.solve.station import Station, is_regular, new_station, solve_least
+from msahl.study.start import first_state
+from msahl.system.arrays import Start, State, System, new_start
+from msahl.vector import add, at, matrix_at, put, scale, times, transpose
+
+SIZE = 13
+"""Numbers of a body in y."""
+
+
+@kernel
+def _unpack(y: np.ndarray, state: State) -> None:
+    for b in range(y.size // SIZE):
+        k = SIZE * b
+        e0, e = y[k + 3], (y[k + 4], y[k + 5], y[k + 6])
+        length = np.sqrt(e0 * e0 + e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
+        # 4 tan(phi/4) = 4 sin(phi/2) / (1 + cos(phi/2)); the sign of e picks the nearer shadow.
+        p = scale((4.0 if e0 >= 0.0 else -4.0) / (length + abs(e0)), e)
+        put(state.x, b, (y[k], y[k + 1], y[k + 2]))
+        put(state.p, b, p)
+        put(state.v, b, (y[k + 7], y[k + 8], y[k + 9]))
+        put(state.w, b, (y[k + 10], y[k + 11], y[k + 12]))
+
+
+@kernel
+def _pack(state: State, y: np.ndarray) -> None:
+    for b in range(y.size // SIZE):
+        k = SIZE * b
+        p, x, v, w = at(state.p, b), at(state.x, b), at(state.v, b), at(state.w, b)
+        square = (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]) / 16.0
+        e0, c = (1.0 - square) / (1.0 + square), 0.5 / (1.0 + square)
+        # Of e and -e the one that y held before: an integrator must not see a jump.
+        old = y[k + 3] * e0 + c * (y[k + 4] * p[0] + y[k + 5] * p[1] + y[k + 6] * p[2])
+        sign = -1.0 if old < 0.0 else 1.0
+        y[k + 3] = sign * e0
+        for i in range(3):
+            y[k + i], y[k + 4 + i] = x[i], sign * c * p[i]
+            y[k + 7 + i], y[k + 10 + i] = v[i], w[i]
+
+
+@kernel
+def _free(system: System, state: State, start: Start, room: Station, y: np.ndarray) -> None:
+    _unpack(y, state)
+    preserving.prepare(system, state, start)
+    station.free(system, state, start, room)
+
+
+@kernel
+def _rates(system: System, start: Start, room: Station, y: np.ndarray, dy: np.ndarray) -> None:
+    """Read ``dy`` off the accelerations in ``room``."""
+    for b in range(y.size // SIZE):
+        k = SIZE * b
+        e0, e1, e2, e3 = y[k + 3], y[k + 4], y[k + 5], y[k + 6]
+        w1, w2, w3 = y[k + 10], y[k + 11], y[k + 12]
+        turn = scale(1.0 / system.bodies.length[b], at(room.solution, 2 * b + 1))
+        alpha = times(transpose(matrix_at(start.bodies.R, b)), turn)
+        a = at(room.solution, 2 * b)
+        dy[k + 3] = -0.5 * (e1 * w1 + e2 * w2 + e3 * w3)
+        dy[k + 4] = 0.5 * (e0 * w1 + e2 * w3 - e3 * w2)
+        dy[k + 5] = 0.5 * (e0 * w2 + e3 * w1 - e1 * w3)
+        dy[k + 6] = 0.5 * (e0 * w3 + e1 * w2 - e2 * w1)
+        for i in range(3):
+            dy[k + i] = y[k + 7 + i]
+            dy[k + 7 + i], dy[k + 10 + i] = a[i], alpha[i]
+
+
+@kernel
+def _all_rates(
+    system: System, state: State, start: Start, room: Station, y: np.ndarray, dy: np.ndarray
+) -> None:
+    _unpack(y, state)
+    preserving.prepare(system, state, start)
+    station.accelerate(system, state, start, room)
+    _rates(system, start, room, y, dy)
+
+
+@kernel
+def _open(
+    system: System,
+    state: State,
+    start: Start,
+    room: Station,
+    gap: np.ndarray,
+    rate: np.ndarray,
+    scale_of: np.ndarray,
+    level: int,
+) -> None:
+    """Set the rows to minus the gaps (``level`` 0) or their rates (1), and factor the matrix."""
+    preserving.prepare(system, state, start)
+    station.free(system, state, start, room)
+    preserving.observe(system, state, start, gap, rate)
+    first = 2 * system.bodies.inverse_mass.size
+    for node in range(room.rows.shape[0]):
+        for i in range(3):
+            if node < first:
+                room.rows[node, i] = 0.0
+            else:
+                open_by = gap[node - first, i] if level == 0 else rate[node - first, i]
+                room.rows[node, i] = -open_by * scale_of[node - first, i]
+
+
+@kernel
+def _move(system: System, state: State, room: Station) -> None:
+    """Displace and turn the bodies by the solution."""
+    for b in range(system.bodies.inverse_mass.size - 1):
+        turn = scale(1.0 / system.bodies.length[b], at(room.solution, 2 * b + 1))
+        put(state.x, b, add(at(state.x, b), at(room.solution, 2 * b)))
+        put(state.p, b, compose(from_step_turn(turn), at(state.p, b)))
+
+
+@kernel
+def _push(system: System, state: State, start: Start, room: Station) -> None:
+    """Change the velocities by the solution."""
+    for b in range(system.bodies.inverse_mass.size - 1):
+        turn = scale(1.0 / system.bodies.length[b], at(room.solution, 2 * b + 1))
+        put(state.v, b, add(at(state.v, b), at(room.solution, 2 * b)))
+        spin = times(transpose(matrix_at(start.bodies.R, b)), turn)
+        put(state.w, b, add(at(state.w, b), spin))
+
+
+@kernel
+def _publish_row(
+    system: System, state: State, start: Start, y: np.ndarray, table: np.ndarray, row: int
+) -> None:
+    """Write ``y`` into a ``row`` of ``table``, in the columns of ``states.csv``."""
+    _unpack(y, state)
+    preserving.prepare(system, state, start)
+    rigid.publish(system.bodies, state.x, state.p, start.bodies, state.w, table, row)
+
+
+@kernel
+def _recall(
+    system: System, state: State, start: Start, room: Station, table: np.ndarray, row: int
+) -> None:
+    recall(system.bodies, table, row, state)
+    preserving.prepare(system, state, start)
+    station.accelerate(system, state, start, room)
+
+
+class Dynamics:
+    """The equation of one model, starting from the state its runs start from."""
+
+    def __init__(self, model: Model) -> None:
+        self.system, self.state = first_state(model)
+        self.start = new_start(self.system, self.state)
+        self.room = new_station(self.system)
+        self.joints = len(model.joints)
+        self.regular = is_regular(self.system, self.state)
+        self.gap, self.rate = np.zeros_like(self.state.gap), np.zeros_like(self.state.gap)
+        self.scale = np.ones_like(self.state.gap)
+        if self.system.along:
+            # Rows in radians are metres in the matrix.
+            rows = self.system.along.rows
+            self.scale[rows.place[:, 0], rows.place[:, 1]] = rows.scale
+        self.first = np.zeros(SIZE * len(model.bodies))
+        self.first[3::SIZE] = 1.0
+        _pack(self.state, self.first)
+        self.table = self.publish(self.first[None, :])
+
+    @property
+    def parts(self) -> tuple[System, State, Start, Station]:
+        """What the kernels take first."""
+        return self.system, self.state, self.start, self.room
+
+    def rates(self, t: float, y: np.ndarray) -> np.ndarray:
+        """dy/dt."""
+        dy = np.empty_like(y)
+        self.state.time[0] = t
+        if self.regular:
+            _compiled_rates(*self.parts, y, dy)
+        else:
+            with np.errstate(all="ignore"):
+                _compiled_free(*self.parts, y)
+            solve_least(self.room)
+            _compiled_react(*self.parts)
+            _rates(self.system, self.start, self.room, y, dy)
+        return dy
+
+    def projected(self, t: float, y: np.ndarray) -> np.ndarray:
+        """``y`` with the joints closed, in position and in velocity, by the least change by mass.
+
+        Angles are counted on: to be asked in the order of time.
+        """
+        y = y.copy()
+        self.state.time[0] = t
+        _compiled_unpack(y, self.state)
+        if self.gap.size:
+            self._close(0)
+            _compiled_move(self.system, self.state, self.room)
+            self._close(1)
+            _compiled_push(self.system, self.state, self.start, self.room)
+            _compiled_pack(self.state, y)
+        self._count()
+        return y
+
+    def _close(self, level: int) -> None:
+        with np.errstate(all="ignore"):
+            _compiled_open(*self.parts, self.gap, self.rate, self.scale, level)
+        if self.regular:
+            _compiled_solve(self.room)
+        else:
+            solve_least(self.room)
+
+    def _count(self) -> None:
+        """Take over the angles of the prepared state, counted over all turns."""
+        if self.start.along:
+            self.state.angle[:] = self.start.along.quantities.value
+
+    def publish(self, ys: np.ndarray) -> np.ndarray:
+        """(m, 12 n) the columns of ``states.csv`` of the states ``ys`` (m, 13 n)."""
+        table = np.zeros((len(ys), 12 * (ys.shape[1] // SIZE)))
+        for row, y in enumerate(ys):
+            _publish(self.system, self.state, self.start, y, table, row)
+        return table
+
+    def forces(self, times: np.ndarray, table: np.ndarray) -> np.ndarray:
+        """(m, 3 k) joint forces [N] of the published states ``table`` (m, 12 n), at their times.
+
+        Of joints that are not independent the least forces. Times increase.
+        """
+        out = np.zeros((len(table), self.joints, 3))
+        table = np.ascontiguousarray(table)
+        for row, t in enumerate(times):
+            self.state.time[0] = t
+            with np.errstate(all="ignore"):
+                _compiled_recall(*self.parts, table, row)
+            if not self.regular:
+                solve_least(self.room)
+                _compiled_react(*self.parts)
+            self._count()
+            out[row] = self.state.reaction[:, :3]
+        return out.reshape(len(table), -1)
+
+
+_compiled_unpack = compiled(_unpack)
+_compiled_pack = compiled(_pack)
+_compiled_solve = compiled(station.solve)
+_compiled_react = compiled(station.react)
+_compiled_rates = compiled(_all_rates)
+_compiled_free = compiled(_free)
+_compiled_open = compiled(_open)
+_compiled_move = compiled(_move)
+_compiled_push = compiled(_push)
+_compiled_recall = compiled(_recall)
+_publish = compiled(_publish_row)

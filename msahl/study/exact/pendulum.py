@@ -1,0 +1,81 @@
+"""Planar pendulum: a body on a fixed point that moves in one vertical plane.
+
+    theta_ddot = -W0^2 sin theta,  W0^2 = m g a / I      theta: of the arm, from straight down
+    k^2 = sin^2(theta_0/2) + (theta_dot_0 / 2 W0)^2
+
+    k < 1, oscillating   sin(theta/2) = k sn(W0 t + u0, k^2),   theta_dot = 2 k W0 cn
+    k > 1, turning over  theta/2 = am(k W0 t + u0, 1/k^2),      theta_dot = 2 k W0 dn
+
+a is the length of the arm from the fixed point to the mass centre, I the moment of inertia about
+the fixed point and the plane's normal, which is a principal axis of the body and the axis of its
+spin; then it stays both. Source: Whittaker, Analytical Dynamics, art. 44.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from msahl.study.exact.elliptic import first_kind, jacobi
+from msahl.study.exact.motion import Motion, Scene, about, about_pivot, parallel
+
+
+@dataclass(frozen=True)
+class Pendulum:
+    """``normal`` is such that the first angular velocity ``spin`` about it is not negative."""
+
+    scene: Scene
+    normal: np.ndarray
+    rate: float  # W0 [rad/s]
+    angle: float  # theta at t = 0
+    spin: float  # theta_dot at t = 0 [rad/s]
+    words = "planar pendulum by elliptic functions"
+
+    def motion(self, t: np.ndarray) -> Motion:
+        """The body at the times ``t``."""
+        angle, spin = self.swing(t)
+        R = about(self.normal, angle - self.angle) @ self.scene.R
+        return about_pivot(self.scene, R, spin[:, None] * self.normal)
+
+    def swing(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """theta and theta_dot."""
+        s, c = np.sin(0.5 * self.angle), np.cos(0.5 * self.angle)
+        push = 0.5 * self.spin / self.rate
+        square, left = s * s + push * push, c * c - push * push
+        k = np.sqrt(square)
+        if left >= 0.0:
+            first = first_kind(np.arctan2(s, push), left) if k else 0.0
+            f = jacobi(self.rate * t + first, square, left)
+            return 2.0 * np.arctan2(k * f.sn, f.dn), 2.0 * k * self.rate * f.cn
+        first = first_kind(0.5 * self.angle, -left / square)
+        f = jacobi(k * self.rate * t + first, 1.0 / square, -left / square)
+        return 2.0 * f.am, 2.0 * k * self.rate * f.dn
+
+
+def recognise(scene: Scene) -> Pendulum | None:
+    """The pendulum that ``scene`` is, or None."""
+    if scene.pivot is None or not np.any(scene.arm) or not np.any(scene.gravity):
+        return None
+    arm, g = scene.arm, scene.gravity
+    across = np.cross(arm, g)
+    normal = scene.W if np.any(scene.W) else across
+    if parallel(arm, g) and not np.any(scene.W):
+        normal = _any_principal_across(scene)
+    size = np.linalg.norm(normal)
+    if not size:
+        return None
+    n = normal / size
+    flat = abs(n @ arm) <= 1e-12 * np.linalg.norm(arm) and abs(n @ g) <= 1e-12 * np.linalg.norm(g)
+    if not flat or not parallel(scene.J @ n, n):
+        return None
+    a = float(np.linalg.norm(arm))
+    inertia = float(n @ scene.J @ n) + scene.body.mass * a * a
+    rate = float(np.sqrt(scene.body.mass * np.linalg.norm(g) * a / inertia))
+    angle = float(np.arctan2(n @ np.cross(g, arm), g @ arm))
+    return Pendulum(scene, n, rate, angle, float(n @ scene.W))
+
+
+def _any_principal_across(scene: Scene) -> np.ndarray:
+    """A principal axis across the arm of a body that hangs or stands at rest; zero if none."""
+    _, axes = np.linalg.eigh(scene.J)
+    across = [axis for axis in axes.T if abs(axis @ scene.arm) <= 1e-9 * np.linalg.norm(scene.arm)]
+    return across[0] if across else np.zeros(3)

@@ -1,0 +1,113 @@
+"""Runs kept in memory, and what they took.
+
+Compiling belongs to nobody's run: each scheme is run for a few steps first. The repeats are
+interleaved, so that a busy moment of the machine falls on all steps and schemes alike.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from msahl.model import Model
+from msahl.results.read import Run
+from msahl.run import Grid, Options, Report, run
+from msahl.system.names import reaction_columns, state_columns, work_columns
+
+WARM_STEPS = 5
+COLUMNS = (state_columns, reaction_columns, work_columns)
+
+
+class Memory:
+    """A sink that keeps the rows."""
+
+    def __init__(self) -> None:
+        self.parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+
+    def write(self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray) -> None:
+        """Append rows."""
+        self.parts.append((states, reactions, work))
+
+    def tables(self) -> list[np.ndarray]:
+        """States, reactions and work, the time in the first column of each."""
+        return [np.concatenate(part) for part in zip(*self.parts, strict=True)]
+
+
+class Nowhere:
+    """A sink for runs of which only the time counts."""
+
+    def write(self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray) -> None:
+        """Drop rows."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A run and what it took: ``seconds`` of the loop, the median of its repeats."""
+
+    scheme: str
+    dt: float
+    seconds: float
+    report: Report
+    run: Run
+
+    @property
+    def completed(self) -> bool:
+        """Whether it came to the end."""
+        return self.report.status == "completed"
+
+
+def with_step(model: Model, dt: float, t_final: float | None = None) -> Model:
+    """``model`` with another step and end."""
+    end = model.simulation.t_final if t_final is None else t_final
+    return replace(model, simulation=replace(model.simulation, dt=dt, t_final=end))
+
+
+def run_in_memory(model: Model, options: Options) -> tuple[Report, Run]:
+    """Run ``model``; what happened, and its rows as they would be read back."""
+    memory = Memory()
+    report = run(model, options, memory)
+    frames = [
+        pd.DataFrame(table, columns=columns(model))
+        for table, columns in zip(memory.tables(), COLUMNS, strict=True)
+    ]
+    states, reactions, work = frames
+    kept = Run(
+        folder=Path(),
+        model=model,
+        info={"options": {"every": options.every}, "status": report.status},
+        states=states,
+        reactions=reactions if len(reactions.columns) > 1 else None,
+        work=work if len(work.columns) > 1 else None,
+        partial=report.status != "completed",
+    )
+    return report, kept
+
+
+def try_all(
+    model: Model,
+    cases: Sequence[tuple[str, float]],
+    repeats: int,
+    progress: Callable[[int], Any] = lambda steps: None,
+) -> list[Trial]:
+    """A trial of every case (scheme, dt); ``progress`` is told of steps done since last time."""
+    for scheme in sorted({scheme for scheme, _ in cases}):
+        dt = next(dt for name, dt in cases if name == scheme)
+        warm = with_step(model, dt, min(WARM_STEPS * dt, model.simulation.t_final))
+        run(warm, Options(scheme), Nowhere())
+    seconds: dict[tuple[str, float], list[float]] = {case: [] for case in cases}
+    kept: dict[tuple[str, float], tuple[Report, Run]] = {}
+    for repeat in range(repeats):
+        for case in cases:
+            scheme, dt = case
+            if repeat == 0:
+                kept[case] = run_in_memory(with_step(model, dt), Options(scheme))
+                report = kept[case][0]
+            else:
+                report = run(with_step(model, dt), Options(scheme), Nowhere())
+            seconds[case].append(report.seconds["loop"])
+            progress(Grid.of(with_step(model, dt).simulation).n)
+    return [Trial(*case, median(seconds[case]), *kept[case]) for case in cases]

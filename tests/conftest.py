@@ -1,0 +1,6 @@
+"""What all tests share: hypothesis draws the same examples every time, and takes its time."""
+
+from hypothesis import settings
+
+settings.register_profile("steady", derandomize=True, deadline=None, database=None)
+settings.load_profile("steady")

@@ -1,0 +1,379 @@
+"""Laws that every element keeps, in random states of random scenes.
+
+A new element needs one entry in ``SCENES``.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import (
+    chain,
+    free_bodies,
+    jointed,
+    ladder,
+    loaded,
+    moved,
+    path,
+    random_vector,
+    ring,
+    simulate,
+    star,
+)
+
+from msahl.compiled import compiled
+from msahl.deck.read import BODIES, JOINTS, LOADS
+from msahl.forces import concentrated
+from msahl.joints import coincide
+from msahl.rotation import from_axis_angle, matrix
+from msahl.schemes import preserving
+from msahl.solve import dense, newton, sparse
+from msahl.solve.island import Runner
+from msahl.system.arrays import new_start, node_count
+from msahl.system.build import build_state, build_system
+from msahl.system.reduce import all_unknowns
+from msahl.system.unknowns import choose
+
+SCENES = {
+    "rigidBody": free_bodies,
+    "ground": jointed,
+    "spherical": lambda rng, gravity=True: jointed(rng, 5, gravity, grounded=False),
+    "concentrated": loaded,
+}
+SEEDS = range(3)
+H = 0.1
+
+every_element = pytest.mark.parametrize("make", SCENES.values(), ids=SCENES)
+every_seed = pytest.mark.parametrize("seed", SEEDS)
+
+
+class Step:
+    """The step's equations of a scene in plain Python."""
+
+    def __init__(self, model, h=H):
+        self.h, self.half_h2 = h, 0.5 * h * h
+        self.system = build_system(model)
+        self.state = build_state(model, self.system)
+        self.start = new_start(self.system, self.state)
+        preserving.prepare(self.system, self.state, self.start)
+        self.unknowns = choose(self.system, all_unknowns(self.system))
+        self.shape = (node_count(self.system), 3)
+
+    def random(self, rng):
+        """Unknowns of a step of large turns; the ground stays where it is."""
+        Z = 0.5 * rng.normal(size=self.shape)
+        n = self.system.bodies.inverse_mass.size
+        Z[2 * n - 2 : 2 * n] = 0.0
+        return Z
+
+    def residual(self, Z):
+        F = np.zeros(self.shape, dtype=Z.dtype)
+        preserving.residual(self.system, self.start, self.h, Z, F)
+        return F
+
+    def jacobian(self, Z):
+        """Dense, in all the unknowns."""
+        size = self.unknowns.free.size
+        A, values = np.zeros(size * size), np.zeros_like(self.system.constant)
+        z = Z.reshape(-1)[self.unknowns.free].copy()
+        dense.jacobian(self.system, self.unknowns, self.start, self.h, z, Z.copy(), values, A)
+        return A.reshape(size, size)
+
+    def free(self, F):
+        return F.reshape(-1)[self.unknowns.free]
+
+    def pushes(self, element, *group):
+        """Forces and moments (n, 3) that one kind of element puts on the bodies."""
+        F = np.zeros(self.shape)
+        element.residual(*group, self.system.bodies, self.half_h2, self.Z, F)
+        bodies = self.system.bodies
+        c = self.half_h2 * bodies.inverse_mass[:-1, None]
+        n = len(c)
+        return -F[0 : 2 * n : 2] / c, -F[1 : 2 * n : 2] * bodies.length[:-1, None] / c
+
+    def work(self, force, moment):
+        """Work of forces at the mass centres and of moments over the step."""
+        n = len(force)
+        turns = self.Z[1 : 2 * n : 2] / self.system.bodies.length[:-1, None]
+        return np.sum(force * self.Z[0 : 2 * n : 2]) + np.sum(moment * turns)
+
+
+def test_every_element_of_the_deck_is_here():
+    assert set(SCENES) == {*BODIES, *JOINTS, *LOADS}
+
+
+@every_element
+@every_seed
+def test_the_jacobian_is_the_derivative_of_the_residual(make, seed):
+    rng = np.random.default_rng(seed)
+    step = Step(make(rng))
+    Z = step.random(rng)
+    A = step.jacobian(Z)
+    e = 1e-5  # best for a central difference: its error e^2 and round-off eps/e balance near it
+    columns = []
+    for unknown in step.unknowns.free:
+        ends = []
+        for sign in (1.0, -1.0):
+            there = Z.copy()
+            there.reshape(-1)[unknown] += sign * e
+            ends.append(step.free(step.residual(there)))
+        columns.append((ends[0] - ends[1]) / (2 * e))
+    assert np.abs(np.stack(columns, axis=1) - A).max() <= 1e-7 * np.abs(A).max()
+
+
+@every_element
+@every_seed
+def test_a_complex_step_gives_the_jacobian_to_round_off(make, seed):
+    rng = np.random.default_rng(seed)
+    step = Step(make(rng))
+    Z = step.random(rng)
+    A = step.jacobian(Z)
+    columns = []
+    for unknown in step.unknowns.free:
+        there = Z.astype(complex)
+        there.reshape(-1)[unknown] += 1e-30j
+        columns.append(step.free(step.residual(there)).imag / 1e-30)
+    # Some dozens of roundings an entry.
+    assert np.abs(np.stack(columns, axis=1) - A).max() <= 1e-13 * np.abs(A).max()
+
+
+@every_element
+@every_seed
+def test_the_residual_turns_with_the_scene(make, seed):
+    rng = np.random.default_rng(seed)
+    model, turn = make(rng), from_axis_angle(random_vector(rng), rng.uniform(-3, 3))
+    here, there = Step(model), Step(moved(model, turn, random_vector(rng, 3.0)))
+    A = np.array(matrix(turn))
+    Z = here.random(rng)
+    F = here.residual(Z)
+    # Joint gaps of the random state differ by what the gap was at the start: zero in both.
+    assert np.abs(there.residual(Z @ A.T) - F @ A.T).max() <= 1e-13 * np.abs(F).max()
+
+
+@every_element
+def test_a_rigid_motion_of_the_scene_moves_the_answer(make):
+    rng = np.random.default_rng(5)
+    model, turn = make(rng), from_axis_angle(random_vector(rng), 2.5)
+    shift = random_vector(rng, 3.0)
+    here = simulate(model, dt=0.01, t_final=0.5)
+    there = simulate(moved(model, turn, shift), dt=0.01, t_final=0.5)
+    A = np.array(matrix(turn))
+    # Half a second of steps solved to 1e-14, positions of some metres, forces of some 100 N.
+    for b in range(len(model.bodies)):
+        assert there.of("position", b) == pytest.approx(
+            here.of("position", b) @ A.T + shift, abs=1e-10
+        )
+        assert there.matrices(b) == pytest.approx(A @ here.matrices(b), abs=1e-10)
+        for what in ("velocity", "spin"):
+            assert there.of(what, b) == pytest.approx(here.of(what, b), abs=1e-9)
+    largest = np.abs(here.reactions[:, 1:]).max(initial=1.0)
+    for k in range(len(model.joints)):
+        assert there.force(k) == pytest.approx(here.force(k) @ A.T, abs=1e-9 * largest)
+    assert there.work == pytest.approx(here.work, abs=1e-9)
+
+
+@every_seed
+def test_action_is_reaction(seed):
+    rng = np.random.default_rng(seed)
+    step = Step(jointed(rng, 6, grounded=False))
+    step.Z = step.random(rng)
+    group, start = step.system.coincide, step.start.coincide
+    force, moment = step.pushes(coincide, group, start)
+    assert np.abs(force.sum(axis=0)).max() <= 1e-13 * np.abs(force).max()
+    # About the origin, at the bodies' mean places, forces in pairs leave their mean gap x force:
+    # nothing, were the joints closed at both ends.
+    n = len(force)
+    places = step.state.x[:n] + 0.5 * step.Z[0 : 2 * n : 2]
+    about = moment.sum(axis=0) + np.cross(places, force).sum(axis=0)
+    F = np.zeros(step.shape)
+    coincide.residual(group, start, step.system.bodies, step.half_h2, step.Z, F)
+    lam = group.mass[:, None] * step.Z[group.row] / step.half_h2
+    left = np.cross(0.5 * F[group.row], lam).sum(axis=0)
+    assert about == pytest.approx(left, abs=1e-12 * np.abs(moment).max())
+
+
+@every_seed
+@pytest.mark.parametrize("grounded", [True, False])
+def test_joint_forces_work_on_the_gap_alone(seed, grounded):
+    rng = np.random.default_rng(seed)
+    step = Step(jointed(rng, 5, grounded=grounded))
+    step.Z = step.random(rng)
+    group, start = step.system.coincide, step.start.coincide
+    work = step.work(*step.pushes(coincide, group, start))
+    F = np.zeros(step.shape)
+    coincide.residual(group, start, step.system.bodies, step.half_h2, step.Z, F)
+    lam = group.mass[:, None] * step.Z[group.row] / step.half_h2
+    sharp = np.sum(lam * F[group.row])
+    # Some hundred terms of this size; exact in any step, however large.
+    assert work == pytest.approx(sharp, abs=1e-13 * np.abs(lam).sum())
+
+
+@every_seed
+def test_the_published_work_of_loads_is_what_they_do(seed):
+    rng = np.random.default_rng(seed)
+    step = Step(loaded(rng))
+    step.Z = step.random(rng)
+    group, start = step.system.loads, step.start.loads
+    force, moment = step.pushes(concentrated, group, start)
+    total = np.zeros(group.body.size)
+    concentrated.work(group, start, step.system.bodies, step.Z, total)
+    assert total.sum() == pytest.approx(step.work(force, moment), abs=1e-12 * np.abs(total).sum())
+
+
+@every_seed
+def test_joints_do_no_work_over_a_run(seed):
+    run = simulate(jointed(np.random.default_rng(seed), 4), dt=0.02, t_final=1.0)
+    gaps = []
+    for joint in run.model.joints:
+        points = []
+        for name, s in ((joint.parent, joint.parent_point), (joint.child, joint.child_point)):
+            at = [b.name for b in run.model.bodies].index(name) if name != "Earth" else None
+            fixed = np.broadcast_to(s, run.of("position").shape)
+            points.append(fixed if at is None else run.of("position", at) + run.matrices(at) @ s)
+        gaps.append(points[1] - points[0])
+    force = run.reactions[1:, 1:].reshape(-1, len(gaps), 3)
+    work = np.sum(force * np.diff(np.stack(gaps, axis=1), axis=0), axis=2)
+    # The force times the round-off of places some metres out.
+    assert np.abs(work).max() <= 2e-14 * np.abs(force).max()
+
+
+@every_seed
+def test_momentum_is_kept_where_nothing_outside_acts(seed):
+    model = jointed(np.random.default_rng(seed), 5, gravity=False, grounded=False)
+    run = simulate(model, dt=0.02, t_final=4.0)
+    linear, angular = 0.0, 0.0
+    for b, body in enumerate(model.bodies):
+        R, w = run.matrices(b), run.of("spin", b)
+        x = run.of("position", b) + R @ np.array(body.r_BG)
+        v = np.einsum("tij,tj->ti", R, run.of("velocity", b) + np.cross(w, body.r_BG))
+        p = body.mass * v
+        linear += p
+        angular += np.cross(x, p) + np.einsum("tij,jk,tk->ti", R, np.array(body.inertia), w)
+    # 200 steps, each solved to 1e-14 of its motion.
+    for momentum in (linear, angular):
+        assert np.abs(momentum - momentum[0]).max() <= 1e-11 * np.abs(momentum).max()
+
+
+@every_element
+def test_the_compiled_loop_is_its_plain_self(make):
+    """The same marked functions run as Python are the oracle of the whole compiled loop."""
+    model = make(np.random.default_rng(11))
+    steps = 5
+    plain, fast = (Runner(model, "newton", True, steps).scene for _ in range(2))
+    plan = np.arange(steps)
+    assert newton.march(plain, H / 10, 0, steps, plan) == steps
+    assert compiled(newton.march)(fast, H / 10, 0, steps, plan) == steps
+    for field in ("state", "start", "tables", "watch"):
+        for a, b in zip(_arrays(getattr(plain, field)), _arrays(getattr(fast, field)), strict=True):
+            # Trends are differences of accelerations, which divide round-off by h^2 = 1e-4.
+            assert a == pytest.approx(b, rel=1e-10, abs=1e-9)
+    assert plain.counts.tolist() == fast.counts.tolist()
+
+
+@every_element
+def test_the_compiled_equations_are_their_plain_selves(make):
+    from msahl.solve import root
+
+    rng = np.random.default_rng(12)
+    step = Step(make(rng))
+    z = step.free(step.random(rng))
+    size = z.size
+    room = (np.zeros(step.shape), np.zeros(step.shape), np.zeros(size))
+    again = (np.zeros(step.shape), np.zeros(step.shape), np.zeros(size))
+    given = (step.system, step.unknowns, step.start, H, z)
+    judged = dense.residual(*given, *room)
+    assert root._residual(*given, *again) == pytest.approx(judged, rel=1e-14)
+    for a, b in zip(room, again, strict=True):
+        assert a == pytest.approx(b, rel=1e-14, abs=1e-14 * np.abs(a).max())
+    A, B = np.zeros(size * size), np.zeros(size * size)
+    dense.jacobian(*given, room[0], np.zeros_like(step.system.constant), A)
+    root._jacobian(*given, room[0], np.zeros_like(step.system.constant), B)
+    assert pytest.approx(B, rel=1e-14, abs=1e-14 * np.abs(A).max()) == A
+
+
+def _arrays(group):
+    for field in group:
+        yield from _arrays(field) if isinstance(field, tuple) else [field]
+
+
+FRAMES = {
+    "chain": chain(12),
+    "chain hung by its middle": chain(12, hung_by=6),
+    "chain hung by its end": chain(12, hung_by=11),
+    "chain hung twice": path([(k, 0.3 * k * k % 1.0, 0.5 * k) for k in range(9)], (0, 7)),
+    "star": star(5, 2),
+    "ring": ring(7, (0,)),
+    "ring held twice": ring(9, (0, 4)),
+    "free ring": ring(6),
+    "ladder": ladder(5),
+}
+
+
+@pytest.mark.parametrize("model", FRAMES.values(), ids=FRAMES)
+def test_the_sparse_solution_solves_the_dense_system(model):
+    rng = np.random.default_rng(1)
+    step = Step(model)
+    Z = 0.02 * step.random(rng)
+    A = step.jacobian(Z)
+    order, free = step.unknowns.elimination.order, step.unknowns.free
+    values = np.zeros_like(step.system.constant)
+    preserving.jacobian(step.system, step.start, H, Z, values)
+    factor = np.zeros(int(step.unknowns.elimination.base[-1]))
+    right = np.zeros(Z.size)
+    right[free] = rng.normal(size=free.size)
+    y = right[order]
+    sparse.factor(step.unknowns.elimination, values, factor)
+    sparse.solve(step.unknowns.elimination, factor, y)
+    solution = np.zeros(Z.size)
+    solution[order] = y
+    x, b = solution[free], right[free]
+    # Backward error: what Newton needs. The order of the pivots is fixed, so it may exceed eps by
+    # a growth of some hundreds.
+    assert np.abs(A @ x - b).max() <= 1e-12 * np.abs(A).max() * np.abs(x).max()
+    exact = np.linalg.solve(A, b)
+    assert np.abs(x - exact).max() <= 1e-13 * np.linalg.cond(A) * np.abs(exact).max()
+
+
+def operations(model):
+    """Multiplications of a factorisation, and numbers in its factors."""
+    elimination = Step(model).unknowns.elimination
+    return elimination.target.size, int(elimination.base[-1])
+
+
+def test_a_chain_costs_its_bodies_and_no_more():
+    for counts in zip(*(operations(chain(n)) for n in (10, 55, 100)), strict=True):
+        # No fill-in: the same number for every link between the ends, wherever it is.
+        assert counts[2] - counts[1] == counts[1] - counts[0]
+    # Eliminated towards the ground a link leaves its neighbour a 6 x 6 block, away from it one of
+    # 3 x 3 on the joint: 605 operations against 348. A middle on the ground is half of each.
+    first, middle, last = (operations(chain(100, hung))[0] for hung in (0, 50, 99))
+    assert min(first, last) < middle < max(first, last) < 1.75 * min(first, last)
+
+
+@pytest.mark.parametrize("hung", [0, 6, 11])
+@pytest.mark.parametrize("grounded_last", [True, False])
+def test_a_chain_is_solved_wherever_it_hangs_and_however_it_is_listed(hung, grounded_last):
+    model = chain(12, hung)
+    if not grounded_last:
+        model = replace(model, joints=(model.joints[-1], *model.joints[:-1]))
+    report = simulate(model, dt=0.01, t_final=0.5, solver="newton").report
+    assert (report.status, report.halvings) == ("completed", 0)
+    assert report.factorisations <= 1.1 * report.steps
+
+
+def test_a_loop_costs_no_more_than_two_chains():
+    for loop, line in zip(operations(ring(50, (0,))), operations(chain(50)), strict=True):
+        # One joint of the loop stays to the end, coupled to the next body on the way.
+        assert loop <= 2 * line
+
+
+def test_what_a_scene_does_not_contain_costs_nothing():
+    """Blocks and operations of a tree are the same with loads elsewhere in the program."""
+    rng = np.random.default_rng(2)
+    model = jointed(rng, 4)
+    system = build_system(model)
+    assert system.loads.body.size == 0
+    # One block a body for its turn and one for its displacement; a joint on the ground adds 3
+    # couplings of the body and one block of the unit matrix, a joint of two bodies twice that.
+    ends = sum(2 - ("Earth" in (j.parent, j.child)) for j in model.joints)
+    assert len(system.blocks) - 1 == 2 * len(model.bodies) + 4 * ends

@@ -1,0 +1,238 @@
+"""Studies: errors, orders, references, the recommendation, the report, the command."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+import msahl.study.study as study_module
+from msahl.cli import main
+from msahl.deck import read_deck
+from msahl.post.draw import style
+from msahl.run import Options
+from msahl.study import independent as independent_module
+from msahl.study.cli import study as command
+from msahl.study.dynamics import Dynamics
+from msahl.study.errors import MEASURES, angles
+from msahl.study.exact import recognise
+from msahl.study.independent import independent
+from msahl.study.pictures import pictures
+from msahl.study.report import recommendation, write_study
+from msahl.study.runs import run_in_memory, with_step
+from msahl.study.study import STEPS, Plan, default_steps, study
+
+DECKS = Path(__file__).parents[1] / "decks"
+HALVED = (0.02, 0.01, 0.005, 0.0025)
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path, monkeypatch):
+    """References are made, not found."""
+    monkeypatch.setattr(
+        independent_module.platformdirs, "user_cache_dir", lambda *a, **k: str(tmp_path / "cache")
+    )
+
+
+def deck(name, t_final=2.0):
+    model = read_deck(DECKS / f"{name}.xml")
+    return with_step(model, model.simulation.dt, t_final)
+
+
+STATE = ("position", "orientation", "velocity", "spin")
+FORCES = ("mean_reaction", "station_reaction")
+ORDERS = {
+    "thesis/single_pendulum_45": (*STATE, *FORCES),
+    "thesis/single_pendulum_135": (*STATE, *FORCES),
+    "thesis/double_pendulum_89": (*STATE, *FORCES),
+    "basics/conical_pendulum": (*STATE[:3], *FORCES),  # its spin is kept to round-off
+    "thesis/top_1": (*STATE, "station_reaction"),
+    "thesis/top_2": (*STATE, "station_reaction"),
+    "thesis/top_3": (*STATE, "station_reaction"),
+    "basics/ballistic_cylinder": ("orientation", "spin"),
+    "basics/ballistic_sphere": ("orientation",),
+    "basics/torque_free": ("orientation", "spin"),
+}
+
+
+@pytest.mark.parametrize("name", ORDERS)
+def test_observed_orders(name):
+    result = study(Plan(deck(name), HALVED, repeats=1, target=1e3))
+    for key in ORDERS[name]:
+        fit = result.fits["preserving", key]
+        assert fit is not None, key
+        assert fit.order == pytest.approx(2.0, abs=0.1), key
+
+
+@pytest.mark.parametrize("name", ["thesis/top_1", "thesis/top_3"])
+def test_mean_reactions_of_the_top_alternate_by_an_order_one(name):
+    # The first velocities close the joint exactly, the later ones to O(h^2): the difference stays
+    # as an alternation of the means. Two steps' mean, at their common row, is of order 2.
+    exact, errors = recognise(deck(name)), []
+    for dt in (0.002, 0.001):
+        _, run = run_in_memory(with_step(deck(name), dt), Options())
+        force = run.reactions.to_numpy()[:, 1:]
+        two = 0.5 * (force[1:-1] + force[2:]) - exact.forces(run.time[1:-1])
+        errors.append(np.abs(two).max())
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
+
+
+def test_station_forces_balance():
+    # Weight and centripetal force of a pendulum at rest, in closed form.
+    model = deck("thesis/single_pendulum_45")
+    dynamics = Dynamics(model)
+    (body,) = model.bodies
+    inertia, m, L, g = 0.008, body.mass, 5.0, 9.80665
+    s = np.sqrt(0.5)
+    tangential = m * g * s * m * L**2 / (m * L**2 + inertia)  # the part the swing takes
+    expected = np.array([-tangential * s, 0.0, tangential * s - m * g])
+    # One 9-unknown linear system, numbers up to 20 N.
+    np.testing.assert_allclose(
+        dynamics.forces(np.zeros(1), dynamics.table)[0], expected, atol=1e-12
+    )
+
+
+def test_default_study_and_its_recommendation(tmp_path):
+    # The case of the thesis: a minute is the promise, measured with room for a slow machine.
+    out = tmp_path / "study"
+    name = DECKS / "thesis" / "double_pendulum_89.xml"
+    result = CliRunner().invoke(command, [str(name), "--target", "1e-4", "-o", str(out)])
+    assert result.exit_code == 0, result.output
+    table = pd.read_csv(out / "study.csv")
+    assert set(STEPS) <= set(table["dt"])
+    assert {f"{m.key}_{f}" for m in MEASURES for f in ("rms", "max")} <= set(table.columns)
+    words = (out / "study.md").read_text()
+    dt = words.split("--dt ")[1].split()[0]
+    run = CliRunner().invoke(main, ["run", str(name), "--dt", dt, "-o", str(tmp_path / "run")])
+    assert run.exit_code == 0, run.output
+    states = pd.read_csv(tmp_path / "run" / "states.csv").to_numpy()
+    true = independent(read_deck(name), states[1:, 0], 1e-6)
+    error = (states[1:, 1:] - true.states(states[1:, 0])).reshape(-1, 2, 12)[:, :, :3]
+    largest = np.sqrt((error**2).sum(axis=2)).max()
+    assert largest <= 1e-4
+    # No step is thrown away: a half longer one would not do (order 2).
+    assert largest * 1.5**2 > 1e-4
+    for name in ("study.html", "error-time.png", "error-step.png"):
+        assert (out / name).stat().st_size > 1000
+
+
+def test_a_scheme_registered_later_appears(monkeypatch, tmp_path):
+    monkeypatch.setattr(study_module, "SCHEMES", ("preserving", "later"))
+    result = study(Plan(deck("thesis/single_pendulum_45", 1.0), HALVED[:3], repeats=1))
+    assert result.schemes == ["preserving", "later"]
+    write_study(result, tmp_path)
+    assert "later" in (tmp_path / "study.csv").read_text()
+    with style():
+        for _, _, figure in pictures(result):
+            labels = [text.get_text() for text in figure.legends[0].get_texts()]
+            assert labels == ["preserving", "later"]
+
+
+def test_the_exact_reference_comes_first_and_can_be_refused():
+    single, double = deck("thesis/single_pendulum_45"), deck("thesis/double_pendulum_45")
+    assert "exact" in study(Plan(single, HALVED, repeats=1)).reference.words
+    assert "independent" in study(Plan(double, HALVED, repeats=1)).reference.words
+    alike = study(Plan(single, HALVED, reference="independent", repeats=1)).points
+    for one, other in zip(alike, study(Plan(single, HALVED, repeats=1)).points, strict=False):
+        # Both references are good to 1e-11 m, the errors are 1e-5 and more.
+        assert one.largest("position") == pytest.approx(other.largest("position"), rel=1e-4)
+
+
+def test_stored_run_as_reference(tmp_path):
+    name = DECKS / "thesis" / "double_pendulum_45.xml"
+    settings = ["--t-final", "2", "-q"]
+    stored = ["run", str(name), "--dt", "0.0005", *settings, "-o", str(tmp_path / "fine")]
+    assert CliRunner().invoke(main, stored).exit_code == 0
+    plan = Plan(deck("thesis/double_pendulum_45"), HALVED, repeats=1)
+    by_run = study(replace(plan, reference=str(tmp_path / "fine")))
+    by_ode = study(plan)
+    one, other = (result.points[0].largest("position") for result in (by_run, by_ode))
+    # The stored run's own error is (0.0005/0.02)^2 of the one measured.
+    assert one == pytest.approx(other, rel=2e-3)
+    # Mid-steps of 0.0025 s are not among its rows; those of 0.02 and 0.01 s are.
+    assert by_run.points[0].largest("mean_reaction") is not None
+
+
+def test_horizon_of_a_chaotic_scene():
+    model = deck("thesis/double_pendulum_135", 60.0)
+    times = np.linspace(0.0, 60.0, 601)
+    reference = independent(model, times, 1e-6)
+    # It parts from 1e-10 by five decades and more; by 60 s nothing is left of either.
+    assert 10.0 < reference.horizon < 50.0
+    assert "not reported" in reference.words
+    result = study(Plan(model, (0.04, 0.02, 0.01), repeats=1))
+    assert result.reference.horizon < 50.0
+    point = result.points[0]
+    assert point.largest("position") is not None
+    assert point.trial.run.time[-1] == pytest.approx(60.0)
+    assert point.largest("energy_over_kinetic") < 1e-10  # over all of the run
+    kept = [p.errors.kept_to("position", 0.1) for p in result.points]
+    assert kept == sorted(kept)  # finer steps follow it longer
+    assert 1.0 < kept[0] < kept[-1] < result.reference.horizon
+
+
+def test_reference_is_cached(monkeypatch):
+    model, times = deck("thesis/double_pendulum_45"), np.linspace(0.0, 1.0, 11)
+    first = independent(model, times, 1e-6)
+    monkeypatch.setattr(independent_module, "solve", None)
+    second = independent(with_step(model, 0.5), times, 1e-6)
+    np.testing.assert_array_equal(first.table, second.table)
+
+
+def test_no_run_meets_the_target():
+    result = study(Plan(deck("thesis/single_pendulum_45"), (0.1, 0.05), repeats=1, target=1e-9))
+    assert result.cheapest is None
+    assert "No run of this study" in recommendation(result)
+
+
+def test_errors_of_a_rotated_body():
+    # Small angles keep their digits; p and its shadow are one orientation.
+    p = np.array([[0.5, 0.1, -0.2]])
+    assert angles(p + np.array([1e-9, 0, 0]), p)[0] == pytest.approx(1e-9, rel=0.1)
+    assert angles(p, -16.0 * p / (p @ p.T))[0] == pytest.approx(0.0, abs=1e-7)
+
+
+def test_default_steps_suit_the_scene():
+    assert default_steps(deck("thesis/double_pendulum_89", 10.0)) == STEPS
+    short = with_step(deck("thesis/double_pendulum_89"), 1e-5, 0.03)
+    assert default_steps(short)[-1] == pytest.approx(1.25e-6)
+
+
+def test_pictures_can_be_read():
+    result = study(Plan(deck("thesis/single_pendulum_45"), HALVED, repeats=1, target=1e-4))
+    with style():
+        for name, caption, figure in pictures(result):
+            assert name
+            assert caption
+            figure.canvas.draw()
+            legend = figure.legends[0].get_window_extent()
+            shown = [axes for axes in figure.axes if axes.axison]
+            for axes in shown:
+                assert axes.get_xlabel().endswith("[s]")
+                assert axes.get_ylabel()
+                assert not legend.overlaps(axes.get_window_extent())
+            if name == "error-step":
+                # A triangle with its slope at position, orientation, velocities, reactions.
+                texts = [t.get_text() for axes in shown for t in axes.texts]
+                assert sum(t.startswith(("1.9", "2.0")) for t in texts) >= 6
+
+
+@pytest.mark.parametrize(
+    "arguments", [["--reference", "nowhere"], ["--reference", "exact"], ["--dt", "99"]]
+)
+def test_faults_are_told(arguments, tmp_path):
+    name = str(DECKS / "thesis" / "double_pendulum_45.xml")
+    result = CliRunner().invoke(command, [name, *arguments, "-o", str(tmp_path)])
+    assert result.exit_code == 2
+    assert result.stderr
+
+
+def test_a_run_imports_no_more_than_the_command():
+    code = "import sys, msahl.cli, msahl.run; print([m for m in sys.modules if 'study' in m])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout.replace("'", '"')) == ["msahl.study", "msahl.study.cli"]

@@ -1,0 +1,58 @@
+"""Table of many runs on stdout: cost beside error. Arguments: the run.json of each run.
+
+Energy errors are RMS over the run, relative to the largest kinetic energy and (as Hainge 2010 has
+it) to the energy at the start; virtual work is the RMS over the run at the joint where it is
+largest, by Hainge's measure and by the sharp one; the violation is the largest gap [m]. Seconds
+are those of the loop and the output.
+"""
+
+import csv
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from msahl.post.measure import Spread, measure
+from msahl.results.read import read_run
+
+COLUMNS = (
+    "deck",
+    "h",
+    "steps",
+    "seconds",
+    "energy_rms_over_kinetic",
+    "energy_rms_over_start",
+    "virtual_work_hainge_rms",
+    "virtual_work_sharp_rms",
+    "constraint_violation",
+)
+
+
+def row(folder: Path) -> tuple[str | float, ...]:
+    """The figures of one run."""
+    run = read_run(folder)
+    measures = measure(run)
+    energy, work, gap = measures.energy, measures.work, measures.constraints.gap
+    by_measure = [values.T for values in (work.hainge, work.sharp)] if work else [(), ()]
+    seconds = run.info["seconds"]
+    return (
+        Path(run.info["deck"]["path"]).stem,
+        run.info["options"]["dt"],
+        run.info["steps"],
+        round(seconds["loop"] + seconds["output"], 4),
+        energy.error_over_kinetic.rms if energy.error_over_kinetic else "",
+        energy.error_over_first.rms if energy.error_over_first else "",
+        *(max((Spread.of(joint).rms for joint in joints), default="") for joints in by_measure),
+        float(gap.max(initial=0.0)),
+    )
+
+
+def main(paths: Sequence[str]) -> None:
+    """Print the table."""
+    write = csv.writer(sys.stdout, lineterminator="\n").writerow
+    write(COLUMNS)
+    for path in paths:
+        write(row(Path(path).parent))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,76 @@
+"""Runs of the thesis's decks, and the figures taken from them."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+
+from msahl.deck import read_deck
+from msahl.model import Model
+from msahl.post.measure import Measures, measure
+from msahl.results.read import Run
+from msahl.run import Options, Report
+from msahl.solve.initial import VelocityChange
+from msahl.study.errors import rotations
+from msahl.study.runs import run_in_memory, with_step
+
+ROOT = Path(__file__).resolve().parents[2]
+OUT = ROOT / "docs" / "validation"
+FIGURES = OUT / "figures"
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A run and its measures; ``work`` (m - 1, k) is the virtual work taken at mid-step [J]."""
+
+    report: Report
+    run: Run
+    measures: Measures
+    work: np.ndarray
+
+
+@cache
+def model_of(deck: str) -> Model:
+    """The model of one of the thesis's decks."""
+    return read_deck(ROOT / "decks" / "thesis" / f"{deck}.xml")
+
+
+@cache
+def run_deck(deck: str, dt: float, t_final: float, as_given: bool = False) -> Measured:
+    """Run a deck; its velocities made consistent, or left ``as_given``."""
+    model = with_step(model_of(deck), dt, t_final)
+    with _velocities(as_given):
+        report, run = run_in_memory(model, Options())
+    measures = measure(run)
+    return Measured(report, run, measures, mid_work(run, measures))
+
+
+def mid_work(run: Run, measures: Measures) -> np.ndarray:
+    """lam . (C_0 V_0 + C_1 V_1)/2 dt of every step and joint, V of the joint's child [J].
+
+    The reading of eq. 3.16-3.18 that takes force and velocity at the middle of the step.
+    """
+    table = run.states.to_numpy()[:, 1:].reshape(len(run.time), -1, 4, 3)
+    v = np.einsum("mnij,mnj->mni", rotations(table[:, :, 1]), table[:, :, 2])
+    names = [body.name for body in run.model.bodies]
+    child = [names.index(joint.child) for joint in run.model.joints]
+    mean = 0.5 * (v[1:] + v[:-1])[:, child]
+    return np.asarray((measures.forces[1:] * mean).sum(axis=2) * np.diff(run.time)[:, None])
+
+
+@contextmanager
+def _velocities(as_given: bool) -> Iterator[None]:
+    if not as_given:
+        yield
+        return
+
+    def leave(system: object, state: object) -> VelocityChange:
+        n = system.bodies.inverse_mass.size - 1  # type: ignore[attr-defined]
+        return VelocityChange("none", 0.0, np.zeros((n, 3)), np.zeros((n, 3)))
+
+    with patch("msahl.solve.island.make_consistent", leave):
+        yield
