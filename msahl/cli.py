@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -18,7 +19,6 @@ import click
 
 import msahl
 from msahl.schemes import SCHEMES
-from msahl.study.cli import study
 
 if TYPE_CHECKING:
     from msahl.model import Model
@@ -33,7 +33,26 @@ STARTED = time.perf_counter()
 Deck = click.Path(path_type=Path)
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+ELSEWHERE = {"new": "msahl.templates", "study": "msahl.study.cli"}
+"""Commands of other rooms, and the modules they are loaded from when asked for."""
+
+
+class Commands(click.Group):
+    """The group, with the commands of other rooms."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of all commands."""
+        return sorted([*super().list_commands(ctx), *ELSEWHERE])
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command of this name, from its room if it is not one of ours."""
+        if cmd_name not in ELSEWHERE:
+            return super().get_command(ctx, cmd_name)
+        command: click.Command = getattr(import_module(ELSEWHERE[cmd_name]), cmd_name)
+        return command
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(msahl.__version__, prog_name="msahl")
 def main() -> None:
     """Simulate spatial multibody systems, and know how wrong the numbers are.
@@ -276,6 +295,3 @@ def _quality(report: "Report") -> str:
     kept = "" if energy is None else f", energy kept to {energy:.1e} of the largest kinetic energy"
     gap = f", joints closed to {report.extremes['gapMax']:.1e} m" if report.joints else ""
     return f"{report.steps} steps to t = {report.time:g} s{kept}{gap}"
-
-
-main.add_command(study)

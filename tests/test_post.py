@@ -20,7 +20,8 @@ from msahl.results.read import ResultError, read_run, read_table
 from msahl.rotation import matrix
 from msahl.schemes import preserving
 from msahl.system.arrays import new_start
-from msahl.system.build import build_state, build_system
+from msahl.system.build import build_system
+from msahl.system.state import build_state
 
 ROUND_OFF = 1e-14
 """A few dozen operations on doubles of size one; results are compared in units of their size."""

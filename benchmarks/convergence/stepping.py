@@ -9,8 +9,9 @@ from scipy.optimize._minpack_py import _minpack
 
 from msahl.deck import read_deck
 from msahl.rotation import compose
-from msahl.solve.initial import make_consistent
-from msahl.system.build import build_state, build_system
+from msahl.study.start import first_state
+from msahl.system.build import build_system
+from msahl.system.state import build_state
 
 DECKS = Path(__file__).parents[2] / "decks" / "thesis"
 
@@ -33,10 +34,7 @@ class Program:
 def read_chain(deck, as_given=False):
     """Chain and first state of a deck; the velocities consistent unless ``as_given``."""
     model = read_deck(DECKS / f"{deck}.xml")
-    system = build_system(model)
-    state = build_state(model, system)
-    if not as_given:
-        make_consistent(system, state)
+    state = build_state(model, build_system(model)) if as_given else first_state(model)[1]
     n = len(model.bodies)
     up, down = np.zeros((n, 3)), np.zeros((n, 3))
     for b, joint in enumerate(model.joints):

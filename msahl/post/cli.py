@@ -88,7 +88,7 @@ def _table_command(command: Command) -> Command:
 @main.command()
 @_table_command
 def energy(runs: tuple[Path, ...], form: str | None) -> None:
-    """How well each run kept its energy balance: E(t) - E(0) - work of the loads.
+    """How well each run kept its energy balance: E(t) - E(0) - work of loads and motions.
 
     The error is given over |E(1)|, as Hainge (2010, eq. 3.11) has it, which means nothing where
     E(1) is near zero, and over the largest kinetic energy reached. RMS, mean and max are over rows.
@@ -107,8 +107,8 @@ def work(runs: tuple[Path, ...], form: str | None) -> None:
     """Virtual work of each joint over a step; zero says that the joint does no work.
 
     Hainge's measure (2010, eq. 3.16-3.18) is joint force . child's mean velocity . step: it is not
-    zero where the joint moves energy between translation and rotation. The sharp measure, force .
-    change of the joint's gap, is. Both need every step's row (msahl run without --every).
+    zero where the joint moves energy between translation and rotation. The work of the reaction,
+    force and moment, on both bodies is. Both need every step's row (msahl run without --every).
 
     Example: msahl-post work results/top_1 --csv > work.csv
     """
@@ -124,7 +124,7 @@ def work(runs: tuple[Path, ...], form: str | None) -> None:
 @main.command()
 @_table_command
 def constraints(runs: tuple[Path, ...], form: str | None) -> None:
-    """How far each joint opens [m] and how fast [m/s].
+    """How far each joint, coupling and motion opens [m, rad] and how fast [m/s, rad/s].
 
     Example: msahl-post constraints results/triple_pendulum_135 --json
     """
@@ -132,7 +132,7 @@ def constraints(runs: tuple[Path, ...], form: str | None) -> None:
 
     measured, read = _measure(runs)
     for run in read:
-        _note(run, "" if run.model.joints else "the scene has no joints")
+        _note(run, "" if run.reactions is not None else "the scene has no joints")
     _print(constraints_table(measured), form)
 
 
@@ -149,7 +149,11 @@ def constraints(runs: tuple[Path, ...], form: str | None) -> None:
     "--body", "bodies", multiple=True, metavar="NAME", help="Only this body; may be repeated."
 )
 @click.option(
-    "--joint", "joints", multiple=True, metavar="NAME", help="Only this joint; may be repeated."
+    "--joint",
+    "joints",
+    multiple=True,
+    metavar="NAME",
+    help="Only this joint, coupling or motion; may be repeated.",
 )
 @click.option(
     "--format",

@@ -83,16 +83,18 @@ def curves(
 def sizes(axes: Axes, time: np.ndarray, series: np.ndarray, names: Sequence[str]) -> None:
     """Draw the absolute value of each column on a logarithmic scale, of many rows the largest.
 
+    Columns of nan are not drawn, but keep their look and their place in the legend.
+
     Zeros, and what is ``MOST_DECADES`` below the largest value, run off the lower edge. Where all
     is zero there is no scale: the axis says so.
     """
     time, series = peaks(time, np.abs(series))
-    if not series.any():
+    if not np.nan_to_num(series).any():
         curves(axes, time, series, names)
         axes.set_yticks([0.0])
         axes.text(0.5, 0.6, "zero at every row", transform=axes.transAxes, ha="center")
         return
-    top = float(series.max())
+    top = float(np.nanmax(series))
     floor = max(float(series[series > 0.0].min()), top * 10.0**-MOST_DECADES)
     # Two decades at least: fewer may leave a logarithmic axis without a number on it.
     low, high = min(0.5 * floor, 0.02 * top), 2.0 * top

@@ -11,8 +11,11 @@ from msahl.post.measure import Measures
 from msahl.results.read import ResultError, Run
 
 AXES = "xyz"
+WORK = "work of loads\nand motions"
 NEGLIGIBLE = 1e-9
 """A force component below this part of the largest is not worth a panel; the title says so."""
+MANY = 5
+"""Panels from which on they are drawn less high."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,22 +36,31 @@ def figures(
     Raises ``ResultError`` for a kind asked for without data, or a name the scene does not have.
     """
     _pick("body", tuple(body.name for body in run.model.bodies), choice.bodies)
-    _pick("joint", measures.constraints.joints, choice.joints)
+    _pick("joint", measures.constraints.names, choice.joints)
     for kind in kinds or tuple(KINDS):
-        lacks = _lacks(kind, measures)
+        lacks = _lacks(kind, measures, choice)
         if lacks and kinds:
             raise ResultError(f"{run.folder}: no picture of {kind}: {lacks}")
         if not lacks:
             yield KINDS[kind](run, measures, choice)
 
 
-def _lacks(kind: str, measures: Measures) -> str:
+def _lacks(kind: str, measures: Measures, choice: Choice) -> str:
     """Why there is nothing to draw; empty if there is something."""
-    if kind in ("work", "constraints", "reactions") and not measures.constraints.joints:
+    if kind in ("constraints", "reactions") and not measures.constraints.names:
+        return "the scene has no joints"
+    if kind == "work" and not measures.joints:
         return "the scene has no joints"
     if kind == "work" and measures.work is None:
         return "virtual work takes every step's row, and the run was thinned by --every"
+    if kind == "work" and not any(k < measures.joints for k in _elements(measures, choice)):
+        return "couplings and motions have no virtual work"
     return ""
+
+
+def _elements(measures: Measures, choice: Choice) -> list[int]:
+    """Which joints, couplings and motions to draw."""
+    return _pick("joint", measures.constraints.names, choice.joints)
 
 
 def _pick(kind: str, names: tuple[str, ...], wanted: tuple[str, ...]) -> list[int]:
@@ -90,13 +102,16 @@ def _widest_plane(points: np.ndarray) -> str:
 def _energy(run: Run, measures: Measures, choice: Choice) -> tuple[str, Figure]:
     energy = measures.energy
     figure, (parts, error) = new_figure(2, title=_title(run, "energy"))
-    series = [energy.kinetic, energy.potential.sum(axis=1), energy.total]
-    names = ["kinetic", "potential", "total"]
-    if run.work is not None:
-        series.append(energy.work)
-        names.append("work of loads")
+    drawn = [("kinetic", energy.kinetic, "-"), ("potential", energy.potential.sum(axis=1), "-")]
+    if energy.elastic.any():
+        drawn.append(("elastic", energy.elastic, "-"))
     # Total and work often lie on another curve: broken lines let it show.
-    curves(parts, energy.time, np.stack(series, axis=1), names, lines=["-", "-", "--", ":"])
+    drawn.append(("total", energy.total, "--"))
+    if run.work is not None:
+        drawn.append((WORK, energy.work, ":"))
+        drawn.append(("total - work", energy.balance, "-."))
+    names, series, lines = zip(*drawn, strict=True)
+    curves(parts, energy.time, np.stack(series, axis=1), names, lines=lines)
     parts.set_ylabel("energy [J]")
     largest = energy.largest_kinetic
     sizes(error, energy.time, energy.error[:, None] / (largest or 1.0), ["error"])
@@ -109,46 +124,74 @@ def _energy(run: Run, measures: Measures, choice: Choice) -> tuple[str, Figure]:
 def _work(run: Run, measures: Measures, choice: Choice) -> tuple[str, Figure]:
     assert measures.work is not None
     work = measures.work
-    picked = _pick("joint", work.joints, choice.joints)
+    picked = [k for k in _elements(measures, choice) if k < measures.joints]
     names = [work.joints[k] for k in picked]
     figure, (hainge, sharp) = new_figure(2, title=_title(run, "virtual work over each step"))
     curves(hainge, work.time, work.hainge[:, picked], names)
     hainge.set_ylabel("Hainge's measure [J]")
     sizes(sharp, work.time, work.sharp[:, picked], names)
-    sharp.set(ylabel="|force . change of gap| [J]", xlabel="time [s]")
+    sharp.set(ylabel="|work of the reaction| [J]", xlabel="time [s]")
     legend(figure, hainge)
     return "work", figure
 
 
 def _constraints(run: Run, measures: Measures, choice: Choice) -> tuple[str, Figure]:
-    joints = measures.constraints
-    picked = _pick("joint", joints.joints, choice.joints)
-    names = [joints.joints[k] for k in picked]
-    figure, (gap, rate) = new_figure(2, title=_title(run, "how far the joints open"))
-    sizes(gap, joints.time, joints.gap[:, picked], names)
-    gap.set_ylabel("gap [m]")
-    sizes(rate, joints.time, joints.rate[:, picked], names)
-    rate.set(ylabel="gap rate [m/s]", xlabel="time [s]")
-    legend(figure, gap)
+    found = measures.constraints
+    picked = _elements(measures, choice)
+    names = [found.names[e] for e in picked]
+    panels = [
+        (f"{words} [{unit}]", series)
+        for words, values, units in (
+            ("gap", found.gap, ("m", "rad")),
+            ("gap rate", found.rate, ("m/s", "rad/s")),
+        )
+        for unit, series in zip(units, np.moveaxis(values[:, picked], 2, 0), strict=True)
+        if not np.isnan(series).all()
+    ]
+    figure, all_axes = new_figure(len(panels), title=_title(run, "how far the joints open"))
+    for axes, (label, series) in zip(all_axes, panels, strict=True):
+        sizes(axes, found.time, series, names)
+        axes.set_ylabel(label)
+    all_axes[-1].set_xlabel("time [s]")
+    legend(figure, all_axes[0])
     return "constraints", figure
 
 
 def _reactions(run: Run, measures: Measures, choice: Choice) -> tuple[str, Figure]:
-    picked = _pick("joint", measures.constraints.joints, choice.joints)
-    names = [measures.constraints.joints[k] for k in picked]
-    forces = measures.forces[:, picked]
-    largest = np.abs(forces).max(axis=(0, 1))
-    shown = [axis for axis in range(3) if largest[axis] > NEGLIGIBLE * largest.max()] or [2]
-    zero = ", ".join(f"F{AXES[axis]}" for axis in range(3) if axis not in shown)
-    note = f"\n({zero} as good as zero throughout)" if zero else ""
-    title = _title(run, f"joint force on the child, mean over each step{note}")
-    figure, panels = new_figure(len(shown), title=title)
-    for axis, axes in zip(shown, panels, strict=True):
-        curves(axes, run.time, forces[:, :, axis], names)
-        axes.set_ylabel(f"F{AXES[axis]} [N]")
-    panels[-1].set_xlabel("time [s]")
-    legend(figure, panels[0])
+    reactions, picked = measures.reactions, _elements(measures, choice)
+    names = [reactions.names[e] + " (not unique)" * reactions.shared[e] for e in picked]
+    panels, zeros = [], []
+    for letter, unit, vectors in (("F", "N", reactions.force), ("M", "N m", reactions.moment)):
+        more, zero = _components(letter, unit, vectors[:, picked])
+        panels += more
+        zeros += zero
+    for unit, load in zip(("N", "N m"), np.moveaxis(reactions.load[:, picked], 2, 0), strict=True):
+        if not np.isnan(load).all():
+            panels.append((f"load [{unit}]", load))
+    note = f"\n({', '.join(zeros)} as good as zero throughout)" if zeros else ""
+    title = _title(run, f"reactions on the child, mean over each step{note}")
+    figure, all_axes = new_figure(len(panels), 2.4 if len(panels) < MANY else 1.7, title)
+    for axes, (label, series) in zip(all_axes, panels, strict=True):
+        curves(axes, run.time, series, names)
+        axes.set_ylabel(label)
+    all_axes[-1].set_xlabel("time [s]")
+    legend(figure, all_axes[0])
     return "reactions", figure
+
+
+def _components(
+    letter: str, unit: str, vectors: np.ndarray
+) -> tuple[list[tuple[str, np.ndarray]], list[str]]:
+    """Label and series (m, k) of the components of ``vectors`` (m, k, 3) that are worth a panel,
+    and names of the others; none of either if no joint has such a vector.
+    """
+    if np.isnan(vectors).all():
+        return [], []
+    largest = np.nanmax(np.abs(vectors), axis=(0, 1))
+    shown = [axis for axis in range(3) if largest[axis] > NEGLIGIBLE * largest.max()]
+    zero = [f"{letter}{AXES[axis]}" for axis in range(3) if axis not in shown]
+    panels = [(f"{letter}{AXES[axis]} [{unit}]", vectors[:, :, axis]) for axis in shown]
+    return panels, zero
 
 
 def _title(run: Run, what: str) -> str:

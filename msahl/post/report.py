@@ -10,7 +10,9 @@ from msahl.post.summary import (
     body_table,
     constraints_table,
     energy_table,
+    loads_table,
     partial_note,
+    reactions_table,
     thinned_note,
     work_table,
 )
@@ -23,26 +25,54 @@ CAPTIONS = {
     "path": "Paths of the bodies' reference points",
     "energy": "Energies, and the error of their balance",
     "work": "Virtual work of each joint over each step",
-    "constraints": "Gap and gap rate of each joint",
-    "reactions": "Force of the parent on the child in each joint",
+    "constraints": "Gap and gap rate of each joint, coupling and motion",
+    "reactions": "Force and moment of the parent on the child in each joint; loads of couplings and "
+    "motions",
 }
 
 DEFINITIONS = (
-    ("E", "m v_G.v_G/2 + w.J w/2 - m g.x_G, summed over the bodies (Hainge 2010, eq. 3.5-3.10)."),
-    ("error", "E(t) - E(0) - work of the loads since t = 0; zero for the exact motion."),
+    (
+        "E",
+        "m v_G.v_G/2 + w.J w/2 - m g.x_G, summed over the bodies (Hainge 2010, eq. 3.5-3.10), and "
+        "the elastic energy of springs.",
+    ),
+    (
+        "error",
+        "E(t) - E(0) - work since t = 0 of loads and motions; zero for the exact motion.",
+    ),
     ("error over |E(1)|", "error over the absolute energy of the first row (eq. 3.11)."),
     ("error over max KE", "error over the largest kinetic energy of any row."),
     ("RMS", "square root of the mean square, over all rows or steps (eq. 3.12)."),
     ("max", "largest absolute value."),
-    ("gap", "distance of a joint's point on the child from its point on the parent."),
-    ("gap rate", "relative speed of these two points."),
+    (
+        "work",
+        "of concentrated loads, drag, friction, dampers and motions since t = 0. What springs "
+        "store and give back is elastic energy instead.",
+    ),
+    (
+        "gap",
+        "how far the equations of a joint, coupling or motion are from being kept: lengths [m], and "
+        "angles or products of unit vectors [rad]; none for equations between rates.",
+    ),
+    ("gap rate", "rate of the gap, or what an equation between rates is off by."),
+    (
+        "reaction",
+        "of the parent on the child, mean over the step, inertial axes; the moment is about the "
+        "joint's point on the child. Not unique: redundant joints share it, and the smallest, "
+        "weighted by mass, is given.",
+    ),
+    ("load", "of a coupling or motion along the free motion it prescribes."),
     (
         "Hainge's measure",
-        "lam_k . C_k (V_(k-1) + V_k)/2 dt: joint force, child's velocity, step (eq. 3.16-3.18); C "
+        "F_k . C_k (V_(k-1) + V_k)/2 dt: joint force, child's velocity, step (eq. 3.16-3.18); C "
         "is that of the step's end. Not zero where a joint moves energy between translation and "
         "rotation. What Hainge prints as its RMS is negative at times: compare it with the mean.",
     ),
-    ("force . change of gap", "lam_k . (g_k - g_(k-1)): work of the joint on both of its bodies."),
+    (
+        "work of the reaction",
+        "F . (way of the child's point - way of the parent's) + M . (turn of the child - turn of "
+        "the parent): work of a joint on both of its bodies over the step.",
+    ),
 )
 
 
@@ -109,17 +139,24 @@ def _verdicts(run: Run, measures: Measures) -> list[str]:
 
 
 def _figures_in_tables(run: Run, measures: Measures) -> list[Block]:
-    """Tables of energy, of bodies and, with joints, of constraints and virtual work."""
+    """Tables of energy and of bodies, and of loads, constraints, reactions and virtual work where
+    there are any."""
     measured = [("", measures)]
     blocks: list[Block] = [
         Heading(3, "Energy"),
         energy_table(measured).without("run").transposed(),
         body_table(measures.energy),
     ]
-    if run.model.joints:
-        blocks += [Heading(3, "Joints"), constraints_table(measured).without("run")]
-        if measures.work is not None:
-            blocks += [Heading(3, "Virtual work over a step"), work_table(measured).without("run")]
+    if measures.loads.names:
+        blocks += [Heading(3, "Loads and motions"), loads_table(measures.loads)]
+    if measures.constraints.names:
+        blocks += [
+            Heading(3, "Joints"),
+            constraints_table(measured).without("run").filled(),
+            reactions_table(measures.reactions).filled(),
+        ]
+    if run.model.joints and measures.work is not None:
+        blocks += [Heading(3, "Virtual work over a step"), work_table(measured).without("run")]
     return blocks
 
 
@@ -140,7 +177,10 @@ def _facts(run: Run) -> Table:
     facts = (
         ("deck", deck.get("path")),
         ("deck's SHA-256", deck.get("digest")),
-        ("bodies, joints, loads", _counts(run)),
+        ("bodies, joints, couplings, motions, loads", _counts(run)),
+        ("degrees of freedom", _freedoms(run)),
+        ("reactions that are not unique", ", ".join(info.get("sharedReactions", ())) or None),
+        ("islands", _islands(run)),
         ("step dt [s]", f"{simulation.dt:.12g}"),
         ("end [s]", f"{simulation.t_final:.12g}"),
         ("scheme, solver", ", ".join(options.get(key, "?") for key in ("scheme", "solver"))),
@@ -148,7 +188,7 @@ def _facts(run: Run) -> Table:
         ("rows on file", str(len(run.time)) if run.every == 1 else None),
         ("unknowns", info.get("unknowns")),
         ("iterations", info.get("iterations")),
-        ("steps cut in halves", info.get("substeps")),
+        ("steps cut in halves", info.get("halvings")),
         ("seconds", seconds or None),
         (
             "versions",
@@ -161,4 +201,20 @@ def _facts(run: Run) -> Table:
 
 def _counts(run: Run) -> str:
     model = run.model
-    return ", ".join(str(len(group)) for group in (model.bodies, model.joints, model.loads))
+    groups = (model.bodies, model.joints, model.couplings, model.motions, model.loads)
+    return ", ".join(str(len(group)) for group in groups)
+
+
+def _freedoms(run: Run) -> str | None:
+    """Degrees of freedom, by both ways to count them where they differ."""
+    told = run.info.get("freedoms")
+    if not told:
+        return None
+    count, rank = told.get("byCount"), told.get("byRank")
+    return str(rank) if count == rank else f"{rank} by rank, {count} by count: redundant joints"
+
+
+def _islands(run: Run) -> str | None:
+    """How many parts move independently, and in how many of them all stays in parallel planes."""
+    told, planar = run.info.get("islands"), run.info.get("planar_islands")
+    return f"{told}, {planar} of them planar" if planar else told

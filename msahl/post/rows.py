@@ -6,83 +6,111 @@ Everything measured here is measured by the kernels the time loop runs, one row 
 """
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from msahl.bodies.rigid import Bodies, energy
+from msahl.bodies.rigid import Bodies, BodyStart, energy
 from msahl.compiled import compiled
+from msahl.joints import quantity
+from msahl.joints.along import Along, AlongStart
 from msahl.kernel import kernel
 from msahl.model import Model
 from msahl.results.read import Run
 from msahl.rotation import matrix
 from msahl.schemes import preserving
 from msahl.system.arrays import Start, State, System, new_start
-from msahl.system.build import build_state, build_system
-from msahl.system.names import FORCE_COLUMNS
-from msahl.vector import Vector, add, at, cross, dot, put, scale, times
+from msahl.system.build import build_system
+from msahl.system.state import build_state
+from msahl.vector import Vector, add, at, cross, put, times
+
+
+class History(NamedTuple):
+    """States of m rows, the ground last: mass centres and orientations, inertial axes, velocities
+    of mass centres, inertial axes, and angular velocities, body axes; each (m, n+1, 3).
+    """
+
+    x: np.ndarray
+    p: np.ndarray
+    v: np.ndarray
+    w: np.ndarray
 
 
 class Rows(NamedTuple):
-    """What every row shows; m rows, n bodies, k joints."""
+    """What every row shows; m rows, n bodies, e joints, couplings and motions."""
 
     linear: np.ndarray  # (m, n) kinetic energy of translation [J]
     rotational: np.ndarray  # (m, n) kinetic energy of rotation about G [J]
     potential: np.ndarray  # (m, n) -m g.x_G [J]
-    gap: np.ndarray  # (m, k, 3) child point minus parent point, inertial axes [m]
-    rate: np.ndarray  # (m, k, 3) velocity of child point relative to parent point [m/s]
+    elastic: np.ndarray  # (m,) energy of all springs [J]
+    gap: np.ndarray  # (m, e, 2) size of the gap [m] and [rad]; nan where an element has none
+    rate: np.ndarray  # (m, e, 2) size of its rate [m/s] and [rad/s]; likewise
     length: float  # longest arm or radius of gyration in the scene [m]
-
-
-class History(NamedTuple):
-    """Mass centres, inertial axes, and body axes' angular velocities, (m, n+1, 3); ground last."""
-
-    x: np.ndarray
-    v: np.ndarray
-    w: np.ndarray
+    history: History
 
 
 def observe(run: Run) -> Rows:
     """What every row of ``run`` shows."""
     system = build_system(run.model)
     state = build_state(run.model, system)
-    table = _body_columns(run)
-    m, n, k = len(table), len(run.model.bodies), len(run.model.joints)
-    history = History(*(np.zeros((m, n + 1, 3)) for _ in range(3)))
-    gap, rate = np.zeros((m, k, 3)), np.zeros((m, k, 3))
-    _observe(system, state, new_start(system, state), table, history, gap, rate)
+    table = body_columns(run)
+    m, n = len(table), len(run.model.bodies)
+    history = History(*(np.zeros((m, n + 1, 3)) for _ in History._fields))
+    gap, rate = np.zeros((2, m, *state.gap.shape))
+    elastic = np.zeros(m)
+    start = new_start(system, state)
+    _observe(system, state, start, run.time, table, history, gap, rate, elastic)
     energies = [_energies_of(run.model, b, history) for b in range(n)]
     linear, rotational, potential = np.moveaxis(np.array(energies), 0, 2)
-    return Rows(linear, rotational, potential, gap, rate, float(system.bodies.length[:n].max()))
+    used, holonomic = _slots(system)
+    elements = len(run.model.joints) + len(run.model.couplings) + len(run.model.motions)
+    return Rows(
+        linear,
+        rotational,
+        potential,
+        elastic,
+        _sizes(system, gap, holonomic, elements),
+        _sizes(system, rate, used, elements),
+        float(system.bodies.length[:n].max()),
+        history,
+    )
+
+
+def _slots(system: System) -> tuple[np.ndarray, np.ndarray]:
+    """(k, 3) whether there is an equation at a multipliers' node, and one of position."""
+    used, holonomic = np.zeros((2, system.multipliers.node.size, 3), dtype=bool)
+    points = system.coincide.a.size
+    used[:points] = holonomic[:points] = True
+    if system.along:
+        rows = system.along.rows
+        used[rows.place[:, 0], rows.place[:, 1]] = True
+        holonomic[rows.place[:, 0], rows.place[:, 1]] = rows.holonomic
+    return used, holonomic
+
+
+def _sizes(system: System, values: np.ndarray, kept: np.ndarray, elements: int) -> np.ndarray:
+    """(m, e, 2) lengths of the ``kept`` (k, 3) of ``values`` (m, k, 3), in m and in rad apart."""
+    squares = (values * values).sum(axis=2, where=kept)
+    total, seen = np.zeros((len(values), elements, 2)), np.zeros((elements, 2), dtype=bool)
+    places = zip(system.multipliers.element, system.multipliers.turning.astype(int), strict=True)
+    for k, place in enumerate(places):
+        total[:, *place] += squares[:, k]
+        seen[place] |= kept[k].any()
+    total[:, ~seen] = np.nan
+    return np.sqrt(total)
 
 
 def _energies_of(model: Model, b: int, history: History) -> np.ndarray:
     """(3, m) energies of body ``b``: those of a scene that holds nothing else."""
-    alone = build_system(replace(model, bodies=(model.bodies[b],), joints=(), loads=())).bodies
+    nothing: dict[str, Any] = {key: () for key in ("joints", "couplings", "motions", "loads")}
+    alone = build_system(replace(model, bodies=(model.bodies[b],), **nothing)).bodies
     of_b = History(*(np.ascontiguousarray(series[:, [b, -1]]) for series in history))
     energies = np.zeros((3, len(of_b.x)))
     _sum_energies(alone, of_b, np.zeros((2, 3)), energies)
     return energies
 
 
-def joint_forces(run: Run) -> np.ndarray:
-    """(m, k, 3) force of the parent on the child, mean over the step, inertial axes [N]."""
-    if run.reactions is None:
-        return np.zeros((len(run.time), 0, 3))
-    names = [f"{joint.name}.{c}" for joint in run.model.joints for c in FORCE_COLUMNS]
-    return np.ascontiguousarray(run.reactions[names].to_numpy()).reshape(len(run.time), -1, 3)
-
-
-def child_work(run: Run) -> np.ndarray:
-    """(m - 1, k) force . mean velocity . dt of every step and joint (see ``measure.JointWork``)."""
-    child = build_system(run.model).coincide.b
-    force = joint_forces(run)
-    work = np.zeros((len(run.time) - 1, force.shape[1]))
-    _sum_work(child, _body_columns(run), np.diff(run.time), force, work)
-    return work
-
-
-def _body_columns(run: Run) -> np.ndarray:
+def body_columns(run: Run) -> np.ndarray:
     """(m, 12 n) the states without their times."""
     return np.ascontiguousarray(run.states.to_numpy()[:, 1:])
 
@@ -91,18 +119,19 @@ def _body_columns(run: Run) -> np.ndarray:
 def recall(bodies: Bodies, table: np.ndarray, row: int, state: State) -> None:
     """Set x, p, v, w of ``state`` to those published in a ``row`` of ``table``, 12 a body."""
     for b in range(bodies.inverse_mass.size - 1):
-        p = _three(table, row, 12 * b + 3)
-        w = _three(table, row, 12 * b + 9)
+        p = three(table, row, 12 * b + 3)
+        w = three(table, row, 12 * b + 9)
         R = matrix(p)
         r = at(bodies.r_BG, b)
-        put(state.x, b, add(_three(table, row, 12 * b), times(R, r)))
+        put(state.x, b, add(three(table, row, 12 * b), times(R, r)))
         put(state.p, b, p)
-        put(state.v, b, times(R, add(_three(table, row, 12 * b + 6), cross(w, r))))
+        put(state.v, b, times(R, add(three(table, row, 12 * b + 6), cross(w, r))))
         put(state.w, b, w)
 
 
 @kernel
-def _three(table: np.ndarray, row: int, column: int) -> Vector:
+def three(table: np.ndarray, row: int, column: int) -> Vector:
+    """Three numbers of a ``row`` of ``table`` from ``column`` on."""
     return (table[row, column], table[row, column + 1], table[row, column + 2])
 
 
@@ -111,19 +140,64 @@ def _observe_rows(
     system: System,
     state: State,
     start: Start,
+    time: np.ndarray,
     table: np.ndarray,
     history: History,
     gap: np.ndarray,
     rate: np.ndarray,
+    elastic: np.ndarray,
 ) -> None:
     for row in range(table.shape[0]):
         recall(system.bodies, table, row, state)
+        h = time[row] - state.time[0] if row else 0.0
+        state.time[0] = time[row]
+        # The rates of the row before are in ``start`` until they are observed anew.
+        _expect(system.along, start.along, state.angle, 0.5 * h)
         preserving.prepare(system, state, start)
+        _count(system.along, start.along, start.bodies, state.angle, 0.5 * h)
         preserving.observe(system, state, start, gap[row], rate[row])
+        elastic[row] = _elastic(system.along, start.along)
         for b in range(state.x.shape[0]):
             put(history.x[row], b, at(state.x, b))
+            put(history.p[row], b, at(state.p, b))
             put(history.v[row], b, at(state.v, b))
             put(history.w[row], b, at(state.w, b))
+
+
+@kernel
+def _expect(along: Along | None, start: AlongStart, angle: np.ndarray, h: float) -> None:
+    """Carry the angles on by the quantities' rates of ``start``, over ``h`` [s]."""
+    if along is None:
+        return
+    for q in range(angle.size):
+        angle[q] += h * start.rate[q]
+
+
+@kernel
+def _count(
+    along: Along | None, start: AlongStart, bodies: BodyStart, angle: np.ndarray, h: float
+) -> None:
+    """Count the angles on to those of the prepared row.
+
+    Thinned rows may be turns apart: the mean of both rows' rates tells how many.
+    """
+    if along is None:
+        return
+    quantity.slopes(along.quantities, start.quantities)
+    quantity.rates(along.quantities, start.quantities, bodies.v, bodies.W, start.rate)
+    _expect(along, start, angle, h)
+    quantity.count_turns(along.quantities, start.quantities, angle)
+
+
+@kernel
+def _elastic(along: Along | None, start: AlongStart) -> float:
+    """Energy of all springs of the observed row [J]."""
+    total = 0.0
+    if along is None:
+        return total
+    for s in range(start.elastic.size):
+        total += start.elastic[s]
+    return total
 
 
 @kernel
@@ -135,22 +209,5 @@ def _energies(bodies: Bodies, history: History, rest: np.ndarray, energies: np.n
         energies[1, row], _ = energy(bodies, x, rest, w)
 
 
-@kernel
-def _child_work(
-    child: np.ndarray, table: np.ndarray, dt: np.ndarray, force: np.ndarray, work: np.ndarray
-) -> None:
-    ground = table.shape[1] // 12
-    for row in range(1, table.shape[0]):
-        for k in range(child.size):
-            if child[k] == ground:  # it has no velocity
-                continue
-            before = _three(table, row - 1, 12 * child[k] + 6)
-            after = _three(table, row, 12 * child[k] + 6)
-            C = matrix(_three(table, row, 12 * child[k] + 3))
-            V = times(C, scale(0.5, add(before, after)))
-            work[row - 1, k] = dt[row - 1] * dot(at(force[row], k), V)
-
-
 _observe = compiled(_observe_rows)
 _sum_energies = compiled(_energies)
-_sum_work = compiled(_child_work)

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from msahl.post.measure import Energy, Measures, Spread
+from msahl.post.measure import Energy, Loads, Measures, Reactions, Spread
 from msahl.post.table import Cell, Column, Table
 from msahl.results.read import Run
 
@@ -28,7 +28,8 @@ def _cells(spread: Spread | None) -> tuple[Cell, ...]:
 
 
 def energy_table(measured: Measured) -> Table:
-    """One row a run: energy at the start, largest kinetic energy, error by both measures."""
+    """One row a run: energy at the start, largest kinetic energy, error by both measures; where
+    there are any, elastic energy of springs and work of loads and motions."""
     columns = (
         RUN,
         Column("energy_at_start", "E(1) [J]", form=".6g"),
@@ -36,17 +37,23 @@ def energy_table(measured: Measured) -> Table:
         Column("error_max", "max error [J]", form=".2e"),
         *_spread("error_over_start", "error over |E(1)|", missing="undefined"),
         *_spread("error_over_kinetic", "error over max KE", missing="undefined"),
+        Column("elastic_energy_max", "max elastic [J]", form=".6g", missing=""),
+        Column("work_at_end", "work at end [J]", form=".6g", missing=""),
     )
-    return Table(columns, tuple((name, *_energy_row(m.energy)) for name, m in measured))
+    return Table(columns, tuple((name, *_energy_row(m)) for name, m in measured))
 
 
-def _energy_row(energy: Energy) -> tuple[Cell, ...]:
+def _energy_row(measures: Measures) -> tuple[Cell, ...]:
+    energy, loads = measures.energy, measures.loads
+    springs = not np.isnan(loads.elastic).all()
     return (
         float(energy.total[0]),
         energy.largest_kinetic,
         energy.absolute_error.max,
         *_cells(energy.error_over_first),
         *_cells(energy.error_over_kinetic),
+        float(energy.elastic.max()) if springs else None,
+        float(energy.work[-1]) if loads.names else None,
     )
 
 
@@ -56,33 +63,87 @@ def work_table(measured: Measured) -> Table:
         RUN,
         JOINT,
         *_spread("hainge", "Hainge's measure [J]", ".4e"),
-        *_spread("sharp", "force . change of gap [J]"),
+        *_spread("sharp", "work of the reaction [J]"),
     )
     return Table(columns, tuple(row for name, m in measured for row in _work_rows(name, m)))
 
 
 def _work_rows(name: str, measures: Measures) -> Iterable[tuple[Cell, ...]]:
     work = measures.work
-    for k, joint in enumerate(measures.constraints.joints):
+    for k, joint in enumerate(measures.constraints.names[: measures.joints]):
         both = (work.hainge[:, k], work.sharp[:, k]) if work else None
         spreads = map(Spread.of, both) if both else (None, None)
         yield (name, joint, *(cell for spread in spreads for cell in _cells(spread)))
 
 
+UNITS = (("", "m"), ("_angle", "rad"))
+"""Keys and units of the two parts of a gap."""
+
+
 def constraints_table(measured: Measured) -> Table:
-    """One row a joint: largest and RMS gap and gap rate."""
+    """One row a joint, coupling or motion: largest and RMS gap and gap rate, blank where none."""
+    groups = [
+        (f"{what}{key}", f"{words} [{unit}{per}]")
+        for what, words, per in (("gap", "gap", ""), ("rate", "gap rate", "/s"))
+        for key, unit in UNITS
+    ]
     columns = (
         RUN,
         JOINT,
-        *(Column(f"gap_{key}", key, "gap [m]", ".2e") for key in ("max", "rms")),
-        *(Column(f"rate_{key}", key, "gap rate [m/s]", ".2e") for key in ("max", "rms")),
+        *(
+            Column(f"{key}_{figure}", figure, words, ".2e", "")
+            for key, words in groups
+            for figure in ("max", "rms")
+        ),
     )
     rows: list[tuple[Cell, ...]] = []
     for name, measures in measured:
-        joints = measures.constraints
-        for joint, gap, rate in zip(joints.joints, joints.gap.T, joints.rate.T, strict=True):
-            spreads = (Spread.of(gap), Spread.of(rate))
-            rows.append((name, joint, *(value for s in spreads for value in (s.max, s.rms))))
+        found = measures.constraints
+        for e, element in enumerate(found.names):
+            series = [part[:, e, unit] for part in (found.gap, found.rate) for unit in range(2)]
+            rows.append((name, element, *(cell for values in series for cell in _peak(values))))
+    return Table(columns, tuple(rows))
+
+
+def _peak(values: np.ndarray) -> tuple[Cell, Cell]:
+    """Largest and RMS of a series, nothing of one that is not there."""
+    if np.isnan(values).any():
+        return None, None
+    spread = Spread.of(values)
+    return spread.max, spread.rms
+
+
+def reactions_table(reactions: Reactions) -> Table:
+    """One row a joint, coupling or motion: the largest it bears, blank where it bears none."""
+    columns = (
+        JOINT,
+        Column("force_max", "max force [N]", form=".6g", missing=""),
+        Column("moment_max", "max moment [N m]", form=".6g", missing=""),
+        Column("load_max", "max load [N]", form=".6g", missing=""),
+        Column("torque_max", "max load [N m]", form=".6g", missing=""),
+        Column("unique", "unique"),
+    )
+    sizes = [np.sqrt((part * part).sum(axis=2)) for part in (reactions.force, reactions.moment)]
+    sizes += [np.abs(reactions.load[:, :, unit]) for unit in range(2)]
+    rows = [
+        (name, *(_peak(size[:, e])[0] for size in sizes), "no" if shared else "yes")
+        for e, (name, shared) in enumerate(zip(reactions.names, reactions.shared, strict=True))
+    ]
+    return Table(columns, tuple(rows))
+
+
+def loads_table(loads: Loads) -> Table:
+    """One row a load or motion: its work since t = 0, and the largest energy a spring stores."""
+    columns = (
+        Column("load", "load"),
+        Column("work_at_end", "work at the end [J]", form=".6g"),
+        Column("work_max", "largest |work| [J]", form=".6g"),
+        Column("elastic_energy_max", "max elastic energy [J]", form=".6g", missing=""),
+    )
+    rows = [
+        (name, float(work[-1]), float(np.abs(work).max()), _peak(elastic)[0])
+        for name, work, elastic in zip(loads.names, loads.work.T, loads.elastic.T, strict=True)
+    ]
     return Table(columns, tuple(rows))
 
 

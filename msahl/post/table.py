@@ -52,11 +52,24 @@ class Table:
         rows = tuple(tuple(row[i] for i in kept) for row in self.rows)
         return Table(tuple(self.columns[i] for i in kept), rows)
 
+    def filled(self) -> "Table":
+        """The table without the columns that are empty in every row."""
+        empty = [
+            c.key
+            for c, cells in zip(self.columns, zip(*self.rows, strict=True), strict=True)
+            if all(cell is None for cell in cells)
+        ]
+        table = self
+        for key in empty:
+            table = table.without(key)
+        return table
+
     def transposed(self) -> "Table":
-        """A table of one row as lines of header and figure."""
+        """A table of one row as lines of header and figure, without the blank ones."""
         (figures,) = self.shown()
         columns = (Column("figure", "figure"), Column("value", "value", form="g"))
-        return Table(columns, tuple(zip(self.headers(), figures, strict=True)))
+        rows = zip(self.headers(), figures, strict=True)
+        return Table(columns, tuple((header, figure) for header, figure in rows if figure))
 
     def headers(self) -> list[str]:
         """One line of headers: group and label."""

@@ -45,19 +45,38 @@ def start_verdict(energy: Energy) -> str:
     return ""
 
 
-def constraints_verdict(joints: Constraints) -> list[str]:
-    """How well the joints stay closed, and how fast they open."""
-    if not joints.joints:
-        return []
-    gap, worst = float(joints.gap.max()), joints.joints[int(joints.gap.max(axis=0).argmax())]
-    rate = float(joints.rate.max())
-    part = f", {rate / joints.speed:.1e} of the largest speed" if joints.speed else ""
-    return [
-        f"The joints stay closed to {gap:.1e} m (the widest: {worst}), {gap / joints.length:.1e} "
-        "of the longest arm.",
-        f"At the rows their points part at up to {rate:.1e} m/s{part}. This belongs to the size of "
-        "the step and falls with its square.",
-    ]
+def constraints_verdict(found: Constraints) -> list[str]:
+    """How well joints, couplings and motions are kept, and how fast they part."""
+    closed = [part for part in (_closed(found, 0, "m"), _closed(found, 1, "rad")) if part]
+    parting = [part for part in (_parting(found, 0, "m/s"), _parting(found, 1, "rad/s")) if part]
+    sentences = [f"The joints stay closed to {' and '.join(closed)}."] if closed else []
+    if parting:
+        sentences.append(
+            f"At the rows they part at up to {' and '.join(parting)}. This belongs to the size of "
+            "the step and falls with its square."
+        )
+    return sentences
+
+
+def _closed(found: Constraints, kind: int, unit: str) -> str:
+    """Widest gap of one ``kind`` and whose it is; empty if no element has such gaps."""
+    gap = found.gap[:, :, kind]
+    if np.isnan(gap).all():
+        return ""
+    widest = np.nanmax(gap)
+    name = found.names[int(np.nanargmax(gap) % len(found.names))]
+    part = f", {widest / found.length:.1e} of the longest arm" if unit == "m" else ""
+    return f"{widest:.1e} {unit} (the widest: {name}{part})"
+
+
+def _parting(found: Constraints, kind: int, unit: str) -> str:
+    rate = found.rate[:, :, kind]
+    if np.isnan(rate).all():
+        return ""
+    fastest = np.nanmax(rate)
+    compared = unit == "m/s" and found.speed
+    part = f" ({fastest / found.speed:.1e} of the largest speed)" if compared else ""
+    return f"{fastest:.1e} {unit}{part}"
 
 
 def work_verdict(work: JointWork | None, energy: Energy) -> str:

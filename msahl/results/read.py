@@ -58,9 +58,9 @@ def read_run(folder: Path) -> Run:
         raise ResultError(f"{folder}: not the folder of a run (no deck.xml); make one: msahl run")
     model = read_deck(folder / "deck.xml")
     columns = {"states.csv": state_columns(model)}
-    if model.joints:
+    if model.joints or model.couplings or model.motions:
         columns["reactions.csv"] = reaction_columns(model)
-    if model.loads:
+    if model.loads or model.motions:
         columns["work.csv"] = work_columns(model)
     tables = {name: _table(folder, name, header) for name, header in columns.items()}
     # A run cut off by force may have written more of one table than of another.

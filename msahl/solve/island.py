@@ -17,7 +17,7 @@ from msahl.solve.initial import make_consistent, solve_accelerations
 from msahl.solve.outcome import Outcome
 from msahl.solve.step import Scene, new_scene
 from msahl.system.arrays import multiplier_count, new_start, quantity_count
-from msahl.system.build import build_state, build_system, settle
+from msahl.system.build import build_system
 from msahl.system.reduce import (
     all_unknowns,
     drop_rows,
@@ -25,6 +25,7 @@ from msahl.system.reduce import (
     plane_normal,
     symmetric_rows,
 )
+from msahl.system.state import build_state, settle
 from msahl.system.unknowns import choose
 
 MAX_HALVINGS = 10
@@ -72,6 +73,7 @@ class Runner:
             state = state._replace(angle=np.zeros(quantity_count(system)))
         self.scene: Scene = new_scene(system, choose(system, free), state, chunk)
         preserving.prepare(system, state, self.scene.start)
+        self.large = free.size > LARGEST_DENSE
         self.begun = False
 
     def show_start(self) -> None:
@@ -88,7 +90,7 @@ class Runner:
         """
         k, outcome = first, Outcome(0.0, -1)
         while k < last:
-            if self.solver == "newton" or (self.solver == "auto" and self.begun):
+            if self.solver == "newton" or (self.solver == "auto" and (self.begun or self.large)):
                 k = _march(self.scene, h, k, last, plan)
             if k < last:
                 outcome = self._take_hard(h)
@@ -122,8 +124,7 @@ class Runner:
         return self._take(0.5 * h, halvings - 1, 0.5 * share) if outcome.converged else outcome
 
     def _take_once(self, h: float, share: float) -> Outcome:
-        too_large = self.solver == "auto" and self.scene.unknowns.free.size > LARGEST_DENSE
-        if self.solver == "newton" or too_large:
+        if self.solver == "newton" or (self.solver == "auto" and self.large):
             return Outcome(*_take_newton(self.scene, h, share))
         # scipy.optimize is slow to import: only where it is called.
         from msahl.solve import root

@@ -14,13 +14,15 @@ import numpy as np
 import platformdirs
 
 from msahl.model import Model, Simulation
+from msahl.results.read import ResultError
 from msahl.study.dynamics import SIZE, Dynamics
 
 FINEST = 1e-13
 """Relative tolerance of a step: scipy goes no lower than 100 eps, 2.2e-14."""
 APART = 100.0
-MOST_STEPS = 400_000
-"""Steps after which the explicit method gives up: the scene is stiff and goes to the other."""
+MOST_STEPS = 40_000
+"""Steps (about half a minute) after which a method gives up: the explicit one to the implicit one,
+because the scene is stiff."""
 FORM = "1"
 """Of the file in the cache; counted up when its meaning changes."""
 
@@ -89,14 +91,21 @@ def solve(dynamics: Dynamics, times: np.ndarray, tolerance: float) -> np.ndarray
     """(m, 13 n) the solution at the increasing ``times``, from t = 0."""
     from scipy.integrate import DOP853, Radau
 
-    try:
-        return _march(DOP853, dynamics, times, tolerance)
-    except RuntimeError:
-        # Implicit, and of a lower order: what it reaches is less.
-        return _march(Radau, dynamics, times, max(tolerance, 1e-10))
+    # The second is implicit, for stiff scenes, and of a lower order: what it reaches is less.
+    for method, reached in ((DOP853, tolerance), (Radau, max(tolerance, 1e-10))):
+        ys = _march(method, dynamics, times, reached)
+        if ys is not None:
+            return ys
+    raise ResultError(
+        f"no independent solution within {MOST_STEPS} steps; compare with a run at a small step: "
+        "--reference DIR, or shorten the scene: --t-final"
+    )
 
 
-def _march(method: type, dynamics: Dynamics, times: np.ndarray, tolerance: float) -> np.ndarray:
+def _march(
+    method: type, dynamics: Dynamics, times: np.ndarray, tolerance: float
+) -> np.ndarray | None:
+    """The solution by one ``method``, or None if it does not come to the end."""
     ys = np.empty((len(times), dynamics.first.size))
     span = float(times[-1]) or 1.0
     scales = np.abs(dynamics.first).reshape(-1, SIZE).max(axis=0)
@@ -119,9 +128,7 @@ def _march(method: type, dynamics: Dynamics, times: np.ndarray, tolerance: float
             done = reached
         solver.y = dynamics.projected(solver.t, solver.y)
         solver.f = dynamics.rates(solver.t, solver.y)
-    if solver.status != "finished":
-        raise RuntimeError(f"no solution past t = {solver.t:g} s")
-    return ys
+    return ys if solver.status == "finished" else None
 
 
 def _kept(model: Model, dynamics: Dynamics, times: np.ndarray, tolerance: float) -> np.ndarray:

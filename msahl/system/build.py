@@ -1,4 +1,4 @@
-"""Model -> system: one group of arrays per kind of element, the Jacobian's blocks, the state."""
+"""Model -> system: one group of arrays per kind of element, and the Jacobian's blocks."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
@@ -40,22 +40,19 @@ from msahl.joints.joint import (
 )
 from msahl.joints.joint import Coincide as Coinciding
 from msahl.joints.measure import DOT, PARTS, Measures
-from msahl.joints.quantity import Quantities, prepare
+from msahl.joints.quantity import Quantities
 from msahl.joints.reaction import Reactions, Shown
 from msahl.joints.registry import KINDS
-from msahl.joints.rows import Rows, left_side
+from msahl.joints.rows import Rows
 from msahl.law import Law, build_laws
 from msahl.model import Model
 from msahl.motion import Drive, PointMotion
-from msahl.rotation import matrix
 from msahl.system.arrays import (
     Multipliers,
-    State,
     System,
-    new_quantity_start,
-    quantity_count,
 )
-from msahl.vector import ZERO, Vector, add, at, cross, sub, times
+from msahl.system.pattern import Blocks
+from msahl.vector import ZERO, Vector, sub
 
 RELAXATION = 1e-9
 """Put on the multipliers' diagonal where joints are redundant: large against round-off, and so
@@ -75,61 +72,6 @@ def body_index(model: Model) -> dict[str, int]:
     return index | {ground.name: len(model.bodies) for ground in model.grounds}
 
 
-def build_state(model: Model, system: System) -> State:
-    """The state at t = 0 as the deck gives it, accelerations and forces still zero."""
-    n = len(model.bodies)
-    x, p, v, w = (np.zeros((n + 1, 3)) for _ in range(4))
-    for i, body in enumerate(model.bodies):
-        R = matrix(body.orientation)
-        x[i] = add(body.position, times(R, body.r_BG))
-        p[i] = body.orientation
-        v[i] = times(R, add(body.velocity, cross(body.angular_velocity, body.r_BG)))
-        w[i] = body.angular_velocity
-    multipliers = (system.multipliers.node.size, 3)
-    joints = (system.reactions.child.size, 6)
-    state = State(
-        time=np.zeros(1),
-        x=x,
-        x_low=np.zeros_like(x),
-        p=p,
-        v=v,
-        w=w,
-        a=np.zeros_like(x),
-        alpha=np.zeros_like(x),
-        force=np.zeros(multipliers),
-        a_trend=np.zeros_like(x),
-        alpha_trend=np.zeros_like(x),
-        force_trend=np.zeros(multipliers),
-        gap=np.zeros(multipliers),
-        angle=np.zeros(quantity_count(system)),
-        reaction=np.zeros(joints),
-        reaction_trend=np.zeros(joints),
-        work=np.zeros(work_count(model)),
-    )
-    settle(system, state)
-    return state
-
-
-def settle(system: System, state: State) -> None:
-    """Fill in constants of rows and springs that are what their quantities are at t = 0."""
-    x, p = state.x, state.p
-    if system.along is None:
-        return
-    quantities, rows, springs = system.along.quantities, system.along.rows, system.along.springs
-    R = np.array([matrix(at(p, b)) for b in range(len(p))])
-    start = new_quantity_start(quantities)
-    prepare(quantities, x, R, np.zeros(quantities.kind.size), start)
-    for r in np.flatnonzero(np.isnan(rows.offset)):
-        rows.offset[r] = left_side(rows, system.laws, start, int(r))
-    unset = np.isnan(springs.free)
-    springs.free[unset] = start.value[springs.quantity[unset]]
-
-
-def work_count(model: Model) -> int:
-    """Columns of work: one a load and one a motion."""
-    return len(model.loads) + len(model.motions)
-
-
 class _Pair(NamedTuple):
     """Two bodies with the points and frames between which a quantity is measured."""
 
@@ -147,7 +89,7 @@ class _Builder:
         self.index = body_index(model)
         self.ground = len(model.bodies)
         self.r_BG = [*(body.r_BG for body in model.bodies), ZERO]
-        self.blocks = _Blocks(self.ground)
+        self.blocks = Blocks(self.ground)
         self.joints = {joint.name: joint for joint in model.joints}
         self.arms: list[list[float]] = [[] for _ in range(self.ground + 1)]
         self.measures: list[tuple[Any, ...]] = []
@@ -548,39 +490,6 @@ class _Builder:
             turning=np.array([turning for _, turning, _ in nodes], dtype=bool),
             bodies=np.array(touched, dtype=np.int64).reshape(-1, 4),
         )
-
-
-class _Blocks:
-    """The Jacobian's pattern while it grows: a block's place by its row and column node."""
-
-    def __init__(self, ground: int) -> None:
-        self.ground = ground
-        self.starts: dict[tuple[int, int], int] = {(-1, -1): 0}
-        self.constants: list[tuple[int, float]] = []
-
-    def place(self, row: int, column: int) -> int:
-        """Start of the block in the value array; 0 if it belongs to the ground or to nobody."""
-        if {row, column} & {2 * self.ground, 2 * self.ground + 1} or min(row, column) < 0:
-            return 0
-        return self.starts.setdefault((row, column), 9 * len(self.starts))
-
-    def constant(self, row: int, column: int, value: float) -> None:
-        """A block ``value`` times the unit matrix."""
-        self.constants.append((self.place(row, column), value))
-
-    def nodes(self) -> np.ndarray:
-        """(m, 2) row and column node of each block."""
-        nodes = np.array(list(self.starts), dtype=np.int64)
-        nodes[0] = 0
-        return nodes
-
-    def constant_values(self) -> np.ndarray:
-        """The value array with nothing but the constant blocks."""
-        values = np.zeros(9 * len(self.starts))
-        for start, value in self.constants:
-            if start:
-                values[start : start + 9 : 4] = value
-        return values
 
 
 def _measure(product: Product, pair: _Pair, ground: int) -> tuple[Any, ...]:

@@ -1,0 +1,156 @@
+"""Virtual work of the joints over each step, from the published rows alone.
+
+    Hainge's measure    F . C (V_{k-1} + V_k)/2 dt                       (3.16)-(3.18)
+    sharp measure       F . (du_child - du_parent) + M . (Q_child - Q_parent)
+
+F and M are the reaction on the child over the step, M about the joint's point P on the child; the
+parent bears the opposite at the same place in space. With step turns Q and the arms' means over the
+step,  du = u + Q x mean(P - x)  is the way of a body's matter at P, and the second measure is all
+that the reaction does on both bodies: zero to round-off for an ideal joint, whatever the step.
+
+A rolling disk's moment is not published. Its forces act at the rim's lowest point, by the means of
+``joints.measure`` (ROLL) and ``joints.quantity`` (ROUND), n the plane's normal, e the disk's axis:
+
+    M = mean(rho) x F_t + w mean(e) x F_n,    rho = -r (n - m e)/root,  m = n . e,
+                                              root = sqrt(1 - m^2),  w = r (m0 + m1)/(root0 + root1)
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.compiled import compiled
+from msahl.joints.joint import Z
+from msahl.kernel import kernel
+from msahl.model import Model
+from msahl.post.rows import History, body_columns, three
+from msahl.results.read import Run
+from msahl.rotation import compose, inverse, matrix, to_step_turn, turn_change
+from msahl.system.build import body_index, build_system
+from msahl.vector import Vector, add, at, axpy, cross, dot, scale, sub, times
+
+
+class Joints(NamedTuple):
+    """All joints of a scene of n bodies; body n is the ground."""
+
+    parent: np.ndarray  # (k,)
+    child: np.ndarray  # (k,)
+    s: np.ndarray  # (k, 3) the joint's point on the child from its mass centre, its axes [m]
+    radius: np.ndarray  # (k,) of a rolling disk; else 0 [m]
+    normal: np.ndarray  # (k, 3) of the plane it rolls on, inertial axes
+    axis: np.ndarray  # (k, 3) of the disk, its body's axes
+
+
+def joints_of(model: Model) -> Joints:
+    """The joints of ``model``."""
+    index, reactions = body_index(model), build_system(model).reactions
+    rolls = [joint.kind == "rollingDisk" for joint in model.joints]
+    radii = [j.parameter("radius") if r else 0.0 for j, r in zip(model.joints, rolls, strict=True)]
+    return Joints(
+        parent=np.array([index[joint.parent] for joint in model.joints], dtype=np.int64),
+        child=reactions.child,
+        s=reactions.s,
+        radius=np.array(radii, dtype=float),
+        normal=np.array([j.parent_axes[Z] for j in model.joints], dtype=float).reshape(-1, 3),
+        axis=np.array([j.child_axes[Z] for j in model.joints], dtype=float).reshape(-1, 3),
+    )
+
+
+def child_work(run: Run, force: np.ndarray) -> np.ndarray:
+    """(m - 1, k) Hainge's measure of every step and joint; ``force`` (m, k, 3)."""
+    work = np.zeros((len(run.time) - 1, force.shape[1]))
+    _sum_child(joints_of(run.model), body_columns(run), np.diff(run.time), force, work)
+    return work
+
+
+def reaction_work(
+    model: Model, history: History, force: np.ndarray, moment: np.ndarray
+) -> np.ndarray:
+    """(m - 1, k) sharp measure; ``force`` and ``moment`` (m, k, 3), zero where not published."""
+    work = np.zeros((len(force) - 1, force.shape[1]))
+    _sum_reaction(joints_of(model), history, force, moment, work)
+    return work
+
+
+@kernel
+def _child_work(
+    joints: Joints, table: np.ndarray, dt: np.ndarray, force: np.ndarray, work: np.ndarray
+) -> None:
+    ground = table.shape[1] // 12
+    for row in range(1, table.shape[0]):
+        for k in range(joints.child.size):
+            child = joints.child[k]
+            if child == ground:  # it has no velocity
+                continue
+            before = three(table, row - 1, 12 * child + 6)
+            after = three(table, row, 12 * child + 6)
+            C = matrix(three(table, row, 12 * child + 3))
+            V = times(C, scale(0.5, add(before, after)))
+            work[row - 1, k] = dt[row - 1] * dot(at(force[row], k), V)
+
+
+@kernel
+def _reaction_work(
+    joints: Joints, history: History, force: np.ndarray, moment: np.ndarray, work: np.ndarray
+) -> None:
+    for row in range(1, force.shape[0]):
+        for k in range(joints.child.size):
+            a, b = joints.parent[k], joints.child[k]
+            Q_a, Q_b = _turn(history, row, a), _turn(history, row, b)
+            arm = _mean(Q_b, _carried(history, row - 1, b, at(joints.s, k)))
+            P = add(_middle(history, row, b), arm)
+            du_a = add(_way(history, row, a), cross(Q_a, sub(P, _middle(history, row, a))))
+            du_b = add(_way(history, row, b), cross(Q_b, arm))
+            F, M = at(force[row], k), at(moment[row], k)
+            if joints.radius[k] > 0.0:
+                e = _carried(history, row - 1, b, at(joints.axis, k))
+                M = _rolling_moment(joints.radius[k], at(joints.normal, k), e, Q_b, F)
+            work[row - 1, k] = dot(F, sub(du_b, du_a)) + dot(M, sub(Q_b, Q_a))
+
+
+@kernel
+def _rolling_moment(r: float, n: Vector, e0: Vector, Q: Vector, F: Vector) -> Vector:
+    """Moment of a disk's reaction about its centre, mean over the step that turns it by ``Q``."""
+    e1 = add(e0, turn_change(Q, e0))
+    m0, m1 = dot(n, e0), dot(n, e1)
+    root0, root1 = math.sqrt(1.0 - m0 * m0), math.sqrt(1.0 - m1 * m1)
+    rho0, rho1 = scale(-r / root0, axpy(-m0, e0, n)), scale(-r / root1, axpy(-m1, e1, n))
+    F_n = scale(dot(F, n), n)
+    lever = scale(0.5 * r * (m0 + m1) / (root0 + root1), add(e0, e1))
+    return add(cross(scale(0.5, add(rho0, rho1)), sub(F, F_n)), cross(lever, F_n))
+
+
+@kernel
+def _carried(history: History, row: int, b: int, a: Vector) -> Vector:
+    """A vector fixed in body ``b`` in inertial axes; the ground's are those."""
+    return times(matrix(at(history.p[row], b)), a)
+
+
+@kernel
+def _turn(history: History, row: int, b: int) -> Vector:
+    """Step turn of body ``b`` over the step that ends at ``row``."""
+    before, after = at(history.p[row - 1], b), at(history.p[row], b)
+    return to_step_turn(compose(after, inverse(before)))
+
+
+@kernel
+def _mean(Q: Vector, a: Vector) -> Vector:
+    """Mean over a step's turn ``Q`` of a vector that starts as ``a``."""
+    return axpy(0.5, turn_change(Q, a), a)
+
+
+@kernel
+def _way(history: History, row: int, b: int) -> Vector:
+    """Way of the mass centre of body ``b`` over the step that ends at ``row``."""
+    return sub(at(history.x[row], b), at(history.x[row - 1], b))
+
+
+@kernel
+def _middle(history: History, row: int, b: int) -> Vector:
+    """Mean position of the mass centre of body ``b`` over that step."""
+    return scale(0.5, add(at(history.x[row], b), at(history.x[row - 1], b)))
+
+
+_sum_child = compiled(_child_work)
+_sum_reaction = compiled(_reaction_work)

@@ -1,0 +1,36 @@
+"""The Jacobian's pattern of 3 x 3 blocks, while the elements ask for theirs."""
+
+import numpy as np
+
+
+class Blocks:
+    """The Jacobian's pattern while it grows: a block's place by its row and column node."""
+
+    def __init__(self, ground: int) -> None:
+        self.ground = ground
+        self.starts: dict[tuple[int, int], int] = {(-1, -1): 0}
+        self.constants: list[tuple[int, float]] = []
+
+    def place(self, row: int, column: int) -> int:
+        """Start of the block in the value array; 0 if it belongs to the ground or to nobody."""
+        if {row, column} & {2 * self.ground, 2 * self.ground + 1} or min(row, column) < 0:
+            return 0
+        return self.starts.setdefault((row, column), 9 * len(self.starts))
+
+    def constant(self, row: int, column: int, value: float) -> None:
+        """A block ``value`` times the unit matrix."""
+        self.constants.append((self.place(row, column), value))
+
+    def nodes(self) -> np.ndarray:
+        """(m, 2) row and column node of each block."""
+        nodes = np.array(list(self.starts), dtype=np.int64)
+        nodes[0] = 0
+        return nodes
+
+    def constant_values(self) -> np.ndarray:
+        """The value array with nothing but the constant blocks."""
+        values = np.zeros(9 * len(self.starts))
+        for start, value in self.constants:
+            if start:
+                values[start : start + 9 : 4] = value
+        return values

@@ -1,0 +1,65 @@
+"""The state at t = 0, and the constants that are what the scene is there."""
+
+import numpy as np
+
+from msahl.joints.quantity import prepare
+from msahl.joints.rows import left_side
+from msahl.model import Model
+from msahl.rotation import matrix
+from msahl.system.arrays import State, System, new_quantity_start, quantity_count
+from msahl.vector import add, at, cross, times
+
+
+def build_state(model: Model, system: System) -> State:
+    """The state at t = 0 as the deck gives it, accelerations and forces still zero."""
+    n = len(model.bodies)
+    x, p, v, w = (np.zeros((n + 1, 3)) for _ in range(4))
+    for i, body in enumerate(model.bodies):
+        R = matrix(body.orientation)
+        x[i] = add(body.position, times(R, body.r_BG))
+        p[i] = body.orientation
+        v[i] = times(R, add(body.velocity, cross(body.angular_velocity, body.r_BG)))
+        w[i] = body.angular_velocity
+    multipliers = (system.multipliers.node.size, 3)
+    joints = (system.reactions.child.size, 6)
+    state = State(
+        time=np.zeros(1),
+        x=x,
+        x_low=np.zeros_like(x),
+        p=p,
+        v=v,
+        w=w,
+        a=np.zeros_like(x),
+        alpha=np.zeros_like(x),
+        force=np.zeros(multipliers),
+        a_trend=np.zeros_like(x),
+        alpha_trend=np.zeros_like(x),
+        force_trend=np.zeros(multipliers),
+        gap=np.zeros(multipliers),
+        angle=np.zeros(quantity_count(system)),
+        reaction=np.zeros(joints),
+        reaction_trend=np.zeros(joints),
+        work=np.zeros(work_count(model)),
+    )
+    settle(system, state)
+    return state
+
+
+def settle(system: System, state: State) -> None:
+    """Fill in constants of rows and springs that are what their quantities are at t = 0."""
+    x, p = state.x, state.p
+    if system.along is None:
+        return
+    quantities, rows, springs = system.along.quantities, system.along.rows, system.along.springs
+    R = np.array([matrix(at(p, b)) for b in range(len(p))])
+    start = new_quantity_start(quantities)
+    prepare(quantities, x, R, np.zeros(quantities.kind.size), start)
+    for r in np.flatnonzero(np.isnan(rows.offset)):
+        rows.offset[r] = left_side(rows, system.laws, start, int(r))
+    unset = np.isnan(springs.free)
+    springs.free[unset] = start.value[springs.quantity[unset]]
+
+
+def work_count(model: Model) -> int:
+    """Columns of work: one a load and one a motion."""
+    return len(model.loads) + len(model.motions)
