@@ -125,8 +125,9 @@ def run(
 ) -> None:
     """Run DECK and write its states and joint reactions.
 
-    Writes states.csv, reactions.csv (if there are joints), work.csv (if there are loads), run.json
-    and deck.xml, the deck as it ran. Tables end in .part until the run is whole.
+    Writes states.csv, reactions.csv (if there are joints or motions), work.csv (if there are loads
+    or motions), run.json and deck.xml, the deck as it ran. Tables end in .part until the run is
+    whole.
 
     Example: msahl run decks/thesis/double_pendulum_89.xml --dt 0.01 -o results/coarse
     """
@@ -201,17 +202,17 @@ def _model_to_run(deck: Path, dt: float | None, t_final: float | None) -> "Model
 def _simulate(
     deck: Path, text: bytes, model: "Model", options: Any, folder: Path, shown: bool
 ) -> "Report":
-    from msahl.compiled import is_kept
     from msahl.deck import deck_digest
     from msahl.results.write import RunFolder, write_json
     from msahl.run import run as simulate
-    from msahl.solve import newton
 
-    if shown and not is_kept(newton.march):
-        click.echo("compiling the step for this kind of scene, once", err=True)
+    def tell(message: str) -> None:
+        if shown:
+            click.echo(message, err=True)
+
     with _stoppable() as stopped, RunFolder(folder, model, text) as results:
         with _progress(model, shown) as progress:
-            report = simulate(model, options, results, progress, stopped)
+            report = simulate(model, options, results, progress, stopped, tell)
         results.whole = report.status == "completed"
         report.seconds["total"] = time.perf_counter() - STARTED
         content = {

@@ -26,7 +26,7 @@ SMALL = 800
 """Bytes of Python code up to which a function is made part of its callers: calls carry whole groups
 of arrays. Small scenes gain a third; larger functions would only take longer to compile."""
 
-KERNEL_ROOMS = ("", "bodies", "joints", "forces", "schemes", "system", "solve")
+KERNEL_ROOMS = ("", "bodies", "joints", "forces", "schemes", "system", "solve", "post", "study")
 """The folders of the package whose sources are part of compiled code."""
 
 _registered: set[Callable[..., Any]] = set()
@@ -44,10 +44,16 @@ def cache_folder() -> Path:
     return Path(root) / digest.hexdigest()[:16]
 
 
-def is_kept(function: Callable[..., Any]) -> bool:
-    """Whether a compiled ``function`` is on disk already, or need not be compiled at all."""
-    name = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
-    return bool(os.environ.get("NUMBA_DISABLE_JIT")) or any(cache_folder().glob(f"*/{name}-*.nbi"))
+def is_kept(kind: str) -> bool:
+    """Whether the step of this ``kind`` of scene is on disk, or need not be compiled at all."""
+    return bool(os.environ.get("NUMBA_DISABLE_JIT")) or (cache_folder() / kind).exists()
+
+
+def keep(kind: str) -> None:
+    """Note that the step of this ``kind`` of scene is compiled and kept."""
+    folder = cache_folder()
+    if folder.is_dir():
+        (folder / kind).touch()
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:

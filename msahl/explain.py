@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from msahl.compiled import is_kept
 from msahl.model import Model
 from msahl.run import Grid
 from msahl.solve.island import Runner
@@ -28,7 +29,7 @@ def explain(model: Model) -> list[str]:
         *_unknowns(model, runners),
         *(line for runner in runners for line in _island(runner, alone=len(runners) == 1)),
         *_left_out(model, runners),
-        *_loaded(),
+        *_loaded(runners),
     ]
 
 
@@ -109,17 +110,14 @@ def _left_out(model: Model, runners: list[Runner]) -> Iterator[str]:
         yield f"not in this scene, and without cost: {', '.join(names)}"
 
 
-def _loaded() -> Iterator[str]:
-    from msahl.compiled import is_kept
-    from msahl.solve import newton
-
+def _loaded(runners: list[Runner]) -> Iterator[str]:
     yield (
         "a run loads numpy, lxml, orjson and numba; scipy.optimize for the first step and hard "
         "ones (--solver auto), never with --solver newton; neither pandas nor matplotlib"
     )
-    kept = is_kept(newton.march)
+    kept = all(is_kept(f"{runner.kind}-auto") for runner in runners)
     yield (
         "the step is compiled and kept on disk"
         if kept
-        else ("the first run compiles the step, once (some ten seconds)")
+        else ("the first run compiles the step for this kind of scene, once (10 to 40 seconds)")
     )

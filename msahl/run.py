@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from msahl.compiled import is_kept, keep
 from msahl.model import Model, Simulation
 from msahl.solve.island import MAX_HALVINGS, Runner
 from msahl.solve.outcome import TOLERANCE, Outcome
@@ -105,13 +106,15 @@ def run(
     sink: Sink,
     progress: Callable[[int, float], Any] = lambda steps, t: None,
     stopped: Callable[[], bool] = lambda: False,
+    tell: Callable[[str], Any] = lambda message: None,
 ) -> Report:
-    """Run ``model`` to its end, into ``sink``; ``progress`` is told of steps done and time.
+    """Run ``model`` to its end, into ``sink``; ``progress`` is told of steps done and time, and
+    ``tell`` what takes long before the first of them.
 
     Never raises for the physics: a step that does not converge ends the run, and the report says
     so. What the sink raises goes through.
     """
-    return _Run(model, options, sink).go(progress, stopped)
+    return _Run(model, options, sink).go(progress, stopped, tell)
 
 
 class _Run:
@@ -144,11 +147,21 @@ class _Run:
             seconds={"prepare": time.perf_counter() - began, "loop": 0.0, "output": 0.0},
         )
 
-    def go(self, progress: Callable[[int, float], Any], stopped: Callable[[], bool]) -> Report:
+    def go(
+        self,
+        progress: Callable[[int, float], Any],
+        stopped: Callable[[], bool],
+        tell: Callable[[str], Any],
+    ) -> Report:
+        """Take all steps."""
         report, grid = self.report, self.grid
+        kinds = {f"{runner.kind}-{self.options.solver}" for runner in self.runners}
+        if not all(is_kept(kind) for kind in kinds):
+            tell("compiling the step for this kind of scene, once")
         for runner in self.runners:
             runner.show_start()
-        self.extremes = Extremes([runner.scene.watch.rows[:1] for runner in self.runners])
+        first = [runner.scene.watch.rows[:1] for runner in self.runners]
+        self.extremes = Extremes(first, sum(_weight(runner) for runner in self.runners))
         self._publish(np.zeros(1))
         report.status = "completed"
         steps = 1
@@ -163,6 +176,8 @@ class _Run:
             if report.status == "completed" and report.steps < grid.n and stopped():
                 report.status = "interrupted"
                 report.message = f"stopped at t = {grid.time(report.steps):g} s"
+        for kind in kinds:
+            keep(kind)
         return self._finish()
 
     def _take(self, steps: int) -> None:
@@ -226,6 +241,14 @@ class _Run:
             f"{describe_row(runner.model, runner.scene.system, outcome.worst)}. Try a smaller "
             "--dt, and look at the last rows for forces or speeds that grow without bound."
         )
+
+
+def _weight(runner: Runner) -> float:
+    """Work of gravity over the bodies' own lengths [J]: what energies are to be compared with."""
+    bodies = runner.scene.system.bodies
+    moving = bodies.inverse_mass > 0.0
+    weights = np.linalg.norm(bodies.gravity) / bodies.inverse_mass[moving]
+    return float(weights @ bodies.length[moving])
 
 
 def _freedoms(model: Model, runners: list[Runner]) -> dict[str, int]:

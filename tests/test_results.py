@@ -6,6 +6,7 @@ from scenes import loaded, pendulum
 
 from msahl.results.read import read_table
 from msahl.results.write import RunFolder, write_json
+from msahl.system.build import build_system
 from msahl.system.names import describe_row, reaction_columns, state_columns, work_columns
 
 NASTY = [
@@ -93,9 +94,10 @@ def test_columns_are_named_by_bodies_joints_and_loads():
 
 def test_rows_of_the_equations_have_words():
     model = pendulum()
-    assert describe_row(model, 2) == "body 'Bob', force along z"
-    assert describe_row(model, 4) == "body 'Bob', moment about y"
-    assert describe_row(model, 12) == "joint 'Pivot', gap along x"
+    system = build_system(model)
+    assert describe_row(model, system, 2) == "body 'Bob', force along z"
+    assert describe_row(model, system, 4) == "body 'Bob', moment about y"
+    assert describe_row(model, system, 12) == "joint 'Pivot', gap along x"
 
 
 def test_json_is_written_whole(tmp_path):

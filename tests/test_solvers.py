@@ -169,7 +169,7 @@ def test_a_failed_step_leaves_the_state_as_it_was(monkeypatch, solver):
 
 
 def _flat(start):
-    return [array for group in start for array in group]
+    return [array for group in start if group is not None for array in group]
 
 
 # Work counts -------------------------------------------------------------------------------------

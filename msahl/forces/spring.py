@@ -25,6 +25,7 @@ class Springs(NamedTuple):
     quantity: np.ndarray  # (s,)
     stiffness: np.ndarray  # (s,) k
     damping: np.ndarray  # (s,) c
+    origin: np.ndarray  # (s,) from where q counts: 0, or its value at t = 0
     free: np.ndarray  # (s,) q_free, where the tension is the preload
     preload: np.ndarray  # (s,)
     table: np.ndarray  # (s,) law T(q) in place of preload and k, or -1
@@ -32,7 +33,7 @@ class Springs(NamedTuple):
 
 @kernel
 def potential_change(springs: Springs, laws: Laws, s: int, q0: float, q1: float) -> float:
-    """V(q1) - V(q0) [J]."""
+    """V(q1) - V(q0) [J], for q counted from the origin."""
     if springs.table[s] >= 0:
         return integral(laws, springs.table[s], q0, q1)
     mean = 0.5 * (q0 + q1) - springs.free[s]
@@ -65,7 +66,7 @@ def residual(springs: Springs, laws: Laws, start: QuantityStart, h: float) -> No
     for s in range(springs.quantity.size):
         q = springs.quantity[s]
         dq = start.change[q]
-        T, _ = tension(springs, laws, s, start.value[q], dq)
+        T, _ = tension(springs, laws, s, start.value[q] - springs.origin[s], dq)
         start.load[q] -= T + springs.damping[s] * dq / h
 
 
@@ -82,7 +83,8 @@ def jacobian(
     """Add the derivatives of the loads."""
     for s in range(springs.quantity.size):
         q = springs.quantity[s]
-        _, slope = tension(springs, laws, s, start.value[q], start.change[q])
+        q0 = start.value[q] - springs.origin[s]
+        _, slope = tension(springs, laws, s, q0, start.change[q])
         slope = -slope - springs.damping[s] / h
         add_spring(quantities, start, bodies, 0.5 * h * h, q, slope, values)
 
@@ -92,7 +94,7 @@ def free_load(springs: Springs, laws: Laws, start: QuantityStart, rate: np.ndarr
     """Add the springs at the start, with the quantities' rates there, to the loads."""
     for s in range(springs.quantity.size):
         q = springs.quantity[s]
-        T, _ = tension(springs, laws, s, start.value[q], 0.0)
+        T, _ = tension(springs, laws, s, start.value[q] - springs.origin[s], 0.0)
         start.load[q] -= T + springs.damping[s] * rate[q]
 
 
@@ -111,6 +113,7 @@ def energy(springs: Springs, laws: Laws, start: QuantityStart, out: np.ndarray) 
     """Set ``out`` (s,) to each spring's elastic energy at the start; their sum [J]."""
     total = 0.0
     for s in range(springs.quantity.size):
-        out[s] = potential(springs, laws, s, start.value[springs.quantity[s]])
+        q = start.value[springs.quantity[s]] - springs.origin[s]
+        out[s] = potential(springs, laws, s, q)
         total += out[s]
     return total

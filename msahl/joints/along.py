@@ -198,3 +198,14 @@ def publish_energy(
         return
     for s in range(column.size):
         table[row, first + column[s]] += start.elastic[s]
+
+
+@kernel
+def in_metres(along: Along | None, gap: np.ndarray, gap_rate: np.ndarray) -> None:
+    """Multiply the gaps of rows in radians by their length, so that they compare with others."""
+    if along is None:
+        return
+    for r in range(along.rows.function.size):
+        node, slot = along.rows.place[r, 0], along.rows.place[r, 1]
+        gap[node, slot] *= along.rows.scale[r]
+        gap_rate[node, slot] *= along.rows.scale[r]

@@ -5,7 +5,7 @@
                                 D = (x_B + r_B) - (x_A + r_A) from a point of A to one of B
     SLIP   dm = mean(n) . dD    no position law: what slides along n, for rolling and knife edges
     TRIPLE m = D . (n x e)      distance of two lines n of A and e of B, times their angle's sine
-    ROLL   dm = n . (dP_B + Q_B x mean(rho))    the lowest point of a disk of B on a plane of the
+    ROLL   dm = n . (dP_B + Q_B x rho(mean(e)))  the lowest point of a disk of B on a plane of the
                                 ground: rho = -(up - (up.e) e)/sqrt(1 - (up.e)^2/r^2), |up| = r
 
 Over a step a product changes by exactly  d(a.b) = mean(a) . db + mean(b) . da , and a vector fixed
@@ -19,9 +19,12 @@ joint's forces do no work and a spring's give what its energy loses.
     DOT     f = 0           t_B = mean(e) x mean(d) = -t_A
     SLIDE   f = mean(n)     t_A = -mean(r_A) x f ,  t_B = mean(r_B) x f ,  owner: + f x mean(D)
     SLIP    the same without the owner's part
-    ROLL    f = n           t_B = (mean(r_B) + mean(rho)) x n
+    ROLL    f = n           t_B = (mean(r_B) + rho) x n
     TRIPLE  f = mean(n x e)     t_A = mean(n) x (mean(e) x mean(D)) - mean(r_A) x f
                                 t_B = mean(e) x (mean(D) x mean(n)) + mean(r_B) x f
+
+A product of two has moments that balance exactly, t_A + t_B + mean(D) x f = 0; of the triple that
+holds but for O(h^2), which only the angular momentum of crossed cylinders can show.
 
 T is that of ``rigid.end_tangent``: the end of a vector fixed in a body changes by -T d(l Q), its
 mean by half of that.

@@ -26,8 +26,7 @@ CAPTIONS = {
     "energy": "Energies, and the error of their balance",
     "work": "Virtual work of each joint over each step",
     "constraints": "Gap and gap rate of each joint, coupling and motion",
-    "reactions": "Force and moment of the parent on the child in each joint; loads of couplings and "
-    "motions",
+    "reactions": "Force and moment of each joint on its child; loads of couplings and motions",
 }
 
 DEFINITIONS = (
@@ -51,8 +50,8 @@ DEFINITIONS = (
     ),
     (
         "gap",
-        "how far the equations of a joint, coupling or motion are from being kept: lengths [m], and "
-        "angles or products of unit vectors [rad]; none for equations between rates.",
+        "how far the equations of a joint, coupling or motion are from being kept: lengths [m], "
+        "and angles or products of unit vectors [rad]; none for equations between rates.",
     ),
     ("gap rate", "rate of the gap, or what an equation between rates is off by."),
     (

@@ -102,7 +102,7 @@ def _sizes(system: System, values: np.ndarray, kept: np.ndarray, elements: int) 
 
 def _energies_of(model: Model, b: int, history: History) -> np.ndarray:
     """(3, m) energies of body ``b``: those of a scene that holds nothing else."""
-    nothing: dict[str, Any] = {key: () for key in ("joints", "couplings", "motions", "loads")}
+    nothing: dict[str, Any] = dict.fromkeys(("joints", "couplings", "motions", "loads"), ())
     alone = build_system(replace(model, bodies=(model.bodies[b],), **nothing)).bodies
     of_b = History(*(np.ascontiguousarray(series[:, [b, -1]]) for series in history))
     energies = np.zeros((3, len(of_b.x)))

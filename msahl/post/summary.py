@@ -52,7 +52,7 @@ def _energy_row(measures: Measures) -> tuple[Cell, ...]:
         energy.absolute_error.max,
         *_cells(energy.error_over_first),
         *_cells(energy.error_over_kinetic),
-        float(energy.elastic.max()) if springs else None,
+        float(np.abs(energy.elastic).max()) if springs else None,
         float(energy.work[-1]) if loads.names else None,
     )
 

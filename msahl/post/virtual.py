@@ -8,11 +8,12 @@ parent bears the opposite at the same place in space. With step turns Q and the 
 step,  du = u + Q x mean(P - x)  is the way of a body's matter at P, and the second measure is all
 that the reaction does on both bodies: zero to round-off for an ideal joint, whatever the step.
 
-A rolling disk's moment is not published. Its forces act at the rim's lowest point, by the means of
-``joints.measure`` (ROLL) and ``joints.quantity`` (ROUND), n the plane's normal, e the disk's axis:
+A rolling disk's moment is not published. Its forces act at the rim's lowest point, as
+``joints.measure`` (ROLL) and ``joints.quantity`` (ROUND) have it, n the plane's normal, e the
+disk's axis:
 
-    M = mean(rho) x F_t + w mean(e) x F_n,    rho = -r (n - m e)/root,  m = n . e,
-                                              root = sqrt(1 - m^2),  w = r (m0 + m1)/(root0 + root1)
+    M = rho(mean(e)) x F_t + w mean(e) x F_n,    w = r (m0 + m1)/(root0 + root1),
+                                                 m = n . e,  root = sqrt(1 - m^2)
 """
 
 import math
@@ -22,6 +23,7 @@ import numpy as np
 
 from msahl.compiled import compiled
 from msahl.joints.joint import Z
+from msahl.joints.measure import rim
 from msahl.kernel import kernel
 from msahl.model import Model
 from msahl.post.rows import History, body_columns, three
@@ -115,10 +117,10 @@ def _rolling_moment(r: float, n: Vector, e0: Vector, Q: Vector, F: Vector) -> Ve
     e1 = add(e0, turn_change(Q, e0))
     m0, m1 = dot(n, e0), dot(n, e1)
     root0, root1 = math.sqrt(1.0 - m0 * m0), math.sqrt(1.0 - m1 * m1)
-    rho0, rho1 = scale(-r / root0, axpy(-m0, e0, n)), scale(-r / root1, axpy(-m1, e1, n))
+    mean = scale(0.5, add(e0, e1))
     F_n = scale(dot(F, n), n)
-    lever = scale(0.5 * r * (m0 + m1) / (root0 + root1), add(e0, e1))
-    return add(cross(scale(0.5, add(rho0, rho1)), sub(F, F_n)), cross(lever, F_n))
+    lever = scale(r * (m0 + m1) / (root0 + root1), mean)
+    return add(cross(rim(scale(r, n), mean), sub(F, F_n)), cross(lever, F_n))
 
 
 @kernel

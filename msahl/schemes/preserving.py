@@ -207,19 +207,20 @@ def publish(
     system: System,
     state: State,
     start: Start,
+    h: float,
     mean_reaction: np.ndarray,
     mean_force: np.ndarray,
     tables: Tables,
     row: int,
 ) -> None:
-    """Write a row of results: the accepted, observed state, and the joints over the step before."""
+    """Write a row of results: the accepted, observed state, joints over the step ``h`` before."""
     rigid.publish(system.bodies, state.x, state.p, start.bodies, state.w, tables.states, row)
     reaction.publish(
         system.shown,
         system.along,
         mean_reaction,
         mean_force,
-        state.time[0],
+        state.time[0] - 0.5 * h,
         tables.reactions,
         row,
     )

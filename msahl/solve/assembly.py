@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.joints import along
 from msahl.rotation import compose, from_step_turn
 from msahl.schemes import preserving
 from msahl.solve.initial import StartError, solve_at_rest
@@ -63,9 +64,7 @@ def _gaps(system: System, state: State) -> np.ndarray:
     preserving.prepare(system, state, start)
     gap, rate = np.zeros_like(state.gap), np.zeros_like(state.gap)
     preserving.observe(system, state, start, gap, rate)
-    if system.along:
-        rows = system.along.rows
-        gap[rows.place[:, 0], rows.place[:, 1]] *= rows.scale
+    along.in_metres(system.along, gap, rate)
     return gap
 
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.joints import quantity
+from msahl.joints import along, quantity
 from msahl.schemes import preserving
 from msahl.solve import sparse
 from msahl.system.arrays import Start, State, System, body_count, new_start, node_count
@@ -111,9 +111,7 @@ def _gap_rate(system: System, state: State, start: Start) -> np.ndarray:
     preserving.prepare(system, state, start)
     gap, rate = np.zeros_like(state.gap), np.zeros_like(state.gap)
     preserving.observe(system, state, start, gap, rate)
-    if system.along:
-        rows = system.along.rows
-        rate[rows.place[:, 0], rows.place[:, 1]] *= rows.scale
+    along.in_metres(system.along, gap, rate)
     return rate
 
 

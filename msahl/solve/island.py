@@ -64,10 +64,11 @@ class Runner:
         free = all_unknowns(system) if full else needed_unknowns(system, start, self.axis)
         unknowns = choose(system, free)
         self.change = make_consistent(system, state, free, model.velocity)
-        solve_accelerations(system, state, unknowns)
         if self.redundant and not is_regular(system, state, unknowns):
             system = build_system(model, relaxed=True)
             settle(system, state)
+            unknowns = choose(system, free)
+        solve_accelerations(system, state, unknowns)
         if self.axis is not None:
             system = drop_rows(system, symmetric_rows(system, start, self.axis))
             state = state._replace(angle=np.zeros(quantity_count(system)))
@@ -76,11 +77,16 @@ class Runner:
         self.large = free.size > LARGEST_DENSE
         self.begun = False
 
+    @property
+    def kind(self) -> str:
+        """Which compiled step the island needs."""
+        return "points" if self.scene.system.along is None else "along"
+
     def show_start(self) -> None:
         """Fill the first rows of watch and tables with the state at t = 0."""
         self.scene.mean_force[:] = self.scene.state.force
         self.scene.mean_reaction[:] = self.scene.state.reaction
-        step.show(self.scene, 0, 0)
+        step.show(self.scene, 0.0, 0, 0)
 
     def advance(self, h: float, first: int, last: int, plan: np.ndarray) -> tuple[int, Outcome]:
         """Take steps ``first``..``last - 1`` of a chunk as ``newton.march`` has them.
@@ -96,7 +102,7 @@ class Runner:
                 outcome = self._take_hard(h)
                 if not outcome.converged:
                     break
-                _show(self.scene, k, plan[k])
+                _show(self.scene, h, k, plan[k])
                 k += 1
             self.begun = True
         return k, outcome

@@ -94,5 +94,5 @@ def march(scene: Scene, h: float, first: int, last: int, plan: np.ndarray) -> in
         residual, _ = take(scene, h, 1.0)
         if not residual <= TOLERANCE:
             return k
-        show(scene, k, plan[k])
+        show(scene, h, k, plan[k])
     return last

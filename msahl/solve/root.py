@@ -43,7 +43,8 @@ def take(scene: Scene, h: float, share: float) -> Outcome:
     guess = np.empty(size)
     _guess(system, unknowns, state, start, h, scene.Z, guess)
     fun(guess)
-    if not outcome.converged and np.isfinite(outcome.residual):
+    # An infinite residual is that of a guess at rest: any force is large against no motion.
+    if not outcome.converged and not np.isnan(outcome.residual):
         # Trial points far out may overflow; the residual there says so and they are given up.
         with np.errstate(all="ignore"):
             found = root(fun, guess, jac=jac, method="hybr", options={"xtol": STEP_TOLERANCE})

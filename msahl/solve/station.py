@@ -15,8 +15,8 @@ import numpy as np
 from msahl.kernel import kernel
 from msahl.schemes import preserving
 from msahl.solve import dense, sparse
-from msahl.solve.freedom import constraint_rank
-from msahl.system.arrays import Start, State, System, multiplier_count, node_count
+from msahl.solve.freedom import INDEPENDENT
+from msahl.system.arrays import Start, State, System, node_count
 from msahl.system.reduce import all_unknowns
 from msahl.system.unknowns import Unknowns, choose
 
@@ -94,16 +94,11 @@ def accelerate(system: System, state: State, start: Start, station: Station) -> 
         react(system, state, start, station)
 
 
-def is_regular(system: System, state: State) -> bool:
-    """Whether the joints of ``state`` are independent, so that sparse factors can be had."""
-    return constraint_rank(system, state) == multiplier_count(system)
-
-
 def solve_least(station: Station) -> None:
     """As ``solve``, of a singular matrix: least forces of joints that are not independent."""
     free, size = station.unknowns.free, station.unknowns.free.size
     A = np.zeros(size * size)
     A[station.unknowns.dense_to] = station.values[station.unknowns.dense_from]
     right = station.rows.reshape(-1)[free]
-    least = np.linalg.lstsq(A.reshape(size, size), right, rcond=None)[0]
+    least = np.linalg.lstsq(A.reshape(size, size), right, rcond=INDEPENDENT)[0]
     station.solution.reshape(-1)[free] = least

@@ -65,14 +65,17 @@ def accept(scene: Scene, h: float, share: float) -> None:
 
 
 @kernel
-def show(scene: Scene, step: int, row: int) -> None:
-    """Enter the accepted state in row ``step`` of the watch; publish it in ``row`` unless < 0."""
+def show(scene: Scene, h: float, step: int, row: int) -> None:
+    """Enter the state accepted after a step ``h`` in row ``step`` of the watch; publish it in
+    ``row`` unless that is negative.
+    """
     look(scene.system, scene.state, scene.start, scene.watch, step)
     if row >= 0:
         preserving.publish(
             scene.system,
             scene.state,
             scene.start,
+            h,
             scene.mean_reaction,
             scene.mean_force,
             scene.tables,

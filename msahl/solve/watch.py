@@ -11,13 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.joints import along
 from msahl.kernel import kernel
 from msahl.schemes import preserving
 from msahl.system.arrays import Start, State, System
 
 BALANCE, KINETIC, GAP, GAP_RATE = range(4)
 AT_REST = 1e-12
-"""Kinetic energy, relative to the energy at the start, below which nothing moved."""
+"""Kinetic energy, relative to the energy at the start or the weight's, that is round-off."""
 
 
 class Watch(NamedTuple):
@@ -40,6 +41,7 @@ def look(system: System, state: State, start: Start, watch: Watch, row: int) -> 
     balance = kinetic + potential
     for k in range(state.work.size):
         balance -= state.work[k]
+    along.in_metres(system.along, watch.gap, watch.rate)
     watch.rows[row, BALANCE] = balance
     watch.rows[row, KINETIC] = kinetic
     watch.rows[row, GAP] = largest_length(watch.gap)
@@ -58,7 +60,8 @@ def largest_length(vectors: np.ndarray) -> float:
 class Extremes:
     """The figures of a whole run, from the rows of all its islands."""
 
-    def __init__(self, first: Sequence[np.ndarray]) -> None:
+    def __init__(self, first: Sequence[np.ndarray], weight: float) -> None:
+        self.weight = weight  # work of gravity over the bodies' lengths [J]
         self.balance = sum(float(rows[0, BALANCE]) for rows in first)
         self.error = self.squares = 0.0
         self.steps = 0
@@ -84,7 +87,7 @@ class Extremes:
         """The figures by name; the relative energy error is over the largest kinetic energy, or
         None where that is round-off itself.
         """
-        moves = self.kinetic > AT_REST * abs(self.balance)
+        moves = self.kinetic > AT_REST * max(abs(self.balance), self.weight)
         return {
             "energyAtStart": self.balance,
             "largestKineticEnergy": self.kinetic,

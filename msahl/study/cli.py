@@ -61,10 +61,8 @@ def study(
 
     Example: msahl study decks/thesis/double_pendulum_89.xml --target 1e-4
     """
-    from msahl.compiled import is_kept
     from msahl.deck import DeckError, check_simulation, read_deck
     from msahl.results.read import ResultError
-    from msahl.solve import newton
     from msahl.study.report import recommendation, write_study
     from msahl.study.runs import with_step
     from msahl.study.study import Plan
@@ -78,8 +76,6 @@ def study(
         if faults:
             raise ResultError("\n".join(map(str, faults)))
         plan = Plan(model, steps, schemes, reference, repeat, target, measure)
-        if not is_kept(newton.march):
-            click.echo("compiling the step for this kind of scene, once", err=True)
         with _progress(plan) as progress:
             result = carry_out(plan, progress)
     except DeckError as error:

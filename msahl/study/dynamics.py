@@ -17,7 +17,8 @@ from msahl.post.rows import recall
 from msahl.rotation import compose, from_step_turn
 from msahl.schemes import preserving
 from msahl.solve import station
-from msahl.solve.station import Station, is_regular, new_station, solve_least
+from msahl.solve.freedom import is_regular
+from msahl.solve.station import Station, new_station, solve_least
 from msahl.study.start import first_state
 from msahl.system.arrays import Start, State, System, new_start
 from msahl.vector import add, at, matrix_at, put, scale, times, transpose
@@ -163,7 +164,7 @@ class Dynamics:
         self.start = new_start(self.system, self.state)
         self.room = new_station(self.system)
         self.joints = len(model.joints)
-        self.regular = is_regular(self.system, self.state)
+        self.regular = is_regular(self.system, self.state, self.room.unknowns)
         self.gap, self.rate = np.zeros_like(self.state.gap), np.zeros_like(self.state.gap)
         self.scale = np.ones_like(self.state.gap)
         if self.system.along:

@@ -25,6 +25,8 @@ from msahl.study.dynamics import Dynamics
 from msahl.study.reference import Reference
 
 MOST_ROWS = 2000
+METRES = 0
+"""Of the two units that gaps come in."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,15 +96,16 @@ def measure_errors(run: Run, reference: Reference) -> Errors:
         "energy_over_first": energy.error_over_first,
         "work_hainge": _widest(work.hainge) if work else None,
         "work_sharp": _widest(work.sharp) if work else None,
-        "gap": _widest(joints.gap),
-        "gap_rate": _widest(joints.rate),
+        "gap": _widest(joints.gap[:, :, METRES]),
+        "gap_rate": _widest(joints.rate[:, :, METRES]),
     }
     return Errors({m.key: figures.get(m.key) for m in MEASURES}, time, series)
 
 
 def _widest(series: np.ndarray) -> Spread | None:
-    """Figures of the largest absolute value of each row of ``series`` (m, k)."""
-    return Spread.of(np.abs(series).max(axis=1)) if series.size else None
+    """Figures of the largest absolute value of each row of ``series`` (m, k), of those known."""
+    known = np.abs(series[:, ~np.isnan(series).all(axis=0)])
+    return Spread.of(np.nanmax(known, axis=1)) if known.size else None
 
 
 def _true_errors(
@@ -115,11 +118,14 @@ def _true_errors(
     times, mids = run.time[rows], 0.5 * (run.time[rows - 1] + run.time[rows])
     table = run.states.to_numpy()[rows, 1:]
     errors = state_errors(table, reference.states(times))
-    if run.model.joints:
-        mean = measures.forces[rows] - reference.forces(mids).reshape(len(rows), -1, 3)
+    # Reactions that redundant joints share are not unique: no reference has the same.
+    own = ~np.array(measures.reactions.shared[: measures.joints], dtype=bool)
+    if own.any():
+        shape = (len(rows), -1, 3)
+        mean = measures.reactions.force[rows, : len(own)] - reference.forces(mids).reshape(shape)
         forces = Dynamics(run.model).forces(times, table) - reference.forces(times)
-        errors["mean_reaction"] = _length(mean)
-        errors["station_reaction"] = _length(forces.reshape(len(rows), -1, 3))
+        errors["mean_reaction"] = _length(mean[:, own])
+        errors["station_reaction"] = _length(forces.reshape(shape)[:, own])
     return times, errors
 
 

@@ -4,10 +4,13 @@ from msahl.model import Model
 from msahl.solve.island import Runner
 from msahl.system.arrays import State, System
 from msahl.system.build import build_system
+from msahl.system.state import build_state
 
 
 def first_state(model: Model) -> tuple[System, State]:
     """The system of ``model``, and its state at t = 0, made consistent as the deck wishes."""
     runner = Runner(model, "newton", full=True, chunk=1)
-    # The runner's own system may be relaxed, or stripped of rows that symmetry keeps.
-    return build_system(model), runner.scene.state
+    # The runner's own system may be relaxed, which is not what the equations say.
+    system = build_system(model)
+    build_state(model, system)  # settles what the system takes from the state at t = 0
+    return system, runner.scene.state

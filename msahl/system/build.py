@@ -145,7 +145,7 @@ class _Builder:
         return Along(
             quantities=quantities,
             rows=self._rows(bodies),
-            springs=_group(Springs, self.springs, "qffffq"),
+            springs=_group(Springs, self.springs, "qfffffq"),
             frictions=_group(Frictions, self.frictions, "qqff"),
             laws=build_laws(self.laws),
             row_column=_indices(self.columns["rows"]),
@@ -277,7 +277,8 @@ class _Builder:
     ) -> None:
         preload = load.preload if load else 0.0
         table = self._law(load.table) if load else -1
-        self.springs.append((quantity, stiffness, damping, free, preload, table))
+        origin = np.nan if isinstance(load, JointSpring) else 0.0
+        self.springs.append((quantity, stiffness, damping, origin, free, preload, table))
         self.columns["springs"].append(column)
 
     def _bodies(self) -> Bodies:

@@ -56,8 +56,9 @@ def settle(system: System, state: State) -> None:
     prepare(quantities, x, R, np.zeros(quantities.kind.size), start)
     for r in np.flatnonzero(np.isnan(rows.offset)):
         rows.offset[r] = left_side(rows, system.laws, start, int(r))
-    unset = np.isnan(springs.free)
-    springs.free[unset] = start.value[springs.quantity[unset]]
+    for constant in (springs.origin, springs.free):
+        unset = np.isnan(constant)
+        constant[unset] = start.value[springs.quantity[unset]]
 
 
 def work_count(model: Model) -> int:

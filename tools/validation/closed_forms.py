@@ -14,6 +14,7 @@ from msahl.deck import read_deck
 from msahl.model import Model
 from msahl.post.document import Block, Heading, Items, Paragraph, as_markdown
 from msahl.post.table import Cell, Column, Table
+from msahl.results.read import ResultError
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import MEASURES, state_errors
 from msahl.study.exact import recognise
@@ -52,7 +53,12 @@ def study_all(paths: list[Path]) -> Iterator[Result]:
         model = with_step(model, simulation.dt, min(simulation.t_final, LONGEST))
         exact = recognise(model) is not None
         print(path.stem, flush=True)
-        yield Result(path.stem, model, exact, study(Plan(model, repeats=1, target=NO_TARGET)))
+        try:
+            result = study(Plan(model, repeats=1, target=NO_TARGET))
+        except ResultError as error:
+            print(f"  left out: {error}", flush=True)
+            continue
+        yield Result(path.stem, model, exact, result)
 
 
 def build(results: list[Result]) -> list[Block]:

@@ -60,7 +60,9 @@ def mid_work(run: Run, measures: Measures) -> np.ndarray:
     names = [body.name for body in run.model.bodies]
     child = [names.index(joint.child) for joint in run.model.joints]
     mean = 0.5 * (v[1:] + v[:-1])[:, child]
-    return np.asarray((measures.forces[1:] * mean).sum(axis=2) * np.diff(run.time)[:, None])
+    return np.asarray(
+        (measures.reactions.force[1:] * mean).sum(axis=2) * np.diff(run.time)[:, None]
+    )
 
 
 @contextmanager

@@ -92,7 +92,7 @@ def _printed_row(run: Printed) -> tuple[Cell, ...]:
         ", ".join(f"{work:.4g}" for work in run.work),
         _figures(ours.work.mean(axis=0)),
         _figures(np.sqrt((ours.work**2).mean(axis=0))),
-        float(ours.measures.constraints.gap.max()),
+        float(ours.measures.constraints.gap[:, :, 0].max()),
     )
 
 
@@ -178,8 +178,8 @@ def _sharp(measured: Measured) -> float:
 def top_text() -> str:
     """What the inconsistent velocities do."""
     given, consistent = (run_deck("top_1", 0.002, 10.0, choice) for choice in (True, False))
-    jumps = np.abs(given.measures.forces[1:]).max()
-    smooth = np.abs(consistent.measures.forces[1:]).max()
+    jumps = np.abs(given.measures.reactions.force[1:]).max()
+    smooth = np.abs(consistent.measures.reactions.force[1:]).max()
     return (
         "The decks give the mass centre no velocity, yet an angular velocity that moves it: 0.198 "
         "m/s in case 1. Kept as given, velocity and joint force alternate from step to step for "
@@ -214,7 +214,7 @@ def top_table() -> Table:
                 ours = run_deck(case, dt, 10.0, choice)
                 spread = ours.measures.energy.error_over_kinetic
                 cells += [
-                    float(np.sqrt((ours.measures.forces[1:] ** 2).sum(axis=2)).max()),
+                    float(np.sqrt((ours.measures.reactions.force[1:] ** 2).sum(axis=2)).max()),
                     spread.rms if spread else None,
                     float(ours.work.mean()),
                     float(np.sqrt((ours.work**2).mean())),
@@ -260,7 +260,7 @@ def triple_table() -> Table:
                 ours = run_deck(deck, dt, end)
                 spread = ours.measures.energy.error_over_kinetic
                 status = "whole" if ours.report.status == "completed" else ours.report.status
-                gap = float(ours.measures.constraints.gap.max())
+                gap = float(ours.measures.constraints.gap[:, :, 0].max())
                 cells += [status, spread.rms if spread else None, gap]
             rows.append(tuple(cells))
     return Table(columns, tuple(rows))
