@@ -5,6 +5,8 @@ DECK ?= decks/thesis/single_pendulum_45.xml
 
 BIN := .venv/bin
 RESULTS := results
+# Processes the tests run in.
+WORKERS ?= 2
 OUT := $(RESULTS)/$(basename $(notdir $(DECK)))
 
 # The thesis's tables 4.2 and 4.4: angles by steps, 10 s.
@@ -35,7 +37,7 @@ run: .venv/installed
 
 # Tests come last, so that what they say in the end is the end.
 test: lint regress
-	@$(BIN)/python -m pytest
+	@$(BIN)/python -m pytest -n $(WORKERS)
 
 lint: .venv/tested
 	$(BIN)/ruff check .

@@ -26,8 +26,9 @@ SMALL = 800
 """Bytes of Python code up to which a function is made part of its callers: calls carry whole groups
 of arrays. Small scenes gain a third; larger functions would only take longer to compile."""
 
-KERNEL_ROOMS = ("", "bodies", "joints", "forces", "schemes", "system", "solve", "post", "study")
-"""The folders of the package whose sources are part of compiled code."""
+KERNEL_ROOMS = ("bodies", "forces", "joints", "post", "schemes", "solve", "study", "system")
+KERNELS = ("kernel.py", "law.py", "rotation.py", "vector.py", *(f"{r}/*.py" for r in KERNEL_ROOMS))
+"""The sources of the package that are part of compiled code."""
 
 _registered: set[Callable[..., Any]] = set()
 
@@ -38,7 +39,7 @@ def cache_folder() -> Path:
     root = kept or platformdirs.user_cache_dir("msahl", appauthor=False)
     package = Path(__file__).parent
     digest = hashlib.sha256(numba.__version__.encode())
-    for source in sorted(s for room in KERNEL_ROOMS for s in (package / room).glob("*.py")):
+    for source in sorted(s for pattern in KERNELS for s in package.glob(pattern)):
         stat = source.stat()
         digest.update(f"{source} {stat.st_mtime_ns} {stat.st_size}\n".encode())
     return Path(root) / digest.hexdigest()[:16]

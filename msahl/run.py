@@ -172,7 +172,7 @@ class _Run:
             progress(report.steps, grid.time(report.steps))
             # The first chunks may compile; sizes at most quadruple until they fill their time.
             wanted = steps * CHUNK_SECONDS / max(seconds, 1e-9)
-            steps = max(1, min(4 * steps, int(wanted)))
+            steps = max(1, min(4 * steps, int(wanted), self.chunk))
             if report.status == "completed" and report.steps < grid.n and stopped():
                 report.status = "interrupted"
                 report.message = f"stopped at t = {grid.time(report.steps):g} s"

@@ -6,6 +6,7 @@ of its own.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 from scenes import GROUND, free_bodies, jointed, loaded, random_body, random_vector, scene, tensor
@@ -102,9 +103,7 @@ JOINTS = {
         0.5 * X + 0.7 * Z,
         parameters=(("parentRadius", 0.3), ("childRadius", 0.2)),
     ),
-    "edgeSlider": Sample(
-        [slide(X), slide(Y), turn(Z), turn(X, 0.3 * Y)], 0.5 * X + 0.3 * Y, LYING
-    ),
+    "edgeSlider": Sample([slide(X), slide(Y), turn(Z), turn(X, 0.3 * Y)], 0.5 * X + 0.3 * Y, LYING),
     "cylindricalSlider": Sample(
         [slide(X), slide(Y), turn(Z), turn(X, 0.3 * Y + 0.3 * Z)],
         0.5 * X + 0.3 * Y + 0.3 * Z,
@@ -125,9 +124,7 @@ JOINTS = {
     ),
     "universal": Sample([turn(Z), turn(X)], axes=LYING),
     "screw": Sample([turn(Z, lead=0.3 / (2 * np.pi))], 0.2 * Z, parameters=(("pitch", 0.3),)),
-    "distance": Sample(
-        [*turns(0.9 * X), turn(Y), turn(Z)], 0.9 * X, parameters=(("length", 0.9),)
-    ),
+    "distance": Sample([*turns(0.9 * X), turn(Y), turn(Z)], 0.9 * X, parameters=(("length", 0.9),)),
     "pointOnLine": Sample([slide(Z), *turns(0.2 * Z)], 0.2 * Z),
     "knifeEdge": Sample(
         [slide(X), slide(Y), *turns(0.5 * X)], 0.5 * X, on_ground=True, of_rates=True
@@ -366,7 +363,7 @@ def everything(rng, gravity=True):
     leaders = [part.bodies[0].name for part in renamed]
     ties = [
         SpringDamper(f"Tie{k}", a, b, random_vector(rng), random_vector(rng), 0.5, 0.01)
-        for k, (a, b) in enumerate(zip(leaders, leaders[1:], strict=False))
+        for k, (a, b) in enumerate(pairwise(leaders))
     ]
     return replace(
         parts[0],

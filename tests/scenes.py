@@ -293,6 +293,7 @@ def moved(model, turn, shift):
         replace(b, position=place(b.position), orientation=compose(turn, b.orientation))
         for b in model.bodies
     ]
+
     def moved_ends(element):
         """An element between two bodies: its points and axes on a ground move with it."""
         changes = {}

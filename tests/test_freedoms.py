@@ -117,7 +117,9 @@ def test_free_velocities_open_nothing_and_the_rest_do(kind, seed):
     for twist in free:
         body = held.moving(twist)
         assert np.abs(held.opened(body)[1]).max(initial=0.0) < 1e-13
-        assert Runner(held.model(body, velocity="refuse"), "newton", True, 1).change.method == "none"
+        assert (
+            Runner(held.model(body, velocity="refuse"), "newton", True, 1).change.method == "none"
+        )
     rates = np.array([held.opened(held.moving(twist))[1].ravel() for twist in locked])
     # Any mixture of them as well: their rates are independent.
     assert np.linalg.svd(rates, compute_uv=False).min() > 1e-2

@@ -34,9 +34,9 @@ from msahl.solve import dense, newton, sparse
 from msahl.solve.island import Runner
 from msahl.system.arrays import new_start, node_count
 from msahl.system.build import build_system
-from msahl.system.state import build_state
 from msahl.system.names import joint_columns
 from msahl.system.reduce import all_unknowns
+from msahl.system.state import build_state
 from msahl.system.unknowns import choose
 
 SEEDS = range(3)
@@ -412,9 +412,7 @@ def test_the_compiled_equations_are_their_plain_selves(make):
     step = Step(make(rng))
     z = step.free(step.random(rng))
     size = z.size
-    room, again = (
-        (np.zeros(step.shape), np.zeros(size), np.zeros(step.shape)) for _ in range(2)
-    )
+    room, again = ((np.zeros(step.shape), np.zeros(size), np.zeros(step.shape)) for _ in range(2))
     given = (step.system, step.unknowns, step.state, step.start, H, z)
     judged = dense.residual(*given, *room)
     assert root._residual(*given, *again) == pytest.approx(judged, rel=1e-13)

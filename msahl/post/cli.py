@@ -138,6 +138,28 @@ def constraints(runs: tuple[Path, ...], form: str | None) -> None:
 
 @main.command()
 @_folder("run", metavar="RUN")
+def reactions(run: Path) -> None:
+    """Print RUN's reactions in each joint's own axes (z: the joint's axis) as CSV.
+
+    reactions.csv has them in the inertial axes. The frame is the parent's, halfway through the step
+    whose mean a row is.
+
+    Example: msahl-post reactions results/four_bar > own_axes.csv
+    """
+    from msahl.post.axes import in_joint_axes
+    from msahl.results.read import ResultError, read_run
+
+    read = read_run(run)
+    if not read.model.joints:
+        raise ResultError(f"{run}: the scene has no joints, so there are no reactions")
+    columns, rows = in_joint_axes(read)
+    click.echo(",".join(columns))
+    for row in rows.tolist():
+        click.echo(",".join(map(repr, row)))
+
+
+@main.command()
+@_folder("run", metavar="RUN")
 @click.argument("kinds", metavar="[KIND]...", nargs=-1, type=click.Choice(KINDS))
 @click.option(
     "--plane",

@@ -1,0 +1,53 @@
+"""Reactions in each joint's own axes: those of its frame on the parent, z the joint's axis.
+
+A row is a mean over the step before it, so the frame is taken halfway between the orientations of
+the parent at both ends of the step; the first row is that of t = 0. In a thinned run the rows
+before are too far away, and the frame is that of the row itself: first order in the step.
+"""
+
+import numpy as np
+
+from msahl.model import Joint
+from msahl.results.read import Run
+from msahl.rotation import compose, inverse, matrix
+from msahl.system.names import STATE_COLUMNS, joint_columns
+from msahl.vector import Vector, scale
+
+P = STATE_COLUMNS.index("P1")
+
+
+def in_joint_axes(run: Run) -> tuple[list[str], np.ndarray]:
+    """Columns, and rows (m, columns): time, and of every joint force [N] and moment [N m]."""
+    columns, parts = ["time"], [run.time[:, None]]
+    for joint in run.model.joints:
+        names = [f"{joint.name}.{c}" for c in joint_columns(joint)]
+        assert run.reactions is not None
+        vectors = run.reactions[names].to_numpy().reshape(len(run.time), -1, 3)
+        frames = _frames(run, joint)
+        parts.append(np.einsum("mij,mkj->mki", frames, vectors).reshape(len(run.time), -1))
+        columns += names
+    return columns, np.concatenate(parts, axis=1)
+
+
+def _frames(run: Run, joint: Joint) -> np.ndarray:
+    """(m, 3, 3) rows x, y, z of the joint's frame in inertial axes."""
+    axes = np.array(joint.parent_axes)
+    bodies = {body.name for body in run.model.bodies}
+    if joint.parent not in bodies:
+        return np.broadcast_to(axes, (len(run.time), 3, 3))
+    names = [f"{joint.parent}.{c}" for c in STATE_COLUMNS[P : P + 3]]
+    parameters = [tuple(row) for row in run.states[names].to_numpy().tolist()]
+    before = parameters if run.every > 1 else [parameters[0], *parameters[:-1]]
+    halves = [_halfway(p, q) for p, q in zip(before, parameters, strict=True)]
+    return np.array([axes @ np.array(matrix(p)).T for p in halves])
+
+
+def _halfway(p: Vector, q: Vector) -> Vector:
+    """The orientation halfway from ``p`` to ``q``."""
+    turn = compose(inverse(p), q)
+    if not any(turn):
+        return q
+    # |turn| = 4 tan(phi/4); half the turn has 4 tan(phi/8).
+    size = float(np.linalg.norm(turn))
+    half = 4.0 * np.tan(0.5 * np.arctan(0.25 * size))
+    return compose(p, scale(float(half) / size, turn))
