@@ -10,8 +10,8 @@ from msahl.deck.faults import shown
 from msahl.deck.frames import PARALLEL, sine
 from msahl.deck.values import INERTIAL, Reader
 from msahl.joints.joint import CHILD, PARENT, Coincide, Equation, Joint, Product, Quantity
-from msahl.joints.measure import DOT, TRIPLE
-from msahl.joints.quantity import ANGLE, RADIUS, ROUND
+from msahl.joints.measure import DOT
+from msahl.joints.quantity import ANGLE, RADIUS, ROUND, SKEW
 from msahl.joints.registry import KINDS
 from msahl.vector import ZERO, Vector, axpy, cross, dot, scale, sub
 
@@ -31,7 +31,7 @@ def complaints(joint: Joint, ends: Ends, reader: Reader) -> list[str]:
             continue
         elif equation.first.kind == RADIUS:
             found.append(_distance_fault(joint, equation, here))
-        elif equation.first.kind == ROUND:
+        elif equation.first.kind in (ROUND, SKEW):
             found.append(_contact_fault(equation, here))
         elif equation.first.products[0].kind == DOT:
             found.append(_angle_fault(equation, here))
@@ -76,8 +76,6 @@ class Stance:
         n = self.direction(product)
         if product.kind == DOT:
             return dot(n, self.other(product))
-        if product.kind == TRIPLE:
-            return dot(self.D, cross(n, self.other(product)))
         return dot(n, self.D)
 
     def value(self, quantity: Quantity) -> float:
@@ -121,12 +119,15 @@ def _distance_fault(joint: Joint, equation: Equation, here: Stance) -> str:
 
 def _contact_fault(equation: Equation, here: Stance) -> str:
     """Two round surfaces, or a rim and a plane, touch."""
-    product = equation.first.products[0]
-    normal = here.direction(product)
-    if product.kind == TRIPLE:  # the law carries the sine of the axes' angle as a factor
-        normal = cross(normal, here.other(product))
-    length = math.hypot(*normal)
-    gap = here.value(equation.first) / length
+    quantity = equation.first
+    if quantity.kind == SKEW:
+        normal = cross(*(here.direction(product) for product in quantity.products[3:5]))
+        length = math.hypot(*normal)
+        normal = scale(math.copysign(1.0, dot(here.D, normal)), normal)
+        gap = dot(here.D, normal) / length - quantity.radius
+    else:
+        normal, length = here.direction(quantity.products[0]), 1.0
+        gap = here.value(quantity)
     if abs(gap) <= here.tolerance:
         return ""
     return (

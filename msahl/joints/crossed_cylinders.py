@@ -1,9 +1,10 @@
 """Crossed cylinders: point contact of two cylinders with skew axes, free of friction.
 
-    D . (a x b) = (r1 + r2) |a x b|          1 equation, free motions: 5
+    distance of the axes = r1 + r2                 1 equation, free motions: 5
 
-a, b the axes (the reader turns b so that the triple product starts positive), D from a point of
-one to a point of the other.
+D from a point of one axis a to a point of the other b. In the products D.D, D.a, D.b and a.b alone
+(the quantity SKEW) the equation is a polynomial, so the forces and moments of both bodies balance
+exactly.
 """
 
 from msahl.joints.joint import Equation, Equations, Joint, Kind, skew_distance
@@ -11,8 +12,8 @@ from msahl.joints.joint import Equation, Equations, Joint, Kind, skew_distance
 
 def equations(joint: Joint) -> Equations:
     """One of position."""
-    gap = joint.parameter("parentRadius") + joint.parameter("childRadius")
-    return [Equation(skew_distance(joint, gap))]
+    distance = joint.parameter("parentRadius") + joint.parameter("childRadius")
+    return [Equation(skew_distance(joint, distance))]
 
 
 RADII = (("parentRadius", "length", None, 0.0), ("childRadius", "length", None, 0.0))

@@ -10,8 +10,8 @@ Mechanical Systems (1988), chapter 7, for equations of this form.
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from msahl.joints.measure import DOT, ROLL, SLIDE, SLIP, TRIPLE
-from msahl.joints.quantity import ANGLE, PLAIN, RADIUS, ROUND
+from msahl.joints.measure import DOT, ROLL, SLIDE, SLIP
+from msahl.joints.quantity import ANGLE, PLAIN, RADIUS, ROUND, SKEW
 from msahl.vector import IDENTITY, Matrix, Vector, scale
 
 X, Y, Z = range(3)
@@ -153,11 +153,12 @@ def axis_distance(joint: Joint) -> Quantity:
     return Quantity(RADIUS, (Product(SLIDE, x), Product(SLIDE, y)))
 
 
-def skew_distance(joint: Joint, gap: float) -> Quantity:
-    """Distance of the two axes less ``gap`` [m], times the sine of their angle."""
+def skew_distance(joint: Joint, distance: float) -> Quantity:
+    """Distance of the two axes less ``distance`` [m], times the square of their angle's sine."""
     d, e = joint.parent_axes[Z], joint.child_axes[Z]
-    products = (Product(TRIPLE, d, e=e), Product(DOT, d, e=e))
-    return Quantity(ROUND, products, radius=gap)
+    across = tuple(Product(SLIDE, axis, GROUND) for axis in IDENTITY)
+    along = (Product(SLIDE, d), Product(SLIDE, e, CHILD), Product(DOT, d, e=e))
+    return Quantity(SKEW, across + along, radius=distance)
 
 
 def rim_height(joint: Joint, radius: float) -> Quantity:

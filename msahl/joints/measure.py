@@ -4,7 +4,6 @@
     SLIDE  m = n . D            n fixed in A, in B or in the ground (its owner),
                                 D = (x_B + r_B) - (x_A + r_A) from a point of A to one of B
     SLIP   dm = mean(n) . dD    no position law: what slides along n, for rolling and knife edges
-    TRIPLE m = D . (n x e)      distance of two lines n of A and e of B, times their angle's sine
     ROLL   dm = n . (dP_B + Q_B x rho(mean(e)))  the lowest point of a disk of B on a plane of the
                                 ground: rho = -(up - (up.e) e)/sqrt(1 - (up.e)^2/r^2), |up| = r
 
@@ -20,11 +19,6 @@ joint's forces do no work and a spring's give what its energy loses.
     SLIDE   f = mean(n)     t_A = -mean(r_A) x f ,  t_B = mean(r_B) x f ,  owner: + f x mean(D)
     SLIP    the same without the owner's part
     ROLL    f = n           t_B = (mean(r_B) + rho) x n
-    TRIPLE  f = mean(n x e)     t_A = mean(n) x (mean(e) x mean(D)) - mean(r_A) x f
-                                t_B = mean(e) x (mean(D) x mean(n)) + mean(r_B) x f
-
-A product of two has moments that balance exactly, t_A + t_B + mean(D) x f = 0; of the triple that
-holds but for O(h^2), which only the angular momentum of crossed cylinders can show.
 
 T is that of ``rigid.end_tangent``: the end of a vector fixed in a body changes by -T d(l Q), its
 mean by half of that.
@@ -57,7 +51,7 @@ from msahl.vector import (
     transpose,
 )
 
-DOT, SLIDE, SLIP, TRIPLE, ROLL = range(5)
+DOT, SLIDE, SLIP, ROLL = range(4)
 PARTS = 4
 """Unknowns of a pair of bodies, three numbers each: u_A, l_A Q_A, u_B, l_B Q_B."""
 U_A, Q_A, U_B, Q_B = range(PARTS)
@@ -109,8 +103,6 @@ def prepare(group: Measures, x: np.ndarray, R: np.ndarray, start: MeasureStart) 
         put(start.D, k, D)
         if group.kind[k] == DOT:
             start.value[k] = dot(n, e)
-        elif group.kind[k] == TRIPLE:
-            start.value[k] = dot(D, cross(n, e))
         else:
             start.value[k] = dot(n, D)
 
@@ -152,15 +144,6 @@ def gradient(
     dD = moved(group, start, bodies, Z, k)
     r_a = mean(bodies, Z, a, at(start.r_a, k))
     r_b = mean(bodies, Z, b, at(start.r_b, k))
-    if kind == TRIPLE:
-        de = turn_change(turn_of(bodies, Z, b), e0)
-        e = axpy(0.5, de, e0)
-        D = axpy(0.5, dD, at(start.D, k))
-        f = scale(0.5, add(cross(n0, e0), cross(add(n0, dn), add(e0, de))))
-        t_a = sub(cross(n, cross(e, D)), cross(r_a, f))
-        t_b = add(cross(e, cross(D, n)), cross(r_b, f))
-        change = dot(f, dD) + dot(D, add(cross(n, de), cross(dn, e)))
-        return change, f, t_a, t_b
     if kind == ROLL:
         de = turn_change(turn_of(bodies, Z, b), e0)
         rho = rim(at(start.r_a, k), axpy(0.5, de, e0))
@@ -205,11 +188,6 @@ def end_gradient(
     T_a = transpose(end_tangent(bodies, Z, a, at(start.r_a, k)))
     dD = moved(group, start, bodies, Z, k)
     by_n = add(at(start.D, k), dD)
-    if kind == TRIPLE:
-        T_e = transpose(end_tangent(bodies, Z, b, e0))
-        f = cross(n1, e1)
-        j_a = sub(times(T_a, f), times(T_n, cross(e1, by_n)))
-        return f, j_a, scale(-1.0, add(times(T_b, f), times(T_e, cross(by_n, n1))))
     if kind == SLIP:
         n1, by_n = axpy(0.5, dn, n0), scale(0.5, dD)
     j_a, j_b = times(T_a, n1), scale(-1.0, times(T_b, n1))
@@ -280,9 +258,6 @@ def stiffness(
         return
     T_a = end_tangent(bodies, Z, a, at(start.r_a, k))
     T_b = end_tangent(bodies, Z, b, at(start.r_b, k))
-    if kind == TRIPLE:
-        _triple_stiffness(group, start, bodies, Z, k, block, pair, c, values)
-        return
     if kind == ROLL:
         by_e = product(
             rim_slope(at(start.r_a, k), mean(bodies, Z, b, e0)), end_tangent(bodies, Z, b, e0)
@@ -313,57 +288,6 @@ def stiffness(
 
 
 @kernel
-def _triple_stiffness(
-    group: Measures,
-    start: MeasureStart,
-    bodies: Bodies,
-    Z: np.ndarray,
-    k: int,
-    block: np.ndarray,
-    pair: int,
-    c: tuple[float, float, float, float],
-    values: np.ndarray,
-) -> None:
-    """``stiffness`` of a TRIPLE: with S = half the derivative of the mean factors.
-
-    d mean(f) = F_a dq_a + F_b dq_b,  d mean(D) = (du_B - du_A - T_b dq_B + T_a dq_A)/2.
-    """
-    a, b = group.a[k], group.b[k]
-    n0, e0 = at(start.n, k), at(start.e, k)
-    dn, de = turn_change(turn_of(bodies, Z, a), n0), turn_change(turn_of(bodies, Z, b), e0)
-    dD = moved(group, start, bodies, Z, k)
-    n, e, D = axpy(0.5, dn, n0), axpy(0.5, de, e0), axpy(0.5, dD, at(start.D, k))
-    f = scale(0.5, add(cross(n0, e0), cross(add(n0, dn), add(e0, de))))
-    T_n, T_e = end_tangent(bodies, Z, a, n0), end_tangent(bodies, Z, b, e0)
-    T_a = end_tangent(bodies, Z, a, at(start.r_a, k))
-    T_b = end_tangent(bodies, Z, b, at(start.r_b, k))
-    r_a = skew(mean(bodies, Z, a, at(start.r_a, k)))
-    r_b = skew(mean(bodies, Z, b, at(start.r_b, k)))
-    F_a = product(skew(add(e0, de)), T_n)
-    F_b = product(skew(add(n0, dn)), T_e)
-    for sign, row in ((1.0, U_B), (-1.0, U_A)):
-        add_block(values, block[pair, 4 * row + Q_A], 0.5 * sign * c[row], F_a)
-        add_block(values, block[pair, 4 * row + Q_B], -0.5 * sign * c[row], F_b)
-    ne, en = product(skew(n), skew(e)), product(skew(e), skew(n))
-    for sign, row, arm, by_D in ((1.0, Q_B, r_b, en), (-1.0, Q_A, r_a, ne)):
-        half = 0.5 * c[row]
-        add_block(values, block[pair, 4 * row + Q_A], sign * half, product(arm, F_a))
-        add_block(values, block[pair, 4 * row + Q_B], -sign * half, product(arm, F_b))
-        # t_B holds e x (D x n) = -[e][n] D, t_A holds n x (e x D) = [n][e] D
-        add_block(values, block[pair, 4 * row + U_B], -sign * half, by_D)
-        add_block(values, block[pair, 4 * row + U_A], sign * half, by_D)
-        add_block(values, block[pair, 4 * row + Q_B], sign * half, product(by_D, T_b))
-        add_block(values, block[pair, 4 * row + Q_A], -sign * half, product(by_D, T_a))
-    add_block(values, block[pair, 4 * Q_B + Q_B], 0.5 * c[Q_B], product(skew(f), T_b))
-    add_block(values, block[pair, 4 * Q_A + Q_A], -0.5 * c[Q_A], product(skew(f), T_a))
-    eD, nD = product(skew(e), skew(D)), product(skew(n), skew(D))
-    add_block(values, block[pair, 4 * Q_B + Q_B], 0.5 * c[Q_B], product(skew(cross(D, n)), T_e))
-    add_block(values, block[pair, 4 * Q_B + Q_A], -0.5 * c[Q_B], product(eD, T_n))
-    add_block(values, block[pair, 4 * Q_A + Q_A], 0.5 * c[Q_A], product(skew(cross(e, D)), T_n))
-    add_block(values, block[pair, 4 * Q_A + Q_B], 0.5 * c[Q_A], product(nD, T_e))
-
-
-@kernel
 def free_acceleration(
     group: Measures, start: MeasureStart, v: np.ndarray, W: np.ndarray, k: int
 ) -> tuple[float, float]:
@@ -386,10 +310,5 @@ def free_acceleration(
         rho_dot = times(rim_slope(at(start.r_a, k), e), e_dot)
         rate = dot(n, add(D_dot, cross(at(W, b), rho)))
         return rate, dot(n, add(D_ddot, cross(at(W, b), rho_dot)))
-    if kind == TRIPLE:
-        c_dot = add(cross(n_dot, e), cross(n, e_dot))
-        c_ddot = add(add(cross(n_ddot, e), cross(n, e_ddot)), scale(2.0, cross(n_dot, e_dot)))
-        rate = dot(D_dot, cross(n, e)) + dot(D, c_dot)
-        return rate, dot(D_ddot, cross(n, e)) + 2.0 * dot(D_dot, c_dot) + dot(D, c_ddot)
     rate = dot(n_dot, D) + dot(n, D_dot)
     return rate, dot(n_ddot, D) + 2.0 * dot(n_dot, D_dot) + dot(n, D_ddot)

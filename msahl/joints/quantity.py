@@ -3,8 +3,10 @@
     PLAIN   q = m_1
     RADIUS  q = sqrt(m_1^2 + m_2^2 (+ m_3^2))       a distance, across an axis or in space [m]
     ANGLE   q = atan2(m_1, m_2)                      counted over all its turns [rad]
-    ROUND   q = m_1 - r sqrt(1 - m_2^2)              height of a disk's rim above a plane; of two
-                                                     crossed cylinders' gap (times a sine) [m]
+    ROUND   q = m_1 - r sqrt(1 - m_2^2)              height of a disk's rim above a plane [m]
+    SKEW    q = ((D.D - L^2) (1 - s^2) - a^2 - b^2 + 2 s a b) / (2 L)
+            gap of two crossed cylinders, times the square of the sine between them: D = m_1..m_3,
+            a = m_4 and b = m_5 along the axes, s = m_6 their cosine [m]
 
 Each kind gives weights w with  dq = sum w_i dm_i  over the step, exactly, the derivative of q by
 the end values, and the derivative of w by them; everything else follows by the chain rule. With the
@@ -23,8 +25,8 @@ from msahl.joints.measure import PARTS, Q_A, Q_B, U_A, U_B, Measures, MeasureSta
 from msahl.kernel import kernel
 from msahl.vector import ZERO, Vector, add, at, axpy, scale, sub
 
-PLAIN, RADIUS, ANGLE, ROUND = range(4)
-MOST = 3
+PLAIN, RADIUS, ANGLE, ROUND, SKEW = range(5)
+MOST = 6
 """Most measures of one quantity."""
 SMALL_TURN = 1e-4
 """tan of the angle below which series replace quotients; their error is its fourth power."""
@@ -36,7 +38,7 @@ class Quantities(NamedTuple):
     measures: Measures
     kind: np.ndarray  # (q,)
     first: np.ndarray  # (q + 1,) first measure of each
-    radius: np.ndarray  # (q,) r of a ROUND [m]
+    radius: np.ndarray  # (q,) r of a ROUND, L of a SKEW [m]
     block: np.ndarray  # (q, 16) starts of the blocks of its bodies' four parts by four parts
 
 
@@ -77,7 +79,17 @@ def value(group: Quantities, start: QuantityStart, angle: float, q: int) -> floa
         return math.sqrt(square)
     if group.kind[q] == ROUND:
         return m[k] - group.radius[q] * math.sqrt(max(0.0, 1.0 - m[k + 1] ** 2))
+    if group.kind[q] == SKEW:
+        return skew_gap(m, k, group.radius[q])
     return m[k]
+
+
+@kernel
+def skew_gap(m: np.ndarray, k: int, L: float) -> float:
+    """The SKEW quantity of the measures ``m`` from number ``k`` on."""
+    square = m[k] ** 2 + m[k + 1] ** 2 + m[k + 2] ** 2 - L * L
+    a, b, s = m[k + 3], m[k + 4], m[k + 5]
+    return (square * (1.0 - s * s) - a * a - b * b + 2.0 * s * a * b) / (2.0 * L)
 
 
 @kernel
@@ -265,8 +277,10 @@ def _weigh(group: Quantities, start: QuantityStart, q: int) -> None:
         _weigh_radius(group, start, q)
     elif kind == ANGLE:
         _weigh_angle(group, start, q)
-    else:
+    elif kind == ROUND:
         _weigh_round(group, start, q)
+    else:
+        _weigh_skew(group, start, q)
 
 
 @kernel
@@ -341,6 +355,47 @@ def _weigh_round(group: Quantities, start: QuantityStart, q: int) -> None:
         for j in range(2):
             start.curves[q, i, j] = 0.0
     start.curves[q, 1, 1] = (r + w * m1 / root1) / both
+
+
+@kernel
+def _weigh_skew(group: Quantities, start: QuantityStart, q: int) -> None:
+    """A polynomial: every product changes by the sum of means times changes.
+
+    With E = D.D - L^2 and c = 1 - s^2:  d(E c) = mean(E) dc + mean(c) dE,  dc = -2 mean(s) ds, ...
+    """
+    k, L = group.first[q], group.radius[q]
+    m0, dm = start.measures.value, start.measures.change
+    c = 1.0 / (2.0 * L)
+    a, b, s = m0[k + 3] + 0.5 * dm[k + 3], m0[k + 4] + 0.5 * dm[k + 4], m0[k + 5] + 0.5 * dm[k + 5]
+    a1, b1, s1 = m0[k + 3] + dm[k + 3], m0[k + 4] + dm[k + 4], m0[k + 5] + dm[k + 5]
+    E0, E1 = -L * L, -L * L
+    for i in range(3):
+        E0 += m0[k + i] ** 2
+        E1 += (m0[k + i] + dm[k + i]) ** 2
+    E, sine0, sine1 = 0.5 * (E0 + E1), 1.0 - m0[k + 5] ** 2, 1.0 - s1 * s1
+    sine, ab = 0.5 * (sine0 + sine1), 0.5 * (m0[k + 3] * m0[k + 4] + a1 * b1)
+    for i in range(MOST):
+        for j in range(MOST):
+            start.curves[q, i, j] = 0.0
+    for i in range(3):
+        x, x1 = m0[k + i] + 0.5 * dm[k + i], m0[k + i] + dm[k + i]
+        start.weights[q, i] = 2.0 * c * sine * x
+        start.slopes[q, i] = 2.0 * c * sine1 * x1
+        start.curves[q, i, i] = c * sine
+        start.curves[q, i, 5] = -2.0 * c * x * s1
+        start.curves[q, 5, i] = -2.0 * c * s * x1
+    start.weights[q, 3], start.slopes[q, 3] = 2.0 * c * (s * b - a), 2.0 * c * (s1 * b1 - a1)
+    start.weights[q, 4], start.slopes[q, 4] = 2.0 * c * (s * a - b), 2.0 * c * (s1 * a1 - b1)
+    start.weights[q, 5] = 2.0 * c * (ab - s * E)
+    start.slopes[q, 5] = 2.0 * c * (a1 * b1 - s1 * E1)
+    start.curves[q, 3, 3] = start.curves[q, 4, 4] = -c
+    start.curves[q, 3, 4] = start.curves[q, 4, 3] = c * s
+    start.curves[q, 3, 5], start.curves[q, 4, 5] = c * b, c * a
+    start.curves[q, 5, 3], start.curves[q, 5, 4] = c * b1, c * a1
+    start.curves[q, 5, 5] = -c * E
+    start.change[q] = 0.0
+    for i in range(MOST):
+        start.change[q] += start.weights[q, i] * dm[k + i]
 
 
 @kernel

@@ -11,6 +11,8 @@ from msahl.compiled import compiled
 from msahl.solve import dense, step
 from msahl.solve.outcome import Outcome
 from msahl.solve.step import Scene
+from msahl.system.arrays import System
+from msahl.system.unknowns import Unknowns
 
 STEP_TOLERANCE = 1e-11
 """Where ``hybr`` stops; its convergence is superlinear, so the residual is far below by then."""
@@ -25,7 +27,7 @@ def take(scene: Scene, h: float, share: float) -> Outcome:
     """Take a step of size ``h``, a ``share`` of the whole one, if it converges."""
     system, unknowns, state, start = scene.system, scene.unknowns, scene.state, scene.start
     size = unknowns.free.size
-    outcome = Outcome(0.0, -1)
+    guess, outcome = np.empty(size), Outcome(0.0, -1)
 
     def fun(z: np.ndarray) -> np.ndarray:
         nonlocal outcome
@@ -40,15 +42,38 @@ def take(scene: Scene, h: float, share: float) -> Outcome:
         scene.counts[1] += 1
         return A.reshape(size, size)
 
-    guess = np.empty(size)
     _guess(system, unknowns, state, start, h, scene.Z, guess)
-    fun(guess)
+    f = fun(guess)
     # An infinite residual is that of a guess at rest: any force is large against no motion.
     if not outcome.converged and not np.isnan(outcome.residual):
+        # hybr's trust region starts at a multiple of its unknowns: the change of the guess, in
+        # units of the step's own lengths, starts at zero and is of order one.
+        unit = max(np.abs(guess).max(), np.abs(f).max())
         # Trial points far out may overflow; the residual there says so and they are given up.
         with np.errstate(all="ignore"):
-            found = root(fun, guess, jac=jac, method="hybr", options={"xtol": STEP_TOLERANCE})
-        fun(found.x)
+            found = root(
+                lambda y: fun(guess + unit * y) / unit,
+                np.zeros(size),
+                jac=lambda y: jac(guess + unit * y),
+                method="hybr",
+                options={"xtol": STEP_TOLERANCE},
+            )
+        z = guess + unit * found.x
+        fun(z)
+        if system.relaxation > 0.0 and outcome.converged:
+            # Powell's updates wander where the residual does not see them; a step of Newton's
+            # method repairs what the smallest multipliers cost the others.
+            A = jac(z)
+            z -= _null_part(system, unknowns, A, z)
+            z -= np.linalg.solve(A, fun(z))
+            fun(z)
     if outcome.converged:
         _accept(scene, h, share)
     return outcome
+
+
+def _null_part(system: System, unknowns: Unknowns, A: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """What the joints' redundancy leaves open in the multipliers (see ``newton.drop_null``)."""
+    multipliers = unknowns.free >= 6 * system.bodies.inverse_mass.size
+    part = np.linalg.solve(A, np.where(multipliers, -system.relaxation * z, 0.0))
+    return np.where(multipliers, part, 0.0)

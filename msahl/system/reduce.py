@@ -33,27 +33,38 @@ def plane_normal(system: System, start: Start) -> int | None:
 def _is_planar(system: System, start: Start, axis: int) -> bool:
     in_plane = [i for i in range(3) if i != axis]
     ground = body_count(system) - 1
-    bodies, coincide, loads = start.bodies, start.coincide, start.loads
+    bodies, coincide = start.bodies, start.coincide
+    # The loads' own size: a law may have let them vanish at t = 0.
+    R, loads = bodies.R, system.loads
+    arms = np.einsum("kij,kj->ki", R[loads.body], loads.s)
+    forces = np.einsum("kij,kj->ki", R[loads.f_axes], loads.f)
+    moments = np.einsum("kij,kj->ki", R[loads.m_axes], loads.m)
     # The ground's arms are places, not levers; a load's arm matters only where a force acts.
     arms_a = coincide.r_a[system.coincide.a != ground, axis]
     arms_b = coincide.r_b[system.coincide.b != ground, axis]
-    levers = loads.r[:, axis, None] * loads.f
+    levers = arms[:, axis, None] * forces
     along = (
         system.bodies.gravity[axis],
         bodies.v[:, axis],
         arms_a,
         arms_b,
-        loads.f[:, axis],
+        forces[:, axis],
         levers,
         start.drag_arms[:, axis],
     )
-    across = (bodies.W, bodies.J[:, axis], bodies.J[:, :, axis], loads.m)
+    across = (bodies.W, bodies.J[:, axis], bodies.J[:, :, axis], moments)
     lies = not any(np.any(a) for a in along)
     lies = lies and not any(np.any(a[:, in_plane]) for a in across)
     if system.along is None or not lies:
         return lies
     group, measures = system.along.quantities, start.along.quantities.measures
-    return all(_fits(group, measures, ground, q, axis) for q in range(group.kind.size))
+    if not all(_fits(group, measures, ground, q, axis) for q in range(group.kind.size)):
+        return False
+    # What pushes or drives across the plane breaks the symmetry.
+    rows, springs, frictions = system.along.rows, system.along.springs, system.along.frictions
+    active = rows.quantity[(rows.law >= 0) | (rows.quantity[:, 1] >= 0)].reshape(-1)
+    acting = np.concatenate([active, springs.quantity, frictions.quantity])
+    return not _held(group, measures, axis)[acting[acting >= 0]].any()
 
 
 def _fits(group: Quantities, measures: MeasureStart, ground: int, q: int, axis: int) -> bool:
@@ -93,8 +104,14 @@ def symmetric_rows(system: System, start: Start, axis: int) -> np.ndarray:
     """(r,) rows that hold by symmetry in a planar scene, whatever its motion in the plane."""
     if system.along is None:
         return np.zeros(0, dtype=bool)
-    group, measures = system.along.quantities, start.along.quantities.measures
     rows = system.along.rows
+    held = _held(system.along.quantities, start.along.quantities.measures, axis)
+    symmetric: np.ndarray = held[rows.quantity[:, 0]] & (rows.quantity[:, 1] < 0)
+    return symmetric
+
+
+def _held(group: Quantities, measures: MeasureStart, axis: int) -> np.ndarray:
+    """(q,) quantities that a motion in the plane cannot change."""
     held = np.zeros(group.kind.size, dtype=bool)
     for q in np.flatnonzero(group.kind == PLAIN):
         k = group.first[q]
@@ -103,8 +120,7 @@ def symmetric_rows(system: System, start: Start, axis: int) -> np.ndarray:
             held[q] = n_along != _along(measures.e[k], axis)
         else:
             held[q] = bool(n_along)
-    symmetric: np.ndarray = held[rows.quantity[:, 0]] & (rows.quantity[:, 1] < 0)
-    return symmetric
+    return held
 
 
 def drop_rows(system: System, held: np.ndarray) -> System:
