@@ -54,9 +54,9 @@ def solve_step(scene: Scene, h: float) -> tuple[float, int]:
 
 @kernel
 def drop_null(scene: Scene) -> None:
-    """Take from the guessed multipliers what the joints' redundancy leaves open.
+    """Take from the multipliers what the joints' redundancy leaves open.
 
-    With G^T n = 0 the relaxed Jacobian maps (0, n) to (0, -relaxation n), so the last factors pick
+    With G^T n = 0 the relaxed Jacobian maps (0, n) to (0, -relaxation n), so its factors pick
     n out. What is left is the multipliers' smallest, weighted by mass as the unknowns are.
     """
     lu, Z, y = scene.unknowns.elimination, scene.Z, scene.y
@@ -75,9 +75,12 @@ def drop_null(scene: Scene) -> None:
 def take(scene: Scene, h: float, share: float) -> tuple[float, int]:
     """Take a step of size ``h``, a ``share`` of the whole one, if it converges: residual, row."""
     preserving.predict(scene.system, scene.state, scene.start, h, scene.Z)
-    if scene.system.relaxation > 0.0 and scene.counts[1] > 0:
-        drop_null(scene)
     residual, worst = solve_step(scene, h)
+    if scene.system.relaxation > 0.0 and residual <= TOLERANCE:
+        preserving.jacobian(scene.system, scene.start, h, scene.Z, scene.values)
+        sparse.factor(scene.unknowns.elimination, scene.values, scene.factor)
+        drop_null(scene)
+        residual, worst = solve_step(scene, h)
     if residual <= TOLERANCE:
         accept(scene, h, share)
     return residual, worst

@@ -17,6 +17,9 @@ from msahl.system.unknowns import Unknowns
 STEP_TOLERANCE = 1e-11
 """Where ``hybr`` stops; its convergence is superlinear, so the residual is far below by then."""
 
+REPAIRS = 3
+"""Each gains at least three digits: the relaxation against the joints' compliances."""
+
 _guess = compiled(dense.guess)
 _residual = compiled(dense.residual)
 _jacobian = compiled(dense.jacobian)
@@ -61,12 +64,14 @@ def take(scene: Scene, h: float, share: float) -> Outcome:
         z = guess + unit * found.x
         fun(z)
         if system.relaxation > 0.0 and outcome.converged:
-            # Powell's updates wander where the residual does not see them; a step of Newton's
-            # method repairs what the smallest multipliers cost the others.
+            # Powell's updates wander where the residual does not see them; steps of Newton's
+            # method repair what the smallest multipliers cost the others.
             A = jac(z)
             z -= _null_part(system, unknowns, A, z)
-            z -= np.linalg.solve(A, fun(z))
-            fun(z)
+            f = fun(z)
+            for _ in range(REPAIRS):
+                z -= np.linalg.solve(A, f)
+                f = fun(z)
     if outcome.converged:
         _accept(scene, h, share)
     return outcome
