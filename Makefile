@@ -15,7 +15,7 @@ SWEEP_DECKS := $(foreach n,single double,$(foreach a,45 89 135,$(n)_pendulum_$(a
 SWEEP_STEPS := 0.1 0.04 0.01 0.004 0.002
 SWEEP_RUNS := $(foreach d,$(SWEEP_DECKS),$(foreach h,$(SWEEP_STEPS),$(SWEEP)/$(d)/$(h)/run.json))
 
-.PHONY: help run test lint regress regress-update sweep bench clean
+.PHONY: help run test lint regress regress-update sweep bench thesis validation convergence clean
 .DELETE_ON_ERROR:
 
 help:
@@ -26,6 +26,7 @@ help:
 	@echo 'make regress-update  write tests/regression anew and say what changed'
 	@echo 'make sweep           angles by steps of the thesis -> $(SWEEP).csv (in parallel: make -j2 sweep)'
 	@echo 'make bench           measure speed against peers'
+	@echo 'make thesis          write docs/validation/thesis.md (make validation: all its pages)'
 	@echo 'make clean           remove results and build products; .venv stays'
 
 run: .venv/installed
@@ -70,6 +71,17 @@ $(foreach d,$(SWEEP_DECKS),$(foreach h,$(SWEEP_STEPS),$(eval $(call sweep_rule,$
 bench: .venv/installed
 	$(BIN)/python -m pip install -q -e '.[bench]'
 	$(BIN)/python benchmarks/speed.py
+
+# Every printed number of the thesis beside ours, and the other pages of docs/validation.
+thesis: .venv/installed
+	$(BIN)/python tools/validation/thesis.py
+
+validation: thesis
+	$(BIN)/python tools/validation/closed_forms.py
+	$(BIN)/python benchmarks/convergence/experiment.py --page
+
+convergence: .venv/installed
+	$(BIN)/python benchmarks/convergence/experiment.py
 
 clean:
 	rm -rf $(RESULTS) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -38,7 +38,10 @@ def test_newton_root_and_auto_go_the_same_way(path):
             assert np.abs(run.of("position", b) - known.of("position", b)).max() < tolerance
         # Forces are the residual's round-off over h^2/(2 m): some 1e-8 N at 0.002 s and 2 kg.
         force = np.abs(known.reactions[:, 1:]).max(initial=1.0)
-        assert np.abs(run.reactions - known.reactions).max() < 1e2 * tolerance * force
+        # Which of many equally good reactions shared joints show is left to the relaxation against
+        # the round-off of a solver's last iterations: some 2e-4 of the force, so 1e-3.
+        allowed = 1e-3 if known.report.sharedReactions else 1e2 * tolerance
+        assert np.abs(run.reactions - known.reactions).max() < allowed * force
     islands = known.report.islands
     steps = {"newton": 0, "root": n * islands, "auto": islands}
     if path.stem != "spring_table":
