@@ -72,7 +72,7 @@ class Runner:
         if self.axis is not None:
             system = drop_rows(system, symmetric_rows(system, start, self.axis))
             state = state._replace(angle=np.zeros(quantity_count(system)))
-        self.scene: Scene = new_scene(system, choose(system, free), state, chunk)
+        self.scene: Scene = new_scene(system, unknowns, state, chunk)
         preserving.prepare(system, state, self.scene.start)
         self.large = free.size > LARGEST_DENSE
         self.begun = False

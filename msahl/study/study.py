@@ -10,7 +10,7 @@ import numpy as np
 from msahl.model import Model
 from msahl.run import Grid
 from msahl.schemes import SCHEMES
-from msahl.study.errors import BY_KEY, MEASURES, Errors, Measure, measure_errors, sample_times
+from msahl.study.errors import MEASURES, Errors, Measure, measure_errors, sample_times
 from msahl.study.order import FLAT, Fit, fit_order
 from msahl.study.reference import Reference, choose_reference
 from msahl.study.runs import Trial, try_all, with_step
@@ -159,8 +159,3 @@ def _try_fitted(result: Study, scheme: str) -> list[Point]:
     (trial,) = try_all(plan.model, [(scheme, dt)], plan.repeats)
     reference = _reference(plan, [dt])
     return [Point(trial, measure_errors(trial.run, reference), tried=True)]
-
-
-def measure_of(key: str) -> Measure:
-    """The measure of a key."""
-    return BY_KEY[key]
