@@ -43,3 +43,9 @@ def frame(z: Vector, reference: Vector | None = None) -> Matrix:
         reference = IDENTITY[min(range(3), key=lambda i: abs(z[i]))]
     x = unit(axpy(-dot(reference, z), z, reference))
     return (x, unit(cross(z, x)), z)
+
+
+def turned_round(axes: Matrix) -> Matrix:
+    """The frame with y and z reversed."""
+    x, y, z = axes
+    return (x, clean(scale(-1.0, y)), clean(scale(-1.0, z)))

@@ -1,12 +1,15 @@
 """Joints: elements -> records. What each kind takes stands in ``msahl.joints``, with its law."""
 
+import math
+
 from msahl.deck.ends import Ends, carried, is_placed, own_frame, read_ends, shared_frame
 from msahl.deck.faults import Element, text
 from msahl.deck.fit import complaints
+from msahl.deck.frames import turned_round
 from msahl.deck.values import Reader
 from msahl.joints.joint import Joint, Kind
 from msahl.joints.registry import KINDS
-from msahl.vector import IDENTITY, Matrix
+from msahl.vector import IDENTITY, Matrix, cross, dot, sub
 
 ON_GROUND = ("knifeEdge", "rollingDisk")
 """Kinds whose law between rates holds against the inertial axes only."""
@@ -76,4 +79,14 @@ def _frames(element: Element, kind: Kind, ends: Ends, reader: Reader) -> Frames:
     parent, child = own_frame(element, "parent", reader), own_frame(element, "child", reader)
     if parent is None or child is None:
         return IDENTITY, IDENTITY
+    if kind.name == "crossedCylinders" and is_placed(element, ends, reader):
+        return parent, _facing(parent, child, ends, reader)
     return parent, child
+
+
+def _facing(parent: Matrix, child: Matrix, ends: Ends, reader: Reader) -> Matrix:
+    """The child's frame, turned round if its axis b has D . (a x b) < 0, so that frames face alike."""
+    here = reader.placed(ends.parent, ends.parent_point)
+    there = reader.placed(ends.child, ends.child_point)
+    volume = dot(sub(there, here), cross(parent[2], child[2]))
+    return turned_round(child) if math.copysign(1.0, volume) < 0.0 else child
