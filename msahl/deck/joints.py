@@ -85,7 +85,7 @@ def _frames(element: Element, kind: Kind, ends: Ends, reader: Reader) -> Frames:
 
 
 def _facing(parent: Matrix, child: Matrix, ends: Ends, reader: Reader) -> Matrix:
-    """The child's frame, turned round if its axis b has D . (a x b) < 0, so that frames face alike."""
+    """The child's frame, turned round if its axis b has D . (a x b) < 0: the two face alike."""
     here = reader.placed(ends.parent, ends.parent_point)
     there = reader.placed(ends.child, ends.child_point)
     volume = dot(sub(there, here), cross(parent[2], child[2]))
