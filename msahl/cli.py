@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 import msahl
-from msahl.schemes import SCHEMES
+from msahl.schemes import DAMPING, SCHEMES
 
 if TYPE_CHECKING:
     from msahl.model import Model
@@ -85,7 +85,7 @@ def explain(deck: Path) -> None:
 
     Example: msahl explain decks/thesis/double_pendulum_89.xml
     """
-    model = _model_to_run(deck, None, None)
+    model = _model_to_run(deck, {})
     from msahl.explain import explain as lines
     from msahl.solve.initial import StartError
 
@@ -101,8 +101,13 @@ def explain(deck: Path) -> None:
               help="Folder of the results (default: results/<deck's name>).")  # fmt: skip
 @click.option("--dt", type=float, metavar="S", help="Step [s], instead of the deck's deltaT.")
 @click.option("--t-final", type=float, metavar="S", help="End [s], instead of the deck's tFinal.")
-@click.option("--scheme", type=click.Choice(SCHEMES), default=SCHEMES[0],
-              show_default=True, help="'preserving' keeps the energy; order 2.")  # fmt: skip
+@click.option("--scheme", type=click.Choice(tuple(SCHEMES)),
+              help="'preserving' keeps the energy, 'decaying' takes it from vibrations quicker "
+              "than the step; both of order 2. Instead of the deck's; else preserving."
+              )  # fmt: skip
+@click.option("--damping", type=click.FloatRange(0.0, 1.0), metavar="D",
+              help="Of 'decaying', how much of such a vibration a step takes, 0 to 1; instead of "
+              f"the deck's; else {DAMPING:g}.")  # fmt: skip
 @click.option("--solver", type=click.Choice(["auto", "newton", "root"]), default="auto",
               show_default=True, help="'newton' is compiled, 'root' is scipy.optimize.root, "
               "'auto' is newton with root for the first step and every hard one.")  # fmt: skip
@@ -116,7 +121,8 @@ def run(
     output: Path | None,
     dt: float | None,
     t_final: float | None,
-    scheme: str,
+    scheme: str | None,
+    damping: float | None,
     solver: str,
     every: int,
     full: bool,
@@ -131,16 +137,17 @@ def run(
 
     Example: msahl run decks/thesis/double_pendulum_89.xml --dt 0.01 -o results/coarse
     """
-    model = _model_to_run(deck, dt, t_final)
+    given: dict[str, Any] = {"dt": dt, "t_final": t_final, "scheme": scheme, "damping": damping}
+    model = _model_to_run(deck, given)
     from msahl.deck import effective_deck
     from msahl.run import Options
 
-    options = Options(scheme, solver, every, full)
+    options = Options(solver, every, full)
     folder = output or Path("results") / deck.stem
     from msahl.solve.initial import StartError
 
     try:
-        text = effective_deck(deck, dt, t_final)
+        text = effective_deck(deck, **given)
         report = _simulate(deck, text, model, options, folder, shown=not quiet)
     except OSError as error:
         where = error.filename or folder
@@ -182,17 +189,14 @@ def _read(deck: Path, thorough: bool = False) -> tuple["Model | None", list[str]
         return None, [str(fault) for fault in error.faults]
 
 
-def _model_to_run(deck: Path, dt: float | None, t_final: float | None) -> "Model":
+def _model_to_run(deck: Path, given: dict[str, Any]) -> "Model":
     from msahl.deck import check_simulation
 
     model, faults = _read(deck)
     if model is None:
         _stop("\n".join(faults))
-    simulation = model.simulation
-    if dt is not None:
-        simulation = replace(simulation, dt=dt)
-    if t_final is not None:
-        simulation = replace(simulation, t_final=t_final)
+    changes = {name: value for name, value in given.items() if value is not None}
+    simulation = replace(model.simulation, **changes)
     faults = check_simulation(simulation)
     if faults:
         _stop("\n".join(f"msahl run: {fault}" for fault in faults))
@@ -203,6 +207,7 @@ def _simulate(
     deck: Path, text: bytes, model: "Model", options: Any, folder: Path, shown: bool
 ) -> "Report":
     from msahl.deck import deck_digest
+    from msahl.model import decays
     from msahl.results.write import RunFolder, write_json
     from msahl.run import run as simulate
 
@@ -221,7 +226,8 @@ def _simulate(
             "options": {
                 "dt": model.simulation.dt,
                 "tFinal": model.simulation.t_final,
-                "scheme": options.scheme,
+                "scheme": model.simulation.scheme,
+                "damping": model.simulation.damping if decays(model) else 0.0,
                 "solver": options.solver,
                 "every": options.every,
                 "full": options.full,

@@ -5,7 +5,7 @@ angle for springs and cams.
     sine        offset + amplitude sin(omega t + phase)
     pieces      polynomials of degree five between breaks; constant outside, or periodic
 
-Ramps and tables are pieces. A law knows its value, its first two derivatives and its integral.
+Ramps and tables are pieces. A law knows its value and its first two derivatives, a table its mean.
 """
 
 import math
@@ -102,40 +102,34 @@ def evaluate(laws: Laws, law: int, t: float) -> tuple[float, float, float]:
 
 
 @kernel
-def integral(laws: Laws, law: int, a: float, b: float) -> float:
-    """Integral of ``law`` from ``a`` to ``b``."""
-    return _primitive(laws, law, b) - _primitive(laws, law, a)
+def mean(laws: Laws, law: int, a: float, d: float) -> float:
+    """Mean of a table that does not repeat, from ``a`` to ``a + d``.
+
+    Each piece's share by Gauss's rule with three points, which is exact for them, and as a
+    difference from the value at ``a``: over a short way nothing large is subtracted.
+    """
+    reference, _, _ = evaluate(laws, law, a)
+    if d == 0.0:
+        return reference
+    numbers, first = laws.numbers, laws.first[law]
+    count, breaks = int(numbers[first]), first + 2
+    low, high = min(a, a + d), max(a, a + d)
+    total = 0.0
+    for i in range(-1, count + 1):
+        left = low if i < 0 else max(low, numbers[breaks + i])
+        right = high if i == count else min(high, numbers[breaks + i + 1])
+        if right > left:
+            part = _mean_of_piece(laws, law, left, right) - reference
+            total += part * ((right - left) / abs(d))
+    return reference + total
 
 
 @kernel
-def _primitive(laws: Laws, law: int, t: float) -> float:
-    """Integral from zero (of pieces: from the first break)."""
-    numbers, first, last = laws.numbers, laws.first[law], laws.first[law + 1]
-    if laws.kind[law] == POLYNOMIAL:
-        return _area(numbers, first, last, t)
-    if laws.kind[law] == SINE:
-        amplitude, omega, phase = numbers[first], numbers[first + 1], numbers[first + 2]
-        return numbers[first + 3] * t - amplitude * math.cos(omega * t + phase) / omega
-    count, period = int(numbers[first]), numbers[first + 1]
-    breaks, total = first + 2, 0.0
-    x, turns = t, 0.0
-    if period > 0.0:
-        turns = math.floor((t - numbers[breaks]) / period)
-        x = t - turns * period
-    for i in range(count):
-        start = breaks + count + 1 + (DEGREE + 1) * i
-        width = numbers[breaks + i + 1] - numbers[breaks + i]
-        whole = _area(numbers, start, start + DEGREE + 1, width)
-        total += turns * whole
-        if x >= numbers[breaks + i + 1]:
-            total += whole
-        elif x > numbers[breaks + i]:
-            total += _area(numbers, start, start + DEGREE + 1, x - numbers[breaks + i])
-    if period == 0.0 and x > numbers[breaks + count]:
-        total += (x - numbers[breaks + count]) * evaluate(laws, law, x)[0]
-    if period == 0.0 and x < numbers[breaks]:
-        total += (x - numbers[breaks]) * evaluate(laws, law, x)[0]
-    return total
+def _mean_of_piece(laws: Laws, law: int, left: float, right: float) -> float:
+    """Mean of a law between two places within one of its pieces."""
+    middle, reach = 0.5 * (left + right), 0.5 * math.sqrt(0.6) * (right - left)
+    ends = evaluate(laws, law, middle - reach)[0] + evaluate(laws, law, middle + reach)[0]
+    return (8.0 * evaluate(laws, law, middle)[0] + 5.0 * ends) / 18.0
 
 
 @kernel
@@ -168,12 +162,3 @@ def _horner(numbers: np.ndarray, first: int, last: int, x: float) -> tuple[float
         rate = rate * x + value
         value = value * x + numbers[i]
     return value, rate, second
-
-
-@kernel
-def _area(numbers: np.ndarray, first: int, last: int, x: float) -> float:
-    """Integral of the polynomial from 0 to ``x``."""
-    total = 0.0
-    for i in range(last - 1, first - 1, -1):
-        total = total * x + numbers[i] / (i - first + 1)
-    return total * x

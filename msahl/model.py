@@ -22,6 +22,7 @@ from msahl.joints.coupling import Coupling
 from msahl.joints.joint import Joint
 from msahl.law import Law
 from msahl.motion import Drive, PointMotion
+from msahl.schemes import DAMPING, DEFAULT, SCHEMES, Decay
 from msahl.vector import Vector
 
 __all__ = [
@@ -46,11 +47,15 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class Simulation:
-    """How the scene is run: step ``dt`` and end ``t_final`` [s]."""
+    """How the scene is run: step ``dt`` and end ``t_final`` [s], scheme and, if it is one that
+    decays, its damping at infinite frequency: 0 none, 1 all in one step.
+    """
 
     title: str
     dt: float
     t_final: float
+    scheme: str = DEFAULT
+    damping: float = DAMPING
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,3 +76,13 @@ class Model:
     motions: tuple[Drive | PointMotion, ...] = ()
     position: str = "check"  # or "project": close the joints by Newton's method
     velocity: str = "keepAngular"  # or "massWeighted", or "refuse"
+
+
+def decay_of(model: Model) -> Decay:
+    """How the model's scheme decays."""
+    return SCHEMES[model.simulation.scheme](model.simulation.damping)
+
+
+def decays(model: Model) -> bool:
+    """Whether the model's scheme takes energy from it."""
+    return decay_of(model).chi > 0.0

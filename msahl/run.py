@@ -12,6 +12,9 @@ import numpy as np
 
 from msahl.compiled import is_kept, keep
 from msahl.model import Model, Simulation
+from msahl.solve.culprit import culprit
+from msahl.solve.dense import FAR
+from msahl.solve.initial import StartError
 from msahl.solve.island import MAX_HALVINGS, Runner
 from msahl.solve.outcome import TOLERANCE, Outcome
 from msahl.solve.watch import Extremes
@@ -40,7 +43,6 @@ class Sink(Protocol):
 class Options:
     """What the user chose beside the deck; ``full`` leaves nothing out of the equations."""
 
-    scheme: str = "preserving"
     solver: str = "auto"
     every: int = 1
     full: bool = False
@@ -111,8 +113,8 @@ def run(
     """Run ``model`` to its end, into ``sink``; ``progress`` is told of steps done and time, and
     ``tell`` what takes long before the first of them.
 
-    Never raises for the physics: a step that does not converge ends the run, and the report says
-    so. What the sink raises goes through.
+    A step that does not converge ends the run, and the report says so; only a start that cannot be
+    is raised, as ``StartError``. What the sink raises goes through.
     """
     return _Run(model, options, sink).go(progress, stopped, tell)
 
@@ -128,7 +130,9 @@ class _Run:
         numbers = sum(len(columns) for columns in self.columns)
         self.chunk = max(1, min(4096, self.grid.n, CHUNK_NUMBERS // numbers))
         islands = [model] if options.full else split(model)
-        self.runners = [Runner(i, options.solver, options.full, self.chunk) for i in islands]
+        # What overflows is told in our own words (``_finite_steps``), not in numpy's.
+        with np.errstate(all="ignore"):
+            self.runners = [Runner(i, options.solver, options.full, self.chunk) for i in islands]
         self.places = [
             [
                 [whole.index(c) for c in names(runner.model)[1:]]
@@ -159,7 +163,10 @@ class _Run:
         if not all(is_kept(kind) for kind in kinds):
             tell("compiling the step for this kind of scene, once")
         for runner in self.runners:
-            runner.show_start()
+            with np.errstate(all="ignore"):
+                runner.show_start()
+        if min(self._finite_steps(1, np.zeros(1, dtype=np.int64))) < 1:
+            raise StartError(self.report.message)
         first = [runner.scene.watch.rows[:1] for runner in self.runners]
         self.extremes = Extremes(first, sum(_weight(runner) for runner in self.runners))
         self._publish(np.zeros(1))
@@ -189,7 +196,7 @@ class _Run:
         ends = np.arange(first + 1, first + steps + 1)
         published = (ends % self.options.every == 0) | (ends == self.grid.n)
         plan = np.where(published, np.cumsum(published) - 1, -1)
-        done = min(self._advance(steps, plan))
+        done = min(self._finite_steps(min(self._advance(steps, plan)), plan))
         self.report.steps += done
         self.extremes.fold([runner.scene.watch.rows[:done] for runner in self.runners])
         self.report.seconds["loop"] += time.perf_counter() - began
@@ -208,17 +215,38 @@ class _Run:
                 self.report.message = self._failure(self.report.steps + done, runner, outcome)
         return taken
 
+    def _finite_steps(self, done: int, plan: np.ndarray) -> list[int]:
+        """Steps of each island before the first that left a nan or an overflow, at most ``done``.
+
+        A step can be solved and still be too large to be squared or multiplied.
+        """
+        finite = []
+        for runner in self.runners:
+            good = np.isfinite(runner.scene.watch.rows[:done]).all(axis=1)
+            shown = plan[:done] >= 0
+            for table in runner.scene.tables:
+                good[shown] &= np.isfinite(table[plan[:done][shown]]).all(axis=1)
+            first_bad = done if good.all() else int(np.argmin(good))
+            finite.append(first_bad)
+            if first_bad < done and first_bad == min(finite):
+                name = culprit(runner.model, runner.scene, self.grid.h)
+                whose = name or "a result"
+                self.report.status = "not converged"
+                self.report.message = self._overflow(self.report.steps + first_bad, whose)
+        return finite
+
     def _publish(self, times: np.ndarray) -> None:
         """Bring the islands' first rows together, in the columns of the whole scene."""
         if not times.size:
             return
         began = time.perf_counter()
-        tables = [np.empty((times.size, len(columns))) for columns in self.columns]
+        tables = [np.zeros((times.size, len(columns))) for columns in self.columns]
         for table in tables:
             table[:, 0] = times
         for runner, places in zip(self.runners, self.places, strict=True):
             for table, part, columns in zip(tables, runner.scene.tables, places, strict=True):
-                table[:, columns] = part[: times.size]
+                # A decaying scheme's work is of all islands.
+                table[:, columns] += part[: times.size]
         self.sink.write(*tables)
         self.report.rows += times.size
         self.report.seconds["output"] += time.perf_counter() - began
@@ -234,13 +262,35 @@ class _Run:
         return report
 
     def _failure(self, step: int, runner: Runner, outcome: Outcome) -> str:
+        name = culprit(runner.model, runner.scene, self.grid.h)
+        if name is not None or np.isnan(outcome.residual):
+            return self._overflow(step, name or _row(runner, outcome.worst))
+        if np.isinf(outcome.residual):
+            return (
+                f"steps from t = {self.grid.time(step):g} s, down to "
+                f"{self.grid.h / 2**MAX_HALVINGS:.3g} s, lead {FAR:g} times as far as the motion "
+                "before and the bodies' own lengths let expect. Look for forces or speeds that "
+                "come out of nowhere, and try a smaller --dt."
+            )
         return (
             f"step {step + 1} from t = {self.grid.time(step):g} s did not converge, nor did steps "
             f"down to {self.grid.h / 2**MAX_HALVINGS:.3g} s: the residual stayed at "
             f"{outcome.residual:.1e} of the step's motion (solved: {TOLERANCE:g}), worst in "
-            f"{describe_row(runner.model, runner.scene.system, outcome.worst)}. Try a smaller "
-            "--dt, and look at the last rows for forces or speeds that grow without bound."
+            f"{_row(runner, outcome.worst)}. Try a smaller --dt, and look at the last rows for "
+            "forces or speeds that grow without bound."
         )
+
+    def _overflow(self, step: int, name: str) -> str:
+        return (
+            f"t = {self.grid.time(step):g} s: the numbers of {name} went beyond what a computer "
+            "holds. Look at the last rows for forces or speeds that grow without bound, and at its "
+            "figures in the deck for a slip of the pen or of units."
+        )
+
+
+def _row(runner: Runner, worst: int) -> str:
+    """Row ``worst`` of an island's equations in words."""
+    return describe_row(runner.model, runner.scene.system, worst)
 
 
 def _weight(runner: Runner) -> float:

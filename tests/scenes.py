@@ -85,9 +85,9 @@ class Rows:
             kept.append(np.array(table))
 
 
-def simulate(model, dt=None, t_final=None, **options):
+def simulate(model, dt=None, t_final=None, scheme=None, damping=None, **options):
     """Run ``model`` with the user's defaults, but for what is given."""
-    given = {"dt": dt, "t_final": t_final}
+    given = {"dt": dt, "t_final": t_final, "scheme": scheme, "damping": damping}
     changes = {name: value for name, value in given.items() if value is not None}
     model = replace(model, simulation=replace(model.simulation, **changes))
     rows = Rows()

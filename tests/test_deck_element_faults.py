@@ -337,6 +337,10 @@ MOTIONS = {
         "and 1.1 differ",
     ),
     "unknown interpolation": (table("0 1,1 1", "smooth"), "unknown value interpolation='smooth'"),
+    "the scheme's name": (
+        drive("<constant>1</constant>", name="scheme"),
+        ":24: motion 'scheme', name: the name is that of the scheme's own column",
+    ),
     "driven twice": (
         drive("<constant>1</constant>") + "\n" + drive("<constant>2</constant>", name="N"),
         ":29: motion 'N': the angle of 'H' is driven already (line 24); keep one",

@@ -151,6 +151,18 @@ SCHEMA_FAULTS = {
         (">2.0<", "><b/>2.0<"),
         ":8: body 'Bob', mass/b: <b> does not belong in <mass>, which holds a value",
     ),
+    "unknown scheme": (
+        ("<simulation>", '<simulation scheme="magic">'),
+        "simulation: unknown value scheme='magic'",
+    ),
+    "too much damping": (
+        ("<simulation>", '<simulation damping="1.5">'),
+        "simulation: damping='1.5' is not a number from 0 to 1",
+    ),
+    "damping in words": (
+        ("<simulation>", '<simulation damping="much">'),
+        "simulation: damping='much' is not a number from 0 to 1",
+    ),
     "stray text": (
         ("<joints>", "<joints>and"),
         ":19: system/joints: stray text 'and'; <joints> holds one of <rigid>, <revolute>,",

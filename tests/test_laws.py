@@ -29,7 +29,7 @@ from msahl.joints import coincide
 from msahl.joints.coupling import FREEDOMS
 from msahl.joints.registry import KINDS
 from msahl.rotation import from_axis_angle, matrix
-from msahl.schemes import preserving
+from msahl.schemes import SCHEMES, preserving
 from msahl.solve import dense, newton, sparse
 from msahl.solve.island import Runner
 from msahl.system.arrays import new_start, node_count
@@ -47,14 +47,20 @@ every_point = pytest.mark.parametrize(
     "make", [*POINTS.values(), loaded], ids=[*POINTS, "concentrated"]
 )
 every_seed = pytest.mark.parametrize("seed", SEEDS)
+every_scheme = pytest.mark.parametrize("scheme", SCHEMES)
+
+
+def with_scheme(model, scheme):
+    return replace(model, simulation=replace(model.simulation, scheme=scheme))
 
 
 class Step:
     """The step's equations of a scene in plain Python."""
 
     def __init__(self, model, h=H, reaction=None):
-        self.h, self.half_h2 = h, 0.5 * h * h
+        self.h = h
         self.system = build_system(model)
+        self.reach = preserving.reach(self.system, h)
         self.state = build_state(model, self.system)
         if reaction is not None:
             self.state.reaction[:] = reaction(self.state.reaction.shape)
@@ -96,18 +102,19 @@ class Step:
     def pushes(self, element, *group):
         """Forces and moments (n, 3) that one kind of element puts on the bodies."""
         F = np.zeros(self.shape)
-        element.residual(*group, self.system.bodies, self.half_h2, self.Z, F)
+        element.residual(*group, self.system.bodies, self.reach, self.Z, F)
         return self.as_pushes(F)
 
     def all_pushes(self):
         """Forces and moments (n, 3) of all elements."""
         inertia = np.zeros(self.shape)
-        rigid.residual(self.system.bodies, self.start.bodies, self.h, self.Z, inertia)
+        given = (self.system.bodies, self.start.bodies, self.h, self.reach)
+        rigid.residual(*given, self.Z, inertia)
         return self.as_pushes(self.residual(self.Z) - inertia)
 
     def as_pushes(self, F):
         bodies = self.system.bodies
-        c = self.half_h2 * bodies.inverse_mass[:-1, None]
+        c = self.reach * bodies.inverse_mass[:-1, None]
         n = len(c)
         return -F[0 : 2 * n : 2] / c, -F[1 : 2 * n : 2] * bodies.length[:-1, None] / c
 
@@ -132,7 +139,7 @@ class Step:
         if self.system.along:
             rows = self.system.along.rows
             scale[rows.place[:, 0], rows.place[:, 1]] = rows.scale
-        lam = self.Z[nodes] * self.system.unit / self.half_h2
+        lam = self.Z[nodes] * self.system.unit / self.reach
         return lam, self.residual(self.Z)[nodes] / scale
 
 
@@ -151,9 +158,10 @@ def _elements(table):
 
 @every_element
 @every_seed
-def test_the_jacobian_is_the_derivative_of_the_residual(make, seed):
+@every_scheme
+def test_the_jacobian_is_the_derivative_of_the_residual(make, seed, scheme):
     rng = np.random.default_rng(seed)
-    step = Step(make(rng), reaction=lambda shape: rng.normal(size=shape))
+    step = Step(with_scheme(make(rng), scheme), reaction=lambda shape: rng.normal(size=shape))
     Z = step.random(rng)
     A = step.jacobian(Z)
     e = 1e-5  # best for a central difference: its error e^2 and round-off eps/e balance near it
@@ -308,8 +316,8 @@ def test_joint_forces_work_on_the_gap_alone(seed, grounded):
     group, start = step.system.coincide, step.start.coincide
     work = step.work(*step.pushes(coincide, group, start))
     F = np.zeros(step.shape)
-    coincide.residual(group, start, step.system.bodies, step.half_h2, step.Z, F)
-    lam = group.mass[:, None] * step.Z[group.row] / step.half_h2
+    coincide.residual(group, start, step.system.bodies, step.reach, step.Z, F)
+    lam = group.mass[:, None] * step.Z[group.row] / step.reach
     sharp = np.sum(lam * F[group.row])
     # Some hundred terms of this size; exact in any step, however large.
     assert work == pytest.approx(sharp, abs=1e-13 * np.abs(lam).sum())
@@ -363,9 +371,11 @@ def test_momentum_is_kept_where_nothing_outside_acts(seed):
 
 
 @pytest.mark.parametrize("h", [0.01, 0.0025])
-def test_a_scene_of_all_elements_keeps_its_balance(h):
-    """Energy changes by the work of loads and motions, to the solver's tolerance."""
-    run = simulate(everything(np.random.default_rng(4)), dt=h, t_final=1.0, solver="newton")
+@every_scheme
+def test_a_scene_of_all_elements_keeps_its_balance(h, scheme):
+    """Energy changes by the work of loads, motions and scheme, to the solver's tolerance."""
+    model = with_scheme(everything(np.random.default_rng(4)), scheme)
+    run = simulate(model, dt=h, t_final=1.0, solver="newton")
     report, extremes = run.report, run.report.extremes
     assert (report.status, report.islands) == ("completed", 1)
     assert extremes["energyErrorMaxRelative"] < 1e-11
@@ -375,8 +385,9 @@ def test_a_scene_of_all_elements_keeps_its_balance(h):
 
 
 @every_element
-def test_every_element_is_approached_with_order_two(make):
-    model = make(np.random.default_rng(8))
+@every_scheme
+def test_every_element_is_approached_with_order_two(make, scheme):
+    model = with_scheme(make(np.random.default_rng(8)), scheme)
     ends = []
     for h in (0.004, 0.002, 0.001, 0.0005):
         run = simulate(model, dt=h, t_final=0.2, every=1000, solver="newton")
@@ -389,9 +400,10 @@ def test_every_element_is_approached_with_order_two(make):
 
 
 @every_element
-def test_the_compiled_loop_is_its_plain_self(make):
+@every_scheme
+def test_the_compiled_loop_is_its_plain_self(make, scheme):
     """The same marked functions run as Python are the oracle of the whole compiled loop."""
-    model = make(np.random.default_rng(11))
+    model = with_scheme(make(np.random.default_rng(11)), scheme)
     steps = 5
     plain, fast = (Runner(model, "newton", True, steps).scene for _ in range(2))
     plan = np.arange(steps)

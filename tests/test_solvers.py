@@ -24,11 +24,6 @@ def test_newton_root_and_auto_go_the_same_way(path):
     solvers = ("newton", "root", "auto")
     runs = {s: simulate(model, dt=h, t_final=n * h, solver=s) for s in solvers}
     assert {runs[s].report.status for s in runs} == {"completed"}
-    if path.stem == "spring_table":
-        # Over a corner of its table Newton halves a step where Powell's method takes it whole.
-        assert 0 < runs["newton"].report.halvings < 20
-        assert runs["root"].report.halvings == 0
-        del runs["newton"]
     assert {runs[s].report.halvings for s in runs} == {0}
     known = next(iter(runs.values()))
     # Redundant joints are relaxed, by 1e-9 of their compliance.

@@ -11,11 +11,11 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-import msahl.study.study as study_module
 from msahl.cli import main
 from msahl.deck import read_deck
 from msahl.post.draw import style
 from msahl.run import Options
+from msahl.schemes import SCHEMES, decaying
 from msahl.study import independent as independent_module
 from msahl.study.cli import study as command
 from msahl.study.dynamics import Dynamics
@@ -122,15 +122,15 @@ def test_default_study_and_its_recommendation(tmp_path):
 
 
 def test_a_scheme_registered_later_appears(monkeypatch, tmp_path):
-    monkeypatch.setattr(study_module, "SCHEMES", ("preserving", "later"))
+    monkeypatch.setitem(SCHEMES, "later", lambda damping: decaying(0.2))
     result = study(Plan(deck("thesis/single_pendulum_45", 1.0), HALVED[:3], repeats=1))
-    assert result.schemes == ["preserving", "later"]
+    assert result.schemes == ["preserving", "decaying", "later"]
     write_study(result, tmp_path)
     assert "later" in (tmp_path / "study.csv").read_text()
     with style():
         for _, _, figure in pictures(result):
             labels = [text.get_text() for text in figure.legends[0].get_texts()]
-            assert labels == ["preserving", "later"]
+            assert labels == ["preserving", "decaying", "later"]
 
 
 def test_the_exact_reference_comes_first_and_can_be_refused():
@@ -165,7 +165,7 @@ def test_horizon_of_a_chaotic_scene():
     # It parts from 1e-10 by five decades and more; by 60 s nothing is left of either.
     assert 10.0 < reference.horizon < 50.0
     assert "not reported" in reference.words
-    result = study(Plan(model, (0.04, 0.02, 0.01), repeats=1))
+    result = study(Plan(model, (0.04, 0.02, 0.01), ("preserving",), repeats=1))
     assert result.reference.horizon < 50.0
     point = result.points[0]
     assert point.largest("position") is not None

@@ -12,6 +12,15 @@ with the end values of velocity used up, are
 F and T come from gravity and from the elements at the body. Multiplied by h/(2 m) and h/(2 m l),
 l a length of the body, both rows are in metres whatever the step; so are the unknowns u and l Q.
 Derivative of the second row (times h/2) by Q: R J0 - [R L h/2] D, with D of ``rotation``.
+
+A decaying scheme (``schemes.Decay``) has u/h = (v0 + v1)/2 + chi/2 y, y = v1 - v0 - s, with
+
+    s' = pole s + (1 - pole) (v1 - v0)                 smoothed change of v, handed on
+    v1 = v0 + (u/h - v_go)/share ,   v_go = v0 - chi/2 s ,   share = (1 + chi)/2
+
+and the same for the turn, in body axes; share h takes the place of h/2. As m (v1 - v0) = h F, the
+body loses chi/2 m y.(v1 - v0) a step, which is never negative in sum: with S = chi m s.s/(4 (1 -
+pole)), it is the rise of S plus chi m (1 + pole) y.y/4.
 Source: Borri, Mello, Atluri, Primal and mixed forms of Hamilton's principle for constrained rigid
 body systems, Comput. Mech. 7 (1991); the turn as increment is ours.
 """
@@ -23,6 +32,7 @@ import numpy as np
 
 from msahl.kernel import kernel
 from msahl.rotation import matrix, turn_change, turn_tangent
+from msahl.schemes import Decay
 from msahl.vector import (
     Matrix,
     Vector,
@@ -83,6 +93,8 @@ class BodyStart(NamedTuple):
     J: np.ndarray  # (n+1, 3, 3) [kg m^2]
     v: np.ndarray  # (n+1, 3) of G [m/s]
     W: np.ndarray  # (n+1, 3) [rad/s]
+    v_go: np.ndarray  # (n+1, 3) with which it would go on if no force acted [m/s]
+    W_go: np.ndarray  # (n+1, 3) likewise [rad/s]
 
 
 @kernel
@@ -108,16 +120,25 @@ def end_tangent(bodies: Bodies, Z: np.ndarray, b: int, a: Vector) -> Matrix:
 
 @kernel
 def push(
-    bodies: Bodies, half_h2: float, F: np.ndarray, b: int, force: Vector, moment: Vector
+    bodies: Bodies, reach: float, F: np.ndarray, b: int, force: Vector, moment: Vector
 ) -> None:
     """Take a mean ``force`` and a mean ``moment`` about G from the rows of body ``b``."""
-    c = half_h2 * bodies.inverse_mass[b]
+    c = reach * bodies.inverse_mass[b]
     accumulate(F, 2 * b, scale(-c, force))
     accumulate(F, 2 * b + 1, scale(-c / bodies.length[b], moment))
 
 
 @kernel
-def prepare(bodies: Bodies, p: np.ndarray, v: np.ndarray, w: np.ndarray, start: BodyStart) -> None:
+def prepare(
+    bodies: Bodies,
+    p: np.ndarray,
+    v: np.ndarray,
+    w: np.ndarray,
+    v_rise: np.ndarray,
+    w_rise: np.ndarray,
+    chi: float,
+    start: BodyStart,
+) -> None:
     """Carry velocities and inertias of the accepted state into inertial axes."""
     for b in range(bodies.inverse_mass.size):
         R = matrix(at(p, b))
@@ -125,30 +146,41 @@ def prepare(bodies: Bodies, p: np.ndarray, v: np.ndarray, w: np.ndarray, start: 
         put_matrix(start.J, b, product(product(R, matrix_at(bodies.inertia, b)), transpose(R)))
         put(start.v, b, at(v, b))
         put(start.W, b, times(R, at(w, b)))
+        put(start.v_go, b, at(v, b))
+        put(start.W_go, b, at(start.W, b))
+        if chi > 0.0:
+            put(start.v_go, b, axpy(-0.5 * chi, at(v_rise, b), at(v, b)))
+            w_go = axpy(-0.5 * chi, at(w_rise, b), at(w, b))
+            put(start.W_go, b, times(R, w_go))
 
 
 @kernel
-def residual(bodies: Bodies, start: BodyStart, h: float, Z: np.ndarray, F: np.ndarray) -> None:
-    """Set the rows of every body to inertia minus gravity [m]."""
+def residual(
+    bodies: Bodies, start: BodyStart, h: float, reach: float, Z: np.ndarray, F: np.ndarray
+) -> None:
+    """Set the rows of every body to inertia minus gravity [m]; ``reach`` is share h^2."""
     g = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
     for b in range(bodies.inverse_mass.size - 1):
-        put(F, 2 * b, sub(at(Z, 2 * b), axpy(h, at(start.v, b), scale(0.5 * h * h, g))))
+        put(F, 2 * b, sub(at(Z, 2 * b), axpy(h, at(start.v_go, b), scale(reach, g))))
         Q = turn_of(bodies, Z, b)
         J = matrix_at(start.J, b)
-        hW = scale(h, at(start.W, b))
-        L = times(J, sub(scale(2.0, Q), hW))
-        change = add(times(J, sub(Q, hW)), scale(0.5, turn_change(Q, L)))
+        forced = axpy(-h, at(start.W_go, b), Q)
+        L = times(J, axpy(reach / h, at(start.W, b), forced))
+        change = add(times(J, forced), turn_change(Q, L))
         put(F, 2 * b + 1, scale(bodies.inverse_mass[b] / bodies.length[b], change))
 
 
 @kernel
-def jacobian(bodies: Bodies, start: BodyStart, h: float, Z: np.ndarray, values: np.ndarray) -> None:
+def jacobian(
+    bodies: Bodies, start: BodyStart, h: float, reach: float, Z: np.ndarray, values: np.ndarray
+) -> None:
     """Add the derivative of the moment rows by l Q; that of the force rows is constant."""
     for b in range(bodies.inverse_mass.size - 1):
         Q = turn_of(bodies, Z, b)
         J = matrix_at(start.J, b)
-        half_L = times(J, axpy(-0.5 * h, at(start.W, b), Q))
-        K = skew(add(half_L, turn_change(Q, half_L)))
+        forced = axpy(-h, at(start.W_go, b), Q)
+        L = times(J, axpy(reach / h, at(start.W, b), forced))
+        K = skew(add(L, turn_change(Q, L)))
         D = turn_tangent(Q)
         c = bodies.inverse_mass[b] / (bodies.length[b] * bodies.length[b])
         for j in range(3):
@@ -157,6 +189,24 @@ def jacobian(bodies: Bodies, start: BodyStart, h: float, Z: np.ndarray, values: 
             column = sub(add(Jj, turn_change(Q, Jj)), times(K, Dj))
             for i in range(3):
                 values[bodies.block[b] + 3 * i + j] += c * column[i]
+
+
+@kernel
+def smooth(
+    bodies: Bodies,
+    decay: Decay,
+    b: int,
+    dv: Vector,
+    dw: Vector,
+    v_rise: np.ndarray,
+    w_rise: np.ndarray,
+) -> float:
+    """Take the changes of a body's velocities into the smoothed ones; the energy it lost [J]."""
+    y_v, y_w = sub(dv, at(v_rise, b)), sub(dw, at(w_rise, b))
+    put(v_rise, b, axpy(decay.pole, at(v_rise, b), scale(1.0 - decay.pole, dv)))
+    put(w_rise, b, axpy(decay.pole, at(w_rise, b), scale(1.0 - decay.pole, dw)))
+    turning = dot(y_w, times(matrix_at(bodies.inertia, b), dw))
+    return 0.5 * decay.chi * (dot(y_v, dv) / bodies.inverse_mass[b] + turning)
 
 
 @kernel

@@ -105,6 +105,9 @@ def _value(error: Any) -> Explained:
         yield element, name, f"{what}'{shown}'{_choice(str(shown), allowed)}"
     elif name == "basis" or element.tag in NAMES:
         yield element, name, f"the {name or 'name'} is empty; give a name"
+    elif name:  # all attributes that hold no word hold a fraction
+        given = element.get(name)
+        yield element, name, f"{name}='{given}' is not a number from 0 to 1"
     elif error.reason and "attribute" in error.reason:
         yield element, name, error.reason
     else:
@@ -112,8 +115,17 @@ def _value(error: Any) -> Explained:
 
 
 def _same(held: str | None, value: object) -> bool:
-    """The text of an attribute is this value but for white space."""
+    """The text of an attribute is this value, or the number it was read as, but for white space."""
+    if isinstance(value, float):
+        return value == _number(held)
     return isinstance(value, str) and (held or "").split() == value.split()
+
+
+def _number(held: str | None) -> float | None:
+    try:
+        return float(held or "")
+    except ValueError:
+        return None
 
 
 def _choice(given: str, known: list[str]) -> str:

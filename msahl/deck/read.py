@@ -33,6 +33,7 @@ from msahl.joints.coupling import FREEDOMS
 from msahl.joints.registry import KINDS as JOINT_KINDS
 from msahl.model import Ground, Model, RigidBody, Simulation
 from msahl.rotation import matrix
+from msahl.schemes import WORKER
 from msahl.vector import IDENTITY, ZERO, Vector
 
 Read = Callable[[Element, Reader], Any]
@@ -123,6 +124,10 @@ def _check_names(root: Element, groups: Iterable[str], faults: Faults) -> None:
             faults.add(label, f"the name is taken by line {first}; choose another")
             faults.doubt(taken[name])  # which of the two others mean is not known
         taken.setdefault(name, label)
+        group = record.getparent()
+        if name == WORKER and group is not None and group.tag in ("loads", "motions"):
+            message = "the name is that of the scheme's own column in work.csv; choose another"
+            faults.add(label, message)
         bad = sorted({c for c in name if c in FORBIDDEN or not c.isprintable()})
         if bad:
             shown = " ".join(ascii(c)[1:-1] for c in bad)

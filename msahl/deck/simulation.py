@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from msahl.deck.faults import Element, text
 from msahl.deck.values import Reader
 from msahl.model import Simulation
+from msahl.schemes import DAMPING, DEFAULT
 
 MAX_STEPS = 10**9
 """Most steps of a run: more is a slip of the pen (a day at 10 us a step)."""
@@ -17,6 +18,8 @@ def read_simulation(element: Element, reader: Reader) -> Simulation:
         title=text(element.find("title")),
         dt=reader.number(element.find("deltaT"), "time"),
         t_final=reader.number(element.find("tFinal"), "time"),
+        scheme=" ".join(element.get("scheme", DEFAULT).split()),
+        damping=float(element.get("damping", DAMPING)),
     )
     if reader.faults.sound(element):
         for tag, message in _complaints(simulation):

@@ -10,25 +10,35 @@ from msahl.deck.parse import parse, parse_with_comments, read_bytes
 
 
 def effective_deck(
-    path: str | PathLike[str], dt: float | None = None, t_final: float | None = None
+    path: str | PathLike[str],
+    dt: float | None = None,
+    t_final: float | None = None,
+    scheme: str | None = None,
+    damping: float | None = None,
 ) -> bytes:
-    """The deck at ``path``, which ``read_deck`` has accepted, with ``dt`` and ``t_final`` [s].
+    """The deck at ``path``, which ``read_deck`` has accepted, with what is given of how it is run:
+    ``dt`` and ``t_final`` [s], ``scheme`` and ``damping``.
 
-    Without either the bytes are those of the file; otherwise the document is the same, comments
-    included, but for these two elements. Raises ``DeckError`` if the file is no deck any more.
+    With nothing given the bytes are those of the file; otherwise the document is the same, comments
+    included, but for ``<simulation>``. Raises ``DeckError`` if the file is no deck any more.
     """
     path = Path(path)
     faults = Faults(str(path))
     data = read_bytes(path, faults)
     parse(data, faults)
-    given = {"deltaT": dt, "tFinal": t_final}
-    changes = {tag: value for tag, value in given.items() if value is not None}
-    return _with_times(data, changes) if changes else data
+    times = {"deltaT": dt, "tFinal": t_final}
+    changes = {tag: value for tag, value in times.items() if value is not None}
+    words = {"scheme": scheme, "damping": None if damping is None else repr(float(damping))}
+    attributes = {key: word for key, word in words.items() if word is not None}
+    return _with_simulation(data, changes, attributes) if changes or attributes else data
 
 
-def _with_times(data: bytes, changes: dict[str, float]) -> bytes:
-    """The document with the text of some children of ``<simulation>`` replaced [sec]."""
+def _with_simulation(data: bytes, changes: dict[str, float], attributes: dict[str, str]) -> bytes:
+    """The document with some children of ``<simulation>`` [sec] and attributes replaced."""
     root = parse_with_comments(data)
+    for simulation in root.iterfind("simulation"):
+        for key, word in attributes.items():
+            simulation.set(key, word)
     for tag, value in changes.items():
         for element in root.iterfind(f"simulation/{tag}"):
             tail = element.tail

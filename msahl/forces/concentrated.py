@@ -72,7 +72,7 @@ def residual(
     group: ConcentratedLoads,
     start: ConcentratedStart,
     bodies: Bodies,
-    half_h2: float,
+    reach: float,
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
@@ -82,7 +82,7 @@ def residual(
         r = mean(bodies, Z, b, at(start.r, k))
         f = mean(bodies, Z, group.f_axes[k], at(start.f, k))
         m = mean(bodies, Z, group.m_axes[k], at(start.m, k))
-        push(bodies, half_h2, F, b, f, add(cross(r, f), m))
+        push(bodies, reach, F, b, f, add(cross(r, f), m))
 
 
 @kernel
@@ -90,7 +90,7 @@ def jacobian(
     group: ConcentratedLoads,
     start: ConcentratedStart,
     bodies: Bodies,
-    half_h2: float,
+    reach: float,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
@@ -104,7 +104,7 @@ def jacobian(
         by_lever = product(skew(r), by_force)
         by_moment = end_tangent(bodies, Z, axes_m, at(start.m, k))
         # The mean moves by half of the end, and push takes c F from the rows: + c/2.
-        c = 0.5 * half_h2 * bodies.inverse_mass[b]
+        c = 0.5 * reach * bodies.inverse_mass[b]
         c_turn = c / bodies.length[b]
         for i in range(3):
             for j in range(3):
@@ -140,6 +140,6 @@ def free_acceleration(
     """Add the loads to the rows of their bodies."""
     for k in range(group.body.size):
         f = at(start.f, k)
-        # half_h2 = 1: rows of the acceleration problem; push takes, so the signs turn.
+        # reach = 1: rows of the acceleration problem; push takes, so the signs turn.
         moment = sub(cross(f, at(start.r, k)), at(start.m, k))
         push(bodies, 1.0, F, group.body[k], scale(-1.0, f), moment)

@@ -61,13 +61,19 @@ def drag(c: float, V: Vector) -> Vector:
 
 @kernel
 def residual(
-    drags: Drags, arm: np.ndarray, bodies: Bodies, h: float, Z: np.ndarray, F: np.ndarray
+    drags: Drags,
+    arm: np.ndarray,
+    bodies: Bodies,
+    h: float,
+    reach: float,
+    Z: np.ndarray,
+    F: np.ndarray,
 ) -> None:
     """Take the drags from the rows of their bodies."""
     for k in range(drags.body.size):
         b = drags.body[k]
         f = drag(drags.coefficient[k], scale(1.0 / h, displacement(drags, arm, bodies, Z, k)))
-        push(bodies, 0.5 * h * h, F, b, f, cross(mean(bodies, Z, b, at(arm, k)), f))
+        push(bodies, reach, F, b, f, cross(mean(bodies, Z, b, at(arm, k)), f))
 
 
 @kernel
@@ -86,7 +92,13 @@ def drag_slope(c: float, V: Vector) -> Matrix:
 
 @kernel
 def jacobian(
-    drags: Drags, arm: np.ndarray, bodies: Bodies, h: float, Z: np.ndarray, values: np.ndarray
+    drags: Drags,
+    arm: np.ndarray,
+    bodies: Bodies,
+    h: float,
+    reach: float,
+    Z: np.ndarray,
+    values: np.ndarray,
 ) -> None:
     """Add the derivatives."""
     for k in range(drags.body.size):
@@ -96,7 +108,7 @@ def jacobian(
         T = end_tangent(bodies, Z, b, at(arm, k))
         r = skew(mean(bodies, Z, b, at(arm, k)))
         by_Q = product(by_V, T)
-        c = 0.5 * h * h * bodies.inverse_mass[b]
+        c = reach * bodies.inverse_mass[b]
         c_turn = c / bodies.length[b]
         lever = product(skew(drag(drags.coefficient[k], V)), T)
         add_block(values, drags.block[k, 0], -c / h, by_V)

@@ -42,7 +42,9 @@ def residual(frictions: Frictions, reactions: np.ndarray, start: QuantityStart, 
     """Add the frictions, under the predicted ``reactions`` (j, 6), to their quantities' loads."""
     for f in range(frictions.quantity.size):
         q = frictions.quantity[f]
-        start.load[q] += load(frictions, reactions, f, start.change[q] / h)[0]
+        press, _ = load(frictions, reactions, f, start.change[q] / h)
+        start.load[q] += press
+        start.size[q] += abs(press)
 
 
 @kernel
@@ -63,13 +65,14 @@ def jacobian(
     start: QuantityStart,
     bodies: Bodies,
     h: float,
+    reach: float,
     values: np.ndarray,
 ) -> None:
     """Add the derivatives of the loads."""
     for f in range(frictions.quantity.size):
         q = frictions.quantity[f]
         slope = load(frictions, reactions, f, start.change[q] / h)[1] / h
-        add_spring(quantities, start, bodies, 0.5 * h * h, q, slope, values)
+        add_spring(quantities, start, bodies, reach, q, slope, values)
 
 
 @kernel

@@ -4,6 +4,8 @@
     over a step:  -(V(q1) - V(q0)) / (q1 - q0) - c (q1 - q0)/h ,   dV/dq = T
 
 The quotient gives the bodies exactly what the elastic energy loses; the damper takes c (dq/h)^2 h.
+A decaying scheme adds  chi/2 k (dq - s),  s the smoothed change of q, to T, as it does to the
+bodies' velocities (``bodies.rigid``); k of a table is its steepest rise.
 The load acts through the quantity's own unit force, so a two-point spring pulls along its line, a
 torsional one turns about its axis.
 """
@@ -16,7 +18,7 @@ from msahl.bodies.rigid import Bodies
 from msahl.joints.quantity import Quantities, QuantityStart, add_spring
 from msahl.joints.rows import SAME
 from msahl.kernel import kernel
-from msahl.law import Laws, evaluate, integral
+from msahl.law import Laws, evaluate, mean
 
 
 class Springs(NamedTuple):
@@ -29,15 +31,16 @@ class Springs(NamedTuple):
     free: np.ndarray  # (s,) q_free, where the tension is the preload
     preload: np.ndarray  # (s,)
     table: np.ndarray  # (s,) law T(q) in place of preload and k, or -1
+    decay: np.ndarray  # (s,) chi/2 k
 
 
 @kernel
 def potential_change(springs: Springs, laws: Laws, s: int, q0: float, q1: float) -> float:
     """V(q1) - V(q0) [J], for q counted from the origin."""
     if springs.table[s] >= 0:
-        return integral(laws, springs.table[s], q0, q1)
-    mean = 0.5 * (q0 + q1) - springs.free[s]
-    return (springs.preload[s] + springs.stiffness[s] * mean) * (q1 - q0)
+        return mean(laws, springs.table[s], q0, q1 - q0) * (q1 - q0)
+    stretch = 0.5 * (q0 + q1) - springs.free[s]
+    return (springs.preload[s] + springs.stiffness[s] * stretch) * (q1 - q0)
 
 
 @kernel
@@ -52,22 +55,24 @@ def tension(springs: Springs, laws: Laws, s: int, q0: float, dq: float) -> tuple
     if springs.table[s] < 0:
         k = springs.stiffness[s]
         return springs.preload[s] + k * (q0 + 0.5 * dq - springs.free[s]), 0.5 * k
-    if abs(dq) < SAME:
-        value, slope, _ = evaluate(laws, springs.table[s], q0 + 0.5 * dq)
-        return value, 0.5 * slope
-    mean = integral(laws, springs.table[s], q0, q0 + dq) / dq
-    end, _, _ = evaluate(laws, springs.table[s], q0 + dq)
-    return mean, (end - mean) / dq
+    value = mean(laws, springs.table[s], q0, dq)
+    end, slope, _ = evaluate(laws, springs.table[s], q0 + dq)
+    return value, 0.5 * slope if abs(dq) < SAME else (end - value) / dq
 
 
 @kernel
-def residual(springs: Springs, laws: Laws, start: QuantityStart, h: float) -> None:
-    """Add the springs to the loads of their quantities."""
+def residual(
+    springs: Springs, laws: Laws, start: QuantityStart, stretch: np.ndarray, h: float
+) -> None:
+    """Add the springs to the loads of their quantities; ``stretch`` (s,) is s of each."""
     for s in range(springs.quantity.size):
         q = springs.quantity[s]
         dq = start.change[q]
-        T, _ = tension(springs, laws, s, start.value[q] - springs.origin[s], dq)
-        start.load[q] -= T + springs.damping[s] * dq / h
+        T, slope = tension(springs, laws, s, start.value[q] - springs.origin[s], dq)
+        lag = springs.damping[s] * dq / h + springs.decay[s] * (dq - stretch[s])
+        start.load[q] -= T + lag
+        # A tension that vanishes in the mean is large at both ends.
+        start.size[q] += abs(T) + abs(slope * dq) + abs(lag)
 
 
 @kernel
@@ -78,6 +83,7 @@ def jacobian(
     start: QuantityStart,
     bodies: Bodies,
     h: float,
+    reach: float,
     values: np.ndarray,
 ) -> None:
     """Add the derivatives of the loads."""
@@ -85,8 +91,8 @@ def jacobian(
         q = springs.quantity[s]
         q0 = start.value[q] - springs.origin[s]
         _, slope = tension(springs, laws, s, q0, start.change[q])
-        slope = -slope - springs.damping[s] / h
-        add_spring(quantities, start, bodies, 0.5 * h * h, q, slope, values)
+        slope = -slope - springs.damping[s] / h - springs.decay[s]
+        add_spring(quantities, start, bodies, reach, q, slope, values)
 
 
 @kernel
@@ -106,6 +112,17 @@ def work(
     for s in range(springs.quantity.size):
         dq = start.change[springs.quantity[s]]
         total[column[s]] -= springs.damping[s] * dq * dq / h
+
+
+@kernel
+def smooth(springs: Springs, start: QuantityStart, pole: float, stretch: np.ndarray) -> float:
+    """Take the changes of the springs' quantities into the smoothed ones; the energy lost [J]."""
+    loss = 0.0
+    for s in range(springs.quantity.size):
+        dq = start.change[springs.quantity[s]]
+        loss += springs.decay[s] * (dq - stretch[s]) * dq
+        stretch[s] = pole * stretch[s] + (1.0 - pole) * dq
+    return loss
 
 
 @kernel

@@ -39,6 +39,7 @@ class AlongStart(NamedTuple):
     rate: np.ndarray  # (q,) rates at the start
     reactions: np.ndarray  # (j, 6) joints' reactions predicted for the step
     elastic: np.ndarray  # (s,) elastic energies at the start [J]
+    stretch: np.ndarray  # (s,) smoothed changes of the springs' quantities, the state's own
 
 
 @kernel
@@ -68,6 +69,7 @@ def residual(
     gap: np.ndarray,
     t: float,
     h: float,
+    reach: float,
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
@@ -76,10 +78,10 @@ def residual(
         return
     q = start.quantities
     quantity.evaluate(along.quantities, q, bodies, Z)
-    rows.residual(along.rows, along.laws, q, bodies, gap, t, h, Z, F)
-    spring.residual(along.springs, along.laws, q, h)
+    rows.residual(along.rows, along.laws, q, bodies, gap, t, h, reach, Z, F)
+    spring.residual(along.springs, along.laws, q, start.stretch, h)
     friction.residual(along.frictions, start.reactions, q, h)
-    quantity.push(along.quantities, q, bodies, 0.5 * h * h, F)
+    quantity.push(along.quantities, q, bodies, reach, F)
 
 
 @kernel
@@ -87,16 +89,16 @@ def joint_jacobian(
     along: Along | None,
     start: AlongStart,
     bodies: Bodies,
-    h: float,
+    reach: float,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
     """Add the blocks of the rows, after ``residual`` at ``Z``."""
     if along is None:
         return
-    q, half_h2 = start.quantities, 0.5 * h * h
+    q = start.quantities
     quantity.differentiate(along.quantities, q, bodies, Z)
-    rows.jacobian(along.rows, along.laws, along.quantities, q, bodies, half_h2, Z, values)
+    rows.jacobian(along.rows, along.laws, along.quantities, q, bodies, reach, Z, values)
 
 
 @kernel
@@ -105,6 +107,7 @@ def force_jacobian(
     start: AlongStart,
     bodies: Bodies,
     h: float,
+    reach: float,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
@@ -112,9 +115,10 @@ def force_jacobian(
     if along is None:
         return
     q = start.quantities
-    spring.jacobian(along.springs, along.laws, along.quantities, q, bodies, h, values)
-    friction.jacobian(along.frictions, start.reactions, along.quantities, q, bodies, h, values)
-    quantity.stiffness(along.quantities, q, bodies, 0.5 * h * h, Z, values)
+    springs, quantities = along.springs, along.quantities
+    spring.jacobian(springs, along.laws, quantities, q, bodies, h, reach, values)
+    friction.jacobian(along.frictions, start.reactions, quantities, q, bodies, h, reach, values)
+    quantity.stiffness(quantities, q, bodies, reach, Z, values)
 
 
 @kernel
@@ -124,6 +128,7 @@ def accept(
     bodies: Bodies,
     t: float,
     h: float,
+    reach: float,
     Z: np.ndarray,
     angle: np.ndarray,
     work: np.ndarray,
@@ -134,9 +139,40 @@ def accept(
     q = start.quantities
     spring.work(along.springs, q, h, along.spring_column, work)
     friction.work(along.frictions, start.reactions, q, h, along.friction_column, work)
-    rows.work(along.rows, along.laws, bodies, t, h, Z, along.row_column, work)
+    rows.work(along.rows, along.laws, bodies, t, h, reach, Z, along.row_column, work)
     for k in range(angle.size):
         angle[k] = q.value[k] + q.change[k]
+
+
+@kernel
+def relief(along: Along | None, start: AlongStart, node: int, step: float) -> float:
+    """By how much a row of ``node`` may be worse than one of the size ``step`` [m], as a factor:
+    loads along quantities, such as stiff springs, may be larger, and no row is known better than
+    its largest part. After ``residual``.
+    """
+    if along is None:
+        return 1.0
+    return step / max(step, start.quantities.pull[node])
+
+
+@kernel
+def smooth(along: Along | None, start: AlongStart, pole: float) -> float:
+    """Energy [J] that a decaying scheme took from the springs over the accepted step."""
+    if along is None:
+        return 0.0
+    return spring.smooth(along.springs, start.quantities, pole, start.stretch)
+
+
+@kernel
+def follow(
+    along: Along | None, reaction: np.ndarray, trend: np.ndarray, old: float, new: float
+) -> None:
+    """Set the reactions' ``trend`` (j, 6) to ``old`` times itself and ``new`` times them."""
+    if along is None:
+        return
+    for j in range(reaction.shape[0]):
+        for i in range(6):
+            trend[j, i] = old * trend[j, i] + new * reaction[j, i]
 
 
 @kernel

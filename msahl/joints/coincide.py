@@ -68,18 +68,18 @@ def residual(
     group: Coincide,
     start: CoincideStart,
     bodies: Bodies,
-    half_h2: float,
+    reach: float,
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
     """Take the joint force from the bodies' rows and set the gap's."""
     for k in range(group.a.size):
         a, b = group.a[k], group.b[k]
-        force = scale(group.mass[k] / half_h2, at(Z, group.row[k]))
+        force = scale(group.mass[k] / reach, at(Z, group.row[k]))
         mean_a = mean(bodies, Z, a, at(start.r_a, k))
         mean_b = mean(bodies, Z, b, at(start.r_b, k))
-        push(bodies, half_h2, F, a, scale(-1.0, force), cross(force, mean_a))
-        push(bodies, half_h2, F, b, force, cross(mean_b, force))
+        push(bodies, reach, F, a, scale(-1.0, force), cross(force, mean_a))
+        push(bodies, reach, F, b, force, cross(mean_b, force))
         dr_a = turn_change(turn_of(bodies, Z, a), at(start.r_a, k))
         dr_b = turn_change(turn_of(bodies, Z, b), at(start.r_b, k))
         moved = sub(add(at(Z, 2 * b), dr_b), add(at(Z, 2 * a), dr_a))
@@ -91,13 +91,13 @@ def jacobian(
     group: Coincide,
     start: CoincideStart,
     bodies: Bodies,
-    half_h2: float,
+    reach: float,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
     """Add the blocks that change with the turns and the force."""
     for k in range(group.a.size):
-        force = scale(group.mass[k] / half_h2, at(Z, group.row[k]))
+        force = scale(group.mass[k] / reach, at(Z, group.row[k]))
         for side in range(2):
             b = group.a[k] if side == 0 else group.b[k]
             r0 = at(start.r_a, k) if side == 0 else at(start.r_b, k)
@@ -111,7 +111,7 @@ def jacobian(
                     ij = 3 * i + j
                     values[group.gap_by_turn[k, side] + ij] = -sign * T[i][j]
                     values[group.moment_by_force[k, side] + ij] = -c * group.mass[k] * arm[i][j]
-                    values[group.moment_by_turn[k, side] + ij] -= 0.5 * half_h2 * c * lever[i][j]
+                    values[group.moment_by_turn[k, side] + ij] -= 0.5 * reach * c * lever[i][j]
 
 
 @kernel

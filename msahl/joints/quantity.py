@@ -54,6 +54,8 @@ class QuantityStart(NamedTuple):
     force: np.ndarray  # (q, 4, 3) unit force on the four parts: -f, t_A, f, t_B
     slope: np.ndarray  # (q, 4, 3) derivative of the change by the four parts' unknowns
     load: np.ndarray  # (q,) force or moment along q, gathered from all that act on it
+    size: np.ndarray  # (q,) of the loads' largest terms, which may cancel
+    pull: np.ndarray  # (nodes,) largest of such terms in the rows of a node [m]
 
 
 @kernel
@@ -94,11 +96,11 @@ def skew_gap(m: np.ndarray, k: int, L: float) -> float:
 
 @kernel
 def evaluate(group: Quantities, start: QuantityStart, bodies: Bodies, Z: np.ndarray) -> None:
-    """Fill changes, weights and unit forces at ``Z``, and clear the loads."""
+    """Fill changes, weights and unit forces at ``Z``, and clear the loads and their sizes."""
     m = start.measures
     measure.evaluate(group.measures, m, bodies, Z)
     for q in range(group.kind.size):
-        start.load[q] = 0.0
+        start.load[q] = start.size[q] = 0.0
         _weigh(group, start, q)
         first = group.first[q]
         for i in range(3):
@@ -135,23 +137,27 @@ def differentiate(group: Quantities, start: QuantityStart, bodies: Bodies, Z: np
 
 @kernel
 def push(
-    group: Quantities, start: QuantityStart, bodies: Bodies, half_h2: float, F: np.ndarray
+    group: Quantities, start: QuantityStart, bodies: Bodies, reach: float, F: np.ndarray
 ) -> None:
     """Take the gathered loads from the rows of the bodies."""
+    for node in range(start.pull.size):
+        start.pull[node] = 0.0
     for q in range(group.kind.size):
         for part in range(PARTS):
-            c = row_factor(group, bodies, half_h2, q, part) * start.load[q]
+            c = row_factor(group, bodies, reach, q, part)
             node = part_node(group, q, part)
             for i in range(3):
-                F[node, i] += c * start.force[q, part, i]
+                arm = c * start.force[q, part, i]
+                F[node, i] += arm * start.load[q]
+                start.pull[node] = max(start.pull[node], abs(arm) * start.size[q])
 
 
 @kernel
-def row_factor(group: Quantities, bodies: Bodies, half_h2: float, q: int, part: int) -> float:
+def row_factor(group: Quantities, bodies: Bodies, reach: float, q: int, part: int) -> float:
     """What a unit force on a ``part`` takes from its rows (see ``rigid.push``)."""
     first = group.first[q]
     body = group.measures.a[first] if part < U_B else group.measures.b[first]
-    c = -half_h2 * bodies.inverse_mass[body]
+    c = -reach * bodies.inverse_mass[body]
     return c if part % 2 == U_A else c / bodies.length[body]
 
 
@@ -168,7 +174,7 @@ def stiffness(
     group: Quantities,
     start: QuantityStart,
     bodies: Bodies,
-    half_h2: float,
+    reach: float,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
@@ -178,10 +184,10 @@ def stiffness(
         if load == 0.0:
             continue
         c = (
-            load * row_factor(group, bodies, half_h2, q, U_A),
-            load * row_factor(group, bodies, half_h2, q, Q_A),
-            load * row_factor(group, bodies, half_h2, q, U_B),
-            load * row_factor(group, bodies, half_h2, q, Q_B),
+            load * row_factor(group, bodies, reach, q, U_A),
+            load * row_factor(group, bodies, reach, q, Q_A),
+            load * row_factor(group, bodies, reach, q, U_B),
+            load * row_factor(group, bodies, reach, q, Q_B),
         )
         first = group.first[q]
         for k in range(first, group.first[q + 1]):
@@ -248,7 +254,7 @@ def add_spring(
     group: Quantities,
     start: QuantityStart,
     bodies: Bodies,
-    half_h2: float,
+    reach: float,
     q: int,
     slope: float,
     values: np.ndarray,
@@ -256,7 +262,7 @@ def add_spring(
     """Add what a load with the derivative ``slope`` by q's end value contributes."""
     force, row = start.force, start.slope
     for p in range(PARTS):
-        c = slope * row_factor(group, bodies, half_h2, q, p)
+        c = slope * row_factor(group, bodies, reach, q, p)
         for r in range(PARTS):
             at_block = group.block[q, 4 * p + r]
             if at_block > 0:

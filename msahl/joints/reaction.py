@@ -36,8 +36,10 @@ class Reactions(NamedTuple):
 
 
 @kernel
-def prepare(group: Reactions, R: np.ndarray, r: np.ndarray) -> None:
-    """Carry the arms into inertial axes (j, 3)."""
+def prepare(group: Reactions, along: Along | None, R: np.ndarray, r: np.ndarray) -> None:
+    """Carry the arms into inertial axes (j, 3); points alone exert no moments."""
+    if along is None:
+        return
     for j in range(group.child.size):
         put(r, j, times(matrix_at(R, group.child[j]), at(group.s, j)))
 
@@ -56,6 +58,11 @@ def gather(
     """Set ``out`` (j, 6) from the ``multipliers`` (k, 3), by their nodes, of the step solved by
     ``Z``; ``arms`` (j, 3) are those of the joints' points at its start.
     """
+    if along is None:
+        for j in range(group.child.size):
+            for i in range(3):
+                out[j, i] = multipliers[group.coincide[j], i]
+        return
     for j in range(group.child.size):
         force, moment = _of_rows(group, along, start, multipliers, j)
         arm = mean(bodies, Z, group.child[j], at(arms, j))
@@ -69,12 +76,10 @@ def gather(
 
 @kernel
 def _of_rows(
-    group: Reactions, along: Along | None, start: AlongStart, multipliers: np.ndarray, j: int
+    group: Reactions, along: Along, start: AlongStart, multipliers: np.ndarray, j: int
 ) -> tuple[Vector, Vector]:
     """Force of joint ``j``'s rows on the child, and their moment about its mass centre."""
     force, moment = ZERO, ZERO
-    if along is None:
-        return force, moment
     for r in range(group.first_row[j], group.first_row[j + 1]):
         lam = multipliers[along.rows.place[r, 0], along.rows.place[r, 1]]
         for side in range(2):

@@ -74,10 +74,10 @@ def law_change(rows: Rows, laws: Laws, r: int, t: float, h: float) -> float:
 
 
 @kernel
-def multiplier(rows: Rows, bodies: Bodies, half_h2: float, Z: np.ndarray, r: int) -> float:
+def multiplier(rows: Rows, bodies: Bodies, reach: float, Z: np.ndarray, r: int) -> float:
     """lam [N, or N m for a row in radians]."""
     node = 2 * bodies.inverse_mass.size + rows.place[r, 0]
-    return Z[node, rows.place[r, 1]] * rows.mass[r] * rows.scale[r] / half_h2
+    return Z[node, rows.place[r, 1]] * rows.mass[r] * rows.scale[r] / reach
 
 
 @kernel
@@ -89,13 +89,13 @@ def residual(
     gap: np.ndarray,
     t: float,
     h: float,
+    reach: float,
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
     """Set the rows; add the multipliers to the quantities' loads."""
-    half_h2 = 0.5 * h * h
     for r in range(rows.function.size):
-        lam = multiplier(rows, bodies, half_h2, Z, r)
+        lam = multiplier(rows, bodies, reach, Z, r)
         node, slot = rows.place[r, 0], rows.place[r, 1]
         total = -law_change(rows, laws, r, t, h)
         for side in range(2):
@@ -104,6 +104,7 @@ def residual(
                 change, c, _, _ = coefficients(rows, laws, start, r, side)
                 total += change
                 start.load[q] += lam * c
+                start.size[q] += abs(lam * c)
         F[2 * bodies.inverse_mass.size + node, slot] = gap[node, slot] + rows.scale[r] * total
 
 
@@ -114,15 +115,15 @@ def jacobian(
     quantities: Quantities,
     start: QuantityStart,
     bodies: Bodies,
-    half_h2: float,
+    reach: float,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
     """Add the rows' blocks, after ``quantity.evaluate`` and ``differentiate``."""
     for r in range(rows.function.size):
-        lam = multiplier(rows, bodies, half_h2, Z, r)
+        lam = multiplier(rows, bodies, reach, Z, r)
         slot = rows.place[r, 1]
-        by_unknown = rows.mass[r] * rows.scale[r] / half_h2
+        by_unknown = rows.mass[r] * rows.scale[r] / reach
         for side in range(2):
             q = rows.quantity[r, side]
             if q < 0:
@@ -132,12 +133,12 @@ def jacobian(
                 down, right = rows.force_block[r, side, part], rows.gap_block[r, side, part]
                 if down <= 0:
                     continue
-                factor = c * by_unknown * row_factor(quantities, bodies, half_h2, q, part)
+                factor = c * by_unknown * row_factor(quantities, bodies, reach, q, part)
                 for i in range(3):
                     values[down + 3 * i + slot] += factor * start.force[q, part, i]
                     values[right + 3 * slot + i] += rows.scale[r] * slope * start.slope[q, part, i]
             if curve != 0.0:
-                add_spring(quantities, start, bodies, half_h2, q, lam * curve, values)
+                add_spring(quantities, start, bodies, reach, q, lam * curve, values)
 
 
 @kernel
@@ -231,6 +232,7 @@ def work(
     bodies: Bodies,
     t: float,
     h: float,
+    reach: float,
     Z: np.ndarray,
     column: np.ndarray,
     total: np.ndarray,
@@ -238,5 +240,5 @@ def work(
     """Add the drives' work [J] over the step to their ``column`` of ``total``."""
     for r in range(rows.function.size):
         if rows.law[r] >= 0:
-            lam = multiplier(rows, bodies, 0.5 * h * h, Z, r)
+            lam = multiplier(rows, bodies, reach, Z, r)
             total[column[r]] += lam * law_change(rows, laws, r, t, h)

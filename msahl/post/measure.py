@@ -20,7 +20,7 @@ from msahl.model import Drive, Model
 from msahl.post.rows import Rows, observe
 from msahl.post.virtual import child_work, reaction_work
 from msahl.results.read import Run
-from msahl.system.names import FORCE_COLUMNS, MOMENT_COLUMNS
+from msahl.system.names import FORCE_COLUMNS, MOMENT_COLUMNS, workers
 
 ROUND_OFF = 1e-12
 """An E(1) below this part of the largest energy in the run is a zero with round-off in it."""
@@ -227,7 +227,7 @@ def _speed(run: Run, energy: Energy) -> float:
 
 
 def _loads(run: Run) -> Loads:
-    names = tuple(element.name for element in (*run.model.loads, *run.model.motions))
+    names = workers(run.model)
     work, elastic = np.full((2, len(run.time), len(names)), np.nan)
     for i, name in enumerate(names):
         assert run.work is not None

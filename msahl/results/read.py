@@ -12,7 +12,7 @@ import pandas as pd
 from msahl.deck import read_deck
 from msahl.model import Model
 from msahl.results.write import PART
-from msahl.system.names import reaction_columns, state_columns, work_columns
+from msahl.system.names import reaction_columns, state_columns, work_columns, workers
 
 
 class ResultError(Exception):
@@ -60,7 +60,7 @@ def read_run(folder: Path) -> Run:
     columns = {"states.csv": state_columns(model)}
     if model.joints or model.couplings or model.motions:
         columns["reactions.csv"] = reaction_columns(model)
-    if model.loads or model.motions:
+    if workers(model):
         columns["work.csv"] = work_columns(model)
     tables = {name: _table(folder, name, header) for name, header in columns.items()}
     # A run cut off by force may have written more of one table than of another.

@@ -13,7 +13,7 @@ import numpy as np
 import orjson
 
 from msahl.model import Model
-from msahl.system.names import reaction_columns, state_columns, work_columns
+from msahl.system.names import reaction_columns, state_columns, work_columns, workers
 
 PART = ".part"
 
@@ -55,7 +55,7 @@ class RunFolder:
             reaction_columns(model),
             bool(model.joints or model.couplings or model.motions),
         )
-        self.work = self._table("work.csv", work_columns(model), bool(model.loads or model.motions))
+        self.work = self._table("work.csv", work_columns(model), bool(workers(model)))
 
     def _table(self, name: str, columns: list[str], needed: bool) -> Table | None:
         return Table(self.folder / name, columns) if needed else None

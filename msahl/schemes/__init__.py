@@ -1,4 +1,43 @@
-"""Time elements: how one step follows from the last."""
+"""Time elements: how one step follows from the last.
 
-SCHEMES = ("preserving",)
-"""Names of the schemes a run can choose; the first is the default."""
+All that there are make one family (``schemes.preserving``), from the one that keeps the energy to
+the one that takes it from all that is quicker than the step.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+
+class Decay(NamedTuple):
+    """How a scheme decays: u = h ((v0 + v1)/2 + chi/2 (v1 - v0 - s)), s the smoothed change of v.
+
+    ``share`` is (1 + chi)/2, what an acceleration over the step moves, in parts of h^2; ``pole`` is
+    how much of s one step hands to the next.
+    """
+
+    share: float
+    chi: float
+    pole: float
+
+
+def decaying(damping: float) -> Decay:
+    """The scheme whose factor for the quickest motions is -(1 - ``damping``) a step.
+
+    For a linear oscillator it is the two-step method of order 2 with sigma(z) ~ (z + rho)^2, rho =
+    1 - damping: the trapezoidal rule for 0, Gear's BDF2 for 1. See ``docs/theory.md``.
+    """
+    rho = 1.0 - damping
+    chi = (1.0 - rho) ** 2 / ((3.0 - rho) * (1.0 + rho))
+    return Decay(share=0.5 * (1.0 + chi), chi=chi, pole=(1.0 - 3.0 * rho) / (3.0 - rho))
+
+
+SCHEMES: dict[str, Callable[[float], Decay]] = {
+    "preserving": lambda damping: decaying(0.0),
+    "decaying": decaying,
+}
+"""Schemes a run can choose, by name, as functions of the damping; the first is the default."""
+DEFAULT = next(iter(SCHEMES))
+DAMPING = 0.5
+"""Damping of a decaying scheme where none is given: 0 none, 1 all, of the quickest in one step."""
+WORKER = "scheme"
+"""Name that the work of a decaying scheme goes by; loads and motions cannot have it."""

@@ -1,4 +1,4 @@
-"""The energy-preserving time element: Hamilton's weak principle at lowest order.
+"""The time element: Hamilton's weak principle at lowest order.
 
     x1 - x0 = h (v0 + v1)/2                    (a)   used up: v1 = 2 u/h - v0
     Q       = h (W0 + W1)/2  in body axes      (b)   used up: w1 = 2 R0^T Q/h - w0
@@ -8,9 +8,11 @@
 Unknowns of a step are lengths [m]: the displacements u, the turns l Q, the multipliers lam h^2/2m;
 rows are lengths too. So the Jacobian tends to a limit as h -> 0, and a residual is judged against
 the size of the step's own motion. Forces are discrete gradients: a conservative scene keeps its
-energy to the residual, at any h. Source: Hainge 2010, chapter II; Borri, Mello, Atluri 1991;
-Bottasso, Dopico, Trainelli, On the optimal scaling of index three DAEs, Multibody Syst. Dyn. 19
-(2008), for the scaling.
+energy to the residual, at any h. With a ``Decay`` (a), (b) and the springs take energy from what is
+quick against the step (``bodies.rigid``, ``forces.spring``), h^2/2 becomes ``reach``, and what has
+been taken is the last of the state's work. Source: Hainge 2010, chapter II; Borri, Mello, Atluri
+1991; Bottasso, Dopico, Trainelli, On the optimal scaling of index three DAEs, Multibody Syst. Dyn.
+19 (2008), for the scaling; the decay is ours.
 """
 
 import numpy as np
@@ -25,15 +27,30 @@ from msahl.vector import add, at, axpy, matrix_at, put, scale, sub, times, trans
 
 
 @kernel
+def reach(system: System, h: float) -> float:
+    """What an acceleration over the step moves, in s^2: h^2/2, more with a decaying scheme."""
+    return system.decay.share * h * h
+
+
+@kernel
 def prepare(system: System, state: State, start: Start) -> None:
     """Fill ``start`` from the accepted ``state``."""
-    rigid.prepare(system.bodies, state.p, state.v, state.w, start.bodies)
+    rigid.prepare(
+        system.bodies,
+        state.p,
+        state.v,
+        state.w,
+        state.v_rise,
+        state.w_rise,
+        system.decay.chi,
+        start.bodies,
+    )
     R = start.bodies.R
     coincide.prepare(system.coincide, R, start.coincide)
     along.prepare(
         system.along, state.x, R, state.angle, state.reaction, state.reaction_trend, start.along
     )
-    reaction.prepare(system.reactions, R, start.reaction_arms)
+    reaction.prepare(system.reactions, system.along, R, start.reaction_arms)
     drag.prepare(system.drags, R, start.drag_arms)
 
 
@@ -43,21 +60,21 @@ def predict(system: System, state: State, start: Start, h: float, Z: np.ndarray)
 
     Also sets the loads to their size in the middle of the step.
     """
-    half_h2 = 0.5 * h * h
+    h2 = reach(system, h)
     bodies = system.bodies
     g = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
     for b in range(bodies.inverse_mass.size - 1):
         # Exact where nothing but gravity acts: that displacement need not be solved for.
         a = g if bodies.ballistic[b] else add(at(state.a, b), at(state.a_trend, b))
-        put(Z, 2 * b, axpy(h, at(start.bodies.v, b), scale(half_h2, a)))
+        put(Z, 2 * b, axpy(h, at(start.bodies.v_go, b), scale(h2, a)))
         alpha = add(at(state.alpha, b), at(state.alpha_trend, b))
-        turn = axpy(h, at(start.bodies.W, b), scale(half_h2, alpha))
+        turn = axpy(h, at(start.bodies.W_go, b), scale(h2, alpha))
         put(Z, 2 * b + 1, scale(bodies.length[b], turn))
     first = 2 * bodies.inverse_mass.size
     for k in range(state.force.shape[0]):
         for i in range(3):
             guess = state.force[k, i] + state.force_trend[k, i]
-            Z[first + k, i] = guess * half_h2 / system.unit[k, i]
+            Z[first + k, i] = guess * h2 / system.unit[k, i]
     time = state.time[0] + 0.5 * h
     concentrated.prepare(system.loads, system.laws, time, start.bodies.R, start.loads)
 
@@ -67,13 +84,13 @@ def residual(
     system: System, state: State, start: Start, h: float, Z: np.ndarray, F: np.ndarray
 ) -> None:
     """Set ``F`` (nodes, 3) to the rows of the step's equations at ``Z`` [m]."""
-    half_h2 = 0.5 * h * h
-    bodies = system.bodies
-    rigid.residual(bodies, start.bodies, h, Z, F)
-    coincide.residual(system.coincide, start.coincide, bodies, half_h2, Z, F)
-    along.residual(system.along, start.along, bodies, state.gap, state.time[0], h, Z, F)
-    concentrated.residual(system.loads, start.loads, bodies, half_h2, Z, F)
-    drag.residual(system.drags, start.drag_arms, bodies, h, Z, F)
+    h2 = reach(system, h)
+    bodies, t = system.bodies, state.time[0]
+    rigid.residual(bodies, start.bodies, h, h2, Z, F)
+    coincide.residual(system.coincide, start.coincide, bodies, h2, Z, F)
+    along.residual(system.along, start.along, bodies, state.gap, t, h, h2, Z, F)
+    concentrated.residual(system.loads, start.loads, bodies, h2, Z, F)
+    drag.residual(system.drags, start.drag_arms, bodies, h, h2, Z, F)
 
 
 @kernel
@@ -81,11 +98,12 @@ def joint_jacobian(
     system: System, start: Start, h: float, Z: np.ndarray, values: np.ndarray
 ) -> None:
     """Set the block ``values`` to the derivative of inertia and joints, after ``residual``."""
+    h2 = reach(system, h)
     for i in range(values.size):
         values[i] = system.constant[i]
-    rigid.jacobian(system.bodies, start.bodies, h, Z, values)
-    coincide.jacobian(system.coincide, start.coincide, system.bodies, 0.5 * h * h, Z, values)
-    along.joint_jacobian(system.along, start.along, system.bodies, h, Z, values)
+    rigid.jacobian(system.bodies, start.bodies, h, h2, Z, values)
+    coincide.jacobian(system.coincide, start.coincide, system.bodies, h2, Z, values)
+    along.joint_jacobian(system.along, start.along, system.bodies, h2, Z, values)
 
 
 @kernel
@@ -94,9 +112,10 @@ def jacobian(system: System, start: Start, h: float, Z: np.ndarray, values: np.n
     at the same ``Z``.
     """
     joint_jacobian(system, start, h, Z, values)
-    along.force_jacobian(system.along, start.along, system.bodies, h, Z, values)
-    concentrated.jacobian(system.loads, start.loads, system.bodies, 0.5 * h * h, Z, values)
-    drag.jacobian(system.drags, start.drag_arms, system.bodies, h, Z, values)
+    h2 = reach(system, h)
+    along.force_jacobian(system.along, start.along, system.bodies, h, h2, Z, values)
+    concentrated.jacobian(system.loads, start.loads, system.bodies, h2, Z, values)
+    drag.jacobian(system.drags, start.drag_arms, system.bodies, h, h2, Z, values)
 
 
 @kernel
@@ -104,7 +123,7 @@ def step_size(system: System, start: Start, h: float, Z: np.ndarray) -> float:
     """The step's own length [m], by which a residual is judged: its largest term."""
     largest = 0.0
     for i in range(3):
-        largest = max(largest, 0.5 * h * h * abs(system.bodies.gravity[i]))
+        largest = max(largest, reach(system, h) * abs(system.bodies.gravity[i]))
     for b in range(system.bodies.inverse_mass.size - 1):
         for i in range(3):
             largest = max(largest, h * abs(start.bodies.v[b, i]))
@@ -120,30 +139,39 @@ def accept(
     system: System, state: State, start: Start, h: float, Z: np.ndarray, F: np.ndarray
 ) -> None:
     """Advance ``state`` by the solved step; ``F`` is the residual at ``Z``, evaluated last."""
-    bodies, t = system.bodies, state.time[0]
+    bodies, t, h2 = system.bodies, state.time[0], reach(system, h)
+    decay, per_step = system.decay, h / reach(system, h)
+    loss = 0.0
     concentrated.work(system.loads, start.loads, bodies, Z, system.load_column, state.work)
     drag.work(system.drags, start.drag_arms, bodies, h, Z, system.drag_column, state.work)
-    along.accept(system.along, start.along, bodies, t, h, Z, state.angle, state.work)
+    along.accept(system.along, start.along, bodies, t, h, h2, Z, state.angle, state.work)
     for b in range(bodies.inverse_mass.size - 1):
         u = at(Z, 2 * b)
         Q = rigid.turn_of(bodies, Z, b)
         v0, W0 = at(start.bodies.v, b), at(start.bodies.W, b)
-        v1 = sub(scale(2.0 / h, u), v0)
-        W1 = sub(scale(2.0 / h, Q), W0)
+        v1 = add(v0, scale(per_step, axpy(-h, at(start.bodies.v_go, b), u)))
+        turned = axpy(-h, at(start.bodies.W_go, b), Q)
+        W1 = axpy(per_step, turned, W0)
         W1 = add(W1, turn_change(Q, W1))
-        q = times(transpose(matrix_at(start.bodies.R, b)), Q)
+        dw = scale(per_step, times(transpose(matrix_at(start.bodies.R, b)), turned))
         for i in range(3):
             total = state.x[b, i] + (u[i] + state.x_low[b, i])
             state.x_low[b, i] += u[i] - (total - state.x[b, i])
             state.x[b, i] = total
         put(state.p, b, compose(from_step_turn(Q), at(state.p, b)))
         put(state.v, b, v1)
-        put(state.w, b, sub(scale(2.0 / h, q), at(state.w, b)))
+        put(state.w, b, add(at(state.w, b), dw))
+        if decay.chi > 0.0:
+            dv = sub(v1, v0)
+            loss += rigid.smooth(bodies, decay, b, dv, dw, state.v_rise, state.w_rise)
         a, alpha = scale(1.0 / h, sub(v1, v0)), scale(1.0 / h, sub(W1, W0))
         put(state.a_trend, b, sub(a, at(state.a, b)))
         put(state.alpha_trend, b, sub(alpha, at(state.alpha, b)))
         put(state.a, b, a)
         put(state.alpha, b, alpha)
+    if decay.chi > 0.0:
+        loss += along.smooth(system.along, start.along, decay.pole)
+        state.work[state.work.size - 1] -= loss
     _enter_multipliers(system, state, start, h, Z, F)
     state.time[0] += h
 
@@ -156,17 +184,13 @@ def _enter_multipliers(
     first = 2 * system.bodies.inverse_mass.size
     for k in range(state.force.shape[0]):
         for i in range(3):
-            force = Z[first + k, i] * system.unit[k, i] * 2.0 / (h * h)
+            force = Z[first + k, i] * system.unit[k, i] / reach(system, h)
             state.force_trend[k, i] = force - state.force[k, i]
             state.force[k, i] = force
             state.gap[k, i] = F[first + k, i]
-    for j in range(state.reaction.shape[0]):
-        for i in range(6):
-            state.reaction_trend[j, i] = -state.reaction[j, i]
+    along.follow(system.along, state.reaction, state.reaction_trend, 0.0, -1.0)
     react(system, state, start, Z)
-    for j in range(state.reaction.shape[0]):
-        for i in range(6):
-            state.reaction_trend[j, i] += state.reaction[j, i]
+    along.follow(system.along, state.reaction, state.reaction_trend, 1.0, 1.0)
 
 
 @kernel

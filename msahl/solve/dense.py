@@ -1,11 +1,19 @@
 """The step's equations as a dense system in the free unknowns, for ``scipy`` and ``numpy``."""
 
+import math
+
 import numpy as np
 
+from msahl.joints import along
 from msahl.kernel import kernel
 from msahl.schemes import preserving
 from msahl.system.arrays import Start, State, System
 from msahl.system.unknowns import Unknowns
+
+FAR = 1e3
+"""Ratio of a step's length to the guess's, and to the longest body, that is no motion."""
+AT_REST = 1e-100
+"""Length [m] of a step that is none: products of such lengths would lose their digits."""
 
 
 @kernel
@@ -48,8 +56,8 @@ def residual(
     Z: np.ndarray,
     f: np.ndarray,
     F: np.ndarray,
-) -> tuple[float, int]:
-    """Set the free rows ``f`` at ``z``, and ``Z`` and ``F``; the worst row as ``judge`` has it."""
+) -> tuple[float, int, float]:
+    """Set the free rows ``f`` at ``z``, and ``Z`` and ``F``; what ``judge`` says of them."""
     spread(unknowns.free, z, Z)
     preserving.residual(system, state, start, h, Z, F)
     gather(unknowns.free, F, f)
@@ -82,15 +90,33 @@ def jacobian(
 @kernel
 def judge(
     system: System, unknowns: Unknowns, start: Start, h: float, Z: np.ndarray, F: np.ndarray
-) -> tuple[float, int]:
-    """Largest free row relative to the step's length, and its index among the flat rows."""
+) -> tuple[float, int, float]:
+    """Largest free row relative to the step's length, or to the loads in it if they are larger; its
+    index among the flat rows; and the step's length [m].
+    """
     worst, largest = -1, 0.0
+    step = max(AT_REST, preserving.step_size(system, start, h, Z))
     for i in range(unknowns.free.size):
         unknown = unknowns.free[i]
-        row = abs(F[unknown // 3, unknown % 3])
+        node = unknown // 3
+        row = abs(F[node, unknown % 3]) * along.relief(system.along, start.along, node, step)
         # Written so that a nan is the worst of all.
         if not row <= largest:
             worst, largest = unknown, row
-    if largest == 0.0:
-        return 0.0, worst
-    return largest / preserving.step_size(system, start, h, Z), worst
+            if math.isnan(row):
+                break
+    return largest / step, worst, step
+
+
+@kernel
+def is_astray(system: System, guess: float, step: float) -> bool:
+    """Whether the length of a solved ``step`` is beyond all that its ``guess`` lets expect [m].
+
+    Equations of turns have roots without end; those far out are no motion.
+    """
+    if step <= FAR * guess:
+        return False
+    longest = 0.0
+    for b in range(system.bodies.length.size):
+        longest = max(longest, system.bodies.length[b])
+    return not step <= FAR * (guess + longest)

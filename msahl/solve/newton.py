@@ -5,6 +5,8 @@ iteration is squared and later ones gain as much again. It is renewed where a re
 fall to a twentieth.
 """
 
+import math
+
 import numpy as np
 
 from msahl.kernel import kernel
@@ -29,7 +31,8 @@ def solve_step(scene: Scene, h: float) -> tuple[float, int]:
     unknowns, y = scene.unknowns, scene.y
     order = unknowns.elimination.order
     preserving.residual(system, state, start, h, Z, F)
-    residual, worst = dense.judge(system, unknowns, start, h, Z, F)
+    residual, worst, guess = dense.judge(system, unknowns, start, h, Z, F)
+    step = guess
     smallest, slow, stuck = residual, True, False
     for _ in range(MAX_ITERATIONS):
         if residual <= TARGET or stuck or not residual <= DIVERGED * smallest:
@@ -45,10 +48,12 @@ def solve_step(scene: Scene, h: float) -> tuple[float, int]:
         scene.counts[0] += 1
         before = residual
         preserving.residual(system, state, start, h, Z, F)
-        residual, worst = dense.judge(system, unknowns, start, h, Z, F)
+        residual, worst, step = dense.judge(system, unknowns, start, h, Z, F)
         slow = residual > SLOW * before
         stuck = residual > STUCK * before and residual <= TOLERANCE
         smallest = min(smallest, residual)
+    if dense.is_astray(system, guess, step):
+        return math.inf, worst
     return residual, worst
 
 
@@ -72,6 +77,24 @@ def drop_null(scene: Scene) -> None:
 
 
 @kernel
+def drop_gap(scene: Scene) -> None:
+    """Take from the solved step's gaps what no motion can close: round-off of redundant rows, which
+    would add up from step to step.
+
+    With n^T G = 0 the relaxed system answers the rows F by multipliers of which n^T takes
+    -n^T F / relaxation.
+    """
+    lu, F, y = scene.unknowns.elimination, scene.F, scene.y
+    first = 2 * scene.system.bodies.inverse_mass.size
+    dense.gather(lu.order, F, y)
+    sparse.solve(lu, scene.factor, y)
+    for k in range(y.size):
+        node = lu.order[k] // 3
+        if node >= first:
+            F[node, lu.order[k] % 3] += scene.system.relaxation * y[k]
+
+
+@kernel
 def take(scene: Scene, h: float, share: float) -> tuple[float, int]:
     """Take a step of size ``h``, a ``share`` of the whole one, if it converges: residual, row."""
     preserving.predict(scene.system, scene.state, scene.start, h, scene.Z)
@@ -81,6 +104,7 @@ def take(scene: Scene, h: float, share: float) -> tuple[float, int]:
         sparse.factor(scene.unknowns.elimination, scene.values, scene.factor)
         drop_null(scene)
         residual, worst = solve_step(scene, h)
+        drop_gap(scene)
     if residual <= TOLERANCE:
         accept(scene, h, share)
     return residual, worst

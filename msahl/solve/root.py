@@ -4,6 +4,8 @@ Powell's hybrid method with the analytic Jacobian. It stops on the relative chan
 and calls round-off a failure; whether the step is solved is decided by our own residual.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.optimize import root
 
@@ -30,12 +32,14 @@ def take(scene: Scene, h: float, share: float) -> Outcome:
     """Take a step of size ``h``, a ``share`` of the whole one, if it converges."""
     system, unknowns, state, start = scene.system, scene.unknowns, scene.state, scene.start
     size = unknowns.free.size
-    guess, outcome = np.empty(size), Outcome(0.0, -1)
+    guess, outcome, step_length = np.empty(size), Outcome(0.0, -1), 0.0
 
     def fun(z: np.ndarray) -> np.ndarray:
-        nonlocal outcome
+        nonlocal outcome, step_length
         f = np.empty(size)
-        outcome = Outcome(*_residual(system, unknowns, state, start, h, z, scene.Z, f, scene.F))
+        given = (system, unknowns, state, start, h, z, scene.Z)
+        *judged, step_length = _residual(*given, f, scene.F)
+        outcome = Outcome(*judged)
         scene.counts[0] += 1
         return f
 
@@ -47,6 +51,7 @@ def take(scene: Scene, h: float, share: float) -> Outcome:
 
     _guess(system, unknowns, state, start, h, scene.Z, guess)
     f = fun(guess)
+    guessed = step_length
     # An infinite residual is that of a guess at rest: any force is large against no motion.
     if not outcome.converged and not np.isnan(outcome.residual):
         # hybr's trust region starts at a multiple of its unknowns: the change of the guess, in
@@ -61,8 +66,7 @@ def take(scene: Scene, h: float, share: float) -> Outcome:
                 method="hybr",
                 options={"xtol": STEP_TOLERANCE},
             )
-        z = guess + unit * found.x
-        fun(z)
+            z = _polish(fun, jac, guess + unit * found.x, lambda: outcome.converged)
         if system.relaxation > 0.0 and outcome.converged:
             # Powell's updates wander where the residual does not see them; steps of Newton's
             # method repair what the smallest multipliers cost the others.
@@ -72,9 +76,36 @@ def take(scene: Scene, h: float, share: float) -> Outcome:
             for _ in range(REPAIRS):
                 z -= np.linalg.solve(A, f)
                 f = fun(z)
+            # As ``newton.drop_gap``.
+            multipliers = unknowns.free[unknowns.free >= 6 * system.bodies.inverse_mass.size]
+            open_part = np.linalg.solve(A, f)[-multipliers.size :]
+            scene.F.reshape(-1)[multipliers] += system.relaxation * open_part
+    if dense.is_astray(system, guessed, step_length):
+        return Outcome(np.inf, outcome.worst)
     if outcome.converged:
         _accept(scene, h, share)
     return outcome
+
+
+def _polish(
+    fun: Callable[[np.ndarray], np.ndarray],
+    jac: Callable[[np.ndarray], np.ndarray],
+    z: np.ndarray,
+    solved: Callable[[], bool],
+) -> np.ndarray:
+    """Digits that hybr leaves, as its unit is that of the largest row: beside a stiff spring's all
+    motion is small. A few steps of Newton's method, evaluated last where they end.
+    """
+    f = fun(z)
+    for _ in range(REPAIRS):
+        if solved() or not np.isfinite(f).all():
+            break
+        A = jac(z)
+        if not np.isfinite(A).all():
+            break
+        z = z - np.linalg.lstsq(A, f, rcond=None)[0]
+        f = fun(z)
+    return z
 
 
 def _null_part(system: System, unknowns: Unknowns, A: np.ndarray, z: np.ndarray) -> np.ndarray:

@@ -60,10 +60,14 @@ class Trial:
         return self.report.status == "completed"
 
 
-def with_step(model: Model, dt: float, t_final: float | None = None) -> Model:
-    """``model`` with another step and end."""
-    end = model.simulation.t_final if t_final is None else t_final
-    return replace(model, simulation=replace(model.simulation, dt=dt, t_final=end))
+def with_step(
+    model: Model, dt: float, t_final: float | None = None, scheme: str | None = None
+) -> Model:
+    """``model`` with another step, end and scheme."""
+    given = model.simulation
+    end = given.t_final if t_final is None else t_final
+    other = replace(given, dt=dt, t_final=end, scheme=scheme or given.scheme)
+    return replace(model, simulation=other)
 
 
 def run_in_memory(model: Model, options: Options) -> tuple[Report, Run]:
@@ -96,18 +100,19 @@ def try_all(
     """A trial of every case (scheme, dt); ``progress`` is told of steps done since last time."""
     for scheme in sorted({scheme for scheme, _ in cases}):
         dt = next(dt for name, dt in cases if name == scheme)
-        warm = with_step(model, dt, min(WARM_STEPS * dt, model.simulation.t_final))
-        run(warm, Options(scheme), Nowhere())
+        end = min(WARM_STEPS * dt, model.simulation.t_final)
+        run(with_step(model, dt, end, scheme), Options(), Nowhere())
     seconds: dict[tuple[str, float], list[float]] = {case: [] for case in cases}
     kept: dict[tuple[str, float], tuple[Report, Run]] = {}
     for repeat in range(repeats):
         for case in cases:
             scheme, dt = case
+            variant = with_step(model, dt, scheme=scheme)
             if repeat == 0:
-                kept[case] = run_in_memory(with_step(model, dt), Options(scheme))
+                kept[case] = run_in_memory(variant, Options())
                 report = kept[case][0]
             else:
-                report = run(with_step(model, dt), Options(scheme), Nowhere())
+                report = run(variant, Options(), Nowhere())
             seconds[case].append(report.seconds["loop"])
-            progress(Grid.of(with_step(model, dt).simulation).n)
+            progress(Grid.of(variant.simulation).n)
     return [Trial(*case, median(seconds[case]), *kept[case]) for case in cases]

@@ -108,7 +108,7 @@ def default_steps(model: Model) -> tuple[float, ...]:
 
 def study(plan: Plan, progress: Callable[[int], Any] = lambda steps: None) -> Study:
     """Run the ``plan``; ``progress`` is told of steps done since last time."""
-    steps, schemes = plan.steps or default_steps(plan.model), plan.schemes or SCHEMES
+    steps, schemes = plan.steps or default_steps(plan.model), plan.schemes or tuple(SCHEMES)
     reference = _reference(plan, steps)
     cases = [(scheme, dt) for dt in steps for scheme in schemes]
     trials = try_all(plan.model, cases, plan.repeats, progress)
@@ -124,7 +124,7 @@ def study(plan: Plan, progress: Callable[[int], Any] = lambda steps: None) -> St
 
 def planned_steps(plan: Plan) -> int:
     """Steps that ``study`` will tell of, but for those it tries of itself."""
-    schemes = plan.schemes or SCHEMES
+    schemes = plan.schemes or tuple(SCHEMES)
     steps = plan.steps or default_steps(plan.model)
     grids = (Grid.of(with_step(plan.model, dt).simulation) for dt in steps)
     return plan.repeats * len(schemes) * sum(grid.n for grid in grids)

@@ -19,6 +19,7 @@ from msahl.joints.measure import MeasureStart
 from msahl.joints.quantity import MOST, Quantities, QuantityStart
 from msahl.joints.reaction import Reactions, Shown
 from msahl.law import Laws
+from msahl.schemes import Decay
 
 
 class Multipliers(NamedTuple):
@@ -45,6 +46,7 @@ class System(NamedTuple):
     drag_column: np.ndarray  # ... and of drags
     unit: np.ndarray  # (k, 3) multiplier over its unknown, times h^2/2 [kg or kg m]
     multipliers: Multipliers
+    decay: Decay  # of the scheme
     relaxation: float  # on the multipliers' diagonal; 0 unless joints are redundant
     blocks: np.ndarray  # (m, 2) row node and column node of each block; block 0 is (0, 0)
     constant: np.ndarray  # (9 m,) the part of the Jacobian that never changes
@@ -69,7 +71,10 @@ class State(NamedTuple):
     angle: np.ndarray  # (q,) quantities' values; angles are counted here [m or rad]
     reaction: np.ndarray  # (j, 6) of the joints over the last step, inertial axes [N, N m]
     reaction_trend: np.ndarray  # likewise its change
-    work: np.ndarray  # (w,) since t = 0 [J]
+    work: np.ndarray  # (w,) since t = 0 [J]; a decaying scheme's own last
+    v_rise: np.ndarray  # smoothed change of v over a step, of a decaying scheme [m/s]
+    w_rise: np.ndarray  # likewise w [rad/s]
+    stretch: np.ndarray  # (s,) likewise the springs' quantities
 
 
 class Tables(NamedTuple):
@@ -116,7 +121,7 @@ def row_count(system: System) -> int:
     return int(system.along.rows.function.size) if system.along else 0
 
 
-def new_quantity_start(group: Quantities) -> QuantityStart:
+def new_quantity_start(group: Quantities, nodes: int = 0) -> QuantityStart:
     """Room for what is computed of quantities and measures."""
     m, q = group.measures.kind.size, group.kind.size
     measures = MeasureStart(
@@ -134,22 +139,25 @@ def new_quantity_start(group: Quantities) -> QuantityStart:
         force=np.zeros((q, 4, 3)),
         slope=np.zeros((q, 4, 3)),
         load=np.zeros(q),
+        size=np.zeros(q),
+        pull=np.zeros(nodes),
     )
 
 
 def new_start(system: System, state: State) -> Start:
-    """Room for the start of a step; the gap is the state's own array."""
+    """Room for the start of a step; gap and stretch are the state's own arrays."""
     vectors, matrices = state.x.shape, (*state.x.shape, 3)
     k, n_loads = system.coincide.a.size, system.loads.body.size
     along = system.along and AlongStart(
-        quantities=new_quantity_start(system.along.quantities),
+        quantities=new_quantity_start(system.along.quantities, node_count(system)),
         rate=np.zeros(system.along.quantities.kind.size),
         reactions=np.zeros_like(state.reaction),
         elastic=np.zeros(system.along.springs.quantity.size),
+        stretch=state.stretch,
     )
     return Start(
         bodies=BodyStart(
-            np.zeros(matrices), np.zeros(matrices), np.zeros(vectors), np.zeros(vectors)
+            *(np.zeros(matrices) for _ in range(2)), *(np.zeros(vectors) for _ in range(4))
         ),
         coincide=CoincideStart(np.zeros((k, 3)), np.zeros((k, 3)), state.gap),
         along=along,  # type: ignore[arg-type]

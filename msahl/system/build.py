@@ -45,7 +45,7 @@ from msahl.joints.reaction import Reactions, Shown
 from msahl.joints.registry import KINDS
 from msahl.joints.rows import Rows
 from msahl.law import Law, build_laws
-from msahl.model import Model
+from msahl.model import Model, decay_of
 from msahl.motion import Drive, PointMotion
 from msahl.system.arrays import (
     Multipliers,
@@ -134,6 +134,7 @@ class _Builder:
             load_column=_indices(self.columns["loads"]),
             drag_column=_indices(self.columns["drags"]),
             unit=self._units(coincide, along, len(nodes)),
+            decay=decay_of(self.model),
             relaxation=self.relaxation,
             multipliers=self._multipliers(nodes),
             blocks=self.blocks.nodes(),
@@ -145,7 +146,7 @@ class _Builder:
         return Along(
             quantities=quantities,
             rows=self._rows(bodies),
-            springs=_group(Springs, self.springs, "qfffffq"),
+            springs=_group(Springs, self.springs, "qfffffqf"),
             frictions=_group(Frictions, self.frictions, "qqff"),
             laws=build_laws(self.laws),
             row_column=_indices(self.columns["rows"]),
@@ -278,7 +279,9 @@ class _Builder:
         preload = load.preload if load else 0.0
         table = self._law(load.table) if load else -1
         origin = np.nan if isinstance(load, JointSpring) else 0.0
-        self.springs.append((quantity, stiffness, damping, origin, free, preload, table))
+        steepest = _steepest(load.table) if load and load.table else stiffness
+        lag = 0.5 * decay_of(self.model).chi * steepest
+        self.springs.append((quantity, stiffness, damping, origin, free, preload, table, lag))
         self.columns["springs"].append(column)
 
     def _bodies(self) -> Bodies:
@@ -513,6 +516,12 @@ def _bushing(bushing: Bushing) -> list[Quantity]:
     slides = [in_plane(axis).first for axis in frame]
     pairs = ((Z, Y), (X, Z), (Y, X))
     return slides + [perpendicular(frame[i], child[j]).first for i, j in pairs]
+
+
+def _steepest(table: Law) -> float:
+    """Largest rise of a table from one entry to the next; zero if it only falls."""
+    x, y = np.array(table.numbers).reshape(2, -1)
+    return max(0.0, float((np.diff(y) / np.diff(x)).max()))
 
 
 def _length(body: RigidBody, arms: Sequence[float]) -> float:

@@ -1,7 +1,8 @@
 """Names of what the flat arrays hold: CSV columns, and rows of the equations for messages."""
 
 from msahl.joints.registry import KINDS
-from msahl.model import Bushing, Joint, JointSpring, Model, SpringDamper
+from msahl.model import Bushing, Joint, JointSpring, Model, SpringDamper, decays
+from msahl.schemes import WORKER
 from msahl.system.arrays import System
 
 STATE_COLUMNS = ("x", "y", "z", "P1", "P2", "P3", "vx", "vy", "vz", "wx", "wy", "wz")
@@ -30,10 +31,16 @@ def joint_columns(joint: Joint) -> tuple[str, ...]:
     return FORCE_COLUMNS + (MOMENT_COLUMNS if KINDS[joint.kind].moment else ())
 
 
+def workers(model: Model) -> tuple[str, ...]:
+    """Names of all whose work is counted: loads, motions, and a scheme that decays."""
+    names = tuple(element.name for element in (*model.loads, *model.motions))
+    return (*names, WORKER) if decays(model) else names
+
+
 def work_columns(model: Model) -> list[str]:
-    """Header of ``work.csv``: work of loads and motions since t = 0, and elastic energies [J]."""
-    work = [f"{element.name}.work" for element in (*model.loads, *model.motions)]
+    """Header of ``work.csv``: work since t = 0 of all ``workers``, and elastic energies [J]."""
     springs = [load for load in model.loads if isinstance(load, Springy)]
+    work = [f"{name}.work" for name in workers(model)]
     return ["time", *work, *(f"{spring.name}.energy" for spring in springs)]
 
 

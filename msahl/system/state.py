@@ -4,7 +4,7 @@ import numpy as np
 
 from msahl.joints.quantity import prepare
 from msahl.joints.rows import left_side
-from msahl.model import Model
+from msahl.model import Model, decays
 from msahl.rotation import matrix
 from msahl.system.arrays import State, System, new_quantity_start, quantity_count
 from msahl.vector import add, at, cross, times
@@ -40,6 +40,9 @@ def build_state(model: Model, system: System) -> State:
         reaction=np.zeros(joints),
         reaction_trend=np.zeros(joints),
         work=np.zeros(work_count(model)),
+        v_rise=np.zeros_like(x),
+        w_rise=np.zeros_like(x),
+        stretch=np.zeros(system.along.springs.quantity.size if system.along else 0),
     )
     settle(system, state)
     return state
@@ -62,5 +65,5 @@ def settle(system: System, state: State) -> None:
 
 
 def work_count(model: Model) -> int:
-    """Columns of work: one a load and one a motion."""
-    return len(model.loads) + len(model.motions)
+    """Columns of work: one a load, one a motion, and a decaying scheme's own."""
+    return len(model.loads) + len(model.motions) + decays(model)

@@ -12,7 +12,7 @@ from printed import RUNS, STEPS, TRENDS, TRIPLES, Printed
 
 from msahl.post.document import Block, Heading, Items, Paragraph, Picture, as_markdown
 from msahl.post.table import Cell, Column, Table
-from msahl.schemes import SCHEMES
+from msahl.schemes import DEFAULT
 from msahl.study.runs import try_all, with_step
 
 PAIRS = (
@@ -282,7 +282,7 @@ def trends() -> Iterator[Block]:
 
 def _seconds(deck: str) -> list[float]:
     model = with_step(model_of(deck), 0.1, 10.0)
-    return [t.seconds for t in try_all(model, [(SCHEMES[0], dt) for dt in STEPS], REPEATS)]
+    return [t.seconds for t in try_all(model, [(DEFAULT, dt) for dt in STEPS], REPEATS)]
 
 
 def chaos() -> Iterator[Block]:
