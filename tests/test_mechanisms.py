@@ -1,13 +1,20 @@
 """Whole mechanisms: published numbers, redundant loops, assembly, starts that are refused."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+from click.testing import CliRunner
 from scenes import deck, pendulum, simulate
 
-from msahl.rotation import compose, from_axis_angle
+from msahl.cli import main
+from msahl.rotation import compose, from_axis_angle, matrix
 from msahl.solve.initial import StartError
+
+DECKS = Path(__file__).parents[1] / "decks"
 
 BETA, THETA = 15.81077119629904, -15.75637105984298
 """Andrews' squeezer at 0.03 s: Hairer and Wanner, Solving ODEs II; beta starts at BETA_0."""
@@ -101,6 +108,32 @@ def test_a_loop_given_about_right_is_closed(name):
     for b in range(len(model.bodies)):
         moved = run.of("position", b)[0] - model.bodies[b].position
         assert 0.0 < np.linalg.norm(moved) < 0.3
+
+
+def test_a_deck_drawn_by_hand_is_closed_and_told(tmp_path):
+    path = DECKS / "mechanisms" / "four_bar_sketched.xml"
+    out = tmp_path / "run"
+    result = CliRunner().invoke(main, ["run", str(path), "--t-final", "0.5", "-o", str(out)])
+    assert result.exit_code == 0, result.output
+    told = "moved body 'Crank' by 0.00612 m and 0.00846 rad, body 'Coupler' by 0.00467 m"
+    assert told in result.stderr
+    assert any(
+        told in warning for warning in json.loads((out / "run.json").read_text())["warnings"]
+    )
+    states = pd.read_csv(out / "states.csv")
+    ends = {}
+    for name, half in (("Crank", 0.15), ("Coupler", 0.45), ("Rocker", 0.4)):
+        p = states[[f"{name}.P{i}" for i in (1, 2, 3)]].to_numpy()
+        x = np.array([matrix(tuple(row))[i][0] for row in p for i in (0, 2)]).reshape(-1, 2)
+        G = states[[f"{name}.x", f"{name}.z"]].to_numpy()
+        ends[name] = G - half * x, G + half * x
+    # Links as long as the deck says, end to end, from the first row on.
+    for first, second in (("Crank", "Coupler"), ("Coupler", "Rocker")):
+        assert ends[first][1] == pytest.approx(
+            ends[second][0 if second == "Coupler" else 1], abs=1e-12
+        )
+    assert ends["Crank"][0] == pytest.approx(np.zeros((251, 2)), abs=1e-12)
+    assert ends["Rocker"][0] == pytest.approx(np.tile([1.0, 0.0], (251, 1)), abs=1e-12)
 
 
 def test_a_loop_that_cannot_be_closed_is_refused():

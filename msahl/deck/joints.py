@@ -11,9 +11,6 @@ from msahl.joints.joint import Joint, Kind
 from msahl.joints.registry import KINDS
 from msahl.vector import IDENTITY, Matrix, cross, dot, sub
 
-ON_GROUND = ("knifeEdge", "rollingDisk")
-"""Kinds whose law between rates holds against the inertial axes only."""
-
 Frames = tuple[Matrix, Matrix]
 
 
@@ -25,7 +22,7 @@ def read_joint(element: Element, reader: Reader) -> Joint:
     if reaction is not None:  # only a first guess, of which nothing but its faults is used
         reader.components(reaction)
         reader.basis(reaction)
-    _check_parent(element, ends, reader)
+    _check_parent(element, kind, ends, reader)
     parent_axes, child_axes = _frames(element, kind, ends, reader)
     joint = Joint(
         name=text(element.find("name")),
@@ -46,8 +43,8 @@ def read_joint(element: Element, reader: Reader) -> Joint:
     return joint
 
 
-def _check_parent(element: Element, ends: Ends, reader: Reader) -> None:
-    if element.tag in ON_GROUND and ends.parent in reader.axes.keys() - set(reader.grounds):
+def _check_parent(element: Element, kind: Kind, ends: Ends, reader: Reader) -> None:
+    if kind.on_ground and ends.parent in reader.axes.keys() - set(reader.grounds):
         message = f"the parent of a {element.tag} is a ground; '{ends.parent}' is a body"
         reader.faults.add(element, message, element.find("parent/name"))
 
@@ -79,7 +76,7 @@ def _frames(element: Element, kind: Kind, ends: Ends, reader: Reader) -> Frames:
     parent, child = own_frame(element, "parent", reader), own_frame(element, "child", reader)
     if parent is None or child is None:
         return IDENTITY, IDENTITY
-    if kind.name == "crossedCylinders" and is_placed(element, ends, reader):
+    if kind.faces and is_placed(element, ends, reader):
         return parent, _facing(parent, child, ends, reader)
     return parent, child
 

@@ -17,4 +17,4 @@ def equations(joint: Joint) -> Equations:
 
 
 RADII = (("parentRadius", "length", None, 0.0), ("childRadius", "length", None, 0.0))
-KIND = Kind("crossedCylinders", equations, axes=2, parameters=RADII)
+KIND = Kind("crossedCylinders", equations, axes=2, parameters=RADII, faces=True)

@@ -91,8 +91,10 @@ class Kind:
     """A kind of joint.
 
     ``axes`` says which the deck must give: 0 none, 1 one that both sides share at t = 0, 2 one a
-    side. ``parameters`` are (name, unit quantity, default or None, lower bound); ``freedoms`` are
-    the free motions that drives, springs, gears and friction may act along.
+    side; ``faces`` whether the child's is turned round to face the parent's at t = 0.
+    ``parameters`` are (name, unit quantity, default or None, lower bound); ``freedoms`` are the
+    free motions that drives, springs, gears and friction may act along. ``on_ground`` are laws
+    between rates that hold against the inertial axes only.
     """
 
     name: str
@@ -101,6 +103,8 @@ class Kind:
     parameters: tuple[tuple[str, str, float | None, float], ...] = ()
     freedoms: tuple[str, ...] = ()
     moment: bool = True
+    on_ground: bool = False
+    faces: bool = False
 
 
 def perpendicular(d: Vector, e: Vector) -> Equation:

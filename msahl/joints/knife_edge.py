@@ -13,4 +13,4 @@ def equations(joint: Joint) -> Equations:
     return [slip(joint.child_axes[Z], CHILD)]
 
 
-KIND = Kind("knifeEdge", equations, axes=1, moment=False)
+KIND = Kind("knifeEdge", equations, axes=1, moment=False, on_ground=True)

@@ -27,5 +27,10 @@ def equations(joint: Joint) -> Equations:
 
 
 KIND = Kind(
-    "rollingDisk", equations, axes=2, parameters=(("radius", "length", None, 0.0),), moment=False
+    "rollingDisk",
+    equations,
+    axes=2,
+    parameters=(("radius", "length", None, 0.0),),
+    moment=False,
+    on_ground=True,
 )

@@ -22,10 +22,11 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.compiled import compiled
-from msahl.joints.joint import Z
+from msahl.joints.joint import Equation, Z
 from msahl.joints.measure import rim
+from msahl.joints.registry import KINDS
 from msahl.kernel import kernel
-from msahl.model import Model
+from msahl.model import Joint, Model
 from msahl.post.rows import History, body_columns, three
 from msahl.results.read import Run
 from msahl.rotation import compose, inverse, matrix, to_step_turn, turn_change
@@ -47,16 +48,23 @@ class Joints(NamedTuple):
 def joints_of(model: Model) -> Joints:
     """The joints of ``model``."""
     index, reactions = body_index(model), build_system(model).reactions
-    rolls = [joint.kind == "rollingDisk" for joint in model.joints]
-    radii = [j.parameter("radius") if r else 0.0 for j, r in zip(model.joints, rolls, strict=True)]
     return Joints(
         parent=np.array([index[joint.parent] for joint in model.joints], dtype=np.int64),
         child=reactions.child,
         s=reactions.s,
-        radius=np.array(radii, dtype=float),
+        radius=np.array([_rolling_radius(joint) for joint in model.joints]),
         normal=np.array([j.parent_axes[Z] for j in model.joints], dtype=float).reshape(-1, 3),
         axis=np.array([j.child_axes[Z] for j in model.joints], dtype=float).reshape(-1, 3),
     )
+
+
+def _rolling_radius(joint: Joint) -> float:
+    """Radius of a disk that rolls, else 0 [m]."""
+    for equation in KINDS[joint.kind].equations(joint):
+        for product in equation.first.products if isinstance(equation, Equation) else ():
+            if product.up is not None:
+                return float(np.linalg.norm(product.up))
+    return 0.0
 
 
 def child_work(run: Run, force: np.ndarray) -> np.ndarray:
