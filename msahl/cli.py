@@ -113,6 +113,9 @@ def explain(deck: Path) -> None:
               "'auto' is newton with root for the first step and every hard one.")  # fmt: skip
 @click.option("--every", type=click.IntRange(min=1), default=1, show_default=True, metavar="N",
               help="Write every Nth step (the last one always).")  # fmt: skip
+@click.option("--reactions", type=click.Choice(["mean", "station"]),
+              help="Reactions of a row: 'mean' over the step before it, or 'station', at its own "
+              "time. Instead of the deck's; else mean.")  # fmt: skip
 @click.option("--full", is_flag=True, help="Leave nothing out of the equations (see explain).")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but faults.")
 @click.option("-v", "--verbose", is_flag=True, help="Say what every phase took.")
@@ -125,6 +128,7 @@ def run(
     damping: float | None,
     solver: str,
     every: int,
+    reactions: str | None,
     full: bool,
     quiet: bool,
     verbose: bool,
@@ -137,7 +141,13 @@ def run(
 
     Example: msahl run decks/thesis/double_pendulum_89.xml --dt 0.01 -o results/coarse
     """
-    given: dict[str, Any] = {"dt": dt, "t_final": t_final, "scheme": scheme, "damping": damping}
+    given: dict[str, Any] = {
+        "dt": dt,
+        "t_final": t_final,
+        "scheme": scheme,
+        "damping": damping,
+        "reactions": reactions,
+    }
     model = _model_to_run(deck, given)
     from msahl.deck import effective_deck
     from msahl.run import Options
@@ -231,6 +241,7 @@ def _simulate(
                 "solver": options.solver,
                 "every": options.every,
                 "full": options.full,
+                "reactions": model.simulation.reactions,
             },
             **report.as_json(),
         }

@@ -45,10 +45,14 @@ __all__ = [
 ]
 
 
+MEAN, STATION = "mean", "station"
+"""What published reactions are: means over the steps, or those at the rows' own times."""
+
+
 @dataclass(frozen=True, slots=True)
 class Simulation:
     """How the scene is run: step ``dt`` and end ``t_final`` [s], scheme and, if it is one that
-    decays, its damping at infinite frequency: 0 none, 1 all in one step.
+    decays, its damping at infinite frequency: 0 none, 1 all in one step; what ``reactions`` are.
     """
 
     title: str
@@ -56,6 +60,7 @@ class Simulation:
     t_final: float
     scheme: str = DEFAULT
     damping: float = DAMPING
+    reactions: str = MEAN
 
 
 @dataclass(frozen=True, slots=True)

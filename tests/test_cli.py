@@ -78,6 +78,7 @@ def test_a_run_writes_its_tables_its_deck_and_what_happened(tmp_path):
         "tFinal": 1.0,
         "scheme": "preserving",
         "damping": 0.0,
+        "reactions": "mean",
         "solver": "auto",
         "every": 1,
         "full": False,

@@ -13,7 +13,7 @@ from msahl.bodies import rigid
 from msahl.post.compare import compare
 from msahl.post.measure import Energy, Spread, measure
 from msahl.post.rows import recall
-from msahl.post.summary import energy_table, partial_note, thinned_note, work_table
+from msahl.post.summary import energy_table, no_work_note, partial_note, work_table
 from msahl.post.table import as_csv, as_json, as_text
 from msahl.post.tolerance import Tolerance
 from msahl.results.read import ResultError, read_run, read_table
@@ -158,7 +158,7 @@ def test_a_thinned_run_has_no_virtual_work(tmp_path, told):
     assert run.every == 10
     assert measures.work is None
     assert measures.energy.absolute_error.max < ROUND_OFF * abs(measures.energy.total[0])
-    assert "every 10th step" in thinned_note(run)
+    assert "every 10th step" in no_work_note(run)
     assert "n/a" in as_text(work_table([("run", measures)]))
 
 

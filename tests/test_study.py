@@ -57,6 +57,9 @@ ORDERS = {
     "basics/ballistic_cylinder": ("orientation", "spin"),
     "basics/ballistic_sphere": ("orientation",),
     "basics/torque_free": ("orientation", "spin"),
+    "forces/slide_spring": ("position", "velocity"),
+    "forces/spring_damper": ("position", "velocity"),
+    "forces/torsional_spring": ("orientation", "spin"),
 }
 
 

@@ -29,6 +29,9 @@ CLOSED = (
     "basics/conical_pendulum",
     "basics/torque_free",
     "basics/us_units",
+    "forces/slide_spring",
+    "forces/spring_damper",
+    "forces/torsional_spring",
 )
 
 
@@ -50,7 +53,8 @@ def compare(model, t_final=10.0):
     apart = {k: e.max() / max(sizes[k], 1.0) for k, e in state_errors(table, true).items()}
     forces, expected = dynamics.forces(times, table), exact.forces(times)
     if forces.size:
-        apart["forces"] = np.abs(forces - expected).max() / np.abs(expected).max()
+        # A joint may bear nothing.
+        apart["forces"] = np.abs(forces - expected).max() / max(np.abs(expected).max(), 1.0)
     return apart
 
 
@@ -112,6 +116,34 @@ def test_tumbling_about_either_axis(w):
     moved = replace(body, angular_velocity=w, inertia=moment)
     apart = compare(replace(model, bodies=(moved,)))
     assert max(apart.values()) < 1e-10, apart
+
+
+@pytest.mark.parametrize("damping", [0.0, 3.0, 10.0, 20.0], ids=lambda c: f"c={c:g}")
+@pytest.mark.parametrize("gravity", [(0.0, 0.0, 0.0), (1.0, -9.0, 4.0)], ids=["floating", "heavy"])
+def test_a_block_on_a_rail_under_any_damping_and_weight(damping, gravity):
+    model = deck("forces/slide_spring")
+    spring = replace(model.loads[0], damping=damping, free=0.3, preload=-2.0)
+    apart = compare(replace(model, loads=(spring,), gravity=gravity), 4.0)
+    assert max(apart.values()) < 1e-10, apart
+
+
+def test_a_wheel_off_its_axis_and_a_body_hung_on_a_spring():
+    wheel = deck("forces/torsional_spring")
+    (body,), (hinge,) = wheel.bodies, wheel.joints
+    off = replace(
+        body,
+        r_BG=(0.3, -0.2, 0.1),
+        inertia=((0.3, 0.02, 0.01), (0.02, 0.4, 0.03), (0.01, 0.03, 0.5)),
+    )
+    down = tuple(9.0 * a for a in hinge.parent_axes[2])
+    assert max(compare(replace(wheel, bodies=(off,), gravity=down)).values()) < 1e-10
+    assert recognise(replace(wheel, bodies=(off,), gravity=(1.0, 2.0, 3.0))) is None
+    hung = replace(deck("forces/spring_damper"), gravity=(9.0, 0.0, 0.0))
+    assert max(compare(hung).values()) < 1e-10
+    assert recognise(replace(hung, gravity=(9.0, 1.0, 0.0))) is None
+    # Thrown so far back that it would pass the spring's other end.
+    (bob,) = hung.bodies
+    assert recognise(replace(hung, bodies=(replace(bob, velocity=(-30.0, 0.0, 0.0)),))) is None
 
 
 def test_scene_of_two_closed_forms_is_exact():

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from msahl.deck.faults import Element, text
 from msahl.deck.values import Reader
-from msahl.model import Simulation
+from msahl.model import MEAN, Simulation
 from msahl.schemes import DAMPING, DEFAULT
 
 MAX_STEPS = 10**9
@@ -20,6 +20,7 @@ def read_simulation(element: Element, reader: Reader) -> Simulation:
         t_final=reader.number(element.find("tFinal"), "time"),
         scheme=" ".join(element.get("scheme", DEFAULT).split()),
         damping=float(element.get("damping", DAMPING)),
+        reactions=" ".join(element.get("reactions", MEAN).split()),
     )
     if reader.faults.sound(element):
         for tag, message in _complaints(simulation):

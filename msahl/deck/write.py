@@ -15,9 +15,10 @@ def effective_deck(
     t_final: float | None = None,
     scheme: str | None = None,
     damping: float | None = None,
+    reactions: str | None = None,
 ) -> bytes:
     """The deck at ``path``, which ``read_deck`` has accepted, with what is given of how it is run:
-    ``dt`` and ``t_final`` [s], ``scheme`` and ``damping``.
+    ``dt`` and ``t_final`` [s], ``scheme``, ``damping`` and ``reactions``.
 
     With nothing given the bytes are those of the file; otherwise the document is the same, comments
     included, but for ``<simulation>``. Raises ``DeckError`` if the file is no deck any more.
@@ -28,7 +29,8 @@ def effective_deck(
     parse(data, faults)
     times = {"deltaT": dt, "tFinal": t_final}
     changes = {tag: value for tag, value in times.items() if value is not None}
-    words = {"scheme": scheme, "damping": None if damping is None else repr(float(damping))}
+    share = None if damping is None else repr(float(damping))
+    words = {"scheme": scheme, "damping": share, "reactions": reactions}
     attributes = {key: word for key, word in words.items() if word is not None}
     return _with_simulation(data, changes, attributes) if changes or attributes else data
 

@@ -145,6 +145,14 @@ def accept(
 
 
 @kernel
+def count_turns(along: Along | None, start: AlongStart, angle: np.ndarray) -> None:
+    """Bring the counted angles (q,) to those of the prepared state, less than half a turn away."""
+    if along is None:
+        return
+    quantity.count_turns(along.quantities, start.quantities, angle)
+
+
+@kernel
 def relief(along: Along | None, start: AlongStart, node: int, step: float) -> float:
     """By how much a row of ``node`` may be worse than one of the size ``step`` [m], as a factor:
     loads along quantities, such as stiff springs, may be larger, and no row is known better than

@@ -37,7 +37,7 @@ def _frames(run: Run, joint: Joint) -> np.ndarray:
         return np.broadcast_to(axes, (len(run.time), 3, 3))
     names = [f"{joint.parent}.{c}" for c in STATE_COLUMNS[P : P + 3]]
     parameters = [tuple(row) for row in run.states[names].to_numpy().tolist()]
-    before = parameters if run.every > 1 else [parameters[0], *parameters[:-1]]
+    before = [parameters[0], *parameters[:-1]] if run.has_means else parameters
     halves = [_halfway(p, q) for p, q in zip(before, parameters, strict=True)]
     return np.array([axes @ np.array(matrix(p)).T for p in halves])
 

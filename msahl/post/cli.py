@@ -112,11 +112,11 @@ def work(runs: tuple[Path, ...], form: str | None) -> None:
 
     Example: msahl-post work results/top_1 --csv > work.csv
     """
-    from msahl.post.summary import thinned_note, work_table
+    from msahl.post.summary import no_work_note, work_table
 
     measured, read = _measure(runs)
     for run in read:
-        _note(run, thinned_note(run))
+        _note(run, no_work_note(run))
         _note(run, "" if run.model.joints else "the scene has no joints")
     _print(work_table(measured), form)
 

@@ -52,7 +52,9 @@ def _lacks(kind: str, measures: Measures, choice: Choice) -> str:
     if kind == "work" and not measures.joints:
         return "the scene has no joints"
     if kind == "work" and measures.work is None:
-        return "virtual work takes every step's row, and the run was thinned by --every"
+        return (
+            "virtual work takes every step's row and its mean reactions, and the run has not both"
+        )
     if kind == "work" and not any(k < measures.joints for k in _elements(measures, choice)):
         return "couplings and motions have no virtual work"
     return ""

@@ -181,7 +181,7 @@ class Reactions:
 
 @dataclass(frozen=True, slots=True)
 class Measures:
-    """All of a run. ``work`` is ``None`` for a thinned run: it takes every step's row.
+    """All of a run. ``work`` is ``None`` for a run without every step's mean reactions.
 
     ``joints`` counts the joints, which come first among the elements of constraints and reactions.
     """
@@ -211,7 +211,7 @@ def measure(run: Run) -> Measures:
     speed = _speed(run, energy)
     constraints = Constraints(run.time, names, rows.gap, rows.rate, rows.length, speed)
     reactions = _reactions(run)
-    work = _joint_work(run, rows, reactions) if run.every == 1 else None
+    work = _joint_work(run, rows, reactions) if run.has_means else None
     return Measures(energy, loads, constraints, work, reactions, len(run.model.joints))
 
 

@@ -11,9 +11,9 @@ from msahl.post.summary import (
     constraints_table,
     energy_table,
     loads_table,
+    no_work_note,
     partial_note,
     reactions_table,
-    thinned_note,
     work_table,
 )
 from msahl.post.table import Column, Table
@@ -133,7 +133,7 @@ def _verdicts(run: Run, measures: Measures) -> list[str]:
     if run.every > 1:
         sentences.append(f"These figures are of every {run.every}th step, the ones on file.")
         if run.model.joints:
-            sentences.append(f"V{thinned_note(run)[1:]}.")
+            sentences.append(f"V{no_work_note(run)[1:]}.")
     return [sentence for sentence in sentences if sentence]
 
 

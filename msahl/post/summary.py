@@ -166,10 +166,15 @@ def body_table(energy: Energy) -> Table:
     return Table(columns, tuple(figures))
 
 
-def thinned_note(run: Run) -> str:
-    """Why a thinned run has no virtual work; empty for a run with every step's row."""
-    if run.every == 1:
+def no_work_note(run: Run) -> str:
+    """Why a run has no virtual work; empty for one with every step's row and mean reactions."""
+    if run.has_means:
         return ""
+    if run.at_rows:
+        return (
+            "virtual work is not available: it takes mean reactions over steps, and the run has "
+            "those at the rows; run the deck again without --reactions station"
+        )
     return (
         f"virtual work is not available: only every {run.every}th step was kept, and it takes the "
         "row before and after each step; run the deck again without --every"

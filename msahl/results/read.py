@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from msahl.deck import read_deck
-from msahl.model import Model
+from msahl.model import STATION, Model
 from msahl.results.write import PART
 from msahl.system.names import reaction_columns, state_columns, work_columns, workers
 
@@ -47,6 +47,16 @@ class Run:
             return int(told or 1)
         spacing = float(self.time[1] - self.time[0])
         return max(1, round(spacing / self.model.simulation.dt))
+
+    @property
+    def at_rows(self) -> bool:
+        """Whether reactions are those at the rows' own times, not means over the steps before."""
+        return self.model.simulation.reactions == STATION
+
+    @property
+    def has_means(self) -> bool:
+        """Whether the mean reaction of every step is on file."""
+        return self.every == 1 and not self.at_rows
 
 
 def read_run(folder: Path) -> Run:

@@ -10,11 +10,12 @@ import numpy as np
 from msahl.compiled import compiled
 from msahl.model import Model
 from msahl.schemes import preserving
-from msahl.solve import newton, step
+from msahl.solve import newton, station, step
 from msahl.solve.assembly import assemble
 from msahl.solve.freedom import constraint_rank, is_regular, shared_reactions
 from msahl.solve.initial import make_consistent, solve_accelerations
 from msahl.solve.outcome import Outcome
+from msahl.solve.station import new_station
 from msahl.solve.step import Scene, new_scene
 from msahl.system.arrays import multiplier_count, new_start, quantity_count
 from msahl.system.build import build_system
@@ -36,6 +37,8 @@ tens of milliseconds, and the time grows with the third power."""
 _march = compiled(newton.march)
 _take_newton = compiled(newton.take)
 _show = compiled(step.show)
+_publish = compiled(station.publish)
+_march_at_rows = compiled(station.march)
 
 
 class Runner:
@@ -44,10 +47,13 @@ class Runner:
     ``moved`` and ``change`` tell what was done to the given positions and velocities, ``rank`` and
     ``redundant`` how many joint equations are independent and how many not, ``shared`` whose
     reactions are therefore not unique, ``axis`` the normal of a planar island's plane or None.
+    ``at_rows`` asks for reactions at the rows' own times instead of means over the steps.
     Raises ``StartError`` if there is no consistent start.
     """
 
-    def __init__(self, model: Model, solver: str, full: bool, chunk: int) -> None:
+    def __init__(
+        self, model: Model, solver: str, full: bool, chunk: int, at_rows: bool = False
+    ) -> None:
         self.model, self.solver = model, solver
         self.root_steps = self.halvings = 0
         system = build_system(model)
@@ -74,13 +80,15 @@ class Runner:
             state = state._replace(angle=np.zeros(quantity_count(system)))
         self.scene: Scene = new_scene(system, unknowns, state, chunk)
         preserving.prepare(system, state, self.scene.start)
+        self.station = new_station(system) if at_rows else None
         self.large = free.size > LARGEST_DENSE
         self.begun = False
 
     @property
     def kind(self) -> str:
         """Which compiled step the island needs."""
-        return "points" if self.scene.system.along is None else "along"
+        kind = "points" if self.scene.system.along is None else "along"
+        return kind if self.station is None else f"{kind}-station"
 
     def show_start(self) -> None:
         """Fill the first rows of watch and tables with the state at t = 0."""
@@ -97,15 +105,23 @@ class Runner:
         k, outcome = first, Outcome(0.0, -1)
         while k < last:
             if self.solver == "newton" or (self.solver == "auto" and (self.begun or self.large)):
-                k = _march(self.scene, h, k, last, plan)
+                k = self._march(h, k, last, plan)
             if k < last:
                 outcome = self._take_hard(h)
                 if not outcome.converged:
                     break
                 _show(self.scene, h, k, plan[k])
+                if self.station is not None and plan[k] >= 0:
+                    _publish(self.scene, self.station, plan[k])
                 k += 1
             self.begun = True
         return k, outcome
+
+    def _march(self, h: float, first: int, last: int, plan: np.ndarray) -> int:
+        """As ``newton.march``, with the reactions the rows want."""
+        if self.station is None:
+            return int(_march(self.scene, h, first, last, plan))
+        return int(_march_at_rows(self.scene, self.station, h, first, last, plan))
 
     def _take_hard(self, h: float) -> Outcome:
         """One step by the reference solver, or all of it in smaller ones; else no step at all."""

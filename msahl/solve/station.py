@@ -12,10 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.joints.reaction import publish as publish_reactions
 from msahl.kernel import kernel
 from msahl.schemes import preserving
-from msahl.solve import dense, sparse
+from msahl.solve import dense, newton, sparse
 from msahl.solve.freedom import INDEPENDENT
+from msahl.solve.step import Scene
 from msahl.system.arrays import Start, State, System, node_count
 from msahl.system.reduce import all_unknowns
 from msahl.system.unknowns import Unknowns, choose
@@ -34,6 +36,8 @@ class Station(NamedTuple):
     rows: np.ndarray  # (nodes, 3) right-hand side
     y: np.ndarray  # (f,) the same in the order of elimination
     solution: np.ndarray  # (nodes, 3)
+    force: np.ndarray  # (k, 3) where the state's multipliers are kept meanwhile
+    reaction: np.ndarray  # (j, 6) likewise its reactions
 
 
 def new_station(system: System) -> Station:
@@ -48,6 +52,8 @@ def new_station(system: System) -> Station:
         rows=np.zeros(nodes),
         y=np.zeros(unknowns.elimination.order.size),
         solution=np.zeros(nodes),
+        force=np.zeros((system.multipliers.node.size, 3)),
+        reaction=np.zeros((system.reactions.child.size, 6)),
     )
 
 
@@ -92,6 +98,48 @@ def accelerate(system: System, state: State, start: Start, station: Station) -> 
         free(system, state, start, station)
         solve(station)
         react(system, state, start, station)
+
+
+@kernel
+def publish(scene: Scene, station: Station, row: int) -> None:
+    """Write the reactions at the scene's own time into a ``row`` of its tables, in place of means.
+
+    The state's own, from which the next step is guessed, stay what they are.
+    """
+    system, state, start = scene.system, scene.state, scene.start
+    force, reaction = station.force, station.reaction
+    _copy(state.force, force)
+    _copy(state.reaction, reaction)
+    accelerate(system, state, start, station)
+    publish_reactions(
+        system.shown,
+        system.along,
+        state.reaction,
+        state.force,
+        state.time[0],
+        scene.tables.reactions,
+        row,
+    )
+    _copy(force, state.force)
+    _copy(reaction, state.reaction)
+
+
+@kernel
+def _copy(source: np.ndarray, target: np.ndarray) -> None:
+    for i in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            target[i, j] = source[i, j]
+
+
+@kernel
+def march(scene: Scene, station: Station, h: float, first: int, last: int, plan: np.ndarray) -> int:
+    """``newton.march`` with the reactions of every published row at its own time."""
+    for k in range(first, last):
+        if newton.march(scene, h, k, k + 1, plan) == k:
+            return k
+        if plan[k] >= 0:
+            publish(scene, station, plan[k])
+    return last
 
 
 def solve_least(station: Station) -> None:

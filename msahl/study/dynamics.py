@@ -11,6 +11,7 @@ import numpy as np
 
 from msahl.bodies import rigid
 from msahl.compiled import compiled
+from msahl.joints import along
 from msahl.kernel import kernel
 from msahl.model import Model
 from msahl.post.rows import recall
@@ -58,9 +59,16 @@ def _pack(state: State, y: np.ndarray) -> None:
 
 
 @kernel
+def _prepare(system: System, state: State, start: Start) -> None:
+    """As the scheme does, and with the angles counted on to where the state is."""
+    preserving.prepare(system, state, start)
+    along.count_turns(system.along, start.along, state.angle)
+
+
+@kernel
 def _free(system: System, state: State, start: Start, room: Station, y: np.ndarray) -> None:
     _unpack(y, state)
-    preserving.prepare(system, state, start)
+    _prepare(system, state, start)
     station.free(system, state, start, room)
 
 
@@ -88,7 +96,7 @@ def _all_rates(
     system: System, state: State, start: Start, room: Station, y: np.ndarray, dy: np.ndarray
 ) -> None:
     _unpack(y, state)
-    preserving.prepare(system, state, start)
+    _prepare(system, state, start)
     station.accelerate(system, state, start, room)
     _rates(system, start, room, y, dy)
 
@@ -105,7 +113,7 @@ def _open(
     level: int,
 ) -> None:
     """Set the rows to minus the gaps (``level`` 0) or their rates (1), and factor the matrix."""
-    preserving.prepare(system, state, start)
+    _prepare(system, state, start)
     station.free(system, state, start, room)
     preserving.observe(system, state, start, gap, rate)
     first = 2 * system.bodies.inverse_mass.size
@@ -152,7 +160,7 @@ def _recall(
     system: System, state: State, start: Start, room: Station, table: np.ndarray, row: int
 ) -> None:
     recall(system.bodies, table, row, state)
-    preserving.prepare(system, state, start)
+    _prepare(system, state, start)
     station.accelerate(system, state, start, room)
 
 
@@ -171,6 +179,7 @@ class Dynamics:
             # Rows in radians are metres in the matrix.
             rows = self.system.along.rows
             self.scale[rows.place[:, 0], rows.place[:, 1]] = rows.scale
+        self.first_angle = self.state.angle.copy()
         self.first = np.zeros(SIZE * len(model.bodies))
         self.first[3::SIZE] = 1.0
         _pack(self.state, self.first)
@@ -180,6 +189,10 @@ class Dynamics:
     def parts(self) -> tuple[System, State, Start, Station]:
         """What the kernels take first."""
         return self.system, self.state, self.start, self.room
+
+    def restart(self) -> None:
+        """Count angles from those at t = 0 again."""
+        self.state.angle[:] = self.first_angle
 
     def rates(self, t: float, y: np.ndarray) -> np.ndarray:
         """dy/dt."""
@@ -198,7 +211,7 @@ class Dynamics:
     def projected(self, t: float, y: np.ndarray) -> np.ndarray:
         """``y`` with the joints closed, in position and in velocity, by the least change by mass.
 
-        Angles are counted on: to be asked in the order of time.
+        Angles are counted on, from where they were asked for last.
         """
         y = y.copy()
         self.state.time[0] = t
@@ -209,7 +222,6 @@ class Dynamics:
             self._close(1)
             _compiled_push(self.system, self.state, self.start, self.room)
             _compiled_pack(self.state, y)
-        self._count()
         return y
 
     def _close(self, level: int) -> None:
@@ -219,11 +231,6 @@ class Dynamics:
             _compiled_solve(self.room)
         else:
             solve_least(self.room)
-
-    def _count(self) -> None:
-        """Take over the angles of the prepared state, counted over all turns."""
-        if self.start.along:
-            self.state.angle[:] = self.start.along.quantities.value
 
     def publish(self, ys: np.ndarray) -> np.ndarray:
         """(m, 12 n) the columns of ``states.csv`` of the states ``ys`` (m, 13 n)."""
@@ -235,8 +242,10 @@ class Dynamics:
     def forces(self, times: np.ndarray, table: np.ndarray) -> np.ndarray:
         """(m, 3 k) joint forces [N] of the published states ``table`` (m, 12 n), at their times.
 
-        Of joints that are not independent the least forces. Times increase.
+        Of joints that are not independent the least forces. Times increase, and no angle turns by
+        half a turn from one to the next.
         """
+        self.restart()
         out = np.zeros((len(table), self.joints, 3))
         table = np.ascontiguousarray(table)
         for row, t in enumerate(times):
@@ -246,7 +255,6 @@ class Dynamics:
             if not self.regular:
                 solve_least(self.room)
                 _compiled_react(*self.parts)
-            self._count()
             out[row] = self.state.reaction[:, :3]
         return out.reshape(len(table), -1)
 

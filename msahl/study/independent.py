@@ -24,7 +24,7 @@ APART = 100.0
 MOST_STEPS = 40_000
 """Steps (about half a minute) after which a method gives up: the explicit one to the implicit one,
 because the scene is stiff."""
-FORM = "1"
+FORM = "2"
 """Of the file in the cache; counted up when its meaning changes."""
 
 
@@ -109,6 +109,7 @@ def _march(
     method: type, dynamics: Dynamics, times: np.ndarray, tolerance: float
 ) -> np.ndarray | None:
     """The solution by one ``method``, or None if it does not come to the end."""
+    dynamics.restart()
     ys = np.empty((len(times), dynamics.first.size))
     span = float(times[-1]) or 1.0
     atol = tolerance * _sizes(dynamics.first)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from msahl.model import Model
-from msahl.study.exact import free, pendulum, top
+from msahl.study.exact import free, oscillator, pendulum, top
 from msahl.study.exact.motion import Form, Scene, publish, read_scene
 from msahl.system.islands import split
 
@@ -17,6 +17,7 @@ FORMS: tuple[Callable[[Scene], Form | None], ...] = (
     free.recognise,
     pendulum.recognise,
     top.recognise,
+    oscillator.recognise,
 )
 
 
@@ -44,7 +45,9 @@ class ExactReference:
         for joint in self.model.joints:
             sign = -1.0 if joint.parent in self.forms else 1.0
             scene, form = self.forms[joint.parent if sign < 0.0 else joint.child]
-            tables.append(sign * scene.body.mass * (form.motion(times).a - scene.gravity))
+            motion = form.motion(times)
+            force = scene.body.mass * (motion.a - scene.gravity)
+            tables.append(sign * (force if motion.load is None else force - motion.load))
         return np.hstack(tables)
 
 

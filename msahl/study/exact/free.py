@@ -99,7 +99,7 @@ class Spinning:
 
 def recognise(scene: Scene) -> Free | None:
     """The flight that ``scene`` is, or None."""
-    if scene.pivot is not None:
+    if scene.joint is not None or scene.loads:
         return None
     spin = scene.R.T @ scene.W
     inertia = np.array(scene.body.inertia)

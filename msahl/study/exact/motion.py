@@ -1,4 +1,4 @@
-"""One body, free or on one fixed point, and its motion in time."""
+"""One body, free or on one joint to the ground, and its motion in time."""
 
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from msahl.bodies.rigid import RigidBody
-from msahl.model import Model
+from msahl.model import Joint, Load, Model
 from msahl.rotation import matrix
 from msahl.study.start import first_state
 
@@ -18,7 +18,10 @@ vectors into other axes is a few 1e-16."""
 
 @dataclass(frozen=True)
 class Scene:
-    """A body at t = 0 as its runs start, inertial axes; ``pivot`` is the fixed point or None."""
+    """A body at t = 0 as its runs start, inertial axes; ``pivot`` is the fixed point or None.
+
+    ``joint`` is the one it is held by, if any; a spherical one is the pivot.
+    """
 
     body: RigidBody
     gravity: np.ndarray
@@ -27,6 +30,8 @@ class Scene:
     R: np.ndarray  # body to inertial axes
     v: np.ndarray  # of the mass centre [m/s]
     W: np.ndarray  # [rad/s]
+    joint: Joint | None = None
+    loads: tuple[Load, ...] = ()
 
     @property
     def J(self) -> np.ndarray:
@@ -50,6 +55,7 @@ class Motion(NamedTuple):
     v: np.ndarray  # (m, 3) of the mass centre [m/s]
     W: np.ndarray  # (m, 3) [rad/s]
     a: np.ndarray  # (m, 3) of the mass centre [m/s^2]
+    load: np.ndarray | None = None  # (m, 3) force on it that is neither weight nor the joint's [N]
 
 
 class Form(Protocol):
@@ -64,21 +70,21 @@ class Form(Protocol):
 
 
 def read_scene(model: Model) -> Scene | None:
-    """The scene of a model of one body without loads, free or on one fixed point; else None."""
-    others = (model.loads, model.couplings, model.motions)
+    """The scene of a model of one body, free or on one joint; else None."""
+    others = (model.couplings, model.motions)
     if len(model.bodies) != 1 or len(model.joints) > 1 or any(others):
         return None
-    if not all(joint.kind == "spherical" for joint in model.joints):
-        return None
+    joint = model.joints[0] if model.joints else None
     body = model.bodies[0]
     _, state = first_state(model)
     R = np.array(matrix(tuple(state.p[0])))
     pivot = None
-    for joint in model.joints:
+    if joint is not None and joint.kind == "spherical":
         on_ground = joint.child_point if joint.parent == body.name else joint.parent_point
         pivot = np.array(on_ground)
     gravity = np.array(model.gravity, dtype=float)
-    return Scene(body, gravity, pivot, state.x[0].copy(), R, state.v[0].copy(), R @ state.w[0])
+    x, v = state.x[0].copy(), state.v[0].copy()
+    return Scene(body, gravity, pivot, x, R, v, R @ state.w[0], joint, model.loads)
 
 
 def about_pivot(scene: Scene, R: np.ndarray, W: np.ndarray) -> Motion:

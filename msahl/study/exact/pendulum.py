@@ -53,7 +53,9 @@ class Pendulum:
 
 def recognise(scene: Scene) -> Pendulum | None:
     """The pendulum that ``scene`` is, or None."""
-    if scene.pivot is None or not np.any(scene.arm) or not np.any(scene.gravity):
+    if scene.pivot is None or scene.loads:
+        return None
+    if not np.any(scene.arm) or not np.any(scene.gravity):
         return None
     arm, g = scene.arm, scene.gravity
     across = np.cross(arm, g)

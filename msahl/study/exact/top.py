@@ -90,7 +90,9 @@ def _between(f: Jacobi, start: float, n: float, n1: float, m1: float) -> np.ndar
 
 def recognise(scene: Scene) -> Top | None:
     """The top that ``scene`` is, or None."""
-    if scene.pivot is None or not np.any(scene.arm) or not np.any(scene.gravity):
+    if scene.pivot is None or scene.loads:
+        return None
+    if not np.any(scene.arm) or not np.any(scene.gravity):
         return None
     length, pull = float(np.linalg.norm(scene.arm)), float(np.linalg.norm(scene.gravity))
     e, up = scene.arm / length, -scene.gravity / pull
