@@ -80,7 +80,7 @@ class Model:
     couplings: tuple[Coupling, ...] = ()
     motions: tuple[Drive | PointMotion, ...] = ()
     position: str = "check"  # or "project": close the joints by Newton's method
-    velocity: str = "keepAngular"  # or "massWeighted", or "refuse"
+    velocity: str = "keepAngular"  # or "massWeighted", "asGiven", "refuse"
 
 
 def decay_of(model: Model) -> Decay:

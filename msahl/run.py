@@ -339,6 +339,11 @@ def _velocity_warnings(runner: Runner) -> list[str]:
     length = float(runner.scene.system.bodies.length.max())
     if change.method == "none" or change.rate * dt <= WORTH_TELLING * length:
         return []
+    if change.method == "asGiven":
+        return [
+            f"initial velocities open a joint at {change.rate:.3g} m/s and were left as given: the "
+            "scheme keeps that as an alternation of velocities and reactions"
+        ]
     kept = "angular velocities kept" if change.method == "keepAngular" else "least change by mass"
     head = f"initial velocities opened a joint at {change.rate:.3g} m/s and were changed ({kept}): "
     changes = [

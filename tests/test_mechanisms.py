@@ -155,6 +155,19 @@ def test_velocities_may_be_refused():
         simulate(spun(velocity="refuse"), dt=0.01, t_final=0.01)
 
 
+def test_velocities_may_be_left_as_given():
+    bob = replace(pendulum().bodies[0], velocity=(0.0, 0.0, 1.0))  # along its rod
+    run = simulate(replace(pendulum(), bodies=(bob,), velocity="asGiven"), dt=0.01, t_final=1.0)
+    assert run.of("velocity")[0].tolist() == [0.0, 0.0, 1.0]
+    (told,) = run.report.warnings
+    assert "open a joint at 1 m/s and were left as given" in told
+    assert run.report.extremes["energyErrorMaxRelative"] < 1e-11
+    # Joints are closed in position all the same; velocities alternate by what did not fit.
+    assert run.report.extremes["gapMax"] < 1e-13
+    along = run.of("velocity")[:, 2]
+    assert along == pytest.approx((-1.0) ** np.arange(101), abs=1e-2)
+
+
 def test_velocities_may_be_kept_in_angle_or_changed_by_mass():
     kept = simulate(spun(velocity="keepAngular"), dt=0.01, t_final=0.01)
     assert kept.of("spin")[0] == pytest.approx((0.0, 1.0, 0.0), abs=1e-14)

@@ -33,7 +33,7 @@ ROUND_OFF = 1e-10
 class VelocityChange(NamedTuple):
     """What was done to the velocities of the deck."""
 
-    method: str  # "none", "keepAngular" or "massWeighted"
+    method: str  # "none", "keepAngular", "massWeighted" or "asGiven"
     rate: float  # largest gap rate as given [m/s]
     dv: np.ndarray  # (n, 3) change of the mass centres' velocities, inertial axes [m/s]
     dw: np.ndarray  # (n, 3) change of the angular velocities, inertial axes [rad/s]
@@ -48,8 +48,9 @@ def make_consistent(
 ) -> VelocityChange:
     """Change the velocities of the ``free`` unknowns so that no joint opens; say how.
 
-    ``wish`` is "keepAngular", "massWeighted" or "refuse": then inconsistent velocities raise
-    ``StartError``, as do velocities that cannot be mended (two motions at odds).
+    ``wish`` is "keepAngular", "massWeighted", "asGiven", which changes nothing, or "refuse": then
+    inconsistent velocities raise ``StartError``, as do those that cannot be mended (two motions at
+    odds).
     """
     n = system.bodies.inverse_mass.size - 1
     start = new_start(system, state)
@@ -58,6 +59,8 @@ def make_consistent(
     speed = max(np.abs(v0).max(), (np.abs(start.bodies.W) * system.bodies.length[:, None]).max())
     near = CONSISTENT * max(speed, given)
     method = "none"
+    if given > near and wish == "asGiven":
+        return VelocityChange(wish, given, np.zeros((n, 3)), np.zeros((n, 3)))
     if given > near:
         if wish == "refuse":
             raise StartError(

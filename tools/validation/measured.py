@@ -1,12 +1,8 @@
 """Runs of the thesis's decks, and the figures taken from them."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
-from unittest.mock import patch
 
 import numpy as np
 
@@ -15,7 +11,6 @@ from msahl.model import Model
 from msahl.post.measure import Measures, measure
 from msahl.results.read import Run
 from msahl.run import Options, Report
-from msahl.solve.initial import VelocityChange
 from msahl.study.errors import rotations
 from msahl.study.runs import run_in_memory, with_step
 
@@ -44,8 +39,9 @@ def model_of(deck: str) -> Model:
 def run_deck(deck: str, dt: float, t_final: float, as_given: bool = False) -> Measured:
     """Run a deck; its velocities made consistent, or left ``as_given``."""
     model = with_step(model_of(deck), dt, t_final)
-    with _velocities(as_given):
-        report, run = run_in_memory(model, Options())
+    if as_given:
+        model = replace(model, velocity="asGiven")
+    report, run = run_in_memory(model, Options())
     measures = measure(run)
     return Measured(report, run, measures, mid_work(run, measures))
 
@@ -63,17 +59,3 @@ def mid_work(run: Run, measures: Measures) -> np.ndarray:
     return np.asarray(
         (measures.reactions.force[1:] * mean).sum(axis=2) * np.diff(run.time)[:, None]
     )
-
-
-@contextmanager
-def _velocities(as_given: bool) -> Iterator[None]:
-    if not as_given:
-        yield
-        return
-
-    def leave(system: Any, *_: object) -> VelocityChange:
-        n = system.bodies.inverse_mass.size - 1
-        return VelocityChange("none", 0.0, np.zeros((n, 3)), np.zeros((n, 3)))
-
-    with patch("msahl.solve.island.make_consistent", leave):
-        yield
