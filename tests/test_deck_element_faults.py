@@ -140,7 +140,7 @@ JOINTS = {
     ),
     "rod too long": (
         joint("distance", rest="<length>1.5</length>", ends="GB"),
-        ":22: joint 'J': the distance it keeps is 1 m at t = 0, but length say 1.5 m",
+        ":22: joint 'J': the distance it keeps is 1 m at t = 0, but length says 1.5 m",
     ),
     "rod of no length": (
         joint("distance"),
@@ -566,7 +566,7 @@ def test_a_joint_with_a_fault_is_still_known_by_name(tmp_path):
 @pytest.mark.parametrize(
     ("attribute", "expected"),
     [("position='close'", "expected one of check, project"),
-     ("velocity='keep'", "expected one of keepAngular, massWeighted, refuse")],
+     ("velocity='keep'", "expected one of keepAngular, massWeighted, asGiven, refuse")],
 )  # fmt: skip
 def test_assembly_has_few_words(tmp_path, attribute, expected):
     path = written(tmp_path)

@@ -2,8 +2,10 @@
 
 import pytest
 from click.testing import CliRunner
+from lxml import etree
 
 from msahl.deck import read_deck
+from msahl.deck.schema import schema_bytes
 from msahl.templates import names, new, template
 
 
@@ -22,7 +24,23 @@ def test_every_template_is_listed_with_its_purpose():
     assert listed.exit_code == 0
     assert [line.split()[0] for line in listed.stdout.splitlines()] == names()
     assert "pendulum" in names()
-    assert "pendulum" in CliRunner().invoke(new, ["--help"]).stdout
+    assert "--list" in CliRunner().invoke(new, ["--help"]).stdout
+
+
+def test_every_element_has_a_template():
+    schema = etree.fromstring(schema_bytes())
+    kinds = {
+        element.get("name")
+        for group in ("joints", "motions", "loads")
+        for element in schema.iterfind(f"xs:complexType[@name='{group}']//xs:element", schema.nsmap)
+    }
+    assert kinds > {"universal", "camFollower", "drive", "bushing"}
+    shown = {
+        element.tag
+        for name in names()
+        for element in etree.fromstring(template(name).encode()).iter(*kinds)
+    }
+    assert shown == kinds
 
 
 def test_the_terminal_gets_the_deck_itself():
@@ -52,4 +70,4 @@ def test_a_folder_that_is_not_there(tmp_path):
 def test_an_unknown_template_names_the_known_ones():
     result = CliRunner().invoke(new, ["pendulm"])
     assert result.exit_code == 2
-    assert "pendulum" in result.stderr
+    assert "did you mean pendulum" in result.stderr

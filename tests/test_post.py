@@ -12,7 +12,6 @@ from post_runs import write as write_conical
 from msahl.bodies import rigid
 from msahl.post.compare import compare
 from msahl.post.measure import Energy, Spread, measure
-from msahl.post.rows import recall
 from msahl.post.summary import energy_table, no_work_note, partial_note, work_table
 from msahl.post.table import as_csv, as_json, as_text
 from msahl.post.tolerance import Tolerance
@@ -101,7 +100,7 @@ def test_recall_undoes_publish(tmp_path):
     start, table = new_start(system, state), np.zeros((1, 12))
     preserving.prepare(system, state, start)
     rigid.publish(system.bodies, state.x, state.p, start.bodies, state.w, table, 0)
-    recall(system.bodies, table, 0, found)
+    rigid.recall(system.bodies, table, 0, found.x, found.p, found.v, found.w)
     for name in ("x", "p", "v", "w"):
         assert getattr(found, name)[0] == pytest.approx(getattr(state, name)[0], rel=1e-13)
 

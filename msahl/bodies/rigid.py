@@ -254,3 +254,31 @@ def publish(
         for i, values in enumerate((sub(at(x, b), times(R, r)), at(p, b), v_B, w_b)):
             for j in range(3):
                 table[row, place + 3 * i + j] = values[j]
+
+
+@kernel
+def recall(
+    bodies: Bodies,
+    table: np.ndarray,
+    row: int,
+    x: np.ndarray,
+    p: np.ndarray,
+    v: np.ndarray,
+    w: np.ndarray,
+) -> None:
+    """Set the state of every body to what ``publish`` wrote into a row of ``table``."""
+    for b in range(bodies.inverse_mass.size - 1):
+        place = 12 * b
+        P, spin = three(table, row, place + 3), three(table, row, place + 9)
+        R = matrix(P)
+        r = at(bodies.r_BG, b)
+        put(x, b, add(three(table, row, place), times(R, r)))
+        put(p, b, P)
+        put(v, b, times(R, add(three(table, row, place + 6), cross(spin, r))))
+        put(w, b, spin)
+
+
+@kernel
+def three(table: np.ndarray, row: int, column: int) -> Vector:
+    """Three numbers of a ``row`` of ``table`` from ``column`` on."""
+    return (table[row, column], table[row, column + 1], table[row, column + 2])

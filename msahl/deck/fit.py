@@ -97,7 +97,7 @@ def _degenerate(joint: Joint, here: Stance) -> list[str]:
         if isinstance(equation, Equation) and equation.first.kind == RADIUS:
             wanted, value = equation.value, here.value(equation.first)
             if wanted is not None and wanted <= 0.0:
-                return [f"{_named(joint)} make a distance of zero; a distance must be greater"]
+                return [f"{_verb(joint, 'make')} a distance of zero; a distance must be greater"]
             if value <= here.tolerance:
                 return ["the distance it keeps is zero at t = 0; move one of the two points"]
     return []
@@ -107,12 +107,17 @@ def _named(joint: Joint) -> str:
     return " and ".join(name for name, _ in joint.parameters)
 
 
+def _verb(joint: Joint, verb: str) -> str:
+    """The joint's parameters and what they do."""
+    return f"{_named(joint)} {verb if len(joint.parameters) > 1 else verb + 's'}"
+
+
 def _distance_fault(joint: Joint, equation: Equation, here: Stance) -> str:
     value = here.value(equation.first)
     if equation.value is None or abs(value - equation.value) <= here.tolerance:
         return ""
     return (
-        f"the distance it keeps is {value:.9g} m at t = 0, but {_named(joint)} say "
+        f"the distance it keeps is {value:.9g} m at t = 0, but {_verb(joint, 'say')} "
         f"{equation.value:.9g} m; move the child or change {_named(joint)}"
     )
 

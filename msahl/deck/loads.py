@@ -8,10 +8,8 @@ from msahl.deck.motions import moving_body
 from msahl.deck.named import named_joint
 from msahl.deck.values import Reader
 from msahl.forces.records import ConcentratedLoad, Drag, Friction
+from msahl.joints.registry import KINDS
 from msahl.vector import ZERO, Vector, axpy, scale, sub
-
-RUBBING = ("revolute", "prismatic", "cylindrical")
-"""Kinds of joint whose bearing friction is known from their reaction."""
 
 
 def read_concentrated(element: Element, reader: Reader) -> ConcentratedLoad:
@@ -86,10 +84,10 @@ def read_friction(element: Element, reader: Reader) -> Friction:
     """Record of a ``<friction>``."""
     freedom = text(element.find("freedom"))
     joint = named_joint(element, "joint", freedom, reader)
-    if reader.kinds.get(joint, RUBBING[0]) not in RUBBING:
-        message = (
-            f"friction in a {reader.kinds[joint]} is not known; name one of {', '.join(RUBBING)}"
-        )
+    kind = KINDS.get(reader.kinds.get(joint, ""))
+    if kind is not None and not kind.bearing:
+        known = ", ".join(name for name, other in KINDS.items() if other.bearing)
+        message = f"friction in a {kind.name} is not known; name one of {known}"
         reader.faults.add(element, message, element.find("joint"))
     width = element.find("width")
     speed = reader.number(width, "angularVelocity" if freedom == "angle" else "velocity")

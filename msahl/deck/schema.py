@@ -6,25 +6,18 @@ and turns to ``xmlschema`` if it objects; ``msahl check`` asks both. A test hold
 same verdict.
 """
 
-from importlib.resources import files
-from importlib.resources.abc import Traversable
-from pathlib import Path
-
 from lxml import etree
 
 from msahl.deck.faults import Element, Faults
 from msahl.deck.parse import parse_with_comments
+from msahl.resources import folder
 
 SCHEMA_NAME = "msaHLData.xsd"
 
 
 def schema_bytes() -> bytes:
-    """The schema: installed as ``msahl.schemas``, or ``schemas/`` beside a checkout's package."""
-    try:
-        folder: Traversable = files("msahl.schemas")
-    except ModuleNotFoundError:
-        folder = Path(__file__).parents[2] / "schemas"
-    return folder.joinpath(SCHEMA_NAME).read_bytes()
+    """The schema."""
+    return folder("schemas").joinpath(SCHEMA_NAME).read_bytes()
 
 
 def check_schema(root: Element, faults: Faults, thorough: bool) -> None:

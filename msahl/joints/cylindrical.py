@@ -11,4 +11,4 @@ def equations(joint: Joint) -> Equations:
     return [*on_axis(joint), *parallel_axes(joint)]
 
 
-KIND = Kind("cylindrical", equations, axes=1, freedoms=("slide", "angle"))
+KIND = Kind("cylindrical", equations, axes=1, freedoms=("slide", "angle"), bearing=True)

@@ -94,7 +94,8 @@ class Kind:
     side; ``faces`` whether the child's is turned round to face the parent's at t = 0.
     ``parameters`` are (name, unit quantity, default or None, lower bound); ``freedoms`` are the
     free motions that drives, springs, gears and friction may act along. ``on_ground`` are laws
-    between rates that hold against the inertial axes only.
+    between rates that hold against the inertial axes only; ``bearing`` are those whose friction is
+    known from their reaction.
     """
 
     name: str
@@ -105,6 +106,7 @@ class Kind:
     moment: bool = True
     on_ground: bool = False
     faces: bool = False
+    bearing: bool = False
 
 
 def perpendicular(d: Vector, e: Vector) -> Equation:

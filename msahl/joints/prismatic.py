@@ -11,4 +11,4 @@ def equations(joint: Joint) -> Equations:
     return [*on_axis(joint), *no_turn(joint)]
 
 
-KIND = Kind("prismatic", equations, axes=1, freedoms=("slide",))
+KIND = Kind("prismatic", equations, axes=1, freedoms=("slide",), bearing=True)

@@ -11,4 +11,4 @@ def equations(joint: Joint) -> Equations:
     return [Coincide(), *parallel_axes(joint)]
 
 
-KIND = Kind("revolute", equations, axes=1, freedoms=("angle",))
+KIND = Kind("revolute", equations, axes=1, freedoms=("angle",), bearing=True)

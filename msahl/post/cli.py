@@ -88,7 +88,7 @@ def _table_command(command: Command) -> Command:
 @main.command()
 @_table_command
 def energy(runs: tuple[Path, ...], form: str | None) -> None:
-    """How well each run kept its energy balance: E(t) - E(0) - work of loads and motions.
+    """How well each run kept its energy balance: E(t) - E(0) - work done on the scene.
 
     The error is given over |E(1)|, as Hainge (2010, eq. 3.11) has it, which means nothing where
     E(1) is near zero, and over the largest kinetic energy reached. RMS, mean and max are over rows.

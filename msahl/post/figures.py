@@ -11,7 +11,7 @@ from msahl.post.measure import Measures
 from msahl.results.read import ResultError, Run
 
 AXES = "xyz"
-WORK = "work of loads\nand motions"
+WORK = "work done on\nthe scene"
 NEGLIGIBLE = 1e-9
 """A force component below this part of the largest is not worth a panel; the title says so."""
 MANY = 5

@@ -10,19 +10,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msahl.bodies.rigid import Bodies, BodyStart, energy
+from msahl.bodies.rigid import Bodies, BodyStart, energy, recall
 from msahl.compiled import compiled
 from msahl.joints import quantity
 from msahl.joints.along import Along, AlongStart
 from msahl.kernel import kernel
 from msahl.model import Model
 from msahl.results.read import Run
-from msahl.rotation import matrix
 from msahl.schemes import preserving
 from msahl.system.arrays import Start, State, System, new_start
 from msahl.system.build import build_system
 from msahl.system.state import build_state
-from msahl.vector import Vector, add, at, cross, put, times
+from msahl.vector import at, put
 
 
 class History(NamedTuple):
@@ -116,26 +115,6 @@ def body_columns(run: Run) -> np.ndarray:
 
 
 @kernel
-def recall(bodies: Bodies, table: np.ndarray, row: int, state: State) -> None:
-    """Set x, p, v, w of ``state`` to those published in a ``row`` of ``table``, 12 a body."""
-    for b in range(bodies.inverse_mass.size - 1):
-        p = three(table, row, 12 * b + 3)
-        w = three(table, row, 12 * b + 9)
-        R = matrix(p)
-        r = at(bodies.r_BG, b)
-        put(state.x, b, add(three(table, row, 12 * b), times(R, r)))
-        put(state.p, b, p)
-        put(state.v, b, times(R, add(three(table, row, 12 * b + 6), cross(w, r))))
-        put(state.w, b, w)
-
-
-@kernel
-def three(table: np.ndarray, row: int, column: int) -> Vector:
-    """Three numbers of a ``row`` of ``table`` from ``column`` on."""
-    return (table[row, column], table[row, column + 1], table[row, column + 2])
-
-
-@kernel
 def _observe_rows(
     system: System,
     state: State,
@@ -148,7 +127,7 @@ def _observe_rows(
     elastic: np.ndarray,
 ) -> None:
     for row in range(table.shape[0]):
-        recall(system.bodies, table, row, state)
+        recall(system.bodies, table, row, state.x, state.p, state.v, state.w)
         h = time[row] - state.time[0] if row else 0.0
         state.time[0] = time[row]
         # The rates of the row before are in ``start`` until they are observed anew.

@@ -29,7 +29,7 @@ def _cells(spread: Spread | None) -> tuple[Cell, ...]:
 
 def energy_table(measured: Measured) -> Table:
     """One row a run: energy at the start, largest kinetic energy, error by both measures; where
-    there are any, elastic energy of springs and work of loads and motions."""
+    there are any, elastic energy of springs and work done on the scene."""
     columns = (
         RUN,
         Column("energy_at_start", "E(1) [J]", form=".6g"),

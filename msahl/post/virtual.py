@@ -21,13 +21,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.bodies.rigid import three
 from msahl.compiled import compiled
 from msahl.joints.joint import Equation, Z
 from msahl.joints.measure import rim
 from msahl.joints.registry import KINDS
 from msahl.kernel import kernel
 from msahl.model import Joint, Model
-from msahl.post.rows import History, body_columns, three
+from msahl.post.rows import History, body_columns
 from msahl.results.read import Run
 from msahl.rotation import compose, inverse, matrix, to_step_turn, turn_change
 from msahl.system.build import body_index, build_system

@@ -14,7 +14,6 @@ from msahl.compiled import compiled
 from msahl.joints import along
 from msahl.kernel import kernel
 from msahl.model import Model
-from msahl.post.rows import recall
 from msahl.rotation import compose, from_step_turn
 from msahl.schemes import preserving
 from msahl.solve import station
@@ -159,7 +158,7 @@ def _publish_row(
 def _recall(
     system: System, state: State, start: Start, room: Station, table: np.ndarray, row: int
 ) -> None:
-    recall(system.bodies, table, row, state)
+    rigid.recall(system.bodies, table, row, state.x, state.p, state.v, state.w)
     _prepare(system, state, start)
     station.accelerate(system, state, start, room)
 

@@ -1,0 +1,13 @@
+"""Files that stand at the top of the repository and are installed with the package."""
+
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+
+
+def folder(name: str) -> Traversable:
+    """``schemas`` or ``decks``: installed as ``msahl.NAME``, or beside a checkout's package."""
+    try:
+        return files(f"msahl.{name}")
+    except ModuleNotFoundError:
+        return Path(__file__).parents[1] / name
