@@ -116,6 +116,9 @@ def explain(deck: Path) -> None:
 @click.option("--reactions", type=click.Choice(["mean", "station"]),
               help="Reactions of a row: 'mean' over the step before it, or 'station', at its own "
               "time. Instead of the deck's; else mean.")  # fmt: skip
+@click.option("--shadow", type=click.FloatRange(min=0.0, min_open=True), metavar="TOL",
+              help="Run at half the step beside it, and tell up to which time the two agree within "
+              "TOL [m]. Instead of the accuracy the deck asks for.")  # fmt: skip
 @click.option("--full", is_flag=True, help="Leave nothing out of the equations (see explain).")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but faults.")
 @click.option("-v", "--verbose", is_flag=True, help="Say what every phase took.")
@@ -129,6 +132,7 @@ def run(
     solver: str,
     every: int,
     reactions: str | None,
+    shadow: float | None,
     full: bool,
     quiet: bool,
     verbose: bool,
@@ -152,7 +156,7 @@ def run(
     from msahl.deck import effective_deck
     from msahl.run import Options
 
-    options = Options(solver, every, full)
+    options = Options(solver, every, full, shadow)
     folder = output or Path("results") / deck.stem
     from msahl.solve.initial import StartError
 
@@ -241,6 +245,7 @@ def _simulate(
                 "solver": options.solver,
                 "every": options.every,
                 "full": options.full,
+                "shadow": options.shadow,
                 "reactions": model.simulation.reactions,
             },
             **report.as_json(),
@@ -291,7 +296,9 @@ def _versions() -> dict[str, str]:
 
 
 def _tell(deck: Path, folder: Path, report: "Report", quiet: bool, verbose: bool) -> None:
-    """The last lines on stderr: warnings, what went wrong, and how good the run is."""
+    """The last lines on stderr: warnings, what went wrong, and the verdict."""
+    from msahl.verdict import FAIL
+
     lines = [] if quiet else [f"{deck}: {warning}" for warning in report.warnings]
     if report.message:
         lines.append(f"{deck}: {report.message}")
@@ -302,14 +309,14 @@ def _tell(deck: Path, folder: Path, report: "Report", quiet: bool, verbose: bool
             f"planar), {report.iterations} iterations, {report.factorisations} factorisations, "
             f"{report.root_steps} steps by scipy, {report.halvings} halvings"
         )
-    if not quiet:
-        lines.append(f"{deck}: {_quality(report)} -> {folder}")
+    if not quiet or report.verdict["word"] == FAIL:
+        lines.append(f"{deck}: {_judgement(report.verdict)} -> {folder}")
     if lines:
         click.echo("\n".join(lines), err=True)
 
 
-def _quality(report: "Report") -> str:
-    energy = report.extremes["energyErrorMaxRelative"]
-    kept = "" if energy is None else f", energy kept to {energy:.1e} of the largest kinetic energy"
-    gap = f", joints closed to {report.extremes['gapMax']:.1e} m" if report.joints else ""
-    return f"{report.steps} steps to t = {report.time:g} s{kept}{gap}"
+def _judgement(verdict: dict[str, Any]) -> str:
+    """The verdict's word and reasons; of a good run the figures that made it pass."""
+    checks = verdict["checks"]
+    told = [checks[name]["text"] for name in ("end", "energy", "gap", "accuracy") if name in checks]
+    return f"{verdict['word']}: {'; '.join(verdict['reasons'] or told)}"

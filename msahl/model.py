@@ -50,9 +50,23 @@ MEAN, STATION = "mean", "station"
 
 
 @dataclass(frozen=True, slots=True)
+class Limits:
+    """What the deck asks of a run's figures; None leaves it to ``msahl.verdict``.
+
+    ``accuracy`` [m] of positions, judged by a second run at half the step; ``energy`` relative to
+    the largest kinetic energy; ``gap`` [m] of the joints.
+    """
+
+    accuracy: float | None = None
+    energy: float | None = None
+    gap: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Simulation:
     """How the scene is run: step ``dt`` and end ``t_final`` [s], scheme and, if it is one that
-    decays, its damping at infinite frequency: 0 none, 1 all in one step; what ``reactions`` are.
+    decays, its damping at infinite frequency: 0 none, 1 all in one step; what ``reactions`` are;
+    what is asked of the result.
     """
 
     title: str
@@ -61,6 +75,7 @@ class Simulation:
     scheme: str = DEFAULT
     damping: float = DAMPING
     reactions: str = MEAN
+    limits: Limits = Limits()
 
 
 @dataclass(frozen=True, slots=True)

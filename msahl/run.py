@@ -11,15 +11,18 @@ from typing import Any, Protocol
 import numpy as np
 
 from msahl.compiled import is_kept, keep
-from msahl.model import STATION, Model, Simulation
+from msahl.model import STATION, Model, Simulation, decays
 from msahl.solve.culprit import culprit
 from msahl.solve.dense import FAR
 from msahl.solve.initial import StartError
 from msahl.solve.island import MAX_HALVINGS, Runner
+from msahl.solve.momentum import Momentum, drift, is_alone, momentum
 from msahl.solve.outcome import TOLERANCE, Outcome
+from msahl.solve.shadow import Shadow
 from msahl.solve.watch import Extremes
 from msahl.system.islands import split
 from msahl.system.names import describe_row, reaction_columns, state_columns, work_columns
+from msahl.verdict import Figures, judge
 
 CHUNK_SECONDS = 0.2
 """About how long the loop goes on between output, progress and a look at interruptions."""
@@ -41,11 +44,14 @@ class Sink(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What the user chose beside the deck; ``full`` leaves nothing out of the equations."""
+    """What the user chose beside the deck; ``full`` leaves nothing out of the equations, and
+    ``shadow`` [m] asks for an accuracy in place of the deck's.
+    """
 
     solver: str = "auto"
     every: int = 1
     full: bool = False
+    shadow: float | None = None
 
 
 @dataclass(slots=True)
@@ -70,6 +76,8 @@ class Report:
     warnings: list[str] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=dict)
     extremes: dict[str, float | None] = field(default_factory=dict)
+    shadow: dict[str, float | bool] | None = None
+    verdict: dict[str, Any] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
         """The fields by name, as ``run.json`` shows them."""
@@ -136,6 +144,8 @@ class _Run:
             self.runners = [
                 Runner(i, options.solver, options.full, self.chunk, at_rows) for i in islands
             ]
+        asked = options.shadow or model.simulation.limits.accuracy
+        self.shadow = Shadow(self.runners, options.full, self.chunk, asked) if asked else None
         self.places = [
             [
                 [whole.index(c) for c in names(runner.model)[1:]]
@@ -172,6 +182,7 @@ class _Run:
             raise StartError(self.report.message)
         first = [runner.scene.watch.rows[:1] for runner in self.runners]
         self.extremes = Extremes(first, sum(_weight(runner) for runner in self.runners))
+        self.momenta = [_momentum(runner) for runner in self.runners]
         self._publish(np.zeros(1))
         report.status = "completed"
         steps = 1
@@ -203,8 +214,13 @@ class _Run:
         self.report.steps += done
         self.extremes.fold([runner.scene.watch.rows[:done] for runner in self.runners])
         self.report.seconds["loop"] += time.perf_counter() - began
-        times = [self.grid.time(int(k)) for k in ends[:done][published[:done]]]
-        self._publish(np.array(times))
+        times = np.array([self.grid.time(int(k)) for k in ends[:done][published[:done]]])
+        if self.shadow is not None:
+            began = time.perf_counter()
+            self.shadow.follow(self.runners, self.grid.step(first + done), plan[:done], times)
+            seconds = self.report.seconds
+            seconds["shadow"] = seconds.get("shadow", 0.0) + time.perf_counter() - began
+        self._publish(times)
 
     def _advance(self, steps: int, plan: np.ndarray) -> list[int]:
         """Advance every island; the steps each has taken."""
@@ -262,7 +278,47 @@ class _Run:
         report.root_steps = sum(runner.root_steps for runner in self.runners)
         report.halvings = sum(runner.halvings for runner in self.runners)
         report.extremes = self.extremes.as_json()
+        report.shadow = self.shadow.as_json() if self.shadow else None
+        report.verdict = judge(self._figures(), self.model.simulation.limits).as_json()
         return report
+
+    def _figures(self) -> Figures:
+        report, runners = self.report, self.runners
+        pivots = [float(r.scene.pivots[0]) for r in runners if r.scene.system.relaxation == 0.0]
+        return Figures(
+            status=report.status,
+            message=report.message,
+            time=report.time,
+            steps=report.steps,
+            iterations=report.iterations,
+            halvings=report.halvings,
+            root_steps=report.root_steps,
+            joints=report.joints,
+            dt=self.grid.h,
+            length=max(float(r.scene.system.bodies.length[:-1].max()) for r in runners),
+            energy_size=self.extremes.size,
+            extremes=report.extremes,
+            momentum=self._momentum_lost(),
+            condition=max(pivots, default=0.0) or None,
+            velocity_change=max(
+                (r.change.rate for r in runners if r.change.method != "none"), default=0.0
+            ),
+            shared=report.sharedReactions,
+            shadow=report.shadow,
+        )
+
+    def _momentum_lost(self) -> tuple[float | None, float | None]:
+        """Of the islands that nothing outside pulls at, the most; no decaying scheme keeps the
+        angular momentum exactly.
+        """
+        lost = [
+            drift(r.scene.system, before, now, self.report.time)
+            for r, before in zip(self.runners, self.momenta, strict=True)
+            if before is not None and (now := _momentum(r)) is not None
+        ]
+        linear = max((part for part, _ in lost), default=None)
+        angular = max((part for _, part in lost), default=None)
+        return linear, None if decays(self.model) else angular
 
     def _failure(self, step: int, runner: Runner, outcome: Outcome) -> str:
         name = culprit(runner.model, runner.scene, self.grid.h)
@@ -302,6 +358,14 @@ def _weight(runner: Runner) -> float:
     moving = bodies.inverse_mass > 0.0
     weights = np.linalg.norm(bodies.gravity) / bodies.inverse_mass[moving]
     return float(weights @ bodies.length[moving])
+
+
+def _momentum(runner: Runner) -> Momentum | None:
+    """Momentum of an island that keeps its own."""
+    scene = runner.scene
+    if not is_alone(scene.system):
+        return None
+    return momentum(scene.system, scene.state, scene.start)
 
 
 def _freedoms(model: Model, runners: list[Runner]) -> dict[str, int]:

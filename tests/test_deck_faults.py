@@ -163,6 +163,10 @@ SCHEMA_FAULTS = {
         ("<simulation>", '<simulation damping="much">'),
         "simulation: damping='much' is not a number from 0 to 1",
     ),
+    "accuracy without end": (
+        ("<deltaT>", "<verdict><accuracy>INF</accuracy></verdict><deltaT>"),
+        "simulation/verdict/accuracy: 'INF' is not a finite number",
+    ),
     "stray text": (
         ("<joints>", "<joints>and"),
         ":19: system/joints: stray text 'and'; <joints> holds one of <rigid>, <revolute>,",
@@ -170,6 +174,10 @@ SCHEMA_FAULTS = {
 }
 
 MEANING_FAULTS = {
+    "accuracy of zero": (
+        ("<deltaT>", "<verdict><accuracy>0</accuracy></verdict><deltaT>"),
+        ":39: simulation/verdict/accuracy: the limit is 0; no run is that good: give more than",
+    ),
     "duplicate name": (
         ("<name>Base</name></ground>", "<name>Bob</name></ground>"),
         ":7: body 'Bob', name: the name is taken by line 5; choose another",

@@ -14,12 +14,13 @@ from click.testing import CliRunner
 from msahl.cli import main
 from msahl.deck import read_deck
 from msahl.post.draw import style
+from msahl.rotations import angles
 from msahl.run import Options
 from msahl.schemes import SCHEMES, decaying
 from msahl.study import independent as independent_module
 from msahl.study.cli import study as command
 from msahl.study.dynamics import Dynamics
-from msahl.study.errors import MEASURES, angles
+from msahl.study.errors import MEASURES
 from msahl.study.exact import recognise
 from msahl.study.independent import independent
 from msahl.study.pictures import pictures

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from msahl.deck.faults import Element, text
 from msahl.deck.values import Reader
-from msahl.model import MEAN, Simulation
+from msahl.model import MEAN, Limits, Simulation
 from msahl.schemes import DAMPING, DEFAULT
 
 MAX_STEPS = 10**9
@@ -21,12 +21,33 @@ def read_simulation(element: Element, reader: Reader) -> Simulation:
         scheme=" ".join(element.get("scheme", DEFAULT).split()),
         damping=float(element.get("damping", DAMPING)),
         reactions=" ".join(element.get("reactions", MEAN).split()),
+        limits=_limits(element.find("verdict"), reader),
     )
     if reader.faults.sound(element):
         for tag, message in _complaints(simulation):
             place = element.find(tag)
             reader.faults.add(element if place is None else place, message)
     return simulation
+
+
+def _limits(verdict: Element | None, reader: Reader) -> Limits:
+    """What ``<verdict>`` asks of the figures."""
+    return Limits(
+        accuracy=_limit(verdict, "accuracy", "length", reader),
+        energy=_limit(verdict, "energy", "", reader),
+        gap=_limit(verdict, "gap", "length", reader),
+    )
+
+
+def _limit(verdict: Element | None, tag: str, quantity: str, reader: Reader) -> float | None:
+    element = None if verdict is None else verdict.find(tag)
+    if element is None:
+        return None
+    value = reader.number(element, quantity)
+    if value <= 0.0 and reader.faults.sound(element):
+        message = f"the limit is {text(element)}; no run is that good: give more than zero"
+        reader.faults.add(element, message)
+    return value
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
 """The command ``msahl-post``: arguments in, exit status out; all that the room prints.
 
-Exit status: 0 good, 1 a comparison found a difference, 2 not a run, not comparable, or bad usage.
+Exit status: 0 good, 1 a comparison found a difference or a verdict is FAIL, 2 not a run, not
+comparable, or bad usage.
 Modules are imported where a command needs them: tables start without matplotlib.
 """
 
@@ -12,6 +13,7 @@ import click
 
 import msahl
 from msahl.post.tolerance import ATOL, RTOL, Tolerance
+from msahl.verdict import FAIL, WORDS
 
 if TYPE_CHECKING:
     from msahl.post.compare import Comparison
@@ -134,6 +136,30 @@ def constraints(runs: tuple[Path, ...], form: str | None) -> None:
     for run in read:
         _note(run, "" if run.reactions is not None else "the scene has no joints")
     _print(constraints_table(measured), form)
+
+
+@main.command()
+@_table_command
+@click.option("--only", multiple=True, type=click.Choice(WORDS), help="Only runs of this verdict; "
+              "may be repeated.")  # fmt: skip
+@click.option("--names", "form", flag_value="names", help="Print the runs' folders alone.")
+def verdict(runs: tuple[Path, ...], form: str | None, only: tuple[str, ...]) -> None:
+    """The verdict on each run, PASS, WARN or FAIL, with its figures and reasons.
+
+    Exit status: 0, or 1 if a run is FAIL, shown or not.
+
+    Example: msahl-post verdict results/sweep/*/* --only FAIL
+    """
+    from msahl.post.judged import read_judged, verdict_table
+
+    judged = [read_judged(folder) for folder in runs]
+    shown = [run for run in judged if not only or run.word in only]
+    if form == "names":
+        click.echo("".join(f"{run.folder}\n" for run in shown), nl=False)
+    else:
+        _print(verdict_table(shown), form)
+    if any(run.word == FAIL for run in judged):
+        click.get_current_context().exit(DIFFERENT)
 
 
 @main.command()

@@ -94,6 +94,7 @@ def build_report(run: Run, measures: Measures) -> list[Block]:
         Heading(1, _title(run)),
         Paragraph(_status(run)),
         *_warnings(run),
+        *_judgement(run),
         Heading(2, "How wrong it is"),
         Items(tuple(("", sentence) for sentence in _verdicts(run, measures))),
         *_figures_in_tables(run, measures),
@@ -121,6 +122,18 @@ def _status(run: Run) -> str:
 def _warnings(run: Run) -> list[Block]:
     warnings = run.info.get("warnings", [])
     return [Items(tuple(("Warning", text) for text in warnings))] if warnings else []
+
+
+def _judgement(run: Run) -> list[Block]:
+    """The verdict the run was given, check by check."""
+    verdict = run.info.get("verdict")
+    if not verdict:
+        return []
+    checks = verdict["checks"].items()
+    return [
+        Paragraph(f"Verdict: {verdict['word']}."),
+        Items(tuple((f"{check}, {found['word']}", found["text"]) for check, found in checks)),
+    ]
 
 
 def _verdicts(run: Run, measures: Measures) -> list[str]:

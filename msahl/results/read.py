@@ -81,7 +81,7 @@ def read_run(folder: Path) -> Run:
     return Run(
         folder=folder,
         model=model,
-        info=_info(folder),
+        info=read_info(folder),
         states=tables["states.csv"],
         reactions=tables.get("reactions.csv"),
         work=tables.get("work.csv"),
@@ -126,7 +126,8 @@ def _table(folder: Path, name: str, columns: list[str]) -> pd.DataFrame:
     return table
 
 
-def _info(folder: Path) -> dict[str, Any]:
+def read_info(folder: Path) -> dict[str, Any]:
+    """What ``run.json`` says: nothing if the run was cut off by force. Raises ``ResultError``."""
     path = folder / "run.json"
     try:
         return dict(json.loads(path.read_text())) if path.is_file() else {}

@@ -40,6 +40,9 @@ def solve_step(scene: Scene, h: float) -> tuple[float, int]:
         if slow:
             preserving.jacobian(system, start, h, Z, scene.values)
             sparse.factor(unknowns.elimination, scene.values, scene.factor)
+            scene.pivots[0] = max(
+                scene.pivots[0], sparse.spread(unknowns.elimination, scene.factor)
+            )
             scene.counts[1] += 1
         dense.gather(order, F, y)
         sparse.solve(unknowns.elimination, scene.factor, y)

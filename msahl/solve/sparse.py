@@ -1,5 +1,7 @@
 """Sparse LU of the Jacobian by the program of ``system.order``."""
 
+import math
+
 import numpy as np
 
 from msahl.kernel import kernel
@@ -25,6 +27,18 @@ def factor(lu: Elimination, values: np.ndarray, W: np.ndarray) -> None:
             for right in range(first_upper, lu.base[k + 1]):
                 W[lu.target[operation]] -= multiple * W[right]
                 operation += 1
+
+
+@kernel
+def spread(lu: Elimination, W: np.ndarray) -> float:
+    """Largest pivot over the smallest, of a matrix just factored into ``W``: a lower estimate of
+    its condition, for nothing.
+    """
+    smallest, largest = math.inf, 0.0
+    for k in range(lu.order.size):
+        inverse = abs(W[lu.base[k]])
+        smallest, largest = min(smallest, inverse), max(largest, inverse)
+    return largest / smallest
 
 
 @kernel

@@ -26,6 +26,7 @@ class Scene(NamedTuple):
     mean_force: np.ndarray  # (k, 3) multipliers over the step being taken, halves added up
     mean_reaction: np.ndarray  # (j, 6) likewise the joints' reactions [N, N m]
     counts: np.ndarray  # (2,) iterations and factorisations so far
+    pivots: np.ndarray  # (1,) widest spread of a Jacobian's pivots so far
     tables: Tables
     watch: Watch
 
@@ -46,6 +47,7 @@ def new_scene(system: System, unknowns: Unknowns, state: State, chunk: int) -> S
         mean_force=np.zeros_like(state.force),
         mean_reaction=np.zeros_like(state.reaction),
         counts=np.zeros(2, dtype=np.int64),
+        pivots=np.zeros(1),
         tables=new_tables(system, state, chunk),
         watch=new_watch(state, chunk),
     )
@@ -69,7 +71,7 @@ def show(scene: Scene, h: float, step: int, row: int) -> None:
     """Enter the state accepted after a step ``h`` in row ``step`` of the watch; publish it in
     ``row`` unless that is negative.
     """
-    look(scene.system, scene.state, scene.start, scene.watch, step)
+    look(scene.system, scene.state, scene.start, h, scene.watch, step)
     if row >= 0:
         preserving.publish(
             scene.system,

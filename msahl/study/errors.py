@@ -20,6 +20,7 @@ import numpy as np
 from msahl.model import Model
 from msahl.post.measure import Measures, Spread, measure
 from msahl.results.read import Run
+from msahl.rotations import angles, rotations
 from msahl.run import Grid
 from msahl.study.dynamics import Dynamics
 from msahl.study.reference import Reference
@@ -151,24 +152,3 @@ def state_errors(table: np.ndarray, true: np.ndarray) -> dict[str, np.ndarray]:
 def _length(vectors: np.ndarray) -> np.ndarray:
     """(m,) length of the longest of each row's vectors (m, n, 3)."""
     return np.asarray(np.sqrt((vectors**2).sum(axis=2)).max(axis=1))
-
-
-def _euler(p: np.ndarray) -> np.ndarray:
-    """(..., 4) Euler parameters of Wiener-Milenkovic ones."""
-    square = (p * p).sum(axis=-1, keepdims=True) / 16.0
-    return np.asarray(np.concatenate([1.0 - square, 0.5 * p], axis=-1) / (1.0 + square))
-
-
-def angles(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Angle of the turn from ``q`` to ``p`` (..., 3); exact for small ones, too."""
-    e, f = _euler(p), _euler(q)
-    apart = np.minimum(*(np.sqrt(((e - sign * f) ** 2).sum(axis=-1)) for sign in (1.0, -1.0)))
-    return np.asarray(4.0 * np.arcsin(np.minimum(0.5 * apart, 1.0)))
-
-
-def rotations(p: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) body to inertial axes."""
-    e = _euler(p)
-    e0, v = e[..., 0], e[..., 1:]
-    K = np.cross(np.eye(3), v[..., None, :])
-    return np.asarray(np.eye(3) + 2.0 * e0[..., None, None] * K + 2.0 * K @ K)

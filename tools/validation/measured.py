@@ -10,8 +10,8 @@ from msahl.deck import read_deck
 from msahl.model import Model
 from msahl.post.measure import Measures, measure
 from msahl.results.read import Run
+from msahl.rotations import rotations
 from msahl.run import Options, Report
-from msahl.study.errors import rotations
 from msahl.study.runs import run_in_memory, with_step
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -1,0 +1,65 @@
+"""Verdicts of many runs, from their ``run.json`` alone, as a table."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from msahl.post.table import Cell, Column, Table
+from msahl.results.read import ResultError, find_table, read_info
+from msahl.verdict import FAIL
+
+COLUMNS = (
+    Column("run", "run"),
+    Column("verdict", "verdict"),
+    Column("t", "t [s]", form="g"),
+    Column("steps", "steps", form="d"),
+    Column("energy", "energy error", form=".1e"),
+    Column("gap", "gap [m]", form=".1e"),
+    Column("local", "local errors [m]", form=".1e"),
+    Column("trusted", "trusted to [s]", form="g", missing=""),
+    Column("reasons", "reasons"),
+)
+
+
+class Judged(NamedTuple):
+    """A run and what its ``run.json`` says."""
+
+    folder: Path
+    word: str
+    reasons: list[str]
+    info: dict[str, Any]
+
+
+def read_judged(folder: Path) -> Judged:
+    """The verdict on the run in ``folder``; one that was cut off by force has failed.
+
+    Raises ``ResultError`` if there is no run, or one of a program without verdicts.
+    """
+    info = read_info(folder)
+    if not info and find_table(folder, "states.csv"):
+        reason = "no run.json: the run was cut off by force; run the deck again"
+        return Judged(folder, FAIL, [reason], info)
+    if "verdict" not in info:
+        raise ResultError(f"{folder}: no verdict in run.json; make one: msahl run")
+    return Judged(folder, info["verdict"]["word"], info["verdict"]["reasons"], info)
+
+
+def verdict_table(runs: Sequence[Judged]) -> Table:
+    """One row a run."""
+    return Table(COLUMNS, tuple(map(_row, runs)))
+
+
+def _row(run: Judged) -> tuple[Cell, ...]:
+    extremes = run.info.get("extremes", {})
+    shadow = run.info.get("shadow") or {}
+    return (
+        str(run.folder),
+        run.word,
+        run.info.get("time"),
+        run.info.get("steps"),
+        extremes.get("energyErrorMaxRelative"),
+        extremes.get("gapMax"),
+        extremes.get("localErrorSum"),
+        shadow.get("trustHorizon"),
+        "; ".join(run.reasons),
+    )

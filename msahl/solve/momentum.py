@@ -1,0 +1,55 @@
+"""Momentum of an island that nothing outside pulls at: only gravity changes it.
+
+P(t) = sum m v = P(0) + M g t
+L(t) = sum m (x - x_M) x (v - v_M) + J W   stays,   M the island's mass centre
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.system.arrays import Start, State, System
+
+
+class Momentum(NamedTuple):
+    """Linear and angular momentum, inertial axes, and the sizes of what they are sums of."""
+
+    P: np.ndarray  # (3,) [kg m/s]
+    L: np.ndarray  # (3,) about the mass centre [kg m^2/s]
+    P_size: float
+    L_size: float
+
+
+def is_alone(system: System) -> bool:
+    """Whether no joint, spring or motion ties the island to the ground and no load acts on it."""
+    ground = system.bodies.inverse_mass.size - 1
+    ends = [system.coincide.a, system.coincide.b]
+    if system.along is not None:
+        ends += [system.along.quantities.measures.a, system.along.quantities.measures.b]
+    tied = any(bool((end == ground).any()) for end in ends)
+    return not (tied or system.loads.body.size or system.drags.body.size)
+
+
+def momentum(system: System, state: State, start: Start) -> Momentum:
+    """Of the prepared ``state``."""
+    m = 1.0 / system.bodies.inverse_mass[:-1, None]
+    x, v, W = state.x[:-1], start.bodies.v[:-1], start.bodies.W[:-1]
+    spins = np.einsum("bij,bj->bi", start.bodies.J[:-1], W)
+    x_M, v_M = (m * x).sum(axis=0) / m.sum(), (m * v).sum(axis=0) / m.sum()
+    orbits = np.cross(x - x_M, m * (v - v_M))
+    return Momentum(
+        P=(m * v).sum(axis=0),
+        L=(orbits + spins).sum(axis=0),
+        P_size=float(np.linalg.norm(m * v, axis=1).sum()),
+        L_size=float(np.linalg.norm([*orbits, *spins], axis=1).sum()),
+    )
+
+
+def drift(system: System, before: Momentum, now: Momentum, time: float) -> tuple[float, float]:
+    """Parts of the linear and the angular momentum lost since ``before``, ``time`` [s] ago."""
+    impulse = system.bodies.gravity * (time / system.bodies.inverse_mass[:-1]).sum()
+    linear = np.linalg.norm(now.P - before.P - impulse)
+    angular = np.linalg.norm(now.L - before.L)
+    P_size = max(before.P_size, now.P_size, float(np.linalg.norm(impulse)))
+    L_size = max(before.L_size, now.L_size)
+    return float(linear / P_size) if P_size else 0.0, float(angular / L_size) if L_size else 0.0

@@ -1,0 +1,256 @@
+"""The verdict on a run: PASS, WARN or FAIL, check by check, with the reasons in words.
+
+A figure within its limit passes, within ten times it warns, and fails beyond. A limit is never
+taken below the round-off of what a figure is the difference of.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from sys import float_info
+from typing import NamedTuple
+
+from msahl.model import Limits
+
+PASS, WARN, FAIL = WORDS = ("PASS", "WARN", "FAIL")
+
+BETWEEN = 10.0
+"""Times its limit up to which a figure is only warned of."""
+ENERGY = 1e-8
+"""Of the largest kinetic energy. A million steps of the preserving scheme drift by 1e-12 or so."""
+GAP = 1e-9
+"""Of the longest body; steps close their joints to 1e-14 of it."""
+MOMENTUM = 1e-9
+"""Of the momenta's own sizes."""
+GAP_RATE = 0.05
+"""Of the highest speed: more says that the step is large, never that the run is bad."""
+LOCAL_ERROR = 0.01
+"""Of the scene's length, the longest body or way: what the steps' local errors may add up to where
+no accuracy is asked for."""
+GAP_WORK = 1e-8
+"""Of the largest kinetic energy, over one step."""
+CONDITION = 1e13
+"""Spread of the pivots beyond which a step's solution keeps fewer than three digits."""
+CHANGED = 1e-6
+"""Of the highest speed: change of the velocities at the start that a reader must know."""
+ROUND_OFF = 1e3 * float_info.epsilon
+"""Of a sum's largest term: what its digits may have lost over a run."""
+
+
+class Finding(NamedTuple):
+    """What one check found."""
+
+    check: str
+    word: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """All findings; the worst of them is the word."""
+
+    findings: tuple[Finding, ...]
+
+    @property
+    def word(self) -> str:
+        """PASS, WARN or FAIL."""
+        return max((f.word for f in self.findings), key=WORDS.index)
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why it is not PASS, the worst first."""
+        bad = [f for f in self.findings if f.word != PASS]
+        return [f.text for f in sorted(bad, key=lambda f: -WORDS.index(f.word))]
+
+    def as_json(self) -> dict[str, object]:
+        """As ``run.json`` has it."""
+        checks = {f.check: {"word": f.word, "text": f.text} for f in self.findings}
+        return {"word": self.word, "reasons": self.reasons, "checks": checks}
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """All that is judged of a run. Lengths in m, speeds in m/s, energies in J, times in s.
+
+    ``momentum`` are the parts of linear and angular momentum lost by what nothing outside pulls at,
+    None if there is no such island or the scheme does not keep it; ``condition`` is None if no
+    Jacobian was factored or redundant joints make it large by themselves.
+    """
+
+    status: str
+    message: str
+    time: float
+    steps: int
+    iterations: int
+    halvings: int
+    root_steps: int
+    joints: int
+    dt: float
+    length: float  # of the longest body
+    energy_size: float  # largest of the energies the balance is a difference of
+    extremes: dict[str, float | None]
+    momentum: tuple[float | None, float | None]
+    condition: float | None
+    velocity_change: float
+    shared: list[str]
+    shadow: dict[str, float | bool] | None
+
+    def extreme(self, name: str) -> float:
+        """A figure of the run that is known."""
+        value = self.extremes[name]
+        return float("nan") if value is None else value
+
+
+def judge(figures: Figures, limits: Limits) -> Verdict:
+    """The verdict on a run by the deck's ``limits``."""
+    return Verdict(tuple(f for check in CHECKS for f in check(figures, limits)))
+
+
+def grade(value: float, limit: float) -> str:
+    """Word for a figure; a nan fails."""
+    if value <= limit:
+        return PASS
+    return WARN if value <= BETWEEN * limit else FAIL
+
+
+def _end(of: Figures, limits: Limits) -> Iterator[Finding]:
+    words = {"completed": PASS, "interrupted": WARN}
+    text = of.message or f"{of.steps} steps to t = {of.time:g} s"
+    yield Finding("end", words.get(of.status, FAIL), text)
+
+
+def _energy(of: Figures, limits: Limits) -> Iterator[Finding]:
+    error, kinetic = of.extreme("energyErrorMax"), of.extreme("largestKineticEnergy")
+    floor = ROUND_OFF * of.energy_size
+    if of.extremes["energyErrorMaxRelative"] is None:
+        word = grade(error, floor)
+        yield Finding("energy", word, f"nothing moves, and the energy is off by {error:.1e} J")
+        return
+    word = grade(error, max((limits.energy or ENERGY) * kinetic, floor))
+    kept = "kept" if word == PASS else "kept only"
+    units = error / (float_info.epsilon * of.energy_size)
+    text = f"energy {kept} to {error / kinetic:.1e} of the largest kinetic energy"
+    yield Finding("energy", word, f"{text} ({units:.0f} units of round-off)")
+
+
+def _momentum(of: Figures, limits: Limits) -> Iterator[Finding]:
+    for kind, lost in zip(("linear", "angular"), of.momentum, strict=True):
+        if lost is not None:
+            word = grade(lost, MOMENTUM)
+            yield Finding(f"{kind} momentum", word, f"{kind} momentum kept to {lost:.1e} of itself")
+
+
+def _gap(of: Figures, limits: Limits) -> Iterator[Finding]:
+    if not of.joints:
+        return
+    gap = of.extreme("gapMax")
+    floor = ROUND_OFF * of.extreme("distanceMax")
+    word = grade(gap, max(limits.gap or GAP * of.length, floor))
+    how = "closed" if word == PASS else "closed only"
+    yield Finding("gap", word, f"joints {how} to {gap:.1e} m")
+
+
+def _gap_rate(of: Figures, limits: Limits) -> Iterator[Finding]:
+    if not of.joints:
+        return
+    rate, speed = of.extreme("gapRateMax"), of.extreme("speedMax")
+    floor = ROUND_OFF * of.extreme("distanceMax") / of.dt
+    word = PASS if rate <= max(GAP_RATE * speed, floor) else WARN
+    part = f", {rate / speed:.1e} of the highest speed" if speed else ""
+    advice = "" if word == PASS else ": the step is large for this motion; shorten it"
+    text = f"joints part at up to {rate:.1e} m/s at the rows{part}{advice}"
+    yield Finding("gap rate", word, text)
+
+
+def _work(of: Figures, limits: Limits) -> Iterator[Finding]:
+    if not of.joints:
+        return
+    work, kinetic = of.extreme("gapWorkMax"), of.extreme("largestKineticEnergy")
+    word = PASS if work <= max(GAP_WORK * kinetic, ROUND_OFF * of.energy_size) else WARN
+    yield Finding("work of the joints", word, f"joints' forces have {work:.1e} J in their gaps")
+
+
+def _newton(of: Figures, limits: Limits) -> Iterator[Finding]:
+    each = of.iterations / max(of.steps, 1)
+    text = f"{each:.1f} iterations a step"
+    if of.root_steps:
+        text += f", {of.root_steps} steps by scipy"
+    if of.halvings:
+        text += (
+            f"; hard steps were halved {of.halvings} times: something is too quick for the step; "
+            "look there, and shorten it"
+        )
+    yield Finding("solver", WARN if of.halvings else PASS, text)
+
+
+def _condition(of: Figures, limits: Limits) -> Iterator[Finding]:
+    if of.condition is not None:
+        word = PASS if of.condition <= CONDITION else WARN
+        advice = "" if word == PASS else ": near a singular position, or sizes too far apart"
+        text = f"pivots of the Jacobian spread over {of.condition:.1e}{advice}"
+        yield Finding("condition", word, text)
+
+
+def _reactions(of: Figures, limits: Limits) -> Iterator[Finding]:
+    if of.shared:
+        text = f"reactions of {', '.join(of.shared)} are not unique; motion and energy are"
+        yield Finding("reactions", WARN, text)
+
+
+def _start(of: Figures, limits: Limits) -> Iterator[Finding]:
+    speed = max(of.extreme("speedMax"), of.velocity_change)
+    if of.velocity_change > CHANGED * speed:
+        rate = f"{of.velocity_change:.1e} m/s"
+        text = f"the deck's velocities do not fit its joints (by {rate}); see the warnings"
+        yield Finding("start", WARN, text)
+
+
+def _accuracy(of: Figures, limits: Limits) -> Iterator[Finding]:
+    """Of two runs if there are, else of the steps' local errors."""
+    yield _trust(of) if of.shadow else _local(of)
+
+
+def _trust(of: Figures) -> Finding:
+    shadow: dict[str, float | bool] = of.shadow or {}
+    tolerance = float(shadow["tolerance"])
+    way, turn = float(shadow["positionApartMax"]), float(shadow["turnApartMax"])
+    apart = max(way, turn)
+    word = grade(apart, tolerance)
+    measure = "positions" if way >= turn else "turns, times the bodies' lengths,"
+    text = f"at half the step {measure} are the same to {apart:.1e} m"
+    if not shadow["agrees"]:
+        word = WARN if word == PASS else word
+        text = (
+            f"trust horizon t = {shadow['trustHorizon']:g} s: up to there the run at half the step "
+            f"agrees within {tolerance:g} m; {measure} come to differ by {apart:.1e} m"
+        )
+    return Finding("accuracy", word, text)
+
+
+def _local(of: Figures) -> Finding:
+    total, length = of.extreme("localErrorSum"), max(of.length, of.extreme("wayMax"))
+    text = f"local errors add up to {total:.1e} m"
+    if total <= LOCAL_ERROR * length:
+        return Finding("accuracy", PASS, text)
+    enough = of.dt * (LOCAL_ERROR * length / total) ** 0.5
+    return Finding(
+        "accuracy",
+        WARN,
+        f"{text} in a scene of {length:.1e} m: --dt {enough:.1g} would do, and --shadow TOL tells "
+        "how far to trust the run",
+    )
+
+
+CHECKS: tuple[Callable[[Figures, Limits], Iterator[Finding]], ...] = (
+    _end,
+    _accuracy,
+    _energy,
+    _momentum,
+    _gap,
+    _gap_rate,
+    _work,
+    _newton,
+    _condition,
+    _reactions,
+    _start,
+)
+"""All checks, in the order they are told in."""

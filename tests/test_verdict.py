@@ -1,0 +1,341 @@
+"""The verdict on a run: every check at its limits, against true errors, in the commands."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scenes import DECKS, DOWN, body, chain, deck, pendulum, scene, simulate
+from test_decaying import oscillator
+
+from msahl.cli import main
+from msahl.deck import read_deck
+from msahl.model import Limits, SpringDamper
+from msahl.post.cli import main as post
+from msahl.rotations import angles
+from msahl.schemes import SCHEMES
+from msahl.study.exact import recognise
+from msahl.verdict import BETWEEN, FAIL, PASS, WARN, WORDS, Figures, judge
+
+GOOD = Figures(
+    status="completed",
+    message="",
+    time=10.0,
+    steps=1000,
+    iterations=2000,
+    halvings=0,
+    root_steps=1,
+    joints=2,
+    dt=0.01,
+    length=5.0,
+    energy_size=100.0,
+    extremes={
+        "largestKineticEnergy": 50.0,
+        "energyErrorMax": 1e-12,
+        "energyErrorMaxRelative": 2e-14,
+        "gapMax": 1e-15,
+        "gapRateMax": 1e-4,
+        "gapWorkMax": 1e-13,
+        "speedMax": 7.0,
+        "turnPerStepMax": 0.01,
+        "distanceMax": 5.0,
+        "wayMax": 4.0,
+        "localErrorSum": 1e-3,
+    },
+    momentum=(1e-15, 1e-14),
+    condition=1e4,
+    velocity_change=0.0,
+    shared=[],
+    shadow=None,
+)
+AGREES = {
+    "tolerance": 1e-3,
+    "trustHorizon": 10.0,
+    "positionApartMax": 4e-4,
+    "turnApartMax": 5e-4,
+    "agrees": True,
+}
+
+
+def with_extremes(**changes):
+    return {"extremes": GOOD.extremes | changes}
+
+
+def energy_off_by(error):
+    return with_extremes(energyErrorMax=50.0 * error, energyErrorMaxRelative=error)
+
+
+# Each case: what differs from the good run, limits of the deck, the check it is for, its word.
+CASES = {
+    "interrupted": ({"status": "interrupted", "message": "stopped"}, {}, "end", WARN),
+    "not converged": ({"status": "not converged", "message": "no"}, {}, "end", FAIL),
+    "energy just kept": (energy_off_by(0.9e-8), {}, "energy", PASS),
+    "energy hardly kept": (energy_off_by(1.1e-8), {}, "energy", WARN),
+    "energy lost": (energy_off_by(1.1e-7), {}, "energy", FAIL),
+    "energy as the deck asks": (energy_off_by(1e-4), {"energy": 1e-3}, "energy", PASS),
+    "energy unknown": (energy_off_by(float("nan")), {}, "energy", FAIL),
+    # Both potential and kinetic energy are known to 2e-16 of the larger one only.
+    "energy below the round-off of its terms": (
+        {"energy_size": 1e10, **energy_off_by(1e-7)},
+        {},
+        "energy",
+        PASS,
+    ),
+    "at rest": (
+        with_extremes(largestKineticEnergy=0.0, energyErrorMax=0.0, energyErrorMaxRelative=None),
+        {},
+        "energy",
+        PASS,
+    ),
+    "momentum lost": ({"momentum": (1e-7, None)}, {}, "linear momentum", FAIL),
+    "angular momentum hardly kept": ({"momentum": (None, 5e-9)}, {}, "angular momentum", WARN),
+    "a joint open": (with_extremes(gapMax=1e-6), {}, "gap", FAIL),
+    "a joint as open as the deck lets it": (with_extremes(gapMax=1e-6), {"gap": 1e-6}, "gap", PASS),
+    "far from the origin": (with_extremes(gapMax=1e-6, distanceMax=1e9), {}, "gap", PASS),
+    "joints part fast": (with_extremes(gapRateMax=1.0), {}, "gap rate", WARN),
+    "joints work": (with_extremes(gapWorkMax=1e-3), {}, "work of the joints", WARN),
+    "halved": ({"halvings": 3}, {}, "solver", WARN),
+    "near singular": ({"condition": 1e14}, {}, "condition", WARN),
+    "shared": ({"shared": ["A", "B"]}, {}, "reactions", WARN),
+    "velocities changed": ({"velocity_change": 0.1}, {}, "start", WARN),
+    "coarse": (with_extremes(localErrorSum=0.06), {}, "accuracy", WARN),
+    "accurate": ({"shadow": AGREES}, {}, "accuracy", PASS),
+    "a little inaccurate": (
+        {"shadow": AGREES | {"turnApartMax": 5e-3, "trustHorizon": 4.0, "agrees": False}},
+        {},
+        "accuracy",
+        WARN,
+    ),
+    "inaccurate": (
+        {"shadow": AGREES | {"positionApartMax": 2e-2, "trustHorizon": 4.0, "agrees": False}},
+        {},
+        "accuracy",
+        FAIL,
+    ),
+    # The run at half the step came to no end: what it was beside agrees, but not to the end.
+    "half the step stopped": (
+        {"shadow": AGREES | {"trustHorizon": 4.0, "agrees": False}},
+        {},
+        "accuracy",
+        WARN,
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_each_check_knows_its_limits(case):
+    changes, limits, check, word = CASES[case]
+    verdict = judge(replace(GOOD, **changes), Limits(**limits))
+    found = {finding.check: finding for finding in verdict.findings}
+    assert found[check].word == word
+    # Nothing else is wrong with this run.
+    assert verdict.word == word
+    assert verdict.reasons == ([found[check].text] if word != PASS else [])
+
+
+def test_the_worst_comes_first():
+    changes = {"shared": ["A"], **energy_off_by(1.0), "halvings": 1}
+    verdict = judge(replace(GOOD, **changes), Limits())
+    assert verdict.word == FAIL
+    assert "energy" in verdict.reasons[0]
+    assert len(verdict.reasons) == 3
+
+
+def test_a_remedy_is_told_where_the_step_is_coarse():
+    verdict = judge(replace(GOOD, **with_extremes(localErrorSum=0.2)), Limits())
+    # Four times too much: the error falls with the square of the step.
+    assert "--dt 0.005 would do" in verdict.reasons[0]
+
+
+@pytest.mark.parametrize("name", ["single_pendulum_45", "single_pendulum_135", "top_3"])
+@pytest.mark.parametrize("dt", [0.02, 0.005])
+def test_local_errors_add_up_to_about_the_true_one(name, dt):
+    model = deck(name)
+    run = simulate(model, dt=dt, t_final=10.0)
+    exact = recognise(run.model).states(run.time).reshape(len(run.time), 12)
+    error = np.linalg.norm(run.of("position") - exact[:, :3], axis=1).max()
+    turn = angles(run.of("orientation"), exact[:, 3:6]).max()
+    length = np.linalg.norm(model.joints[0].child_point)
+    # Local errors of one sign add up, those of changing sign partly cancel: estimated from above.
+    ratio = run.report.extremes["localErrorSum"] / max(error, turn * length)
+    assert 0.8 < ratio < 5.0
+
+
+def test_two_runs_know_the_error():
+    model = pendulum()
+    run = simulate(model, dt=0.01, t_final=10.0, shadow=1e-2)
+    shadow = run.report.shadow
+    exact = recognise(run.model).states(run.time).reshape(len(run.time), 12)
+    error = np.linalg.norm(run.of("position") - exact[:, :3], axis=1).max()
+    # Order 2: the error is 4/3 of what halving the step changes.
+    assert 4.0 / 3.0 * shadow["positionApartMax"] == pytest.approx(error, rel=0.02)
+    assert shadow["agrees"]
+    assert shadow["trustHorizon"] == 10.0
+    assert run.report.verdict["checks"]["accuracy"]["word"] == PASS
+
+
+@pytest.mark.parametrize("every", [1, 7])
+def test_the_shadow_is_the_run_at_half_the_step(every):
+    """The last step is shorter, and rows are thinned: still the same times are compared."""
+    model = chain(3)
+    model = replace(model, gravity=DOWN)
+    run = simulate(model, dt=0.01, t_final=1.997, every=every, shadow=1.0)
+    half = simulate(model, dt=0.005, t_final=1.997)
+    rows = np.searchsorted(half.time, run.time - 1e-9)
+    assert np.allclose(half.time[rows], run.time)
+    apart = max(
+        np.linalg.norm(run.of("position", b) - half.of("position", b)[rows], axis=1).max()
+        for b in range(3)
+    )
+    # The last of the half steps differs: 0.007 s in two, and in 0.005 and 0.002.
+    assert run.report.shadow["positionApartMax"] == pytest.approx(apart, rel=1e-2)
+
+
+def test_a_chaotic_run_is_trusted_to_a_horizon():
+    run = simulate(deck("chaos_90"), shadow=1e-3)
+    shadow, verdict = run.report.shadow, run.report.verdict
+    assert verdict["word"] == FAIL
+    # 89.99 and 90 degrees part at about that time as well (docs/validation/thesis.md).
+    assert 15.0 < shadow["trustHorizon"] < 30.0
+    assert f"trust horizon t = {shadow['trustHorizon']:g} s" in verdict["reasons"][0]
+    assert run.report.status == "completed"
+
+
+def test_the_shadow_changes_nothing():
+    with_it, without = (simulate(pendulum(), t_final=1.0, shadow=s) for s in (1e-3, None))
+    assert np.array_equal(with_it.states, without.states)
+    assert np.array_equal(with_it.reactions, without.reactions)
+    assert with_it.report.iterations == without.report.iterations
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_a_spring_quicker_than_the_step_is_passed_only_where_it_hardly_moves(scheme):
+    """At 1 m/s a period of 3 ms is an amplitude of 0.5 mm, one of 10 ns of 1.6 nm."""
+    for period, word in ((3e-3, FAIL), (1e-8, PASS)):
+        model = oscillator(period)
+        alone = simulate(model, dt=0.01, t_final=1.0, scheme=scheme)
+        assert alone.report.verdict["word"] == WARN
+        run = simulate(model, dt=0.01, t_final=1.0, scheme=scheme, shadow=1e-5)
+        assert run.report.verdict["checks"]["accuracy"]["word"] == word
+
+
+def linked(**others):
+    """Two bodies thrown off with a spring between them."""
+    bodies = [
+        body("A", 1.0, (0.1, 0.2, 0.25), angular_velocity=(0.3, 2.0, 0.1)),
+        body("B", 2.0, 0.3, (1.0, 0.2, 0.0), velocity=(0.0, 3.0, 1.0)),
+    ]
+    link = SpringDamper("Link", "A", "B", (0.1, 0.0, 0.0), (0.0, 0.1, 0.0), 50.0, 1.0)
+    return scene(bodies, loads=[link], gravity=DOWN, t_final=2.0, **others)
+
+
+def test_momentum_is_looked_at_where_it_is_kept():
+    checks = simulate(linked()).report.verdict["checks"]
+    assert checks["linear momentum"]["word"] == PASS
+    assert checks["angular momentum"]["word"] == PASS
+    assert "linear momentum" not in simulate(pendulum(), t_final=0.1).report.verdict["checks"]
+    # The decaying scheme keeps the angular one to its order only.
+    checks = simulate(linked(), scheme="decaying").report.verdict["checks"]
+    assert checks["linear momentum"]["word"] == PASS
+    assert "angular momentum" not in checks
+
+
+@pytest.mark.parametrize("path", DECKS, ids=lambda path: path.stem)
+def test_no_deck_of_ours_fails(path):
+    model = read_deck(path)
+    steps = min(model.simulation.t_final, 200 * model.simulation.dt)
+    run = simulate(model, t_final=steps)
+    assert run.report.verdict["word"] in (PASS, WARN)
+
+
+# commands ----------------------------------------------------------------------------------------
+
+
+def call(command, *words):
+    return CliRunner().invoke(command, [str(word) for word in words])
+
+
+def path_of(name):
+    (path,) = [path for path in DECKS if path.stem == name]
+    return path
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Folders of a run of each word."""
+    folder = tmp_path_factory.mktemp("runs")
+    options = {
+        PASS: (path_of("single_pendulum_45"), "--t-final", 1),
+        WARN: (path_of("top_1"), "--t-final", 1),
+        FAIL: (path_of("single_pendulum_45"), "--dt", 0.1, "--shadow", 1e-6),
+    }
+    for word, words in options.items():
+        result = call(main, "run", *words, "-o", folder / word)
+        assert result.exit_code == 0
+        assert result.stderr.splitlines()[-1].startswith(f"{words[0]}: {word}: ")
+    return folder
+
+
+def test_run_json_holds_the_verdict(runs):
+    for word in WORDS:
+        verdict = json.loads((runs / word / "run.json").read_text())["verdict"]
+        assert verdict["word"] == word
+        assert bool(verdict["reasons"]) == (word != PASS)
+
+
+def test_verdicts_are_tabulated_and_filtered(runs):
+    folders = [runs / word for word in WORDS]
+    result = call(post, "verdict", *folders)
+    assert result.exit_code == 1
+    assert [line.split()[1] for line in result.stdout.splitlines()[1:]] == list(WORDS)
+    result = call(post, "verdict", *folders, "--only", PASS, "--only", WARN, "--names")
+    assert result.stdout.splitlines() == [str(runs / PASS), str(runs / WARN)]
+    assert result.exit_code == 1
+    assert call(post, "verdict", runs / PASS, runs / WARN).exit_code == 0
+    (row,) = json.loads(call(post, "verdict", runs / FAIL, "--json").stdout)
+    assert row["trusted"] < 10.0
+    assert "trust horizon" in row["reasons"]
+
+
+def test_a_run_cut_off_by_force_has_failed(runs, tmp_path):
+    (tmp_path / "states.csv.part").write_text("time\n")
+    result = call(post, "verdict", tmp_path)
+    assert result.exit_code == 1
+    assert "cut off by force" in result.stdout
+    result = call(post, "verdict", tmp_path / "nothing")
+    assert result.exit_code == 2
+    assert "no verdict" in result.stderr
+
+
+def test_quiet_runs_tell_failures_alone(tmp_path):
+    deck_path = path_of("single_pendulum_45")
+    for shadow, told in ((1e-6, True), (1.0, False)):
+        words = ("--dt", 0.1, "--shadow", shadow, "-q", "-o", tmp_path)
+        assert ("FAIL" in call(main, "run", deck_path, *words).stderr) == told
+
+
+def test_a_deck_asks_for_its_accuracy(tmp_path):
+    text = path_of("single_pendulum_45").read_text()
+    wish = '<verdict><accuracy units="mm">2</accuracy><energy>1e-9</energy></verdict></simulation>'
+    path = tmp_path / "deck.xml"
+    path.write_text(text.replace("</simulation>", wish))
+    limits = read_deck(path).simulation.limits
+    assert limits == Limits(accuracy=2e-3, energy=1e-9)
+    for dt, word in ((0.01, PASS), (0.1, FAIL)):
+        result = call(main, "run", path, "--dt", dt, "-o", tmp_path / "run")
+        told = json.loads((tmp_path / "run" / "run.json").read_text())
+        assert (result.exit_code, told["verdict"]["word"]) == (0, word)
+        assert told["shadow"]["tolerance"] == 2e-3
+
+
+def test_the_report_gives_the_verdict(runs):
+    assert call(post, "report", runs / WARN).exit_code == 0
+    text = (runs / WARN / "report" / "report.md").read_text()
+    assert "Verdict: WARN." in text
+    assert "**start, WARN**" in text
+
+
+def test_between_pass_and_fail_there_is_room():
+    """Two runs that both err by the tolerance may differ by twice as much, not by ten times."""
+    assert BETWEEN > 2.0
