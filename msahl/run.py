@@ -286,7 +286,8 @@ class _Run:
         times = [self.grid.time(int(k)) for k in ends[:done][published[:done]]]
         if self._publish(np.array(times)):
             self.report.steps += done
-            self.extremes.fold([runner.scene.watch.rows[:done] for runner in self.runners])
+            with np.errstate(over="ignore"):  # squares of numbers near the largest there are
+                self.extremes.fold([runner.scene.watch.rows[:done] for runner in self.runners])
 
     def _advance(self, steps: int, plan: np.ndarray) -> list[int]:
         """Advance every island; the steps each has taken."""
