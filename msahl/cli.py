@@ -190,7 +190,7 @@ def run(
                     click.echo(f"{deck}: the run in {folder} is complete", err=True)
                     return
                 since = read_checkpoint(folder, job.about)
-            with _stoppable() as stopped:
+            with stoppable() as stopped:
                 report = _simulate(job, since, stopped, shown=not quiet)
                 status = _close(job, report, stopped, quiet, verbose)
     except OSError as error:
@@ -325,8 +325,9 @@ def _close(job: Job, report: "Report", stopped: "Interruption", quiet: bool, ver
 
     report.seconds["total"] = time.perf_counter() - STARTED
     if report.status in ("interrupted", "not written"):
-        again = "go on" if is_kept(job.folder) else "begin anew"
-        report.message += f"; {again} with: {_command(resume=again == 'go on')}"
+        resume = is_kept(job.folder)
+        again = "go on" if resume else "begin anew (there is no checkpoint yet)"
+        report.message += f"; {again} with: {_command(resume)}"
     try:
         write_json(job.folder / INFO, {**job.about, **report.as_json()})
         if report.status == "completed":
@@ -356,7 +357,7 @@ def _command(resume: bool) -> str:
 
 
 @contextmanager
-def _stoppable() -> Iterator[Interruption]:
+def stoppable() -> Iterator[Interruption]:
     """Turn the first SIGINT or SIGTERM into a request that the loop honours between chunks."""
     interruption = Interruption()
     signals = (signal.SIGINT, signal.SIGTERM)

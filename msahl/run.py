@@ -348,8 +348,7 @@ class _Run:
         self.report.status = "not written"
         self.report.message = (
             f"{error.filename}: {error.strerror or error}; rows up to t = "
-            f"{self.grid.time(self.report.steps):g} s are whole. Make room there, or choose "
-            "another folder with -o"
+            f"{self.grid.time(self.report.steps):g} s are whole. Make room there"
         )
 
     def _finish(self) -> Report:
