@@ -27,7 +27,7 @@ CHUNK_SECONDS = 0.2
 CHUNK_NUMBERS = 2_000_000
 """Most numbers published at once: bounds the memory whatever the scene and the run."""
 
-SAVE_SECONDS = 1.0
+SAVE_SECONDS = 2.0
 """Least time from one saved snapshot to the next: the most that a killed run loses."""
 SAVE_SHARE = 0.01
 """Most of the run's time that saving may take: where the disk is slow it is done less often."""

@@ -176,6 +176,28 @@ def test_the_deck_beside_the_rows_goes_on_too(tmp_path, monkeypatch):
     assert json.loads((tmp_path / "run.json").read_text())["status"] == "completed"
 
 
+def test_a_run_killed_while_its_tables_took_their_names_goes_on(tmp_path, monkeypatch):
+    words = (DOUBLE, "--dt", 0.01, "--t-final", 0.1)
+    interrupted(monkeypatch, tmp_path / "out", *words)
+    (tmp_path / "out" / "states.csv.part").rename(tmp_path / "out" / "states.csv")
+    (tmp_path / "out" / "run.json").unlink()
+    assert call(*words, "-o", tmp_path / "out", "--resume").exit_code == 0
+    assert call(*words, "-o", tmp_path / "whole").exit_code == 0
+    assert tables(tmp_path / "out") == tables(tmp_path / "whole")
+
+
+def test_a_run_that_ends_at_once_makes_no_checkpoint(monkeypatch):
+    """Saving is by the clock: none within the first seconds, one a chunk where they may be had."""
+    saved = []
+    advance(pendulum(), Options(), save=saved.append)
+    assert saved == []
+    monkeypatch.setattr(msahl.run, "SAVE_SECONDS", 0.0)
+    monkeypatch.setattr(msahl.run, "SAVE_SHARE", 1e9)
+    monkeypatch.setattr(msahl.run, "CHUNK_SECONDS", 0.0)
+    report, _ = advance(pendulum(), Options(), save=saved.append)
+    assert len(saved) == report.steps - 1
+
+
 def test_a_complete_run_has_nothing_to_go_on_with(tmp_path):
     words = (DOUBLE, "--dt", 0.01, "--t-final", 0.1, "-o", tmp_path)
     assert call(*words).exit_code == 0

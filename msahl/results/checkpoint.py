@@ -62,7 +62,7 @@ def read_checkpoint(folder: Path, about: dict[str, Any]) -> Checkpoint:
     if not path.is_file():
         raise ResumeError(
             f"{folder}: no run that could go on: there is no checkpoint (a run makes one every "
-            f"second or so, and when it is interrupted); {ANEW}"
+            f"few seconds, and when it is interrupted); {ANEW}"
         )
     line, _, memory = path.read_bytes().partition(b"\n")
     try:
