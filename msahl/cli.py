@@ -1,31 +1,44 @@
 """The command ``msahl``: arguments in, exit status out; the only place of the engine that prints.
 
-Exit status: 0 good, 2 bad deck or usage, 3 a step did not converge, 130 interrupted. Modules are
-imported where a command needs them, so that ``msahl check`` starts without a compiler.
+Exit status: 0 good, 2 bad deck or usage, 3 a step did not converge, 4 rows could not be written,
+128 + n stopped by signal n (130 interrupted, 143 terminated). Modules are imported where a command
+needs them, so that ``msahl check`` starts without a compiler.
 """
 
+import os
+import shlex
 import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
+from click.core import ParameterSource
 
 import msahl
 from msahl.schemes import DAMPING, SCHEMES
 
 if TYPE_CHECKING:
     from msahl.model import Model
-    from msahl.run import Report
+    from msahl.results.checkpoint import Checkpoint
+    from msahl.run import Options, Report
 
-BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 2, 3, 130
-STATUS = {"completed": 0, "not converged": NOT_CONVERGED, "interrupted": INTERRUPTED}
+BAD_INPUT, NOT_CONVERGED, NOT_WRITTEN, INTERRUPTED = 2, 3, 4, 130
+STATUS = {
+    "completed": 0,
+    "not started": BAD_INPUT,
+    "not converged": NOT_CONVERGED,
+    "not written": NOT_WRITTEN,
+    "interrupted": INTERRUPTED,
+}
+"""Exit status of a run by how it ended; 143 instead of 130 where it was told to terminate."""
 
 STARTED = time.perf_counter()
 """When this module was entered; what Python needs to come so far is not in our seconds."""
@@ -39,6 +52,14 @@ ELSEWHERE = {"new": "msahl.templates", "study": "msahl.study.cli"}
 
 class Commands(click.Group):
     """The group, with the commands of other rooms."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command; one line and the status of an interrupted run where it is stopped."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            click.echo("msahl: interrupted", err=True)
+            ctx.exit(INTERRUPTED)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names of all commands."""
@@ -120,6 +141,8 @@ def explain(deck: Path) -> None:
               help="Run at half the step beside it, and tell up to which time the two agree within "
               "TOL [m]. Instead of the accuracy the deck asks for.")  # fmt: skip
 @click.option("--full", is_flag=True, help="Leave nothing out of the equations (see explain).")
+@click.option("--resume", is_flag=True, help="Go on with the run in DIR that was stopped; give the "
+              "deck and options that it began with.")  # fmt: skip
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but faults.")
 @click.option("-v", "--verbose", is_flag=True, help="Say what every phase took.")
 def run(
@@ -134,6 +157,7 @@ def run(
     reactions: str | None,
     shadow: float | None,
     full: bool,
+    resume: bool,
     quiet: bool,
     verbose: bool,
 ) -> None:
@@ -154,22 +178,33 @@ def run(
     }
     model = _model_to_run(deck, given)
     from msahl.deck import effective_deck
+    from msahl.results.checkpoint import is_complete, read_checkpoint
+    from msahl.results.lock import FolderInUseError, locked
     from msahl.run import Options
+    from msahl.snapshot import ResumeError
 
-    options = Options(solver, every, full, shadow)
-    folder = output or Path("results") / deck.stem
-    from msahl.solve.initial import StartError
-
+    folder, since = output or Path("results") / deck.stem, None
     try:
-        text = effective_deck(deck, **given)
-        report = _simulate(deck, text, model, options, folder, shown=not quiet)
+        job = Job(
+            deck, folder, model, Options(solver, every, full, shadow), effective_deck(deck, **given)
+        )
+        if resume and not folder.is_dir():
+            raise ResumeError(f"{folder}: no run there; leave --resume out to begin it")
+        with locked(folder):
+            if resume:
+                if is_complete(folder, job.about):
+                    click.echo(f"{deck}: the run in {folder} is complete", err=True)
+                    return
+                since = read_checkpoint(folder, job.about)
+            with stoppable() as stopped:
+                report = _simulate(job, since, stopped, shown=not quiet)
+                status = _close(job, report, stopped, quiet, verbose)
     except OSError as error:
         where = error.filename or folder
         _stop(f"{where}: {error.strerror or error}; choose another folder with -o")
-    except StartError as error:
-        _stop(f"{deck}: {error}")
-    _tell(deck, folder, report, quiet, verbose)
-    sys.exit(STATUS[report.status])
+    except (FolderInUseError, ResumeError) as error:
+        _stop(str(error))
+    sys.exit(status)
 
 
 class Interruption:
@@ -217,45 +252,119 @@ def _model_to_run(deck: Path, given: dict[str, Any]) -> "Model":
     return replace(model, simulation=simulation)
 
 
+@dataclass(frozen=True)
+class Job:
+    """A run to be made: the deck's path, folder of the results, and the deck as it runs."""
+
+    deck: Path
+    folder: Path
+    model: "Model"
+    options: "Options"
+    text: bytes
+
+    @cached_property
+    def about(self) -> dict[str, Any]:
+        """The head of ``run.json``: all that its rows depend on."""
+        from msahl.deck import deck_digest
+        from msahl.model import decays
+
+        simulation = self.model.simulation
+        return {
+            **_versions(),
+            "deck": {"path": str(self.deck), "digest": deck_digest(self.text)},
+            "options": {
+                "dt": simulation.dt,
+                "tFinal": simulation.t_final,
+                "scheme": simulation.scheme,
+                "damping": simulation.damping if decays(self.model) else 0.0,
+                "solver": self.options.solver,
+                "every": self.options.every,
+                "full": self.options.full,
+                "shadow": self.options.shadow,
+                "reactions": simulation.reactions,
+            },
+        }
+
+
 def _simulate(
-    deck: Path, text: bytes, model: "Model", options: Any, folder: Path, shown: bool
+    job: Job, since: "Checkpoint | None", stopped: Callable[[], bool], shown: bool
 ) -> "Report":
-    from msahl.deck import deck_digest
-    from msahl.model import decays
-    from msahl.results.write import RunFolder, write_json
+    """Run into the folder; what happened, faults of the start and of the disk included."""
+    from msahl.results.checkpoint import Checkpoint, write_checkpoint
+    from msahl.results.write import RunFolder, write_beginning
+    from msahl.run import no_run
     from msahl.run import run as simulate
+    from msahl.snapshot import Snapshot
+    from msahl.solve.initial import StartError
 
     def tell(message: str) -> None:
         if shown:
             click.echo(message, err=True)
 
-    with _stoppable() as stopped, RunFolder(folder, model, text) as results:
-        with _progress(model, shown) as progress:
-            report = simulate(model, options, results, progress, stopped, tell)
+    def save(snapshot: Snapshot) -> None:
+        results.to_disk()
+        write_checkpoint(job.folder, job.about, Checkpoint(results.ends(), snapshot))
+
+    ends, snapshot = (since.ends, since.snapshot) if since else (None, None)
+    with RunFolder(job.folder, job.model, job.text, ends) as results:
+        write_beginning(job.folder, {"status": "running", "pid": os.getpid(), **job.about})
+        try:
+            with _progress(job.model, shown) as progress:
+                report = simulate(
+                    job.model, job.options, results, progress, stopped, tell, save, snapshot
+                )
+        except StartError as error:
+            return no_run("not started", str(error))
+        except OSError as error:  # of the compiler's cache; the folder's own are in the report
+            return no_run(
+                "not written",
+                f"{error.filename}: {error.strerror or error}; make room there, or let "
+                "NUMBA_CACHE_DIR name a folder for compiled code",
+            )
         results.whole = report.status == "completed"
-        report.seconds["total"] = time.perf_counter() - STARTED
-        content = {
-            **_versions(),
-            "deck": {"path": str(deck), "digest": deck_digest(text)},
-            "options": {
-                "dt": model.simulation.dt,
-                "tFinal": model.simulation.t_final,
-                "scheme": model.simulation.scheme,
-                "damping": model.simulation.damping if decays(model) else 0.0,
-                "solver": options.solver,
-                "every": options.every,
-                "full": options.full,
-                "shadow": options.shadow,
-                "reactions": model.simulation.reactions,
-            },
-            **report.as_json(),
-        }
-        write_json(folder / "run.json", content)
     return report
 
 
+def _close(job: Job, report: "Report", stopped: "Interruption", quiet: bool, verbose: bool) -> int:
+    """End a run, however it went: ``run.json``, the last words on stderr, the exit status."""
+    from msahl.results.checkpoint import is_kept, remove_checkpoint
+    from msahl.results.write import INFO, write_json
+
+    report.seconds["total"] = time.perf_counter() - STARTED
+    if report.status in ("interrupted", "not written"):
+        resume = is_kept(job.folder)
+        again = "go on" if resume else "begin anew (there is no checkpoint yet)"
+        report.message += f"; {again} with: {_command(resume)}"
+    try:
+        write_json(job.folder / INFO, {**job.about, **report.as_json()})
+        if report.status == "completed":
+            remove_checkpoint(job.folder)
+    except OSError as error:
+        click.echo(f"{job.folder / INFO}: {error.strerror or error}", err=True)
+    _tell(job.deck, job.folder, report, quiet, verbose)
+    if report.status == "interrupted" and stopped.signal:
+        return 128 + stopped.signal
+    return STATUS[report.status]
+
+
+def _command(resume: bool) -> str:
+    """The command line under way, with ``--resume`` or without."""
+    context = click.get_current_context()
+    words = ["msahl", "run"]
+    for parameter in context.command.params:
+        name = str(parameter.name)
+        given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+        if not given or name == "resume":
+            continue
+        if isinstance(parameter, click.Option):
+            words.append(max(parameter.opts, key=len))
+        if not (isinstance(parameter, click.Option) and parameter.is_flag):
+            words.append(str(context.params[name]))
+    return shlex.join([*words, "--resume"] if resume else words)
+
+
 @contextmanager
-def _stoppable() -> Iterator[Interruption]:
+def stoppable() -> Iterator[Interruption]:
     """Turn the first SIGINT or SIGTERM into a request that the loop honours between chunks."""
     interruption = Interruption()
     signals = (signal.SIGINT, signal.SIGTERM)

@@ -12,6 +12,7 @@ import numpy as np
 
 from msahl.compiled import is_kept, keep
 from msahl.model import STATION, Model, Simulation, decays
+from msahl.snapshot import ResumeError, Snapshot, counters, digest, recall, remember, set_counters
 from msahl.solve.culprit import culprit
 from msahl.solve.dense import FAR
 from msahl.solve.initial import StartError
@@ -22,12 +23,17 @@ from msahl.solve.shadow import Shadow
 from msahl.solve.watch import Extremes
 from msahl.system.islands import split
 from msahl.system.names import describe_row, reaction_columns, state_columns, work_columns
-from msahl.verdict import Figures, judge
+from msahl.verdict import Figures, judge, never_begun
 
 CHUNK_SECONDS = 0.2
 """About how long the loop goes on between output, progress and a look at interruptions."""
 CHUNK_NUMBERS = 2_000_000
 """Most numbers published at once: bounds the memory whatever the scene and the run."""
+
+SAVE_SECONDS = 2.0
+"""Least time from one saved snapshot to the next: the most that a killed run loses."""
+SAVE_SHARE = 0.01
+"""Most of the run's time that saving may take: where the disk is slow it is done less often."""
 
 WORTH_TELLING = 1e-12
 """Way an inconsistent velocity would go in a step, relative to the bodies' length, that is told."""
@@ -74,6 +80,7 @@ class Report:
     root_steps: int = 0
     halvings: int = 0
     warnings: list[str] = field(default_factory=list)
+    resumed: list[float] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=dict)
     extremes: dict[str, float | None] = field(default_factory=dict)
     shadow: dict[str, float | bool] | None = None
@@ -110,6 +117,11 @@ class Grid:
         return self.h if k < self.n or self.whole else self.t_final - (self.n - 1) * self.h
 
 
+def no_run(status: str, message: str) -> Report:
+    """What is told of a run that took no step."""
+    return Report(status=status, message=message, verdict=never_begun(status).as_json())
+
+
 def run(
     model: Model,
     options: Options,
@@ -117,22 +129,33 @@ def run(
     progress: Callable[[int, float], Any] = lambda steps, t: None,
     stopped: Callable[[], bool] = lambda: False,
     tell: Callable[[str], Any] = lambda message: None,
+    save: Callable[[Snapshot], Any] | None = None,
+    since: Snapshot | None = None,
 ) -> Report:
     """Run ``model`` to its end, into ``sink``; ``progress`` is told of steps done and time, and
-    ``tell`` what takes long before the first of them.
+    ``tell`` what takes long before the first of them. ``save`` is given snapshots from time to
+    time and when the run is stopped; a run that begins with one goes on ``since`` then, with the
+    rows that the other would have had.
 
-    A step that does not converge ends the run, and the report says so; only a start that cannot be
-    is raised, as ``StartError``. What the sink raises goes through.
+    A step that does not converge, a request to stop (``stopped``, KeyboardInterrupt), and a sink or
+    ``save`` that raises OSError end the run, and the report says so. A start that cannot be is
+    raised, as ``StartError``, and a snapshot of another scene as ``ResumeError``.
     """
-    return _Run(model, options, sink).go(progress, stopped, tell)
+    return _Run(model, options, sink, save).go(progress, stopped, tell, since)
 
 
 class _Run:
     """One run under way."""
 
-    def __init__(self, model: Model, options: Options, sink: Sink) -> None:
+    def __init__(
+        self,
+        model: Model,
+        options: Options,
+        sink: Sink,
+        save: Callable[[Snapshot], Any] | None,
+    ) -> None:
         began = time.perf_counter()
-        self.model, self.options, self.sink = model, options, sink
+        self.model, self.options, self.sink, self.save = model, options, sink, save
         self.grid = Grid.of(model.simulation)
         self.columns = [names(model) for names in COLUMNS]
         numbers = sum(len(columns) for columns in self.columns)
@@ -161,7 +184,12 @@ class _Run:
             freedoms=_freedoms(model, self.runners),
             sharedReactions=[name for runner in self.runners for name in runner.shared],
             warnings=[w for runner in self.runners for w in _warnings(runner)],
-            seconds={"prepare": time.perf_counter() - began, "loop": 0.0, "output": 0.0},
+            seconds={
+                "prepare": time.perf_counter() - began,
+                "loop": 0.0,
+                "output": 0.0,
+                "checkpoints": 0.0,
+            },
         )
 
     def go(
@@ -169,12 +197,14 @@ class _Run:
         progress: Callable[[int, float], Any],
         stopped: Callable[[], bool],
         tell: Callable[[str], Any],
+        since: Snapshot | None,
     ) -> Report:
-        """Take all steps."""
-        report, grid = self.report, self.grid
+        """Take all steps, or those ``since`` a snapshot."""
+        report = self.report
         kinds = {f"{runner.kind}-{self.options.solver}" for runner in self.runners}
         if not all(is_kept(kind) for kind in kinds):
             tell("compiling the step for this kind of scene, once")
+        self.scene = digest(self._all_runners) if self.save or since else ""
         for runner in self.runners:
             with np.errstate(all="ignore"):
                 runner.show_start()
@@ -183,9 +213,25 @@ class _Run:
         first = [runner.scene.watch.rows[:1] for runner in self.runners]
         self.extremes = Extremes(first, sum(_weight(runner) for runner in self.runners))
         self.momenta = [_momentum(runner) for runner in self.runners]
-        self._publish(np.zeros(1))
         report.status = "completed"
+        if since:
+            self._recall(since)
+        else:
+            self._publish(np.zeros(1))
+        try:
+            self._take_all(progress, stopped)
+        except KeyboardInterrupt:  # a second request to stop, in the middle of a chunk
+            report.status = "interrupted"
+            report.message = f"stopped at once, after t = {self.grid.time(report.steps):g} s"
+        for kind in kinds:
+            keep(kind)
+        return self._finish()
+
+    def _take_all(self, progress: Callable[[int, float], Any], stopped: Callable[[], bool]) -> None:
+        """Chunks of steps to the end, or as far as they go."""
+        report, grid = self.report, self.grid
         steps = 1
+        saved, pause = time.perf_counter(), SAVE_SECONDS
         while report.steps < grid.n and report.status == "completed":
             began = time.perf_counter()
             self._take(min(steps, self.chunk))
@@ -194,12 +240,56 @@ class _Run:
             # The first chunks may compile; sizes at most quadruple until they fill their time.
             wanted = steps * CHUNK_SECONDS / max(seconds, 1e-9)
             steps = max(1, min(4 * steps, int(wanted), self.chunk))
-            if report.status == "completed" and report.steps < grid.n and stopped():
+            if report.status != "completed" or report.steps == grid.n:
+                break
+            if stopped():
                 report.status = "interrupted"
                 report.message = f"stopped at t = {grid.time(report.steps):g} s"
-        for kind in kinds:
-            keep(kind)
-        return self._finish()
+            if report.status == "interrupted" or time.perf_counter() - saved > pause:
+                pause = max(SAVE_SECONDS, self._save() / SAVE_SHARE)
+                saved = time.perf_counter()
+
+    def _save(self) -> float:
+        """Have a snapshot of this moment kept; the seconds it took."""
+        if self.save is None:
+            return 0.0
+        began = time.perf_counter()
+        report = self.report
+        numbers = {
+            "steps": report.steps,
+            "rows": report.rows,
+            "resumed": report.resumed,
+            "seconds": dict(report.seconds),
+            "extremes": dict(vars(self.extremes)),
+            "islands": [counters(runner) for runner in self._all_runners],
+            "shadow": self.shadow and self.shadow.figures(),
+        }
+        try:
+            self.save(Snapshot(self.scene, numbers, remember(self._all_runners)))
+        except OSError as error:
+            self._not_written(error)
+        seconds = time.perf_counter() - began
+        report.seconds["checkpoints"] += seconds
+        return seconds
+
+    def _recall(self, since: Snapshot) -> None:
+        """Go back to where the run stood."""
+        report, numbers = self.report, since.numbers
+        if since.scene != self.scene:
+            raise ResumeError(
+                "the scene does not come out as it did when the run began, to the last digit: "
+                "another machine, or other libraries. Leave --resume out to run it anew"
+            )
+        recall(self._all_runners, since.memory)
+        for runner, counted in zip(self._all_runners, numbers["islands"], strict=True):
+            set_counters(runner, counted)
+        vars(self.extremes).update(numbers["extremes"])
+        if self.shadow:
+            vars(self.shadow).update(numbers["shadow"])
+        report.steps, report.rows = numbers["steps"], numbers["rows"]
+        report.resumed = [*numbers["resumed"], self.grid.time(report.steps)]
+        for phase, seconds in numbers["seconds"].items():
+            report.seconds[phase] = report.seconds.get(phase, 0.0) + seconds
 
     def _take(self, steps: int) -> None:
         """One chunk of about ``steps`` equal steps: advance, watch, publish."""
@@ -211,16 +301,28 @@ class _Run:
         published = (ends % self.options.every == 0) | (ends == self.grid.n)
         plan = np.where(published, np.cumsum(published) - 1, -1)
         done = min(self._finite_steps(min(self._advance(steps, plan)), plan))
-        self.report.steps += done
-        self.extremes.fold([runner.scene.watch.rows[:done] for runner in self.runners])
         self.report.seconds["loop"] += time.perf_counter() - began
         times = np.array([self.grid.time(int(k)) for k in ends[:done][published[:done]]])
-        if self.shadow is not None:
-            began = time.perf_counter()
-            self.shadow.follow(self.runners, self.grid.step(first + done), plan[:done], times)
-            seconds = self.report.seconds
-            seconds["shadow"] = seconds.get("shadow", 0.0) + time.perf_counter() - began
-        self._publish(times)
+        if self._publish(times):
+            self.report.steps += done
+            with np.errstate(over="ignore"):  # squares of numbers near the largest there are
+                self.extremes.fold([runner.scene.watch.rows[:done] for runner in self.runners])
+            self._follow(self.grid.step(first + done), plan[:done], times)
+
+    def _follow(self, h: float, plan: np.ndarray, times: np.ndarray) -> None:
+        """Bring the run at half the step, if there is one, to where this one is."""
+        if self.shadow is None:
+            return
+        began = time.perf_counter()
+        with np.errstate(all="ignore"):
+            self.shadow.follow(self.runners, h, plan, times)
+        seconds = self.report.seconds
+        seconds["shadow"] = seconds.get("shadow", 0.0) + time.perf_counter() - began
+
+    @property
+    def _all_runners(self) -> list[Runner]:
+        """Those of the run and of the one at half its step."""
+        return [*self.runners, *(self.shadow.runners if self.shadow else ())]
 
     def _advance(self, steps: int, plan: np.ndarray) -> list[int]:
         """Advance every island; the steps each has taken."""
@@ -254,10 +356,12 @@ class _Run:
                 self.report.message = self._overflow(self.report.steps + first_bad, whose)
         return finite
 
-    def _publish(self, times: np.ndarray) -> None:
-        """Bring the islands' first rows together, in the columns of the whole scene."""
+    def _publish(self, times: np.ndarray) -> bool:
+        """Bring the islands' first rows together, in the columns of the whole scene; whether the
+        sink took them.
+        """
         if not times.size:
-            return
+            return True
         began = time.perf_counter()
         tables = [np.zeros((times.size, len(columns))) for columns in self.columns]
         for table in tables:
@@ -266,9 +370,21 @@ class _Run:
             for table, part, columns in zip(tables, runner.scene.tables, places, strict=True):
                 # A decaying scheme's work is of all islands.
                 table[:, columns] += part[: times.size]
-        self.sink.write(*tables)
+        try:
+            self.sink.write(*tables)
+        except OSError as error:
+            self._not_written(error)
+            return False
         self.report.rows += times.size
         self.report.seconds["output"] += time.perf_counter() - began
+        return True
+
+    def _not_written(self, error: OSError) -> None:
+        self.report.status = "not written"
+        self.report.message = (
+            f"{error.filename}: {error.strerror or error}; rows up to t = "
+            f"{self.grid.time(self.report.steps):g} s are whole. Make room there"
+        )
 
     def _finish(self) -> Report:
         report = self.report
@@ -287,7 +403,6 @@ class _Run:
         pivots = [float(r.scene.pivots[0]) for r in runners if r.scene.system.relaxation == 0.0]
         return Figures(
             status=report.status,
-            message=report.message,
             time=report.time,
             steps=report.steps,
             iterations=report.iterations,
@@ -312,7 +427,7 @@ class _Run:
         angular momentum exactly.
         """
         lost = [
-            drift(r.scene.system, before, now, self.report.time)
+            drift(r.scene.system, before, now, float(r.scene.state.time[0]))
             for r, before in zip(self.runners, self.momenta, strict=True)
             if before is not None and (now := _momentum(r)) is not None
         ]

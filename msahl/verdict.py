@@ -77,7 +77,6 @@ class Figures:
     """
 
     status: str
-    message: str
     time: float
     steps: int
     iterations: int
@@ -100,6 +99,11 @@ class Figures:
         return float("nan") if value is None else value
 
 
+def never_begun(status: str) -> Verdict:
+    """The verdict on a run that took no step."""
+    return Verdict((Finding("end", FAIL, status),))
+
+
 def judge(figures: Figures, limits: Limits) -> Verdict:
     """The verdict on a run by the deck's ``limits``."""
     return Verdict(tuple(f for check in CHECKS for f in check(figures, limits)))
@@ -114,7 +118,8 @@ def grade(value: float, limit: float) -> str:
 
 def _end(of: Figures, limits: Limits) -> Iterator[Finding]:
     words = {"completed": PASS, "interrupted": WARN}
-    text = of.message or f"{of.steps} steps to t = {of.time:g} s"
+    ended = "" if of.status == "completed" else f"{of.status} after "
+    text = f"{ended}{of.steps} steps to t = {of.time:g} s"
     yield Finding("end", words.get(of.status, FAIL), text)
 
 

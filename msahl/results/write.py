@@ -5,6 +5,7 @@ a final name is therefore complete. Numbers are the shortest decimals that read 
 double.
 """
 
+import os
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -16,55 +17,105 @@ from msahl.model import Model
 from msahl.system.names import reaction_columns, state_columns, work_columns, workers
 
 PART = ".part"
+INFO, CHECKPOINT = "run.json", "checkpoint"
+ROOM = 4096
+"""Bytes that ``run.json`` is given at the start: it can tell of the end on a disk then full."""
 
 
 class Table:
-    """One CSV file under way."""
+    """One CSV file under way: anew, or going on after the first ``end`` bytes of what is there."""
 
-    def __init__(self, path: Path, columns: list[str]) -> None:
+    def __init__(self, path: Path, columns: list[str], end: int | None = None) -> None:
         self.path = path
-        self.file = path.with_name(path.name + PART).open("wb")
-        self.file.write((",".join(columns) + "\n").encode())
+        self.part = path.with_name(path.name + PART)
+        if end is not None and not self.part.exists():
+            path.replace(self.part)  # stopped by force just when tables took their names
+        # Unbuffered: what could not be written is not tried again on closing.
+        self.file = self.part.open("wb" if end is None else "r+b", buffering=0)
+        self.end = end or 0
+        if end is None:
+            self._append((",".join(columns) + "\n").encode())
+        else:
+            self.cut(end)
 
     def write(self, rows: np.ndarray) -> None:
-        """Append ``rows`` (m, columns) of finite numbers."""
+        """Append ``rows`` (m, columns) of finite numbers; ``OSError`` bears the file's name."""
         text = orjson.dumps(np.ascontiguousarray(rows), option=orjson.OPT_SERIALIZE_NUMPY)
         # A JSON array of arrays is CSV but for its brackets.
-        self.file.write(text[2:-2].replace(b"],[", b"\n") + b"\n")
-        self.file.flush()
+        self._append(text[2:-2].replace(b"],[", b"\n") + b"\n")
+
+    def _append(self, text: bytes) -> None:
+        rest = memoryview(text)
+        try:
+            while rest:
+                rest = rest[self.file.write(rest) :]
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(self.part)) from error
+        self.end += len(text)
+
+    def cut(self, end: int) -> None:
+        """Go back to the first ``end`` bytes."""
+        self.file.seek(end)
+        self.file.truncate()
+        self.end = end
+
+    def to_disk(self) -> None:
+        """Have the system bring to the disk what was written."""
+        os.fsync(self.file.fileno())
 
     def close(self, whole: bool) -> None:
         """End the file; give it its name if it is ``whole``."""
         self.file.close()
         if whole:
-            Path(self.file.name).replace(self.path)
+            self.part.replace(self.path)
 
 
 class RunFolder:
-    """The folder of one run; a context that leaves its tables ``.part`` unless told ``whole``."""
+    """The folder of one run; a context that leaves its tables ``.part`` unless told ``whole``.
 
-    def __init__(self, folder: Path, model: Model, deck: bytes) -> None:
+    It begins anew, or goes on with tables of which ``ends`` tells how far they are good, in bytes
+    by the files' names. Raises ``OSError`` if it cannot be written.
+    """
+
+    def __init__(
+        self, folder: Path, model: Model, deck: bytes, ends: dict[str, int] | None = None
+    ) -> None:
         self.folder = folder
         self.whole = False
         folder.mkdir(parents=True, exist_ok=True)
-        _clear(folder)
-        write_whole(folder / "deck.xml", deck)
-        self.states = Table(folder / "states.csv", state_columns(model))
-        self.reactions = self._table(
-            "reactions.csv",
-            reaction_columns(model),
-            bool(model.joints or model.couplings or model.motions),
-        )
-        self.work = self._table("work.csv", work_columns(model), bool(workers(model)))
-
-    def _table(self, name: str, columns: list[str], needed: bool) -> Table | None:
-        return Table(self.folder / name, columns) if needed else None
+        if ends is None:
+            clear(folder)
+            write_whole(folder / "deck.xml", deck)
+        columns = {"states.csv": state_columns(model)}
+        if model.joints or model.couplings or model.motions:
+            columns["reactions.csv"] = reaction_columns(model)
+        if workers(model):
+            columns["work.csv"] = work_columns(model)
+        self.tables = {
+            name: Table(folder / name, heads, None if ends is None else ends[name])
+            for name, heads in columns.items()
+        }
 
     def write(self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray) -> None:
-        """Append rows to every table the scene has."""
-        for table, rows in ((self.states, states), (self.reactions, reactions), (self.work, work)):
-            if table is not None:
-                table.write(rows)
+        """Append rows to every table the scene has, or, if one cannot be written, to none."""
+        rows = {"states.csv": states, "reactions.csv": reactions, "work.csv": work}
+        ends = self.ends()
+        try:
+            for name, table in self.tables.items():
+                table.write(rows[name])
+        except BaseException:
+            for name, table in self.tables.items():
+                table.cut(ends[name])
+            raise
+
+    def ends(self) -> dict[str, int]:
+        """Bytes of the tables so far, by file name."""
+        return {name: table.end for name, table in self.tables.items()}
+
+    def to_disk(self) -> None:
+        """Have the system bring all rows to the disk."""
+        for table in self.tables.values():
+            table.to_disk()
 
     def __enter__(self) -> "RunFolder":
         return self
@@ -75,9 +126,8 @@ class RunFolder:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        for table in (self.states, self.reactions, self.work):
-            if table is not None:
-                table.close(self.whole and kind is None)
+        for table in self.tables.values():
+            table.close(self.whole and kind is None)
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
@@ -86,14 +136,23 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file that is never seen half-written."""
+    """Write a file that is never seen half-written; a part that is there gives its room."""
     part = path.with_name(path.name + PART)
-    part.write_bytes(content)
+    with part.open("r+b" if part.exists() else "wb") as file:
+        file.write(content)
+        file.truncate()
     part.replace(path)
 
 
-def _clear(folder: Path) -> None:
+def write_beginning(folder: Path, content: dict[str, Any]) -> None:
+    """Tell of a run under way in ``run.json.part``, with room for what its end will add."""
+    text = orjson.dumps(content, option=orjson.OPT_INDENT_2)
+    (folder / INFO).unlink(missing_ok=True)
+    (folder / (INFO + PART)).write_bytes(text.ljust(ROOM) + b"\n")
+
+
+def clear(folder: Path) -> None:
     """Remove what an earlier run left, so that no file is taken for the new run's."""
-    for name in ("states.csv", "reactions.csv", "work.csv", "run.json"):
+    for name in ("states.csv", "reactions.csv", "work.csv", INFO, CHECKPOINT):
         (folder / name).unlink(missing_ok=True)
         (folder / (name + PART)).unlink(missing_ok=True)

@@ -58,6 +58,10 @@ class Shadow:
             self.horizon = float(times[good - 1]) if good else self.horizon
             self.parted = bool(len(beyond))
 
+    def figures(self) -> dict[str, float | bool]:
+        """All that it has found so far."""
+        return {name: value for name, value in vars(self).items() if name != "runners"}
+
     def as_json(self) -> dict[str, float | bool]:
         """The figures by name; times in s, differences in m."""
         return {

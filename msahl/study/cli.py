@@ -4,16 +4,16 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
+from msahl.cli import BAD_INPUT, NOT_CONVERGED, NOT_WRITTEN, stoppable
 from msahl.schemes import SCHEMES
 
 if TYPE_CHECKING:
     from msahl.study.study import Plan
 
-BAD_INPUT, NO_RUN = 2, 3
 MEASURE_KEYS = (
     "position",
     "orientation",
@@ -63,35 +63,58 @@ def study(
     """
     from msahl.deck import DeckError, check_simulation, read_deck
     from msahl.results.read import ResultError
+    from msahl.solve.initial import StartError
     from msahl.study.report import recommendation, write_study
     from msahl.study.runs import with_step
-    from msahl.study.study import Plan
+    from msahl.study.study import Plan, find_reference
     from msahl.study.study import study as carry_out
 
+    folder = output or Path("studies") / deck.stem
     try:
         model = read_deck(deck)
-        simulation = model.simulation
-        model = with_step(model, simulation.dt, t_final or simulation.t_final)
-        faults = [f for dt in steps for f in check_simulation(with_step(model, dt).simulation)]
+        dt, end = model.simulation.dt, model.simulation.t_final
+        model = with_step(model, dt, end if t_final is None else t_final)
+        given = [with_step(model, step).simulation for step in steps or (dt,)]
+        faults = [fault for simulation in given for fault in check_simulation(simulation)]
         if faults:
-            raise ResultError("\n".join(map(str, faults)))
+            raise ResultError("\n".join(faults))
         plan = Plan(model, steps, schemes, reference, repeat, target, measure)
-        with _progress(plan) as progress:
-            result = carry_out(plan, progress)
+        folder.mkdir(parents=True, exist_ok=True)  # what cannot be written is told before the work
+        known = find_reference(plan)  # may take long, and is stopped at once
+        with stoppable() as stopped, _progress(plan) as progress:
+            result = carry_out(plan, progress, stopped, known)
     except DeckError as error:
         _stop("\n".join(map(str, error.faults)))
     except ResultError as error:
         _stop(f"msahl study: {error}")
-    for path in write_study(result, output or Path("studies") / deck.stem):
-        click.echo(path)
+    except StartError as error:
+        _stop(f"{deck}: {error}")
+    except OSError as error:
+        _stop(_unwritten(error, folder))
+    if not result.points:
+        click.echo(f"{deck}: stopped before a run had ended; nothing was written", err=True)
+        sys.exit(128 + stopped.signal)
+    try:
+        for path in write_study(result, folder):
+            click.echo(path)
+    except OSError as error:
+        _stop(_unwritten(error, folder), NOT_WRITTEN)
     click.echo(f"{deck}: {recommendation(result)}", err=True)
+    if stopped.signal:
+        click.echo(f"{deck}: stopped; the report is of the runs made until then", err=True)
+        sys.exit(128 + stopped.signal)
     if not any(point.trial.completed for point in result.points):
-        sys.exit(NO_RUN)
+        sys.exit(NOT_CONVERGED)
 
 
-def _stop(message: str) -> Any:
+def _stop(message: str, status: int = BAD_INPUT) -> NoReturn:
     click.echo(message, err=True)
-    sys.exit(BAD_INPUT)
+    sys.exit(status)
+
+
+def _unwritten(error: OSError, folder: Path) -> str:
+    where = error.filename or folder
+    return f"{where}: {error.strerror or error}; make room there, or choose another folder with -o"
 
 
 @contextmanager

@@ -6,6 +6,7 @@ solutions are kept in the user's cache, by scene, tolerance and times.
 """
 
 import hashlib
+import os
 import warnings
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -156,10 +157,12 @@ def _kept(model: Model, dynamics: Dynamics, times: np.ndarray, tolerance: float)
         except (OSError, ValueError):  # cut short, or not ours: made anew
             path.unlink(missing_ok=True)
     ys = solve(dynamics, times, tolerance)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_suffix(".part.npy")
-    np.save(part, ys)
-    part.replace(path)
+    # A cache that cannot be written, or that another study writes at the time, is no harm.
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part = path.with_suffix(f".{os.getpid()}.part.npy")
+        np.save(part, ys)
+        part.replace(path)
     return ys
 
 

@@ -20,13 +20,15 @@ DECADES = 3
 
 
 def pictures(study: Study) -> Iterator[tuple[str, str, Figure]]:
-    """Name, caption and figure of every picture."""
+    """Name, caption and figure of every picture; none if no run has an error to show."""
+    if not any(_has_values(study, s, m.key) for s in study.schemes for m in MEASURES):
+        return
     yield "error-time", "Largest error of each run against the seconds it took", _grid(study, True)
     yield "error-step", "Largest error of each run against its step", _grid(study, False)
 
 
 def _grid(study: Study, by_time: bool) -> Figure:
-    shown = [m for m in MEASURES if any(_has_values(study, s, m) for s in study.schemes)]
+    shown = [m for m in MEASURES if any(_has_values(study, s, m.key) for s in study.schemes)]
     rows = ceil(len(shown) / COLUMNS)
     figure = Figure(figsize=(10.5, 0.8 + 2.9 * rows))
     FigureCanvasAgg(figure)
@@ -42,8 +44,8 @@ def _grid(study: Study, by_time: bool) -> Figure:
     return figure
 
 
-def _has_values(study: Study, scheme: str, measure: Measure) -> bool:
-    _, errors = study.series(scheme, measure.key)
+def _has_values(study: Study, scheme: str, key: str) -> bool:
+    _, errors = study.series(scheme, key)
     return bool(np.any(errors > 0.0))
 
 

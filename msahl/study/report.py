@@ -54,6 +54,7 @@ def build(study: Study) -> list[Block]:
     return [
         Heading(1, f"Error against run time: {_title(study)}"),
         Paragraph(recommendation(study)),
+        *_stopped(study),
         Paragraph(study.reference.words),
         *_failures(study),
         *_pictures(study),
@@ -103,6 +104,11 @@ def _reach(study: Study, unit: str) -> str:
         f"the best, --scheme {best.trial.scheme} --dt {best.trial.dt:.15g}, comes to "
         f"{best.largest(key):.2e}{unit}{until}."
     )
+
+
+def _stopped(study: Study) -> list[Block]:
+    words = "The study was stopped before all its runs were made: what follows is of those made."
+    return [Paragraph(words)] if study.stopped else []
 
 
 def _failures(study: Study) -> list[Block]:

@@ -6,6 +6,7 @@ interleaved, so that a busy moment of the machine falls on all steps and schemes
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -70,10 +71,12 @@ def with_step(
     return replace(model, simulation=other)
 
 
-def run_in_memory(model: Model, options: Options) -> tuple[Report, Run]:
+def run_in_memory(
+    model: Model, options: Options, stopped: Callable[[], bool] = lambda: False
+) -> tuple[Report, Run]:
     """Run ``model``; what happened, and its rows as they would be read back."""
     memory = Memory()
-    report = run(model, options, memory)
+    report = run(model, options, memory, stopped=stopped)
     frames = [
         pd.DataFrame(table, columns=columns(model))
         for table, columns in zip(memory.tables(), COLUMNS, strict=True)
@@ -96,23 +99,29 @@ def try_all(
     cases: Sequence[tuple[str, float]],
     repeats: int,
     progress: Callable[[int], Any] = lambda steps: None,
+    stopped: Callable[[], bool] = lambda: False,
 ) -> list[Trial]:
-    """A trial of every case (scheme, dt); ``progress`` is told of steps done since last time."""
+    """A trial of every case (scheme, dt); ``progress`` is told of steps done since last time.
+
+    Once ``stopped``, those that had run, however often, are the trials.
+    """
     for scheme in sorted({scheme for scheme, _ in cases}):
         dt = next(dt for name, dt in cases if name == scheme)
         end = min(WARM_STEPS * dt, model.simulation.t_final)
-        run(with_step(model, dt, end, scheme), Options(), Nowhere())
+        run(with_step(model, dt, end, scheme), Options(), Nowhere(), stopped=stopped)
     seconds: dict[tuple[str, float], list[float]] = {case: [] for case in cases}
     kept: dict[tuple[str, float], tuple[Report, Run]] = {}
-    for repeat in range(repeats):
-        for case in cases:
-            scheme, dt = case
-            variant = with_step(model, dt, scheme=scheme)
-            if repeat == 0:
-                kept[case] = run_in_memory(variant, Options())
-                report = kept[case][0]
-            else:
-                report = run(variant, Options(), Nowhere())
-            seconds[case].append(report.seconds["loop"])
-            progress(Grid.of(variant.simulation).n)
-    return [Trial(*case, median(seconds[case]), *kept[case]) for case in cases]
+    for repeat, case in product(range(repeats), cases):
+        scheme, dt = case
+        variant = with_step(model, dt, scheme=scheme)
+        if repeat == 0:
+            report, rows = run_in_memory(variant, Options(), stopped)
+        else:
+            report = run(variant, Options(), Nowhere(), stopped=stopped)
+        if report.status == "interrupted":
+            break
+        if repeat == 0:
+            kept[case] = report, rows
+        seconds[case].append(report.seconds["loop"])
+        progress(Grid.of(variant.simulation).n)
+    return [Trial(*case, median(seconds[case]), *kept[case]) for case in cases if case in kept]

@@ -66,11 +66,12 @@ class Point:
 
 @dataclass(frozen=True)
 class Study:
-    """What came out."""
+    """What came out; of a study that was ``stopped``, from the runs it had made by then."""
 
     plan: Plan
     reference: Reference
     points: list[Point]
+    stopped: bool = False
     fits: dict[tuple[str, str], Fit | None] = field(default_factory=dict)
 
     @property
@@ -106,19 +107,29 @@ def default_steps(model: Model) -> tuple[float, ...]:
     return tuple(factor * model.simulation.dt for factor in SHORT)
 
 
-def study(plan: Plan, progress: Callable[[int], Any] = lambda steps: None) -> Study:
-    """Run the ``plan``; ``progress`` is told of steps done since last time."""
+def study(
+    plan: Plan,
+    progress: Callable[[int], Any] = lambda steps: None,
+    stopped: Callable[[], bool] = lambda: False,
+    reference: Reference | None = None,
+) -> Study:
+    """Run the ``plan``; ``progress`` is told of steps done since last time. The ``reference`` is
+    found if it is not given.
+
+    Raises ``ResultError`` if there is no reference, ``StartError`` if there is no start.
+    """
     steps, schemes = plan.steps or default_steps(plan.model), plan.schemes or tuple(SCHEMES)
-    reference = _reference(plan, steps)
+    reference = reference or find_reference(plan)
     cases = [(scheme, dt) for dt in steps for scheme in schemes]
-    trials = try_all(plan.model, cases, plan.repeats, progress)
+    trials = try_all(plan.model, cases, plan.repeats, progress, stopped)
     points = [Point(trial, measure_errors(trial.run, reference)) for trial in trials]
-    result = Study(plan, reference, points)
+    result = Study(plan, reference, points, stopped())
     for scheme in schemes:
         for measure in MEASURES:
             result.fits[scheme, measure.key] = _fit(result, scheme, measure)
     for scheme in schemes:
-        points += _try_fitted(result, scheme)
+        if not stopped():
+            points += _try_fitted(result, scheme, stopped)
     return result
 
 
@@ -128,6 +139,11 @@ def planned_steps(plan: Plan) -> int:
     steps = plan.steps or default_steps(plan.model)
     grids = (Grid.of(with_step(plan.model, dt).simulation) for dt in steps)
     return plan.repeats * len(schemes) * sum(grid.n for grid in grids)
+
+
+def find_reference(plan: Plan) -> Reference:
+    """True values for all runs of the ``plan``, but for those it tries of itself."""
+    return _reference(plan, plan.steps or default_steps(plan.model))
 
 
 def _reference(plan: Plan, steps: Sequence[float]) -> Reference:
@@ -142,7 +158,7 @@ def _fit(result: Study, scheme: str, measure: Measure) -> Fit | None:
     return fit_order([point.trial.dt for point in points], errors.tolist())
 
 
-def _try_fitted(result: Study, scheme: str) -> list[Point]:
+def _try_fitted(result: Study, scheme: str, stopped: Callable[[], bool]) -> list[Point]:
     """A run at the largest step that should meet the target, if that is worth the while."""
     plan = result.plan
     fit = result.fits[scheme, plan.measure]
@@ -156,6 +172,6 @@ def _try_fitted(result: Study, scheme: str) -> list[Point]:
     if too_long or t_final / n > fit.coarsest:
         return []
     dt = t_final / n
-    (trial,) = try_all(plan.model, [(scheme, dt)], plan.repeats)
+    trials = try_all(plan.model, [(scheme, dt)], plan.repeats, stopped=stopped)
     reference = _reference(plan, [dt])
-    return [Point(trial, measure_errors(trial.run, reference), tried=True)]
+    return [Point(trial, measure_errors(trial.run, reference), tried=True) for trial in trials]
