@@ -308,6 +308,8 @@ def _simulate(
                 )
         except StartError as error:
             return Report(status="not started", message=str(error))
+        except KeyboardInterrupt:  # a second request to stop, before there was a step to end
+            return Report(status="interrupted", message="stopped before the first step")
         except OSError as error:  # of the compiler's cache; the folder's own are in the report
             return Report(
                 status="not written",

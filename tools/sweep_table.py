@@ -1,4 +1,4 @@
-"""Table of many runs on stdout: cost beside error. Arguments: the run.json of each run.
+"""Table of many runs on stdout: cost beside error. Arguments: a table of each run.
 
 Energy errors are RMS over the run, relative to the largest kinetic energy and (as Hainge 2010 has
 it) to the energy at the start; virtual work is the RMS over the run at the joint where it is
