@@ -13,7 +13,7 @@ OUT := $(RESULTS)/$(basename $(notdir $(DECK)))
 SWEEP := $(RESULTS)/sweep
 SWEEP_DECKS := $(foreach n,single double,$(foreach a,45 89 135,$(n)_pendulum_$(a)))
 SWEEP_STEPS := 0.1 0.04 0.01 0.004 0.002
-SWEEP_RUNS := $(foreach d,$(SWEEP_DECKS),$(foreach h,$(SWEEP_STEPS),$(SWEEP)/$(d)/$(h)/run.json))
+SWEEP_RUNS := $(foreach d,$(SWEEP_DECKS),$(foreach h,$(SWEEP_STEPS),$(SWEEP)/$(d)/$(h)/states.csv))
 
 .PHONY: help run test lint regress regress-update sweep bench thesis validation convergence clean
 .DELETE_ON_ERROR:
@@ -62,8 +62,9 @@ $(SWEEP)/compiled: | .venv/installed
 	$(BIN)/msahl run $(DECK) --t-final 0.01 -q -o $(SWEEP)/first
 	@touch $@
 
+# A run that was stopped has written run.json, but its tables have no names yet: it is made again.
 define sweep_rule
-$(SWEEP)/$(1)/$(2)/run.json: decks/thesis/$(1).xml | $(SWEEP)/compiled
+$(SWEEP)/$(1)/$(2)/states.csv: decks/thesis/$(1).xml | $(SWEEP)/compiled
 	$(BIN)/msahl run $$< --dt $(2) --t-final 10 -q -o $$(@D)
 endef
 $(foreach d,$(SWEEP_DECKS),$(foreach h,$(SWEEP_STEPS),$(eval $(call sweep_rule,$(d),$(h)))))

@@ -197,6 +197,17 @@ def test_a_second_signal_stops_at_once_with_whole_rows(tmp_path, monkeypatch):
     assert states.count("\n") == 4
 
 
+def test_a_second_signal_before_the_first_step_is_in_run_json(tmp_path, monkeypatch):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("msahl.solve.island.Runner.show_start", interrupt)
+    result = call("run", *SHORT, "-o", tmp_path)
+    assert result.exit_code == 130
+    assert "stopped before the first step; begin anew" in result.stderr
+    assert info(tmp_path)["status"] == "interrupted"
+
+
 def test_a_command_that_is_interrupted_says_so_in_one_line(monkeypatch):
     def interrupt(*_, **__):
         raise KeyboardInterrupt

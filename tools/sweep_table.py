@@ -1,4 +1,4 @@
-"""Table of many runs on stdout: cost beside error. Arguments: the run.json of each run.
+"""Table of many runs on stdout: cost beside error. Arguments: a table of each run.
 
 Energy errors are RMS over the run, relative to the largest kinetic energy and (as Hainge 2010 has
 it) to the energy at the start; virtual work is the RMS over the run at the joint where it is
@@ -10,6 +10,8 @@ import csv
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+
+import numpy as np
 
 from msahl.post.measure import Spread, measure
 from msahl.results.read import read_run
@@ -31,7 +33,8 @@ def row(folder: Path) -> tuple[str | float, ...]:
     """The figures of one run."""
     run = read_run(folder)
     measures = measure(run)
-    energy, work, gap = measures.energy, measures.work, measures.constraints.gap
+    energy, work = measures.energy, measures.work
+    gap = measures.constraints.gap[:, :, 0]  # [m]
     by_measure = [values.T for values in (work.hainge, work.sharp)] if work else [(), ()]
     seconds = run.info["seconds"]
     return (
@@ -42,7 +45,7 @@ def row(folder: Path) -> tuple[str | float, ...]:
         energy.error_over_kinetic.rms if energy.error_over_kinetic else "",
         energy.error_over_first.rms if energy.error_over_first else "",
         *(max((Spread.of(joint).rms for joint in joints), default="") for joints in by_measure),
-        float(gap.max(initial=0.0)),
+        float(np.fmax.reduce(gap, axis=None, initial=0.0)),  # nan where there is no such unit
     )
 
 
