@@ -314,13 +314,9 @@ def _simulate(
                     job.model, job.options, results, progress, stopped, tell, save, snapshot
                 )
         except StartError as error:
-<<<<<<< HEAD
             return no_run("not started", str(error))
-=======
-            return Report(status="not started", message=str(error))
         except KeyboardInterrupt:  # a second request to stop, before there was a step to end
-            return Report(status="interrupted", message="stopped before the first step")
->>>>>>> robust
+            return no_run("interrupted", "stopped before the first step")
         except OSError as error:  # of the compiler's cache; the folder's own are in the report
             return no_run(
                 "not written",
