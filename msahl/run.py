@@ -12,7 +12,7 @@ import numpy as np
 
 from msahl.compiled import is_kept, keep
 from msahl.model import STATION, Model, Simulation
-from msahl.solve.culprit import culprit
+from msahl.solve.culprit import overflow
 from msahl.solve.dense import FAR
 from msahl.solve.initial import StartError
 from msahl.solve.island import MAX_HALVINGS, Runner
@@ -116,7 +116,9 @@ def run(
     A step that does not converge ends the run, and the report says so; only a start that cannot be
     is raised, as ``StartError``. What the sink raises goes through.
     """
-    return _Run(model, options, sink).go(progress, stopped, tell)
+    # What overflows is told in our own words (``_finite_steps``), not in numpy's.
+    with np.errstate(all="ignore"):
+        return _Run(model, options, sink).go(progress, stopped, tell)
 
 
 class _Run:
@@ -130,16 +132,15 @@ class _Run:
         numbers = sum(len(columns) for columns in self.columns)
         self.chunk = max(1, min(4096, self.grid.n, CHUNK_NUMBERS // numbers))
         islands = [model] if options.full else split(model)
-        # What overflows is told in our own words (``_finite_steps``), not in numpy's.
-        with np.errstate(all="ignore"):
-            at_rows = model.simulation.reactions == STATION
-            self.runners = [
-                Runner(i, options.solver, options.full, self.chunk, at_rows) for i in islands
-            ]
+        at_rows = model.simulation.reactions == STATION
+        self.runners = [
+            Runner(i, options.solver, options.full, self.chunk, at_rows) for i in islands
+        ]
+        place = [{name: i for i, name in enumerate(columns)} for columns in self.columns]
         self.places = [
             [
-                [whole.index(c) for c in names(runner.model)[1:]]
-                for whole, names in zip(self.columns, COLUMNS, strict=True)
+                [whole[c] for c in names(runner.model)[1:]]
+                for whole, names in zip(place, COLUMNS, strict=True)
             ]
             for runner in self.runners
         ]
@@ -166,8 +167,7 @@ class _Run:
         if not all(is_kept(kind) for kind in kinds):
             tell("compiling the step for this kind of scene, once")
         for runner in self.runners:
-            with np.errstate(all="ignore"):
-                runner.show_start()
+            runner.show_start()
         if min(self._finite_steps(1, np.zeros(1, dtype=np.int64))) < 1:
             raise StartError(self.report.message)
         first = [runner.scene.watch.rows[:1] for runner in self.runners]
@@ -232,10 +232,10 @@ class _Run:
             first_bad = done if good.all() else int(np.argmin(good))
             finite.append(first_bad)
             if first_bad < done and first_bad == min(finite):
-                name = culprit(runner.model, runner.scene, self.grid.h)
-                whose = name or "a result"
+                whose = runner.culprit(self.grid.h) or "a result"
                 self.report.status = "not converged"
-                self.report.message = self._overflow(self.report.steps + first_bad, whose)
+                t = self.grid.time(self.report.steps + first_bad)
+                self.report.message = overflow(t, whose)
         return finite
 
     def _publish(self, times: np.ndarray) -> None:
@@ -265,9 +265,9 @@ class _Run:
         return report
 
     def _failure(self, step: int, runner: Runner, outcome: Outcome) -> str:
-        name = culprit(runner.model, runner.scene, self.grid.h)
+        name = runner.culprit(self.grid.h)
         if name is not None or np.isnan(outcome.residual):
-            return self._overflow(step, name or _row(runner, outcome.worst))
+            return overflow(self.grid.time(step), name or _row(runner, outcome.worst))
         if np.isinf(outcome.residual):
             return (
                 f"steps from t = {self.grid.time(step):g} s, down to "
@@ -281,13 +281,6 @@ class _Run:
             f"{outcome.residual:.1e} of the step's motion (solved: {TOLERANCE:g}), worst in "
             f"{_row(runner, outcome.worst)}. Try a smaller --dt, and look at the last rows for "
             "forces or speeds that grow without bound."
-        )
-
-    def _overflow(self, step: int, name: str) -> str:
-        return (
-            f"t = {self.grid.time(step):g} s: the numbers of {name} went beyond what a computer "
-            "holds. Look at the last rows for forces or speeds that grow without bound, and at its "
-            "figures in the deck for a slip of the pen or of units."
         )
 
 
