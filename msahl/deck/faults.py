@@ -60,11 +60,18 @@ class Faults:
     def add(self, element: Element, message: str, at: Element | None = None) -> None:
         """A fault of ``element``, on the line of ``at`` if that is given.
 
-        Raises ``DeckError`` where there are too many to go on.
+        Raises ``DeckError``, as ``add_line`` does, where there are too many to go on.
         """
-        line = line_of(element if at is None else at)
-        self._found[Fault(self.file, line, where(element), message)] = None
+        self._add(line_of(element if at is None else at), where(element), message)
         self.doubt(element)
+
+    def add_line(self, root: Element, line: int, message: str) -> None:
+        """A fault of the tree ``root`` of which no more is known than its line."""
+        self._add(line, "", message)
+        self.doubt(root)
+
+    def _add(self, line: int, where: str, message: str) -> None:
+        self._found[Fault(self.file, line, where, message)] = None
         if len(self._found) >= MOST_FAULTS:
             self._raise(Fault(self.file, 0, "", f"{MOST_FAULTS} faults so far; mend these first"))
 

@@ -1,5 +1,6 @@
 """Laws of time, and tables of force over length or angle: elements -> records."""
 
+import warnings
 from collections.abc import Callable, Mapping
 from itertools import pairwise
 
@@ -93,12 +94,12 @@ def _drawn(element: Element, law: Law, reader: Reader) -> Law:
     """The ``law``; a fault if its curve cannot be computed, as of entries 1e-90 apart."""
     if reader.faults.sound(element):
         try:
-            with np.errstate(all="ignore"):
+            with np.errstate(all="ignore"), warnings.catch_warnings(action="error"):
                 numbers = build_laws([law]).numbers
-        except (np.linalg.LinAlgError, ValueError):  # scipy's words for no spline
+        except (np.linalg.LinAlgError, RuntimeWarning, ValueError):  # scipy's words for no spline
             numbers = np.array(np.nan)
         if not np.isfinite(numbers).all():
-            message = "its slopes are too large to compute with; draw it wider, or less high"
+            message = "no curve can be computed through it; space its places wider or more evenly"
             reader.faults.add(element, message)
     return law
 
