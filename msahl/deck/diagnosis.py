@@ -22,7 +22,13 @@ NAMES = ("name", "body", "joint", "first", "second")
 def add_faults(root: Element, schema: bytes, faults: Faults) -> None:
     """Add a fault for everything in ``root`` that the ``schema`` forbids."""
     told: set[tuple[Element, str]] = set()
+    explained: set[tuple[Element, Any]] = set()
     for error in _built(schema).iter_errors(root):
+        group = (error.elem, error.validator)
+        if isinstance(error.validator, XsdGroup | XsdAttributeGroup):
+            if group in explained:  # an error for each child, and each time all are looked at
+                continue
+            explained.add(group)
         for element, key, message in _explain(error):
             if (element, key) not in told:  # one rule after another fails on the same text
                 told.add((element, key))

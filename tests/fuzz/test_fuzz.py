@@ -9,6 +9,7 @@ import math
 import os
 import tempfile
 import time
+from collections import Counter
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 
@@ -32,7 +33,7 @@ MOST_STEPS = 1000
 
 def over(strategy, examples, share):
     """The test that a property holds over ``examples`` of the strategy, always the same; or, for a
-    ``share`` of the seconds asked for, over new ones.
+    ``share`` of the seconds asked for, over new ones. The property says how each ended.
     """
 
     def test_of(check):
@@ -41,9 +42,7 @@ def over(strategy, examples, share):
             quiet(given(strategy)(count))()
 
         def count(example):
-            nonlocal done
-            done += 1
-            check(example)
+            ends[check(example)] += 1
 
         def test():
             if not SECONDS:
@@ -52,9 +51,10 @@ def over(strategy, examples, share):
             end = time.monotonic() + share * SECONDS
             while time.monotonic() < end:
                 draw(max_examples=ROUND, derandomize=False)
-            print(f"{check.__name__}: {done} examples")
+            told = ", ".join(f"{number} {what}" for what, number in sorted(ends.items()))
+            print(f"\n{check.__name__}: {ends.total()} examples: {told}")
 
-        done = 0
+        ends = Counter()
         test.__name__, test.__doc__ = check.__name__, check.__doc__
         return test
 
@@ -116,36 +116,38 @@ def numbers_of(thing):
             yield from numbers_of(getattr(thing, field.name))
 
 
-def is_judged(data):
+def is_judged(data) -> str:
+    """``check`` and ``run`` read the deck alike."""
     with Example(data) as example:
         told = call(main, "check", example.deck)
         model = example.model()
         assert told.exit_code == (2 if model is None else 0)
         if model is not None:
             assert not any(map(math.isinf, numbers_of(model)))
+        return "refused" if model is None else "good"
 
 
 @over(mutants(), 100, 0.2)
 def test_a_mutant_is_good_or_told_why_not(data):
-    is_judged(data)
+    return is_judged(data)
 
 
 @over(trees(), 30, 0.1)
 def test_a_tree_of_words_is_told_why_it_is_no_deck(data):
-    is_judged(data)
+    return is_judged(data)
 
 
 @over(files(), 60, 0.15)
 def test_bytes_are_told_why_they_are_no_deck(data):
-    is_judged(data)
+    return is_judged(data)
 
 
-def is_run(data, options, pictures):
+def is_run(data, options, pictures) -> str:
     """``explain``, ``run`` for a few steps, and the reports on it."""
     with Example(data) as example:
         model = example.model()
         if model is None:
-            return
+            return "refused"
         explained = call(main, "explain", example.deck)
         end = min(STEPS * model.simulation.dt, 1e100)
         run = example.folder / "run"
@@ -155,7 +157,7 @@ def is_run(data, options, pictures):
             assert str(example.deck) in ran.stderr
         if ran.exit_code == 2:  # no start, and nothing was written: explain says so, too
             assert explained.exit_code == 2 or "numbers of" in ran.stderr, ran.stderr
-            return
+            return "no start"
         assert explained.exit_code == 0, explained.stderr
         example.rows_are_numbers(run)
         assert json.loads((run / "run.json").read_text())["status"] in (
@@ -168,6 +170,7 @@ def is_run(data, options, pictures):
             assert call(post, "reactions", run).exit_code == 0
         if pictures:
             assert call(post, "report", run).exit_code == 0
+        return "stopped" if ran.exit_code else "ran"
 
 
 ways = st.tuples(
@@ -181,13 +184,13 @@ ways = st.tuples(
 @over(st.tuples(gentle_mutants(), ways), 25, 0.2)
 def test_a_deck_with_other_numbers_runs_or_says_why_not(example):
     data, (options, pictures) = example
-    is_run(data, options, pictures)
+    return is_run(data, options, pictures)
 
 
 @over(st.tuples(scenes(), ways), 40, 0.25)
 def test_a_scene_of_extreme_numbers_runs_or_says_why_not(example):
     data, (options, pictures) = example
-    is_run(data, options, pictures)
+    return is_run(data, options, pictures)
 
 
 SINGLE = ROOT / "decks" / "thesis" / "single_pendulum_45.xml"
@@ -207,7 +210,7 @@ def test_options_are_taken_or_refused(given):
         _number(given.get("--dt", "0.002")) or math.nan
     )
     if MOST_STEPS < steps <= 1e9:
-        return
+        return "left out"
     words = [f"{name}={text}" for name, text in given.items()]
     with Example(SINGLE.read_bytes()) as example:
         run = example.folder / "run"
@@ -215,6 +218,7 @@ def test_options_are_taken_or_refused(given):
         assert told.exit_code in (0, 2, 3)
         assert (told.exit_code == 0) or told.stderr
         example.rows_are_numbers(run)
+        return "refused" if told.exit_code == 2 else "ran"
 
 
 def _number(text: str) -> float:
