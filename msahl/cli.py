@@ -111,7 +111,7 @@ def explain(deck: Path) -> None:
 @click.option("--solver", type=click.Choice(["auto", "newton", "root"]), default="auto",
               show_default=True, help="'newton' is compiled, 'root' is scipy.optimize.root, "
               "'auto' is newton with root for the first step and every hard one.")  # fmt: skip
-@click.option("--every", type=click.IntRange(min=1), default=1, show_default=True, metavar="N",
+@click.option("--every", type=click.IntRange(1, 10**9), default=1, show_default=True, metavar="N",
               help="Write every Nth step (the last one always).")  # fmt: skip
 @click.option("--reactions", type=click.Choice(["mean", "station"]),
               help="Reactions of a row: 'mean' over the step before it, or 'station', at its own "
@@ -164,6 +164,8 @@ def run(
         _stop(f"{where}: {error.strerror or error}; choose another folder with -o")
     except StartError as error:
         _stop(f"{deck}: {error}")
+    except MemoryError:
+        _stop(f"{deck}: the scene needs more memory than there is; make its islands smaller")
     _tell(deck, folder, report, quiet, verbose)
     sys.exit(STATUS[report.status])
 
@@ -232,7 +234,7 @@ def _simulate(
         report.seconds["total"] = time.perf_counter() - STARTED
         content = {
             **_versions(),
-            "deck": {"path": str(deck), "digest": deck_digest(text)},
+            "deck": {"path": click.format_filename(deck), "digest": deck_digest(text)},
             "options": {
                 "dt": model.simulation.dt,
                 "tFinal": model.simulation.t_final,

@@ -61,6 +61,8 @@ def _complaints(simulation: Simulation) -> list[tuple[str, str]]:
         for tag, value in times.items()
         if not SMALLEST <= value <= LARGEST
     ]
+    if not 0.0 <= simulation.damping <= 1.0:
+        wrong.append(("damping", f"it is {simulation.damping:g}; it must be from 0 to 1"))
     if wrong:
         return wrong
     steps = simulation.t_final / simulation.dt

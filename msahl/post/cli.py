@@ -4,6 +4,7 @@ Exit status: 0 good, 1 a comparison found a difference, 2 not a run, not compara
 Modules are imported where a command needs them: tables start without matplotlib.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -263,6 +264,8 @@ def compare(
     """
     from msahl.post.compare import compare as compare_tables
 
+    if math.isnan(rtol) or math.isnan(atol):
+        raise click.BadParameter("a tolerance is a number")
     patterns = tuple(pattern.strip() for pattern in columns.split(",") if pattern.strip())
     found = compare_tables(run, reference, Tolerance(rtol, atol), patterns, until)
     for comparison in found:

@@ -71,8 +71,10 @@ def study(
     try:
         model = read_deck(deck)
         simulation = model.simulation
-        model = with_step(model, simulation.dt, t_final or simulation.t_final)
-        faults = [f for dt in steps for f in check_simulation(with_step(model, dt).simulation)]
+        end = simulation.t_final if t_final is None else t_final
+        model = with_step(model, simulation.dt, end)
+        tried = steps or (simulation.dt,)
+        faults = [f for dt in tried for f in check_simulation(with_step(model, dt).simulation)]
         if faults:
             raise ResultError("\n".join(map(str, faults)))
         plan = Plan(model, steps, schemes, reference, repeat, target, measure)
