@@ -62,7 +62,7 @@ def _numbers(law: Law) -> tuple[int, list[float]]:
         return SINE, list(law.numbers)
     if law.kind == "ramp":
         start_value, end_value, start, end = law.numbers
-        # As numpy's, for a span whose powers are no numbers: then it gives inf, which the deck tells.
+        # A numpy number gives inf where powers of a short span vanish; the deck tells of it.
         rise, span = end_value - start_value, np.float64(end - start)
         quintic = [start_value, 0.0, 0.0, 10.0, -15.0, 6.0]
         pieces = quintic[:3] + [c * rise / span**k for k, c in enumerate(quintic[3:], start=3)]

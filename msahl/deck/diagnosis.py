@@ -24,7 +24,7 @@ def add_faults(root: Element, schema: bytes, faults: Faults) -> None:
     told: set[tuple[Element, str]] = set()
     explained: set[tuple[Element, Any]] = set()
     for error in _built(schema).iter_errors(root):
-        group = (error.elem, error.validator)
+        group: Any = (error.elem, error.validator)
         if isinstance(error.validator, XsdGroup | XsdAttributeGroup):
             if group in explained:  # an error for each child, and each time all are looked at
                 continue

@@ -83,8 +83,8 @@ class Reader:
             self.faults.add(element, message)
             return 0.0
         if 0.0 < abs(value) < SMALLEST:
-            message = f"{text(element)} is too small; numbers go down to {SMALLEST:g} in SI, or are 0"
-            self.faults.add(element, message)
+            message = f"is too small; numbers go down to {SMALLEST:g} in SI, or are 0"
+            self.faults.add(element, f"{text(element)} {message}")
             return 0.0
         return value
 

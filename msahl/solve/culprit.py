@@ -43,8 +43,8 @@ def _parts(
         # What moments are divided by.
         inertia = body.mass * system.bodies.length[b] ** 2
         size = np.array([inertia, 1.0 / inertia, 0.0])
-        parts = [motion, motion**2 * body.mass, [weight, size]]
-        yield f"body '{body.name}'", np.concatenate(parts)
+        numbers = np.concatenate([motion, motion**2 * body.mass, np.stack([weight, size])])
+        yield f"body '{body.name}'", numbers
     workers = (*model.loads, *model.motions)
     for k, column in enumerate(system.load_column):
         sized = [part[k] for part in start.loads]

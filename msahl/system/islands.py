@@ -26,7 +26,10 @@ def split(model: Model) -> list[Model]:
 
     joints = {joint.name: joint for joint in model.joints}
     touched = {
-        kind: [[name for name in _touched(e, joints) if name in leader] for e in getattr(model, kind)]
+        kind: [
+            [name for name in _touched(element, joints) if name in leader]
+            for element in getattr(model, kind)
+        ]
         for kind in KINDS
     }
     for names in (names for lists in touched.values() for names in lists):
@@ -39,10 +42,10 @@ def split(model: Model) -> list[Model]:
     for kind, lists in touched.items():
         for element, names in zip(getattr(model, kind), lists, strict=True):
             islands[find(names[0])][kind].append(element)
-    return [
-        replace(model, **{kind: tuple(elements) for kind, elements in island.items()})
-        for island in islands.values()
+    parts: list[dict[str, Any]] = [
+        {kind: tuple(elements) for kind, elements in island.items()} for island in islands.values()
     ]
+    return [replace(model, **part) for part in parts]
 
 
 def _touched(element: Any, joints: dict[str, Joint]) -> set[str]:

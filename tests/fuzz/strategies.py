@@ -1,5 +1,5 @@
-"""Decks gone wrong: mutants of good ones, trees of the schema's words, scenes of extreme numbers, and
-bytes that are no deck at all.
+"""Decks gone wrong: mutants of good ones, trees of the schema's words, scenes of extreme numbers,
+and bytes that are no deck at all.
 """
 
 import copy
@@ -15,7 +15,8 @@ from msahl.deck.units import UNITS
 from msahl.joints.registry import KINDS
 
 NUMBERS = (
-    "0", "-0", "1", "-1", "2", "0.5", "1e-7", "1e-50", "1e-99", "-1e-100", "1e-101", "1e-300", "5e-324", "1e-400",
+    "0", "-0", "1", "-1", "2", "0.5", "1e-7", "1e-50", "1e-99", "-1e-100", "1e-101", "1e-300",
+    "5e-324", "1e-400",
     "1e7", "1e50", "-1e99", "1e100", "1.1e100", "1e154", "1e300", "1.7976931348623157e308", "1e400",
     "NaN", "nan", "INF", "-INF", "inf", "Infinity", "+1", "1.", ".5", ".", "-", "", " ", "1 2",
     "1_000", "0x10", "1e", "1d5", "1,5", "\u0661", "\uff11", "\xa01", "1\u2003", "1\u2212", "\n3\t",
@@ -25,9 +26,12 @@ NUMBERS = (
 
 LONG = "x" * 10**6
 WORDS = (
-    "", " ", "\xa0", "\u3000", "\u2028", "time", "scheme", "0", "None", "G", "Bob", "a.x", "a/b", "../x",
-    "..", "$x_{", "\\frac", "_", "__class__", "%s", "{0}", "*", "|", "<b>", "&", "a,b", "a;b", '"', "'", "`",
-    "[a](b)", "\x85", "\x9b31m", "\u202eabc", "\ud7ff", "\ufffd", "\U0001f600", "\u4e2d\u6587", "e\u0301",
+    "", " ", "\xa0", "\u3000", "\u2028", "time", "scheme", "0", "None", "G", "Bob", "a.x",
+    "a/b", "../x",
+    "..", "$x_{", "\\frac", "_", "__class__", "%s", "{0}", "*", "|", "<b>", "&", "a,b", "a;b",
+    '"', "'", "`",
+    "[a](b)", "\x85", "\x9b31m", "\u202eabc", "\ud7ff", "\ufffd", "\U0001f600",
+    "\u4e2d\u6587", "e\u0301",
     "line\nline", "tab\there", "SI", "US", "angle", "slide", "linear", "cubic", "periodic", "flat",
     "roller", "-", "=1+1", "#", "x" * 300, LONG,
 )  # fmt: skip
@@ -208,7 +212,8 @@ def trees(draw) -> bytes:
 
 ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32", "latin-1", "cp037",
              "cp1252", "shift_jis", "utf-7", "gb18030", "koi8-r")  # fmt: skip
-DECLARED = (*ENCODINGS, "ascii", "US-ASCII", "UCS-4", "EBCDIC-CP-US", "HTML", "nonsense", "utf8", "UTF-8 ",
+DECLARED = (*ENCODINGS, "ascii", "US-ASCII", "UCS-4", "EBCDIC-CP-US", "HTML", "nonsense",
+    "utf8", "UTF-8 ",
             "x" * 1000)  # fmt: skip
 PROLOGS = (
     "<!DOCTYPE data>",
@@ -231,8 +236,10 @@ PIECES = (
     f'<xi:include xmlns:xi="http://www.w3.org/2001/XInclude" href="file://{TRAPS.pipe}"/>',
     f'<xi:include xmlns:xi="http://www.w3.org/2001/XInclude" parse="text" href="{TRAPS.address}"/>',
     f'<xs:import xmlns:xs="http://www.w3.org/2001/XMLSchema" schemaLocation="{TRAPS.address}"/>',
-    "&x;", "&c;", "&#0;", "&#x1b;[31m", "&#155;31m", "&#1114112;", "&#xD800;", "&lt;", "<![CDATA[1]]>", "]]>",
-    "<?php ?>", "<!-- -- -->", "\x00", "\x1b[2J", "\ufffe", "<a:b/>", "<a b=1/>", "<a b='1' b='2'/>", "</data>",
+    "&x;", "&c;", "&#0;", "&#x1b;[31m", "&#155;31m", "&#1114112;", "&#xD800;", "&lt;",
+    "<![CDATA[1]]>", "]]>",
+    "<?php ?>", "<!-- -- -->", "\x00", "\x1b[2J", "\ufffe", "<a:b/>", "<a b=1/>",
+    "<a b='1' b='2'/>", "</data>",
     "<data>" * 300, "<a>" * 250 + "</a>" * 250, "<a/>" * 3000,
     "<a " + " ".join(f"b{i}='1'" for i in range(2000)) + "/>",
 )  # fmt: skip
@@ -317,7 +324,8 @@ def _body(draw, name):
     size = draw(sizes)
     moments = "".join(f"<{tag}>{size!r}</{tag}>" for tag in ("Ixx", "Iyy", "Izz"))
     return (
-        f"<rigidBody><name>{name}</name>{_number(draw, 'mass', sizes)}{_maybe(draw, _vector, 'rGB')}"
+        f"<rigidBody><name>{name}</name>{_number(draw, 'mass', sizes)}"
+        f"{_maybe(draw, _vector, 'rGB')}"
         f"<moi>{moments}</moi><initialConditions>{_maybe(draw, _vector, 'position')}"
         f"{_maybe(draw, _turn)}{_maybe(draw, _vector, 'velocity', 'v1 v2 v3')}"
         f"{_maybe(draw, _vector, 'angularVelocity', 'omega1 omega2 omega3')}"
@@ -423,7 +431,8 @@ def _load(draw, name, names, joints):
     elif kind == "friction":
         freedom, radius = _of(draw, (("angle", _number(draw, "radius", sizes)), ("slide", "")))
         rest = _number(draw, "coefficient", sizes) + radius + _number(draw, "width", sizes)
-        inside = f"<name>{name}</name><joint>{_of(draw, joints)}</joint><freedom>{freedom}</freedom>{rest}"
+        joint = f"<joint>{_of(draw, joints)}</joint><freedom>{freedom}</freedom>"
+        inside = f"<name>{name}</name>{joint}{rest}"
     else:
         tags = ("angle", "moment") if kind[0] == "t" else ("length", "force")
         law = _table(draw, *tags) if draw(st.booleans()) else _number(draw, "stiffness")

@@ -87,12 +87,13 @@ class Example:
         try:
             return read_deck(self.deck)
         except DeckError as error:
-            assert error.faults
-            for fault in error.faults:
-                assert str(fault).startswith(f"{self.deck}:")
-                assert fault.line >= 0
-                assert fault.message
-            return None
+            faults = error.faults
+        assert faults
+        for fault in faults:
+            assert str(fault).startswith(f"{self.deck}:")
+            assert fault.line >= 0
+            assert fault.message
+        return None
 
     def rows_are_numbers(self, run: Path) -> None:
         """Every cell of every table is a finite number, in rows of one length."""
