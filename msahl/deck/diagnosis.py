@@ -22,9 +22,9 @@ NAMES = ("name", "body", "joint", "first", "second")
 def add_faults(root: Element, schema: bytes, faults: Faults) -> None:
     """Add a fault for everything in ``root`` that the ``schema`` forbids."""
     told: set[tuple[Element, str]] = set()
-    explained: set[tuple[Element, Any]] = set()
+    explained: set[tuple[Element, int]] = set()
     for error in _built(schema).iter_errors(root):
-        group: Any = (error.elem, error.validator)
+        group: Any = (error.elem, id(error.validator))
         if isinstance(error.validator, XsdGroup | XsdAttributeGroup):
             if group in explained:  # an error for each child, and each time all are looked at
                 continue
