@@ -7,6 +7,8 @@ BIN := .venv/bin
 RESULTS := results
 # Processes the tests run in.
 WORKERS ?= 2
+# How long bad decks are tried out.
+SECONDS ?= 300
 OUT := $(RESULTS)/$(basename $(notdir $(DECK)))
 
 # The thesis's tables 4.2 and 4.4: angles by steps, 10 s.
@@ -15,12 +17,13 @@ SWEEP_DECKS := $(foreach n,single double,$(foreach a,45 89 135,$(n)_pendulum_$(a
 SWEEP_STEPS := 0.1 0.04 0.01 0.004 0.002
 SWEEP_RUNS := $(foreach d,$(SWEEP_DECKS),$(foreach h,$(SWEEP_STEPS),$(SWEEP)/$(d)/$(h)/states.csv))
 
-.PHONY: help run test lint regress regress-update sweep bench thesis validation convergence clean
+.PHONY: help run test fuzz lint regress regress-update sweep bench thesis validation convergence clean
 .DELETE_ON_ERROR:
 
 help:
 	@echo 'make run             set up .venv, run DECK ($(DECK)), write its report'
 	@echo 'make test            set up .venv for tests; lint, compare stored results, run all tests'
+	@echo 'make fuzz            try out bad decks for SECONDS ($(SECONDS))'
 	@echo 'make lint            ruff and mypy'
 	@echo 'make regress         run the stored cases again and compare with tests/regression'
 	@echo 'make regress-update  write tests/regression anew and say what changed'
@@ -39,6 +42,10 @@ run: .venv/installed
 # Tests come last, so that what they say in the end is the end.
 test: lint regress
 	@$(BIN)/python -m pytest -n $(WORKERS)
+
+# What make test draws the same every time, drawn anew; -s shows how many there were.
+fuzz: .venv/tested
+	MSAHL_FUZZ_SECONDS=$(SECONDS) $(BIN)/python -m pytest -q -s tests/fuzz
 
 lint: .venv/tested
 	$(BIN)/ruff check .

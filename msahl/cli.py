@@ -132,7 +132,7 @@ def explain(deck: Path) -> None:
 @click.option("--solver", type=click.Choice(["auto", "newton", "root"]), default="auto",
               show_default=True, help="'newton' is compiled, 'root' is scipy.optimize.root, "
               "'auto' is newton with root for the first step and every hard one.")  # fmt: skip
-@click.option("--every", type=click.IntRange(min=1), default=1, show_default=True, metavar="N",
+@click.option("--every", type=click.IntRange(1, 10**9), default=1, show_default=True, metavar="N",
               help="Write every Nth step (the last one always).")  # fmt: skip
 @click.option("--reactions", type=click.Choice(["mean", "station"]),
               help="Reactions of a row: 'mean' over the step before it, or 'station', at its own "
@@ -204,6 +204,8 @@ def run(
         _stop(f"{where}: {error.strerror or error}; choose another folder with -o")
     except (FolderInUseError, ResumeError) as error:
         _stop(str(error))
+    except MemoryError:
+        _stop(f"{deck}: the scene needs more memory than there is; make its islands smaller")
     sys.exit(status)
 
 
@@ -271,7 +273,7 @@ class Job:
         simulation = self.model.simulation
         return {
             **_versions(),
-            "deck": {"path": str(self.deck), "digest": deck_digest(self.text)},
+            "deck": {"path": click.format_filename(self.deck), "digest": deck_digest(self.text)},
             "options": {
                 "dt": simulation.dt,
                 "tFinal": simulation.t_final,

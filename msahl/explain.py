@@ -17,7 +17,8 @@ AXES = "xyz"
 
 def explain(model: Model) -> list[str]:
     """Lines about bodies, freedoms, unknowns, what is left out, and what will be loaded."""
-    runners = [Runner(island, "newton", full=False, chunk=1) for island in split(model)]
+    with np.errstate(all="ignore"):  # as in a run
+        runners = [Runner(island, "newton", full=False, chunk=1) for island in split(model)]
     grid = Grid.of(model.simulation)
     return [
         model.simulation.title or "(no title)",

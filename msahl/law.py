@@ -62,10 +62,11 @@ def _numbers(law: Law) -> tuple[int, list[float]]:
         return SINE, list(law.numbers)
     if law.kind == "ramp":
         start_value, end_value, start, end = law.numbers
-        rise, span = end_value - start_value, end - start
+        # A numpy number gives inf where powers of a short span vanish; the deck tells of it.
+        rise, span = end_value - start_value, np.float64(end - start)
         quintic = [start_value, 0.0, 0.0, 10.0, -15.0, 6.0]
         pieces = quintic[:3] + [c * rise / span**k for k, c in enumerate(quintic[3:], start=3)]
-        return PIECES, [1.0, 0.0, start, end, *pieces]
+        return PIECES, [1.0, 0.0, start, end, *map(float, pieces)]
     return PIECES, _table(law)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from msahl.compiled import is_kept, keep
 from msahl.model import STATION, Model, Simulation, decays
 from msahl.snapshot import ResumeError, Snapshot, counters, digest, recall, remember, set_counters
-from msahl.solve.culprit import culprit
+from msahl.solve.culprit import overflow
 from msahl.solve.dense import FAR
 from msahl.solve.initial import StartError
 from msahl.solve.island import MAX_HALVINGS, Runner
@@ -141,7 +141,9 @@ def run(
     ``save`` that raises OSError end the run, and the report says so. A start that cannot be is
     raised, as ``StartError``, and a snapshot of another scene as ``ResumeError``.
     """
-    return _Run(model, options, sink, save).go(progress, stopped, tell, since)
+    # What overflows is told in our own words (``_finite_steps``), not in numpy's.
+    with np.errstate(all="ignore"):
+        return _Run(model, options, sink, save).go(progress, stopped, tell, since)
 
 
 class _Run:
@@ -161,18 +163,17 @@ class _Run:
         numbers = sum(len(columns) for columns in self.columns)
         self.chunk = max(1, min(4096, self.grid.n, CHUNK_NUMBERS // numbers))
         islands = [model] if options.full else split(model)
-        # What overflows is told in our own words (``_finite_steps``), not in numpy's.
-        with np.errstate(all="ignore"):
-            at_rows = model.simulation.reactions == STATION
-            self.runners = [
-                Runner(i, options.solver, options.full, self.chunk, at_rows) for i in islands
-            ]
+        at_rows = model.simulation.reactions == STATION
+        self.runners = [
+            Runner(i, options.solver, options.full, self.chunk, at_rows) for i in islands
+        ]
         asked = options.shadow or model.simulation.limits.accuracy
         self.shadow = Shadow(self.runners, options.full, self.chunk, asked) if asked else None
+        place = [{name: i for i, name in enumerate(columns)} for columns in self.columns]
         self.places = [
             [
-                [whole.index(c) for c in names(runner.model)[1:]]
-                for whole, names in zip(self.columns, COLUMNS, strict=True)
+                [whole[c] for c in names(runner.model)[1:]]
+                for whole, names in zip(place, COLUMNS, strict=True)
             ]
             for runner in self.runners
         ]
@@ -206,8 +207,7 @@ class _Run:
             tell("compiling the step for this kind of scene, once")
         self.scene = digest(self._all_runners) if self.save or since else ""
         for runner in self.runners:
-            with np.errstate(all="ignore"):
-                runner.show_start()
+            runner.show_start()
         if min(self._finite_steps(1, np.zeros(1, dtype=np.int64))) < 1:
             raise StartError(self.report.message)
         first = [runner.scene.watch.rows[:1] for runner in self.runners]
@@ -305,8 +305,7 @@ class _Run:
         times = np.array([self.grid.time(int(k)) for k in ends[:done][published[:done]]])
         if self._publish(times):
             self.report.steps += done
-            with np.errstate(over="ignore"):  # squares of numbers near the largest there are
-                self.extremes.fold([runner.scene.watch.rows[:done] for runner in self.runners])
+            self.extremes.fold([runner.scene.watch.rows[:done] for runner in self.runners])
             self._follow(self.grid.step(first + done), plan[:done], times)
 
     def _follow(self, h: float, plan: np.ndarray, times: np.ndarray) -> None:
@@ -314,8 +313,7 @@ class _Run:
         if self.shadow is None:
             return
         began = time.perf_counter()
-        with np.errstate(all="ignore"):
-            self.shadow.follow(self.runners, h, plan, times)
+        self.shadow.follow(self.runners, h, plan, times)
         seconds = self.report.seconds
         seconds["shadow"] = seconds.get("shadow", 0.0) + time.perf_counter() - began
 
@@ -350,10 +348,10 @@ class _Run:
             first_bad = done if good.all() else int(np.argmin(good))
             finite.append(first_bad)
             if first_bad < done and first_bad == min(finite):
-                name = culprit(runner.model, runner.scene, self.grid.h)
-                whose = name or "a result"
+                whose = runner.culprit(self.grid.h) or "a result"
                 self.report.status = "not converged"
-                self.report.message = self._overflow(self.report.steps + first_bad, whose)
+                t = self.grid.time(self.report.steps + first_bad)
+                self.report.message = overflow(t, whose)
         return finite
 
     def _publish(self, times: np.ndarray) -> bool:
@@ -436,9 +434,9 @@ class _Run:
         return linear, None if decays(self.model) else angular
 
     def _failure(self, step: int, runner: Runner, outcome: Outcome) -> str:
-        name = culprit(runner.model, runner.scene, self.grid.h)
+        name = runner.culprit(self.grid.h)
         if name is not None or np.isnan(outcome.residual):
-            return self._overflow(step, name or _row(runner, outcome.worst))
+            return overflow(self.grid.time(step), name or _row(runner, outcome.worst))
         if np.isinf(outcome.residual):
             return (
                 f"steps from t = {self.grid.time(step):g} s, down to "
@@ -452,13 +450,6 @@ class _Run:
             f"{outcome.residual:.1e} of the step's motion (solved: {TOLERANCE:g}), worst in "
             f"{_row(runner, outcome.worst)}. Try a smaller --dt, and look at the last rows for "
             "forces or speeds that grow without bound."
-        )
-
-    def _overflow(self, step: int, name: str) -> str:
-        return (
-            f"t = {self.grid.time(step):g} s: the numbers of {name} went beyond what a computer "
-            "holds. Look at the last rows for forces or speeds that grow without bound, and at its "
-            "figures in the deck for a slip of the pen or of units."
         )
 
 

@@ -184,7 +184,7 @@ MEANING_FAULTS = {
     ),
     "unprintable name": (
         ("<name>Pivot</name>", "<name>Pi\u200bvot,</name>"),
-        ":21: joint 'Pi\u200bvot,', name: a name must not contain , \\u200b (names head",
+        ":21: joint 'Pi\\u200bvot,', name: a name must not contain , \\u200b (names head",
     ),
     "missing child": (
         ("<name>Bob</name>\n          <p", "<name>Bib</name>\n          <p"),
@@ -250,11 +250,19 @@ MEANING_FAULTS = {
     ),
     "too large": (
         (">2.0<", ">2e400<"),
-        ":8: body 'Bob', mass: 2e400 is too large for a number; give less",
+        ":8: body 'Bob', mass: 2e400 is too large; numbers go up to 1e+100 in SI",
     ),
     "too large in SI": (
-        ('<z units="m">5.0<', '<z units="km">1e308<'),
-        ":12: body 'Bob', initialConditions/position/z: 1e308 is too large for a number",
+        ('<z units="m">5.0<', '<z units="km">1e99<'),
+        ":12: body 'Bob', initialConditions/position/z: 1e99 is too large; numbers go up to",
+    ),
+    "too small": (
+        (">2.0<", ">2e-320<"),
+        ":8: body 'Bob', mass: 2e-320 is too small; numbers go down to 1e-100 in SI, or are 0",
+    ),
+    "a name of space that is none in XML": (
+        ("<name>Pivot<", "<name>\u3000<"),
+        ":21: joint '\\u3000', name: a name must not contain \\u3000",
     ),
     "deltaT zero": ((">0.01<", ">0<"), ":39: simulation/deltaT: it is 0 s; it must be greater"),
     "deltaT too long": (
@@ -406,7 +414,7 @@ def test_a_file_too_large_is_not_read(tmp_path):
 def test_check_simulation_tells_what_an_override_breaks():
     assert check_simulation(Simulation("", 0.1, 1.0)) == []
     assert check_simulation(Simulation("", -1.0, float("inf"))) == [
-        "deltaT: it is -1 s; it must be greater than zero and finite",
-        "tFinal: it is inf s; it must be greater than zero and finite",
+        "deltaT: it is -1 s; it must be greater than zero, 1e-100 to 1e+100 s",
+        "tFinal: it is inf s; it must be greater than zero, 1e-100 to 1e+100 s",
     ]
     assert check_simulation(Simulation("", float("nan"), 1.0))[0].startswith("deltaT: it is nan s")

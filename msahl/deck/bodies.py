@@ -4,7 +4,7 @@ import numpy as np
 
 from msahl.bodies.ground import Ground
 from msahl.bodies.rigid import RigidBody
-from msahl.deck.faults import Element, text
+from msahl.deck.faults import Element, attribute, text
 from msahl.deck.values import INERTIAL, Reader
 from msahl.vector import Matrix, Vector
 
@@ -57,7 +57,7 @@ def _inertia(body: Element, mass: float, r_BG: Vector, reader: Reader) -> Matrix
     J = symmetric(*reader.numbers(moi, _ENTRIES, "inertia"))
     scale = float(np.abs(J).max())
     sources = [moi]
-    if " ".join(moi.get("about", "G").split()) == "B":
+    if attribute(moi, "about", "G") == "B":
         J = about_mass_centre(J, mass, r_BG)
         sources += [*body.iterfind("mass"), *body.iterfind("rGB")]
     if all(map(reader.faults.sound, sources)):

@@ -7,6 +7,7 @@ from the rule (accepted units, expected children) and not from its text.
 import difflib
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 from xmlschema import XMLSchema10
@@ -21,11 +22,23 @@ NAMES = ("name", "body", "joint", "first", "second")
 def add_faults(root: Element, schema: bytes, faults: Faults) -> None:
     """Add a fault for everything in ``root`` that the ``schema`` forbids."""
     told: set[tuple[Element, str]] = set()
-    for error in XMLSchema10(schema.decode()).iter_errors(root):
+    explained: set[tuple[Element, int]] = set()
+    for error in _built(schema).iter_errors(root):
+        group: Any = (error.elem, id(error.validator))
+        if isinstance(error.validator, XsdGroup | XsdAttributeGroup):
+            if group in explained:  # an error for each child, and each time all are looked at
+                continue
+            explained.add(group)
         for element, key, message in _explain(error):
             if (element, key) not in told:  # one rule after another fails on the same text
                 told.add((element, key))
                 faults.add(element, message)
+
+
+@cache
+def _built(schema: bytes) -> XMLSchema10:
+    """The schema, built once for all decks."""
+    return XMLSchema10(schema.decode())
 
 
 Explained = Iterator[tuple[Element, str, str]]

@@ -1,6 +1,9 @@
 """Faults of a deck: collected, told all at once, each with file, line, place and remedy."""
 
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import islice
 from typing import NoReturn
 
 from lxml import etree
@@ -11,6 +14,13 @@ Element = etree._Element
 
 KINDS = {"bodies": "body", "joints": "joint", "motions": "motion", "loads": "load"}
 """What a child of these elements is called in a message."""
+
+MOST_FAULTS = 1000
+"""Told at once: a file with more is no deck with slips."""
+MOST_LISTED = 20
+"""Names listed in a message."""
+LONGEST = 600
+"""Characters of each part of a message; of a longer one the middle is left out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +35,7 @@ class Fault:
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}" if self.line else self.file
-        return ": ".join(part for part in (place, self.where, self.message) if part)
+        return ": ".join(_fit(part) for part in (place, self.where, self.message) if part)
 
 
 class DeckError(Exception):
@@ -48,10 +58,22 @@ class Faults:
         self._touched: set[Element] = set()
 
     def add(self, element: Element, message: str, at: Element | None = None) -> None:
-        """A fault of ``element``, on the line of ``at`` if that is given."""
-        line = line_of(element if at is None else at)
-        self._found[Fault(self.file, line, where(element), message)] = None
+        """A fault of ``element``, on the line of ``at`` if that is given.
+
+        Raises ``DeckError``, as ``add_line`` does, where there are too many to go on.
+        """
+        self._add(line_of(element if at is None else at), where(element), message)
         self.doubt(element)
+
+    def add_line(self, root: Element, line: int, message: str) -> None:
+        """A fault of the tree ``root`` of which no more is known than its line."""
+        self._add(line, "", message)
+        self.doubt(root)
+
+    def _add(self, line: int, where: str, message: str) -> None:
+        self._found[Fault(self.file, line, where, message)] = None
+        if len(self._found) >= MOST_FAULTS:
+            self._raise(Fault(self.file, 0, "", f"{MOST_FAULTS} faults so far; mend these first"))
 
     def doubt(self, element: Element) -> None:
         """``element`` is not sound, through no fault of its own."""
@@ -68,7 +90,11 @@ class Faults:
     def raise_if_any(self) -> None:
         """Raise ``DeckError`` with all faults, in the order of lines, if there are any."""
         if self._found:
-            raise DeckError(tuple(sorted(self._found, key=lambda fault: fault.line)))
+            self._raise()
+
+    def _raise(self, *more: Fault) -> NoReturn:
+        """Raise ``DeckError`` with all faults, in the order of lines, and what is to be added."""
+        raise DeckError((*sorted(self._found, key=lambda fault: fault.line), *more))
 
 
 def line_of(element: Element) -> int:
@@ -77,9 +103,39 @@ def line_of(element: Element) -> int:
     return line if isinstance(line, int) else 0
 
 
+def collapsed(given: str) -> str:
+    """``given`` with white space collapsed: XML's own four characters, which the schema collapses,
+    and none of those that Python counts as well."""
+    return " ".join(re.findall(r"[^ \t\r\n]+", given))
+
+
 def text(element: Element | None) -> str:
     """Text of an element with white space collapsed; empty without element."""
-    return "" if element is None else " ".join((element.text or "").split())
+    return "" if element is None else collapsed(element.text or "")
+
+
+def attribute(element: Element, name: str, default: str = "") -> str:
+    """Value of an attribute with white space collapsed; ``default`` without it."""
+    return collapsed(element.get(name, default))
+
+
+def printable(given: str) -> str:
+    """``given`` with escapes in place of what does not print, which a terminal might obey."""
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in given)
+
+
+def listed(names: Iterable[str]) -> str:
+    """Names for a reader: the first of them, and how many more there are."""
+    names = list(names)
+    more = f", and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
+    return ", ".join(islice(names, MOST_LISTED)) + more
+
+
+def _fit(part: str) -> str:
+    """A part of a message as it may be shown: printable, and not of any length."""
+    if len(part) > LONGEST:
+        part = f"{part[: LONGEST // 2]} ... {part[-LONGEST // 2 :]}"
+    return printable(part)
 
 
 def where(element: Element) -> str:

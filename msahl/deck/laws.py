@@ -1,11 +1,14 @@
 """Laws of time, and tables of force over length or angle: elements -> records."""
 
+import warnings
 from collections.abc import Callable, Mapping
 from itertools import pairwise
 
-from msahl.deck.faults import Element
+import numpy as np
+
+from msahl.deck.faults import Element, attribute
 from msahl.deck.values import Reader
-from msahl.law import Law
+from msahl.law import Law, build_laws
 
 COEFFICIENTS = ("c0", "c1", "c2", "c3", "c4", "c5")
 
@@ -50,7 +53,7 @@ def _ramp(element: Element, quantity: str, reader: Reader) -> Law:
     if end <= start and reader.faults.sound(element):
         message = f"it ends at {end:g} s, not after its start at {start:g} s; give a later <end>"
         reader.faults.add(element, message)
-    return Law("ramp", (first, last, start, end))
+    return _drawn(element, Law("ramp", (first, last, start, end)), reader)
 
 
 def _time_table(element: Element, quantity: str, reader: Reader) -> Law:
@@ -71,7 +74,7 @@ def read_table(
 ) -> Law:
     """Record of a ``<table>`` whose entries hold an ``argument`` and a ``value``: each a tag and a
     quantity."""
-    kind = " ".join(element.get("interpolation", "linear").split())
+    kind = attribute(element, "interpolation", "linear")
     entries = list(element)
     x = [reader.number(entry.find(argument[0]), argument[1]) for entry in entries]
     y = [reader.number(entry.find(value[0]), value[1]) for entry in entries]
@@ -84,7 +87,21 @@ def read_table(
             reader.faults.add(entry, message)
     if kind == "periodic" and reader.faults.sound(element):
         y[-1] = _closed(element, y, reader)
-    return Law(kind, (*x, *y))
+    return _drawn(element, Law(kind, (*x, *y)), reader)
+
+
+def _drawn(element: Element, law: Law, reader: Reader) -> Law:
+    """The ``law``; a fault if its curve cannot be computed, as of entries 1e-90 apart."""
+    if reader.faults.sound(element):
+        try:
+            with np.errstate(all="ignore"), warnings.catch_warnings(action="error"):
+                numbers = build_laws([law]).numbers
+        except (np.linalg.LinAlgError, RuntimeWarning, ValueError):  # scipy's words for no spline
+            numbers = np.array(np.nan)
+        if not np.isfinite(numbers).all():
+            message = "no curve can be computed through it; space its places wider or more evenly"
+            reader.faults.add(element, message)
+    return law
 
 
 def _closed(element: Element, y: list[float], reader: Reader) -> float:

@@ -1,6 +1,6 @@
 """What an element names beside bodies: a joint, and one of its free motions."""
 
-from msahl.deck.faults import Element, text
+from msahl.deck.faults import Element, listed, text
 from msahl.deck.values import Reader
 from msahl.joints.registry import KINDS
 
@@ -13,7 +13,7 @@ def named_joint(element: Element, tag: str, freedom: str, reader: Reader) -> str
     label = element.find(tag)
     name = text(label)
     if name not in reader.kinds:
-        names = ", ".join(reader.kinds) or "none"
+        names = listed(reader.kinds) or "none"
         message = f"{tag} '{name}' is not a joint of this deck (joints: {names})"
         reader.faults.add(element, message, label)
     elif freedom not in KINDS[reader.kinds[name]].freedoms:

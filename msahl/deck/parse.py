@@ -6,6 +6,7 @@ expand or fetch; comments are dropped; size, depth and text length are bounded.
 
 from contextlib import suppress
 from pathlib import Path
+from typing import cast
 from xml.parsers import expat
 
 from lxml import etree
@@ -14,6 +15,9 @@ from msahl.deck.faults import Element, Faults, line_of
 
 MAX_BYTES = 64 * 2**20
 """Largest deck read, in bytes: some hundred thousand bodies."""
+
+MOST_ATTRIBUTES = 16
+"""Of an element; none has more than four, and time goes with their square."""
 
 _XSI = "{http://www.w3.org/2001/XMLSchema-instance}"
 _LOCATIONS = ("schemaLocation", "noNamespaceSchemaLocation")
@@ -53,6 +57,8 @@ def parse(data: bytes, faults: Faults) -> Element:
         faults.stop(_NO_DTD, 1)
     if root.tag != "data":
         faults.stop(f"the root element is <{root.tag}>; a deck's is <data>", line_of(root))
+    for element in _found(root, f"//*[count(@*) > {MOST_ATTRIBUTES}]"):
+        faults.stop(f"<{element.tag}> has {len(element.attrib)} attributes", line_of(element))
     _drop_instance_attributes(root, faults)
     return root
 
@@ -100,10 +106,15 @@ def _doctype_line(data: bytes) -> int:
     return found
 
 
+def _found(root: Element, path: str) -> list[Element]:
+    """The elements at an XPath, looked for by libxml2 itself."""
+    return cast(list[Element], root.xpath(path, namespaces={"xsi": _XSI[1:-1]}))
+
+
 def _drop_instance_attributes(root: Element, faults: Faults) -> None:
     """Drop every ``xsi:`` attribute: a schema named by the deck is ignored, never opened; others
     (``xsi:type``, ``xsi:nil``) would bend our own schema and are faults."""
-    for element in root.iter(etree.Element):
+    for element in _found(root, "//*[@xsi:*]"):
         for name in [str(key) for key in element.attrib if str(key).startswith(_XSI)]:
             del element.attrib[name]
             word = name.removeprefix(_XSI)

@@ -1,10 +1,9 @@
 """How the scene is run: step and end, which of them make sense, and how the start is made."""
 
-import math
 from dataclasses import dataclass
 
-from msahl.deck.faults import Element, text
-from msahl.deck.values import Reader
+from msahl.deck.faults import Element, attribute, printable, text
+from msahl.deck.values import LARGEST, SMALLEST, Reader
 from msahl.model import MEAN, Limits, Simulation
 from msahl.schemes import DAMPING, DEFAULT
 
@@ -15,12 +14,12 @@ MAX_STEPS = 10**9
 def read_simulation(element: Element, reader: Reader) -> Simulation:
     """Record of ``<simulation>``, times in s."""
     simulation = Simulation(
-        title=text(element.find("title")),
+        title=printable(text(element.find("title"))),
         dt=reader.number(element.find("deltaT"), "time"),
         t_final=reader.number(element.find("tFinal"), "time"),
-        scheme=" ".join(element.get("scheme", DEFAULT).split()),
+        scheme=attribute(element, "scheme", DEFAULT),
         damping=float(element.get("damping", DAMPING)),
-        reactions=" ".join(element.get("reactions", MEAN).split()),
+        reactions=attribute(element, "reactions", MEAN),
         limits=_limits(element.find("verdict"), reader),
     )
     if reader.faults.sound(element):
@@ -65,8 +64,8 @@ def read_assembly(root: Element) -> Assembly:
     if element is None:
         return default
     return Assembly(
-        position=" ".join(element.get("position", default.position).split()),
-        velocity=" ".join(element.get("velocity", default.velocity).split()),
+        position=attribute(element, "position", default.position),
+        velocity=attribute(element, "velocity", default.velocity),
     )
 
 
@@ -79,10 +78,12 @@ def _complaints(simulation: Simulation) -> list[tuple[str, str]]:
     """Tag of the wrong element, and the message."""
     times = {"deltaT": simulation.dt, "tFinal": simulation.t_final}
     wrong = [
-        (tag, f"it is {value:g} s; it must be greater than zero and finite")
+        (tag, f"it is {value:g} s; it must be greater than zero, {SMALLEST:g} to {LARGEST:g} s")
         for tag, value in times.items()
-        if not 0.0 < value < math.inf
+        if not SMALLEST <= value <= LARGEST
     ]
+    if not 0.0 <= simulation.damping <= 1.0:
+        wrong.append(("damping", f"it is {simulation.damping:g}; it must be from 0 to 1"))
     if wrong:
         return wrong
     steps = simulation.t_final / simulation.dt

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from msahl.bodies.rigid import RigidBody
-from msahl.deck.faults import Element, Faults, text
+from msahl.deck.faults import Element, Faults, attribute, listed, text
 from msahl.deck.frames import unit
 from msahl.deck.units import DEFAULTS, UNITS, to_si
 from msahl.joints.joint import Joint
@@ -34,6 +34,10 @@ VECTORS: Mapping[str, tuple[str, tuple[str, str, str]]] = {
     "direction": ("", ("x", "y", "z")),
 }
 """Quantity and components of every vector element."""
+
+LARGEST, SMALLEST = 1e100, 1e-100
+"""Sizes of numbers in SI between which products of three can be computed with; or zero. The largest
+things there are stay far below: the universe weighs some 1e53 kg."""
 
 INERTIAL = ""
 """Stands for the inertial axes where a frame is named; no body's name is empty."""
@@ -60,13 +64,13 @@ class Reader:
     joints: dict[str, Joint] = field(default_factory=dict)
 
     def number(self, element: Element | None, quantity: str = "") -> float:
-        """Value in SI; without element zero; a number too large for a double is a fault."""
+        """Value in SI; without element zero; numbers too large or too small to compute with are
+        faults."""
         if element is None:
             return 0.0
         value = float(text(element))
         if quantity:
-            name = " ".join((element.get("units") or "").split())
-            name = name or DEFAULTS[self.unit_system][quantity]
+            name = attribute(element, "units") or DEFAULTS[self.unit_system][quantity]
             if name not in UNITS[quantity]:  # where the schema cannot know which of two it is
                 units = ", ".join(UNITS[quantity])
                 self.faults.add(element, f"'{name}' does not fit here; expected one of {units}")
@@ -74,8 +78,13 @@ class Reader:
             value = to_si(value, name, quantity)
         elif element.get("units"):
             self.faults.add(element, "it is a plain number here; delete units")
-        if not math.isfinite(value):
-            self.faults.add(element, f"{text(element)} is too large for a number; give less")
+        if abs(value) > LARGEST:
+            message = f"{text(element)} is too large; numbers go up to {LARGEST:g} in SI"
+            self.faults.add(element, message)
+            return 0.0
+        if 0.0 < abs(value) < SMALLEST:
+            message = f"is too small; numbers go down to {SMALLEST:g} in SI, or are 0"
+            self.faults.add(element, f"{text(element)} {message}")
             return 0.0
         return value
 
@@ -103,7 +112,7 @@ class Reader:
 
     def basis(self, element: Element) -> str:
         """The frame an element's ``basis`` names, "" if it names none; unknown ones are faults."""
-        name = " ".join((element.get("basis") or "").split())
+        name = attribute(element, "basis")
         if name and not self.known(element, name, "basis"):
             return ""
         return name
@@ -112,7 +121,7 @@ class Reader:
         """Whether ``name`` is a body or ground of this deck; a fault of ``element`` if not."""
         if name in self.axes:
             return True
-        names = ", ".join(filter(None, self.axes)) or "none"
+        names = listed(filter(None, self.axes)) or "none"
         message = f"{role} '{name}' is not a body of this deck (bodies: {names})"
         self.faults.add(element, message, at)
         return False

@@ -5,6 +5,7 @@ comparable, or bad usage.
 Modules are imported where a command needs them: tables start without matplotlib.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -289,6 +290,8 @@ def compare(
     """
     from msahl.post.compare import compare as compare_tables
 
+    if math.isnan(rtol) or math.isnan(atol):
+        raise click.BadParameter("a tolerance is a number")
     patterns = tuple(pattern.strip() for pattern in columns.split(",") if pattern.strip())
     found = compare_tables(run, reference, Tolerance(rtol, atol), patterns, until)
     for comparison in found:

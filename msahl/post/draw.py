@@ -35,6 +35,7 @@ STYLE: dict[Any, Any] = {
     "legend.frameon": False,
     "lines.linewidth": 1.2,
     "svg.hashsalt": "msahl",
+    "text.parse_math": False,  # a name may hold a $
 }
 MOST_IN_LEGEND = 12
 MOST_DECADES = 8

@@ -170,6 +170,8 @@ def _reactions(run: Run, measures: Measures, choice: Choice) -> tuple[str, Figur
     for unit, load in zip(("N", "N m"), np.moveaxis(reactions.load[:, picked], 2, 0), strict=True):
         if not np.isnan(load).all():
             panels.append((f"load [{unit}]", load))
+    if not panels:  # nothing is borne: the picture shows just that
+        panels = [("|F| [N]", np.abs(reactions.force[:, picked]).max(axis=2))]
     note = f"\n({', '.join(zeros)} as good as zero throughout)" if zeros else ""
     title = _title(run, f"reactions on the child, mean over each step{note}")
     figure, all_axes = new_figure(len(panels), 2.4 if len(panels) < MANY else 1.7, title)

@@ -9,28 +9,42 @@ import numpy as np
 
 from msahl.law import evaluate
 from msahl.model import Model
-from msahl.solve.step import Scene
+from msahl.system.arrays import Start, State, System
 
 
-def culprit(model: Model, scene: Scene, h: float) -> str | None:
-    """The first element of the island ``model`` whose part of the step ``h`` from its state is not
-    finite, in words; None if there is none.
+def culprit(model: Model, system: System, state: State, start: Start, h: float) -> str | None:
+    """The first element of the island ``model`` whose part of the step ``h`` from its prepared
+    ``state`` is not finite, in words; None if there is none.
     """
     with np.errstate(all="ignore"):
-        for name, numbers in _parts(model, scene, h):
+        for name, numbers in _parts(model, system, state, start, h):
             if not np.isfinite(numbers).all():
                 return name
     return None
 
 
-def _parts(model: Model, scene: Scene, h: float) -> Iterator[tuple[str, np.ndarray]]:
+def overflow(t: float, name: str) -> str:
+    """The numbers of the element ``name`` are none at the time ``t`` [s], in a sentence."""
+    return (
+        f"t = {t:g} s: the numbers of {name} went beyond what a computer holds. Look at the last "
+        "rows for forces or speeds that grow without bound, and at its figures in the deck for a "
+        "slip of the pen or of units."
+    )
+
+
+def _parts(
+    model: Model, system: System, state: State, start: Start, h: float
+) -> Iterator[tuple[str, np.ndarray]]:
     """Names and numbers of all elements: bodies first, then what acts on them."""
-    system, state, start = scene.system, scene.state, scene.start
     t = float(state.time[0])
     for b, body in enumerate(model.bodies):
         motion = np.stack([state.x[b], state.v[b], state.w[b], state.p[b]])
         weight = body.mass * system.bodies.gravity * state.x[b]
-        yield f"body '{body.name}'", np.concatenate([motion, motion**2 * body.mass, [weight]])
+        # What moments are divided by.
+        inertia = body.mass * system.bodies.length[b] ** 2
+        size = np.array([inertia, 1.0 / inertia, 0.0])
+        numbers = np.concatenate([motion, motion**2 * body.mass, np.stack([weight, size])])
+        yield f"body '{body.name}'", numbers
     workers = (*model.loads, *model.motions)
     for k, column in enumerate(system.load_column):
         sized = [part[k] for part in start.loads]

@@ -12,12 +12,13 @@ from msahl.model import Model
 from msahl.schemes import preserving
 from msahl.solve import newton, station, step
 from msahl.solve.assembly import assemble
+from msahl.solve.culprit import culprit, overflow
 from msahl.solve.freedom import constraint_rank, is_regular, shared_reactions
-from msahl.solve.initial import make_consistent, solve_accelerations
+from msahl.solve.initial import StartError, make_consistent, solve_accelerations
 from msahl.solve.outcome import Outcome
 from msahl.solve.station import new_station
 from msahl.solve.step import Scene, new_scene
-from msahl.system.arrays import multiplier_count, new_start, quantity_count
+from msahl.system.arrays import State, System, multiplier_count, new_start, quantity_count
 from msahl.system.build import build_system
 from msahl.system.reduce import (
     all_unknowns,
@@ -58,6 +59,20 @@ class Runner:
         self.root_steps = self.halvings = 0
         system = build_system(model)
         state = build_state(model, system)
+        try:
+            self._make_scene(system, state, full, chunk)
+        except np.linalg.LinAlgError as error:  # what LAPACK says of inf and nan
+            start = new_start(system, state)
+            preserving.prepare(system, state, start)
+            name = culprit(model, system, state, start, model.simulation.dt) or "the joints"
+            raise StartError(overflow(0.0, name)) from error
+        self.station = new_station(self.scene.system) if at_rows else None
+        self.large = self.scene.unknowns.free.size > LARGEST_DENSE
+        self.begun = False
+
+    def _make_scene(self, system: System, state: State, full: bool, chunk: int) -> None:
+        """Bring the start in order, and find out what there is to be solved."""
+        model = self.model
         self.moved = assemble(system, state) if model.position == "project" else None
         self.rank = constraint_rank(system, state)
         self.redundant = multiplier_count(system) - self.rank
@@ -80,9 +95,10 @@ class Runner:
             state = state._replace(angle=np.zeros(quantity_count(system)))
         self.scene: Scene = new_scene(system, unknowns, state, chunk)
         preserving.prepare(system, state, self.scene.start)
-        self.station = new_station(system) if at_rows else None
-        self.large = free.size > LARGEST_DENSE
-        self.begun = False
+
+    def culprit(self, h: float) -> str | None:
+        """Whose numbers in the step ``h`` from where the island stands are none, in words."""
+        return culprit(self.model, self.scene.system, self.scene.state, self.scene.start, h)
 
     @property
     def kind(self) -> str:

@@ -10,6 +10,9 @@ from typing import Any
 
 from msahl.model import Joint, Model
 
+KINDS = ("joints", "couplings", "motions", "loads")
+"""What may couple bodies, as a model holds it."""
+
 
 def split(model: Model) -> list[Model]:
     """The islands of ``model``, in the order of their first bodies."""
@@ -22,14 +25,27 @@ def split(model: Model) -> list[Model]:
         return name
 
     joints = {joint.name: joint for joint in model.joints}
-    for element in (*model.joints, *model.couplings, *model.motions, *model.loads):
-        moving = [find(name) for name in _touched(element, joints) if name in leader]
-        for name in moving[1:]:
-            leader[find(name)] = find(moving[0])
-    groups: dict[str, set[str]] = {}
+    touched = {
+        kind: [
+            [name for name in _touched(element, joints) if name in leader]
+            for element in getattr(model, kind)
+        ]
+        for kind in KINDS
+    }
+    for names in (names for lists in touched.values() for names in lists):
+        for name in names[1:]:
+            leader[find(name)] = find(names[0])
+    islands: dict[str, dict[str, list[Any]]] = {}
     for body in model.bodies:
-        groups.setdefault(find(body.name), set()).add(body.name)
-    return [_island(model, joints, names) for names in groups.values()]
+        island = islands.setdefault(find(body.name), {kind: [] for kind in ("bodies", *KINDS)})
+        island["bodies"].append(body)
+    for kind, lists in touched.items():
+        for element, names in zip(getattr(model, kind), lists, strict=True):
+            islands[find(names[0])][kind].append(element)
+    parts: list[dict[str, Any]] = [
+        {kind: tuple(elements) for kind, elements in island.items()} for island in islands.values()
+    ]
+    return [replace(model, **part) for part in parts]
 
 
 def _touched(element: Any, joints: dict[str, Joint]) -> set[str]:
@@ -40,17 +56,3 @@ def _touched(element: Any, joints: dict[str, Joint]) -> set[str]:
     for key in keys & {"joint", "first", "second"}:
         names |= _touched(joints[getattr(element, key)], joints)
     return names
-
-
-def _island(model: Model, joints: dict[str, Joint], names: set[str]) -> Model:
-    def belonging(elements: tuple[Any, ...]) -> tuple[Any, ...]:
-        return tuple(e for e in elements if _touched(e, joints) & names)
-
-    return replace(
-        model,
-        bodies=tuple(body for body in model.bodies if body.name in names),
-        joints=belonging(model.joints),
-        couplings=belonging(model.couplings),
-        motions=belonging(model.motions),
-        loads=belonging(model.loads),
-    )

@@ -1,0 +1,229 @@
+"""Whatever the deck: faults in words or numbers that are numbers, and never a traceback.
+
+``make test`` draws the same few examples every time, ``make fuzz`` new ones for as long as it is
+told to.
+"""
+
+import json
+import math
+import os
+import tempfile
+import time
+from collections import Counter
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+
+from guard import call, guarded
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scenes import ROOT
+from strategies import NUMBERS, files, gentle_mutants, mutants, scenes, trees
+
+from msahl.cli import main
+from msahl.deck import DeckError, read_deck
+from msahl.post.cli import main as post
+
+SECONDS = float(os.environ.get("MSAHL_FUZZ_SECONDS", "0"))
+ROUND = 100
+"""Examples between two looks at the clock."""
+STEPS = 4
+MOST_STEPS = 1000
+"""Of a run with options drawn: what asks for more is left out, for it is only slow."""
+
+
+def over(strategy, examples, share):
+    """The test that a property holds over ``examples`` of the strategy, always the same; or, for a
+    ``share`` of the seconds asked for, over new ones. The property says how each ended.
+    """
+
+    def test_of(check):
+        def draw(**how):
+            quiet = settings(deadline=None, suppress_health_check=list(HealthCheck), **how)
+            quiet(given(strategy)(count))()
+
+        def count(example):
+            ends[check(example)] += 1
+
+        def test():
+            if not SECONDS:
+                draw(max_examples=examples)
+                return
+            end = time.monotonic() + share * SECONDS
+            while time.monotonic() < end:
+                draw(max_examples=ROUND, derandomize=False)
+            told = ", ".join(f"{number} {what}" for what, number in sorted(ends.items()))
+            print(f"\n{check.__name__}: {ends.total()} examples: {told}")
+
+        ends = Counter()
+        test.__name__, test.__doc__ = check.__name__, check.__doc__
+        return test
+
+    return test_of
+
+
+class Example:
+    """A deck in a folder of its own; a context in which it is held to its bounds."""
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+
+    def __enter__(self) -> "Example":
+        self._temporary = tempfile.TemporaryDirectory()
+        self.folder = Path(self._temporary.name)
+        self.deck = self.folder / "deck.xml"
+        self.deck.write_bytes(self.data)
+        self._guard = guarded(self.folder)
+        self._guard.__enter__()
+        return self
+
+    def __exit__(self, *error) -> None:
+        try:
+            self._guard.__exit__(*error)
+        finally:
+            self._temporary.cleanup()
+
+    def model(self):
+        """The model, or None with every fault told as it should be."""
+        try:
+            return read_deck(self.deck)
+        except DeckError as error:
+            faults = error.faults
+        assert faults
+        for fault in faults:
+            assert str(fault).startswith(f"{self.deck}:")
+            assert fault.line >= 0
+            assert fault.message
+        return None
+
+    def rows_are_numbers(self, run: Path) -> None:
+        """Every cell of every table is a finite number, in rows of one length."""
+        for table in run.glob("*.csv*"):
+            header, *rows = table.read_text().splitlines()
+            for row in rows:
+                cells = [float(cell) for cell in row.split(",")]
+                assert len(cells) == len(header.split(",")), table
+                assert all(map(math.isfinite, cells)), (table, row[:200])
+
+
+def numbers_of(thing):
+    """All numbers in a record."""
+    if isinstance(thing, float):
+        yield thing
+    elif isinstance(thing, tuple):
+        for part in thing:
+            yield from numbers_of(part)
+    elif is_dataclass(thing):
+        for field in fields(thing):
+            yield from numbers_of(getattr(thing, field.name))
+
+
+def is_judged(data) -> str:
+    """``check`` and ``run`` read the deck alike."""
+    with Example(data) as example:
+        told = call(main, "check", example.deck)
+        model = example.model()
+        assert told.exit_code == (2 if model is None else 0)
+        if model is not None:
+            assert not any(map(math.isinf, numbers_of(model)))
+        return "refused" if model is None else "good"
+
+
+@over(mutants(), 100, 0.2)
+def test_a_mutant_is_good_or_told_why_not(data):
+    return is_judged(data)
+
+
+@over(trees(), 30, 0.1)
+def test_a_tree_of_words_is_told_why_it_is_no_deck(data):
+    return is_judged(data)
+
+
+@over(files(), 60, 0.15)
+def test_bytes_are_told_why_they_are_no_deck(data):
+    return is_judged(data)
+
+
+def is_run(data, options, pictures) -> str:
+    """``explain``, ``run`` for a few steps, and the reports on it."""
+    with Example(data) as example:
+        model = example.model()
+        if model is None:
+            return "refused"
+        explained = call(main, "explain", example.deck)
+        end = min(STEPS * model.simulation.dt, 1e100)
+        run = example.folder / "run"
+        ran = call(main, "run", example.deck, "-o", run, "--t-final", end, *options)
+        assert ran.exit_code in (0, 2, 3)
+        if ran.exit_code:
+            assert str(example.deck) in ran.stderr
+        if ran.exit_code == 2:  # no start, and nothing was written: explain says so, too
+            assert explained.exit_code == 2 or "numbers of" in ran.stderr, ran.stderr
+            return "no start"
+        assert explained.exit_code == 0, explained.stderr
+        example.rows_are_numbers(run)
+        assert json.loads((run / "run.json").read_text())["status"] in (
+            "completed",
+            "not converged",
+        )
+        for command in ("energy", "constraints", "work"):
+            assert call(post, command, run).exit_code == 0
+        if model.joints:
+            assert call(post, "reactions", run).exit_code == 0
+        if pictures:
+            assert call(post, "report", run).exit_code == 0
+        return "stopped" if ran.exit_code else "ran"
+
+
+ways = st.tuples(
+    st.sampled_from(
+        [("--solver", "newton"), ("--solver", "newton", "--full"), ("--solver", "root"), ()]
+    ),
+    st.sampled_from([True, *[False] * 7]),
+)
+
+
+@over(st.tuples(gentle_mutants(), ways), 25, 0.2)
+def test_a_deck_with_other_numbers_runs_or_says_why_not(example):
+    data, (options, pictures) = example
+    return is_run(data, options, pictures)
+
+
+@over(st.tuples(scenes(), ways), 40, 0.25)
+def test_a_scene_of_extreme_numbers_runs_or_says_why_not(example):
+    data, (options, pictures) = example
+    return is_run(data, options, pictures)
+
+
+SINGLE = ROOT / "decks" / "thesis" / "single_pendulum_45.xml"
+texts = st.sampled_from(
+    [*(n for n in NUMBERS if len(n) < 1000), "1e-3", "0.1", "10", "1000000000000000000000"]
+)
+given_options = st.dictionaries(
+    st.sampled_from(["--dt", "--t-final", "--every", "--damping", "--scheme", "--solver"]),
+    texts,
+    max_size=3,
+)
+
+
+@over(given_options, 40, 0.1)
+def test_options_are_taken_or_refused(given):
+    steps = _number(given.get("--t-final", "10")) / (
+        _number(given.get("--dt", "0.002")) or math.nan
+    )
+    if MOST_STEPS < steps <= 1e9:
+        return "left out"
+    words = [f"{name}={text}" for name, text in given.items()]
+    with Example(SINGLE.read_bytes()) as example:
+        run = example.folder / "run"
+        told = call(main, "run", example.deck, "-o", run, "--t-final=0.01", *words)
+        assert told.exit_code in (0, 2, 3)
+        assert (told.exit_code == 0) or told.stderr
+        example.rows_are_numbers(run)
+        return "refused" if told.exit_code == 2 else "ran"
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
