@@ -35,7 +35,6 @@ STYLE: dict[Any, Any] = {
     "legend.frameon": False,
     "lines.linewidth": 1.2,
     "svg.hashsalt": "msahl",
-    "text.parse_math": False,  # a name may hold a $
 }
 MOST_IN_LEGEND = 12
 MOST_DECADES = 8
@@ -54,12 +53,17 @@ def style() -> Iterator[None]:
         yield
 
 
+def plain(name: str) -> str:
+    """A name from a deck as matplotlib shows it letter by letter: no formula, no hidden label."""
+    return f" {name}".replace("$", r"\$") if name.startswith("_") else name.replace("$", r"\$")
+
+
 def new_figure(rows: int, height: float = 2.4, title: str = "") -> tuple[Figure, list[Axes]]:
     """A figure of ``rows`` panels below each other that share their abscissa."""
     figure = Figure(figsize=(8.0, 0.9 + height * rows))
     FigureCanvasAgg(figure)
     axes = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
-    axes[0].set_title(title)
+    axes[0].set_title(plain(title))
     return figure, list(axes)
 
 
@@ -78,7 +82,7 @@ def curves(
     """Draw each column of ``series`` (m, k) against ``time`` (m,), in the line styles ``lines``."""
     for i, (values, name, look) in enumerate(zip(series.T, names, looks(), strict=False)):
         chosen = {"linestyle": lines[i]} if lines else {}
-        axes.plot(*thinned(time, values), label=name, **(look | chosen))
+        axes.plot(*thinned(time, values), label=plain(name), **(look | chosen))
 
 
 def sizes(axes: Axes, time: np.ndarray, series: np.ndarray, names: Sequence[str]) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from msahl.post.draw import curves, legend, looks, new_figure, sizes
+from msahl.post.draw import curves, legend, looks, new_figure, plain, sizes
 from msahl.post.measure import Measures
 from msahl.results.read import ResultError, Run
 
@@ -82,7 +82,7 @@ def _path(run: Run, measures: Measures, choice: Choice) -> tuple[str, Figure]:
     i, j = map(AXES.index, plane)
     figure, (axes,) = new_figure(1, 5.4, _title(run, f"paths in the {plane} plane, from the dots"))
     for track, name, look in zip(points.swapaxes(0, 1), names, looks(), strict=False):
-        (line,) = axes.plot(track[:, i], track[:, j], label=name, **look)
+        (line,) = axes.plot(track[:, i], track[:, j], label=plain(name), **look)
         axes.plot(*track[0, [i, j]], "o", color=line.get_color(), markersize=5)
     axes.set(xlabel=f"{plane[0]} [m]", ylabel=f"{plane[1]} [m]", aspect="equal")
     axes.set_adjustable("datalim")

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from msahl.post.draw import looks
+from msahl.post.draw import looks, plain
 from msahl.study.errors import MEASURES, Measure
 from msahl.study.order import Fit
 from msahl.study.study import Study
@@ -38,7 +38,7 @@ def _grid(study: Study, by_time: bool) -> Figure:
     for axes in panels[len(shown) :]:
         axes.set_axis_off()
     title = study.plan.model.simulation.title.strip() or "study"
-    figure.suptitle(f"{title}: largest error against {'run time' if by_time else 'step'}")
+    figure.suptitle(f"{plain(title)}: largest error against {'run time' if by_time else 'step'}")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 5))
     return figure

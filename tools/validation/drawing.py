@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from measured import FIGURES, Measured, run_deck
 from printed import RUNS, STEPS
 
-from msahl.post.draw import looks, peaks, style, thinned
+from msahl.post.draw import looks, peaks, plain, style, thinned
 
 TINY = 1e-18
 """Smaller values are drawn at the lower edge."""
@@ -42,7 +42,7 @@ def _path(axes: Axes, measured: Measured, plane: str, name: str) -> None:
     for body, look in zip(model.bodies, looks(), strict=False):
         x, y = (states[f"{body.name}.{c}"].to_numpy() for c in (i, j))
         step = max(1, len(x) // 6000)
-        axes.plot(x[::step], y[::step], label=body.name, **(look | {"linewidth": 0.8}))
+        axes.plot(x[::step], y[::step], label=plain(body.name), **(look | {"linewidth": 0.8}))
     axes.set(xlabel=f"{i} [m]", ylabel=f"{j} [m]", title=f"path, {name}")
     axes.set_aspect("equal", adjustable="datalim")
     if plane == "xz":

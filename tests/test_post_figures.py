@@ -1,0 +1,27 @@
+"""Pictures: names are shown as they are, axes as formulas."""
+
+import numpy as np
+import pytest
+
+from msahl.post.draw import curves, encode, legend, new_figure, plain, style
+
+
+@pytest.mark.parametrize("name", ["$x_{", "$a$", r"\$", "_hidden", "plain"])
+def test_a_name_is_shown_letter_by_letter(name):
+    with style():
+        figure, (axes,) = new_figure(1, title=name)
+        time = np.linspace(0.0, 1.0, 5)
+        curves(axes, time, np.stack([time, time**2], axis=1), [name, "other"])
+        axes.set_yscale("log")
+        legend(figure, axes)
+        encode(figure, "png")
+        shown, _ = figure.legends[0].get_texts()
+        text, math = shown._preprocess_math(shown.get_text())
+        assert (text.strip(), math) == (name, False)
+        # 10^-1 and its like are formulas still.
+        assert any("mathdefault" in t.get_text() for t in axes.get_yticklabels())
+        assert all(t.get_parse_math() for t in axes.get_yticklabels())
+
+
+def test_plain_names_are_left_alone():
+    assert plain("Crank pin") == "Crank pin"
