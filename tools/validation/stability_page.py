@@ -71,10 +71,11 @@ def build(cells: Sequence[Cell]) -> list[Block]:
         Paragraph(
             f"{len(cells)} runs of extreme scenes: {len(STEPS)} steps from {STEPS[0]:g} to "
             f"{STEPS[-1]:g} s by every scheme, against masses, inertias, lengths, spins, "
-            "stiffness, damping and geometry far from anything ordinary. Each is a deck that msahl run has "
-            f"run, of at most {SPAN:g} s and some thousand steps, and is judged by its energy "
-            f"balance and gaps ({KEPT:g} are asked), by true positions where there are any, and by "
-            "how it ended. Made by make stability; all figures of all runs are in stability.csv."
+            "stiffness, damping and geometry far from anything ordinary. Each is a deck that msahl "
+            f"run has run, of at most {SPAN:g} s and some thousand steps, and is judged by its "
+            f"energy balance and gaps ({KEPT:g} are asked), by true positions where there are any, "
+            "and by how it ended. Made by make stability; all figures of all runs are in "
+            "stability.csv."
         ),
         Heading(2, "What to expect"),
         Items(tuple(expectations(cells))),
@@ -401,8 +402,8 @@ def notes() -> Iterator[tuple[str, str]]:
     )
     yield (
         "Time",
-        f"A run is asked to stop after {BOUND:g} s (long runs later) and told to after as long "
-        "again; most take some hundredths. Which runs end so depends on the machine.",
+        f"A run is asked to stop after {BOUND:g} s of a processor (long runs later) and told to "
+        "after as long again; most take some hundredths. Which runs end so depends on the machine.",
     )
     yield (
         "Restart",
