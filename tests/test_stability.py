@@ -50,7 +50,7 @@ AS_SHIPPED = {
     "length": 1.0,
     "spin": 1e4,
     "stiff_spring": 1e-7,
-    "stiff_pendulum": 1e-2,
+    "stiff_pendulum": 0.03,
     "damping": 1e3,
     "bushing_loop": 1e8,
     "toggle": 0.5,

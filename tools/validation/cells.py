@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from itertools import chain
 from math import ceil, isfinite
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -460,6 +459,9 @@ def half(dt: float) -> Run:
     return Run(dt, n, n, every)
 
 
+COSTLY = ("long_chain", "long_run")
+"""Families whose runs begin first, so that none is left over at the end."""
+
 # All of them -------------------------------------------------------------------------------------
 
 
@@ -474,28 +476,52 @@ def warm() -> None:
             choose_reference("independent", read_deck(deck), np.array([1e-3]), 1e-6)
 
 
-def run_all(tell: Callable[[str], Any]) -> list[Cell]:
-    """Every cell of every family, in two processes."""
+ALL = (*FAMILIES, RESTART)
+
+
+def run_all(names: Sequence[str], tell: Callable[[str], Any]) -> list[Cell]:
+    """Every cell of the families ``names``, in two processes."""
     warm()
     began = time.perf_counter()
     with ProcessPoolExecutor(2) as pool:
         groups = [
-            (f"{f.name} {x:g}", pool.submit(run_group, f.name, x, tuple(SCHEMES), STEPS))
-            for f in _costliest_first(FAMILIES.values())
-            for x in reversed(f.values)
-        ]
-        groups += [
-            (f"{RESTART} {name}", pool.submit(run_restarts, name, tuple(SCHEMES), STEPS))
-            for name in RESTARTED
+            (f"{name} {show_value(x)}", pool.submit(run_value, name, x, tuple(SCHEMES), STEPS))
+            for name in sorted(names, key=lambda name: name not in COSTLY)
+            for x in reversed(values_of(name))
         ]
         cells = []
         for words, future in groups:
-            cells.append(future.result())
+            cells += future.result()
             tell(f"{time.perf_counter() - began:6.0f} s  {words}")
-    order = [*FAMILIES, RESTART]
-    return sorted(chain.from_iterable(cells), key=lambda cell: order.index(cell.family))
+    return in_order(cells)
 
 
-def _costliest_first(families: Iterable[Family]) -> list[Family]:
-    """Long runs begin first, so that none is left over at the end."""
-    return sorted(families, key=lambda family: family.name not in ("long_chain", "long_run"))
+def run_value(
+    name: str, x: float | str, schemes: Iterable[str], steps: Iterable[float]
+) -> list[Cell]:
+    """All cells of a value of a family, or of a scene that is restarted."""
+    if isinstance(x, str):
+        return run_restarts(x, schemes, steps)
+    return run_group(name, x, schemes, steps)
+
+
+def values_of(name: str) -> tuple[float | str, ...]:
+    """The values of a family."""
+    return FAMILIES[name].values if name in FAMILIES else tuple(RESTARTED)
+
+
+def show_value(value: float | str) -> str:
+    """A value as a reader sees it."""
+    return value.replace("_", " ") if isinstance(value, str) else f"{value:.4g}"
+
+
+def in_order(cells: Iterable[Cell]) -> list[Cell]:
+    """The cells in the order of the families, their values, the schemes and the steps."""
+    schemes = tuple(SCHEMES)
+
+    def place(cell: Cell) -> tuple[int, int, int, float]:
+        values = [Path(x).stem if isinstance(x, str) else x for x in values_of(cell.family)]
+        where = ALL.index(cell.family), values.index(cell.value), schemes.index(cell.scheme)
+        return *where, cell.dt
+
+    return sorted(cells, key=place)

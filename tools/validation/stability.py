@@ -1,6 +1,7 @@
 """Where the method holds: docs/validation/stability.md, its pictures and stability.csv.
 
 python tools/validation/stability.py            run all cells, keep them, write the page
+python tools/validation/stability.py spin       run this family's cells alone
 python tools/validation/stability.py --page     write the page from the kept cells
 """
 
@@ -10,7 +11,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import get_type_hints
 
-from cells import Cell, run_all
+from cells import ALL, Cell, in_order, run_all
 from measured import OUT
 
 CSV = OUT / "stability.csv"
@@ -18,8 +19,14 @@ CSV = OUT / "stability.csv"
 
 def main(arguments: list[str]) -> None:
     """Run what is to be run and write the page."""
+    unknown = sorted(set(arguments) - {"--page", *ALL})
+    if unknown:
+        sys.exit(f"no family {', '.join(unknown)}; there are {', '.join(ALL)}")
     if "--page" not in arguments:
-        write_cells(CSV, run_all(lambda words: print(words, flush=True)))
+        names = arguments or list(ALL)
+        kept = [cell for cell in read_cells(CSV) if cell.family not in names] if arguments else []
+        made = run_all(names, lambda words: print(words, flush=True))
+        write_cells(CSV, in_order([*kept, *made]))
     from stability_page import write_page
 
     write_page(read_cells(CSV))

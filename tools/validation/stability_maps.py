@@ -1,12 +1,23 @@
 """Pictures of the stability page: maps of cells, and what rings at a step that is too large."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from math import log10
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
-from cells import BOUNDED, COARSE, DOUBTFUL, FAILED, GOOD, LATE, REFUSED, STEPS, Cell
+from cells import (
+    BOUNDED,
+    COARSE,
+    DOUBTFUL,
+    FAILED,
+    GOOD,
+    LATE,
+    REFUSED,
+    STEPS,
+    Cell,
+    show_value,
+)
 from drawn import save_small
 from extreme import FAMILIES, Family
 from matplotlib.axes import Axes
@@ -17,6 +28,7 @@ from matplotlib.patches import Patch
 from measured import FIGURES
 
 from msahl.deck import read_deck
+from msahl.model import Model
 from msahl.post.draw import looks, style
 from msahl.run import Options
 from msahl.schemes import SCHEMES
@@ -47,7 +59,7 @@ def maps(cells: Sequence[Cell]) -> list[tuple[Path, list[str]]]:
 
 def _draw(cells: Sequence[Cell], names: Sequence[str], number: int) -> Path:
     schemes = list(dict.fromkeys(cell.scheme for cell in cells))
-    values = {name: values_of(cells, name) for name in names}
+    values = {n: list(dict.fromkeys(c.value for c in cells if c.family == n)) for n in names}
     heights = [len(values[name]) + 1.6 for name in names]
     with style():
         figure = Figure(figsize=(1.6 + 4.2 * len(schemes), 0.9 + 0.3 * sum(heights)))
@@ -65,12 +77,7 @@ def _draw(cells: Sequence[Cell], names: Sequence[str], number: int) -> Path:
             axes.set_xlabel("step [s]")
         handles = [Patch(color=colour, label=words) for colour, words in LOOKS.values()]
         figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=8)
-        return save_small(figure, FIGURES / f"stability_{number}.png")
-
-
-def values_of(cells: Sequence[Cell], name: str) -> list[float | str]:
-    """The values of a family, as they come."""
-    return list(dict.fromkeys(cell.value for cell in cells if cell.family == name))
+        return save_small(figure, FIGURES / f"stability_{number}.png", colours=192)
 
 
 def title_of(name: str) -> str:
@@ -93,11 +100,6 @@ def label_of(name: str) -> str:
     return "\n".join([*lines, line])
 
 
-def show_value(value: float | str) -> str:
-    """A value as a reader sees it."""
-    return value.replace("_", " ") if isinstance(value, str) else f"{value:.4g}"
-
-
 def _map(axes: Axes, cells: Sequence[Cell], values: Sequence[float | str]) -> None:
     """One scheme's cells: steps across, values up; the decade of the error in each."""
     order = list(LOOKS)
@@ -106,7 +108,7 @@ def _map(axes: Axes, cells: Sequence[Cell], values: Sequence[float | str]) -> No
         row, column = values.index(cell.value), STEPS.index(cell.dt)
         field[row, column] = order.index(cell.outcome)
         if cell.error is not None:
-            shown = "0" if cell.error == 0.0 else f"{log10(cell.error):.0f}"
+            shown = "exact" if cell.error == 0.0 else f"{round(log10(cell.error))}"
             colour = "black" if cell.outcome in PALE else "white"
             axes.text(column, row, shown, ha="center", va="center", fontsize=7, color=colour)
     axes.imshow(
@@ -153,11 +155,9 @@ def ringing() -> Path:
         return save_small(figure, FIGURES / "stability_ringing.png")
 
 
-def with_value(family: Family, x: float):
+def with_value(family: Family, x: float) -> Model:
     """The model of a family's deck with a value."""
-    from tempfile import TemporaryDirectory
-
     with TemporaryDirectory() as folder:
         deck = Path(folder) / "deck.xml"
         deck.write_bytes(family.with_value(x))
-        return replace(read_deck(deck))
+        return read_deck(deck)

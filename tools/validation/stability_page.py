@@ -20,10 +20,11 @@ from cells import (
     SPAN,
     STEPS,
     Cell,
+    show_value,
 )
 from extreme import FAMILIES, FIRM, STIFF
 from measured import OUT
-from stability_maps import label_of, maps, ringing, show_value, title_of
+from stability_maps import label_of, maps, ringing, title_of
 
 from msahl.post.document import Block, Heading, Items, Paragraph, Picture, as_markdown
 from msahl.post.table import Cell as Entry
@@ -105,8 +106,9 @@ def build(cells: Sequence[Cell]) -> list[Block]:
         Heading(2, "What rings"),
         Paragraph(
             "Vibrations far quicker than the step, at 0.01 s: the preserving scheme keeps them as "
-            "an alternation from row to row, the decaying one takes them within some steps. The "
-            "dampers of the governor as it is take them, too."
+            "an alternation from row to row, the decaying one takes them within some steps. It "
+            "begins without a history, though, and its first rows may ring more; the dampers of "
+            "the governor as it is do without it."
         ),
         Picture(f"figures/{ringing().name}", "A stiff spring and the governor at 0.01 s", b""),
         Heading(2, "Every run that failed or is bad"),
@@ -165,17 +167,16 @@ def expectations(cells: Sequence[Cell]) -> Iterator[tuple[str, str]]:
 
 def choices(cells: Sequence[Cell]) -> Iterator[tuple[str, str]]:
     """What to choose, from the table."""
-    plain = {
-        name: largest(cells, name, lambda c: c.outcome == GOOD or c.error is None) for name in PLAIN
-    }
+    plain = {name: largest(cells, name, lambda c: c.outcome in (GOOD, BOUNDED)) for name in PLAIN}
     known = {name: dt for name, dt in plain.items() if dt is not None}
     ordered = sorted(known, key=lambda name: known[name])
     told = ", ".join(f"{title_of(name).lower()} {known[name]:g} s" for name in ordered)
     yield (
         "Step",
-        "A hundredth of the quickest motion that matters, and no less: smaller steps cost time and "
-        "are safe, larger ones hold as well but are somewhere else. Largest steps of the list at "
-        f"which scenes of about a metre and a second are within a thousandth: {told}.",
+        "A three-hundredth of the period of the quickest motion that matters gives a thousandth "
+        "after three periods; the error goes with the square of the step and with time. Smaller "
+        "steps are safe and cost time; larger ones hold as well, but are somewhere else. Largest "
+        f"steps of the list at which all of a family are within their tolerance: {told}.",
     )
     for family, words in (
         ("stiff_spring", "A spring alone"),
@@ -279,7 +280,7 @@ def _glance_row(name: str, scheme: str, own: Sequence[Cell]) -> tuple[Entry, ...
         return max(known, default=None)
 
     compared = any(cell.error is not None for cell in own)
-    near = largest(own, name, lambda c: c.outcome == GOOD or c.outcome == BOUNDED)
+    near = largest(own, name, lambda c: c.outcome in (GOOD, BOUNDED))
     return (
         title_of(name),
         scheme,
