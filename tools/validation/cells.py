@@ -174,7 +174,7 @@ def run_deck(
         if result.exit_code != BAD_INPUT:
             told = f"did not stop within {bound:g} s of being asked to, in its last steps"
             return {"status": LATE, "message": told}
-        return {"status": REFUSED, "message": result.output.strip()}
+        return {"status": REFUSED, "message": result.output.strip().replace(str(deck), deck.name)}
     info: dict[str, Any] = json.loads(path.read_text())
     tables = [folder / "states.csv", folder / "states.csv.part"]
     lines = next(table for table in tables if table.exists()).read_bytes()
