@@ -31,8 +31,8 @@ from msahl.post.table import Cell as Entry
 from msahl.post.table import Column, Table
 
 PAGE = OUT / "stability.md"
-PLAIN = ("mass_ratio", "point_mass", "spin", "toggle", "folded_chain", "drift", "cranks")
-"""Families of ordinary size, whose own motions are all to be resolved."""
+PLAIN = ("mass_ratio", "point_mass", "spin", "folded_chain", "cranks")
+"""Families of a metre and a second, without a singular position on their way."""
 
 REASONS = {
     "mass_ratio": "At a step as long as the swing the first guess is far off, and the Jacobian's "
@@ -205,7 +205,8 @@ def choices(cells: Sequence[Cell]) -> Iterator[tuple[str, str]]:
         "A three-hundredth of the period of the quickest motion that matters gives a thousandth "
         "after three periods; the error goes with the square of the step and with time. Smaller "
         "steps are safe and cost time; larger ones hold as well, but are somewhere else. Largest "
-        f"steps of the list at which all of a family are within their tolerance: {told}.",
+        f"steps of the list at which all runs of a family of a metre and a second are within their "
+        f"tolerance: {told}.",
     )
     for family, words in (
         ("stiff_spring", "A spring alone"),
