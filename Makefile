@@ -17,7 +17,8 @@ SWEEP_DECKS := $(foreach n,single double,$(foreach a,45 89 135,$(n)_pendulum_$(a
 SWEEP_STEPS := 0.1 0.04 0.01 0.004 0.002
 SWEEP_RUNS := $(foreach d,$(SWEEP_DECKS),$(foreach h,$(SWEEP_STEPS),$(SWEEP)/$(d)/$(h)/states.csv))
 
-.PHONY: help run test fuzz lint regress regress-update sweep bench thesis validation convergence clean
+.PHONY: help run test fuzz lint regress regress-update sweep bench thesis validation convergence \
+  stability clean
 .DELETE_ON_ERROR:
 
 help:
@@ -30,6 +31,7 @@ help:
 	@echo 'make sweep           angles by steps of the thesis -> $(SWEEP).csv (in parallel: make -j2 sweep)'
 	@echo 'make bench           measure speed against peers'
 	@echo 'make thesis          write docs/validation/thesis.md (make validation: all its pages)'
+	@echo 'make stability       run extreme scenes at all steps, write docs/validation/stability.md'
 	@echo 'make clean           remove results and build products; .venv stays'
 
 run: .venv/installed
@@ -87,6 +89,11 @@ thesis: .venv/installed
 validation: thesis
 	$(BIN)/python tools/validation/closed_forms.py
 	$(BIN)/python benchmarks/convergence/experiment.py --page
+	$(BIN)/python tools/validation/stability.py --page
+
+# Ten minutes; make validation writes the page from the cells kept in docs/validation/stability.csv.
+stability: .venv/installed
+	$(BIN)/python tools/validation/stability.py
 
 convergence: .venv/installed
 	$(BIN)/python benchmarks/convergence/experiment.py

@@ -1,7 +1,8 @@
 """The verdict on a run: PASS, WARN or FAIL, check by check, with the reasons in words.
 
-A figure within its limit passes, within ten times it warns, and fails beyond. A limit is never
-taken below the round-off of what a figure is the difference of.
+A figure within its limit passes, beyond it warns, and far beyond it fails. Ours are tight, as what
+is kept is kept to round-off; a figure that fails spoils the motion. A limit is never taken below the
+round-off of what a figure is the difference of.
 """
 
 from collections.abc import Callable, Iterator
@@ -14,12 +15,12 @@ from msahl.model import Limits
 PASS, WARN, FAIL = WORDS = ("PASS", "WARN", "FAIL")
 
 BETWEEN = 10.0
-"""Times its limit up to which a figure is only warned of."""
-ENERGY = 1e-8
+"""Times a limit of the deck up to which a figure is only warned of."""
+ENERGY, ENERGY_SPOILT = 1e-8, 1e-3
 """Of the largest kinetic energy. A million steps of the preserving scheme drift by 1e-12 or so."""
-GAP = 1e-9
+GAP, GAP_SPOILT = 1e-9, 1e-5
 """Of the longest body; steps close their joints to 1e-14 of it."""
-MOMENTUM = 1e-9
+MOMENTUM, MOMENTUM_SPOILT = 1e-9, 1e-4
 """Of the momenta's own sizes."""
 GAP_RATE = 0.05
 """Of the highest speed: more says that the step is large, never that the run is bad."""
@@ -109,11 +110,16 @@ def judge(figures: Figures, limits: Limits) -> Verdict:
     return Verdict(tuple(f for check in CHECKS for f in check(figures, limits)))
 
 
-def grade(value: float, limit: float) -> str:
+def grade(value: float, limit: float, spoilt: float) -> str:
     """Word for a figure; a nan fails."""
     if value <= limit:
         return PASS
-    return WARN if value <= BETWEEN * limit else FAIL
+    return WARN if value <= max(limit, spoilt) else FAIL
+
+
+def _asked(limit: float | None, own: float, spoilt: float) -> tuple[float, float]:
+    """Where a figure begins to warn and to fail: by the deck, or else by our own limits."""
+    return (own, spoilt) if limit is None else (limit, BETWEEN * limit)
 
 
 def _end(of: Figures, limits: Limits) -> Iterator[Finding]:
@@ -127,10 +133,11 @@ def _energy(of: Figures, limits: Limits) -> Iterator[Finding]:
     error, kinetic = of.extreme("energyErrorMax"), of.extreme("largestKineticEnergy")
     floor = ROUND_OFF * of.energy_size
     if of.extremes["energyErrorMaxRelative"] is None:
-        word = grade(error, floor)
+        word = grade(error, floor, floor)
         yield Finding("energy", word, f"nothing moves, and the energy is off by {error:.1e} J")
         return
-    word = grade(error, max((limits.energy or ENERGY) * kinetic, floor))
+    limit, spoilt = _asked(limits.energy, ENERGY, ENERGY_SPOILT)
+    word = grade(error, max(limit * kinetic, floor), spoilt * kinetic)
     kept = "kept" if word == PASS else "kept only"
     units = error / (float_info.epsilon * of.energy_size)
     text = f"energy {kept} to {error / kinetic:.1e} of the largest kinetic energy"
@@ -140,7 +147,7 @@ def _energy(of: Figures, limits: Limits) -> Iterator[Finding]:
 def _momentum(of: Figures, limits: Limits) -> Iterator[Finding]:
     for kind, lost in zip(("linear", "angular"), of.momentum, strict=True):
         if lost is not None:
-            word = grade(lost, MOMENTUM)
+            word = grade(lost, MOMENTUM, MOMENTUM_SPOILT)
             yield Finding(f"{kind} momentum", word, f"{kind} momentum kept to {lost:.1e} of itself")
 
 
@@ -149,7 +156,8 @@ def _gap(of: Figures, limits: Limits) -> Iterator[Finding]:
         return
     gap = of.extreme("gapMax")
     floor = ROUND_OFF * of.extreme("distanceMax")
-    word = grade(gap, max(limits.gap or GAP * of.length, floor))
+    limit, spoilt = _asked(limits.gap, GAP * of.length, GAP_SPOILT * of.length)
+    word = grade(gap, max(limit, floor), spoilt)
     how = "closed" if word == PASS else "closed only"
     yield Finding("gap", word, f"joints {how} to {gap:.1e} m")
 
@@ -219,7 +227,7 @@ def _trust(of: Figures) -> Finding:
     tolerance = float(shadow["tolerance"])
     way, turn = float(shadow["positionApartMax"]), float(shadow["turnApartMax"])
     apart = max(way, turn)
-    word = grade(apart, tolerance)
+    word = grade(apart, tolerance, BETWEEN * tolerance)
     measure = "positions" if way >= turn else "turns, times the bodies' lengths,"
     text = f"at half the step {measure} are the same to {apart:.1e} m"
     if not shadow["agrees"]:

@@ -64,7 +64,7 @@ def tolerance(ends: Ends, arm: float, reader: Reader) -> float:
     """Gap between the two points that is forgiven [m]."""
     here = reader.placed(ends.parent, ends.parent_point)
     there = reader.placed(ends.child, ends.child_point)
-    return max(GAP * arm, ROUND_OFF * max(math.hypot(*here), math.hypot(*there)))
+    return max(GAP * arm, ROUND_OFF * max(math.hypot(*here), math.hypot(*there), reader.reach[0]))
 
 
 def open_by(ends: Ends, reader: Reader) -> str:

@@ -162,7 +162,7 @@ def _read_body(element: Element, reader: Reader) -> Ground | RigidBody:
     placed = start is None or reader.faults.sound(start)
     label = element.find("name")
     if placed and label is not None and reader.faults.sound(label):
-        reader.origins[body.name] = getattr(body, "position", ZERO)
+        reader.place(body.name, getattr(body, "position", ZERO))
     if isinstance(body, RigidBody) and reader.faults.sound(element):
         reader.bodies[body.name] = body
     return body

@@ -48,9 +48,9 @@ class Reader:
     """What reading needs to know: default units, what was read already, where faults go.
 
     ``axes`` holds R (body to inertial components at t = 0) by name of body or ground; ``origins``
-    the point B in inertial axes [m], of those whose place is free of faults; ``kinds`` the kind of
-    every joint by name. ``bodies`` and ``joints`` hold the records free of faults. With ``project``
-    joints need not fit at t = 0.
+    the point B in inertial axes [m], of those whose place is free of faults, and ``reach`` alone
+    the distance of the farthest; ``kinds`` the kind of every joint by name. ``bodies`` and
+    ``joints`` hold the records free of faults. With ``project`` joints need not fit at t = 0.
     """
 
     unit_system: str
@@ -58,6 +58,7 @@ class Reader:
     project: bool = False
     axes: dict[str, Matrix] = field(default_factory=lambda: {INERTIAL: IDENTITY})
     origins: dict[str, Vector] = field(default_factory=dict)
+    reach: list[float] = field(default_factory=lambda: [0.0])
     grounds: list[str] = field(default_factory=list)
     bodies: dict[str, RigidBody] = field(default_factory=dict)
     kinds: dict[str, str] = field(default_factory=dict)
@@ -141,6 +142,11 @@ class Reader:
             self.faults.add(element, f"the {element.tag} is zero; give a direction, 0 0 1 say")
             return None
         return unit(a)
+
+    def place(self, body: str, origin: Vector) -> None:
+        """Put a body's point B at ``origin``, inertial axes [m]."""
+        self.origins[body] = origin
+        self.reach[0] = max(self.reach[0], math.hypot(*origin))
 
     def placed(self, body: str, point: Vector) -> Vector:
         """A point of a body from the inertial origin, inertial axes [m]."""

@@ -15,10 +15,14 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.bodies.rigid import Bodies
-from msahl.joints.quantity import Quantities, QuantityStart, add_spring
+from msahl.joints.quantity import Quantities, QuantityStart, add_spring, extent
 from msahl.joints.rows import SAME
 from msahl.kernel import kernel
 from msahl.law import Laws, evaluate, mean
+
+BLUR = 2e-3
+"""Parts of its stiffness times its length that a spring's load is taken to consist of: as many
+round-offs as a residual that counts as solved (``solve.outcome``) is of it, about eight."""
 
 
 class Springs(NamedTuple):
@@ -62,7 +66,13 @@ def tension(springs: Springs, laws: Laws, s: int, q0: float, dq: float) -> tuple
 
 @kernel
 def residual(
-    springs: Springs, laws: Laws, start: QuantityStart, stretch: np.ndarray, h: float
+    springs: Springs,
+    laws: Laws,
+    quantities: Quantities,
+    start: QuantityStart,
+    bodies: Bodies,
+    stretch: np.ndarray,
+    h: float,
 ) -> None:
     """Add the springs to the loads of their quantities; ``stretch`` (s,) is s of each."""
     for s in range(springs.quantity.size):
@@ -71,8 +81,10 @@ def residual(
         T, slope = tension(springs, laws, s, start.value[q] - springs.origin[s], dq)
         lag = springs.damping[s] * dq / h + springs.decay[s] * (dq - stretch[s])
         start.load[q] -= T + lag
-        # A tension that vanishes in the mean is large at both ends.
-        start.size[q] += abs(T) + abs(slope * dq) + abs(lag)
+        # A tension that vanishes in the mean is large at both ends, and a stiff spring's is known
+        # no better than its length.
+        unsure = BLUR * abs(slope) * extent(quantities, start, bodies, q)
+        start.size[q] += abs(T) + abs(slope * dq) + abs(lag) + unsure
 
 
 @kernel

@@ -153,6 +153,20 @@ def push(
 
 
 @kernel
+def extent(group: Quantities, start: QuantityStart, bodies: Bodies, q: int) -> float:
+    """Size [m, or 1 for an angle] of what the quantity is computed from: its own and the bodies'.
+    It is known no better than the last digit of that.
+    """
+    if group.kind[q] == ANGLE:
+        return max(1.0, abs(start.value[q]))
+    first, longest = group.first[q], abs(start.value[q])
+    for body in (group.measures.a[first], group.measures.b[first]):
+        if bodies.inverse_mass[body] > 0.0:
+            longest = max(longest, bodies.length[body])
+    return longest
+
+
+@kernel
 def row_factor(group: Quantities, bodies: Bodies, reach: float, q: int, part: int) -> float:
     """What a unit force on a ``part`` takes from its rows (see ``rigid.push``)."""
     first = group.first[q]

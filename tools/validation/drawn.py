@@ -10,15 +10,15 @@ from matplotlib.figure import Figure
 DPI = 90
 
 
-def save_small(figure: Figure, path: Path) -> Path:
-    """Write a PNG of few colours and no date; its path."""
+def save_small(figure: Figure, path: Path, colours: int = 48) -> Path:
+    """Write a PNG of few ``colours`` and no date; its path."""
     from PIL import Image
 
     path.parent.mkdir(parents=True, exist_ok=True)
     stream = BytesIO()
     figure.savefig(stream, format="png", dpi=DPI, metadata={"Software": None})
     stream.seek(0)
-    picture = Image.open(stream).convert("RGB").quantize(48, dither=Image.Dither.NONE)
+    picture = Image.open(stream).convert("RGB").quantize(colours, dither=Image.Dither.NONE)
     picture.save(path, optimize=True)
     return path
 

@@ -1,0 +1,527 @@
+"""Cells of the stability table: a family's deck with one value, one scheme, one step, run as a
+user would run it, in two processes, and none for longer than a bound.
+"""
+
+import json
+import os
+import signal
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from math import ceil, isfinite
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from click.testing import CliRunner
+from extreme import DECKS, FAMILIES, Family
+from lxml import etree
+
+from msahl.cli import BAD_INPUT, main
+from msahl.deck import read_deck
+from msahl.model import Model
+from msahl.results.read import ResultError, read_run
+from msahl.rotation import to_axis_angle
+from msahl.schemes import DEFAULT, SCHEMES, preserving
+from msahl.solve import dense
+from msahl.solve.initial import StartError
+from msahl.solve.island import Runner
+from msahl.study.reference import choose_reference
+
+STEPS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
+SPAN = 10.0
+"""Runs go on for so long [s] if their steps are not too many, for ``FEWEST`` steps at least."""
+FEWEST = 10
+ROWS = 100
+"""About how many rows a run writes up to the time at which it is compared."""
+BOUND = 4.0
+"""Processor seconds after which a run is asked to stop, and after as many again told to: most take
+a hundredth of them. Families of long runs have a bound of their own."""
+REFERENCE_BOUND = 20.0
+LARGEST = 400
+"""Most freedoms of all bodies with which the condition number is taken: its matrix is dense."""
+KEPT = 1e-9
+"""Energy error over the largest kinetic energy, and gap over the scene's arm, asked of a run."""
+ROUND_OFF = 1e-14
+"""Energy error over the energy at the start that is round-off, where hardly anything moves yet."""
+
+GOOD, COARSE, BOUNDED, DOUBTFUL, FAILED, REFUSED, LATE = (
+    "good",
+    "coarse",
+    "bounded",
+    "doubtful",
+    "failed",
+    "refused",
+    "out of time",
+)
+HELD = (GOOD, COARSE, BOUNDED)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What came of one run; None where there is no such figure."""
+
+    family: str
+    value: float | str
+    scheme: str
+    dt: float
+    t_final: float
+    outcome: str
+    steps: int
+    time: float
+    iterations: float | None
+    halvings: int | None
+    rescues: int | None
+    energy: float | None
+    gap: float | None
+    gap_rate: float | None
+    condition: float | None
+    seconds: float | None
+    reference: str
+    compared: float | None
+    error: float | None
+    tolerance: float
+    rows: int
+    rows_found: int
+    message: str
+    verdict: str | None = None
+    reasons: str | None = None
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a cell is to run: ``n`` steps, every ``every``th written, compared at step ``k``."""
+
+    dt: float
+    n: int
+    k: int
+    every: int
+
+    @property
+    def t_final(self) -> float:
+        """End [s]."""
+        return self.n * self.dt
+
+    @property
+    def compared(self) -> float:
+        """Time of the comparison [s]."""
+        return self.k * self.dt
+
+
+def plan(dt: float, horizon: float, most: int, exact: bool = False) -> Run:
+    """The run of a step ``dt``: to the bound on its steps or time, compared at the last row before
+    the ``horizon``, or at its first step."""
+    n = most if exact else min(most, max(FEWEST, round(SPAN / dt)))
+    k = max(1, min(n, int(horizon / dt * (1.0 + 1e-9))))
+    every = ceil(k / ROWS)
+    return Run(dt, n, k // every * every, every)
+
+
+def plan_of(family: Family, x: float, dt: float) -> Run:
+    """The run of a family's cell."""
+    return plan(dt, family.horizon(x), family.steps(x), family.exact_steps)
+
+
+# Time bounds -------------------------------------------------------------------------------------
+
+
+class ExpiredError(Exception):
+    """More seconds than a computation may take."""
+
+
+def _expire(number: int, frame: Any) -> None:
+    raise ExpiredError
+
+
+def _ask_to_stop(number: int, frame: Any) -> None:
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+@contextmanager
+def bounded(seconds: float, handler: Callable[[int, Any], None] = _expire) -> Iterator[None]:
+    """Call ``handler`` after so many seconds of this processor, and after as many again."""
+    before = signal.signal(signal.SIGPROF, handler)
+    signal.setitimer(signal.ITIMER_PROF, seconds, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
+
+
+# One run -----------------------------------------------------------------------------------------
+
+
+def run_deck(
+    deck: Path, folder: Path, scheme: str, run: Run, bound: float = BOUND
+) -> dict[str, Any]:
+    """Run ``deck`` by the command; its run.json, or what it said instead.
+
+    ``rows_found`` counts the whole rows of states.csv, finished or not.
+    """
+    words: list[Any] = ["run", deck, "-o", folder, "--scheme", scheme, "--every", run.every, "-q"]
+    words += ["--dt", repr(run.dt), "--t-final", repr(run.t_final)]
+    with bounded(bound, _ask_to_stop):
+        result = CliRunner().invoke(main, [str(word) for word in words])
+    if result.exception and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    path = folder / "run.json"
+    if not path.exists():
+        if result.exit_code != BAD_INPUT:
+            told = f"did not stop within {bound:g} s of being asked to, in its last steps"
+            return {"status": LATE, "message": told}
+        return {"status": REFUSED, "message": result.output.strip().replace(str(deck), deck.name)}
+    info: dict[str, Any] = json.loads(path.read_text())
+    tables = [folder / "states.csv", folder / "states.csv.part"]
+    lines = next(table for table in tables if table.exists()).read_bytes()
+    info["rows_found"] = lines.count(b"\n") - 1
+    return info
+
+
+def position(folder: Path, row: int, bodies: int) -> np.ndarray | None:
+    """(n, 3) positions of the bodies in a row of a run; None if it did not get there."""
+    tables = [folder / "states.csv", folder / "states.csv.part"]
+    table = next((table for table in tables if table.exists()), None)
+    if table is None:
+        return None
+    rows = pd.read_csv(table, skiprows=range(1, row + 1), nrows=1)
+    return rows.to_numpy()[0, 1:].reshape(bodies, 12)[:, :3] if len(rows) else None
+
+
+def judge(info: dict[str, Any], error: float | None, tolerance: float, arm: float) -> str:
+    """The outcome in a word; ``arm`` [m] is what a gap is compared with."""
+    status = info["status"]
+    if status in (LATE, REFUSED):
+        return str(status)
+    if status == "interrupted":
+        return LATE
+    if status != "completed" or info["rows"] != info["rows_found"]:
+        return FAILED
+    extremes = info["extremes"]
+    round_off = ROUND_OFF * abs(extremes["energyAtStart"])
+    allowed = max(KEPT * extremes["largestKineticEnergy"], round_off)
+    if extremes["energyErrorMax"] > allowed or extremes["gapMax"] > KEPT * arm:
+        return DOUBTFUL
+    if error is None:
+        return BOUNDED
+    return GOOD if error <= tolerance else COARSE
+
+
+def cell(
+    family: str,
+    value: float | str,
+    scheme: str,
+    run: Run,
+    info: dict[str, Any],
+    truth: "Truth",
+    error: float | None,
+    tolerance: float,
+    arm: float,
+    condition: float | None,
+) -> Cell:
+    """A run's figures."""
+    extremes, steps = info.get("extremes", {}), info.get("steps", 0)
+    seconds, verdict = info.get("seconds", {}), info.get("verdict") or {}
+    rescues = info.get("root_steps")
+    return Cell(
+        family=family,
+        value=value,
+        scheme=scheme,
+        dt=run.dt,
+        t_final=run.t_final,
+        outcome=judge(info, error, tolerance, arm),
+        steps=steps,
+        time=info.get("time", 0.0),
+        iterations=info["iterations"] / steps if steps else None,
+        halvings=info.get("halvings"),
+        # Every island's first step is taken by root as a matter of course.
+        rescues=None if rescues is None else max(0, rescues - info["islands"]),
+        energy=_finite(extremes.get("energyErrorMaxRelative")),
+        gap=_finite(extremes.get("gapMax")),
+        gap_rate=_finite(extremes.get("gapRateMax")),
+        condition=condition,
+        seconds=seconds.get("loop"),
+        reference="" if error is None else truth.kind,
+        compared=None if error is None else run.compared,
+        error=error,
+        tolerance=tolerance,
+        rows=info.get("rows", 0),
+        rows_found=info.get("rows_found", 0),
+        message=info.get("message", ""),
+        verdict=verdict.get("word"),
+        reasons="; ".join(verdict.get("reasons", ())) or None,
+    )
+
+
+def _finite(number: float | None) -> float | None:
+    return number if number is not None and isfinite(number) else None
+
+
+def _distance(a: np.ndarray | None, b: np.ndarray | None) -> float | None:
+    """Largest distance of two sets of points, if both are known."""
+    if a is None or b is None:
+        return None
+    return _finite(float(np.sqrt(((a - b) ** 2).sum(axis=1)).max()))
+
+
+def condition(model: Model, dt: float) -> float | None:
+    """Condition number of the scaled Jacobian of the first step of the default scheme, of the
+    largest island; None where that is too large or there is no start."""
+    if 6 * len(model.bodies) > LARGEST:
+        return None
+    given = replace(model.simulation, dt=dt, scheme=DEFAULT)
+    try:
+        scene = Runner(replace(model, simulation=given), "newton", False, 1).scene
+    except StartError:
+        return None
+    free = scene.unknowns.free
+    with np.errstate(all="ignore"):
+        preserving.predict(scene.system, scene.state, scene.start, dt, scene.Z)
+        z, A = scene.Z.reshape(-1)[free].copy(), np.zeros(free.size**2)
+        parts = (scene.system, scene.unknowns, scene.state, scene.start, dt, z)
+        dense.jacobian(*parts, scene.Z, scene.F, scene.values, A)
+        return _finite(float(np.linalg.cond(A.reshape(free.size, free.size))))
+
+
+# References --------------------------------------------------------------------------------------
+
+
+FINER = 10
+"""Steps of the finer run in one of the finest run that is compared at a time."""
+
+
+class Truth:
+    """True positions of a scene at the times of ``runs``: by a closed form or the independent
+    solution, else by the default scheme at a step ``FINER`` times as small as the smallest."""
+
+    def __init__(self, deck: Path, model: Model, runs: Sequence[Run], accuracy: float) -> None:
+        self.kind = "none"
+        self.places: dict[float, np.ndarray] = {}
+        times = np.unique([run.compared for run in runs])
+        if not times.size:
+            return
+        try:
+            with bounded(REFERENCE_BOUND):
+                found = choose_reference("auto", model, times, accuracy)
+                states = found.states(times)
+        except (ExpiredError, ResultError, StartError, np.linalg.LinAlgError, AssertionError):
+            self._run_finer(deck, len(model.bodies), runs)
+            return
+        self.kind = "exact" if np.isinf(found.horizon) else "independent"
+        table = states.reshape(len(times), -1, 12)[:, :, :3]
+        for t, places in zip(times, table, strict=True):
+            if t <= found.horizon and np.isfinite(places).all():
+                self.places[float(t)] = places
+
+    def _run_finer(self, deck: Path, bodies: int, runs: Sequence[Run]) -> None:
+        self.kind = "finer"
+        finest: dict[float, Run] = {}
+        for run in sorted(runs, key=lambda run: -run.dt):
+            finest[run.compared] = run
+        for t, run in finest.items():
+            n = FINER * run.k
+            folder = deck.parent / f"finer-{run.dt:g}"
+            info = run_deck(deck, folder, DEFAULT, Run(run.dt / FINER, n, n, n))
+            places = position(folder, 1, bodies)
+            if info["status"] == "completed" and places is not None:
+                self.places[t] = places
+
+    def at(self, t: float) -> np.ndarray | None:
+        """(n, 3) at one of its times; None if it is not known."""
+        return self.places.get(t)
+
+
+# Groups of cells ---------------------------------------------------------------------------------
+
+
+def run_group(name: str, x: float, schemes: Iterable[str], steps: Iterable[float]) -> list[Cell]:
+    """All cells of a value of the family ``name``."""
+    family = FAMILIES[name]
+    tolerance = family.good * family.size(x)
+    cells = []
+    with TemporaryDirectory() as folder:
+        home = Path(folder)
+        deck = home / f"{name}.xml"
+        deck.write_bytes(family.with_value(x))
+        model = read_deck(deck)
+        runs = [plan_of(family, x, dt) for dt in steps]
+        # A first step longer than the horizon is compared with nothing.
+        near = [run for run in runs if run.compared <= family.horizon(x) * (1.0 + 1e-9)]
+        compared = near if family.known else []
+        truth = Truth(deck, family.model(model, x), compared, 1e-2 * tolerance)
+        for run in runs:
+            known = condition(model, run.dt)
+            true = truth.at(run.compared)
+            for scheme in schemes:
+                out = home / f"{run.dt:g}-{scheme}"
+                info = run_deck(deck, out, scheme, run, family.bound)
+                ours = position(out, run.k // run.every, len(model.bodies))
+                error = _distance(ours, true)
+                figures = truth, error, tolerance, family.arm(x), known
+                cells.append(cell(name, x, scheme, run, info, *figures))
+    return cells
+
+
+# Restarts ----------------------------------------------------------------------------------------
+
+RESTART = "restart"
+RESTARTED = {
+    "extreme/mass_ratio": "a chain of heavy and light links, halfway down",
+    "extreme/inverted": "a pendulum on its way from the top",
+    "extreme/spin": "a top of 1e4 rad/s",
+    "extreme/drift": "a chain far away and fast",
+    "extreme/stiff_pendulum": "a bob that bounces on a stiff spring",
+    "extreme/toggle": "a slider-crank wherever it is",
+    "extreme/taut_chain": "a chain between two pins",
+    "basics/torque_free": "a body that has turned over many times",
+    "joints/rolling_disk": "a disk that rolls",
+}
+"""Decks whose runs are stopped halfway and go on as decks of their own, and what is special."""
+RESTART_HORIZON = 2.0
+
+
+def restarted(deck: bytes, folder: Path) -> bytes:
+    """``deck`` with the bodies as the last row of the run in ``folder`` has them."""
+    run = read_run(folder)
+    root = etree.fromstring(deck)
+    last = run.states.iloc[-1]
+    (bodies,) = root.xpath("//bodies")
+    if bodies.find("ground") is None:
+        etree.SubElement(etree.SubElement(bodies, "ground"), "name").text = "Ground"
+    ground = bodies.findtext("ground/name").strip()
+    for body in bodies.iterfind("rigidBody"):
+        name = body.findtext("name").strip()
+        for old in body.findall("initialConditions"):
+            body.remove(old)
+        start = etree.SubElement(body, "initialConditions")
+        x, v, w = (
+            [float(last[f"{name}.{letter}"]) for letter in letters.split()]
+            for letters in ("x y z", "vx vy vz", "wx wy wz")
+        )
+        axis, angle = to_axis_angle(tuple(float(last[f"{name}.P{k}"]) for k in (1, 2, 3)))
+        _add_vector(start, "position", "x y z", x, ground)
+        turn = etree.SubElement(etree.SubElement(start, "orientation"), "eulerRotation")
+        etree.SubElement(turn, "phi", units="rad").text = repr(angle)
+        for tag, number in zip(("u1", "u2", "u3"), axis, strict=True):
+            etree.SubElement(turn, tag).text = repr(number)
+        _add_vector(start, "velocity", "v1 v2 v3", v, name)
+        _add_vector(start, "angularVelocity", "omega1 omega2 omega3", w, name)
+    text: bytes = etree.tostring(root.getroottree(), xml_declaration=True, encoding="UTF-8")
+    return text
+
+
+def _add_vector(
+    start: etree._Element, tag: str, parts: str, numbers: Iterable[float], basis: str
+) -> None:
+    vector = etree.SubElement(start, tag, basis=basis)
+    for part, number in zip(parts.split(), numbers, strict=True):
+        etree.SubElement(vector, part).text = repr(number)
+
+
+def run_restarts(name: str, schemes: Iterable[str], steps: Iterable[float]) -> list[Cell]:
+    """A deck run to half its time, and on from there by a deck of its last row."""
+    cells = []
+    tolerance = 1e-3
+    with TemporaryDirectory() as folder:
+        home = Path(folder)
+        deck = DECKS / f"{name}.xml"
+        model = read_deck(deck)
+        halves = {dt: half(dt) for dt in steps}
+        wholes = {dt: Run(dt, 2 * run.n, 2 * run.n, run.every) for dt, run in halves.items()}
+        near = [run for run in wholes.values() if run.compared <= RESTART_HORIZON]
+        truth = Truth(deck, model, near, 1e-2 * tolerance)
+        for dt, run in halves.items():
+            for scheme in schemes:
+                first, second = home / f"{dt:g}-{scheme}-1", home / f"{dt:g}-{scheme}-2"
+                info = run_deck(deck, first, scheme, run)
+                ours = None
+                if info["status"] == "completed":
+                    on = home / "on.xml"
+                    on.write_bytes(restarted(deck.read_bytes(), first))
+                    info = run_deck(on, second, scheme, run)
+                    ours = position(second, run.n // run.every, len(model.bodies))
+                error = _distance(ours, truth.at(wholes[dt].compared))
+                whole = wholes[dt]
+                figures = truth, error, tolerance, 1.0, None
+                cells.append(cell(RESTART, Path(name).stem, scheme, whole, info, *figures))
+    return cells
+
+
+def half(dt: float) -> Run:
+    """Half of a run up to the horizon, or of ten steps."""
+    n = max(5, min(5000, round(0.5 * RESTART_HORIZON / dt)))
+    every = ceil(n / ROWS)
+    n = n // every * every
+    return Run(dt, n, n, every)
+
+
+COSTLY = ("long_chain", "long_run")
+"""Families whose runs begin first, so that none is left over at the end."""
+
+# All of them -------------------------------------------------------------------------------------
+
+
+def warm() -> None:
+    """Compile what runs and references need, so that no cell's seconds are a compiler's."""
+    for name in ("long_run", "stiff_spring", "mass_ratio", "bushing_loop"):
+        deck = FAMILIES[name].path
+        with TemporaryDirectory() as folder:
+            for scheme in SCHEMES:
+                run_deck(deck, Path(folder) / scheme, scheme, plan(1e-3, 1e-2, 10), 600.0)
+        if name not in ("long_run", "stiff_spring"):
+            choose_reference("independent", read_deck(deck), np.array([1e-3]), 1e-6)
+
+
+ALL = (*FAMILIES, RESTART)
+
+
+def run_all(names: Sequence[str], tell: Callable[[str], Any]) -> list[Cell]:
+    """Every cell of the families ``names``, in two processes."""
+    warm()
+    began = time.perf_counter()
+    with ProcessPoolExecutor(2) as pool:
+        groups = [
+            (f"{name} {show_value(x)}", pool.submit(run_value, name, x, tuple(SCHEMES), STEPS))
+            for name in sorted(names, key=lambda name: name not in COSTLY)
+            for x in reversed(values_of(name))
+        ]
+        cells = []
+        for words, future in groups:
+            cells += future.result()
+            tell(f"{time.perf_counter() - began:6.0f} s  {words}")
+    return in_order(cells)
+
+
+def run_value(
+    name: str, x: float | str, schemes: Iterable[str], steps: Iterable[float]
+) -> list[Cell]:
+    """All cells of a value of a family, or of a scene that is restarted."""
+    if isinstance(x, str):
+        return run_restarts(x, schemes, steps)
+    return run_group(name, x, schemes, steps)
+
+
+def values_of(name: str) -> tuple[float | str, ...]:
+    """The values of a family."""
+    return FAMILIES[name].values if name in FAMILIES else tuple(RESTARTED)
+
+
+def show_value(value: float | str) -> str:
+    """A value as a reader sees it."""
+    return value.replace("_", " ") if isinstance(value, str) else f"{value:.4g}"
+
+
+def in_order(cells: Iterable[Cell]) -> list[Cell]:
+    """The cells in the order of the families, their values, the schemes and the steps."""
+    schemes = tuple(SCHEMES)
+
+    def place(cell: Cell) -> tuple[int, int, int, float]:
+        values = [Path(x).stem if isinstance(x, str) else x for x in values_of(cell.family)]
+        where = ALL.index(cell.family), values.index(cell.value), schemes.index(cell.scheme)
+        return *where, cell.dt
+
+    return sorted(cells, key=place)

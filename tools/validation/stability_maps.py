@@ -1,0 +1,163 @@
+"""Pictures of the stability page: maps of cells, and what rings at a step that is too large."""
+
+from collections.abc import Sequence
+from math import log10
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from cells import (
+    BOUNDED,
+    COARSE,
+    DOUBTFUL,
+    FAILED,
+    GOOD,
+    LATE,
+    REFUSED,
+    STEPS,
+    Cell,
+    show_value,
+)
+from drawn import save_small
+from extreme import FAMILIES, Family
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from measured import FIGURES
+
+from msahl.deck import read_deck
+from msahl.model import Model
+from msahl.post.draw import looks, style
+from msahl.run import Options
+from msahl.schemes import SCHEMES
+from msahl.study.runs import run_in_memory, with_step
+
+LOOKS = {
+    GOOD: ("#3B8FC4", "good: position within the tolerance"),
+    COARSE: ("#BBDDF0", "coarse: holds, the step is too large for the position"),
+    BOUNDED: ("#DDDDDD", "bounded: holds, no position to compare with"),
+    DOUBTFUL: ("#F0C84B", "doubtful: energy or gap above 1e-9"),
+    FAILED: ("#D55E00", "failed: a step did not converge"),
+    LATE: ("#8B5A8C", "out of time: too many hard steps"),
+    REFUSED: ("#333333", "refused: no start"),
+}
+"""Outcomes in their order, with colour and words."""
+COLOURS = ListedColormap([colour for colour, _ in LOOKS.values()])
+PALE = (COARSE, BOUNDED, DOUBTFUL)
+A_PAGE = 4
+"""Families in one picture."""
+
+
+def maps(cells: Sequence[Cell]) -> list[tuple[Path, list[str]]]:
+    """Maps of all families, some to a picture: the file and the families' names."""
+    names = list(dict.fromkeys(cell.family for cell in cells))
+    groups = [names[k : k + A_PAGE] for k in range(0, len(names), A_PAGE)]
+    return [(_draw(cells, group, k + 1), group) for k, group in enumerate(groups)]
+
+
+def _draw(cells: Sequence[Cell], names: Sequence[str], number: int) -> Path:
+    schemes = list(dict.fromkeys(cell.scheme for cell in cells))
+    values = {n: list(dict.fromkeys(c.value for c in cells if c.family == n)) for n in names}
+    heights = [len(values[name]) + 1.6 for name in names]
+    with style():
+        figure = Figure(figsize=(1.6 + 4.2 * len(schemes), 0.9 + 0.3 * sum(heights)))
+        FigureCanvasAgg(figure)
+        panels = figure.subplots(
+            len(names), len(schemes), squeeze=False, sharey="row", height_ratios=heights
+        )
+        for name, row in zip(names, panels, strict=True):
+            for scheme, axes in zip(schemes, row, strict=True):
+                own = [c for c in cells if (c.family, c.scheme) == (name, scheme)]
+                _map(axes, own, values[name])
+                axes.set_title(f"{title_of(name)}, {scheme}", fontsize=9)
+            row[0].set_ylabel(label_of(name), fontsize=8)
+        for axes in panels[-1]:
+            axes.set_xlabel("step [s]")
+        handles = [Patch(color=colour, label=words) for colour, words in LOOKS.values()]
+        figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=8)
+        return save_small(figure, FIGURES / f"stability_{number}.png", colours=192)
+
+
+def title_of(name: str) -> str:
+    """What a family is called."""
+    return FAMILIES[name].title if name in FAMILIES else "Restart"
+
+
+def label_of(name: str) -> str:
+    """What is varied, with its unit, in lines that fit beside a map."""
+    if name not in FAMILIES:
+        return "scene"
+    family = FAMILIES[name]
+    unit = "" if family.unit == "1" else f" [{family.unit}]"
+    words, line, lines = f"{family.varied}{unit}".split(" "), "", []
+    for word in words:
+        if line and len(line) + len(word) > 22:
+            lines.append(line)
+            line = ""
+        line = f"{line} {word}".strip()
+    return "\n".join([*lines, line])
+
+
+def _map(axes: Axes, cells: Sequence[Cell], values: Sequence[float | str]) -> None:
+    """One scheme's cells: steps across, values up; the decade of the error in each."""
+    order = list(LOOKS)
+    field = np.full((len(values), len(STEPS)), np.nan)
+    for cell in cells:
+        row, column = values.index(cell.value), STEPS.index(cell.dt)
+        field[row, column] = order.index(cell.outcome)
+        if cell.error is not None:
+            shown = "exact" if cell.error == 0.0 else f"{round(log10(cell.error))}"
+            colour = "black" if cell.outcome in PALE else "white"
+            axes.text(column, row, shown, ha="center", va="center", fontsize=7, color=colour)
+    axes.imshow(
+        field, cmap=COLOURS, vmin=-0.5, vmax=len(order) - 0.5, aspect="auto", origin="lower"
+    )
+    axes.set_xticks(range(len(STEPS)), [f"{dt:g}" for dt in STEPS], fontsize=7)
+    axes.set_yticks(range(len(values)), [show_value(v) for v in values], fontsize=8)
+    axes.grid(visible=False)
+    axes.set_xticks(np.arange(len(STEPS)) + 0.5, minor=True)
+    axes.set_yticks(np.arange(len(values)) + 0.5, minor=True)
+    axes.grid(which="minor", color="white", linewidth=1.0)
+    axes.tick_params(which="both", length=0)
+
+
+RINGING_STEP = 0.01
+RINGING_END = 0.5
+
+
+def ringing() -> Path:
+    """A stiff spring and the governor without its dampers, at a step of 0.01 s, by every scheme."""
+    scenes: tuple[tuple[Family, float, str, str, str], ...] = (
+        (FAMILIES["stiff_spring"], 1e-7, "states", "Block.vy", "velocity of the block [m/s]"),
+        (FAMILIES["governor"], 0.0, "reactions", "Hinge 1.Fz", "force in hinge 1, along z [N]"),
+        (FAMILIES["governor"], 4e4, "reactions", "Hinge 1.Fz", "force in hinge 1, along z [N]"),
+    )
+    titles = ("stiff spring", "governor without dampers", "governor as it is")
+    with style():
+        figure = Figure(figsize=(10.5, 3.6))
+        FigureCanvasAgg(figure)
+        panels = figure.subplots(1, len(scenes))
+        for axes, title, (family, x, table, column, label) in zip(
+            panels, titles, scenes, strict=True
+        ):
+            model = with_value(family, x)
+            for scheme, look in zip(SCHEMES, looks(), strict=False):
+                one = with_step(model, RINGING_STEP, RINGING_END, scheme)
+                _, run = run_in_memory(one, Options())
+                values = getattr(run, table)[column].to_numpy()
+                axes.plot(run.time, values, label=scheme, **(look | {"linewidth": 1.0}))
+            axes.set(title=title, xlabel="time [s]", ylabel=label)
+        figure.legend(
+            *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(SCHEMES)
+        )
+        return save_small(figure, FIGURES / "stability_ringing.png")
+
+
+def with_value(family: Family, x: float) -> Model:
+    """The model of a family's deck with a value."""
+    with TemporaryDirectory() as folder:
+        deck = Path(folder) / "deck.xml"
+        deck.write_bytes(family.with_value(x))
+        return read_deck(deck)
