@@ -1,7 +1,7 @@
 """The verdict on a run: PASS, WARN or FAIL, check by check, with the reasons in words.
 
 A figure within its limit passes, beyond it warns, and far beyond it fails. Ours are tight, as what
-is kept is kept to round-off; a figure that fails spoils the motion. A limit is never taken below the
+is kept is kept to round-off; a figure that fails spoils the motion. No limit is taken below the
 round-off of what a figure is the difference of.
 """
 
