@@ -24,6 +24,7 @@ def cells():
     try:
         import cells
 
+        cells.warm_runs()
         yield cells
     finally:
         sys.path.remove(str(TOOLS))
@@ -225,7 +226,7 @@ def test_the_verdict_of_a_run_is_taken_up(cells):
     }
     truth = cells.Truth(Path(), None, (), 1.0)
     made = cells.cell(
-        "spin", 1.0, "decaying", cells.Run(1.0, 1, 1, 1), info, truth, *[None, 1, 1, None]
+        "spin", 1.0, "decaying", cells.Run(1.0, 1, 1, 1), info, truth, cells.UNKNOWN, 1, 1, None
     )
     assert (made.verdict, made.reasons) == ("WARN", "step too large; half a turn a step")
 

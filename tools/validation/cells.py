@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from math import ceil, isfinite
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -26,11 +26,13 @@ from msahl.deck import read_deck
 from msahl.model import Model
 from msahl.results.read import ResultError, read_run
 from msahl.rotation import to_axis_angle
+from msahl.rotations import angles
 from msahl.schemes import DEFAULT, SCHEMES, preserving
 from msahl.solve import dense
 from msahl.solve.initial import StartError
 from msahl.solve.island import Runner
 from msahl.study.reference import choose_reference
+from msahl.system.build import build_system
 
 STEPS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 SPAN = 10.0
@@ -84,17 +86,20 @@ class Cell:
     reference: str
     compared: float | None
     error: float | None
+    turned: float | None
     tolerance: float
     rows: int
     rows_found: int
     message: str
     verdict: str | None = None
     reasons: str | None = None
+    judged: str | None = None
+    judged_by: str | None = None
 
 
 @dataclass(frozen=True)
 class Run:
-    """What a cell is to run: ``n`` steps, every ``every``th written, compared at step ``k``."""
+    """What a cell is to run: ``n`` steps, every ``every``th written, compared up to step ``k``."""
 
     dt: float
     n: int
@@ -108,8 +113,13 @@ class Run:
 
     @property
     def compared(self) -> float:
-        """Time of the comparison [s]."""
+        """Time up to which there is a comparison [s]."""
         return self.k * self.dt
+
+    @property
+    def times(self) -> np.ndarray:
+        """Those of the rows that are compared [s]."""
+        return self.dt * np.arange(self.every, self.k + 1, self.every)
 
 
 def plan(dt: float, horizon: float, most: int, exact: bool = False) -> Run:
@@ -157,14 +167,21 @@ def bounded(seconds: float, handler: Callable[[int, Any], None] = _expire) -> It
 
 
 def run_deck(
-    deck: Path, folder: Path, scheme: str, run: Run, bound: float = BOUND
+    deck: Path,
+    folder: Path,
+    scheme: str,
+    run: Run,
+    bound: float = BOUND,
+    shadow: float | None = None,
 ) -> dict[str, Any]:
-    """Run ``deck`` by the command; its run.json, or what it said instead.
+    """Run ``deck`` by the command, with one at half the step for an accuracy ``shadow`` [m]; its
+    run.json, or what it said instead.
 
     ``rows_found`` counts the whole rows of states.csv, finished or not.
     """
     words: list[Any] = ["run", deck, "-o", folder, "--scheme", scheme, "--every", run.every, "-q"]
     words += ["--dt", repr(run.dt), "--t-final", repr(run.t_final)]
+    words += ["--shadow", shadow] if shadow else []
     with bounded(bound, _ask_to_stop):
         result = CliRunner().invoke(main, [str(word) for word in words])
     if result.exception and not isinstance(result.exception, SystemExit):
@@ -182,14 +199,15 @@ def run_deck(
     return info
 
 
-def position(folder: Path, row: int, bodies: int) -> np.ndarray | None:
-    """(n, 3) positions of the bodies in a row of a run; None if it did not get there."""
+def states(folder: Path, run: Run, bodies: int) -> np.ndarray | None:
+    """(m, n, 12) the rows of a run that are compared; None if it did not get there."""
     tables = [folder / "states.csv", folder / "states.csv.part"]
     table = next((table for table in tables if table.exists()), None)
     if table is None:
         return None
-    rows = pd.read_csv(table, skiprows=range(1, row + 1), nrows=1)
-    return rows.to_numpy()[0, 1:].reshape(bodies, 12)[:, :3] if len(rows) else None
+    count = len(run.times)
+    rows = pd.read_csv(table, skiprows=[1], nrows=count)
+    return rows.to_numpy()[:, 1:].reshape(count, bodies, 12) if len(rows) == count else None
 
 
 def judge(info: dict[str, Any], error: float | None, tolerance: float, arm: float) -> str:
@@ -218,7 +236,7 @@ def cell(
     run: Run,
     info: dict[str, Any],
     truth: "Truth",
-    error: float | None,
+    found: "Errors",
     tolerance: float,
     arm: float,
     condition: float | None,
@@ -233,7 +251,7 @@ def cell(
         scheme=scheme,
         dt=run.dt,
         t_final=run.t_final,
-        outcome=judge(info, error, tolerance, arm),
+        outcome=judge(info, found.position, tolerance, arm),
         steps=steps,
         time=info.get("time", 0.0),
         iterations=info["iterations"] / steps if steps else None,
@@ -245,9 +263,10 @@ def cell(
         gap_rate=_finite(extremes.get("gapRateMax")),
         condition=condition,
         seconds=seconds.get("loop"),
-        reference="" if error is None else truth.kind,
-        compared=None if error is None else run.compared,
-        error=error,
+        reference="" if found.position is None else truth.kind,
+        compared=None if found.position is None else run.compared,
+        error=found.position,
+        turned=found.turn,
         tolerance=tolerance,
         rows=info.get("rows", 0),
         rows_found=info.get("rows_found", 0),
@@ -261,11 +280,25 @@ def _finite(number: float | None) -> float | None:
     return number if number is not None and isfinite(number) else None
 
 
-def _distance(a: np.ndarray | None, b: np.ndarray | None) -> float | None:
-    """Largest distance of two sets of points, if both are known."""
-    if a is None or b is None:
-        return None
-    return _finite(float(np.sqrt(((a - b) ** 2).sum(axis=1)).max()))
+class Errors(NamedTuple):
+    """Largest errors over the rows compared [m]: of positions, and of turns times lengths."""
+
+    position: float | None
+    turn: float | None
+
+
+UNKNOWN = Errors(None, None)
+
+
+def errors(ours: np.ndarray | None, true: np.ndarray, lengths: np.ndarray) -> Errors:
+    """Of rows (m, n, 12), where the true ones are known, that of the last row among them."""
+    if ours is None or not np.isfinite(true[-1:]).all() or not len(true):
+        return UNKNOWN
+    known = np.isfinite(true).all(axis=(1, 2))
+    a, b = ours[known], true[known]
+    ways = np.sqrt(((a[..., :3] - b[..., :3]) ** 2).sum(axis=-1))
+    turns = angles(a[..., 3:6], b[..., 3:6]) * lengths
+    return Errors(_finite(float(ways.max())), _finite(float(turns.max())))
 
 
 def condition(model: Model, dt: float) -> float | None:
@@ -295,44 +328,53 @@ FINER = 10
 
 
 class Truth:
-    """True positions of a scene at the times of ``runs``: by a closed form or the independent
+    """True states of a scene at the rows of ``runs``: by a closed form or the independent
     solution, else by the default scheme at a step ``FINER`` times as small as the smallest."""
 
     def __init__(self, deck: Path, model: Model, runs: Sequence[Run], accuracy: float) -> None:
         self.kind = "none"
-        self.places: dict[float, np.ndarray] = {}
-        times = np.unique([run.compared for run in runs])
-        if not times.size:
+        self.bodies = len(model.bodies) if model else 0
+        self.times, self.table = np.zeros(0), np.zeros((0, self.bodies, 12))
+        if not runs:
             return
+        times = np.unique(np.concatenate([run.times for run in runs]))
         try:
             with bounded(REFERENCE_BOUND):
                 found = choose_reference("auto", model, times, accuracy)
-                states = found.states(times)
+                table = found.states(times)
         except (ExpiredError, ResultError, StartError, np.linalg.LinAlgError, AssertionError):
-            self._run_finer(deck, len(model.bodies), runs)
+            self._run_finer(deck, runs)
             return
         self.kind = "exact" if np.isinf(found.horizon) else "independent"
-        table = states.reshape(len(times), -1, 12)[:, :, :3]
-        for t, places in zip(times, table, strict=True):
-            if t <= found.horizon and np.isfinite(places).all():
-                self.places[float(t)] = places
+        known = times <= found.horizon
+        self.times, self.table = times[known], table.reshape(len(times), -1, 12)[known]
 
-    def _run_finer(self, deck: Path, bodies: int, runs: Sequence[Run]) -> None:
+    def _run_finer(self, deck: Path, runs: Sequence[Run]) -> None:
         self.kind = "finer"
         finest: dict[float, Run] = {}
         for run in sorted(runs, key=lambda run: -run.dt):
             finest[run.compared] = run
-        for t, run in finest.items():
-            n = FINER * run.k
-            folder = deck.parent / f"finer-{run.dt:g}"
-            info = run_deck(deck, folder, DEFAULT, Run(run.dt / FINER, n, n, n))
-            places = position(folder, 1, bodies)
-            if info["status"] == "completed" and places is not None:
-                self.places[t] = places
+        for run in finest.values():
+            n, folder = FINER * run.k, deck.parent / f"finer-{run.dt:g}"
+            finer = Run(run.dt / FINER, n, n, FINER * run.every)
+            info = run_deck(deck, folder, DEFAULT, finer)
+            table = states(folder, finer, self.bodies)
+            if info["status"] == "completed" and table is not None:
+                self._add(run.times, table)
 
-    def at(self, t: float) -> np.ndarray | None:
-        """(n, 3) at one of its times; None if it is not known."""
-        return self.places.get(t)
+    def _add(self, times: np.ndarray, table: np.ndarray) -> None:
+        order = np.argsort(np.concatenate([self.times, times]), kind="stable")
+        self.times = np.concatenate([self.times, times])[order]
+        self.table = np.concatenate([self.table, table])[order]
+
+    def at(self, times: np.ndarray) -> np.ndarray:
+        """(m, n, 12) at these times; nan where it is not known."""
+        found = np.full((len(times), self.bodies, 12), np.nan)
+        if self.times.size:
+            near = np.abs(self.times[:, None] - times).argmin(axis=0)
+            known = np.abs(self.times[near] - times) <= 1e-9 * times
+            found[known] = self.table[near[known]]
+        return found
 
 
 # Groups of cells ---------------------------------------------------------------------------------
@@ -349,21 +391,34 @@ def run_group(name: str, x: float, schemes: Iterable[str], steps: Iterable[float
         deck.write_bytes(family.with_value(x))
         model = read_deck(deck)
         runs = [plan_of(family, x, dt) for dt in steps]
+        lengths = build_system(model).bodies.length[:-1]
         # A first step longer than the horizon is compared with nothing.
         near = [run for run in runs if run.compared <= family.horizon(x) * (1.0 + 1e-9)]
         compared = near if family.known else []
         truth = Truth(deck, family.model(model, x), compared, 1e-2 * tolerance)
         for run in runs:
             known = condition(model, run.dt)
-            true = truth.at(run.compared)
+            true = truth.at(run.times)
             for scheme in schemes:
                 out = home / f"{run.dt:g}-{scheme}"
                 info = run_deck(deck, out, scheme, run, family.bound)
-                ours = position(out, run.k // run.every, len(model.bodies))
-                error = _distance(ours, true)
-                figures = truth, error, tolerance, family.arm(x), known
-                cells.append(cell(name, x, scheme, run, info, *figures))
+                found = errors(states(out, run, len(model.bodies)), true, lengths)
+                figures = truth, found, tolerance, family.arm(x), known
+                made = cell(name, x, scheme, run, info, *figures)
+                if found.position is not None:
+                    short = replace(run, n=run.k)
+                    made = judged(made, run_deck(deck, out, scheme, short, family.bound, tolerance))
+                cells.append(made)
     return cells
+
+
+def judged(made: Cell, info: dict[str, Any]) -> Cell:
+    """The cell with the verdict on a run up to where it is compared, asked for its tolerance."""
+    verdict = info.get("verdict")
+    if info["status"] != "completed" or not verdict:
+        return made
+    told = "; ".join(verdict["reasons"]) or None
+    return replace(made, judged=verdict["word"], judged_by=told)
 
 
 # Restarts ----------------------------------------------------------------------------------------
@@ -432,21 +487,21 @@ def run_restarts(name: str, schemes: Iterable[str], steps: Iterable[float]) -> l
         model = read_deck(deck)
         halves = {dt: half(dt) for dt in steps}
         wholes = {dt: Run(dt, 2 * run.n, 2 * run.n, run.every) for dt, run in halves.items()}
+        lengths = build_system(model).bodies.length[:-1]
         near = [run for run in wholes.values() if run.compared <= RESTART_HORIZON]
         truth = Truth(deck, model, near, 1e-2 * tolerance)
         for dt, run in halves.items():
             for scheme in schemes:
                 first, second = home / f"{dt:g}-{scheme}-1", home / f"{dt:g}-{scheme}-2"
                 info = run_deck(deck, first, scheme, run)
-                ours = None
+                ours, whole = None, wholes[dt]
                 if info["status"] == "completed":
                     on = home / "on.xml"
                     on.write_bytes(restarted(deck.read_bytes(), first))
                     info = run_deck(on, second, scheme, run)
-                    ours = position(second, run.n // run.every, len(model.bodies))
-                error = _distance(ours, truth.at(wholes[dt].compared))
-                whole = wholes[dt]
-                figures = truth, error, tolerance, 1.0, None
+                    ours = states(second, run, len(model.bodies))
+                found = errors(ours, truth.at(whole.times[len(run.times) :]), lengths)
+                figures = truth, found, tolerance, 1.0, None
                 cells.append(cell(RESTART, Path(name).stem, scheme, whole, info, *figures))
     return cells
 
@@ -465,15 +520,19 @@ COSTLY = ("long_chain", "long_run")
 # All of them -------------------------------------------------------------------------------------
 
 
-def warm() -> None:
-    """Compile what runs and references need, so that no cell's seconds are a compiler's."""
-    for name in ("long_run", "stiff_spring", "mass_ratio", "bushing_loop"):
-        deck = FAMILIES[name].path
+def warm_runs() -> None:
+    """Compile what runs need, so that no cell's seconds are a compiler's."""
+    for name in ("long_run", "stiff_spring"):
         with TemporaryDirectory() as folder:
             for scheme in SCHEMES:
-                run_deck(deck, Path(folder) / scheme, scheme, plan(1e-3, 1e-2, 10), 600.0)
-        if name not in ("long_run", "stiff_spring"):
-            choose_reference("independent", read_deck(deck), np.array([1e-3]), 1e-6)
+                deck, run = FAMILIES[name].path, plan(1e-3, 1e-2, 10)
+                run_deck(deck, Path(folder) / scheme, scheme, run, 600.0)
+
+
+def warm_references() -> None:
+    """Likewise what the independent solution needs."""
+    for name in ("mass_ratio", "bushing_loop"):
+        choose_reference("independent", read_deck(FAMILIES[name].path), np.array([1e-3]), 1e-6)
 
 
 ALL = (*FAMILIES, RESTART)
@@ -481,7 +540,8 @@ ALL = (*FAMILIES, RESTART)
 
 def run_all(names: Sequence[str], tell: Callable[[str], Any]) -> list[Cell]:
     """Every cell of the families ``names``, in two processes."""
-    warm()
+    warm_runs()
+    warm_references()
     began = time.perf_counter()
     with ProcessPoolExecutor(2) as pool:
         groups = [
