@@ -3,6 +3,7 @@
 Interruptions are honoured between chunks, so every row on disk is an accepted state.
 """
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
@@ -27,6 +28,8 @@ from msahl.verdict import Figures, judge, never_begun
 
 CHUNK_SECONDS = 0.2
 """About how long the loop goes on between output, progress and a look at interruptions."""
+PATIENCE = 5.0 * CHUNK_SECONDS
+"""Seconds after which a chunk is broken off if its steps have turned hard."""
 CHUNK_NUMBERS = 2_000_000
 """Most numbers published at once: bounds the memory whatever the scene and the run."""
 
@@ -326,10 +329,15 @@ class _Run:
         """Advance every island; the steps each has taken."""
         h = self.grid.step(self.report.steps + steps)
         taken = []
-        for runner in self.runners:
-            done, outcome = runner.advance(h, 0, steps, plan)
+        for i, runner in enumerate(self.runners):
+            # Easy steps that turn hard must not keep waiting whoever asks the run to stop. The
+            # other islands go as far as the first.
+            patience = math.inf if i else PATIENCE
+            done, outcome = runner.advance(h, 0, steps, plan, patience)
+            if outcome.converged:
+                steps = done
             taken.append(done)
-            if done < steps and done == min(taken):
+            if not outcome.converged and done == min(taken):
                 self.report.status = "not converged"
                 self.report.message = self._failure(self.report.steps + done, runner, outcome)
         return taken

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scenes import DECKS, GROUND, body, deck, loaded, pendulum, scene, simulate
 
+import msahl.run
 from msahl.deck import read_deck
 from msahl.model import ConcentratedLoad
 from msahl.solve import island
@@ -62,6 +63,7 @@ def test_a_step_that_newton_refuses_goes_to_root(monkeypatch):
         return last
 
     known = simulate(pendulum(), dt=0.01, t_final=1.0, solver="newton")
+    monkeypatch.setattr(msahl.run, "PATIENCE", np.inf)  # steps are counted by chunk
     monkeypatch.setattr(island, "_march", reluctant)
     run = simulate(pendulum(), dt=0.01, t_final=1.0)
     assert run.report.status == "completed"
@@ -231,3 +233,16 @@ def test_loads_that_are_there_do_count():
     with_loads = loaded(rng)
     without = scene(with_loads.bodies, with_loads.joints, gravity=with_loads.gravity)
     assert _counts(with_loads)[1] > _counts(without)[1]
+
+
+@pytest.mark.parametrize("solver", ["auto", "root"])
+def test_a_chunk_that_is_broken_off_changes_nothing(solver, monkeypatch):
+    """Two islands: where the first stops to let interruptions be looked at, so does the other."""
+    for model in (deck("two_pendulums"), deck("triple_pendulum_135")):
+        whole = simulate(model, dt=0.1, t_final=3.0, solver=solver)
+        with monkeypatch.context() as patch:
+            patch.setattr(msahl.run, "PATIENCE", 0.0)
+            parts = simulate(model, dt=0.1, t_final=3.0, solver=solver)
+        assert np.array_equal(whole.states, parts.states)
+        assert np.array_equal(whole.reactions, parts.reactions)
+        assert parts.report.steps == 30

@@ -5,6 +5,9 @@ it for every step that the compiled loop does not converge on. A step that resis
 halves, these in halves again where needed, down to 2^-10 of it.
 """
 
+import math
+import time
+
 import numpy as np
 
 from msahl.compiled import compiled
@@ -112,13 +115,17 @@ class Runner:
         self.scene.mean_reaction[:] = self.scene.state.reaction
         step.show(self.scene, 0.0, 0, 0)
 
-    def advance(self, h: float, first: int, last: int, plan: np.ndarray) -> tuple[int, Outcome]:
+    def advance(
+        self, h: float, first: int, last: int, plan: np.ndarray, patience: float = math.inf
+    ) -> tuple[int, Outcome]:
         """Take steps ``first``..``last - 1`` of a chunk as ``newton.march`` has them.
 
         Returns the number of the step that did not converge (``last`` if none) and its outcome;
-        the state is then that of the last whole step.
+        the state is then that of the last whole step. Steps that turn hard are broken off, the last
+        of them solved, after ``patience`` seconds.
         """
         k, outcome = first, Outcome(0.0, -1)
+        began = time.perf_counter()
         while k < last:
             if self.solver == "newton" or (self.solver == "auto" and (self.begun or self.large)):
                 k = self._march(h, k, last, plan)
@@ -130,7 +137,9 @@ class Runner:
                 if self.station is not None and plan[k] >= 0:
                     _publish(self.scene, self.station, plan[k])
                 k += 1
-            self.begun = True
+                self.begun = True
+                if time.perf_counter() - began > patience:
+                    break
         return k, outcome
 
     def _march(self, h: float, first: int, last: int, plan: np.ndarray) -> int:
