@@ -69,10 +69,10 @@ def build(results: list[Result]) -> list[Block]:
     return [
         Heading(1, "Closed forms and independent solutions"),
         Paragraph(
-            "Every deck but the extreme ones, run at a list of steps and compared with a closed form where there is "
-            "one, else with an independent solution of the scene's equations (DOP853, joints "
-            f"closed at every step), over at most {LONGEST:g} s. Made by make validation; one "
-            "deck's whole story is told by msahl study."
+            "Every deck but the extreme ones, run at a list of steps and compared with a closed "
+            "form where there is one, else with an independent solution of the scene's equations "
+            f"(DOP853, joints closed at every step), over at most {LONGEST:g} s. Made by make "
+            "validation; one deck's whole story is told by msahl study."
         ),
         Heading(2, "Closed forms against the independent solution"),
         Paragraph(
