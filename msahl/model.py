@@ -22,7 +22,7 @@ from msahl.joints.coupling import Coupling
 from msahl.joints.joint import Joint
 from msahl.law import Law
 from msahl.motion import Drive, PointMotion
-from msahl.schemes import DAMPING, DEFAULT, SCHEMES, Decay
+from msahl.schemes import DAMPING, DEFAULT, DEGREE, HIGHER, SCHEMES, Decay
 from msahl.vector import Vector
 
 __all__ = [
@@ -52,7 +52,8 @@ MEAN, STATION = "mean", "station"
 @dataclass(frozen=True, slots=True)
 class Simulation:
     """How the scene is run: step ``dt`` and end ``t_final`` [s], scheme and, if it is one that
-    decays, its damping at infinite frequency: 0 none, 1 all in one step; what ``reactions`` are.
+    decays, its damping at infinite frequency: 0 none, 1 all in one step; what ``reactions`` are;
+    the ``degree`` of the scheme, if it is one that has any.
     """
 
     title: str
@@ -61,6 +62,7 @@ class Simulation:
     scheme: str = DEFAULT
     damping: float = DAMPING
     reactions: str = MEAN
+    degree: int = DEGREE
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +88,11 @@ class Model:
 def decay_of(model: Model) -> Decay:
     """How the model's scheme decays."""
     return SCHEMES[model.simulation.scheme](model.simulation.damping)
+
+
+def degree_of(model: Model) -> int:
+    """Degree of the model's scheme, or 0 if it is of the lowest order."""
+    return model.simulation.degree if model.simulation.scheme == HIGHER else 0
 
 
 def decays(model: Model) -> bool:

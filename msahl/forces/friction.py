@@ -58,6 +58,38 @@ def free_load(
 
 
 @kernel
+def free_jacobian(
+    frictions: Frictions,
+    reactions: np.ndarray,
+    quantities: Quantities,
+    start: QuantityStart,
+    rate: np.ndarray,
+    bodies: Bodies,
+    by_rate: np.ndarray,
+) -> None:
+    """Add the derivative of ``free_load`` by the rates."""
+    for f in range(frictions.quantity.size):
+        q = frictions.quantity[f]
+        slope = load(frictions, reactions, f, rate[q])[1]
+        add_spring(quantities, start, bodies, -1.0, q, slope, by_rate)
+
+
+@kernel
+def free_work(
+    frictions: Frictions,
+    reactions: np.ndarray,
+    rate: np.ndarray,
+    dt: float,
+    column: np.ndarray,
+    total: np.ndarray,
+) -> None:
+    """Add the work [J] at these rates over a time ``dt`` to their ``column`` of ``total``."""
+    for f in range(frictions.quantity.size):
+        q_rate = rate[frictions.quantity[f]]
+        total[column[f]] += load(frictions, reactions, f, q_rate)[0] * q_rate * dt
+
+
+@kernel
 def jacobian(
     frictions: Frictions,
     reactions: np.ndarray,

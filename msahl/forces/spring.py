@@ -102,6 +102,34 @@ def free_load(springs: Springs, laws: Laws, start: QuantityStart, rate: np.ndarr
         q = springs.quantity[s]
         T, _ = tension(springs, laws, s, start.value[q] - springs.origin[s], 0.0)
         start.load[q] -= T + springs.damping[s] * rate[q]
+        start.size[q] += abs(T) + abs(springs.damping[s] * rate[q])
+
+
+@kernel
+def free_jacobian(
+    springs: Springs,
+    laws: Laws,
+    quantities: Quantities,
+    start: QuantityStart,
+    bodies: Bodies,
+    by_place: np.ndarray,
+    by_rate: np.ndarray,
+) -> None:
+    """Add half the derivative of ``free_load`` by the quantities, and all of it by their rates."""
+    for s in range(springs.quantity.size):
+        q = springs.quantity[s]
+        _, half = tension(springs, laws, s, start.value[q] - springs.origin[s], 0.0)
+        add_spring(quantities, start, bodies, -1.0, q, -half, by_place)
+        add_spring(quantities, start, bodies, -1.0, q, -springs.damping[s], by_rate)
+
+
+@kernel
+def free_work(
+    springs: Springs, rate: np.ndarray, dt: float, column: np.ndarray, total: np.ndarray
+) -> None:
+    """Add the dampers' work [J] at these rates over a time ``dt`` to their ``column``."""
+    for s in range(springs.quantity.size):
+        total[column[s]] -= springs.damping[s] * rate[springs.quantity[s]] ** 2 * dt
 
 
 @kernel

@@ -198,15 +198,152 @@ def free_acceleration(
     """Set the rows of the acceleration problem and add its forces; ``Z`` is zero."""
     if along is None:
         return
+    free_load(along, start, bodies, v, W, reaction, Z, F)
+    rows.free_acceleration(
+        along.rows, along.laws, along.quantities, start.quantities, bodies, start.rate, v, W, t, F
+    )
+
+
+@kernel
+def free_load(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
+    reaction: np.ndarray,
+    Z: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """Add the forces of springs and friction at the start, by mass; ``Z`` is zero."""
+    if along is None:
+        return
     q = start.quantities
     quantity.evaluate(along.quantities, q, bodies, Z)
     quantity.rates(along.quantities, q, v, W, start.rate)
-    rows.free_acceleration(
-        along.rows, along.laws, along.quantities, q, bodies, start.rate, v, W, t, F
-    )
     spring.free_load(along.springs, along.laws, q, start.rate)
     friction.free_load(along.frictions, reaction, q, start.rate)
     quantity.push(along.quantities, q, bodies, -1.0, F)
+
+
+@kernel
+def free_jacobian(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    reaction: np.ndarray,
+    Z: np.ndarray,
+    by_place: np.ndarray,
+    by_rate: np.ndarray,
+) -> None:
+    """Add half the derivative of ``free_load`` by the places, and all of it by the rates; and that
+    of ``roll``, over h.
+    """
+    if along is None:
+        return
+    q, quantities = start.quantities, along.quantities
+    quantity.differentiate(quantities, q, bodies, Z)
+    spring.free_jacobian(along.springs, along.laws, quantities, q, bodies, by_place, by_rate)
+    friction.free_jacobian(
+        along.frictions, reaction, quantities, q, start.rate, bodies, by_rate
+    )
+    quantity.stiffness(quantities, q, bodies, -1.0, Z, by_place)
+    rows.roll_jacobian(along.rows, q, by_rate)
+
+
+@kernel
+def free_work(
+    along: Along | None, start: AlongStart, reaction: np.ndarray, dt: float, work: np.ndarray
+) -> None:
+    """Add the work [J] of dampers and friction over a time ``dt``, after ``free_load``."""
+    if along is None:
+        return
+    spring.free_work(along.springs, start.rate, dt, along.spring_column, work)
+    friction.free_work(along.frictions, reaction, start.rate, dt, along.friction_column, work)
+
+
+@kernel
+def hold(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    gap: np.ndarray,
+    t: float,
+    h: float,
+    reach: float,
+    Z: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """As ``residual`` of the rows alone: no springs, no friction."""
+    if along is None:
+        return
+    q = start.quantities
+    quantity.evaluate(along.quantities, q, bodies, Z)
+    rows.residual(along.rows, along.laws, q, bodies, gap, t, h, reach, Z, F)
+    quantity.push(along.quantities, q, bodies, reach, F)
+
+
+@kernel
+def hold_jacobian(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    reach: float,
+    Z: np.ndarray,
+    values: np.ndarray,
+) -> None:
+    """Add the derivative of ``hold``, after it at the same ``Z``."""
+    if along is None:
+        return
+    joint_jacobian(along, start, bodies, reach, Z, values)
+    quantity.stiffness(along.quantities, start.quantities, bodies, reach, Z, values)
+
+
+@kernel
+def strain(along: Along | None, start: AlongStart, c: float, pull: np.ndarray) -> None:
+    """Raise ``pull`` (nodes,) to ``c`` times the largest parts of the loads last pushed."""
+    if along is None:
+        return
+    for node in range(pull.size):
+        pull[node] = max(pull[node], c * start.quantities.pull[node])
+
+
+@kernel
+def roll(
+    along: Along | None, start: AlongStart, bodies: Bodies, h: float, F: np.ndarray
+) -> None:
+    """Set the rows that are of rates alone to ``h`` times them, after ``free_load``."""
+    if along is None:
+        return
+    rows.roll(along.rows, start.rate, 2 * bodies.inverse_mass.size, h, F)
+
+
+@kernel
+def has_friction(along: Along | None) -> bool:
+    """Whether friction acts, whose size takes the joints' reactions."""
+    if along is None:
+        return False
+    return along.frictions.quantity.size > 0
+
+
+@kernel
+def settle(along: Along | None, gap: np.ndarray) -> None:
+    """Take from the ``gap`` (k, 3) left by a step what is of rows between rates: they have none."""
+    if along is None:
+        return
+    for r in range(along.rows.function.size):
+        if not along.rows.holonomic[r]:
+            gap[along.rows.place[r, 0], along.rows.place[r, 1]] = 0.0
+
+
+@kernel
+def drive_work(
+    along: Along | None, t: float, dt: float, force: np.ndarray, work: np.ndarray
+) -> None:
+    """Add the work [J] over a time ``dt`` of the drives under the multipliers ``force`` (k, 3)."""
+    if along is None:
+        return
+    rows.drive_work(along.rows, along.laws, t, dt, force, along.row_column, work)
 
 
 @kernel

@@ -242,3 +242,44 @@ def work(
         if rows.law[r] >= 0:
             lam = multiplier(rows, bodies, reach, Z, r)
             total[column[r]] += lam * law_change(rows, laws, r, t, h)
+
+
+@kernel
+def drive_work(
+    rows: Rows,
+    laws: Laws,
+    t: float,
+    dt: float,
+    force: np.ndarray,
+    column: np.ndarray,
+    total: np.ndarray,
+) -> None:
+    """Add the work [J] of the multipliers ``force`` (k, 3) over a time ``dt`` at the rate that the
+    laws have at ``t``.
+    """
+    for r in range(rows.function.size):
+        if rows.law[r] >= 0:
+            lam = force[rows.place[r, 0], rows.place[r, 1]]
+            total[column[r]] += lam * law_rate(rows, laws, r, t) * dt
+
+
+@kernel
+def roll(rows: Rows, rate: np.ndarray, first: int, h: float, F: np.ndarray) -> None:
+    """Set the rows between rates to ``h`` times those of their quantities, ``rate`` (q,)."""
+    for r in range(rows.function.size):
+        if not rows.holonomic[r]:
+            c = h * rows.scale[r] * rows.coefficient[r, 0]
+            F[first + rows.place[r, 0], rows.place[r, 1]] = c * rate[rows.quantity[r, 0]]
+
+
+@kernel
+def roll_jacobian(rows: Rows, start: QuantityStart, by_rate: np.ndarray) -> None:
+    """Add the derivative of ``roll``, over h, by the rates."""
+    for r in range(rows.function.size):
+        if not rows.holonomic[r]:
+            c, q, slot = rows.scale[r] * rows.coefficient[r, 0], rows.quantity[r, 0], rows.place[r, 1]
+            for part in range(PARTS):
+                right = rows.gap_block[r, 0, part]
+                if right > 0:
+                    for i in range(3):
+                        by_rate[right + 3 * slot + i] += c * start.slope[q, part, i]

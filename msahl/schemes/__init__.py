@@ -34,10 +34,15 @@ def decaying(damping: float) -> Decay:
 SCHEMES: dict[str, Callable[[float], Decay]] = {
     "preserving": lambda damping: decaying(0.0),
     "decaying": decaying,
+    "gauss": lambda damping: decaying(0.0),
 }
 """Schemes a run can choose, by name, as functions of the damping; the first is the default."""
 DEFAULT = next(iter(SCHEMES))
 DAMPING = 0.5
 """Damping of a decaying scheme where none is given: 0 none, 1 all, of the quickest in one step."""
+HIGHER = "gauss"
+"""The scheme that has a degree."""
+DEGREE, HIGHEST = 3, 5
+"""Its degree s where none is given, and the largest; its order is 2 s."""
 WORKER = "scheme"
 """Name that the work of a decaying scheme goes by; loads and motions cannot have it."""

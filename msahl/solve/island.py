@@ -8,11 +8,12 @@ halves, these in halves again where needed, down to 2^-10 of it.
 import numpy as np
 
 from msahl.compiled import compiled
-from msahl.model import Model
+from msahl.model import Model, degree_of
 from msahl.schemes import preserving
-from msahl.solve import newton, station, step
+from msahl.solve import high, newton, station, step
 from msahl.solve.assembly import assemble
 from msahl.solve.freedom import constraint_rank, is_regular, shared_reactions
+from msahl.solve.high import new_high
 from msahl.solve.initial import make_consistent, solve_accelerations
 from msahl.solve.outcome import Outcome
 from msahl.solve.station import new_station
@@ -39,6 +40,9 @@ _take_newton = compiled(newton.take)
 _show = compiled(step.show)
 _publish = compiled(station.publish)
 _march_at_rows = compiled(station.march)
+_march_high = compiled(high.march)
+_take_high = compiled(high.take)
+_publish_high = compiled(high.publish)
 
 
 class Runner:
@@ -80,7 +84,9 @@ class Runner:
             state = state._replace(angle=np.zeros(quantity_count(system)))
         self.scene: Scene = new_scene(system, unknowns, state, chunk)
         preserving.prepare(system, state, self.scene.start)
-        self.station = new_station(system) if at_rows else None
+        degree = degree_of(model)
+        self.high = new_high(self.scene, degree) if degree else None
+        self.station = new_station(system) if at_rows and not degree else None
         self.large = free.size > LARGEST_DENSE
         self.begun = False
 
@@ -88,6 +94,8 @@ class Runner:
     def kind(self) -> str:
         """Which compiled step the island needs."""
         kind = "points" if self.scene.system.along is None else "along"
+        if self.high is not None:
+            return f"{kind}-high"
         return kind if self.station is None else f"{kind}-station"
 
     def show_start(self) -> None:
@@ -110,18 +118,27 @@ class Runner:
                 outcome = self._take_hard(h)
                 if not outcome.converged:
                     break
-                _show(self.scene, h, k, plan[k])
-                if self.station is not None and plan[k] >= 0:
-                    _publish(self.scene, self.station, plan[k])
+                self._show(h, k, int(plan[k]))
                 k += 1
             self.begun = True
         return k, outcome
 
     def _march(self, h: float, first: int, last: int, plan: np.ndarray) -> int:
         """As ``newton.march``, with the reactions the rows want."""
+        if self.high is not None:
+            return int(_march_high(self.high, h, first, last, plan))
         if self.station is None:
             return int(_march(self.scene, h, first, last, plan))
         return int(_march_at_rows(self.scene, self.station, h, first, last, plan))
+
+    def _show(self, h: float, step: int, row: int) -> None:
+        """As ``step.show``, with the reactions the rows want."""
+        if self.high is not None:
+            _publish_high(self.high, h, step, row)
+            return
+        _show(self.scene, h, step, row)
+        if self.station is not None and row >= 0:
+            _publish(self.scene, self.station, row)
 
     def _take_hard(self, h: float) -> Outcome:
         """One step by the reference solver, or all of it in smaller ones; else no step at all."""
@@ -130,11 +147,15 @@ class Runner:
         state = self.scene.state
         for trend in (state.a_trend, state.alpha_trend, state.force_trend):
             trend[:] = 0.0
+        if self.high is not None:
+            high.forget(self.high)
         outcome = self._take(h, MAX_HALVINGS, 1.0)
         if not outcome.converged:
             for array, value in zip(self.scene.state, before, strict=True):
                 array[:] = value
             preserving.prepare(self.scene.system, self.scene.state, self.scene.start)
+            if self.high is not None:
+                high.forget(self.high)
         return outcome
 
     def _take(self, h: float, halvings: int, share: float) -> Outcome:
@@ -147,9 +168,13 @@ class Runner:
 
     def _take_once(self, h: float, share: float) -> Outcome:
         if self.solver == "newton" or (self.solver == "auto" and self.large):
+            if self.high is not None:
+                return Outcome(*_take_high(self.high, h))
             return Outcome(*_take_newton(self.scene, h, share))
         # scipy.optimize is slow to import: only where it is called.
         from msahl.solve import root
 
         self.root_steps += 1
+        if self.high is not None:
+            return root.take_high(self.high, h)
         return root.take(self.scene, h, share)

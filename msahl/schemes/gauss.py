@@ -1,0 +1,622 @@
+"""The time element of degree s: Hamilton's principle with polynomials of degree s over a step.
+
+Places at the Lobatto nodes t_k of ``schemes.rule``, forces and inertia at its Gauss nodes, joint
+forces at the Lobatto nodes. Of each body and j = 1..s
+
+    z_j - h t_j v0 + h^2 sum_i alpha_ji a_i + h^2 sum_k chi_jk G_k^T lam_k / m          = 0
+    (h (sum_i beta_ji pi_i - t_j L0) + h^2 sum_i alpha_ji (dT/dc + H^T M)_i
+                                     + h^2 sum_k chi_jk H_k^T M_k(lam_k)) / (m l)       = 0
+    joints closed at t_1 ... t_s = 1;   those between rates at c_1 ... c_s
+
+with a = F/m, z = (u, l c): displacement from the start of the step and turn by the parameters c of
+``schemes.chart``. All is in metres, multipliers as in ``schemes.preserving``. The momenta at the
+end are the sums of the impulses; lam_s makes their velocities keep the joints closed.
+
+Elements are asked at one place at a time: a step of the lowest order that does not move has as
+discrete gradients the gradients themselves, and half their derivatives as its Jacobian.
+Source: see ``schemes.rule``; the chart of the rotation, the scaling and the treatment of equations
+between rates (at the Gauss nodes, with their forces at the Lobatto nodes) are ours.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.bodies.rigid import Bodies
+from msahl.forces import concentrated, drag
+from msahl.joints import along, coincide
+from msahl.joints.measure import add_block
+from msahl.kernel import kernel
+from msahl.rotation import compose, matrix, to_step_turn
+from msahl.schemes import chart, preserving
+from msahl.schemes.rule import Rule, new_rule
+from msahl.system.arrays import Start, State, System, body_count, new_start, node_count
+from msahl.vector import (
+    ZERO,
+    Matrix,
+    Vector,
+    accumulate,
+    add,
+    at,
+    axpy,
+    combine,
+    matrix_at,
+    product,
+    put,
+    put_matrix,
+    scale,
+    times,
+    transpose,
+)
+
+NOBODY, BODY, FORCE, GAP, BETWEEN = range(5)
+"""Kinds of a block: no unknown's; body by body, body by multiplier, gap by body, gap by multiplier."""
+
+
+class Stages(NamedTuple):
+    """Room for a step of degree s; nodes as in ``system.arrays``, blocks s x s behind each entry."""
+
+    rule: Rule
+    sort: np.ndarray  # (m,) kind of each block
+    linear: np.ndarray  # (9 m,) constant part of the joints' derivatives
+    rolling: np.ndarray  # (9 m,) whether the entry's row is one between rates
+    mobility: np.ndarray  # (n+1, 3, 3) inverse inertia, body axes
+    state: State  # of one node of time
+    start: Start  # likewise
+    turn: np.ndarray  # (n+1, 3) c at that node
+    turning: np.ndarray  # (n+1, 3) its rate
+    tangent: np.ndarray  # (n+1, 3, 3) H there
+    still: np.ndarray  # (nodes, 3) no displacement, the node's multipliers
+    moved: np.ndarray  # (nodes, 3) u and l Q up to the node, no multipliers
+    row: np.ndarray  # (nodes, 3) what acts at the node
+    gap: np.ndarray  # (nodes, 3) how open the joints are there
+    by_place: np.ndarray  # (9 m,) derivatives at the node
+    by_rate: np.ndarray  # (9 m,)
+    Z: np.ndarray  # (s, nodes, 3) z_1..z_s, multipliers 0..s-1
+    F: np.ndarray  # (s, nodes, 3) rows
+    impulse: np.ndarray  # (nodes, 3) change of momentum over the step, by mass
+    values: np.ndarray  # (9 m, s, s) the Jacobian
+    pull: np.ndarray  # (nodes,) largest part of a load along a quantity in the rows of a node [m]
+    rate: np.ndarray  # (s, nodes, 3) velocities at the Gauss nodes, inertial axes
+    before: np.ndarray  # (s, nodes, 3) last step's
+    reaction: np.ndarray  # (s, j, 6) joints' reactions at the Gauss nodes
+    step: np.ndarray  # (1,) size of the last step, 0 if there was none
+
+
+def new_stages(system: System, state: State, degree: int) -> Stages:
+    """Room for steps of ``degree`` from ``state``."""
+    n, nodes = body_count(system), (node_count(system), 3)
+    stages, vectors = (degree, *nodes), (n, 3)
+    node_state = State(*(array.copy() for array in state))
+    rolling = _rolling(system)
+    of_body = system.blocks < 2 * n
+    sort = np.select(
+        [of_body.all(axis=1), of_body[:, 0], of_body[:, 1]], [BODY, FORCE, GAP], BETWEEN
+    )
+    sort[0] = NOBODY
+    mobility = np.zeros((n, 3, 3))
+    mobility[:-1] = np.linalg.inv(system.bodies.inertia[:-1])
+    return Stages(
+        rule=new_rule(degree),
+        sort=sort.astype(np.int64),
+        linear=np.where(np.repeat(sort, 9) == BODY, 0.0, system.constant),
+        rolling=rolling,
+        mobility=mobility,
+        state=node_state,
+        start=new_start(system, node_state),
+        turn=np.zeros(vectors),
+        turning=np.zeros(vectors),
+        tangent=np.zeros((*vectors, 3)),
+        still=np.zeros(nodes),
+        moved=np.zeros(nodes),
+        row=np.zeros(nodes),
+        gap=np.zeros(nodes),
+        by_place=np.zeros_like(system.constant),
+        by_rate=np.zeros_like(system.constant),
+        Z=np.zeros(stages),
+        F=np.zeros(stages),
+        impulse=np.zeros(nodes),
+        values=np.zeros((system.constant.size, degree, degree)),
+        pull=np.zeros(nodes[0]),
+        rate=np.zeros(stages),
+        before=np.zeros(stages),
+        reaction=np.zeros((degree, *state.reaction.shape)),
+        step=np.zeros(1),
+    )
+
+
+def _rolling(system: System) -> np.ndarray:
+    """(9 m,) entries of the Jacobian in rows between rates."""
+    rows = np.zeros((node_count(system), 3), dtype=bool)
+    if system.along:
+        group = system.along.rows
+        place = group.place[~group.holonomic]
+        rows[2 * body_count(system) + place[:, 0], place[:, 1]] = True
+    return np.repeat(rows[system.blocks[:, 0]].reshape(-1), 3)
+
+
+@kernel
+def residual(system: System, state: State, start: Start, stages: Stages, h: float) -> None:
+    """Set ``stages.F`` to the rows of the step at ``stages.Z``, and the impulses."""
+    bodies, rule, Z, F = system.bodies, stages.rule, stages.Z, stages.F
+    for node in range(stages.impulse.shape[0]):
+        stages.pull[node] = 0.0
+        put(stages.impulse, node, ZERO)
+    for j in range(F.shape[0]):
+        way = h * rule.lobatto[j + 1]
+        for b in range(bodies.inverse_mass.size - 1):
+            put(F[j], 2 * b, axpy(-way, at(start.bodies.v, b), at(Z[j], 2 * b)))
+            put(F[j], 2 * b + 1, scale(-way, spin(bodies, start, b)))
+    for k in range(F.shape[0] + 1):
+        _go_to_node(system, state, stages, h, k)
+        if k > 0:
+            _close(system, state, start, stages, h, k)
+        if k < F.shape[0]:
+            _hold(system, stages, h, k)
+            _enter(system, stages, h * h, rule.chi[:, k], h * rule.node_weight[k])
+    for i in range(F.shape[0]):
+        go_to_load(system, state, stages, h, i)
+        _act(system, stages, i)
+        along.roll(system.along, stages.start.along, bodies, h, F[i])
+        _enter(system, stages, h * h, rule.alpha[:, i], h * rule.weight[i])
+        _turn(bodies, start, stages, h, i)
+
+
+@kernel
+def spin(bodies: Bodies, start: Start, b: int) -> Vector:
+    """Angular momentum of body ``b`` at the start, by mass and length [m/s]."""
+    L = times(matrix_at(start.bodies.J, b), at(start.bodies.W, b))
+    return scale(bodies.inverse_mass[b] / bodies.length[b], L)
+
+
+@kernel
+def _go_to_node(system: System, state: State, stages: Stages, h: float, k: int) -> None:
+    """Bring ``stages.start`` to Lobatto node ``k``; velocities are not asked for there."""
+    rule = stages.rule
+    _go(system, state, stages, h, rule.lobatto[k], rule.at_node[k], rule.at_node[0])
+
+
+@kernel
+def go_to_load(system: System, state: State, stages: Stages, h: float, i: int) -> None:
+    """Bring ``stages.start`` to Gauss node ``i``."""
+    rule = stages.rule
+    _go(system, state, stages, h, rule.gauss[i], rule.value[i], rule.slope[i])
+
+
+@kernel
+def _go(
+    system: System,
+    state: State,
+    stages: Stages,
+    h: float,
+    tau: float,
+    phi: np.ndarray,
+    slope: np.ndarray,
+) -> None:
+    """Bring ``stages.start`` to the part ``tau`` of the step, where the polynomials have the values
+    ``phi`` and the slopes ``slope``.
+    """
+    bodies, Z, node = system.bodies, stages.Z, stages.state
+    node.time[0] = state.time[0] + h * tau
+    for b in range(bodies.inverse_mass.size - 1):
+        u, lc, v, lc_dot = ZERO, ZERO, ZERO, ZERO
+        for j in range(phi.size):
+            u, lc = axpy(phi[j], at(Z[j], 2 * b), u), axpy(phi[j], at(Z[j], 2 * b + 1), lc)
+            rate = slope[j] / h
+            v, lc_dot = axpy(rate, at(Z[j], 2 * b), v), axpy(rate, at(Z[j], 2 * b + 1), lc_dot)
+        c = scale(1.0 / bodies.length[b], lc)
+        put(stages.turn, b, c)
+        put(stages.turning, b, scale(1.0 / bodies.length[b], lc_dot))
+        put_matrix(stages.tangent, b, chart.tangent(c))
+        put(stages.moved, 2 * b, u)
+        put(stages.moved, 2 * b + 1, scale(bodies.length[b], to_step_turn(c)))
+        put(node.x, b, add(at(state.x, b), u))
+        put(node.p, b, compose(c, at(state.p, b)))
+        put(node.v, b, v)
+    preserving.prepare(system, node, stages.start)
+    for b in range(bodies.inverse_mass.size - 1):
+        put(stages.start.bodies.W, b, times(matrix_at(stages.tangent, b), at(stages.turning, b)))
+    for q in range(node.angle.size):
+        node.angle[q] = state.angle[q]
+    along.count_turns(system.along, stages.start.along, node.angle)
+
+
+@kernel
+def _close(
+    system: System, state: State, start: Start, stages: Stages, h: float, k: int
+) -> None:
+    """Set the rows of the joints to their gaps at node ``k``, by increments from the start."""
+    bodies, gap = system.bodies, stages.gap
+    t, dt = state.time[0], h * stages.rule.lobatto[k]
+    coincide.residual(system.coincide, start.coincide, bodies, -1.0, stages.moved, gap)
+    along.hold(system.along, start.along, bodies, state.gap, t, dt, -1.0, stages.moved, gap)
+    for node in range(2 * bodies.inverse_mass.size, gap.shape[0]):
+        put(stages.F[k - 1], node, at(gap, node))
+
+
+@kernel
+def _hold(system: System, stages: Stages, h: float, k: int) -> None:
+    """Set ``stages.row`` to the accelerations by the joint forces at node ``k``."""
+    bodies, row, node = system.bodies, stages.row, stages.start
+    for n in range(row.shape[0]):
+        put(row, n, ZERO)
+    for n in range(2 * bodies.inverse_mass.size, row.shape[0]):
+        # The kernels of the lowest order make a force of an unknown by unit/reach; here reach = -1.
+        put(stages.still, n, scale(-2.0 / (h * h), at(stages.Z[k], n)))
+    coincide.residual(system.coincide, node.coincide, bodies, -1.0, stages.still, row)
+    along.hold(system.along, node.along, bodies, stages.state.gap, 0.0, 0.0, -1.0, stages.still, row)
+
+
+@kernel
+def _act(system: System, stages: Stages, i: int) -> None:
+    """Set ``stages.row`` to the accelerations by the loads at Gauss node ``i``."""
+    bodies, row, node = system.bodies, stages.row, stages.start
+    g = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
+    for b in range(bodies.inverse_mass.size):
+        put(row, 2 * b, g)
+        put(row, 2 * b + 1, ZERO)
+    v, W = node.bodies.v, node.bodies.W
+    time = stages.state.time[0]
+    concentrated.prepare(system.loads, system.laws, time, node.bodies.R, node.loads)
+    concentrated.free_acceleration(system.loads, node.loads, bodies, row)
+    drag.free_acceleration(system.drags, node.drag_arms, bodies, v, W, row)
+    along.free_load(
+        system.along, node.along, bodies, v, W, stages.reaction[i], stages.still, row
+    )
+
+
+@kernel
+def _enter(
+    system: System, stages: Stages, c: float, weights: np.ndarray, share: float
+) -> None:
+    """Add the node's accelerations, turned into the chart, to the rows and the impulses."""
+    bodies = system.bodies
+    along.strain(system.along, stages.start.along, c, stages.pull)
+    for b in range(bodies.inverse_mass.size - 1):
+        a = at(stages.row, 2 * b)
+        alpha = times(transpose(matrix_at(stages.tangent, b)), at(stages.row, 2 * b + 1))
+        for j in range(weights.size):
+            accumulate(stages.F[j], 2 * b, scale(c * weights[j], a))
+            accumulate(stages.F[j], 2 * b + 1, scale(c * weights[j], alpha))
+        accumulate(stages.impulse, 2 * b, scale(share, a))
+        accumulate(stages.impulse, 2 * b + 1, scale(share, alpha))
+
+
+@kernel
+def _turn(bodies: Bodies, start: Start, stages: Stages, h: float, i: int) -> None:
+    """Enter the inertia of the turns at Gauss node ``i``; keep the velocities there."""
+    rule = stages.rule
+    for b in range(bodies.inverse_mass.size - 1):
+        put(stages.rate[i], 2 * b, at(stages.state.v, b))
+        put(stages.rate[i], 2 * b + 1, at(stages.start.bodies.W, b))
+        c, c_dot = at(stages.turn, b), at(stages.turning, b)
+        z = times(matrix_at(start.bodies.J, b), chart.rate(c, c_dot))
+        z = scale(bodies.inverse_mass[b] / bodies.length[b], z)
+        pi = chart.momentum(c, z)
+        force = times(transpose(chart.rate_slope(c, c_dot)), z)
+        for j in range(rule.weight.size):
+            accumulate(stages.F[j], 2 * b + 1, scale(h * rule.beta[j, i], pi))
+            accumulate(stages.F[j], 2 * b + 1, scale(h * h * rule.alpha[j, i], force))
+        accumulate(stages.impulse, 2 * b + 1, scale(h * rule.weight[i], force))
+
+
+@kernel
+def jacobian(system: System, state: State, start: Start, stages: Stages, h: float) -> None:
+    """Set ``stages.values`` to the derivative of the rows by the unknowns at ``stages.Z``.
+
+    What a change of place does at a given rate is left out of dampers and equations between rates:
+    it is smaller by the turn of a step.
+    """
+    rule, bodies = stages.rule, system.bodies
+    s = rule.weight.size
+    _clear(system, stages)
+    for i in range(s):
+        go_to_load(system, state, stages, h, i)
+        _act(system, stages, i)
+        _act_jacobian(system, stages, i)
+        _into_chart(system, stages, stages.by_place)
+        _into_chart(system, stages, stages.by_rate)
+        _bend(bodies, stages)
+        _add_acting(stages, h, i)
+        _add_turning(bodies, start, stages, h, i)
+    for k in range(s + 1):
+        _go_to_node(system, state, stages, h, k)
+        _hold(system, stages, h, min(k, s - 1))
+        _hold_jacobian(system, stages)
+        _into_chart(system, stages, stages.by_place)
+        _bend(bodies, stages)
+        _add_held(stages, h, k)
+
+
+@kernel
+def _clear(system: System, stages: Stages) -> None:
+    """Set the Jacobian to the displacements in their own rows."""
+    values = stages.values
+    for e in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            for k in range(values.shape[2]):
+                values[e, j, k] = 0.0
+            if stages.sort[e // 9] == BODY:
+                values[e, j, j] = system.constant[e]
+
+
+@kernel
+def _hold_jacobian(system: System, stages: Stages) -> None:
+    """Set ``by_place`` to the derivative of ``_hold``, halved where bodies meet bodies, and of the
+    gaps.
+    """
+    values, node, bodies = stages.by_place, stages.start, system.bodies
+    for e in range(values.size):
+        values[e] = stages.linear[e]
+    coincide.jacobian(system.coincide, node.coincide, bodies, -1.0, stages.still, values)
+    along.hold_jacobian(system.along, node.along, bodies, -1.0, stages.still, values)
+
+
+@kernel
+def _act_jacobian(system: System, stages: Stages, i: int) -> None:
+    """Set ``by_place`` to half the derivative of ``_act``, ``by_rate`` to that by the rates."""
+    place, rate, node, bodies = stages.by_place, stages.by_rate, stages.start, system.bodies
+    for e in range(place.size):
+        place[e], rate[e] = 0.0, 0.0
+    v, W = node.bodies.v, node.bodies.W
+    concentrated.jacobian(system.loads, node.loads, bodies, -1.0, stages.still, place)
+    drag.free_jacobian(system.drags, node.drag_arms, bodies, v, W, place, rate)
+    along.free_jacobian(
+        system.along, node.along, bodies, stages.reaction[i], stages.still, place, rate
+    )
+
+
+@kernel
+def _into_chart(system: System, stages: Stages, values: np.ndarray) -> None:
+    """Bring the blocks of turns from inertial axes into the chart: H^T (.) H."""
+    first = 2 * system.bodies.inverse_mass.size
+    for m in range(1, stages.sort.size):
+        row, column = system.blocks[m, 0], system.blocks[m, 1]
+        turned_row, turned_column = row < first and row % 2 == 1, column < first and column % 2 == 1
+        if not (turned_row or turned_column):
+            continue
+        M = block_at(values, m)
+        if turned_row:
+            M = product(transpose(matrix_at(stages.tangent, row // 2)), M)
+        if turned_column:
+            M = product(M, matrix_at(stages.tangent, column // 2))
+        for i in range(3):
+            for j in range(3):
+                values[9 * m + 3 * i + j] = M[i][j]
+
+
+@kernel
+def block_at(values: np.ndarray, m: int) -> Matrix:
+    """Block ``m``."""
+    e = 9 * m
+    return (
+        (values[e], values[e + 1], values[e + 2]),
+        (values[e + 3], values[e + 4], values[e + 5]),
+        (values[e + 6], values[e + 7], values[e + 8]),
+    )
+
+
+@kernel
+def _bend(bodies: Bodies, stages: Stages) -> None:
+    """Add to ``by_place`` half of what the change of H does to the moments of ``stages.row``."""
+    for b in range(bodies.inverse_mass.size - 1):
+        slope = chart.rate_slope(at(stages.turn, b), at(stages.row, 2 * b + 1))
+        add_block(stages.by_place, bodies.block[b], 0.5 / bodies.length[b], slope)
+
+
+@kernel
+def _add_held(stages: Stages, h: float, k: int) -> None:
+    """Take the derivatives of the joints at Lobatto node ``k`` into the Jacobian."""
+    values, chi = stages.values, stages.rule.chi
+    s = chi.shape[0]
+    for e in range(9, stages.by_place.size):
+        sort, value = stages.sort[e // 9], stages.by_place[e]
+        if value == 0.0:
+            continue
+        if sort == GAP:
+            if k > 0 and not stages.rolling[e]:
+                values[e, k - 1, k - 1] = value
+        elif k < s:
+            if sort == BODY:
+                if k > 0:
+                    for j in range(s):
+                        values[e, j, k - 1] += 2.0 * h * h * chi[j, k] * value
+            else:
+                for j in range(s):
+                    values[e, j, k] -= 2.0 * chi[j, k] * value
+
+
+@kernel
+def _add_acting(stages: Stages, h: float, i: int) -> None:
+    """Take the derivatives of the loads at Gauss node ``i`` into the Jacobian."""
+    values, rule = stages.values, stages.rule
+    s = rule.weight.size
+    for e in range(9, stages.by_place.size):
+        place, rate = 2.0 * h * h * stages.by_place[e], h * stages.by_rate[e]
+        if place == 0.0 and rate == 0.0:
+            continue
+        for k in range(s):
+            total = place * rule.value[i, k] + rate * rule.slope[i, k]
+            if stages.sort[e // 9] == GAP:
+                values[e, i, k] += stages.by_rate[e] * rule.slope[i, k]
+            else:
+                for j in range(s):
+                    values[e, j, k] += rule.alpha[j, i] * total
+
+
+@kernel
+def _add_turning(bodies: Bodies, start: Start, stages: Stages, h: float, i: int) -> None:
+    """Take the derivatives of the inertia of the turns at Gauss node ``i`` into the Jacobian."""
+    values, rule = stages.values, stages.rule
+    s = rule.weight.size
+    for b in range(bodies.inverse_mass.size - 1):
+        c, c_dot = at(stages.turn, b), at(stages.turning, b)
+        J, H = matrix_at(start.bodies.J, b), matrix_at(stages.tangent, b)
+        z = times(J, chart.rate(c, c_dot))
+        by_c = chart.rate_slope(c, c_dot)
+        mass = product(H, product(J, transpose(H)))
+        pi_c = combine(1.0, product(H, product(J, by_c)), chart.momentum_slope(c, z))
+        force_c = product(transpose(by_c), product(J, by_c))
+        force_c = combine(1.0, chart.curvature(c, z, c_dot), force_c)
+        scaled = bodies.inverse_mass[b] / bodies.length[b] ** 2
+        for k in range(s):
+            phi, rate = scaled * rule.value[i, k], scaled * rule.slope[i, k] / h
+            for p in range(3):
+                for q in range(3):
+                    pi = pi_c[p][q] * phi + mass[p][q] * rate
+                    force = force_c[p][q] * phi + pi_c[q][p] * rate
+                    e = bodies.block[b] + 3 * p + q
+                    for j in range(s):
+                        values[e, j, k] += h * rule.beta[j, i] * pi
+                        values[e, j, k] += h * h * rule.alpha[j, i] * force
+
+
+@kernel
+def predict(system: System, state: State, start: Start, stages: Stages, h: float) -> None:
+    """First guess: velocities and multipliers go on as the polynomials of the last step.
+
+    Without a step of this size before, the accelerations and multipliers of the ``state`` stay.
+    """
+    rule, Z, bodies = stages.rule, stages.Z, system.bodies
+    first, s = 2 * bodies.inverse_mass.size, rule.weight.size
+    follows = stages.step[0] == h
+    for node in range(first, stages.row.shape[0]):
+        for i in range(3):
+            force = state.force[node - first, i] * 0.5 * h * h / system.unit[node - first, i]
+            for k in range(s):
+                stages.F[k, node, i] = force
+                if follows:
+                    stages.F[k, node, i] = 0.0
+                    for j in range(s):
+                        stages.F[k, node, i] += rule.ahead_nodes[k, j] * Z[j, node, i]
+            for k in range(s):
+                Z[k, node, i] = stages.F[k, node, i]
+    for b in range(bodies.inverse_mass.size - 1):
+        v, W = at(start.bodies.v, b), at(start.bodies.W, b)
+        for i in range(s):
+            way = h * rule.gauss[i]
+            v_i, W_i = axpy(way, at(state.a, b), v), axpy(way, at(state.alpha, b), W)
+            if follows:
+                v_i, W_i = scale(rule.ahead[i, s], v), scale(rule.ahead[i, s], W)
+                for j in range(s):
+                    v_i = axpy(rule.ahead[i, j], at(stages.before[j], 2 * b), v_i)
+                    W_i = axpy(rule.ahead[i, j], at(stages.before[j], 2 * b + 1), W_i)
+            put(stages.rate[i], 2 * b, v_i)
+            put(stages.rate[i], 2 * b + 1, W_i)
+        _integrate(system, start, stages, h, b)
+
+
+SWEEPS = 3
+"""Of the guess's turns: each gains a power of the turn over a step."""
+
+
+@kernel
+def _integrate(system: System, start: Start, stages: Stages, h: float, b: int) -> None:
+    """Set the places of body ``b`` at the Lobatto nodes from its velocities at the Gauss nodes."""
+    rule, Z, bodies = stages.rule, stages.Z, system.bodies
+    s, l = rule.weight.size, bodies.length[b]
+    for j in range(s):
+        put(Z[j], 2 * b + 1, ZERO)
+        u = ZERO
+        for i in range(s):
+            u = axpy(h * rule.integral[j, i], at(stages.rate[i], 2 * b), u)
+        if bodies.ballistic[b]:
+            # That displacement need not be solved for: here it is exact.
+            way, g = h * rule.lobatto[j + 1], bodies.gravity
+            u = axpy(0.5 * way * way, (g[0], g[1], g[2]), scale(way, at(start.bodies.v, b)))
+        put(Z[j], 2 * b, u)
+    for _ in range(SWEEPS):
+        for i in range(s):
+            c = ZERO
+            for j in range(s):
+                c = axpy(rule.value[i, j] / l, at(Z[j], 2 * b + 1), c)
+            # The rows serve as room.
+            put(stages.F[i], 2 * b, chart.parameter_rate(c, at(stages.rate[i], 2 * b + 1)))
+        for j in range(s):
+            c = ZERO
+            for i in range(s):
+                c = axpy(h * l * rule.integral[j, i], at(stages.F[i], 2 * b), c)
+            put(Z[j], 2 * b + 1, c)
+
+
+@kernel
+def step_size(system: System, start: Start, stages: Stages, h: float) -> float:
+    """The step's own length [m], by which a residual is judged: its largest term."""
+    largest = 0.0
+    for k in range(stages.Z.shape[0]):
+        largest = max(largest, preserving.step_size(system, start, h, stages.Z[k]))
+    return largest
+
+
+@kernel
+def accept(system: System, state: State, start: Start, stages: Stages, h: float) -> None:
+    """Advance ``state`` by the solved step, evaluated last; velocities still open the joints."""
+    bodies, s = system.bodies, stages.rule.weight.size
+    if state.work.size > 0:
+        _work(system, state, stages, h)
+    for b in range(bodies.inverse_mass.size - 1):
+        u = at(stages.Z[s - 1], 2 * b)
+        c = scale(1.0 / bodies.length[b], at(stages.Z[s - 1], 2 * b + 1))
+        pi = add(spin(bodies, start, b), at(stages.impulse, 2 * b + 1))
+        L = scale(bodies.length[b] / bodies.inverse_mass[b], chart.moment(c, pi))
+        for i in range(3):
+            total = state.x[b, i] + (u[i] + state.x_low[b, i])
+            state.x_low[b, i] += u[i] - (total - state.x[b, i])
+            state.x[b, i] = total
+        p = compose(c, at(state.p, b))
+        put(state.p, b, p)
+        put(state.v, b, add(at(start.bodies.v, b), at(stages.impulse, 2 * b)))
+        put(state.w, b, times(matrix_at(stages.mobility, b), times(transpose(matrix(p)), L)))
+        for i in range(s):
+            put(stages.before[i], 2 * b, at(stages.rate[i], 2 * b))
+            put(stages.before[i], 2 * b + 1, at(stages.rate[i], 2 * b + 1))
+    first = 2 * bodies.inverse_mass.size
+    for k in range(state.gap.shape[0]):
+        put(state.gap, k, at(stages.F[s - 1], first + k))
+    along.settle(system.along, state.gap)
+    state.time[0] += h
+    stages.step[0] = h
+    settle(system, state, start)
+
+
+@kernel
+def settle(system: System, state: State, start: Start) -> None:
+    """Prepare ``start``, and count the angles on."""
+    preserving.prepare(system, state, start)
+    along.count_turns(system.along, start.along, state.angle)
+
+
+@kernel
+def _work(system: System, state: State, stages: Stages, h: float) -> None:
+    """Add the work of the loads, by Gauss's rule, and of the drives up to node s - 1."""
+    rule = stages.rule
+    for i in range(rule.weight.size):
+        go_to_load(system, state, stages, h, i)
+        _act(system, stages, i)
+        node, dt = stages.start, h * rule.weight[i]
+        v, W = node.bodies.v, node.bodies.W
+        loads, drags = system.loads, system.drags
+        concentrated.free_work(loads, node.loads, v, W, dt, system.load_column, state.work)
+        drag.free_work(drags, node.drag_arms, v, W, dt, system.drag_column, state.work)
+        along.free_work(system.along, node.along, stages.reaction[i], dt, state.work)
+        drive(system, state, stages.Z[i], 2.0 / (h * h), h, rule.lobatto[i], rule.node_weight[i])
+
+
+@kernel
+def drive(
+    system: System,
+    state: State,
+    Z: np.ndarray,
+    c: float,
+    h: float,
+    tau: float,
+    weight: float,
+) -> None:
+    """Add the work of the drives at the part ``tau`` of the step, under ``c`` times the multipliers
+    in ``Z`` (nodes, 3).
+    """
+    first = 2 * system.bodies.inverse_mass.size
+    for k in range(state.force.shape[0]):
+        for i in range(3):
+            state.force[k, i] = c * Z[first + k, i] * system.unit[k, i]
+    along.drive_work(system.along, state.time[0] + h * tau, h * weight, state.force, state.work)
