@@ -252,12 +252,22 @@ def free_jacobian(
 
 
 @kernel
-def free_work(
-    along: Along | None, start: AlongStart, reaction: np.ndarray, dt: float, work: np.ndarray
+def act(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
+    reaction: np.ndarray,
+    dt: float,
+    Z: np.ndarray,
+    F: np.ndarray,
+    work: np.ndarray,
 ) -> None:
-    """Add the work [J] of dampers and friction over a time ``dt``, after ``free_load``."""
+    """As ``free_load``; adds the work [J] of dampers and friction over a time ``dt``."""
     if along is None:
         return
+    free_load(along, start, bodies, v, W, reaction, Z, F)
     spring.free_work(along.springs, start.rate, dt, along.spring_column, work)
     friction.free_work(along.frictions, reaction, start.rate, dt, along.friction_column, work)
 
@@ -270,17 +280,16 @@ def hold(
     gap: np.ndarray,
     t: float,
     h: float,
-    reach: float,
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """As ``residual`` of the rows alone: no springs, no friction."""
+    """As ``residual`` of the rows alone, with a reach of -1: their forces are added, by mass."""
     if along is None:
         return
     q = start.quantities
     quantity.evaluate(along.quantities, q, bodies, Z)
-    rows.residual(along.rows, along.laws, q, bodies, gap, t, h, reach, Z, F)
-    quantity.push(along.quantities, q, bodies, reach, F)
+    rows.residual(along.rows, along.laws, q, bodies, gap, t, h, -1.0, Z, F)
+    quantity.push(along.quantities, q, bodies, -1.0, F)
 
 
 @kernel
@@ -288,15 +297,14 @@ def hold_jacobian(
     along: Along | None,
     start: AlongStart,
     bodies: Bodies,
-    reach: float,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
     """Add the derivative of ``hold``, after it at the same ``Z``."""
     if along is None:
         return
-    joint_jacobian(along, start, bodies, reach, Z, values)
-    quantity.stiffness(along.quantities, start.quantities, bodies, reach, Z, values)
+    joint_jacobian(along, start, bodies, -1.0, Z, values)
+    quantity.stiffness(along.quantities, start.quantities, bodies, -1.0, Z, values)
 
 
 @kernel
@@ -319,14 +327,6 @@ def roll(
 
 
 @kernel
-def has_friction(along: Along | None) -> bool:
-    """Whether friction acts, whose size takes the joints' reactions."""
-    if along is None:
-        return False
-    return along.frictions.quantity.size > 0
-
-
-@kernel
 def settle(along: Along | None, gap: np.ndarray) -> None:
     """Take from the ``gap`` (k, 3) left by a step what is of rows between rates: they have none."""
     if along is None:
@@ -338,12 +338,14 @@ def settle(along: Along | None, gap: np.ndarray) -> None:
 
 @kernel
 def drive_work(
-    along: Along | None, t: float, dt: float, force: np.ndarray, work: np.ndarray
+    along: Along | None, bodies: Bodies, t: float, dt: float, Z: np.ndarray, work: np.ndarray
 ) -> None:
-    """Add the work [J] over a time ``dt`` of the drives under the multipliers ``force`` (k, 3)."""
+    """Add the work [J] of the drives over a time ``dt`` at the rates of ``t``; the multipliers in
+    ``Z`` are by mass.
+    """
     if along is None:
         return
-    rows.drive_work(along.rows, along.laws, t, dt, force, along.row_column, work)
+    rows.drive_work(along.rows, along.laws, bodies, t, dt, Z, along.row_column, work)
 
 
 @kernel

@@ -248,18 +248,19 @@ def work(
 def drive_work(
     rows: Rows,
     laws: Laws,
+    bodies: Bodies,
     t: float,
     dt: float,
-    force: np.ndarray,
+    Z: np.ndarray,
     column: np.ndarray,
     total: np.ndarray,
 ) -> None:
-    """Add the work [J] of the multipliers ``force`` (k, 3) over a time ``dt`` at the rate that the
-    laws have at ``t``.
+    """Add the drives' work [J] over a time ``dt`` at the rates that their laws have at ``t``; the
+    unknowns ``Z`` are the multipliers over their mass and scale.
     """
     for r in range(rows.function.size):
         if rows.law[r] >= 0:
-            lam = force[rows.place[r, 0], rows.place[r, 1]]
+            lam = multiplier(rows, bodies, 1.0, Z, r)
             total[column[r]] += lam * law_rate(rows, laws, r, t) * dt
 
 

@@ -45,6 +45,7 @@ from msahl.vector import (
     put,
     put_matrix,
     scale,
+    sub,
     times,
     transpose,
 )
@@ -75,6 +76,7 @@ class Stages(NamedTuple):
     Z: np.ndarray  # (s, nodes, 3) z_1..z_s, multipliers 0..s-1
     F: np.ndarray  # (s, nodes, 3) rows
     impulse: np.ndarray  # (nodes, 3) change of momentum over the step, by mass
+    work: np.ndarray  # (w,) over the step [J]
     values: np.ndarray  # (9 m, s, s) the Jacobian
     pull: np.ndarray  # (nodes,) largest part of a load along a quantity in the rows of a node [m]
     rate: np.ndarray  # (s, nodes, 3) velocities at the Gauss nodes, inertial axes
@@ -116,6 +118,7 @@ def new_stages(system: System, state: State, degree: int) -> Stages:
         Z=np.zeros(stages),
         F=np.zeros(stages),
         impulse=np.zeros(nodes),
+        work=np.zeros_like(state.work),
         values=np.zeros((system.constant.size, degree, degree)),
         pull=np.zeros(nodes[0]),
         rate=np.zeros(stages),
@@ -136,30 +139,75 @@ def _rolling(system: System) -> np.ndarray:
 
 
 @kernel
-def residual(system: System, state: State, start: Start, stages: Stages, h: float) -> None:
-    """Set ``stages.F`` to the rows of the step at ``stages.Z``, and the impulses."""
-    bodies, rule, Z, F = system.bodies, stages.rule, stages.Z, stages.F
+def evaluate(
+    system: System,
+    state: State,
+    start: Start,
+    stages: Stages,
+    h: float,
+    new: bool,
+    fresh: bool,
+) -> float:
+    """Set ``stages.F`` to the rows of the step at ``stages.Z``, which is guessed if it is ``new``,
+    and impulses and work; where ``fresh``, ``stages.values`` to their derivative as well. Returns
+    the step's own length [m], by which a residual is judged: its largest term.
+
+    What a change of place does at a given rate is left out of the derivatives of dampers and of
+    equations between rates: it is smaller by the turn of a step.
+    """
+    s = stages.rule.weight.size
+    if new:
+        predict(system, state, start, stages, h)
+    _begin(system, start, stages, h, fresh)
+    for n in range(2 * s + 1):
+        held, k, i = n <= s, min(n, s - 1), max(n - s - 1, 0)
+        go(system, state, stages, h, n)
+        if held:
+            _close(system, state, start, stages, h, n)
+            _hold(system, stages, h, k, stages.rule.node_weight[k] if n < s else 0.0)
+        else:
+            _act(system, stages, h, i)
+            _turn(system.bodies, start, stages, h, i)
+        if n != s:
+            _enter(system, stages, h, n)
+        if fresh:
+            if held:
+                _hold_jacobian(system, stages)
+            else:
+                _act_jacobian(system, stages, i)
+                _add_turning(system.bodies, start, stages, h, i)
+            _into_chart(system, stages)
+            if held:
+                _add_held(stages, h, n)
+            else:
+                _add_acting(stages, h, i)
+    length = 0.0
+    for k in range(s):
+        length = max(length, preserving.step_size(system, start, h, stages.Z[k]))
+    return length
+
+
+@kernel
+def _begin(system: System, start: Start, stages: Stages, h: float, fresh: bool) -> None:
+    """Set the rows to what they are without any force, and clear what is summed up."""
+    bodies, F, values = system.bodies, stages.F, stages.values
     for node in range(stages.impulse.shape[0]):
         stages.pull[node] = 0.0
         put(stages.impulse, node, ZERO)
+    for w in range(stages.work.size):
+        stages.work[w] = 0.0
     for j in range(F.shape[0]):
-        way = h * rule.lobatto[j + 1]
+        way = h * stages.rule.lobatto[j + 1]
         for b in range(bodies.inverse_mass.size - 1):
-            put(F[j], 2 * b, axpy(-way, at(start.bodies.v, b), at(Z[j], 2 * b)))
+            put(F[j], 2 * b, axpy(-way, at(start.bodies.v, b), at(stages.Z[j], 2 * b)))
             put(F[j], 2 * b + 1, scale(-way, spin(bodies, start, b)))
-    for k in range(F.shape[0] + 1):
-        _go_to_node(system, state, stages, h, k)
-        if k > 0:
-            _close(system, state, start, stages, h, k)
-        if k < F.shape[0]:
-            _hold(system, stages, h, k)
-            _enter(system, stages, h * h, rule.chi[:, k], h * rule.node_weight[k])
-    for i in range(F.shape[0]):
-        go_to_load(system, state, stages, h, i)
-        _act(system, stages, i)
-        along.roll(system.along, stages.start.along, bodies, h, F[i])
-        _enter(system, stages, h * h, rule.alpha[:, i], h * rule.weight[i])
-        _turn(bodies, start, stages, h, i)
+    if fresh:
+        for e in range(values.shape[0]):
+            for j in range(values.shape[1]):
+                for k in range(values.shape[2]):
+                    values[e, j, k] = 0.0
+                if stages.sort[e // 9] == BODY:
+                    values[e, j, j] = system.constant[e]
 
 
 @kernel
@@ -170,32 +218,15 @@ def spin(bodies: Bodies, start: Start, b: int) -> Vector:
 
 
 @kernel
-def _go_to_node(system: System, state: State, stages: Stages, h: float, k: int) -> None:
-    """Bring ``stages.start`` to Lobatto node ``k``; velocities are not asked for there."""
-    rule = stages.rule
-    _go(system, state, stages, h, rule.lobatto[k], rule.at_node[k], rule.at_node[0])
+def go(system: System, state: State, stages: Stages, h: float, n: int) -> None:
+    """Bring ``stages.start`` to node ``n``: 0..s are Lobatto's, those after are Gauss's.
 
-
-@kernel
-def go_to_load(system: System, state: State, stages: Stages, h: float, i: int) -> None:
-    """Bring ``stages.start`` to Gauss node ``i``."""
-    rule = stages.rule
-    _go(system, state, stages, h, rule.gauss[i], rule.value[i], rule.slope[i])
-
-
-@kernel
-def _go(
-    system: System,
-    state: State,
-    stages: Stages,
-    h: float,
-    tau: float,
-    phi: np.ndarray,
-    slope: np.ndarray,
-) -> None:
-    """Bring ``stages.start`` to the part ``tau`` of the step, where the polynomials have the values
-    ``phi`` and the slopes ``slope``.
+    Velocities are not asked for at the first and are zero there.
     """
+    rule, s = stages.rule, stages.rule.weight.size
+    tau, phi, slope = rule.lobatto[min(n, s)], rule.at_node[min(n, s)], rule.at_node[0]
+    if n > s:
+        tau, phi, slope = rule.gauss[n - s - 1], rule.value[n - s - 1], rule.slope[n - s - 1]
     bodies, Z, node = system.bodies, stages.Z, stages.state
     node.time[0] = state.time[0] + h * tau
     for b in range(bodies.inverse_mass.size - 1):
@@ -222,62 +253,73 @@ def _go(
 
 
 @kernel
-def _close(
-    system: System, state: State, start: Start, stages: Stages, h: float, k: int
-) -> None:
+def _close(system: System, state: State, start: Start, stages: Stages, h: float, k: int) -> None:
     """Set the rows of the joints to their gaps at node ``k``, by increments from the start."""
+    if k == 0:
+        return
     bodies, gap = system.bodies, stages.gap
     t, dt = state.time[0], h * stages.rule.lobatto[k]
     coincide.residual(system.coincide, start.coincide, bodies, -1.0, stages.moved, gap)
-    along.hold(system.along, start.along, bodies, state.gap, t, dt, -1.0, stages.moved, gap)
+    along.hold(system.along, start.along, bodies, state.gap, t, dt, stages.moved, gap)
     for node in range(2 * bodies.inverse_mass.size, gap.shape[0]):
         put(stages.F[k - 1], node, at(gap, node))
 
 
 @kernel
-def _hold(system: System, stages: Stages, h: float, k: int) -> None:
-    """Set ``stages.row`` to the accelerations by the joint forces at node ``k``."""
+def _hold(system: System, stages: Stages, h: float, k: int, weight: float) -> None:
+    """Set ``stages.row`` to the accelerations by the multipliers of node ``k``; add the drives'
+    work, over a ``weight`` of the step.
+    """
     bodies, row, node = system.bodies, stages.row, stages.start
+    first = 2 * bodies.inverse_mass.size
     for n in range(row.shape[0]):
         put(row, n, ZERO)
-    for n in range(2 * bodies.inverse_mass.size, row.shape[0]):
+    for n in range(first, row.shape[0]):
         # The kernels of the lowest order make a force of an unknown by unit/reach; here reach = -1.
         put(stages.still, n, scale(-2.0 / (h * h), at(stages.Z[k], n)))
     coincide.residual(system.coincide, node.coincide, bodies, -1.0, stages.still, row)
-    along.hold(system.along, node.along, bodies, stages.state.gap, 0.0, 0.0, -1.0, stages.still, row)
+    gap, t = stages.state.gap, stages.state.time[0]
+    along.hold(system.along, node.along, bodies, gap, 0.0, 0.0, stages.still, row)
+    along.drive_work(system.along, bodies, t, -h * weight, stages.still, stages.work)
 
 
 @kernel
-def _act(system: System, stages: Stages, i: int) -> None:
-    """Set ``stages.row`` to the accelerations by the loads at Gauss node ``i``."""
+def _act(system: System, stages: Stages, h: float, i: int) -> None:
+    """Set ``stages.row`` to the accelerations by the loads at Gauss node ``i``, and the rows between
+    rates; add the loads' work.
+    """
     bodies, row, node = system.bodies, stages.row, stages.start
     g = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
     for b in range(bodies.inverse_mass.size):
         put(row, 2 * b, g)
         put(row, 2 * b + 1, ZERO)
-    v, W = node.bodies.v, node.bodies.W
-    time = stages.state.time[0]
-    concentrated.prepare(system.loads, system.laws, time, node.bodies.R, node.loads)
-    concentrated.free_acceleration(system.loads, node.loads, bodies, row)
-    drag.free_acceleration(system.drags, node.drag_arms, bodies, v, W, row)
-    along.free_load(
-        system.along, node.along, bodies, v, W, stages.reaction[i], stages.still, row
+    v, W, t, dt = node.bodies.v, node.bodies.W, stages.state.time[0], h * stages.rule.weight[i]
+    loads, drags, work = system.loads, system.drags, stages.work
+    concentrated.prepare(loads, system.laws, t, node.bodies.R, node.loads)
+    concentrated.free_acceleration(loads, node.loads, bodies, row)
+    concentrated.free_work(loads, node.loads, v, W, dt, system.load_column, work)
+    drag.free_acceleration(drags, node.drag_arms, bodies, v, W, row)
+    drag.free_work(drags, node.drag_arms, v, W, dt, system.drag_column, work)
+    along.act(
+        system.along, node.along, bodies, v, W, stages.reaction[i], dt, stages.still, row, work
     )
+    along.roll(system.along, node.along, bodies, h, stages.F[i])
 
 
 @kernel
-def _enter(
-    system: System, stages: Stages, c: float, weights: np.ndarray, share: float
-) -> None:
+def _enter(system: System, stages: Stages, h: float, n: int) -> None:
     """Add the node's accelerations, turned into the chart, to the rows and the impulses."""
-    bodies = system.bodies
-    along.strain(system.along, stages.start.along, c, stages.pull)
+    bodies, rule, s = system.bodies, stages.rule, stages.rule.weight.size
+    weights, share = rule.chi[:, min(n, s - 1)], h * rule.node_weight[min(n, s)]
+    if n > s:
+        weights, share = rule.alpha[:, n - s - 1], h * rule.weight[n - s - 1]
+    along.strain(system.along, stages.start.along, h * h, stages.pull)
     for b in range(bodies.inverse_mass.size - 1):
         a = at(stages.row, 2 * b)
         alpha = times(transpose(matrix_at(stages.tangent, b)), at(stages.row, 2 * b + 1))
-        for j in range(weights.size):
-            accumulate(stages.F[j], 2 * b, scale(c * weights[j], a))
-            accumulate(stages.F[j], 2 * b + 1, scale(c * weights[j], alpha))
+        for j in range(s):
+            accumulate(stages.F[j], 2 * b, scale(h * h * weights[j], a))
+            accumulate(stages.F[j], 2 * b + 1, scale(h * h * weights[j], alpha))
         accumulate(stages.impulse, 2 * b, scale(share, a))
         accumulate(stages.impulse, 2 * b + 1, scale(share, alpha))
 
@@ -301,46 +343,6 @@ def _turn(bodies: Bodies, start: Start, stages: Stages, h: float, i: int) -> Non
 
 
 @kernel
-def jacobian(system: System, state: State, start: Start, stages: Stages, h: float) -> None:
-    """Set ``stages.values`` to the derivative of the rows by the unknowns at ``stages.Z``.
-
-    What a change of place does at a given rate is left out of dampers and equations between rates:
-    it is smaller by the turn of a step.
-    """
-    rule, bodies = stages.rule, system.bodies
-    s = rule.weight.size
-    _clear(system, stages)
-    for i in range(s):
-        go_to_load(system, state, stages, h, i)
-        _act(system, stages, i)
-        _act_jacobian(system, stages, i)
-        _into_chart(system, stages, stages.by_place)
-        _into_chart(system, stages, stages.by_rate)
-        _bend(bodies, stages)
-        _add_acting(stages, h, i)
-        _add_turning(bodies, start, stages, h, i)
-    for k in range(s + 1):
-        _go_to_node(system, state, stages, h, k)
-        _hold(system, stages, h, min(k, s - 1))
-        _hold_jacobian(system, stages)
-        _into_chart(system, stages, stages.by_place)
-        _bend(bodies, stages)
-        _add_held(stages, h, k)
-
-
-@kernel
-def _clear(system: System, stages: Stages) -> None:
-    """Set the Jacobian to the displacements in their own rows."""
-    values = stages.values
-    for e in range(values.shape[0]):
-        for j in range(values.shape[1]):
-            for k in range(values.shape[2]):
-                values[e, j, k] = 0.0
-            if stages.sort[e // 9] == BODY:
-                values[e, j, j] = system.constant[e]
-
-
-@kernel
 def _hold_jacobian(system: System, stages: Stages) -> None:
     """Set ``by_place`` to the derivative of ``_hold``, halved where bodies meet bodies, and of the
     gaps.
@@ -349,7 +351,7 @@ def _hold_jacobian(system: System, stages: Stages) -> None:
     for e in range(values.size):
         values[e] = stages.linear[e]
     coincide.jacobian(system.coincide, node.coincide, bodies, -1.0, stages.still, values)
-    along.hold_jacobian(system.along, node.along, bodies, -1.0, stages.still, values)
+    along.hold_jacobian(system.along, node.along, bodies, stages.still, values)
 
 
 @kernel
@@ -367,22 +369,30 @@ def _act_jacobian(system: System, stages: Stages, i: int) -> None:
 
 
 @kernel
-def _into_chart(system: System, stages: Stages, values: np.ndarray) -> None:
-    """Bring the blocks of turns from inertial axes into the chart: H^T (.) H."""
+def _into_chart(system: System, stages: Stages) -> None:
+    """Bring the derivatives by and of turns from inertial axes into the chart: H^T (.) H, and half
+    of what the change of H does to the moments of ``stages.row``.
+    """
     first = 2 * system.bodies.inverse_mass.size
     for m in range(1, stages.sort.size):
         row, column = system.blocks[m, 0], system.blocks[m, 1]
         turned_row, turned_column = row < first and row % 2 == 1, column < first and column % 2 == 1
         if not (turned_row or turned_column):
             continue
-        M = block_at(values, m)
-        if turned_row:
-            M = product(transpose(matrix_at(stages.tangent, row // 2)), M)
-        if turned_column:
-            M = product(M, matrix_at(stages.tangent, column // 2))
-        for i in range(3):
-            for j in range(3):
-                values[9 * m + 3 * i + j] = M[i][j]
+        for part in range(2):
+            values = stages.by_place if part == 0 else stages.by_rate
+            M = block_at(values, m)
+            if turned_row:
+                M = product(transpose(matrix_at(stages.tangent, row // 2)), M)
+            if turned_column:
+                M = product(M, matrix_at(stages.tangent, column // 2))
+            for i in range(3):
+                for j in range(3):
+                    values[9 * m + 3 * i + j] = M[i][j]
+    for b in range(system.bodies.inverse_mass.size - 1):
+        slope = chart.rate_slope(at(stages.turn, b), at(stages.row, 2 * b + 1))
+        block = system.bodies.block[b]
+        add_block(stages.by_place, block, 0.5 / system.bodies.length[b], slope)
 
 
 @kernel
@@ -394,14 +404,6 @@ def block_at(values: np.ndarray, m: int) -> Matrix:
         (values[e + 3], values[e + 4], values[e + 5]),
         (values[e + 6], values[e + 7], values[e + 8]),
     )
-
-
-@kernel
-def _bend(bodies: Bodies, stages: Stages) -> None:
-    """Add to ``by_place`` half of what the change of H does to the moments of ``stages.row``."""
-    for b in range(bodies.inverse_mass.size - 1):
-        slope = chart.rate_slope(at(stages.turn, b), at(stages.row, 2 * b + 1))
-        add_block(stages.by_place, bodies.block[b], 0.5 / bodies.length[b], slope)
 
 
 @kernel
@@ -484,6 +486,7 @@ def predict(system: System, state: State, start: Start, stages: Stages, h: float
         for i in range(3):
             force = state.force[node - first, i] * 0.5 * h * h / system.unit[node - first, i]
             for k in range(s):
+                # The rows serve as room.
                 stages.F[k, node, i] = force
                 if follows:
                     stages.F[k, node, i] = 0.0
@@ -540,20 +543,11 @@ def _integrate(system: System, start: Start, stages: Stages, h: float, b: int) -
 
 
 @kernel
-def step_size(system: System, start: Start, stages: Stages, h: float) -> float:
-    """The step's own length [m], by which a residual is judged: its largest term."""
-    largest = 0.0
-    for k in range(stages.Z.shape[0]):
-        largest = max(largest, preserving.step_size(system, start, h, stages.Z[k]))
-    return largest
-
-
-@kernel
 def accept(system: System, state: State, start: Start, stages: Stages, h: float) -> None:
     """Advance ``state`` by the solved step, evaluated last; velocities still open the joints."""
     bodies, s = system.bodies, stages.rule.weight.size
-    if state.work.size > 0:
-        _work(system, state, stages, h)
+    for w in range(state.work.size):
+        state.work[w] += stages.work[w]
     for b in range(bodies.inverse_mass.size - 1):
         u = at(stages.Z[s - 1], 2 * b)
         c = scale(1.0 / bodies.length[b], at(stages.Z[s - 1], 2 * b + 1))
@@ -573,50 +567,17 @@ def accept(system: System, state: State, start: Start, stages: Stages, h: float)
     first = 2 * bodies.inverse_mass.size
     for k in range(state.gap.shape[0]):
         put(state.gap, k, at(stages.F[s - 1], first + k))
+        for i in range(3):
+            force = stages.Z[s - 1, first + k, i] * system.unit[k, i]
+            state.force[k, i] = 2.0 / (h * h) * force
     along.settle(system.along, state.gap)
+    # From the last Gauss node to the end, for a step of another size.
+    rest = 1.0 / (h * (1.0 - stages.rule.gauss[s - 1]))
+    for b in range(bodies.inverse_mass.size - 1):
+        put(state.a, b, scale(rest, sub(at(state.v, b), at(stages.rate[s - 1], 2 * b))))
+        W = times(matrix(at(state.p, b)), at(state.w, b))
+        put(state.alpha, b, scale(rest, sub(W, at(stages.rate[s - 1], 2 * b + 1))))
     state.time[0] += h
     stages.step[0] = h
-    settle(system, state, start)
-
-
-@kernel
-def settle(system: System, state: State, start: Start) -> None:
-    """Prepare ``start``, and count the angles on."""
     preserving.prepare(system, state, start)
     along.count_turns(system.along, start.along, state.angle)
-
-
-@kernel
-def _work(system: System, state: State, stages: Stages, h: float) -> None:
-    """Add the work of the loads, by Gauss's rule, and of the drives up to node s - 1."""
-    rule = stages.rule
-    for i in range(rule.weight.size):
-        go_to_load(system, state, stages, h, i)
-        _act(system, stages, i)
-        node, dt = stages.start, h * rule.weight[i]
-        v, W = node.bodies.v, node.bodies.W
-        loads, drags = system.loads, system.drags
-        concentrated.free_work(loads, node.loads, v, W, dt, system.load_column, state.work)
-        drag.free_work(drags, node.drag_arms, v, W, dt, system.drag_column, state.work)
-        along.free_work(system.along, node.along, stages.reaction[i], dt, state.work)
-        drive(system, state, stages.Z[i], 2.0 / (h * h), h, rule.lobatto[i], rule.node_weight[i])
-
-
-@kernel
-def drive(
-    system: System,
-    state: State,
-    Z: np.ndarray,
-    c: float,
-    h: float,
-    tau: float,
-    weight: float,
-) -> None:
-    """Add the work of the drives at the part ``tau`` of the step, under ``c`` times the multipliers
-    in ``Z`` (nodes, 3).
-    """
-    first = 2 * system.bodies.inverse_mass.size
-    for k in range(state.force.shape[0]):
-        for i in range(3):
-            state.force[k, i] = c * Z[first + k, i] * system.unit[k, i]
-    along.drive_work(system.along, state.time[0] + h * tau, h * weight, state.force, state.work)

@@ -41,7 +41,6 @@ _show = compiled(step.show)
 _publish = compiled(station.publish)
 _march_at_rows = compiled(station.march)
 _march_high = compiled(high.march)
-_take_high = compiled(high.take)
 _publish_high = compiled(high.publish)
 
 
@@ -134,7 +133,7 @@ class Runner:
     def _show(self, h: float, step: int, row: int) -> None:
         """As ``step.show``, with the reactions the rows want."""
         if self.high is not None:
-            _publish_high(self.high, h, step, row)
+            _publish_high(self.scene, self.high.station, h, step, row)
             return
         _show(self.scene, h, step, row)
         if self.station is not None and row >= 0:
@@ -166,10 +165,17 @@ class Runner:
         outcome = self._take(0.5 * h, halvings - 1, 0.5 * share)
         return self._take(0.5 * h, halvings - 1, 0.5 * share) if outcome.converged else outcome
 
+    def _take_high(self, h: float) -> Outcome:
+        """One step of higher degree, without rows of results."""
+        assert self.high is not None
+        _march_high(self.high, h, 0, 1, np.zeros(0, dtype=np.int64))
+        residual, worst = self.high.outcome
+        return Outcome(float(residual), int(worst))
+
     def _take_once(self, h: float, share: float) -> Outcome:
         if self.solver == "newton" or (self.solver == "auto" and self.large):
             if self.high is not None:
-                return Outcome(*_take_high(self.high, h))
+                return self._take_high(h)
             return Outcome(*_take_newton(self.scene, h, share))
         # scipy.optimize is slow to import: only where it is called.
         from msahl.solve import root

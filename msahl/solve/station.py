@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.joints.reaction import publish as publish_reactions
-from msahl.kernel import kernel
+from msahl.kernel import apart, kernel
 from msahl.schemes import preserving
 from msahl.solve import dense, newton, sparse
 from msahl.solve.freedom import INDEPENDENT
@@ -87,7 +87,7 @@ def react(system: System, state: State, start: Start, station: Station) -> None:
     preserving.react(system, state, start, station.Z)
 
 
-@kernel
+@apart
 def accelerate(system: System, state: State, start: Start, station: Station) -> None:
     """Set the ``solution`` to accelerations a, l alpha and multipliers over their units, and the
     state's reactions; ``start`` is prepared.
