@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 import msahl
-from msahl.schemes import DAMPING, SCHEMES
+from msahl.schemes import DAMPING, choices, split
 
 if TYPE_CHECKING:
     from msahl.model import Model
@@ -101,10 +101,10 @@ def explain(deck: Path) -> None:
               help="Folder of the results (default: results/<deck's name>).")  # fmt: skip
 @click.option("--dt", type=float, metavar="S", help="Step [s], instead of the deck's deltaT.")
 @click.option("--t-final", type=float, metavar="S", help="End [s], instead of the deck's tFinal.")
-@click.option("--scheme", type=click.Choice(tuple(SCHEMES)),
+@click.option("--scheme", type=click.Choice(choices()),
               help="'preserving' keeps the energy, 'decaying' takes it from vibrations quicker "
-              "than the step; both of order 2. Instead of the deck's; else preserving."
-              )  # fmt: skip
+              "than the step; both of order 2. 'gauss1' to 'gauss5' are of order 2 to 10, with the "
+              "energy nearly kept. Instead of the deck's; else preserving.")  # fmt: skip
 @click.option("--damping", type=click.FloatRange(0.0, 1.0), metavar="D",
               help="Of 'decaying', how much of such a vibration a step takes, 0 to 1; instead of "
               f"the deck's; else {DAMPING:g}.")  # fmt: skip
@@ -141,10 +141,12 @@ def run(
 
     Example: msahl run decks/thesis/double_pendulum_89.xml --dt 0.01 -o results/coarse
     """
+    name, degree = split(scheme) if scheme else (None, None)
     given: dict[str, Any] = {
         "dt": dt,
         "t_final": t_final,
-        "scheme": scheme,
+        "scheme": name,
+        "degree": degree,
         "damping": damping,
         "reactions": reactions,
     }
@@ -217,7 +219,7 @@ def _simulate(
     deck: Path, text: bytes, model: "Model", options: Any, folder: Path, shown: bool
 ) -> "Report":
     from msahl.deck import deck_digest
-    from msahl.model import decays
+    from msahl.model import decays, degree_of, reactions_of
     from msahl.results.write import RunFolder, write_json
     from msahl.run import run as simulate
 
@@ -238,10 +240,11 @@ def _simulate(
                 "tFinal": model.simulation.t_final,
                 "scheme": model.simulation.scheme,
                 "damping": model.simulation.damping if decays(model) else 0.0,
+                "degree": degree_of(model) or 1,
                 "solver": options.solver,
                 "every": options.every,
                 "full": options.full,
-                "reactions": model.simulation.reactions,
+                "reactions": reactions_of(model),
             },
             **report.as_json(),
         }

@@ -22,7 +22,7 @@ from msahl.joints.coupling import Coupling
 from msahl.joints.joint import Joint
 from msahl.law import Law
 from msahl.motion import Drive, PointMotion
-from msahl.schemes import DAMPING, DEFAULT, DEGREE, HIGHER, SCHEMES, Decay
+from msahl.schemes import DAMPING, DEFAULT, DEGREE, HIGHER, SCHEMES, Decay, decaying
 from msahl.vector import Vector
 
 __all__ = [
@@ -86,8 +86,15 @@ class Model:
 
 
 def decay_of(model: Model) -> Decay:
-    """How the model's scheme decays."""
+    """How the model's scheme decays; one of a higher degree does not."""
+    if degree_of(model):
+        return decaying(0.0)
     return SCHEMES[model.simulation.scheme](model.simulation.damping)
+
+
+def reactions_of(model: Model) -> str:
+    """What published reactions are: those of a scheme of higher degree have no means."""
+    return STATION if degree_of(model) else model.simulation.reactions
 
 
 def degree_of(model: Model) -> int:

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from msahl.compiled import is_kept, keep
-from msahl.model import STATION, Model, Simulation
+from msahl.model import STATION, Model, Simulation, reactions_of
 from msahl.solve.culprit import culprit
 from msahl.solve.dense import FAR
 from msahl.solve.initial import StartError
@@ -132,7 +132,7 @@ class _Run:
         islands = [model] if options.full else split(model)
         # What overflows is told in our own words (``_finite_steps``), not in numpy's.
         with np.errstate(all="ignore"):
-            at_rows = model.simulation.reactions == STATION
+            at_rows = reactions_of(model) == STATION
             self.runners = [
                 Runner(i, options.solver, options.full, self.chunk, at_rows) for i in islands
             ]

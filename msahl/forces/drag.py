@@ -160,16 +160,16 @@ def free_jacobian(
     """
     for k in range(drags.body.size):
         b = drags.body[k]
-        l, r = bodies.length[b], skew(at(arm, k))
+        length, r = bodies.length[b], skew(at(arm, k))
         V = add(at(v, b), cross(at(W, b), at(arm, k)))
         by_V, f = drag_slope(drags.coefficient[k], V), skew(drag(drags.coefficient[k], V))
         c = bodies.inverse_mass[b]
         by_W, lever = product(by_V, r), product(r, by_V)
         add_block(by_rate, drags.block[k, 0], c, by_V)
-        add_block(by_rate, drags.block[k, 1], -c / l, by_W)
-        add_block(by_rate, drags.block[k, 2], c / l, lever)
-        add_block(by_rate, drags.block[k, 3], -c / (l * l), product(r, by_W))
-        add_block(by_place, drags.block[k, 3], 0.5 * c / (l * l), product(f, r))
+        add_block(by_rate, drags.block[k, 1], -c / length, by_W)
+        add_block(by_rate, drags.block[k, 2], c / length, lever)
+        add_block(by_rate, drags.block[k, 3], -c / length**2, product(r, by_W))
+        add_block(by_place, drags.block[k, 3], 0.5 * c / length**2, product(f, r))
 
 
 @kernel

@@ -244,9 +244,7 @@ def free_jacobian(
     q, quantities = start.quantities, along.quantities
     quantity.differentiate(quantities, q, bodies, Z)
     spring.free_jacobian(along.springs, along.laws, quantities, q, bodies, by_place, by_rate)
-    friction.free_jacobian(
-        along.frictions, reaction, quantities, q, start.rate, bodies, by_rate
-    )
+    friction.free_jacobian(along.frictions, reaction, quantities, q, start.rate, bodies, by_rate)
     quantity.stiffness(quantities, q, bodies, -1.0, Z, by_place)
     rows.roll_jacobian(along.rows, q, by_rate)
 
@@ -317,9 +315,7 @@ def strain(along: Along | None, start: AlongStart, c: float, pull: np.ndarray) -
 
 
 @kernel
-def roll(
-    along: Along | None, start: AlongStart, bodies: Bodies, h: float, F: np.ndarray
-) -> None:
+def roll(along: Along | None, start: AlongStart, bodies: Bodies, h: float, F: np.ndarray) -> None:
     """Set the rows that are of rates alone to ``h`` times them, after ``free_load``."""
     if along is None:
         return

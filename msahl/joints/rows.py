@@ -278,7 +278,11 @@ def roll_jacobian(rows: Rows, start: QuantityStart, by_rate: np.ndarray) -> None
     """Add the derivative of ``roll``, over h, by the rates."""
     for r in range(rows.function.size):
         if not rows.holonomic[r]:
-            c, q, slot = rows.scale[r] * rows.coefficient[r, 0], rows.quantity[r, 0], rows.place[r, 1]
+            c, q, slot = (
+                rows.scale[r] * rows.coefficient[r, 0],
+                rows.quantity[r, 0],
+                rows.place[r, 1],
+            )
             for part in range(PARTS):
                 right = rows.gap_block[r, 0, part]
                 if right > 0:

@@ -13,6 +13,7 @@ those of the quotients above, term by term.
 from msahl.kernel import kernel
 from msahl.vector import IDENTITY, Matrix, Vector, axpy, combine, cross, dot, outer, scale, skew
 
+
 @kernel
 def tangent(c: Vector) -> Matrix:
     """``H``."""

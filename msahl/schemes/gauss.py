@@ -51,11 +51,11 @@ from msahl.vector import (
 )
 
 NOBODY, BODY, FORCE, GAP, BETWEEN = range(5)
-"""Kinds of a block: no unknown's; body by body, body by multiplier, gap by body, gap by multiplier."""
+"""Kinds of a block: nobody's; body by body, body by multiplier, gap by body, gap by multiplier."""
 
 
 class Stages(NamedTuple):
-    """Room for a step of degree s; nodes as in ``system.arrays``, blocks s x s behind each entry."""
+    """Room for a step of degree s; nodes as in ``system.arrays``."""
 
     rule: Rule
     sort: np.ndarray  # (m,) kind of each block
@@ -285,8 +285,8 @@ def _hold(system: System, stages: Stages, h: float, k: int, weight: float) -> No
 
 @kernel
 def _act(system: System, stages: Stages, h: float, i: int) -> None:
-    """Set ``stages.row`` to the accelerations by the loads at Gauss node ``i``, and the rows between
-    rates; add the loads' work.
+    """Set ``stages.row`` to the accelerations by the loads at Gauss node ``i``; also the rows
+    between rates, and add the loads' work.
     """
     bodies, row, node = system.bodies, stages.row, stages.start
     g = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
@@ -517,7 +517,7 @@ SWEEPS = 3
 def _integrate(system: System, start: Start, stages: Stages, h: float, b: int) -> None:
     """Set the places of body ``b`` at the Lobatto nodes from its velocities at the Gauss nodes."""
     rule, Z, bodies = stages.rule, stages.Z, system.bodies
-    s, l = rule.weight.size, bodies.length[b]
+    s, length = rule.weight.size, bodies.length[b]
     for j in range(s):
         put(Z[j], 2 * b + 1, ZERO)
         u = ZERO
@@ -532,13 +532,13 @@ def _integrate(system: System, start: Start, stages: Stages, h: float, b: int) -
         for i in range(s):
             c = ZERO
             for j in range(s):
-                c = axpy(rule.value[i, j] / l, at(Z[j], 2 * b + 1), c)
+                c = axpy(rule.value[i, j] / length, at(Z[j], 2 * b + 1), c)
             # The rows serve as room.
             put(stages.F[i], 2 * b, chart.parameter_rate(c, at(stages.rate[i], 2 * b + 1)))
         for j in range(s):
             c = ZERO
             for i in range(s):
-                c = axpy(h * l * rule.integral[j, i], at(stages.F[i], 2 * b), c)
+                c = axpy(h * length * rule.integral[j, i], at(stages.F[i], 2 * b), c)
             put(Z[j], 2 * b + 1, c)
 
 

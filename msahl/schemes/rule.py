@@ -52,7 +52,7 @@ def new_rule(s: int) -> Rule:
     value = polynomial.polyval(gauss, phi).T
     slope = polynomial.polyval(gauss, polynomial.polyder(phi)).T
     ends = polynomial.polyint(phi)
-    node_weight = polynomial.polyval(1.0, ends)
+    node_weight = np.asarray(polynomial.polyval(1.0, ends))
     left, right = slope[:, :s], slope[:, 1:]
     inverse = np.linalg.inv(left.T @ (weight[:, None] * right))
     known = np.concatenate([gauss - 1.0, [0.0]])

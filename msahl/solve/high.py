@@ -21,12 +21,10 @@ from msahl.solve.newton import DIVERGED, MAX_ITERATIONS, SLOW, STUCK
 from msahl.solve.outcome import TARGET, TOLERANCE
 from msahl.solve.station import Station, new_station
 from msahl.solve.step import Scene, show
+from msahl.solve.watch import Watch
 from msahl.system.arrays import Start, State, System
 from msahl.system.order import Elimination
-from msahl.system.unknowns import Unknowns
-from msahl.solve.watch import Watch
 from msahl.vector import add, at, matrix_at, put, scale, times, transpose
-
 
 CLOSINGS = 3
 """Of the velocities, where the relaxation of redundant joints leaves a part of them open."""
@@ -117,7 +115,7 @@ def drop_null(
     room: np.ndarray,
     first: int,
 ) -> None:
-    """As ``newton.drop_null``: take from the multipliers what the joints' redundancy leaves open."""
+    """As ``newton.drop_null``: take from multipliers what the joints' redundancy leaves open."""
     s = y.shape[1]
     for k in range(y.shape[0]):
         node, i = lu.order[k] // 3, lu.order[k] % 3
@@ -161,7 +159,13 @@ def keep_closed(
 
 @kernel
 def advance(
-    system: System, state: State, start: Start, stages: Stages, watch: Watch, room: Station, h: float
+    system: System,
+    state: State,
+    start: Start,
+    stages: Stages,
+    watch: Watch,
+    room: Station,
+    h: float,
 ) -> None:
     """Take over the solved step."""
     gauss.accept(system, state, start, stages, h)
@@ -195,7 +199,9 @@ def march(high: High, h: float, first: int, last: int, plan: np.ndarray) -> int:
                 if not relaxed or iteration == 0:
                     break
                 relaxed, before = False, math.inf
-                drop_null(lu, system.relaxation, stages.rule.chi, stages.Z, factor, y, room, first_node)
+                drop_null(
+                    lu, system.relaxation, stages.rule.chi, stages.Z, factor, y, room, first_node
+                )
                 continue
             if iteration == MAX_ITERATIONS or not residual <= DIVERGED * smallest:
                 break
@@ -249,3 +255,25 @@ def publish(scene: Scene, room: Station, h: float, step: int, row: int) -> None:
     show(scene, h, step, row)
     if row >= 0:
         station.publish(scene, room, row)
+
+
+@kernel
+def probe(
+    high: High, h: float, z: np.ndarray, f: np.ndarray, fresh: bool
+) -> tuple[float, int, float]:
+    """Set the free rows ``f`` (f, s) at the free unknowns ``z``, and where ``fresh`` their
+    derivative; what ``judge`` says of them, and the step's length [m].
+    """
+    scene, stages, free = high.scene, high.stages, high.scene.unknowns.free
+    system, state = scene.system, scene.state
+    for i in range(free.size):
+        for j in range(z.shape[1]):
+            stages.Z[j, free[i] // 3, free[i] % 3] = z[i, j]
+    press(system.along, system, state, stages, high.station, h)
+    length = gauss.evaluate(system, state, scene.start, stages, h, False, fresh)
+    length = max(length, dense.AT_REST)
+    for i in range(free.size):
+        for j in range(f.shape[1]):
+            f[i, j] = stages.F[j, free[i] // 3, free[i] % 3]
+    residual, worst = judge(free, stages.F, stages.pull, length)
+    return residual, worst, length

@@ -86,8 +86,9 @@ class Runner:
         degree = degree_of(model)
         self.high = new_high(self.scene, degree) if degree else None
         self.station = new_station(system) if at_rows and not degree else None
-        self.large = free.size > LARGEST_DENSE
-        self.begun = False
+        self.large = free.size * max(degree, 1) > LARGEST_DENSE
+        # A higher degree is asked of scipy only where it must be: that would be compiled as well.
+        self.begun = degree > 0
 
     @property
     def kind(self) -> str:
