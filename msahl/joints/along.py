@@ -231,8 +231,11 @@ def free_jacobian(
     along: Along | None,
     start: AlongStart,
     bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
     reaction: np.ndarray,
     Z: np.ndarray,
+    room: np.ndarray,
     by_place: np.ndarray,
     by_rate: np.ndarray,
 ) -> None:
@@ -246,7 +249,7 @@ def free_jacobian(
     spring.free_jacobian(along.springs, along.laws, quantities, q, bodies, by_place, by_rate)
     friction.free_jacobian(along.frictions, reaction, quantities, q, start.rate, bodies, by_rate)
     quantity.stiffness(quantities, q, bodies, -1.0, Z, by_place)
-    rows.roll_jacobian(along.rows, q, by_rate)
+    rows.roll_jacobian(along.rows, quantities, q, bodies, v, W, Z, room, by_place, by_rate)
 
 
 @kernel

@@ -189,16 +189,81 @@ def stiffness(
             load * row_factor(group, bodies, reach, q, U_B),
             load * row_factor(group, bodies, reach, q, Q_B),
         )
-        first = group.first[q]
-        for k in range(first, group.first[q + 1]):
-            w = start.weights[q, k - first]
-            if w != 0.0:
-                c_w = (w * c[0], w * c[1], w * c[2], w * c[3])
-                measure.stiffness(
-                    group.measures, start.measures, bodies, Z, k, group.block, q, c_w, values
-                )
-        if group.kind[q] != PLAIN:
-            _curve(group, start, bodies, Z, q, c, values)
+        _stiffen(group, start, bodies, Z, q, c, values)
+
+
+@kernel
+def _stiffen(
+    group: Quantities,
+    start: QuantityStart,
+    bodies: Bodies,
+    Z: np.ndarray,
+    q: int,
+    c: tuple[float, float, float, float],
+    values: np.ndarray,
+) -> None:
+    """Add the derivative of a quantity's unit force, each part times its ``c``."""
+    first = group.first[q]
+    for k in range(first, group.first[q + 1]):
+        w = start.weights[q, k - first]
+        if w != 0.0:
+            c_w = (w * c[0], w * c[1], w * c[2], w * c[3])
+            measure.stiffness(
+                group.measures, start.measures, bodies, Z, k, group.block, q, c_w, values
+            )
+    if group.kind[q] != PLAIN:
+        _curve(group, start, bodies, Z, q, c, values)
+
+
+@kernel
+def rate_gradient(
+    group: Quantities,
+    start: QuantityStart,
+    bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
+    Z: np.ndarray,
+    q: int,
+    room: np.ndarray,
+) -> tuple[Vector, Vector, Vector, Vector]:
+    """Half the derivative of a quantity's rate by the places of the four parts at given velocities.
+
+    A rate is the unit force times the velocities, so it is the stiffness times them. Wants
+    ``evaluate`` at rest; ``room`` holds block values.
+    """
+    for block in group.block[q]:
+        if block > 0:
+            for e in range(block, block + 9):
+                room[e] = 0.0
+    _stiffen(group, start, bodies, Z, q, (1.0, 1.0, 1.0, 1.0), room)
+    k = group.first[q]
+    a, b = group.measures.a[k], group.measures.b[k]
+    speed = (at(v, a), at(W, a), at(v, b), at(W, b))
+    return (
+        _contract(group, q, U_A, speed, room),
+        _contract(group, q, Q_A, speed, room),
+        _contract(group, q, U_B, speed, room),
+        _contract(group, q, Q_B, speed, room),
+    )
+
+
+@kernel
+def _contract(
+    group: Quantities,
+    q: int,
+    column: int,
+    speed: tuple[Vector, Vector, Vector, Vector],
+    room: np.ndarray,
+) -> Vector:
+    """The velocities times the blocks of one column."""
+    total = ZERO
+    for row in range(PARTS):
+        e = group.block[q, PARTS * row + column]
+        if e > 0:
+            for j in range(3):
+                line = (room[e + 3 * j], room[e + 3 * j + 1], room[e + 3 * j + 2])
+                total = axpy(speed[row][j], line, total)
+    return total
 
 
 @kernel

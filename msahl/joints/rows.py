@@ -21,6 +21,7 @@ from msahl.joints.quantity import (
     QuantityStart,
     add_spring,
     quantity_acceleration,
+    rate_gradient,
     row_factor,
 )
 from msahl.kernel import kernel
@@ -274,8 +275,19 @@ def roll(rows: Rows, rate: np.ndarray, first: int, h: float, F: np.ndarray) -> N
 
 
 @kernel
-def roll_jacobian(rows: Rows, start: QuantityStart, by_rate: np.ndarray) -> None:
-    """Add the derivative of ``roll``, over h, by the rates."""
+def roll_jacobian(
+    rows: Rows,
+    quantities: Quantities,
+    start: QuantityStart,
+    bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
+    Z: np.ndarray,
+    room: np.ndarray,
+    by_place: np.ndarray,
+    by_rate: np.ndarray,
+) -> None:
+    """Add the derivative of ``roll`` over h: half of it by the places, all of it by the rates."""
     for r in range(rows.function.size):
         if not rows.holonomic[r]:
             c, q, slot = (
@@ -283,8 +295,10 @@ def roll_jacobian(rows: Rows, start: QuantityStart, by_rate: np.ndarray) -> None
                 rows.quantity[r, 0],
                 rows.place[r, 1],
             )
+            half = rate_gradient(quantities, start, bodies, v, W, Z, q, room)
             for part in range(PARTS):
                 right = rows.gap_block[r, 0, part]
                 if right > 0:
                     for i in range(3):
                         by_rate[right + 3 * slot + i] += c * start.slope[q, part, i]
+                        by_place[right + 3 * slot + i] += c * half[part][i]

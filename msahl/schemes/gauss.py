@@ -32,6 +32,7 @@ from msahl.schemes import chart, preserving
 from msahl.schemes.rule import Rule, new_rule
 from msahl.system.arrays import Start, State, System, body_count, new_start, node_count
 from msahl.vector import (
+    IDENTITY,
     ZERO,
     Matrix,
     Vector,
@@ -73,6 +74,7 @@ class Stages(NamedTuple):
     gap: np.ndarray  # (nodes, 3) how open the joints are there
     by_place: np.ndarray  # (9 m,) derivatives at the node
     by_rate: np.ndarray  # (9 m,)
+    room: np.ndarray  # (9 m,)
     Z: np.ndarray  # (s, nodes, 3) z_1..z_s, multipliers 0..s-1
     F: np.ndarray  # (s, nodes, 3) rows
     impulse: np.ndarray  # (nodes, 3) change of momentum over the step, by mass
@@ -115,6 +117,7 @@ def new_stages(system: System, state: State, degree: int) -> Stages:
         gap=np.zeros(nodes),
         by_place=np.zeros_like(system.constant),
         by_rate=np.zeros_like(system.constant),
+        room=np.zeros_like(system.constant),
         Z=np.zeros(stages),
         F=np.zeros(stages),
         impulse=np.zeros(nodes),
@@ -152,8 +155,8 @@ def evaluate(
     and impulses and work; where ``fresh``, ``stages.values`` to their derivative as well. Returns
     the step's own length [m], by which a residual is judged: its largest term.
 
-    What a change of place does at a given rate is left out of the derivatives of dampers and of
-    equations between rates: it is smaller by the turn of a step.
+    What a change of place does to the rates of dampers is left out of the derivative: it is smaller
+    by the turn of a step.
     """
     s = stages.rule.weight.size
     if new:
@@ -176,7 +179,7 @@ def evaluate(
             else:
                 _act_jacobian(system, stages, i)
                 _add_turning(system.bodies, start, stages, h, i)
-            _into_chart(system, stages)
+            _into_chart(system, stages, not held)
             if held:
                 _add_held(stages, h, n)
             else:
@@ -364,14 +367,24 @@ def _act_jacobian(system: System, stages: Stages, i: int) -> None:
     concentrated.jacobian(system.loads, node.loads, bodies, -1.0, stages.still, place)
     drag.free_jacobian(system.drags, node.drag_arms, bodies, v, W, place, rate)
     along.free_jacobian(
-        system.along, node.along, bodies, stages.reaction[i], stages.still, place, rate
+        system.along,
+        node.along,
+        bodies,
+        v,
+        W,
+        stages.reaction[i],
+        stages.still,
+        stages.room,
+        place,
+        rate,
     )
 
 
 @kernel
-def _into_chart(system: System, stages: Stages) -> None:
+def _into_chart(system: System, stages: Stages, rated: bool) -> None:
     """Bring the derivatives by and of turns from inertial axes into the chart: H^T (.) H, and half
-    of what the change of H does to the moments of ``stages.row``.
+    of what the change of H does to the moments of ``stages.row`` and, where ``rated``, to the
+    rates.
     """
     first = 2 * system.bodies.inverse_mass.size
     for m in range(1, stages.sort.size):
@@ -379,16 +392,16 @@ def _into_chart(system: System, stages: Stages) -> None:
         turned_row, turned_column = row < first and row % 2 == 1, column < first and column % 2 == 1
         if not (turned_row or turned_column):
             continue
-        for part in range(2):
-            values = stages.by_place if part == 0 else stages.by_rate
-            M = block_at(values, m)
-            if turned_row:
-                M = product(transpose(matrix_at(stages.tangent, row // 2)), M)
+        H_row = matrix_at(stages.tangent, row // 2) if turned_row else IDENTITY
+        H_column = matrix_at(stages.tangent, column // 2) if turned_column else IDENTITY
+        place = product(product(transpose(H_row), block_at(stages.by_place, m)), H_column)
+        if rated:
+            rate = product(transpose(H_row), block_at(stages.by_rate, m))
             if turned_column:
-                M = product(M, matrix_at(stages.tangent, column // 2))
-            for i in range(3):
-                for j in range(3):
-                    values[9 * m + 3 * i + j] = M[i][j]
+                c, c_dot = at(stages.turn, column // 2), at(stages.turning, column // 2)
+                place = combine(0.5, product(rate, chart.momentum_slope(c, c_dot)), place)
+            put_block(stages.by_rate, m, product(rate, H_column))
+        put_block(stages.by_place, m, place)
     for b in range(system.bodies.inverse_mass.size - 1):
         slope = chart.rate_slope(at(stages.turn, b), at(stages.row, 2 * b + 1))
         block = system.bodies.block[b]
@@ -404,6 +417,14 @@ def block_at(values: np.ndarray, m: int) -> Matrix:
         (values[e + 3], values[e + 4], values[e + 5]),
         (values[e + 6], values[e + 7], values[e + 8]),
     )
+
+
+@kernel
+def put_block(values: np.ndarray, m: int, M: Matrix) -> None:
+    """Set block ``m``."""
+    for i in range(3):
+        for j in range(3):
+            values[9 * m + 3 * i + j] = M[i][j]
 
 
 @kernel
@@ -440,7 +461,7 @@ def _add_acting(stages: Stages, h: float, i: int) -> None:
         for k in range(s):
             total = place * rule.value[i, k] + rate * rule.slope[i, k]
             if stages.sort[e // 9] == GAP:
-                values[e, i, k] += stages.by_rate[e] * rule.slope[i, k]
+                values[e, i, k] += total / h
             else:
                 for j in range(s):
                     values[e, j, k] += rule.alpha[j, i] * total

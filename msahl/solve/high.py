@@ -48,7 +48,7 @@ def new_high(scene: Scene, degree: int) -> High:
     return High(
         scene=scene,
         stages=new_stages(scene.system, scene.state, degree),
-        station=new_station(scene.system),
+        station=new_station(scene.system, scene.unknowns),
         factor=np.zeros((int(lu.base[-1]), degree, degree)),
         y=np.zeros((lu.order.size, degree)),
         room=np.zeros((2, degree, degree)),
@@ -133,6 +133,36 @@ def drop_null(
 
 
 @kernel
+def drop_gap(
+    lu: Elimination,
+    relaxation: float,
+    chi: np.ndarray,
+    F: np.ndarray,
+    factor: np.ndarray,
+    y: np.ndarray,
+    room: np.ndarray,
+    first: int,
+) -> None:
+    """As ``newton.drop_gap``: take from the gaps at the end what no motion can close."""
+    s = y.shape[1]
+    gather(lu, F, y)
+    stagewise.solve(lu, factor, y, room[0, 0])
+    for k in range(y.shape[0]):
+        node = lu.order[k] // 3
+        if node >= first:
+            for n in range(s):
+                F[s - 1, node, lu.order[k] % 3] -= 2.0 * relaxation * chi[s - 1, n] * y[k, n]
+
+
+@kernel
+def gather(lu: Elimination, F: np.ndarray, y: np.ndarray) -> None:
+    """Set ``y`` (f, s) to the free rows ``F`` (s, nodes, 3) in the order of elimination."""
+    for k in range(y.shape[0]):
+        for j in range(y.shape[1]):
+            y[k, j] = F[j, lu.order[k] // 3, lu.order[k] % 3]
+
+
+@kernel
 def keep_closed(
     system: System, state: State, start: Start, gap: np.ndarray, rate: np.ndarray, room: Station
 ) -> None:
@@ -184,10 +214,10 @@ def march(high: High, h: float, first: int, last: int, plan: np.ndarray) -> int:
     scene, stages, station_room = high.scene, high.stages, high.station
     system, state, start, unknowns = scene.system, scene.state, scene.start, scene.unknowns
     lu, factor, y, room = unknowns.elimination, high.factor, high.y, high.room
-    first_node = 2 * system.bodies.inverse_mass.size
+    multipliers, relaxation = 2 * system.bodies.inverse_mass.size, system.relaxation
     for step in range(first, last):
         before, smallest, way, length = math.inf, math.inf, 0.0, 0.0
-        iteration, fresh, relaxed = 0, True, system.relaxation > 0.0
+        iteration, fresh, relaxed = 0, True, relaxation > 0.0
         while True:
             press(system.along, system, state, stages, station_room, h)
             length = gauss.evaluate(system, state, start, stages, h, iteration == 0, fresh)
@@ -196,12 +226,14 @@ def march(high: High, h: float, first: int, last: int, plan: np.ndarray) -> int:
             way = length if iteration == 0 else way
             smallest = min(smallest, residual)
             if residual <= TARGET or (residual > STUCK * before and residual <= TOLERANCE):
-                if not relaxed or iteration == 0:
+                if not relaxed:
                     break
-                relaxed, before = False, math.inf
-                drop_null(
-                    lu, system.relaxation, stages.rule.chi, stages.Z, factor, y, room, first_node
-                )
+                if not fresh:
+                    fresh = True
+                    continue
+                stagewise.factor(lu, stages.values, factor, room)
+                drop_null(lu, relaxation, stages.rule.chi, stages.Z, factor, y, room, multipliers)
+                relaxed, fresh, before, smallest = False, False, math.inf, math.inf
                 continue
             if iteration == MAX_ITERATIONS or not residual <= DIVERGED * smallest:
                 break
@@ -220,6 +252,8 @@ def march(high: High, h: float, first: int, last: int, plan: np.ndarray) -> int:
         high.outcome[0], high.outcome[1] = residual, worst
         if not residual <= TOLERANCE:
             return step
+        if relaxation > 0.0:
+            drop_gap(lu, relaxation, stages.rule.chi, stages.F, factor, y, room, multipliers)
         advance(system, state, start, stages, scene.watch, station_room, h)
         if plan.size > 0:
             show(scene, h, step, plan[step])
@@ -238,9 +272,7 @@ def correct(
     room: np.ndarray,
 ) -> None:
     """Take from the free unknowns ``Z`` what the factors say of the rows ``F``."""
-    for k in range(y.shape[0]):
-        for j in range(y.shape[1]):
-            y[k, j] = F[j, lu.order[k] // 3, lu.order[k] % 3]
+    gather(lu, F, y)
     stagewise.solve(lu, factor, y, room[0, 0])
     for k in range(y.shape[0]):
         for j in range(y.shape[1]):

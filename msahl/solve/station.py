@@ -40,9 +40,10 @@ class Station(NamedTuple):
     reaction: np.ndarray  # (j, 6) likewise its reactions
 
 
-def new_station(system: System) -> Station:
-    """Room for any state of ``system``."""
-    unknowns = choose(system, all_unknowns(system))
+def new_station(system: System, unknowns: Unknowns | None = None) -> Station:
+    """Room for any state of ``system``; of all its unknowns, unless some are known not to move."""
+    if unknowns is None:
+        unknowns = choose(system, all_unknowns(system))
     nodes = (node_count(system), 3)
     return Station(
         unknowns=unknowns,
