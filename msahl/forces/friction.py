@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.bodies.rigid import Bodies
-from msahl.joints.quantity import Quantities, QuantityStart, add_spring
+from msahl.joints.quantity import Quantities, QuantityStart, add_damper, add_spring
 from msahl.kernel import kernel
 
 
@@ -65,13 +65,18 @@ def free_jacobian(
     start: QuantityStart,
     rate: np.ndarray,
     bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
+    Z: np.ndarray,
+    room: np.ndarray,
+    by_place: np.ndarray,
     by_rate: np.ndarray,
 ) -> None:
-    """Add the derivative of ``free_load`` by the rates."""
+    """Add half the derivative of ``free_load`` by the places, and all of it by the rates."""
     for f in range(frictions.quantity.size):
         q = frictions.quantity[f]
         slope = load(frictions, reactions, f, rate[q])[1]
-        add_spring(quantities, start, bodies, -1.0, q, slope, by_rate)
+        add_damper(quantities, start, bodies, v, W, Z, q, slope, room, by_place, by_rate)
 
 
 @kernel

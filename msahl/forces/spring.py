@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.bodies.rigid import Bodies
-from msahl.joints.quantity import Quantities, QuantityStart, add_spring
+from msahl.joints.quantity import Quantities, QuantityStart, add_damper, add_spring
 from msahl.joints.rows import SAME
 from msahl.kernel import kernel
 from msahl.law import Laws, evaluate, mean
@@ -112,15 +112,20 @@ def free_jacobian(
     quantities: Quantities,
     start: QuantityStart,
     bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
+    Z: np.ndarray,
+    room: np.ndarray,
     by_place: np.ndarray,
     by_rate: np.ndarray,
 ) -> None:
-    """Add half the derivative of ``free_load`` by the quantities, and all of it by their rates."""
+    """Add half the derivative of ``free_load`` by the places, and all of it by the rates."""
     for s in range(springs.quantity.size):
         q = springs.quantity[s]
         _, half = tension(springs, laws, s, start.value[q] - springs.origin[s], 0.0)
         add_spring(quantities, start, bodies, -1.0, q, -half, by_place)
-        add_spring(quantities, start, bodies, -1.0, q, -springs.damping[s], by_rate)
+        slope = -springs.damping[s]
+        add_damper(quantities, start, bodies, v, W, Z, q, slope, room, by_place, by_rate)
 
 
 @kernel

@@ -246,8 +246,11 @@ def free_jacobian(
         return
     q, quantities = start.quantities, along.quantities
     quantity.differentiate(quantities, q, bodies, Z)
-    spring.free_jacobian(along.springs, along.laws, quantities, q, bodies, by_place, by_rate)
-    friction.free_jacobian(along.frictions, reaction, quantities, q, start.rate, bodies, by_rate)
+    springs, laws, frictions = along.springs, along.laws, along.frictions
+    spring.free_jacobian(springs, laws, quantities, q, bodies, v, W, Z, room, by_place, by_rate)
+    friction.free_jacobian(
+        frictions, reaction, quantities, q, start.rate, bodies, v, W, Z, room, by_place, by_rate
+    )
     quantity.stiffness(quantities, q, bodies, -1.0, Z, by_place)
     rows.roll_jacobian(along.rows, quantities, q, bodies, v, W, Z, room, by_place, by_rate)
 

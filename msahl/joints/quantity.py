@@ -337,6 +337,38 @@ def add_spring(
 
 
 @kernel
+def add_damper(
+    group: Quantities,
+    start: QuantityStart,
+    bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
+    Z: np.ndarray,
+    q: int,
+    slope: float,
+    room: np.ndarray,
+    by_place: np.ndarray,
+    by_rate: np.ndarray,
+) -> None:
+    """Add what a load with the derivative ``slope`` by the rate of q contributes, by mass: half of
+    that by the places, all of that by the rates; ``room`` holds block values.
+    """
+    if slope == 0.0:
+        return
+    add_spring(group, start, bodies, -1.0, q, slope, by_rate)
+    c = (
+        slope * row_factor(group, bodies, -1.0, q, U_A),
+        slope * row_factor(group, bodies, -1.0, q, Q_A),
+        slope * row_factor(group, bodies, -1.0, q, U_B),
+        slope * row_factor(group, bodies, -1.0, q, Q_B),
+    )
+    f = start.force[q]
+    force = (at(f, U_A), at(f, Q_A), at(f, U_B), at(f, Q_B))
+    row = rate_gradient(group, start, bodies, v, W, Z, q, room)
+    add_outer(by_place, group.block, q, c, force, row)
+
+
+@kernel
 def _weigh(group: Quantities, start: QuantityStart, q: int) -> None:
     """Set change, weights and their derivatives from the measures."""
     kind = group.kind[q]

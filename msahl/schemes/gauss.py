@@ -155,8 +155,7 @@ def evaluate(
     and impulses and work; where ``fresh``, ``stages.values`` to their derivative as well. Returns
     the step's own length [m], by which a residual is judged: its largest term.
 
-    What a change of place does to the rates of dampers is left out of the derivative: it is smaller
-    by the turn of a step.
+    What a change of place does to the normal force of friction is left out of the derivative.
     """
     s = stages.rule.weight.size
     if new:
