@@ -155,9 +155,7 @@ def free_jacobian(
     by_place: np.ndarray,
     by_rate: np.ndarray,
 ) -> None:
-    """Add half the derivative of ``free_acceleration`` by the places, for a given velocity of the
-    point, and all of it by the rates.
-    """
+    """Add half the derivative of ``free_acceleration`` by the places, all of it by the rates."""
     for k in range(drags.body.size):
         b = drags.body[k]
         length, r = bodies.length[b], skew(at(arm, k))
@@ -169,6 +167,9 @@ def free_jacobian(
         add_block(by_rate, drags.block[k, 1], -c / length, by_W)
         add_block(by_rate, drags.block[k, 2], c / length, lever)
         add_block(by_rate, drags.block[k, 3], -c / length**2, product(r, by_W))
+        by_arm = product(by_V, product(skew(at(W, b)), r))
+        add_block(by_place, drags.block[k, 1], -0.5 * c / length, by_arm)
+        add_block(by_place, drags.block[k, 3], -0.5 * c / length**2, product(r, by_arm))
         add_block(by_place, drags.block[k, 3], 0.5 * c / length**2, product(f, r))
 
 

@@ -46,37 +46,36 @@ def new_rule(s: int) -> Rule:
     """The rule of degree ``s`` >= 1."""
     x, b = legendre.leggauss(s)
     gauss, weight = 0.5 * (x + 1.0), 0.5 * b
-    inner = legendre.Legendre.basis(s).deriv().roots().real
-    lobatto = 0.5 * (np.concatenate([[-1.0], np.sort(inner), [1.0]]) + 1.0)
-    phi = lagrange(lobatto)
-    value = polynomial.polyval(gauss, phi).T
-    slope = polynomial.polyval(gauss, polynomial.polyder(phi)).T
-    ends = polynomial.polyint(phi)
-    node_weight = np.asarray(polynomial.polyval(1.0, ends))
-    left, right = slope[:, :s], slope[:, 1:]
-    inverse = np.linalg.inv(left.T @ (weight[:, None] * right))
-    known = np.concatenate([gauss - 1.0, [0.0]])
+    ends = legendre.Legendre.basis(s)
+    x = np.concatenate([[-1.0], np.sort(ends.deriv().roots().real), [1.0]])
+    lobatto, node_weight = 0.5 * (x + 1.0), 1.0 / (s * (s + 1.0) * ends(x) ** 2)
+    value, slope = lagrange(lobatto, gauss), lagrange(lobatto, gauss, 1)
+    inverse = np.linalg.inv((weight[:, None] * slope[:, :s]).T @ slope[:, 1:])
     return Rule(
         gauss=gauss,
         weight=weight,
         lobatto=lobatto,
         node_weight=node_weight,
         at_node=np.eye(s + 1)[:, 1:].copy(),
-        value=np.ascontiguousarray(value[:, 1:]),
-        slope=np.ascontiguousarray(right),
-        alpha=inverse @ (value[:, :s] * weight[:, None]).T,
-        beta=inverse @ (left * weight[:, None]).T,
+        value=value[:, 1:].copy(),
+        slope=slope[:, 1:].copy(),
+        alpha=inverse @ (weight[:, None] * value[:, :s]).T,
+        beta=inverse @ (weight[:, None] * slope[:, :s]).T,
         chi=inverse * node_weight[:s],
-        integral=np.ascontiguousarray(
-            polynomial.polyval(lobatto[1:], polynomial.polyint(lagrange(gauss))).T
-        ),
-        ahead=np.ascontiguousarray(polynomial.polyval(gauss, lagrange(known)).T),
-        ahead_nodes=np.ascontiguousarray(
-            polynomial.polyval(lobatto[:s] + 1.0, lagrange(lobatto[:s])).T
-        ),
+        integral=lagrange(gauss, lobatto[1:], -1),
+        ahead=lagrange(np.append(gauss - 1.0, 0.0), gauss),
+        ahead_nodes=lagrange(lobatto[:s] - 1.0, lobatto[:s]),
     )
 
 
-def lagrange(nodes: np.ndarray) -> np.ndarray:
-    """(n, n) ascending coefficients, down the columns, of the Lagrange polynomials of ``nodes``."""
-    return np.linalg.inv(np.vander(nodes, increasing=True))
+def lagrange(nodes: np.ndarray, places: np.ndarray, derivative: int = 0) -> np.ndarray:
+    """(m, n) values at m ``places`` of the Lagrange polynomials of n ``nodes``, of their first
+    ``derivative``, or, if that is -1, of their integrals from 0.
+    """
+    # About the middle of the step powers are told apart best.
+    powers = np.linalg.inv(np.vander(2.0 * nodes - 1.0, increasing=True))
+    if derivative == 1:
+        powers = 2.0 * polynomial.polyder(powers)
+    if derivative == -1:
+        powers = 0.5 * polynomial.polyint(powers, lbnd=-1.0)
+    return np.ascontiguousarray(polynomial.polyval(2.0 * places - 1.0, powers).T)

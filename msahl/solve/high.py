@@ -34,6 +34,7 @@ class High(NamedTuple):
     """An island on its way by steps of higher degree."""
 
     scene: Scene
+    rubbing: Along | None  # the system's if there is friction: else none of its code is compiled
     stages: Stages
     station: Station
     factor: np.ndarray  # (entries, s, s) sparse factors
@@ -44,9 +45,10 @@ class High(NamedTuple):
 
 def new_high(scene: Scene, degree: int) -> High:
     """Room for steps of ``degree``."""
-    lu = scene.unknowns.elimination
+    lu, group = scene.unknowns.elimination, scene.system.along
     return High(
         scene=scene,
+        rubbing=group if group is not None and group.frictions.quantity.size else None,
         stages=new_stages(scene.system, scene.state, degree),
         station=new_station(scene.system, scene.unknowns),
         factor=np.zeros((int(lu.base[-1]), degree, degree)),
@@ -81,12 +83,10 @@ def judge(free: np.ndarray, F: np.ndarray, pull: np.ndarray, length: float) -> t
 
 @apart
 def press(
-    group: Along | None, system: System, state: State, stages: Stages, room: Station, h: float
+    rubbing: Along | None, system: System, state: State, stages: Stages, room: Station, h: float
 ) -> None:
     """Set the reactions at the Gauss nodes, if there is friction, which presses by them."""
-    if group is None:
-        return
-    if group.frictions.quantity.size == 0:
+    if rubbing is None:
         return
     s = stages.rule.weight.size
     for i in range(s):
@@ -219,7 +219,7 @@ def march(high: High, h: float, first: int, last: int, plan: np.ndarray) -> int:
         before, smallest, way, length = math.inf, math.inf, 0.0, 0.0
         iteration, fresh, relaxed = 0, True, relaxation > 0.0
         while True:
-            press(system.along, system, state, stages, station_room, h)
+            press(high.rubbing, system, state, stages, station_room, h)
             length = gauss.evaluate(system, state, start, stages, h, iteration == 0, fresh)
             length = max(length, dense.AT_REST)
             residual, worst = judge(unknowns.free, stages.F, stages.pull, length)
@@ -301,7 +301,7 @@ def probe(
     for i in range(free.size):
         for j in range(z.shape[1]):
             stages.Z[j, free[i] // 3, free[i] % 3] = z[i, j]
-    press(system.along, system, state, stages, high.station, h)
+    press(high.rubbing, system, state, stages, high.station, h)
     length = gauss.evaluate(system, state, scene.start, stages, h, False, fresh)
     length = max(length, dense.AT_REST)
     for i in range(free.size):

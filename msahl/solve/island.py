@@ -95,7 +95,8 @@ class Runner:
         """Which compiled step the island needs."""
         kind = "points" if self.scene.system.along is None else "along"
         if self.high is not None:
-            return f"{kind}-high"
+            rubs = "" if self.high.rubbing is None else "-friction"
+            return f"{kind}{rubs}-high"
         return kind if self.station is None else f"{kind}-station"
 
     def show_start(self) -> None:
