@@ -236,11 +236,11 @@ def _simulate(
             **_versions(),
             "deck": {"path": str(deck), "digest": deck_digest(text)},
             "options": {
+                **({"degree": degree_of(model)} if degree_of(model) else {}),
                 "dt": model.simulation.dt,
                 "tFinal": model.simulation.t_final,
                 "scheme": model.simulation.scheme,
                 "damping": model.simulation.damping if decays(model) else 0.0,
-                "degree": degree_of(model) or 1,
                 "solver": options.solver,
                 "every": options.every,
                 "full": options.full,

@@ -239,8 +239,9 @@ def test_the_energy_error_does_not_grow(degree):
     error = np.abs(kinetic - bob.mass * model.gravity[2] * z + bob.mass * model.gravity[2] * z[0])
     tenth = steps // 10
     first, last = error[:tenth].max(), error[-tenth:].max()
-    # It swings with the motion, whose phase the rows sample differently; round-off adds its own.
-    assert last <= 1.05 * first + 1e-11 * kinetic.max()
+    # A step whose chart is not varied with its beginning is not symplectic: the error of s = 1 then
+    # grows by 2 parts in 1000 in this time, that of s = 2 by 2 in 100. Round-off has its own share.
+    assert last <= 1.0005 * first + 1e-11 * kinetic.max()
     assert first <= 0.05 * kinetic.max()
 
 

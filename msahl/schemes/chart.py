@@ -83,3 +83,17 @@ def curvature(c: Vector, z: Vector, a: Vector) -> Matrix:
     M = outer(2.0 * k * k, z, a, outer(2.0 * k * k, a, z, M))
     M = outer(-4.0 * k**3, slope, s, outer(-4.0 * k**3, s, slope, M))
     return (scale(0.0625, M[0]), scale(0.0625, M[1]), scale(0.0625, M[2]))
+
+
+@kernel
+def square(c: Vector, d: Vector) -> Matrix:
+    """Of B the part quadratic in c, made bilinear: ((c d^T + d c^T) - c.d 1)/16; B has c = d."""
+    M = outer(0.0625, c, d, outer(0.0625, d, c, skew((0.0, 0.0, 0.0))))
+    return combine(-0.0625 * dot(c, d), IDENTITY, M)
+
+
+@kernel
+def square_slope(d: Vector, a: Vector) -> Matrix:
+    """Derivative of ``square(c, d) a`` by c."""
+    M = outer(-0.0625, a, d, outer(0.0625, d, a, skew((0.0, 0.0, 0.0))))
+    return combine(0.0625 * dot(d, a), IDENTITY, M)

@@ -4,13 +4,14 @@ Places at the Lobatto nodes t_k of ``schemes.rule``, forces and inertia at its G
 forces at the Lobatto nodes. Of each body and j = 1..s
 
     z_j - h t_j v0 + h^2 sum_i alpha_ji a_i + h^2 sum_k chi_jk G_k^T lam_k / m          = 0
-    (h (sum_i beta_ji pi_i - t_j L0) + h^2 sum_i alpha_ji (dT/dc + H^T M)_i
+    (h (sum_i beta_ji pi_i - t_j (L0 + E)) + h^2 sum_i alpha_ji (dT/dc + H^T M)_i
                                      + h^2 sum_k chi_jk H_k^T M_k(lam_k)) / (m l)       = 0
     joints closed at t_1 ... t_s = 1;   those between rates at c_1 ... c_s
 
 with a = F/m, z = (u, l c): displacement from the start of the step and turn by the parameters c of
-``schemes.chart``. All is in metres, multipliers as in ``schemes.preserving``. The momenta at the
-end are the sums of the impulses; lam_s makes their velocities keep the joints closed.
+``schemes.chart``; E is what the beginning of that chart adds (``_bow``), of the turns alone. All is
+in metres, multipliers as in ``schemes.preserving``. The momenta at the end are those at the start
+with E and all impulses; lam_s makes their velocities keep the joints closed.
 
 Elements are asked at one place at a time: a step of the lowest order that does not move has as
 discrete gradients the gradients themselves, and half their derivatives as its Jacobian.
@@ -68,6 +69,8 @@ class Stages(NamedTuple):
     turn: np.ndarray  # (n+1, 3) c at that node
     turning: np.ndarray  # (n+1, 3) its rate
     tangent: np.ndarray  # (n+1, 3, 3) H there
+    bow: np.ndarray  # (n+1, 3, 3) see ``_bow``
+    bow_rate: np.ndarray  # (n+1, 3, 3)
     still: np.ndarray  # (nodes, 3) no displacement, the node's multipliers
     moved: np.ndarray  # (nodes, 3) u and l Q up to the node, no multipliers
     row: np.ndarray  # (nodes, 3) what acts at the node
@@ -111,6 +114,8 @@ def new_stages(system: System, state: State, degree: int) -> Stages:
         turn=np.zeros(vectors),
         turning=np.zeros(vectors),
         tangent=np.zeros((*vectors, 3)),
+        bow=np.zeros((*vectors, 3)),
+        bow_rate=np.zeros((*vectors, 3)),
         still=np.zeros(nodes),
         moved=np.zeros(nodes),
         row=np.zeros(nodes),
@@ -182,7 +187,7 @@ def evaluate(
             if held:
                 _add_held(stages, h, n)
             else:
-                _add_acting(stages, h, i)
+                _add_acting(system, stages, h, i)
     length = 0.0
     for k in range(s):
         length = max(length, preserving.step_size(system, start, h, stages.Z[k]))
@@ -318,7 +323,7 @@ def _enter(system: System, stages: Stages, h: float, n: int) -> None:
     along.strain(system.along, stages.start.along, h * h, stages.pull)
     for b in range(bodies.inverse_mass.size - 1):
         a = at(stages.row, 2 * b)
-        alpha = times(transpose(matrix_at(stages.tangent, b)), at(stages.row, 2 * b + 1))
+        alpha = moment_in_chart(stages, b)
         for j in range(s):
             accumulate(stages.F[j], 2 * b, scale(h * h * weights[j], a))
             accumulate(stages.F[j], 2 * b + 1, scale(h * h * weights[j], alpha))
@@ -342,6 +347,39 @@ def _turn(bodies: Bodies, start: Start, stages: Stages, h: float, i: int) -> Non
             accumulate(stages.F[j], 2 * b + 1, scale(h * rule.beta[j, i], pi))
             accumulate(stages.F[j], 2 * b + 1, scale(h * h * rule.alpha[j, i], force))
         accumulate(stages.impulse, 2 * b + 1, scale(h * rule.weight[i], force))
+        _bow(bodies, stages, h, i, b)
+        moved = scale(h, times(matrix_at(stages.bow, b), add(force, moment_in_chart(stages, b))))
+        moved = add(moved, times(matrix_at(stages.bow_rate, b), pi))
+        for j in range(rule.weight.size):
+            share = -h * rule.lobatto[j + 1] * rule.weight[i]
+            accumulate(stages.F[j], 2 * b + 1, scale(share, moved))
+        accumulate(stages.impulse, 2 * b + 1, scale(rule.weight[i], moved))
+
+
+@kernel
+def moment_in_chart(stages: Stages, b: int) -> Vector:
+    """What the moment in ``stages.row`` is for the parameters of body ``b``."""
+    return times(transpose(matrix_at(stages.tangent, b)), at(stages.row, 2 * b + 1))
+
+
+@kernel
+def _bow(bodies: Bodies, stages: Stages, h: float, i: int, b: int) -> None:
+    """Set by how much a path moves at Gauss node ``i`` as the place where its chart begins turns by
+    eta and the other nodes stay: a matrix times eta, symmetric, and its derivative by t/h.
+
+    The parameters at the nodes change by -B eta; between them by the polynomial of that in place of
+    -B eta itself. The error of interpolating B(c(t)) is that of its part quadratic in c. Without
+    it the step would not be symplectic: its chart depends on where it begins.
+    """
+    rule, c = stages.rule, at(stages.turn, b)
+    bow, rate = chart.square(c, c), chart.square(c, scale(2.0 * h, at(stages.turning, b)))
+    for k in range(rule.weight.size):
+        c_k = scale(1.0 / bodies.length[b], at(stages.Z[k], 2 * b + 1))
+        at_node = chart.square(c_k, c_k)
+        bow = combine(-rule.value[i, k], at_node, bow)
+        rate = combine(-rule.slope[i, k], at_node, rate)
+    put_matrix(stages.bow, b, bow)
+    put_matrix(stages.bow_rate, b, rate)
 
 
 @kernel
@@ -449,21 +487,29 @@ def _add_held(stages: Stages, h: float, k: int) -> None:
 
 
 @kernel
-def _add_acting(stages: Stages, h: float, i: int) -> None:
+def _add_acting(system: System, stages: Stages, h: float, i: int) -> None:
     """Take the derivatives of the loads at Gauss node ``i`` into the Jacobian."""
-    values, rule = stages.values, stages.rule
+    values, rule, place, rate = stages.values, stages.rule, stages.by_place, stages.by_rate
     s = rule.weight.size
-    for e in range(9, stages.by_place.size):
-        place, rate = 2.0 * h * h * stages.by_place[e], h * stages.by_rate[e]
-        if place == 0.0 and rate == 0.0:
+    for e in range(9, place.size):
+        m, p, q = e // 9, e % 9 // 3, e % 3
+        by_place, by_rate, bent_place, bent_rate = place[e], rate[e], 0.0, 0.0
+        if stages.sort[m] == BODY and system.blocks[m, 0] % 2 == 1:
+            for r in range(3):
+                bow = stages.bow[system.blocks[m, 0] // 2, p, r]
+                bent_place += bow * place[9 * m + 3 * r + q]
+                bent_rate += bow * rate[9 * m + 3 * r + q]
+        if by_place == by_rate == bent_place == bent_rate == 0.0:
             continue
         for k in range(s):
-            total = place * rule.value[i, k] + rate * rule.slope[i, k]
-            if stages.sort[e // 9] == GAP:
+            phi, slope = 2.0 * h * h * rule.value[i, k], h * rule.slope[i, k]
+            total, bent = phi * by_place + slope * by_rate, phi * bent_place + slope * bent_rate
+            if stages.sort[m] == GAP:
                 values[e, i, k] += total / h
             else:
                 for j in range(s):
                     values[e, j, k] += rule.alpha[j, i] * total
+                    values[e, j, k] -= rule.lobatto[j + 1] * rule.weight[i] * bent
 
 
 @kernel
@@ -481,16 +527,35 @@ def _add_turning(bodies: Bodies, start: Start, stages: Stages, h: float, i: int)
         force_c = product(transpose(by_c), product(J, by_c))
         force_c = combine(1.0, chart.curvature(c, z, c_dot), force_c)
         scaled = bodies.inverse_mass[b] / bodies.length[b] ** 2
+        bow, bow_rate = matrix_at(stages.bow, b), matrix_at(stages.bow_rate, b)
+        pi, force = chart.momentum(c, z), times(transpose(by_c), z)
+        moment = moment_in_chart(stages, b)
+        force = axpy(bodies.length[b] / bodies.inverse_mass[b], moment, force)
         for k in range(s):
-            phi, rate = scaled * rule.value[i, k], scaled * rule.slope[i, k] / h
+            phi, rate = rule.value[i, k], rule.slope[i, k] / h
+            pi_k = _sum(phi, pi_c, rate, mass)
+            force_k = _sum(phi, force_c, rate, transpose(pi_c))
+            c_k = scale(1.0 / bodies.length[b], at(stages.Z[k], 2 * b + 1))
+            # By c(t) and by c_k, of which the matrices are squares; then by c_dot.
+            bent = _sum(
+                2.0 * h * phi, chart.square_slope(sub(c, c_k), force), h, product(bow, force_k)
+            )
+            bent = combine(2.0 * h * rate, chart.square_slope(sub(c, c_k), pi), bent)
+            bent = combine(2.0 * h * phi, chart.square_slope(c_dot, pi), bent)
+            bent = combine(1.0, product(bow_rate, pi_k), bent)
             for p in range(3):
                 for q in range(3):
-                    pi = pi_c[p][q] * phi + mass[p][q] * rate
-                    force = force_c[p][q] * phi + pi_c[q][p] * rate
                     e = bodies.block[b] + 3 * p + q
                     for j in range(s):
-                        values[e, j, k] += h * rule.beta[j, i] * pi
-                        values[e, j, k] += h * h * rule.alpha[j, i] * force
+                        total = rule.beta[j, i] * pi_k[p][q] + h * rule.alpha[j, i] * force_k[p][q]
+                        total -= rule.lobatto[j + 1] * rule.weight[i] * bent[p][q]
+                        values[e, j, k] += scaled * h * total
+
+
+@kernel
+def _sum(a: float, M: Matrix, b: float, N: Matrix) -> Matrix:
+    """``a M + b N``."""
+    return combine(a, M, (scale(b, N[0]), scale(b, N[1]), scale(b, N[2])))
 
 
 @kernel

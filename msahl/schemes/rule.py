@@ -10,8 +10,10 @@ position at node k,
 multiplied by the inverse of N_kj = sum_i b_i phi_k'(c_i) phi_j'(c_i), so that a mass m of momentum
 m u_dot has the displacement z_j itself on the left:
 
-    m z_j = h (t_j p0 - ...) ,   alpha = N^-1 b phi ,  beta = N^-1 b phi' ,  chi = N^-1 B .
+    m z_j = h t_j p0 - h^2 sum_i alpha_ji F_i - h^2 sum_k chi_jk G_k^T lam_k
+    alpha = N^-1 b phi ,   chi = N^-1 B ,   beta = N^-1 b phi'  for momenta that are not m u_dot
 
+(the first column of N^-1 is -t_j).
 Source: L. O. Jay, Specialized partitioned additive Runge-Kutta methods for systems of
 overdetermined DAEs with holonomic constraints, SIAM J. Numer. Anal. 45 (2007), for the method in
 its Runge-Kutta form; J. E. Marsden and M. West, Discrete mechanics and variational integrators,
