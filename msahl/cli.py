@@ -23,7 +23,7 @@ import click
 from click.core import ParameterSource
 
 import msahl
-from msahl.schemes import DAMPING, SCHEMES
+from msahl.schemes import DAMPING, choices, split
 
 if TYPE_CHECKING:
     from msahl.model import Model
@@ -122,10 +122,10 @@ def explain(deck: Path) -> None:
               help="Folder of the results (default: results/<deck's name>).")  # fmt: skip
 @click.option("--dt", type=float, metavar="S", help="Step [s], instead of the deck's deltaT.")
 @click.option("--t-final", type=float, metavar="S", help="End [s], instead of the deck's tFinal.")
-@click.option("--scheme", type=click.Choice(tuple(SCHEMES)),
+@click.option("--scheme", type=click.Choice(choices()),
               help="'preserving' keeps the energy, 'decaying' takes it from vibrations quicker "
-              "than the step; both of order 2. Instead of the deck's; else preserving."
-              )  # fmt: skip
+              "than the step; both of order 2. 'gauss1' to 'gauss5' are of order 2 to 10, with the "
+              "energy nearly kept. Instead of the deck's; else preserving.")  # fmt: skip
 @click.option("--damping", type=click.FloatRange(0.0, 1.0), metavar="D",
               help="Of 'decaying', how much of such a vibration a step takes, 0 to 1; instead of "
               f"the deck's; else {DAMPING:g}.")  # fmt: skip
@@ -169,10 +169,12 @@ def run(
 
     Example: msahl run decks/thesis/double_pendulum_89.xml --dt 0.01 -o results/coarse
     """
+    name, degree = split(scheme) if scheme else (None, None)
     given: dict[str, Any] = {
         "dt": dt,
         "t_final": t_final,
-        "scheme": scheme,
+        "scheme": name,
+        "degree": degree,
         "damping": damping,
         "reactions": reactions,
     }
@@ -268,13 +270,14 @@ class Job:
     def about(self) -> dict[str, Any]:
         """The head of ``run.json``: all that its rows depend on."""
         from msahl.deck import deck_digest
-        from msahl.model import decays
+        from msahl.model import decays, degree_of, reactions_of
 
         simulation = self.model.simulation
         return {
             **_versions(),
             "deck": {"path": click.format_filename(self.deck), "digest": deck_digest(self.text)},
             "options": {
+                **({"degree": degree_of(self.model)} if degree_of(self.model) else {}),
                 "dt": simulation.dt,
                 "tFinal": simulation.t_final,
                 "scheme": simulation.scheme,
@@ -283,7 +286,7 @@ class Job:
                 "every": self.options.every,
                 "full": self.options.full,
                 "shadow": self.options.shadow,
-                "reactions": simulation.reactions,
+                "reactions": reactions_of(self.model),
             },
         }
 

@@ -16,7 +16,7 @@ import numba
 import platformdirs
 from numba.extending import register_jitable
 
-from msahl.kernel import MARKED
+from msahl.kernel import APART, MARKED
 
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
 """Division by zero gives inf or nan, which the solver sees, instead of an exception. Without
@@ -61,7 +61,8 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """``function`` compiled on its first call (or loaded from the cache), with all it calls."""
     for mark in MARKED:
         if mark not in _registered:
-            inlined = {"forceinline": True} if len(mark.__code__.co_code) < SMALL else {}
+            small = len(mark.__code__.co_code) < SMALL and mark not in APART
+            inlined = {"forceinline": True} if small else {}
             register_jitable(**OPTIONS, **inlined)(mark)
             _registered.add(mark)
     dispatcher: Callable[..., Any] = numba.njit(cache=True, **OPTIONS)(function)

@@ -22,7 +22,7 @@ from msahl.joints.coupling import Coupling
 from msahl.joints.joint import Joint
 from msahl.law import Law
 from msahl.motion import Drive, PointMotion
-from msahl.schemes import DAMPING, DEFAULT, SCHEMES, Decay
+from msahl.schemes import DAMPING, DEFAULT, DEGREE, HIGHER, SCHEMES, Decay, decaying
 from msahl.vector import Vector
 
 __all__ = [
@@ -66,7 +66,7 @@ class Limits:
 class Simulation:
     """How the scene is run: step ``dt`` and end ``t_final`` [s], scheme and, if it is one that
     decays, its damping at infinite frequency: 0 none, 1 all in one step; what ``reactions`` are;
-    what is asked of the result.
+    what is asked of the result; the ``degree`` of the scheme, if it is one that has any.
     """
 
     title: str
@@ -76,6 +76,7 @@ class Simulation:
     damping: float = DAMPING
     reactions: str = MEAN
     limits: Limits = Limits()
+    degree: int = DEGREE
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,8 +100,20 @@ class Model:
 
 
 def decay_of(model: Model) -> Decay:
-    """How the model's scheme decays."""
+    """How the model's scheme decays; one of a higher degree does not."""
+    if degree_of(model):
+        return decaying(0.0)
     return SCHEMES[model.simulation.scheme](model.simulation.damping)
+
+
+def reactions_of(model: Model) -> str:
+    """What published reactions are: those of a scheme of higher degree have no means."""
+    return STATION if degree_of(model) else model.simulation.reactions
+
+
+def degree_of(model: Model) -> int:
+    """Degree of the model's scheme, or 0 if it is of the lowest order."""
+    return model.simulation.degree if model.simulation.scheme == HIGHER else 0
 
 
 def decays(model: Model) -> bool:

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from msahl.compiled import is_kept, keep
-from msahl.model import STATION, Model, Simulation, decays
+from msahl.model import STATION, Model, Simulation, decays, degree_of, reactions_of
 from msahl.snapshot import ResumeError, Snapshot, counters, digest, recall, remember, set_counters
 from msahl.solve.culprit import overflow
 from msahl.solve.dense import FAR
@@ -166,7 +166,7 @@ class _Run:
         numbers = sum(len(columns) for columns in self.columns)
         self.chunk = max(1, min(4096, self.grid.n, CHUNK_NUMBERS // numbers))
         islands = [model] if options.full else split(model)
-        at_rows = model.simulation.reactions == STATION
+        at_rows = reactions_of(model) == STATION
         self.runners = [
             Runner(i, options.solver, options.full, self.chunk, at_rows) for i in islands
         ]
@@ -400,6 +400,8 @@ class _Run:
         report.root_steps = sum(runner.root_steps for runner in self.runners)
         report.halvings = sum(runner.halvings for runner in self.runners)
         report.extremes = self.extremes.as_json()
+        if degree_of(self.model):
+            report.extremes["localErrorSum"] = None  # an estimate of order 2
         report.shadow = self.shadow.as_json() if self.shadow else None
         report.verdict = judge(self._figures(), self.model.simulation.limits).as_json()
         return report

@@ -88,6 +88,9 @@ def _leaves(value: Any) -> Iterator[Any]:
 def _advancing(runners: Sequence[Runner]) -> Iterator[np.ndarray]:
     """What changes from step to step and is read by the next: all of it doubles."""
     for runner in runners:
-        for leaf in _leaves((runner.scene.state, runner.scene.start, runner.scene.pivots)):
-            if leaf is not None:  # as all of ``along`` in a scene of points
+        scene = runner.scene
+        higher = runner.high.stages if runner.high else None
+        for leaf in _leaves((scene.state, scene.start, scene.pivots, higher)):
+            # ``along`` is None in a scene of points; numbers that count are constant.
+            if isinstance(leaf, np.ndarray) and leaf.dtype == float:
                 yield leaf

@@ -85,6 +85,18 @@ def product(M: Matrix, N: Matrix) -> Matrix:
 
 
 @kernel
+def combine(c: float, M: Matrix, N: Matrix) -> Matrix:
+    """``c M + N`` for a number ``c``."""
+    return (axpy(c, M[0], N[0]), axpy(c, M[1], N[1]), axpy(c, M[2], N[2]))
+
+
+@kernel
+def outer(c: float, a: Vector, b: Vector, M: Matrix) -> Matrix:
+    """``c a b^T + M`` for a number ``c``."""
+    return (axpy(c * a[0], b, M[0]), axpy(c * a[1], b, M[1]), axpy(c * a[2], b, M[2]))
+
+
+@kernel
 def at(A: np.ndarray, k: int) -> Vector:
     """Row ``k`` of an array ``(n, 3)`` as a vector."""
     return (A[k, 0], A[k, 1], A[k, 2])

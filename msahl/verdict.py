@@ -240,6 +240,8 @@ def _trust(of: Figures) -> Finding:
 
 
 def _local(of: Figures) -> Finding:
+    if of.extremes["localErrorSum"] is None:
+        return Finding("accuracy", PASS, "accuracy not estimated: --shadow TOL tells")
     total, length = of.extreme("localErrorSum"), max(of.length, of.extreme("wayMax"))
     text = f"local errors add up to {total:.1e} m"
     if total <= LOCAL_ERROR * length:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from msahl.deck.faults import Element, attribute, printable, text
 from msahl.deck.values import LARGEST, SMALLEST, Reader
 from msahl.model import MEAN, Limits, Simulation
-from msahl.schemes import DAMPING, DEFAULT
+from msahl.schemes import DAMPING, DEFAULT, DEGREE
 
 MAX_STEPS = 10**9
 """Most steps of a run: more is a slip of the pen (a day at 10 us a step)."""
@@ -21,6 +21,7 @@ def read_simulation(element: Element, reader: Reader) -> Simulation:
         damping=float(element.get("damping", DAMPING)),
         reactions=attribute(element, "reactions", MEAN),
         limits=_limits(element.find("verdict"), reader),
+        degree=int(element.get("degree", DEGREE)),
     )
     if reader.faults.sound(element):
         for tag, message in _complaints(simulation):

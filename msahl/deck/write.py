@@ -16,9 +16,10 @@ def effective_deck(
     scheme: str | None = None,
     damping: float | None = None,
     reactions: str | None = None,
+    degree: int | None = None,
 ) -> bytes:
     """The deck at ``path``, which ``read_deck`` has accepted, with what is given of how it is run:
-    ``dt`` and ``t_final`` [s], ``scheme``, ``damping`` and ``reactions``.
+    ``dt`` and ``t_final`` [s], ``scheme``, ``damping``, ``reactions`` and ``degree``.
 
     With nothing given the bytes are those of the file; otherwise the document is the same, comments
     included, but for ``<simulation>``. Raises ``DeckError`` if the file is no deck any more.
@@ -30,7 +31,8 @@ def effective_deck(
     times = {"deltaT": dt, "tFinal": t_final}
     changes = {tag: value for tag, value in times.items() if value is not None}
     share = None if damping is None else repr(float(damping))
-    words = {"scheme": scheme, "damping": share, "reactions": reactions}
+    power = None if degree is None else str(degree)
+    words = {"scheme": scheme, "degree": power, "damping": share, "reactions": reactions}
     attributes = {key: word for key, word in words.items() if word is not None}
     return _with_simulation(data, changes, attributes) if changes or attributes else data
 

@@ -143,3 +143,21 @@ def free_acceleration(
         # reach = 1: rows of the acceleration problem; push takes, so the signs turn.
         moment = sub(cross(f, at(start.r, k)), at(start.m, k))
         push(bodies, 1.0, F, group.body[k], scale(-1.0, f), moment)
+
+
+@kernel
+def free_work(
+    group: ConcentratedLoads,
+    start: ConcentratedStart,
+    v: np.ndarray,
+    W: np.ndarray,
+    dt: float,
+    column: np.ndarray,
+    total: np.ndarray,
+) -> None:
+    """Add the work [J] at these velocities over a time ``dt`` to its ``column`` of ``total``."""
+    for k in range(group.body.size):
+        b = group.body[k]
+        V = add(at(v, b), cross(at(W, b), at(start.r, k)))
+        power = dot(at(start.f, k), V) + dot(at(start.m, k), at(W, b))
+        total[column[k]] += power * dt

@@ -143,3 +143,47 @@ def work(
     for k in range(drags.body.size):
         moved = displacement(drags, arm, bodies, Z, k)
         total[column[k]] += dot(drag(drags.coefficient[k], scale(1.0 / h, moved)), moved)
+
+
+@kernel
+def free_jacobian(
+    drags: Drags,
+    arm: np.ndarray,
+    bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
+    by_place: np.ndarray,
+    by_rate: np.ndarray,
+) -> None:
+    """Add half the derivative of ``free_acceleration`` by the places, all of it by the rates."""
+    for k in range(drags.body.size):
+        b = drags.body[k]
+        length, r = bodies.length[b], skew(at(arm, k))
+        V = add(at(v, b), cross(at(W, b), at(arm, k)))
+        by_V, f = drag_slope(drags.coefficient[k], V), skew(drag(drags.coefficient[k], V))
+        c = bodies.inverse_mass[b]
+        by_W, lever = product(by_V, r), product(r, by_V)
+        add_block(by_rate, drags.block[k, 0], c, by_V)
+        add_block(by_rate, drags.block[k, 1], -c / length, by_W)
+        add_block(by_rate, drags.block[k, 2], c / length, lever)
+        add_block(by_rate, drags.block[k, 3], -c / length**2, product(r, by_W))
+        by_arm = product(by_V, product(skew(at(W, b)), r))
+        add_block(by_place, drags.block[k, 1], -0.5 * c / length, by_arm)
+        add_block(by_place, drags.block[k, 3], -0.5 * c / length**2, product(r, by_arm))
+        add_block(by_place, drags.block[k, 3], 0.5 * c / length**2, product(f, r))
+
+
+@kernel
+def free_work(
+    drags: Drags,
+    arm: np.ndarray,
+    v: np.ndarray,
+    W: np.ndarray,
+    dt: float,
+    column: np.ndarray,
+    total: np.ndarray,
+) -> None:
+    """Add the work [J] at these velocities over a time ``dt`` to its ``column`` of ``total``."""
+    for k in range(drags.body.size):
+        V = add(at(v, drags.body[k]), cross(at(W, drags.body[k]), at(arm, k)))
+        total[column[k]] += dot(drag(drags.coefficient[k], V), V) * dt

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.bodies.rigid import Bodies
-from msahl.joints.quantity import Quantities, QuantityStart, add_spring
+from msahl.joints.quantity import Quantities, QuantityStart, add_damper, add_spring
 from msahl.kernel import kernel
 
 
@@ -55,6 +55,43 @@ def free_load(
     for f in range(frictions.quantity.size):
         q = frictions.quantity[f]
         start.load[q] += load(frictions, reactions, f, rate[q])[0]
+
+
+@kernel
+def free_jacobian(
+    frictions: Frictions,
+    reactions: np.ndarray,
+    quantities: Quantities,
+    start: QuantityStart,
+    rate: np.ndarray,
+    bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
+    Z: np.ndarray,
+    room: np.ndarray,
+    by_place: np.ndarray,
+    by_rate: np.ndarray,
+) -> None:
+    """Add half the derivative of ``free_load`` by the places, and all of it by the rates."""
+    for f in range(frictions.quantity.size):
+        q = frictions.quantity[f]
+        slope = load(frictions, reactions, f, rate[q])[1]
+        add_damper(quantities, start, bodies, v, W, Z, q, slope, room, by_place, by_rate)
+
+
+@kernel
+def free_work(
+    frictions: Frictions,
+    reactions: np.ndarray,
+    rate: np.ndarray,
+    dt: float,
+    column: np.ndarray,
+    total: np.ndarray,
+) -> None:
+    """Add the work [J] at these rates over a time ``dt`` to their ``column`` of ``total``."""
+    for f in range(frictions.quantity.size):
+        q_rate = rate[frictions.quantity[f]]
+        total[column[f]] += load(frictions, reactions, f, q_rate)[0] * q_rate * dt
 
 
 @kernel

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.bodies.rigid import Bodies
-from msahl.joints.quantity import Quantities, QuantityStart, add_spring, extent
+from msahl.joints.quantity import Quantities, QuantityStart, add_damper, add_spring, extent
 from msahl.joints.rows import SAME
 from msahl.kernel import kernel
 from msahl.law import Laws, evaluate, mean
@@ -108,12 +108,53 @@ def jacobian(
 
 
 @kernel
-def free_load(springs: Springs, laws: Laws, start: QuantityStart, rate: np.ndarray) -> None:
+def free_load(
+    springs: Springs,
+    laws: Laws,
+    quantities: Quantities,
+    start: QuantityStart,
+    bodies: Bodies,
+    rate: np.ndarray,
+) -> None:
     """Add the springs at the start, with the quantities' rates there, to the loads."""
     for s in range(springs.quantity.size):
         q = springs.quantity[s]
-        T, _ = tension(springs, laws, s, start.value[q] - springs.origin[s], 0.0)
+        T, half = tension(springs, laws, s, start.value[q] - springs.origin[s], 0.0)
         start.load[q] -= T + springs.damping[s] * rate[q]
+        unsure = BLUR * abs(half) * extent(quantities, start, bodies, q)
+        start.size[q] += abs(T) + abs(springs.damping[s] * rate[q]) + unsure
+
+
+@kernel
+def free_jacobian(
+    springs: Springs,
+    laws: Laws,
+    quantities: Quantities,
+    start: QuantityStart,
+    bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
+    Z: np.ndarray,
+    room: np.ndarray,
+    by_place: np.ndarray,
+    by_rate: np.ndarray,
+) -> None:
+    """Add half the derivative of ``free_load`` by the places, and all of it by the rates."""
+    for s in range(springs.quantity.size):
+        q = springs.quantity[s]
+        _, half = tension(springs, laws, s, start.value[q] - springs.origin[s], 0.0)
+        add_spring(quantities, start, bodies, -1.0, q, -half, by_place)
+        slope = -springs.damping[s]
+        add_damper(quantities, start, bodies, v, W, Z, q, slope, room, by_place, by_rate)
+
+
+@kernel
+def free_work(
+    springs: Springs, rate: np.ndarray, dt: float, column: np.ndarray, total: np.ndarray
+) -> None:
+    """Add the dampers' work [J] at these rates over a time ``dt`` to their ``column``."""
+    for s in range(springs.quantity.size):
+        total[column[s]] -= springs.damping[s] * rate[springs.quantity[s]] ** 2 * dt
 
 
 @kernel

@@ -198,15 +198,156 @@ def free_acceleration(
     """Set the rows of the acceleration problem and add its forces; ``Z`` is zero."""
     if along is None:
         return
+    free_load(along, start, bodies, v, W, reaction, Z, F)
+    rows.free_acceleration(
+        along.rows, along.laws, along.quantities, start.quantities, bodies, start.rate, v, W, t, F
+    )
+
+
+@kernel
+def free_load(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
+    reaction: np.ndarray,
+    Z: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """Add the forces of springs and friction at the start, by mass; ``Z`` is zero."""
+    if along is None:
+        return
     q = start.quantities
     quantity.evaluate(along.quantities, q, bodies, Z)
     quantity.rates(along.quantities, q, v, W, start.rate)
-    rows.free_acceleration(
-        along.rows, along.laws, along.quantities, q, bodies, start.rate, v, W, t, F
-    )
-    spring.free_load(along.springs, along.laws, q, start.rate)
+    spring.free_load(along.springs, along.laws, along.quantities, q, bodies, start.rate)
     friction.free_load(along.frictions, reaction, q, start.rate)
     quantity.push(along.quantities, q, bodies, -1.0, F)
+
+
+@kernel
+def free_jacobian(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
+    reaction: np.ndarray,
+    Z: np.ndarray,
+    room: np.ndarray,
+    by_place: np.ndarray,
+    by_rate: np.ndarray,
+) -> None:
+    """Add half the derivative of ``free_load`` by the places, and all of it by the rates; and that
+    of ``roll``, over h.
+    """
+    if along is None:
+        return
+    q, quantities = start.quantities, along.quantities
+    quantity.differentiate(quantities, q, bodies, Z)
+    springs, laws, frictions = along.springs, along.laws, along.frictions
+    spring.free_jacobian(springs, laws, quantities, q, bodies, v, W, Z, room, by_place, by_rate)
+    friction.free_jacobian(
+        frictions, reaction, quantities, q, start.rate, bodies, v, W, Z, room, by_place, by_rate
+    )
+    quantity.stiffness(quantities, q, bodies, -1.0, Z, by_place)
+    rows.roll_jacobian(along.rows, quantities, q, bodies, v, W, Z, room, by_place, by_rate)
+
+
+@kernel
+def act(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
+    reaction: np.ndarray,
+    dt: float,
+    Z: np.ndarray,
+    F: np.ndarray,
+    work: np.ndarray,
+) -> None:
+    """As ``free_load``; adds the work [J] of dampers and friction over a time ``dt``."""
+    if along is None:
+        return
+    free_load(along, start, bodies, v, W, reaction, Z, F)
+    spring.free_work(along.springs, start.rate, dt, along.spring_column, work)
+    friction.free_work(along.frictions, reaction, start.rate, dt, along.friction_column, work)
+
+
+@kernel
+def hold(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    gap: np.ndarray,
+    t: float,
+    h: float,
+    Z: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """As ``residual`` of the rows alone, with a reach of -1: their forces are added, by mass."""
+    if along is None:
+        return
+    q = start.quantities
+    quantity.evaluate(along.quantities, q, bodies, Z)
+    rows.residual(along.rows, along.laws, q, bodies, gap, t, h, -1.0, Z, F)
+    quantity.push(along.quantities, q, bodies, -1.0, F)
+
+
+@kernel
+def hold_jacobian(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    Z: np.ndarray,
+    values: np.ndarray,
+) -> None:
+    """Add the derivative of ``hold``, after it at the same ``Z``."""
+    if along is None:
+        return
+    joint_jacobian(along, start, bodies, -1.0, Z, values)
+    quantity.stiffness(along.quantities, start.quantities, bodies, -1.0, Z, values)
+
+
+@kernel
+def strain(along: Along | None, start: AlongStart, c: float, pull: np.ndarray) -> None:
+    """Raise ``pull`` (nodes,) to ``c`` times the largest parts of the loads last pushed."""
+    if along is None:
+        return
+    for node in range(pull.size):
+        pull[node] = max(pull[node], c * start.quantities.pull[node])
+
+
+@kernel
+def roll(along: Along | None, start: AlongStart, bodies: Bodies, h: float, F: np.ndarray) -> None:
+    """Set the rows that are of rates alone to ``h`` times them, after ``free_load``."""
+    if along is None:
+        return
+    rows.roll(along.rows, start.rate, 2 * bodies.inverse_mass.size, h, F)
+
+
+@kernel
+def settle(along: Along | None, gap: np.ndarray) -> None:
+    """Take from the ``gap`` (k, 3) left by a step what is of rows between rates: they have none."""
+    if along is None:
+        return
+    for r in range(along.rows.function.size):
+        if not along.rows.holonomic[r]:
+            gap[along.rows.place[r, 0], along.rows.place[r, 1]] = 0.0
+
+
+@kernel
+def drive_work(
+    along: Along | None, bodies: Bodies, t: float, dt: float, Z: np.ndarray, work: np.ndarray
+) -> None:
+    """Add the work [J] of the drives over a time ``dt`` at the rates of ``t``; the multipliers in
+    ``Z`` are by mass.
+    """
+    if along is None:
+        return
+    rows.drive_work(along.rows, along.laws, bodies, t, dt, Z, along.row_column, work)
 
 
 @kernel

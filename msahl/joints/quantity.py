@@ -203,16 +203,81 @@ def stiffness(
             load * row_factor(group, bodies, reach, q, U_B),
             load * row_factor(group, bodies, reach, q, Q_B),
         )
-        first = group.first[q]
-        for k in range(first, group.first[q + 1]):
-            w = start.weights[q, k - first]
-            if w != 0.0:
-                c_w = (w * c[0], w * c[1], w * c[2], w * c[3])
-                measure.stiffness(
-                    group.measures, start.measures, bodies, Z, k, group.block, q, c_w, values
-                )
-        if group.kind[q] != PLAIN:
-            _curve(group, start, bodies, Z, q, c, values)
+        _stiffen(group, start, bodies, Z, q, c, values)
+
+
+@kernel
+def _stiffen(
+    group: Quantities,
+    start: QuantityStart,
+    bodies: Bodies,
+    Z: np.ndarray,
+    q: int,
+    c: tuple[float, float, float, float],
+    values: np.ndarray,
+) -> None:
+    """Add the derivative of a quantity's unit force, each part times its ``c``."""
+    first = group.first[q]
+    for k in range(first, group.first[q + 1]):
+        w = start.weights[q, k - first]
+        if w != 0.0:
+            c_w = (w * c[0], w * c[1], w * c[2], w * c[3])
+            measure.stiffness(
+                group.measures, start.measures, bodies, Z, k, group.block, q, c_w, values
+            )
+    if group.kind[q] != PLAIN:
+        _curve(group, start, bodies, Z, q, c, values)
+
+
+@kernel
+def rate_gradient(
+    group: Quantities,
+    start: QuantityStart,
+    bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
+    Z: np.ndarray,
+    q: int,
+    room: np.ndarray,
+) -> tuple[Vector, Vector, Vector, Vector]:
+    """Half the derivative of a quantity's rate by the places of the four parts at given velocities.
+
+    A rate is the unit force times the velocities, so it is the stiffness times them. Wants
+    ``evaluate`` at rest; ``room`` holds block values.
+    """
+    for block in group.block[q]:
+        if block > 0:
+            for e in range(block, block + 9):
+                room[e] = 0.0
+    _stiffen(group, start, bodies, Z, q, (1.0, 1.0, 1.0, 1.0), room)
+    k = group.first[q]
+    a, b = group.measures.a[k], group.measures.b[k]
+    speed = (at(v, a), at(W, a), at(v, b), at(W, b))
+    return (
+        _contract(group, q, U_A, speed, room),
+        _contract(group, q, Q_A, speed, room),
+        _contract(group, q, U_B, speed, room),
+        _contract(group, q, Q_B, speed, room),
+    )
+
+
+@kernel
+def _contract(
+    group: Quantities,
+    q: int,
+    column: int,
+    speed: tuple[Vector, Vector, Vector, Vector],
+    room: np.ndarray,
+) -> Vector:
+    """The velocities times the blocks of one column."""
+    total = ZERO
+    for row in range(PARTS):
+        e = group.block[q, PARTS * row + column]
+        if e > 0:
+            for j in range(3):
+                line = (room[e + 3 * j], room[e + 3 * j + 1], room[e + 3 * j + 2])
+                total = axpy(speed[row][j], line, total)
+    return total
 
 
 @kernel
@@ -283,6 +348,38 @@ def add_spring(
                 for i in range(3):
                     for j in range(3):
                         values[at_block + 3 * i + j] += c * force[q, p, i] * row[q, r, j]
+
+
+@kernel
+def add_damper(
+    group: Quantities,
+    start: QuantityStart,
+    bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
+    Z: np.ndarray,
+    q: int,
+    slope: float,
+    room: np.ndarray,
+    by_place: np.ndarray,
+    by_rate: np.ndarray,
+) -> None:
+    """Add what a load with the derivative ``slope`` by the rate of q contributes, by mass: half of
+    that by the places, all of that by the rates; ``room`` holds block values.
+    """
+    if slope == 0.0:
+        return
+    add_spring(group, start, bodies, -1.0, q, slope, by_rate)
+    c = (
+        slope * row_factor(group, bodies, -1.0, q, U_A),
+        slope * row_factor(group, bodies, -1.0, q, Q_A),
+        slope * row_factor(group, bodies, -1.0, q, U_B),
+        slope * row_factor(group, bodies, -1.0, q, Q_B),
+    )
+    f = start.force[q]
+    force = (at(f, U_A), at(f, Q_A), at(f, U_B), at(f, Q_B))
+    row = rate_gradient(group, start, bodies, v, W, Z, q, room)
+    add_outer(by_place, group.block, q, c, force, row)
 
 
 @kernel

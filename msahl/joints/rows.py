@@ -21,6 +21,7 @@ from msahl.joints.quantity import (
     QuantityStart,
     add_spring,
     quantity_acceleration,
+    rate_gradient,
     row_factor,
 )
 from msahl.kernel import kernel
@@ -242,3 +243,62 @@ def work(
         if rows.law[r] >= 0:
             lam = multiplier(rows, bodies, reach, Z, r)
             total[column[r]] += lam * law_change(rows, laws, r, t, h)
+
+
+@kernel
+def drive_work(
+    rows: Rows,
+    laws: Laws,
+    bodies: Bodies,
+    t: float,
+    dt: float,
+    Z: np.ndarray,
+    column: np.ndarray,
+    total: np.ndarray,
+) -> None:
+    """Add the drives' work [J] over a time ``dt`` at the rates that their laws have at ``t``; the
+    unknowns ``Z`` are the multipliers over their mass and scale.
+    """
+    for r in range(rows.function.size):
+        if rows.law[r] >= 0:
+            lam = multiplier(rows, bodies, 1.0, Z, r)
+            total[column[r]] += lam * law_rate(rows, laws, r, t) * dt
+
+
+@kernel
+def roll(rows: Rows, rate: np.ndarray, first: int, h: float, F: np.ndarray) -> None:
+    """Set the rows between rates to ``h`` times those of their quantities, ``rate`` (q,)."""
+    for r in range(rows.function.size):
+        if not rows.holonomic[r]:
+            c = h * rows.scale[r] * rows.coefficient[r, 0]
+            F[first + rows.place[r, 0], rows.place[r, 1]] = c * rate[rows.quantity[r, 0]]
+
+
+@kernel
+def roll_jacobian(
+    rows: Rows,
+    quantities: Quantities,
+    start: QuantityStart,
+    bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
+    Z: np.ndarray,
+    room: np.ndarray,
+    by_place: np.ndarray,
+    by_rate: np.ndarray,
+) -> None:
+    """Add the derivative of ``roll`` over h: half of it by the places, all of it by the rates."""
+    for r in range(rows.function.size):
+        if not rows.holonomic[r]:
+            c, q, slot = (
+                rows.scale[r] * rows.coefficient[r, 0],
+                rows.quantity[r, 0],
+                rows.place[r, 1],
+            )
+            half = rate_gradient(quantities, start, bodies, v, W, Z, q, room)
+            for part in range(PARTS):
+                right = rows.gap_block[r, 0, part]
+                if right > 0:
+                    for i in range(3):
+                        by_rate[right + 3 * slot + i] += c * start.slope[q, part, i]
+                        by_place[right + 3 * slot + i] += c * half[part][i]

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from msahl.model import degree_of
 from msahl.post.measure import Energy, Loads, Measures, Reactions, Spread
 from msahl.post.table import Cell, Column, Table
 from msahl.results.read import Run
@@ -171,9 +172,12 @@ def no_work_note(run: Run) -> str:
     if run.has_means:
         return ""
     if run.at_rows:
+        again = (
+            "with --scheme preserving" if degree_of(run.model) else "without --reactions station"
+        )
         return (
             "virtual work is not available: it takes mean reactions over steps, and the run has "
-            "those at the rows; run the deck again without --reactions station"
+            f"those at the rows; run the deck again {again}"
         )
     return (
         f"virtual work is not available: only every {run.every}th step was kept, and it takes the "

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from msahl.deck import read_deck
-from msahl.model import STATION, Model
+from msahl.model import STATION, Model, reactions_of
 from msahl.results.write import PART
 from msahl.system.names import reaction_columns, state_columns, work_columns, workers
 
@@ -51,7 +51,7 @@ class Run:
     @property
     def at_rows(self) -> bool:
         """Whether reactions are those at the rows' own times, not means over the steps before."""
-        return self.model.simulation.reactions == STATION
+        return reactions_of(self.model) == STATION
 
     @property
     def has_means(self) -> bool:

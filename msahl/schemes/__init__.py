@@ -35,9 +35,25 @@ SCHEMES: dict[str, Callable[[float], Decay]] = {
     "preserving": lambda damping: decaying(0.0),
     "decaying": decaying,
 }
-"""Schemes a run can choose, by name, as functions of the damping; the first is the default."""
+"""Schemes of the lowest order, by name, as functions of the damping; the first is the default."""
 DEFAULT = next(iter(SCHEMES))
 DAMPING = 0.5
 """Damping of a decaying scheme where none is given: 0 none, 1 all, of the quickest in one step."""
+HIGHER = "gauss"
+"""The scheme of higher order (``schemes.gauss``)."""
+DEGREE, HIGHEST = 3, 5
+"""Its degree s where none is given, and the largest; its order is 2 s."""
 WORKER = "scheme"
 """Name that the work of a decaying scheme goes by; loads and motions cannot have it."""
+
+
+def choices() -> tuple[str, ...]:
+    """All schemes a run can choose, by one word each: gauss3 is that of degree 3."""
+    return (*SCHEMES, *(f"{HIGHER}{s}" for s in range(1, HIGHEST + 1)))
+
+
+def split(word: str) -> tuple[str, int | None]:
+    """Name and degree of a scheme given by one of the ``choices``; None if it has none."""
+    if word.startswith(HIGHER):
+        return HIGHER, int(word.removeprefix(HIGHER))
+    return word, None

@@ -11,12 +11,13 @@ import time
 import numpy as np
 
 from msahl.compiled import compiled
-from msahl.model import Model
+from msahl.model import Model, degree_of
 from msahl.schemes import preserving
-from msahl.solve import newton, station, step
+from msahl.solve import high, newton, station, step
 from msahl.solve.assembly import assemble
 from msahl.solve.culprit import culprit, overflow
 from msahl.solve.freedom import constraint_rank, is_regular, shared_reactions
+from msahl.solve.high import new_high
 from msahl.solve.initial import StartError, make_consistent, solve_accelerations
 from msahl.solve.outcome import Outcome
 from msahl.solve.station import new_station
@@ -43,6 +44,8 @@ _take_newton = compiled(newton.take)
 _show = compiled(step.show)
 _publish = compiled(station.publish)
 _march_at_rows = compiled(station.march)
+_march_high = compiled(high.march)
+_publish_high = compiled(high.publish)
 
 
 class Runner:
@@ -69,9 +72,12 @@ class Runner:
             preserving.prepare(system, state, start)
             name = culprit(model, system, state, start, model.simulation.dt) or "the joints"
             raise StartError(overflow(0.0, name)) from error
-        self.station = new_station(self.scene.system) if at_rows else None
-        self.large = self.scene.unknowns.free.size > LARGEST_DENSE
-        self.begun = False
+        degree = degree_of(model)
+        self.high = new_high(self.scene, degree) if degree else None
+        self.station = new_station(self.scene.system) if at_rows and not degree else None
+        self.large = self.scene.unknowns.free.size * max(degree, 1) > LARGEST_DENSE
+        # A higher degree is asked of scipy only where it must be: that would be compiled as well.
+        self.begun = degree > 0
 
     def _make_scene(self, system: System, state: State, full: bool, chunk: int) -> None:
         """Bring the start in order, and find out what there is to be solved."""
@@ -107,6 +113,9 @@ class Runner:
     def kind(self) -> str:
         """Which compiled step the island needs."""
         kind = "points" if self.scene.system.along is None else "along"
+        if self.high is not None:
+            rubs = "" if self.high.rubbing is None else "-friction"
+            return f"{kind}{rubs}-high"
         return kind if self.station is None else f"{kind}-station"
 
     def show_start(self) -> None:
@@ -133,9 +142,7 @@ class Runner:
                 outcome = self._take_hard(h)
                 if not outcome.converged:
                     break
-                _show(self.scene, h, k, plan[k])
-                if self.station is not None and plan[k] >= 0:
-                    _publish(self.scene, self.station, plan[k])
+                self._show(h, k, int(plan[k]))
                 k += 1
                 self.begun = True
                 if time.perf_counter() - began > patience:
@@ -144,9 +151,20 @@ class Runner:
 
     def _march(self, h: float, first: int, last: int, plan: np.ndarray) -> int:
         """As ``newton.march``, with the reactions the rows want."""
+        if self.high is not None:
+            return int(_march_high(self.high, h, first, last, plan))
         if self.station is None:
             return int(_march(self.scene, h, first, last, plan))
         return int(_march_at_rows(self.scene, self.station, h, first, last, plan))
+
+    def _show(self, h: float, step: int, row: int) -> None:
+        """As ``step.show``, with the reactions the rows want."""
+        if self.high is not None:
+            _publish_high(self.scene, self.high.station, h, step, row)
+            return
+        _show(self.scene, h, step, row)
+        if self.station is not None and row >= 0:
+            _publish(self.scene, self.station, row)
 
     def _take_hard(self, h: float) -> Outcome:
         """One step by the reference solver, or all of it in smaller ones; else no step at all."""
@@ -155,11 +173,15 @@ class Runner:
         state = self.scene.state
         for trend in (state.a_trend, state.alpha_trend, state.force_trend):
             trend[:] = 0.0
+        if self.high is not None:
+            high.forget(self.high)
         outcome = self._take(h, MAX_HALVINGS, 1.0)
         if not outcome.converged:
             for array, value in zip(self.scene.state, before, strict=True):
                 array[:] = value
             preserving.prepare(self.scene.system, self.scene.state, self.scene.start)
+            if self.high is not None:
+                high.forget(self.high)
         return outcome
 
     def _take(self, h: float, halvings: int, share: float) -> Outcome:
@@ -170,11 +192,22 @@ class Runner:
         outcome = self._take(0.5 * h, halvings - 1, 0.5 * share)
         return self._take(0.5 * h, halvings - 1, 0.5 * share) if outcome.converged else outcome
 
+    def _take_high(self, h: float) -> Outcome:
+        """One step of higher degree, without rows of results."""
+        assert self.high is not None
+        _march_high(self.high, h, 0, 1, np.zeros(0, dtype=np.int64))
+        residual, worst = self.high.outcome
+        return Outcome(float(residual), int(worst))
+
     def _take_once(self, h: float, share: float) -> Outcome:
         if self.solver == "newton" or (self.solver == "auto" and self.large):
+            if self.high is not None:
+                return self._take_high(h)
             return Outcome(*_take_newton(self.scene, h, share))
         # scipy.optimize is slow to import: only where it is called.
         from msahl.solve import root
 
         self.root_steps += 1
+        if self.high is not None:
+            return root.take_high(self.high, h)
         return root.take(self.scene, h, share)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.joints.reaction import publish as publish_reactions
-from msahl.kernel import kernel
+from msahl.kernel import apart, kernel
 from msahl.schemes import preserving
 from msahl.solve import dense, newton, sparse
 from msahl.solve.freedom import INDEPENDENT
@@ -40,9 +40,10 @@ class Station(NamedTuple):
     reaction: np.ndarray  # (j, 6) likewise its reactions
 
 
-def new_station(system: System) -> Station:
-    """Room for any state of ``system``."""
-    unknowns = choose(system, all_unknowns(system))
+def new_station(system: System, unknowns: Unknowns | None = None) -> Station:
+    """Room for any state of ``system``; of all its unknowns, unless some are known not to move."""
+    if unknowns is None:
+        unknowns = choose(system, all_unknowns(system))
     nodes = (node_count(system), 3)
     return Station(
         unknowns=unknowns,
@@ -87,7 +88,7 @@ def react(system: System, state: State, start: Start, station: Station) -> None:
     preserving.react(system, state, start, station.Z)
 
 
-@kernel
+@apart
 def accelerate(system: System, state: State, start: Start, station: Station) -> None:
     """Set the ``solution`` to accelerations a, l alpha and multipliers over their units, and the
     state's reactions; ``start`` is prepared.

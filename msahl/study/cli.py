@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 from msahl.cli import BAD_INPUT, NOT_CONVERGED, NOT_WRITTEN, stoppable
-from msahl.schemes import SCHEMES
+from msahl.schemes import choices
 
 if TYPE_CHECKING:
     from msahl.study.study import Plan
@@ -32,8 +32,8 @@ MEASURE_KEYS = (
 @click.option("--dt", "steps", type=click.FloatRange(min=0.0, min_open=True), multiple=True,
               metavar="S", help="Step [s]; repeat for more (default: 0.1 0.04 0.01 0.004 0.002 "
               "0.001 0.0004, or eight times to an eighth of the deck's).")  # fmt: skip
-@click.option("--scheme", "schemes", type=click.Choice(tuple(SCHEMES)), multiple=True,
-              help="Repeat for more (default: all).")  # fmt: skip
+@click.option("--scheme", "schemes", type=click.Choice(choices()), multiple=True,
+              help="Repeat for more (default: those of order 2).")  # fmt: skip
 @click.option("--reference", default="auto", show_default=True, metavar="KIND",
               help="True values: 'exact' (closed form), 'independent' (another integrator), 'auto' "
               "(the first of these there is), or the folder of a run.")  # fmt: skip

@@ -17,6 +17,7 @@ import pandas as pd
 from msahl.model import Model
 from msahl.results.read import Run
 from msahl.run import Grid, Options, Report, run
+from msahl.schemes import split
 from msahl.system.names import reaction_columns, state_columns, work_columns
 
 WARM_STEPS = 5
@@ -64,10 +65,11 @@ class Trial:
 def with_step(
     model: Model, dt: float, t_final: float | None = None, scheme: str | None = None
 ) -> Model:
-    """``model`` with another step, end and scheme."""
+    """``model`` with another step, end and scheme (one of ``schemes.choices``)."""
     given = model.simulation
     end = given.t_final if t_final is None else t_final
-    other = replace(given, dt=dt, t_final=end, scheme=scheme or given.scheme)
+    name, degree = split(scheme) if scheme else (given.scheme, None)
+    other = replace(given, dt=dt, t_final=end, scheme=name, degree=degree or given.degree)
     return replace(model, simulation=other)
 
 

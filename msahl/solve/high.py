@@ -1,0 +1,318 @@
+"""Steps of the time elements of higher degree, as ``solve.newton`` and ``solve.step`` take those of
+the lowest: Newton's method, acceptance, many steps of an island.
+
+At the end of a step the velocities are made to keep the joints closed, by the smallest change by
+mass, which is what the multiplier of the last node does. Friction at a Gauss node presses by the
+reaction that follows from the accelerations there, found anew in every iteration.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.joints import along
+from msahl.joints.along import Along
+from msahl.kernel import apart, kernel
+from msahl.schemes import gauss, preserving
+from msahl.schemes.gauss import Stages, new_stages
+from msahl.solve import dense, stagewise, station
+from msahl.solve.newton import DIVERGED, MAX_ITERATIONS, SLOW, STUCK
+from msahl.solve.outcome import TARGET, TOLERANCE
+from msahl.solve.station import Station, new_station
+from msahl.solve.step import Scene, show
+from msahl.solve.watch import Watch
+from msahl.system.arrays import Start, State, System
+from msahl.system.order import Elimination
+from msahl.vector import add, at, matrix_at, put, scale, times, transpose
+
+RECALLED = 0.01
+"""Share of the gap from absolute positions that a step closes beside what the last one left over.
+Gaps followed by increments wander by round-off as turns are composed: 1e-11 m in two million steps.
+A share this small carries little of the round-off of positions into the velocities."""
+CLOSINGS = 3
+"""Of the velocities, where the relaxation of redundant joints leaves a part of them open."""
+
+
+class High(NamedTuple):
+    """An island on its way by steps of higher degree."""
+
+    scene: Scene
+    rubbing: Along | None  # the system's if there is friction: else none of its code is compiled
+    stages: Stages
+    station: Station
+    factor: np.ndarray  # (entries, s, s) sparse factors
+    y: np.ndarray  # (f, s) right-hand side, in the order of elimination
+    room: np.ndarray  # (2, s, s)
+    outcome: np.ndarray  # (2,) residual and worst row of the last step
+
+
+def new_high(scene: Scene, degree: int) -> High:
+    """Room for steps of ``degree``."""
+    lu, group = scene.unknowns.elimination, scene.system.along
+    return High(
+        scene=scene,
+        rubbing=group if group is not None and group.frictions.quantity.size else None,
+        stages=new_stages(scene.system, scene.state, degree),
+        station=new_station(scene.system, scene.unknowns),
+        factor=np.zeros((int(lu.base[-1]), degree, degree)),
+        y=np.zeros((lu.order.size, degree)),
+        room=np.zeros((2, degree, degree)),
+        outcome=np.zeros(2),
+    )
+
+
+def forget(high: High) -> None:
+    """Let the next step be guessed from the accelerations of its start."""
+    if high.stages.step[0] != 0.0:
+        high.stages.step[0] = -1.0
+
+
+@kernel
+def judge(free: np.ndarray, F: np.ndarray, pull: np.ndarray, length: float) -> tuple[float, int]:
+    """As ``dense.judge``: the largest free row relative to the step's length or to the loads in it,
+    and its index among the flat rows.
+    """
+    worst, largest = -1, 0.0
+    for i in range(free.size):
+        node = free[i] // 3
+        relief = length / max(length, pull[node])
+        for j in range(F.shape[0]):
+            row = abs(F[j, node, free[i] % 3]) * relief
+            # Written so that a nan is the worst of all.
+            if not row <= largest:
+                worst, largest = free[i], row
+    return largest / length, worst
+
+
+@apart
+def press(
+    rubbing: Along | None, system: System, state: State, stages: Stages, room: Station, h: float
+) -> None:
+    """Set the reactions at the Gauss nodes, if there is friction, which presses by them."""
+    if rubbing is None:
+        return
+    s = stages.rule.weight.size
+    for i in range(s):
+        gauss.go(system, state, stages, h, s + 1 + i)
+        copy(stages.reaction[i], stages.state.reaction)
+        station.accelerate(system, stages.state, stages.start, room)
+        copy(stages.state.reaction, stages.reaction[i])
+
+
+@kernel
+def copy(source: np.ndarray, target: np.ndarray) -> None:
+    """Copy the entries of a table."""
+    for i in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            target[i, j] = source[i, j]
+
+
+@kernel
+def drop_null(
+    lu: Elimination,
+    relaxation: float,
+    chi: np.ndarray,
+    Z: np.ndarray,
+    factor: np.ndarray,
+    y: np.ndarray,
+    room: np.ndarray,
+    first: int,
+) -> None:
+    """As ``newton.drop_null``: take from multipliers what the joints' redundancy leaves open."""
+    s = y.shape[1]
+    for k in range(y.shape[0]):
+        node, i = lu.order[k] // 3, lu.order[k] % 3
+        for j in range(s):
+            y[k, j] = 0.0
+            if node >= first:
+                for n in range(s):
+                    y[k, j] += 2.0 * relaxation * chi[j, n] * Z[n, node, i]
+    stagewise.solve(lu, factor, y, room[0, 0])
+    for k in range(y.shape[0]):
+        node = lu.order[k] // 3
+        if node >= first:
+            for j in range(s):
+                Z[j, node, lu.order[k] % 3] -= y[k, j]
+
+
+@kernel
+def drop_gap(
+    lu: Elimination,
+    relaxation: float,
+    chi: np.ndarray,
+    F: np.ndarray,
+    factor: np.ndarray,
+    y: np.ndarray,
+    room: np.ndarray,
+    first: int,
+) -> None:
+    """As ``newton.drop_gap``: take from the gaps at the end what no motion can close."""
+    s = y.shape[1]
+    gather(lu, F, y)
+    stagewise.solve(lu, factor, y, room[0, 0])
+    for k in range(y.shape[0]):
+        node = lu.order[k] // 3
+        if node >= first:
+            for n in range(s):
+                F[s - 1, node, lu.order[k] % 3] -= 2.0 * relaxation * chi[s - 1, n] * y[k, n]
+
+
+@kernel
+def gather(lu: Elimination, F: np.ndarray, y: np.ndarray) -> None:
+    """Set ``y`` (f, s) to the free rows ``F`` (s, nodes, 3) in the order of elimination."""
+    for k in range(y.shape[0]):
+        for j in range(y.shape[1]):
+            y[k, j] = F[j, lu.order[k] // 3, lu.order[k] % 3]
+
+
+@kernel
+def keep_closed(
+    system: System, state: State, start: Start, gap: np.ndarray, rate: np.ndarray, room: Station
+) -> None:
+    """Change the velocities, least by mass, so that no joint opens; ``gap`` and ``rate`` (k, 3) are
+    room.
+    """
+    bodies = system.bodies
+    first = 2 * bodies.inverse_mass.size
+    station.free(system, state, start, room)
+    preserving.observe(system, state, start, gap, rate)
+    along.in_metres(system.along, gap, rate)
+    for node in range(room.rows.shape[0]):
+        for i in range(3):
+            room.rows[node, i] = 0.0 if node < first else -rate[node - first, i]
+    station.solve(room)
+    for b in range(bodies.inverse_mass.size - 1):
+        R = matrix_at(start.bodies.R, b)
+        dW = scale(1.0 / bodies.length[b], at(room.solution, 2 * b + 1))
+        put(state.v, b, add(at(state.v, b), at(room.solution, 2 * b)))
+        put(state.w, b, add(at(state.w, b), times(transpose(R), dW)))
+    along.drive_work(system.along, bodies, state.time[0], 1.0, room.solution, state.work)
+    preserving.prepare(system, state, start)
+
+
+@kernel
+def advance(
+    system: System,
+    state: State,
+    start: Start,
+    stages: Stages,
+    watch: Watch,
+    room: Station,
+    h: float,
+) -> None:
+    """Take over the solved step."""
+    gauss.accept(system, state, start, stages, h)
+    for _ in range(CLOSINGS if system.relaxation > 0.0 else 1):
+        keep_closed(system, state, start, watch.gap, watch.rate, room)
+    for k in range(state.gap.shape[0]):
+        for i in range(3):
+            state.gap[k, i] += RECALLED * (watch.gap[k, i] - state.gap[k, i])
+
+
+@kernel
+def march(high: High, h: float, first: int, last: int, plan: np.ndarray) -> int:
+    """As ``newton.march``, with the reactions of every published row at its own time; without rows
+    where the ``plan`` is empty.
+
+    Newton's method stands in here and not in a function of its own: a compiler goes through all
+    that a function calls once more for every caller.
+    """
+    scene, stages, station_room = high.scene, high.stages, high.station
+    system, state, start, unknowns = scene.system, scene.state, scene.start, scene.unknowns
+    lu, factor, y, room = unknowns.elimination, high.factor, high.y, high.room
+    multipliers, relaxation = 2 * system.bodies.inverse_mass.size, system.relaxation
+    for step in range(first, last):
+        before, smallest, way, length = math.inf, math.inf, 0.0, 0.0
+        iteration, fresh, relaxed = 0, True, relaxation > 0.0
+        while True:
+            press(high.rubbing, system, state, stages, station_room, h)
+            length = gauss.evaluate(system, state, start, stages, h, iteration == 0, fresh)
+            length = max(length, dense.AT_REST)
+            residual, worst = judge(unknowns.free, stages.F, stages.pull, length)
+            way = length if iteration == 0 else way
+            smallest = min(smallest, residual)
+            if residual <= TARGET or (residual > STUCK * before and residual <= TOLERANCE):
+                if not relaxed:
+                    break
+                if not fresh:
+                    fresh = True
+                    continue
+                stagewise.factor(lu, stages.values, factor, room)
+                drop_null(lu, relaxation, stages.rule.chi, stages.Z, factor, y, room, multipliers)
+                relaxed, fresh, before, smallest = False, False, math.inf, math.inf
+                continue
+            if iteration == MAX_ITERATIONS or not residual <= DIVERGED * smallest:
+                break
+            if residual > SLOW * before and not fresh:
+                fresh = True
+                continue
+            if fresh:
+                stagewise.factor(lu, stages.values, factor, room)
+                scene.counts[1] += 1
+            correct(lu, factor, stages.F, stages.Z, y, room)
+            scene.counts[0] += 1
+            iteration += 1
+            before, fresh = residual, False
+        if dense.is_astray(system, way, length):
+            residual = math.inf
+        high.outcome[0], high.outcome[1] = residual, worst
+        if not residual <= TOLERANCE:
+            return step
+        if relaxation > 0.0:
+            drop_gap(lu, relaxation, stages.rule.chi, stages.F, factor, y, room, multipliers)
+        advance(system, state, start, stages, scene.watch, station_room, h)
+        if plan.size > 0:
+            show(scene, h, step, plan[step])
+            if plan[step] >= 0:
+                station.publish(scene, station_room, plan[step])
+    return last
+
+
+@kernel
+def correct(
+    lu: Elimination,
+    factor: np.ndarray,
+    F: np.ndarray,
+    Z: np.ndarray,
+    y: np.ndarray,
+    room: np.ndarray,
+) -> None:
+    """Take from the free unknowns ``Z`` what the factors say of the rows ``F``."""
+    gather(lu, F, y)
+    stagewise.solve(lu, factor, y, room[0, 0])
+    for k in range(y.shape[0]):
+        for j in range(y.shape[1]):
+            Z[j, lu.order[k] // 3, lu.order[k] % 3] -= y[k, j]
+
+
+@kernel
+def publish(scene: Scene, room: Station, h: float, step: int, row: int) -> None:
+    """Enter the accepted state in row ``step`` of the watch, and in ``row`` of the tables unless
+    that is negative.
+    """
+    show(scene, h, step, row)
+    if row >= 0:
+        station.publish(scene, room, row)
+
+
+@kernel
+def probe(
+    high: High, h: float, z: np.ndarray, f: np.ndarray, fresh: bool
+) -> tuple[float, int, float]:
+    """Set the free rows ``f`` (f, s) at the free unknowns ``z``, and where ``fresh`` their
+    derivative; what ``judge`` says of them, and the step's length [m].
+    """
+    scene, stages, free = high.scene, high.stages, high.scene.unknowns.free
+    system, state = scene.system, scene.state
+    for i in range(free.size):
+        for j in range(z.shape[1]):
+            stages.Z[j, free[i] // 3, free[i] % 3] = z[i, j]
+    press(high.rubbing, system, state, stages, high.station, h)
+    length = gauss.evaluate(system, state, scene.start, stages, h, False, fresh)
+    length = max(length, dense.AT_REST)
+    for i in range(free.size):
+        for j in range(f.shape[1]):
+            f[i, j] = stages.F[j, free[i] // 3, free[i] % 3]
+    residual, worst = judge(free, stages.F, stages.pull, length)
+    return residual, worst, length

@@ -1,0 +1,330 @@
+"""The scheme of higher order: its derivative, its orders, what it keeps, how it is asked for."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from elements import ELEMENTS, everything
+from scenes import chain, deck, pendulum, simulate
+
+from msahl.cli import main
+from msahl.deck import read_deck
+from msahl.rotation import matrix
+from msahl.schemes import chart, choices, gauss, preserving, split
+from msahl.schemes.rule import new_rule
+from msahl.solve import stagewise
+from msahl.study.exact import recognise
+from msahl.system.arrays import new_start, node_count
+from msahl.system.build import build_system
+from msahl.system.reduce import all_unknowns
+from msahl.system.state import build_state
+from msahl.system.unknowns import choose
+
+SINGLE = Path(__file__).parents[1] / "decks" / "thesis" / "single_pendulum_45.xml"
+DEGREES = (1, 2, 3, 4, 5)
+every_degree = pytest.mark.parametrize("degree", DEGREES)
+
+
+def of_degree(model, degree):
+    """``model`` by the gauss scheme."""
+    return replace(model, simulation=replace(model.simulation, scheme="gauss", degree=degree))
+
+
+class Step:
+    """The equations of one step in plain Python, in all unknowns."""
+
+    def __init__(self, model, degree, h, rng):
+        self.degree, self.h = degree, h
+        self.system = build_system(model)
+        self.state = build_state(model, self.system)
+        self.start = new_start(self.system, self.state)
+        preserving.prepare(self.system, self.state, self.start)
+        self.unknowns = choose(self.system, all_unknowns(self.system))
+        self.stages = gauss.new_stages(self.system, self.state, degree)
+        self.stages.reaction[:] = rng.normal(size=self.stages.reaction.shape)
+        self.shape = (degree, self.unknowns.free.size)
+        self.z = 0.3 * rng.normal(size=self.shape)
+
+    def rows(self, z, fresh=False):
+        self.stages.Z.reshape(self.degree, -1)[:, self.unknowns.free] = z
+        given = (self.system, self.state, self.start, self.stages, self.h)
+        gauss.evaluate(*given, False, fresh)
+        return self.stages.F.reshape(self.degree, -1)[:, self.unknowns.free].copy()
+
+    def derivative(self):
+        """(s, f, s, f) at ``z``."""
+        self.rows(self.z, fresh=True)
+        s, nodes = self.degree, node_count(self.system)
+        whole = np.zeros((s, nodes, 3, s, nodes, 3))
+        for m, (row, column) in enumerate(self.system.blocks.tolist()):
+            if m > 0:
+                block = self.stages.values[9 * m : 9 * m + 9].reshape(3, 3, s, s)
+                whole[:, row, :, :, column, :] += block.transpose(2, 0, 3, 1)
+        flat = whole.reshape(s, 3 * nodes, s, 3 * nodes)
+        return flat[:, self.unknowns.free][..., self.unknowns.free]
+
+    def difference(self, direction, step=1e-5):
+        """Derivative of the rows along ``direction``, by central differences."""
+        return (self.rows(self.z + step * direction) - self.rows(self.z - step * direction)) / (
+            2.0 * step
+        )
+
+
+@every_degree
+def test_a_rule_integrates_what_it_should(degree):
+    rule, s = new_rule(degree), degree
+    t = rule.lobatto
+    for power in range(2 * s):
+        assert rule.weight @ rule.gauss**power == pytest.approx(1.0 / (power + 1), abs=1e-15)
+        assert rule.node_weight @ t**power == pytest.approx(1.0 / (power + 1), abs=1e-15)
+    # A momentum that is a rate of the unknowns gives the unknowns; numbers of the size of s^2.
+    np.testing.assert_allclose(rule.beta @ rule.slope, np.eye(s), atol=1e-13)
+    # A constant force, of loads or of joints, displaces by t^2/2.
+    np.testing.assert_allclose(rule.alpha.sum(axis=1), -0.5 * t[1:] ** 2, atol=1e-13)
+    # What it interpolates, it interpolates exactly: powers up to s - 1, and s where it knows more.
+    power = rule.gauss ** (s - 1)
+    np.testing.assert_allclose(rule.integral @ power, t[1:] ** s / s, atol=1e-14)
+    np.testing.assert_allclose(rule.value @ t[1:] ** s, rule.gauss**s, atol=1e-14)
+    np.testing.assert_allclose(rule.slope @ t[1:] ** s, s * power, atol=1e-13)
+    before = np.append(rule.gauss - 1.0, 0.0)
+    # Out of the nodes' range: weights of up to 1e4.
+    np.testing.assert_allclose(rule.ahead @ before**s, rule.gauss**s, atol=1e-11)
+    np.testing.assert_allclose(
+        rule.ahead_nodes @ (t[:s] - 1.0) ** (s - 1), t[:s] ** (s - 1), atol=1e-11
+    )
+
+
+def test_the_chart_turns_as_it_says():
+    """W = H c_dot against R of the parameters, and the derivatives against differences."""
+    rng, step = np.random.default_rng(5), 1e-6
+    c, a, z = rng.normal(size=(3, 3))
+
+    def at(f, shift, *given):
+        return np.array(f(tuple(c + shift), *map(tuple, given)))
+
+    def slope(f, *given):
+        return np.array(
+            [(at(f, step * e, *given) - at(f, -step * e, *given)) / (2.0 * step) for e in np.eye(3)]
+        ).T
+
+    R_dot = (at(matrix, step * a) - at(matrix, -step * a)) / (2.0 * step)
+    spin = R_dot @ at(matrix, 0.0).T
+    W = (spin[2, 1], spin[0, 2], spin[1, 0])
+    # Central differences: step^2, and round-off over the step.
+    near = {"atol": 1e-9}
+    np.testing.assert_allclose(at(chart.tangent, 0.0) @ a, W, **near)
+    np.testing.assert_allclose(at(chart.parameter_rate, 0.0, W), a, **near)
+    np.testing.assert_allclose(at(chart.momentum, 0.0, at(chart.parameter_rate, 0.0, a)), a)
+    np.testing.assert_allclose(
+        at(chart.rate, 0.0, at(chart.moment, 0.0, a)),
+        np.array(at(chart.tangent, 0.0).T @ at(chart.moment, 0.0, a)),
+    )
+    np.testing.assert_allclose(at(chart.momentum_slope, 0.0, z), slope(chart.momentum, z), **near)
+    np.testing.assert_allclose(at(chart.rate_slope, 0.0, z), slope(chart.rate, z), **near)
+    np.testing.assert_allclose(
+        at(chart.curvature, 0.0, z, a),
+        slope(lambda c, z, a: a @ np.array(chart.momentum_slope(c, z)), z, a),
+        **near,
+    )
+
+
+@pytest.mark.parametrize("make", ELEMENTS.values(), ids=ELEMENTS)
+def test_the_derivative_of_every_element(make):
+    rng = np.random.default_rng(8)
+    step = Step(make(rng), 2, 0.1, rng)
+    A = step.derivative()
+    for _ in range(3):
+        direction = rng.normal(size=step.shape)
+        got = np.einsum("jakb,kb->ja", A, direction)
+        wanted = step.difference(direction)
+        # Differences: third derivatives times 1e-10, and round-off of numbers near 1 over 1e-5.
+        np.testing.assert_allclose(got, wanted, atol=1e-7 * max(1.0, np.abs(wanted).max()))
+
+
+def test_blocks_are_factored_as_the_whole_matrix():
+    rng = np.random.default_rng(3)
+    step = Step(chain(4), 3, 0.05, rng)
+    A, lu = step.derivative(), step.unknowns.elimination
+    size = step.shape[0] * step.shape[1]
+    right = rng.normal(size=step.shape)
+    place = np.argsort(step.unknowns.free)
+    order = place[np.searchsorted(step.unknowns.free[place], lu.order)]
+    factor, room = np.zeros((int(lu.base[-1]), 3, 3)), np.zeros((2, 3, 3))
+    y = np.ascontiguousarray(right[:, order].T)
+    stagewise.factor(lu, step.stages.values, factor, room)
+    stagewise.solve(lu, factor, y, room[0, 0])
+    dense = A.reshape(size, size)
+    exact = np.linalg.solve(dense, right.reshape(-1)).reshape(step.shape)
+    error = np.abs(y.T - exact[:, order]).max()
+    # No search among blocks: some digits less than the condition allows.
+    assert error <= 1e-13 * np.linalg.cond(dense) * np.abs(exact).max()
+
+
+CLOSED = {
+    "single_pendulum_45": {1: 0.02, 2: 0.1, 3: 0.2, 4: 0.5, 5: 0.4},
+    "top_1": {1: 0.002, 2: 0.02, 3: 0.04, 4: 0.1, 5: 0.16},
+}
+"""Largest of two steps [s] by degree, between too coarse and round-off."""
+
+
+def errors(run, states, forces):
+    """Position, orientation, velocity, spin, force: largest errors of a run's last row."""
+    parts = np.abs(run.states[-1, 1:] - states).reshape(-1, 4, 3).max(axis=(0, 2))
+    return np.append(parts, np.abs(run.reactions[-1, 1:] - forces).max())
+
+
+@every_degree
+@pytest.mark.parametrize("name", CLOSED)
+def test_orders_against_closed_forms(name, degree):
+    model, coarse = of_degree(deck(name), degree), CLOSED[name][degree]
+    exact, found = recognise(model), []
+    for h in (coarse, 0.5 * coarse):
+        run = simulate(model, dt=h, t_final=2.0 if coarse > 0.2 else 1.0)
+        end = run.time[-1:]
+        found.append(errors(run, exact.states(end)[0], exact.forces(end).reshape(-1)))
+        assert run.report.extremes["gapMax"] <= 1e-13
+        assert run.report.extremes["gapRateMax"] <= 1e-13
+    assert np.log2(found[0] / found[1]) == pytest.approx(2.0 * degree, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("name", "t_final", "steps"),
+    [
+        ("double_pendulum_89", 1.0, {1: 0.01, 2: 0.05, 3: 0.1, 4: 0.2}),
+        ("four_bar_sketched", 0.25, {1: 0.0005, 2: 0.0025, 3: 0.0125}),
+        ("andrews_squeezer", 0.03, {2: 2e-4, 3: 2e-4}),
+        ("spring_damper", 1.0, {1: 0.005, 2: 0.02, 3: 0.05, 4: 0.1}),
+    ],
+)
+def test_orders_of_mechanisms(name, t_final, steps):
+    """Against the next degree at a quarter of the step, whose error is nothing beside."""
+    for degree, coarse in steps.items():
+        model = of_degree(deck(name), degree)
+        best = simulate(of_degree(model, degree + 1), dt=0.25 * coarse, t_final=t_final)
+        found = []
+        for h in (coarse, 0.5 * coarse):
+            run = simulate(model, dt=h, t_final=t_final)
+            found.append(np.abs(run.states[-1] - best.states[-1]).max())
+            if len(run.reactions[0]) > 1:
+                found[-1] = (found[-1], np.abs(run.reactions[-1] - best.reactions[-1]).max())
+            assert run.report.extremes["gapMax"] <= 1e-13
+            assert run.report.extremes["gapRateMax"] <= 1e-13
+        orders = np.log2(np.divide(*found))
+        assert orders == pytest.approx(2.0 * degree, abs=0.25), degree
+
+
+def test_every_element_together_has_order_four():
+    model = of_degree(everything(np.random.default_rng(4)), 2)
+    best = simulate(of_degree(model, 3), dt=0.0025, t_final=0.1, solver="newton")
+    found = []
+    for h in (0.02, 0.01):
+        run = simulate(model, dt=h, t_final=0.1, solver="newton")
+        assert run.report.status == "completed"
+        found.append(np.abs(run.states[-1] - best.states[-1]).max())
+    assert np.log2(found[0] / found[1]) == pytest.approx(4.0, abs=0.5)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_the_energy_error_does_not_grow(degree):
+    """Over 2000 periods of a pendulum, 20 steps each: the last are as good as the first."""
+    model = of_degree(pendulum(60.0), degree)
+    period, steps = 4.0, 40_000
+    run = simulate(model, dt=0.05 * period, t_final=0.05 * period * steps, solver="newton")
+    v, w, z = run.of("velocity"), run.of("spin"), run.of("position")[:, 2]
+    (bob,) = model.bodies
+    kinetic = 0.5 * bob.mass * (v**2).sum(axis=1) + 0.5 * bob.inertia[0][0] * (w**2).sum(axis=1)
+    error = np.abs(kinetic - bob.mass * model.gravity[2] * z + bob.mass * model.gravity[2] * z[0])
+    tenth = steps // 10
+    first, last = error[:tenth].max(), error[-tenth:].max()
+    # A step whose chart is not varied with its beginning is not symplectic: the error of s = 1 then
+    # grows by 2 parts in 1000 in this time, that of s = 2 by 2 in 100. Round-off has its own share.
+    assert last <= 1.0005 * first + 1e-11 * kinetic.max()
+    assert first <= 0.05 * kinetic.max()
+
+
+def test_momentum_of_free_bodies_is_kept():
+    """Bodies held to each other, not to the ground: both momenta, to round-off."""
+    model = of_degree(ELEMENTS["chain"](np.random.default_rng(2), gravity=False), 3)
+    run = simulate(model, dt=0.02, t_final=2.0, solver="newton")
+    linear, angular = np.zeros((2, len(run.time), 3))
+    for b, body in enumerate(model.bodies):
+        R, w = run.matrices(b), run.of("spin", b)
+        x = run.of("position", b) + R @ body.r_BG
+        v = np.einsum("tij,tj->ti", R, run.of("velocity", b) + np.cross(w, body.r_BG))
+        linear += body.mass * v
+        angular += body.mass * np.cross(x, v) + np.einsum(
+            "tij,tj->ti", R, w @ np.array(body.inertia)
+        )
+    for momentum in (linear, angular):
+        # A hundred steps of round-off each.
+        assert np.abs(momentum - momentum[0]).max() <= 1e-12 * np.abs(momentum).max()
+
+
+@pytest.mark.parametrize("name", ["double_pendulum_89", "revolute", "bricard", "rolling_disk_coin"])
+def test_both_solvers_find_the_same_motion(name):
+    path = {"rolling_disk_coin": SINGLE.parents[1] / "joints" / "rolling_disk.xml"}.get(name)
+    model = of_degree(read_deck(path) if path else deck(name), 2)
+    newton, root = (
+        simulate(model, dt=0.02, t_final=0.2, solver=solver) for solver in ("newton", "root")
+    )
+    assert (root.report.root_steps, newton.report.root_steps) == (10, 0)
+    scale = np.abs(newton.states).max()
+    # Both to residuals of 1e-12 of a step.
+    np.testing.assert_allclose(newton.states, root.states, atol=1e-10 * scale)
+    if not newton.report.sharedReactions:
+        # Those of redundant joints are not unique.
+        near = 1e-8 * np.abs(newton.reactions).max()
+        np.testing.assert_allclose(newton.reactions, root.reactions, atol=near)
+    assert max(run.report.extremes["gapMax"] for run in (newton, root)) <= 1e-13
+
+
+@pytest.mark.parametrize(
+    "name", ["double_pendulum_89", "two_pendulums", "four_bar", "ballistic_cylinder"]
+)
+def test_what_is_left_out_changes_nothing(name):
+    model = of_degree(deck(name), 3)
+    given = {"dt": 0.01, "t_final": 0.5, "solver": "newton"}
+    reduced, full = simulate(model, **given), simulate(model, full=True, **given)
+    scale = np.abs(full.states).max()
+    np.testing.assert_allclose(reduced.states, full.states, atol=1e-11 * scale)
+
+
+def test_a_hard_step_is_taken_in_parts_and_the_last_is_short():
+    """The triple pendulum's violent moments at a step far too long, and an end between steps."""
+    model = of_degree(deck("triple_pendulum_135"), 3)
+    run = simulate(model, dt=0.4, t_final=9.5)
+    assert run.report.status == "completed"
+    assert run.report.halvings + run.report.root_steps > 0
+    assert run.time[-1] == 9.5
+    assert run.report.extremes["gapMax"] <= 1e-12
+    # A step of another size begins from the accelerations alone and ends on the same curve.
+    short = simulate(of_degree(deck("single_pendulum_45"), 4), dt=0.3, t_final=1.0)
+    exact = recognise(short.model).states(short.time)
+    assert np.abs(short.states[:, 1:] - exact).max() <= 1e-8
+
+
+def test_one_derivative_and_few_iterations_a_step():
+    report = simulate(of_degree(deck("double_pendulum_89"), 3), dt=0.02, t_final=10.0).report
+    assert report.root_steps == report.halvings == 0
+    assert report.factorisations <= 1.05 * report.steps
+    assert report.iterations <= 2.0 * report.steps
+
+
+def test_the_command_and_the_deck_ask_for_it(tmp_path):
+    assert [split(word) for word in choices()[:3]] == [
+        ("preserving", None),
+        ("decaying", None),
+        ("gauss", 1),
+    ]
+    words = ["run", str(SINGLE), "--dt", "0.1", "--t-final", "1", "-o", str(tmp_path / "a")]
+    result = CliRunner().invoke(main, [*words, "--scheme", "gauss2"])
+    assert result.exit_code == 0, result.output
+    options = json.loads((tmp_path / "a" / "run.json").read_text())["options"]
+    assert (options["scheme"], options["degree"], options["reactions"]) == ("gauss", 2, "station")
+    again = read_deck(tmp_path / "a" / "deck.xml").simulation
+    assert (again.scheme, again.degree) == ("gauss", 2)
+    result = CliRunner().invoke(main, ["run", str(SINGLE), "--scheme", "gauss9"])
+    assert result.exit_code == 2
