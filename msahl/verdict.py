@@ -27,6 +27,9 @@ GAP_RATE = 0.05
 LOCAL_ERROR = 0.01
 """Of the scene's length, the longest body or way: what the steps' local errors may add up to where
 no accuracy is asked for."""
+UNSEEN = 0.05
+"""Of the way at the highest speed: a step's local error beyond which something moves to and fro in
+hardly more than a step or two. Resolved motions have a twelfth of their turn a step, squared."""
 GAP_WORK = 1e-8
 """Of the largest kinetic energy, over one step."""
 CONDITION = 1e13
@@ -236,7 +239,21 @@ def _trust(of: Figures) -> Finding:
             f"trust horizon t = {shadow['trustHorizon']:g} s: up to there the run at half the step "
             f"agrees within {tolerance:g} m; {measure} come to differ by {apart:.1e} m"
         )
+    elif word == PASS and _hides(of, tolerance):
+        word = WARN
+        text += (
+            f", yet something vibrates quicker than both steps: local errors add up to "
+            f"{of.extreme('localErrorSum'):.1e} m"
+        )
     return Finding("accuracy", word, text)
+
+
+def _hides(of: Figures, tolerance: float) -> bool:
+    """Whether a vibration may hide between the rows of both runs: their steps see it as nothing."""
+    if of.extremes["localErrorSum"] is None:
+        return False
+    quick = of.extreme("localErrorMax") > UNSEEN * of.dt * of.extreme("speedMax")
+    return quick and of.extreme("localErrorSum") > BETWEEN * tolerance
 
 
 def _local(of: Figures) -> Finding:

@@ -70,7 +70,6 @@ def residual(
     laws: Laws,
     quantities: Quantities,
     start: QuantityStart,
-    bodies: Bodies,
     stretch: np.ndarray,
     h: float,
 ) -> None:
@@ -83,7 +82,7 @@ def residual(
         start.load[q] -= T + lag
         # A tension that vanishes in the mean is large at both ends, and a stiff spring's is known
         # no better than its length.
-        unsure = BLUR * abs(slope) * extent(quantities, start, bodies, q)
+        unsure = BLUR * abs(slope) * extent(quantities, start, q)
         start.size[q] += abs(T) + abs(slope * dq) + abs(lag) + unsure
 
 

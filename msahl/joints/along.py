@@ -79,7 +79,7 @@ def residual(
     q = start.quantities
     quantity.evaluate(along.quantities, q, bodies, Z)
     rows.residual(along.rows, along.laws, q, bodies, gap, t, h, reach, Z, F)
-    spring.residual(along.springs, along.laws, along.quantities, q, bodies, start.stretch, h)
+    spring.residual(along.springs, along.laws, along.quantities, q, start.stretch, h)
     friction.residual(along.frictions, start.reactions, q, h)
     quantity.push(along.quantities, q, bodies, reach, F)
 

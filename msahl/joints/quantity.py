@@ -153,17 +153,17 @@ def push(
 
 
 @kernel
-def extent(group: Quantities, start: QuantityStart, bodies: Bodies, q: int) -> float:
-    """Size [m, or 1 for an angle] of what the quantity is computed from: its own and the bodies'.
-    It is known no better than the last digit of that.
+def extent(group: Quantities, start: QuantityStart, q: int) -> float:
+    """Size [m, or 1 for an angle] of what the quantity is computed from at the start: it is known
+    no better than the last digit of that.
     """
     if group.kind[q] == ANGLE:
         return max(1.0, abs(start.value[q]))
-    first, longest = group.first[q], abs(start.value[q])
-    for body in (group.measures.a[first], group.measures.b[first]):
-        if bodies.inverse_mass[body] > 0.0:
-            longest = max(longest, bodies.length[body])
-    return longest
+    m, largest = start.measures, 0.0
+    for k in range(group.first[q], group.first[q + 1]):
+        for i in range(3):
+            largest = max(largest, abs(m.D[k, i]), abs(m.r_a[k, i]), abs(m.r_b[k, i]))
+    return largest
 
 
 @kernel

@@ -15,6 +15,8 @@ from msahl.system.unknowns import Unknowns, choose
 
 INDEPENDENT = 1e-9
 """Singular value, relative to the largest, below which an equation follows from the others."""
+PART = 1e-6
+"""Entry of a unit vector that is not round-off: far above what the last singular values leave."""
 
 
 def constraint_matrix(system: System, state: State) -> np.ndarray:
@@ -46,19 +48,19 @@ def is_regular(system: System, state: State, unknowns: Unknowns) -> bool:
 def shared_reactions(system: System, state: State) -> list[int]:
     """Numbers of the joints, couplings and motions whose reactions are not unique."""
     G = constraint_matrix(system, state)
-    of_row = np.repeat(system.multipliers.element, 3)
     equations = np.any(G, axis=1)
-    rank = _rank(G)
-    shared = []
-    for element in np.unique(of_row):
-        own = of_row == element
-        if rank - _rank(G[~own]) < np.count_nonzero(equations & own):
-            shared.append(int(element))
-    return shared
+    left, values, _ = np.linalg.svd(G[equations])
+    # Multipliers that hold each other: rows without a part in any of them add to the rank.
+    idle = left[:, _count(values) :]
+    part = np.abs(idle).max(axis=1, initial=0.0) > PART
+    of_row = np.repeat(system.multipliers.element, 3)[equations]
+    return [int(element) for element in np.unique(of_row[part])]
 
 
 def _rank(G: np.ndarray) -> int:
-    if not G.size:
-        return 0
-    values = np.linalg.svd(G, compute_uv=False)
+    return _count(np.linalg.svd(G, compute_uv=False)) if G.size else 0
+
+
+def _count(values: np.ndarray) -> int:
+    """How many singular values are not zero."""
     return int(np.count_nonzero(values > INDEPENDENT * values[0]))

@@ -116,7 +116,7 @@ class Extremes:
         self.balance = sum(float(rows[0, BALANCE]) for rows in first)
         self.error = self.squares = self.kinetic = self.local = 0.0
         self.steps = 0
-        self.worst = [0.0] * LOCAL  # from GAP on
+        self.worst = [0.0] * (LOCAL + 1)  # from GAP on
         self.fold(first)
         self.steps = 0
 
@@ -132,7 +132,7 @@ class Extremes:
         self.steps += len(error)
         self.kinetic = max(self.kinetic, float(total[:, KINETIC].max()))
         self.worst = [
-            max(w, float(new)) for w, new in zip(self.worst, worst.max(axis=0)[:LOCAL], strict=True)
+            max(w, float(new)) for w, new in zip(self.worst, worst.max(axis=0), strict=True)
         ]
         self.local += float(worst[:, LOCAL].sum())
 
@@ -159,5 +159,6 @@ class Extremes:
             "turnPerStepMax": self.worst[TURN],
             "distanceMax": self.worst[DISTANCE],
             "wayMax": self.worst[WAY],
+            "localErrorMax": self.worst[LOCAL],
             "localErrorSum": self.local,
         }
