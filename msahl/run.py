@@ -401,7 +401,7 @@ class _Run:
         report.halvings = sum(runner.halvings for runner in self.runners)
         report.extremes = self.extremes.as_json()
         if degree_of(self.model):
-            report.extremes["localErrorSum"] = None  # an estimate of order 2
+            report.extremes |= {"localErrorMax": None, "localErrorSum": None}  # of order 2
         report.shadow = self.shadow.as_json() if self.shadow else None
         report.verdict = judge(self._figures(), self.model.simulation.limits).as_json()
         return report

@@ -209,6 +209,20 @@ def test_the_shadow_is_the_run_at_half_the_step(every):
     assert run.report.shadow["positionApartMax"] == pytest.approx(apart, rel=1e-2)
 
 
+def test_a_scheme_of_higher_order_is_judged_by_two_runs():
+    model = pendulum()
+    simulation = replace(model.simulation, dt=0.1, t_final=10.0, scheme="gauss", degree=3)
+    model = replace(model, simulation=simulation)
+    alone = simulate(model).report.verdict["checks"]["accuracy"]
+    assert alone["text"] == "accuracy not estimated: --shadow TOL tells"
+    run = simulate(model, shadow=1e-6)
+    exact = recognise(run.model).states(run.time).reshape(len(run.time), 12)
+    error = np.linalg.norm(run.of("position") - exact[:, :3], axis=1).max()
+    # Order 6: halving the step leaves a sixty-fourth.
+    assert 64.0 / 63.0 * run.report.shadow["positionApartMax"] == pytest.approx(error, rel=0.1)
+    assert run.report.verdict["checks"]["accuracy"]["word"] == PASS
+
+
 def test_a_chaotic_run_is_trusted_to_a_horizon():
     run = simulate(deck("chaos_90"), shadow=1e-3)
     shadow, verdict = run.report.shadow, run.report.verdict

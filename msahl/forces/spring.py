@@ -112,7 +112,6 @@ def free_load(
     laws: Laws,
     quantities: Quantities,
     start: QuantityStart,
-    bodies: Bodies,
     rate: np.ndarray,
 ) -> None:
     """Add the springs at the start, with the quantities' rates there, to the loads."""
@@ -120,7 +119,7 @@ def free_load(
         q = springs.quantity[s]
         T, half = tension(springs, laws, s, start.value[q] - springs.origin[s], 0.0)
         start.load[q] -= T + springs.damping[s] * rate[q]
-        unsure = BLUR * abs(half) * extent(quantities, start, bodies, q)
+        unsure = BLUR * abs(half) * extent(quantities, start, q)
         start.size[q] += abs(T) + abs(springs.damping[s] * rate[q]) + unsure
 
 

@@ -221,7 +221,7 @@ def free_load(
     q = start.quantities
     quantity.evaluate(along.quantities, q, bodies, Z)
     quantity.rates(along.quantities, q, v, W, start.rate)
-    spring.free_load(along.springs, along.laws, along.quantities, q, bodies, start.rate)
+    spring.free_load(along.springs, along.laws, along.quantities, q, start.rate)
     friction.free_load(along.frictions, reaction, q, start.rate)
     quantity.push(along.quantities, q, bodies, -1.0, F)
 
