@@ -231,6 +231,22 @@ def test_the_verdict_of_a_run_is_taken_up(cells):
     assert (made.verdict, made.reasons) == ("WARN", "step too large; half a turn a step")
 
 
+def test_verdicts_tell_good_runs_from_bad():
+    """Over the kept table: nothing passes that errs by more than ten tolerances, and what fails
+    within the tolerance has lost its energy.
+    """
+    with KEPT.open(newline="") as stream:
+        rows = [row for row in csv.DictReader(stream) if row["judged"]]
+    assert len(rows) > 1000
+    for row in rows:
+        error = max(float(row["error"]), float(row["turned"])) / float(row["tolerance"])
+        if row["judged"] == "PASS":
+            assert error <= 10.0, row
+        if row["judged"] == "FAIL" and error <= 1.0:
+            assert "energy kept only to" in row["judged_by"], row
+            assert float(row["energy"]) > 1e-3 or row["outcome"] == "out of time", row
+
+
 def test_the_kept_table_is_whole():
     """Every scheme and step of every value, no nan, no row lost but by a run stopped by force."""
     with KEPT.open(newline="") as stream:
