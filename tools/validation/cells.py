@@ -4,6 +4,7 @@ user would run it, in two processes, and none for longer than a bound.
 
 import json
 import os
+import re
 import signal
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -270,10 +271,15 @@ def cell(
         tolerance=tolerance,
         rows=info.get("rows", 0),
         rows_found=info.get("rows_found", 0),
-        message=info.get("message", ""),
+        message=_what_happened(info.get("message", "")),
         verdict=verdict.get("word"),
         reasons="; ".join(verdict.get("reasons", ())) or None,
     )
+
+
+def _what_happened(message: str) -> str:
+    """A message without the command that goes on with a run, which is in a folder of the moment."""
+    return re.split("; (?:go on|begin anew)", message)[0]
 
 
 def _finite(number: float | None) -> float | None:
