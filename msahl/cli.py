@@ -132,8 +132,14 @@ def explain(deck: Path) -> None:
 @click.option("--solver", type=click.Choice(["auto", "newton", "root"]), default="auto",
               show_default=True, help="'newton' is compiled, 'root' is scipy.optimize.root, "
               "'auto' is newton with root for the first step and every hard one.")  # fmt: skip
+@click.option("--tolerance", type=float, metavar="TOL",
+              help="Choose the steps so that their errors add up to no more than TOL [m]; for gauss "
+              "and auto, rows stay where they are. Instead of the deck's.")  # fmt: skip
+@click.option("--output-interval", "interval", type=float, metavar="S",
+              help="Time [s] between rows, if not the step; any for gauss and auto, whole steps for "
+              "the others. Instead of the deck's.")  # fmt: skip
 @click.option("--every", type=click.IntRange(1, 10**9), default=1, show_default=True, metavar="N",
-              help="Write every Nth step (the last one always).")  # fmt: skip
+              help="Write every Nth row (the last one always).")  # fmt: skip
 @click.option("--reactions", type=click.Choice(["mean", "station"]),
               help="Reactions of a row: 'mean' over the step before it, or 'station', at its own "
               "time. Instead of the deck's; else mean.")  # fmt: skip
@@ -153,6 +159,8 @@ def run(
     scheme: str | None,
     damping: float | None,
     solver: str,
+    tolerance: float | None,
+    interval: float | None,
     every: int,
     reactions: str | None,
     shadow: float | None,
@@ -177,6 +185,8 @@ def run(
         "degree": degree,
         "damping": damping,
         "reactions": reactions,
+        "tolerance": tolerance,
+        "interval": interval,
     }
     model = _model_to_run(deck, given)
     from msahl.deck import effective_deck
@@ -270,7 +280,7 @@ class Job:
     def about(self) -> dict[str, Any]:
         """The head of ``run.json``: all that its rows depend on."""
         from msahl.deck import deck_digest
-        from msahl.model import decays, degree_of, reactions_of
+        from msahl.model import decays, degree_of, reactions_of, tolerance_of
 
         simulation = self.model.simulation
         return {
@@ -287,6 +297,8 @@ class Job:
                 "full": self.options.full,
                 "shadow": self.options.shadow,
                 "reactions": reactions_of(self.model),
+                "outputInterval": simulation.interval,
+                "tolerance": tolerance_of(self.model),
             },
         }
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import numba
 import platformdirs
+from numba.core import event
 from numba.extending import register_jitable
 
 from msahl.kernel import APART, MARKED
@@ -59,14 +60,24 @@ def keep(kind: str) -> None:
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """``function`` compiled on its first call (or loaded from the cache), with all it calls."""
-    for mark in MARKED:
-        if mark not in _registered:
-            small = len(mark.__code__.co_code) < SMALL and mark not in APART
-            inlined = {"forceinline": True} if small else {}
-            register_jitable(**OPTIONS, **inlined)(mark)
-            _registered.add(mark)
     dispatcher: Callable[..., Any] = numba.njit(cache=True, **OPTIONS)(function)
     return dispatcher
 
 
+class _Registrar(event.Listener):
+    """Tells numba of the marked functions when it comes to compile: what is loaded needs none."""
+
+    def on_start(self, event: event.Event) -> None:
+        for mark in MARKED:
+            if mark not in _registered:
+                small = len(mark.__code__.co_code) < SMALL and mark not in APART
+                inlined = {"forceinline": True} if small else {}
+                register_jitable(**OPTIONS, **inlined)(mark)
+                _registered.add(mark)
+
+    def on_end(self, event: event.Event) -> None:
+        pass
+
+
+event.register("numba:compile", _Registrar())
 setattr(numba.config, "CACHE_DIR", str(cache_folder()))  # noqa: B010 - missing in its type stub

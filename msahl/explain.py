@@ -116,7 +116,7 @@ def _loaded(runners: list[Runner]) -> Iterator[str]:
         "a run loads numpy, lxml, orjson and numba; scipy.optimize for the first step and hard "
         "ones (--solver auto), never with --solver newton; neither pandas nor matplotlib"
     )
-    kept = all(is_kept(f"{runner.kind}-auto") for runner in runners)
+    kept = all(is_kept(f"{runner.steps.kind}-auto") for runner in runners)
     yield (
         "the step is compiled and kept on disk"
         if kept

@@ -22,7 +22,18 @@ from msahl.joints.coupling import Coupling
 from msahl.joints.joint import Joint
 from msahl.law import Law
 from msahl.motion import Drive, PointMotion
-from msahl.schemes import DAMPING, DEFAULT, DEGREE, HIGHER, SCHEMES, Decay, decaying
+from msahl.schemes import (
+    AUTO,
+    DAMPING,
+    DEFAULT,
+    DEGREE,
+    HIGHER,
+    HIGHEST,
+    SCHEMES,
+    TOLERANCE,
+    Decay,
+    decaying,
+)
 from msahl.vector import Vector
 
 __all__ = [
@@ -66,7 +77,9 @@ class Limits:
 class Simulation:
     """How the scene is run: step ``dt`` and end ``t_final`` [s], scheme and, if it is one that
     decays, its damping at infinite frequency: 0 none, 1 all in one step; what ``reactions`` are;
-    what is asked of the result; the ``degree`` of the scheme, if it is one that has any.
+    what is asked of the result; the ``degree`` of the scheme, if it is one that has any; the
+    ``interval`` [s] of rows where it is not the step; the ``tolerance`` [m] that steps are chosen
+    by, if they are, and that ``dt`` then is but the first guess of.
     """
 
     title: str
@@ -77,6 +90,8 @@ class Simulation:
     reactions: str = MEAN
     limits: Limits = Limits()
     degree: int = DEGREE
+    interval: float | None = None
+    tolerance: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,8 +127,19 @@ def reactions_of(model: Model) -> str:
 
 
 def degree_of(model: Model) -> int:
-    """Degree of the model's scheme, or 0 if it is of the lowest order."""
+    """Degree of the model's scheme, or 0 if it is of the lowest order; the largest that is chosen
+    from.
+    """
+    if model.simulation.scheme == AUTO:
+        return HIGHEST
     return model.simulation.degree if model.simulation.scheme == HIGHER else 0
+
+
+def tolerance_of(model: Model) -> float | None:
+    """Tolerance [m] by which the run chooses its steps; None if they are the deck's own."""
+    if model.simulation.scheme == AUTO:
+        return model.simulation.tolerance or TOLERANCE
+    return model.simulation.tolerance
 
 
 def decays(model: Model) -> bool:

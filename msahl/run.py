@@ -20,6 +20,7 @@ from msahl.solve.initial import StartError
 from msahl.solve.island import MAX_HALVINGS, Runner
 from msahl.solve.momentum import Momentum, drift, is_alone, momentum
 from msahl.solve.outcome import TOLERANCE, Outcome
+from msahl.solve.plan import Plan
 from msahl.solve.shadow import Shadow
 from msahl.solve.watch import Extremes
 from msahl.system.islands import split
@@ -105,8 +106,17 @@ class Grid:
 
     @classmethod
     def of(cls, simulation: Simulation) -> "Grid":
+        """The steps of a run."""
+        return cls.between(simulation.dt, simulation.t_final)
+
+    @classmethod
+    def of_rows(cls, simulation: Simulation) -> "Grid":
+        """The rows of a run, before they are thinned."""
+        return cls.between(simulation.interval or simulation.dt, simulation.t_final)
+
+    @classmethod
+    def between(cls, dt: float, t_final: float) -> "Grid":
         """A ``t_final`` that is a whole number of steps to round-off is taken as just that."""
-        dt, t_final = simulation.dt, simulation.t_final
         n = max(1, int(np.ceil(t_final / dt * (1.0 - 1e-9))))
         whole = abs(n * dt - t_final) <= 1e-9 * t_final
         return cls(t_final / n if whole else dt, n, t_final, whole)
@@ -114,6 +124,11 @@ class Grid:
     def time(self, k: int) -> float:
         """End of step ``k``; as a quotient it rounds to the decimal a reader expects."""
         return self.t_final * k / self.n if self.whole else min(k * self.h, self.t_final)
+
+    def count(self, t: float) -> int:
+        """How many steps end until ``t``, those that do but for round-off among them."""
+        k = int(t / self.h * (1.0 + 1e-9))
+        return self.n if t >= self.t_final * (1.0 - 1e-12) else min(k, self.n - 1)
 
     def step(self, k: int) -> float:
         """Size of step ``k`` = 1..n."""
@@ -162,9 +177,12 @@ class _Run:
         began = time.perf_counter()
         self.model, self.options, self.sink, self.save = model, options, sink, save
         self.grid = Grid.of(model.simulation)
+        self.shown = Grid.of_rows(model.simulation)
         self.columns = [names(model) for names in COLUMNS]
         numbers = sum(len(columns) for columns in self.columns)
-        self.chunk = max(1, min(4096, self.grid.n, CHUNK_NUMBERS // numbers))
+        a_step = math.ceil(self.grid.h / self.shown.h) + 1
+        rows = max(self.grid.n, self.shown.n) + 1
+        self.chunk = max(a_step, min(4096, rows, CHUNK_NUMBERS // numbers))
         islands = [model] if options.full else split(model)
         at_rows = reactions_of(model) == STATION
         self.runners = [
@@ -205,13 +223,13 @@ class _Run:
     ) -> Report:
         """Take all steps, or those ``since`` a snapshot."""
         report = self.report
-        kinds = {f"{runner.kind}-{self.options.solver}" for runner in self.runners}
+        kinds = {f"{runner.steps.kind}-{self.options.solver}" for runner in self.runners}
         if not all(is_kept(kind) for kind in kinds):
             tell("compiling the step for this kind of scene, once")
         self.scene = digest(self._all_runners) if self.save or since else ""
         for runner in self.runners:
             runner.show_start()
-        if min(self._finite_steps(1, np.zeros(1, dtype=np.int64))) < 1:
+        if min(self._finite_steps(1, Plan.at_ends(np.ones(1, dtype=bool)))) < 1:
             raise StartError(self.report.message)
         first = [runner.scene.watch.rows[:1] for runner in self.runners]
         self.extremes = Extremes(first, sum(_weight(runner) for runner in self.runners))
@@ -300,18 +318,34 @@ class _Run:
         steps = min(steps, self.grid.n - first)
         if first + steps == self.grid.n and not self.grid.whole and steps > 1:
             steps -= 1  # the last step has a size of its own
-        ends = np.arange(first + 1, first + steps + 1)
-        published = (ends % self.options.every == 0) | (ends == self.grid.n)
-        plan = np.where(published, np.cumsum(published) - 1, -1)
-        done = min(self._finite_steps(min(self._advance(steps, plan)), plan))
+        plan, times = self._plan(first, steps)
+        done = min(self._finite_steps(min(self._advance(plan)), plan))
         self.report.seconds["loop"] += time.perf_counter() - began
-        times = np.array([self.grid.time(int(k)) for k in ends[:done][published[:done]]])
-        if self._publish(times):
+        plan = plan.until(done)
+        if self._publish(times[: plan.due[-1]]):
             self.report.steps += done
             self.extremes.fold([runner.scene.watch.rows[:done] for runner in self.runners])
-            self._follow(self.grid.step(first + done), plan[:done], times)
+            self._follow(self.grid.step(first + done), plan, times[: plan.due[-1]])
 
-    def _follow(self, h: float, plan: np.ndarray, times: np.ndarray) -> None:
+    def _plan(self, first: int, steps: int) -> tuple[Plan, np.ndarray]:
+        """Rows of the ``steps`` equal steps after ``first``, as many as there is room for; their
+        times.
+        """
+        grid, shown, every = self.grid, self.shown, self.options.every
+        h, begin = grid.step(first + steps), grid.time(first)
+        if shown == grid:
+            ends = np.arange(first + 1, first + steps + 1)
+            plan = Plan.at_ends((ends % every == 0) | (ends == grid.n))
+            rows = ends[np.diff(plan.due) > 0]
+        else:
+            last = shown.count(grid.time(first + steps))
+            rows = np.arange(shown.count(begin) + 1, last + 1)
+            rows = rows[(rows % every == 0) | (rows == shown.n)]
+            plan = Plan.at(np.array([shown.time(int(k)) - begin for k in rows]) / h, steps)
+            plan = plan.until(max(1, int(np.searchsorted(plan.due, self.chunk, "right")) - 1))
+        return plan, np.array([shown.time(int(k)) for k in rows[: plan.due[-1]]])
+
+    def _follow(self, h: float, plan: Plan, times: np.ndarray) -> None:
         """Bring the run at half the step, if there is one, to where this one is."""
         if self.shadow is None:
             return
@@ -325,8 +359,9 @@ class _Run:
         """Those of the run and of the one at half its step."""
         return [*self.runners, *(self.shadow.runners if self.shadow else ())]
 
-    def _advance(self, steps: int, plan: np.ndarray) -> list[int]:
+    def _advance(self, plan: Plan) -> list[int]:
         """Advance every island; the steps each has taken."""
+        steps = plan.steps
         h = self.grid.step(self.report.steps + steps)
         taken = []
         for i, runner in enumerate(self.runners):
@@ -342,7 +377,7 @@ class _Run:
                 self.report.message = self._failure(self.report.steps + done, runner, outcome)
         return taken
 
-    def _finite_steps(self, done: int, plan: np.ndarray) -> list[int]:
+    def _finite_steps(self, done: int, plan: Plan) -> list[int]:
         """Steps of each island before the first that left a nan or an overflow, at most ``done``.
 
         A step can be solved and still be too large to be squared or multiplied.
@@ -350,9 +385,9 @@ class _Run:
         finite = []
         for runner in self.runners:
             good = np.isfinite(runner.scene.watch.rows[:done]).all(axis=1)
-            shown = plan[:done] >= 0
+            steps = np.repeat(np.arange(done), np.diff(plan.due[: done + 1]))
             for table in runner.scene.tables:
-                good[shown] &= np.isfinite(table[plan[:done][shown]]).all(axis=1)
+                np.logical_and.at(good, steps, np.isfinite(table[: len(steps)]).all(axis=1))
             first_bad = done if good.all() else int(np.argmin(good))
             finite.append(first_bad)
             if first_bad < done and first_bad == min(finite):

@@ -66,7 +66,7 @@ def digest(runners: Sequence[Runner]) -> str:
     """SHA-256, in hexadecimal, of all that is constant in the islands' scenes."""
     found = hashlib.sha256()
     for runner in runners:
-        found.update(f"{runner.solver} {runner.kind} {runner.axis} {runner.large}\n".encode())
+        found.update(f"{runner.solver} {runner.steps.kind} {runner.axis} {runner.large}\n".encode())
         for leaf in _leaves((runner.scene.system, runner.scene.unknowns)):
             if isinstance(leaf, np.ndarray):
                 found.update(f"{leaf.shape}{leaf.dtype.str}\n".encode())
@@ -89,8 +89,7 @@ def _advancing(runners: Sequence[Runner]) -> Iterator[np.ndarray]:
     """What changes from step to step and is read by the next: all of it doubles."""
     for runner in runners:
         scene = runner.scene
-        higher = runner.high.stages if runner.high else None
-        for leaf in _leaves((scene.state, scene.start, scene.pivots, higher)):
+        for leaf in _leaves((scene.state, scene.start, scene.pivots, runner.steps.memory)):
             # ``along`` is None in a scene of points; numbers that count are constant.
             if isinstance(leaf, np.ndarray) and leaf.dtype == float:
                 yield leaf

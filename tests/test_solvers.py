@@ -162,7 +162,7 @@ def test_a_failed_step_leaves_the_state_as_it_was(monkeypatch, solver):
     """Its first half is taken, and undone when the second half fails in all its pieces."""
     model = deck("double_pendulum_89")
     runner = Runner(model, solver, False, 20)
-    assert runner.advance(0.01, 0, 20, np.full(20, -1))[0] == 20
+    assert runner.advance(0.01, 0, 20, NO_ROWS(20))[0] == 20
     before = [np.array(array) for array in (*runner.scene.state, *_flat(runner.scene.start))]
     once, halves = Runner._take_once, []
 
@@ -174,7 +174,7 @@ def test_a_failed_step_leaves_the_state_as_it_was(monkeypatch, solver):
 
     monkeypatch.setattr(Runner, "_take_once", first_half_only)
     monkeypatch.setattr(island, "_march", lambda one, h, first, last, plan: first)
-    done, outcome = runner.advance(0.01, 0, 20, np.full(20, -1))
+    done, outcome = runner.advance(0.01, 0, 20, NO_ROWS(20))
     assert (done, outcome) == (0, Outcome(0.125, 3))
     assert halves[0].converged
     after = (*runner.scene.state, *_flat(runner.scene.start))
@@ -218,7 +218,7 @@ def test_unrelated_elements_elsewhere_cost_a_scene_nothing():
 def _counts(model):
     """Unknowns, blocks, operations, iterations and factorisations of the first island."""
     runner = Runner(split(model)[0], "newton", False, 100)
-    runner.advance(0.01, 0, 100, np.full(100, -1))
+    runner.advance(0.01, 0, 100, NO_ROWS(100))
     system, unknowns = runner.scene.system, runner.scene.unknowns
     return (
         unknowns.free.size,

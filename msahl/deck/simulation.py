@@ -5,10 +5,12 @@ from dataclasses import dataclass
 from msahl.deck.faults import Element, attribute, printable, text
 from msahl.deck.values import LARGEST, SMALLEST, Reader
 from msahl.model import MEAN, Limits, Simulation
-from msahl.schemes import DAMPING, DEFAULT, DEGREE
+from msahl.schemes import AUTO, DAMPING, DEFAULT, DEGREE, SCHEMES
 
 MAX_STEPS = 10**9
 """Most steps of a run: more is a slip of the pen (a day at 10 us a step)."""
+MOST_ROWS = 1000
+"""Most rows of one step: all are kept at once."""
 
 
 def read_simulation(element: Element, reader: Reader) -> Simulation:
@@ -22,12 +24,18 @@ def read_simulation(element: Element, reader: Reader) -> Simulation:
         reactions=attribute(element, "reactions", MEAN),
         limits=_limits(element.find("verdict"), reader),
         degree=int(element.get("degree", DEGREE)),
+        interval=_number(element.find("outputInterval"), "time", reader),
+        tolerance=_number(element.find("tolerance"), "length", reader),
     )
     if reader.faults.sound(element):
         for tag, message in _complaints(simulation):
             place = element.find(tag)
             reader.faults.add(element if place is None else place, message)
     return simulation
+
+
+def _number(element: Element | None, quantity: str, reader: Reader) -> float | None:
+    return None if element is None else reader.number(element, quantity)
 
 
 def _limits(verdict: Element | None, reader: Reader) -> Limits:
@@ -77,7 +85,11 @@ def check_simulation(simulation: Simulation) -> list[str]:
 
 def _complaints(simulation: Simulation) -> list[tuple[str, str]]:
     """Tag of the wrong element, and the message."""
-    times = {"deltaT": simulation.dt, "tFinal": simulation.t_final}
+    times = {
+        "deltaT": simulation.dt,
+        "tFinal": simulation.t_final,
+        "outputInterval": simulation.dt if simulation.interval is None else simulation.interval,
+    }
     wrong = [
         (tag, f"it is {value:g} s; it must be greater than zero, {SMALLEST:g} to {LARGEST:g} s")
         for tag, value in times.items()
@@ -85,6 +97,7 @@ def _complaints(simulation: Simulation) -> list[tuple[str, str]]:
     ]
     if not 0.0 <= simulation.damping <= 1.0:
         wrong.append(("damping", f"it is {simulation.damping:g}; it must be from 0 to 1"))
+    wrong += _complaints_of_choice(simulation)
     if wrong:
         return wrong
     steps = simulation.t_final / simulation.dt
@@ -105,3 +118,40 @@ def _complaints(simulation: Simulation) -> list[tuple[str, str]]:
             )
         ]
     return []
+
+
+def _complaints_of_choice(simulation: Simulation) -> list[tuple[str, str]]:
+    """What is wrong with tolerance and rows between steps, for the scheme."""
+    dt, interval, tolerance = simulation.dt, simulation.interval, simulation.tolerance
+    higher = simulation.scheme not in SCHEMES
+    wrong = []
+    if tolerance is not None and not SMALLEST <= tolerance <= LARGEST:
+        wrong.append(
+            ("tolerance", f"it is {tolerance:g} m; it must be greater than zero, as 1e-6 m is")
+        )
+    if tolerance is not None and not higher:
+        wrong.append(
+            (
+                "tolerance",
+                f"the {simulation.scheme} scheme takes the steps it is given; let auto choose them "
+                f"(scheme {AUTO}), or leave the tolerance out",
+            )
+        )
+    if interval is not None and not higher and abs(interval / dt - round(interval / dt)) > 1e-9:
+        wrong.append(
+            (
+                "outputInterval",
+                f"{interval:g} s are no whole number of steps of {dt:g} s, and the "
+                f"{simulation.scheme} scheme has rows only at their ends; use a scheme of higher "
+                "order, or make it so many steps",
+            )
+        )
+    if interval is not None and interval < dt / MOST_ROWS:
+        wrong.append(
+            (
+                "outputInterval",
+                f"{interval:g} s make more than {MOST_ROWS} rows of a step of {dt:g} s; shorten "
+                "the step, or lengthen the interval",
+            )
+        )
+    return wrong

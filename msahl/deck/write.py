@@ -5,6 +5,8 @@ from io import BytesIO
 from os import PathLike
 from pathlib import Path
 
+from lxml.etree import SubElement
+
 from msahl.deck.faults import Faults
 from msahl.deck.parse import parse, parse_with_comments, read_bytes
 
@@ -17,9 +19,12 @@ def effective_deck(
     damping: float | None = None,
     reactions: str | None = None,
     degree: int | None = None,
+    interval: float | None = None,
+    tolerance: float | None = None,
 ) -> bytes:
     """The deck at ``path``, which ``read_deck`` has accepted, with what is given of how it is run:
-    ``dt`` and ``t_final`` [s], ``scheme``, ``damping``, ``reactions`` and ``degree``.
+    ``dt``, ``t_final`` and ``interval`` [s], ``tolerance`` [m], ``scheme``, ``damping``,
+    ``reactions`` and ``degree``.
 
     With nothing given the bytes are those of the file; otherwise the document is the same, comments
     included, but for ``<simulation>``. Raises ``DeckError`` if the file is no deck any more.
@@ -28,8 +33,17 @@ def effective_deck(
     faults = Faults(str(path))
     data = read_bytes(path, faults)
     parse(data, faults)
-    times = {"deltaT": dt, "tFinal": t_final}
-    changes = {tag: value for tag, value in times.items() if value is not None}
+    numbers = {
+        "deltaT": (dt, "sec"),
+        "tFinal": (t_final, "sec"),
+        "outputInterval": (interval, "sec"),
+        "tolerance": (tolerance, "m"),
+    }
+    changes = {
+        tag: (repr(float(value)), unit)
+        for tag, (value, unit) in numbers.items()
+        if value is not None
+    }
     share = None if damping is None else repr(float(damping))
     power = None if degree is None else str(degree)
     words = {"scheme": scheme, "degree": power, "damping": share, "reactions": reactions}
@@ -37,19 +51,25 @@ def effective_deck(
     return _with_simulation(data, changes, attributes) if changes or attributes else data
 
 
-def _with_simulation(data: bytes, changes: dict[str, float], attributes: dict[str, str]) -> bytes:
-    """The document with some children of ``<simulation>`` [sec] and attributes replaced."""
+def _with_simulation(
+    data: bytes, changes: dict[str, tuple[str, str]], attributes: dict[str, str]
+) -> bytes:
+    """The document with some children of ``<simulation>``, number and unit, and attributes replaced
+    or added.
+    """
     root = parse_with_comments(data)
     for simulation in root.iterfind("simulation"):
         for key, word in attributes.items():
             simulation.set(key, word)
-    for tag, value in changes.items():
-        for element in root.iterfind(f"simulation/{tag}"):
+        for tag, (number, unit) in changes.items():
+            element = simulation.find(tag)
+            if element is None:
+                element = SubElement(simulation, tag)
             tail = element.tail
             element.clear()
             element.tail = tail
-            element.text = repr(float(value))
-            element.set("units", "sec")
+            element.text = number
+            element.set("units", unit)
     tree = root.getroottree()
     encoding = tree.docinfo.encoding or "UTF-8"
     stream = BytesIO()

@@ -43,13 +43,17 @@ HIGHER = "gauss"
 """The scheme of higher order (``schemes.gauss``)."""
 DEGREE, HIGHEST = 3, 5
 """Its degree s where none is given, and the largest; its order is 2 s."""
+AUTO = "auto"
+"""The scheme of higher order with the degree and the steps that a tolerance asks for."""
+TOLERANCE = 1e-6
+"""Tolerance [m] of ``AUTO`` where none is given."""
 WORKER = "scheme"
 """Name that the work of a decaying scheme goes by; loads and motions cannot have it."""
 
 
 def choices() -> tuple[str, ...]:
     """All schemes a run can choose, by one word each: gauss3 is that of degree 3."""
-    return (*SCHEMES, *(f"{HIGHER}{s}" for s in range(1, HIGHEST + 1)))
+    return (*SCHEMES, *(f"{HIGHER}{s}" for s in range(1, HIGHEST + 1)), AUTO)
 
 
 def split(word: str) -> tuple[str, int | None]:

@@ -16,7 +16,8 @@ from msahl.joints.along import Along
 from msahl.kernel import apart, kernel
 from msahl.schemes import gauss, preserving
 from msahl.schemes.gauss import Stages, new_stages
-from msahl.solve import dense, stagewise, station
+from msahl.solve import between, dense, stagewise, station
+from msahl.solve.between import Between, new_between
 from msahl.solve.newton import DIVERGED, MAX_ITERATIONS, SLOW, STUCK
 from msahl.solve.outcome import TARGET, TOLERANCE
 from msahl.solve.station import Station, new_station
@@ -24,14 +25,11 @@ from msahl.solve.step import Scene, show
 from msahl.solve.watch import Watch
 from msahl.system.arrays import Start, State, System
 from msahl.system.order import Elimination
-from msahl.vector import add, at, matrix_at, put, scale, times, transpose
 
 RECALLED = 0.01
 """Share of the gap from absolute positions that a step closes beside what the last one left over.
 Gaps followed by increments wander by round-off as turns are composed: 1e-11 m in two million steps.
 A share this small carries little of the round-off of positions into the velocities."""
-CLOSINGS = 3
-"""Of the velocities, where the relaxation of redundant joints leaves a part of them open."""
 
 
 class High(NamedTuple):
@@ -44,6 +42,7 @@ class High(NamedTuple):
     factor: np.ndarray  # (entries, s, s) sparse factors
     y: np.ndarray  # (f, s) right-hand side, in the order of elimination
     room: np.ndarray  # (2, s, s)
+    between: Between
     outcome: np.ndarray  # (2,) residual and worst row of the last step
 
 
@@ -58,6 +57,7 @@ def new_high(scene: Scene, degree: int) -> High:
         factor=np.zeros((int(lu.base[-1]), degree, degree)),
         y=np.zeros((lu.order.size, degree)),
         room=np.zeros((2, degree, degree)),
+        between=new_between(scene, 2 * degree),
         outcome=np.zeros(2),
     )
 
@@ -167,31 +167,6 @@ def gather(lu: Elimination, F: np.ndarray, y: np.ndarray) -> None:
 
 
 @kernel
-def keep_closed(
-    system: System, state: State, start: Start, gap: np.ndarray, rate: np.ndarray, room: Station
-) -> None:
-    """Change the velocities, least by mass, so that no joint opens; ``gap`` and ``rate`` (k, 3) are
-    room.
-    """
-    bodies = system.bodies
-    first = 2 * bodies.inverse_mass.size
-    station.free(system, state, start, room)
-    preserving.observe(system, state, start, gap, rate)
-    along.in_metres(system.along, gap, rate)
-    for node in range(room.rows.shape[0]):
-        for i in range(3):
-            room.rows[node, i] = 0.0 if node < first else -rate[node - first, i]
-    station.solve(room)
-    for b in range(bodies.inverse_mass.size - 1):
-        R = matrix_at(start.bodies.R, b)
-        dW = scale(1.0 / bodies.length[b], at(room.solution, 2 * b + 1))
-        put(state.v, b, add(at(state.v, b), at(room.solution, 2 * b)))
-        put(state.w, b, add(at(state.w, b), times(transpose(R), dW)))
-    along.drive_work(system.along, bodies, state.time[0], 1.0, room.solution, state.work)
-    preserving.prepare(system, state, start)
-
-
-@kernel
 def advance(
     system: System,
     state: State,
@@ -203,70 +178,94 @@ def advance(
 ) -> None:
     """Take over the solved step."""
     gauss.accept(system, state, start, stages, h)
-    for _ in range(CLOSINGS if system.relaxation > 0.0 else 1):
-        keep_closed(system, state, start, watch.gap, watch.rate, room)
+    station.keep_closed(system, state, start, watch.gap, watch.rate, room)
     for k in range(state.gap.shape[0]):
         for i in range(3):
             state.gap[k, i] += RECALLED * (watch.gap[k, i] - state.gap[k, i])
 
 
 @kernel
-def march(high: High, h: float, first: int, last: int, plan: np.ndarray) -> int:
-    """As ``newton.march``, with the reactions of every published row at its own time; without rows
-    where the ``plan`` is empty.
-
-    Newton's method stands in here and not in a function of its own: a compiler goes through all
-    that a function calls once more for every caller.
+def march(high: High, h: float, first: int, last: int, due: np.ndarray, share: np.ndarray) -> int:
+    """As ``newton.march``, with rows as in ``solve.plan``, their reactions those of their own
+    times; without rows where ``due`` is empty.
     """
+    for step in range(first, last):
+        if due.size > 0:
+            between.mark(high.between.begin, high.scene)
+        if not take(high, h):
+            return step
+        if due.size > 0:
+            publish(high, h, step, due, share)
+    return last
+
+
+@kernel
+def publish(high: High, h: float, step: int, due: np.ndarray, share: np.ndarray) -> None:
+    """Enter the accepted state in row ``step`` of the watch, and the rows of the tables that are
+    due; the step's begin is marked.
+    """
+    scene, room = high.scene, high.station
+    first, last = due[step], due[step + 1]
+    end = -1
+    if last > first and share[last - 1] == 1.0:
+        end, last = last - 1, last - 1
+    show(scene, h, step, end)
+    if end >= 0:
+        station.publish(scene, room, end)
+    if last > first:
+        between.mark(high.between.end, scene)
+        between.trace(high.between, room)
+        for row in range(first, last):
+            between.publish(high.between, room, share[row], row)
+
+
+@apart
+def take(high: High, h: float) -> bool:
+    """Take a step of size ``h``, if it converges; ``high.outcome`` says how it went."""
     scene, stages, station_room = high.scene, high.stages, high.station
     system, state, start, unknowns = scene.system, scene.state, scene.start, scene.unknowns
     lu, factor, y, room = unknowns.elimination, high.factor, high.y, high.room
     multipliers, relaxation = 2 * system.bodies.inverse_mass.size, system.relaxation
-    for step in range(first, last):
-        before, smallest, way, length = math.inf, math.inf, 0.0, 0.0
-        iteration, fresh, relaxed = 0, True, relaxation > 0.0
-        while True:
-            press(high.rubbing, system, state, stages, station_room, h)
-            length = gauss.evaluate(system, state, start, stages, h, iteration == 0, fresh)
-            length = max(length, dense.AT_REST)
-            residual, worst = judge(unknowns.free, stages.F, stages.pull, length)
-            way = length if iteration == 0 else way
-            smallest = min(smallest, residual)
-            if residual <= TARGET or (residual > STUCK * before and residual <= TOLERANCE):
-                if not relaxed:
-                    break
-                if not fresh:
-                    fresh = True
-                    continue
-                stagewise.factor(lu, stages.values, factor, room)
-                drop_null(lu, relaxation, stages.rule.chi, stages.Z, factor, y, room, multipliers)
-                relaxed, fresh, before, smallest = False, False, math.inf, math.inf
-                continue
-            if iteration == MAX_ITERATIONS or not residual <= DIVERGED * smallest:
+    before, smallest, way, length = math.inf, math.inf, 0.0, 0.0
+    iteration, fresh, relaxed = 0, True, relaxation > 0.0
+    while True:
+        press(high.rubbing, system, state, stages, station_room, h)
+        length = gauss.evaluate(system, state, start, stages, h, iteration == 0, fresh)
+        length = max(length, dense.AT_REST)
+        residual, worst = judge(unknowns.free, stages.F, stages.pull, length)
+        way = length if iteration == 0 else way
+        smallest = min(smallest, residual)
+        if residual <= TARGET or (residual > STUCK * before and residual <= TOLERANCE):
+            if not relaxed:
                 break
-            if residual > SLOW * before and not fresh:
+            if not fresh:
                 fresh = True
                 continue
-            if fresh:
-                stagewise.factor(lu, stages.values, factor, room)
-                scene.counts[1] += 1
-            correct(lu, factor, stages.F, stages.Z, y, room)
-            scene.counts[0] += 1
-            iteration += 1
-            before, fresh = residual, False
-        if dense.is_astray(system, way, length):
-            residual = math.inf
-        high.outcome[0], high.outcome[1] = residual, worst
-        if not residual <= TOLERANCE:
-            return step
-        if relaxation > 0.0:
-            drop_gap(lu, relaxation, stages.rule.chi, stages.F, factor, y, room, multipliers)
-        advance(system, state, start, stages, scene.watch, station_room, h)
-        if plan.size > 0:
-            show(scene, h, step, plan[step])
-            if plan[step] >= 0:
-                station.publish(scene, station_room, plan[step])
-    return last
+            stagewise.factor(lu, stages.values, factor, room)
+            drop_null(lu, relaxation, stages.rule.chi, stages.Z, factor, y, room, multipliers)
+            relaxed, fresh, before, smallest = False, False, math.inf, math.inf
+            continue
+        if iteration == MAX_ITERATIONS or not residual <= DIVERGED * smallest:
+            break
+        if residual > SLOW * before and not fresh:
+            fresh = True
+            continue
+        if fresh:
+            stagewise.factor(lu, stages.values, factor, room)
+            scene.counts[1] += 1
+        correct(lu, factor, stages.F, stages.Z, y, room)
+        scene.counts[0] += 1
+        iteration += 1
+        before, fresh = residual, False
+    if dense.is_astray(system, way, length):
+        residual = math.inf
+    high.outcome[0], high.outcome[1] = residual, worst
+    if not residual <= TOLERANCE:
+        return False
+    if relaxation > 0.0:
+        drop_gap(lu, relaxation, stages.rule.chi, stages.F, factor, y, room, multipliers)
+    advance(system, state, start, stages, scene.watch, station_room, h)
+    return True
 
 
 @kernel
@@ -284,16 +283,6 @@ def correct(
     for k in range(y.shape[0]):
         for j in range(y.shape[1]):
             Z[j, lu.order[k] // 3, lu.order[k] % 3] -= y[k, j]
-
-
-@kernel
-def publish(scene: Scene, room: Station, h: float, step: int, row: int) -> None:
-    """Enter the accepted state in row ``step`` of the watch, and in ``row`` of the tables unless
-    that is negative.
-    """
-    show(scene, h, step, row)
-    if row >= 0:
-        station.publish(scene, room, row)
 
 
 @kernel

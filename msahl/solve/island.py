@@ -7,19 +7,20 @@ halves, these in halves again where needed, down to 2^-10 of it.
 
 import math
 import time
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from msahl.compiled import compiled
 from msahl.model import Model, degree_of
 from msahl.schemes import preserving
-from msahl.solve import high, newton, station, step
+from msahl.solve import newton, station, step
 from msahl.solve.assembly import assemble
 from msahl.solve.culprit import culprit, overflow
 from msahl.solve.freedom import constraint_rank, is_regular, shared_reactions
-from msahl.solve.high import new_high
 from msahl.solve.initial import StartError, make_consistent, solve_accelerations
 from msahl.solve.outcome import Outcome
+from msahl.solve.plan import Plan
 from msahl.solve.station import new_station
 from msahl.solve.step import Scene, new_scene
 from msahl.system.arrays import State, System, multiplier_count, new_start, quantity_count
@@ -34,18 +35,69 @@ from msahl.system.reduce import (
 from msahl.system.state import build_state, settle
 from msahl.system.unknowns import choose
 
+if TYPE_CHECKING:
+    from msahl.solve.higher import Higher
+
 MAX_HALVINGS = 10
 LARGEST_DENSE = 300
 """Most unknowns for which ``auto`` turns to scipy, whose algebra is dense: a step of 300 takes it
 tens of milliseconds, and the time grows with the third power."""
 
 _march = compiled(newton.march)
-_take_newton = compiled(newton.take)
+_take = compiled(newton.take)
 _show = compiled(step.show)
 _publish = compiled(station.publish)
 _march_at_rows = compiled(station.march)
-_march_high = compiled(high.march)
-_publish_high = compiled(high.publish)
+
+
+class Lowest:
+    """Steps of the lowest order of one ``scene``, with the reactions of rows ``at_rows``, their own
+    times, or else with means.
+    """
+
+    def __init__(self, scene: Scene, at_rows: bool) -> None:
+        self.scene = scene
+        self.station = new_station(scene.system) if at_rows else None
+
+    @property
+    def kind(self) -> str:
+        """Which compiled step the scene needs."""
+        kind = "points" if self.scene.system.along is None else "along"
+        return kind if self.station is None else f"{kind}-station"
+
+    def march(self, h: float, first: int, last: int, plan: Plan) -> int:
+        """As ``newton.march``, with the reactions the rows want."""
+        if self.station is None:
+            return int(_march(self.scene, h, first, last, plan.ends()))
+        return int(_march_at_rows(self.scene, self.station, h, first, last, plan.ends()))
+
+    def show(self, h: float, step: int, plan: Plan) -> None:
+        """As ``step.show``, with the reactions the rows want."""
+        row = int(plan.ends()[step])
+        _show(self.scene, h, step, row)
+        if self.station is not None and row >= 0:
+            _publish(self.scene, self.station, row)
+
+    def forget(self) -> None:
+        """Where things change fast, last step's change is a worse guess than none."""
+        state = self.scene.state
+        for trend in (state.a_trend, state.alpha_trend, state.force_trend):
+            trend[:] = 0.0
+
+    @property
+    def memory(self) -> None:
+        """What advances beside the scene: nothing."""
+        return None
+
+    def take(self, h: float, share: float) -> Outcome:
+        """A step ``h``, a ``share`` of the whole one, by the compiled solver."""
+        return Outcome(*_take(self.scene, h, share))
+
+    def take_by_root(self, h: float, share: float) -> Outcome:
+        """Likewise by scipy, which is slow to import: only where it is called."""
+        from msahl.solve import root
+
+        return root.take(self.scene, h, share)
 
 
 class Runner:
@@ -73,8 +125,7 @@ class Runner:
             name = culprit(model, system, state, start, model.simulation.dt) or "the joints"
             raise StartError(overflow(0.0, name)) from error
         degree = degree_of(model)
-        self.high = new_high(self.scene, degree) if degree else None
-        self.station = new_station(self.scene.system) if at_rows and not degree else None
+        self.steps = _steps(self.scene, degree, at_rows)
         self.large = self.scene.unknowns.free.size * max(degree, 1) > LARGEST_DENSE
         # A higher degree is asked of scipy only where it must be: that would be compiled as well.
         self.begun = degree > 0
@@ -109,15 +160,6 @@ class Runner:
         """Whose numbers in the step ``h`` from where the island stands are none, in words."""
         return culprit(self.model, self.scene.system, self.scene.state, self.scene.start, h)
 
-    @property
-    def kind(self) -> str:
-        """Which compiled step the island needs."""
-        kind = "points" if self.scene.system.along is None else "along"
-        if self.high is not None:
-            rubs = "" if self.high.rubbing is None else "-friction"
-            return f"{kind}{rubs}-high"
-        return kind if self.station is None else f"{kind}-station"
-
     def show_start(self) -> None:
         """Fill the first rows of watch and tables with the state at t = 0."""
         self.scene.mean_force[:] = self.scene.state.force
@@ -125,7 +167,7 @@ class Runner:
         step.show(self.scene, 0.0, 0, 0)
 
     def advance(
-        self, h: float, first: int, last: int, plan: np.ndarray, patience: float = math.inf
+        self, h: float, first: int, last: int, plan: Plan, patience: float = math.inf
     ) -> tuple[int, Outcome]:
         """Take steps ``first``..``last - 1`` of a chunk as ``newton.march`` has them.
 
@@ -137,51 +179,28 @@ class Runner:
         began = time.perf_counter()
         while k < last:
             if self.solver == "newton" or (self.solver == "auto" and (self.begun or self.large)):
-                k = self._march(h, k, last, plan)
+                k = self.steps.march(h, k, last, plan)
             if k < last:
                 outcome = self._take_hard(h)
                 if not outcome.converged:
                     break
-                self._show(h, k, int(plan[k]))
+                self.steps.show(h, k, plan)
                 k += 1
                 self.begun = True
                 if time.perf_counter() - began > patience:
                     break
         return k, outcome
 
-    def _march(self, h: float, first: int, last: int, plan: np.ndarray) -> int:
-        """As ``newton.march``, with the reactions the rows want."""
-        if self.high is not None:
-            return int(_march_high(self.high, h, first, last, plan))
-        if self.station is None:
-            return int(_march(self.scene, h, first, last, plan))
-        return int(_march_at_rows(self.scene, self.station, h, first, last, plan))
-
-    def _show(self, h: float, step: int, row: int) -> None:
-        """As ``step.show``, with the reactions the rows want."""
-        if self.high is not None:
-            _publish_high(self.scene, self.high.station, h, step, row)
-            return
-        _show(self.scene, h, step, row)
-        if self.station is not None and row >= 0:
-            _publish(self.scene, self.station, row)
-
     def _take_hard(self, h: float) -> Outcome:
         """One step by the reference solver, or all of it in smaller ones; else no step at all."""
         before = [array.copy() for array in self.scene.state]
-        # Where things change fast, last step's change is a worse guess than none.
-        state = self.scene.state
-        for trend in (state.a_trend, state.alpha_trend, state.force_trend):
-            trend[:] = 0.0
-        if self.high is not None:
-            high.forget(self.high)
+        self.steps.forget()
         outcome = self._take(h, MAX_HALVINGS, 1.0)
         if not outcome.converged:
             for array, value in zip(self.scene.state, before, strict=True):
                 array[:] = value
             preserving.prepare(self.scene.system, self.scene.state, self.scene.start)
-            if self.high is not None:
-                high.forget(self.high)
+            self.steps.forget()
         return outcome
 
     def _take(self, h: float, halvings: int, share: float) -> Outcome:
@@ -192,22 +211,17 @@ class Runner:
         outcome = self._take(0.5 * h, halvings - 1, 0.5 * share)
         return self._take(0.5 * h, halvings - 1, 0.5 * share) if outcome.converged else outcome
 
-    def _take_high(self, h: float) -> Outcome:
-        """One step of higher degree, without rows of results."""
-        assert self.high is not None
-        _march_high(self.high, h, 0, 1, np.zeros(0, dtype=np.int64))
-        residual, worst = self.high.outcome
-        return Outcome(float(residual), int(worst))
-
     def _take_once(self, h: float, share: float) -> Outcome:
         if self.solver == "newton" or (self.solver == "auto" and self.large):
-            if self.high is not None:
-                return self._take_high(h)
-            return Outcome(*_take_newton(self.scene, h, share))
-        # scipy.optimize is slow to import: only where it is called.
-        from msahl.solve import root
-
+            return self.steps.take(h, share)
         self.root_steps += 1
-        if self.high is not None:
-            return root.take_high(self.high, h)
-        return root.take(self.scene, h, share)
+        return self.steps.take_by_root(h, share)
+
+
+def _steps(scene: Scene, degree: int, at_rows: bool) -> "Lowest | Higher":
+    """How the steps of a scheme are taken; a higher degree's code is only there if asked for."""
+    if degree == 0:
+        return Lowest(scene, at_rows)
+    from msahl.solve.higher import Higher
+
+    return Higher(scene, degree)

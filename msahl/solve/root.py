@@ -10,10 +10,7 @@ import numpy as np
 from scipy.optimize import root
 
 from msahl.compiled import compiled
-from msahl.schemes import gauss
 from msahl.solve import dense, step
-from msahl.solve import high as high_order
-from msahl.solve.high import High
 from msahl.solve.outcome import Outcome
 from msahl.solve.step import Scene
 from msahl.system.arrays import System
@@ -29,9 +26,6 @@ _guess = compiled(dense.guess)
 _residual = compiled(dense.residual)
 _jacobian = compiled(dense.jacobian)
 _accept = compiled(step.accept)
-_probe = compiled(high_order.probe)
-_guess_high = compiled(gauss.predict)
-_advance = compiled(high_order.advance)
 
 
 def take(scene: Scene, h: float, share: float) -> Outcome:
@@ -60,7 +54,7 @@ def take(scene: Scene, h: float, share: float) -> Outcome:
     guessed = step_length
     # An infinite residual is that of a guess at rest: any force is large against no motion.
     if not outcome.converged and not np.isnan(outcome.residual):
-        z = _hunt(fun, jac, guess, f, lambda: outcome.converged)
+        z = hunt(fun, jac, guess, f, lambda: outcome.converged)
         if system.relaxation > 0.0 and outcome.converged:
             # Powell's updates wander where the residual does not see them; steps of Newton's
             # method repair what the smallest multipliers cost the others.
@@ -81,50 +75,7 @@ def take(scene: Scene, h: float, share: float) -> Outcome:
     return outcome
 
 
-def take_high(high: High, h: float) -> Outcome:
-    """As ``take``, a step of higher degree; z holds the stages of each unknown together."""
-    scene, stages = high.scene, high.stages
-    free, s = scene.unknowns.free, high.y.shape[1]
-    size, outcome, step_length = free.size, Outcome(0.0, -1), 0.0
-
-    def fun(z: np.ndarray) -> np.ndarray:
-        nonlocal outcome, step_length
-        f = np.empty((size, s))
-        *judged, step_length = _probe(high, h, z.reshape(size, s), f, False)
-        outcome = Outcome(*judged)
-        scene.counts[0] += 1
-        return f.reshape(-1)
-
-    def jac(z: np.ndarray) -> np.ndarray:
-        _probe(high, h, z.reshape(size, s), np.empty((size, s)), True)
-        scene.counts[1] += 1
-        A = np.zeros((size * size, s, s))
-        A[scene.unknowns.dense_to] = stages.values[scene.unknowns.dense_from]
-        return A.reshape(size, size, s, s).swapaxes(1, 2).reshape(size * s, size * s)
-
-    _guess_high(scene.system, scene.state, scene.start, stages, h)
-    guess = stages.Z.reshape(s, -1)[:, free].T.reshape(-1)
-    f = fun(guess)
-    guessed = step_length
-    if not outcome.converged and not np.isnan(outcome.residual):
-        z = _hunt(fun, jac, guess, f, lambda: outcome.converged)
-        if scene.system.relaxation > 0.0 and outcome.converged:
-            null = np.zeros((size, s))
-            held = free >= 6 * scene.system.bodies.inverse_mass.size
-            null[held] = (
-                2.0 * scene.system.relaxation * (z.reshape(size, s) @ stages.rule.chi.T)[held]
-            )
-            part = np.linalg.solve(jac(z), null.reshape(-1))
-            z = z - np.where(np.repeat(held, s), part, 0.0)
-            fun(_polish(fun, jac, z, lambda: False))
-    if dense.is_astray(scene.system, guessed, step_length):
-        return Outcome(np.inf, outcome.worst)
-    if outcome.converged:
-        _advance(scene.system, scene.state, scene.start, stages, scene.watch, high.station, h)
-    return outcome
-
-
-def _hunt(
+def hunt(
     fun: Callable[[np.ndarray], np.ndarray],
     jac: Callable[[np.ndarray], np.ndarray],
     guess: np.ndarray,
@@ -144,10 +95,10 @@ def _hunt(
             method="hybr",
             options={"xtol": STEP_TOLERANCE},
         )
-        return _polish(fun, jac, guess + unit * found.x, solved)
+        return polish(fun, jac, guess + unit * found.x, solved)
 
 
-def _polish(
+def polish(
     fun: Callable[[np.ndarray], np.ndarray],
     jac: Callable[[np.ndarray], np.ndarray],
     z: np.ndarray,

@@ -11,6 +11,7 @@ import numpy as np
 
 from msahl.rotations import angles
 from msahl.solve.island import Runner
+from msahl.solve.plan import Plan
 
 
 class Shadow:
@@ -26,21 +27,18 @@ class Shadow:
         self.horizon = self.position = self.turn = 0.0
         self.stopped = self.parted = False
 
-    def follow(
-        self, runners: Sequence[Runner], h: float, plan: np.ndarray, times: np.ndarray
-    ) -> None:
+    def follow(self, runners: Sequence[Runner], h: float, plan: Plan, times: np.ndarray) -> None:
         """Go the steps of size ``h`` that the run has gone, and compare the rows of ``plan``, which
         are those of ``times``.
         """
-        halves = np.full(2 * len(plan), -1)
-        halves[1::2] = plan
+        halves = plan.halves()
         apart = np.zeros((len(times), 2))
         for runner, own in zip(runners, self.runners, strict=True):
             if self.stopped:
                 return
-            done, _ = own.advance(0.5 * h, 0, len(halves), halves)
+            done, _ = own.advance(0.5 * h, 0, halves.steps, halves)
             rows = own.scene.tables.states[: len(times)]
-            self.stopped = done < len(halves) or not bool(np.isfinite(rows).all())
+            self.stopped = done < halves.steps or not bool(np.isfinite(rows).all())
             if not self.stopped:
                 lengths = own.scene.system.bodies.length[:-1]
                 known = runner.scene.tables.states[: len(times)]

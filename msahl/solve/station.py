@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.joints import along
 from msahl.joints.reaction import publish as publish_reactions
 from msahl.kernel import apart, kernel
 from msahl.schemes import preserving
@@ -21,6 +22,7 @@ from msahl.solve.step import Scene
 from msahl.system.arrays import Start, State, System, node_count
 from msahl.system.reduce import all_unknowns
 from msahl.system.unknowns import Unknowns, choose
+from msahl.vector import add, at, matrix_at, put, scale, times, transpose
 
 NO_STEP = 1e-100
 """Step size for the limit; its square is still a normal number."""
@@ -99,6 +101,46 @@ def accelerate(system: System, state: State, start: Start, station: Station) -> 
         free(system, state, start, station)
         solve(station)
         react(system, state, start, station)
+
+
+@kernel
+def rounds(system: System) -> int:
+    """How often a change must be asked for where the relaxation of redundant joints takes a part
+    of each away.
+    """
+    return 3 if system.relaxation > 0.0 else 1
+
+
+@kernel
+def undo(system: System, state: State, start: Start, gap: np.ndarray, station: Station) -> None:
+    """Set the ``solution`` to the least change by mass that takes away the ``gap`` (k, 3) [m]."""
+    first = 2 * system.bodies.inverse_mass.size
+    free(system, state, start, station)
+    for node in range(station.rows.shape[0]):
+        for i in range(3):
+            station.rows[node, i] = 0.0 if node < first else -gap[node - first, i]
+    solve(station)
+
+
+@kernel
+def keep_closed(
+    system: System, state: State, start: Start, gap: np.ndarray, rate: np.ndarray, station: Station
+) -> None:
+    """Change the velocities, least by mass, so that no joint opens; ``gap`` and ``rate`` (k, 3) are
+    set to the gaps [m] and what is left of their rates.
+    """
+    bodies = system.bodies
+    for _ in range(rounds(system)):
+        preserving.observe(system, state, start, gap, rate)
+        along.in_metres(system.along, gap, rate)
+        undo(system, state, start, rate, station)
+        for b in range(bodies.inverse_mass.size - 1):
+            R = matrix_at(start.bodies.R, b)
+            dW = scale(1.0 / bodies.length[b], at(station.solution, 2 * b + 1))
+            put(state.v, b, add(at(state.v, b), at(station.solution, 2 * b)))
+            put(state.w, b, add(at(state.w, b), times(transpose(R), dW)))
+        along.drive_work(system.along, bodies, state.time[0], 1.0, station.solution, state.work)
+        preserving.prepare(system, state, start)
 
 
 @kernel

@@ -1,0 +1,57 @@
+"""A step of higher degree solved by ``scipy.optimize.root``, as ``solve.root`` solves the others."""
+
+import numpy as np
+
+from msahl.compiled import compiled
+from msahl.schemes import gauss
+from msahl.solve import dense, high
+from msahl.solve.high import High
+from msahl.solve.outcome import Outcome
+from msahl.solve.root import hunt, polish
+
+_probe = compiled(high.probe)
+_guess = compiled(gauss.predict)
+_advance = compiled(high.advance)
+
+
+def take(island: High, h: float) -> Outcome:
+    """As ``root.take``, a step of higher degree; z holds the stages of each unknown together."""
+    scene, stages = island.scene, island.stages
+    free, s = scene.unknowns.free, island.y.shape[1]
+    size, outcome, step_length = free.size, Outcome(0.0, -1), 0.0
+
+    def fun(z: np.ndarray) -> np.ndarray:
+        nonlocal outcome, step_length
+        f = np.empty((size, s))
+        *judged, step_length = _probe(island, h, z.reshape(size, s), f, False)
+        outcome = Outcome(*judged)
+        scene.counts[0] += 1
+        return f.reshape(-1)
+
+    def jac(z: np.ndarray) -> np.ndarray:
+        _probe(island, h, z.reshape(size, s), np.empty((size, s)), True)
+        scene.counts[1] += 1
+        A = np.zeros((size * size, s, s))
+        A[scene.unknowns.dense_to] = stages.values[scene.unknowns.dense_from]
+        return A.reshape(size, size, s, s).swapaxes(1, 2).reshape(size * s, size * s)
+
+    _guess(scene.system, scene.state, scene.start, stages, h)
+    guess = stages.Z.reshape(s, -1)[:, free].T.reshape(-1)
+    f = fun(guess)
+    guessed = step_length
+    if not outcome.converged and not np.isnan(outcome.residual):
+        z = hunt(fun, jac, guess, f, lambda: outcome.converged)
+        if scene.system.relaxation > 0.0 and outcome.converged:
+            null = np.zeros((size, s))
+            held = free >= 6 * scene.system.bodies.inverse_mass.size
+            null[held] = (
+                2.0 * scene.system.relaxation * (z.reshape(size, s) @ stages.rule.chi.T)[held]
+            )
+            part = np.linalg.solve(jac(z), null.reshape(-1))
+            z = z - np.where(np.repeat(held, s), part, 0.0)
+            fun(polish(fun, jac, z, lambda: False))
+    if dense.is_astray(scene.system, guessed, step_length):
+        return Outcome(np.inf, outcome.worst)
+    if outcome.converged:
+        _advance(scene.system, scene.state, scene.start, stages, scene.watch, island.station, h)
+    return outcome
