@@ -125,7 +125,8 @@ def explain(deck: Path) -> None:
 @click.option("--scheme", type=click.Choice(choices()),
               help="'preserving' keeps the energy, 'decaying' takes it from vibrations quicker "
               "than the step; both of order 2. 'gauss1' to 'gauss5' are of order 2 to 10, with the "
-              "energy nearly kept. Instead of the deck's; else preserving.")  # fmt: skip
+              "energy nearly kept, 'auto' is the cheapest of them for the tolerance. Instead of the "
+              "deck's; else preserving.")  # fmt: skip
 @click.option("--damping", type=click.FloatRange(0.0, 1.0), metavar="D",
               help="Of 'decaying', how much of such a vibration a step takes, 0 to 1; instead of "
               f"the deck's; else {DAMPING:g}.")  # fmt: skip
@@ -133,11 +134,11 @@ def explain(deck: Path) -> None:
               show_default=True, help="'newton' is compiled, 'root' is scipy.optimize.root, "
               "'auto' is newton with root for the first step and every hard one.")  # fmt: skip
 @click.option("--tolerance", type=float, metavar="TOL",
-              help="Choose the steps so that their errors add up to no more than TOL [m]; for gauss "
-              "and auto, rows stay where they are. Instead of the deck's.")  # fmt: skip
+              help="Choose the steps so that their errors add up to no more than TOL [m], for "
+              "gauss and auto; rows stay where they are. Instead of the deck's.")  # fmt: skip
 @click.option("--output-interval", "interval", type=float, metavar="S",
-              help="Time [s] between rows, if not the step; any for gauss and auto, whole steps for "
-              "the others. Instead of the deck's.")  # fmt: skip
+              help="Time [s] between rows, if not the step; any for gauss and auto, whole steps "
+              "for the others. Instead of the deck's.")  # fmt: skip
 @click.option("--every", type=click.IntRange(1, 10**9), default=1, show_default=True, metavar="N",
               help="Write every Nth row (the last one always).")  # fmt: skip
 @click.option("--reactions", type=click.Choice(["mean", "station"]),

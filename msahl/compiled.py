@@ -79,5 +79,5 @@ class _Registrar(event.Listener):
         pass
 
 
-event.register("numba:compile", _Registrar())
+event.register("numba:compile", _Registrar())  # type: ignore[no-untyped-call]
 setattr(numba.config, "CACHE_DIR", str(cache_folder()))  # noqa: B010 - missing in its type stub

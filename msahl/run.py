@@ -7,12 +7,12 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 
 from msahl.compiled import is_kept, keep
-from msahl.model import STATION, Model, Simulation, decays, degree_of, reactions_of
+from msahl.model import STATION, Model, Simulation, decays, degree_of, reactions_of, tolerance_of
 from msahl.snapshot import ResumeError, Snapshot, counters, digest, recall, remember, set_counters
 from msahl.solve.culprit import overflow
 from msahl.solve.dense import FAR
@@ -26,6 +26,9 @@ from msahl.solve.watch import Extremes
 from msahl.system.islands import split
 from msahl.system.names import describe_row, reaction_columns, state_columns, work_columns
 from msahl.verdict import Figures, judge, never_begun
+
+if TYPE_CHECKING:
+    from msahl.solve.higher import Paced
 
 CHUNK_SECONDS = 0.2
 """About how long the loop goes on between output, progress and a look at interruptions."""
@@ -87,6 +90,7 @@ class Report:
     resumed: list[float] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=dict)
     extremes: dict[str, float | None] = field(default_factory=dict)
+    pace: dict[str, Any] | None = None
     shadow: dict[str, float | bool] | None = None
     verdict: dict[str, Any] = field(default_factory=dict)
 
@@ -183,11 +187,15 @@ class _Run:
         a_step = math.ceil(self.grid.h / self.shown.h) + 1
         rows = max(self.grid.n, self.shown.n) + 1
         self.chunk = max(a_step, min(4096, rows, CHUNK_NUMBERS // numbers))
-        islands = [model] if options.full else split(model)
+        # Islands whose steps follow from a tolerance go together: their figures are added up.
+        together = options.full or tolerance_of(model) is not None
+        islands = [model] if together else split(model)
         at_rows = reactions_of(model) == STATION
         self.runners = [
             Runner(i, options.solver, options.full, self.chunk, at_rows) for i in islands
         ]
+        steps = self.runners[0].steps
+        self.paced = cast("Paced", steps) if tolerance_of(model) is not None else None
         asked = options.shadow or model.simulation.limits.accuracy
         self.shadow = Shadow(self.runners, options.full, self.chunk, asked) if asked else None
         place = [{name: i for i, name in enumerate(columns)} for columns in self.columns]
@@ -243,32 +251,47 @@ class _Run:
             self._take_all(progress, stopped)
         except KeyboardInterrupt:  # a second request to stop, in the middle of a chunk
             report.status = "interrupted"
-            report.message = f"stopped at once, after t = {self.grid.time(report.steps):g} s"
+            report.message = f"stopped at once, after t = {self.now:g} s"
         for kind in kinds:
             keep(kind)
         return self._finish()
 
     def _take_all(self, progress: Callable[[int, float], Any], stopped: Callable[[], bool]) -> None:
         """Chunks of steps to the end, or as far as they go."""
-        report, grid = self.report, self.grid
+        report = self.report
         steps = 1
         saved, pause = time.perf_counter(), SAVE_SECONDS
-        while report.steps < grid.n and report.status == "completed":
+        take = self._take if self.paced is None else self._take_paced
+        while not self.ended and report.status == "completed":
             began = time.perf_counter()
-            self._take(min(steps, self.chunk))
+            take(min(steps, self.chunk))
             seconds = time.perf_counter() - began
-            progress(report.steps, grid.time(report.steps))
+            progress(report.steps, self.now)
             # The first chunks may compile; sizes at most quadruple until they fill their time.
             wanted = steps * CHUNK_SECONDS / max(seconds, 1e-9)
             steps = max(1, min(4 * steps, int(wanted), self.chunk))
-            if report.status != "completed" or report.steps == grid.n:
+            if report.status != "completed" or self.ended:
                 break
             if stopped():
                 report.status = "interrupted"
-                report.message = f"stopped at t = {grid.time(report.steps):g} s"
+                report.message = f"stopped at t = {self.now:g} s"
             if report.status == "interrupted" or time.perf_counter() - saved > pause:
                 pause = max(SAVE_SECONDS, self._save() / SAVE_SHARE)
                 saved = time.perf_counter()
+
+    @property
+    def now(self) -> float:
+        """Time that the run has come to [s]."""
+        if self.paced is None:
+            return self.grid.time(self.report.steps)
+        return min(float(self.runners[0].scene.state.time[0]), self.grid.t_final)
+
+    @property
+    def ended(self) -> bool:
+        """Whether all steps are taken."""
+        if self.paced is None:
+            return self.report.steps == self.grid.n
+        return self.report.rows == 1 + math.ceil(self.shown.n / self.options.every)
 
     def _save(self) -> float:
         """Have a snapshot of this moment kept; the seconds it took."""
@@ -301,14 +324,14 @@ class _Run:
                 "the scene does not come out as it did when the run began, to the last digit: "
                 "another machine, or other libraries. Leave --resume out to run it anew"
             )
-        recall(self._all_runners, since.memory)
         for runner, counted in zip(self._all_runners, numbers["islands"], strict=True):
             set_counters(runner, counted)
+        recall(self._all_runners, since.memory)
         vars(self.extremes).update(numbers["extremes"])
         if self.shadow:
             vars(self.shadow).update(numbers["shadow"])
         report.steps, report.rows = numbers["steps"], numbers["rows"]
-        report.resumed = [*numbers["resumed"], self.grid.time(report.steps)]
+        report.resumed = [*numbers["resumed"], self.now]
         for phase, seconds in numbers["seconds"].items():
             report.seconds[phase] = report.seconds.get(phase, 0.0) + seconds
 
@@ -325,7 +348,32 @@ class _Run:
         if self._publish(times[: plan.due[-1]]):
             self.report.steps += done
             self.extremes.fold([runner.scene.watch.rows[:done] for runner in self.runners])
-            self._follow(self.grid.step(first + done), plan, times[: plan.due[-1]])
+            sizes = np.full(done, self.grid.step(first + done))
+            self._follow(sizes, plan, times[: plan.due[-1]])
+
+    def _take_paced(self, steps: int) -> None:
+        """One chunk of about ``steps`` steps whose sizes follow from the tolerance."""
+        assert self.paced is not None
+        began, report, shown = time.perf_counter(), self.report, self.shown
+        # No step goes past a chunk's worth of rows, counted from the first of all: so steps are the
+        # same whatever the clock makes of the chunks.
+        last = -(-report.rows // self.chunk) * self.chunk
+        rows = np.minimum(np.arange(report.rows, last + 1) * self.options.every, shown.n)
+        times = np.unique([shown.time(int(k)) for k in rows])
+        begin = self.now
+        steps, count, outcome = self.paced.go(times, float(times[-1]), steps)
+        ends = begin + np.cumsum(self.paced.pace.sizes[:steps])
+        plan = Plan.passed(times[:count], begin, ends)
+        done = min(self._finite_steps(steps, plan))
+        report.seconds["loop"] += time.perf_counter() - began
+        if steps == 0:
+            report.status = "not converged"
+            report.message = self._failure(report.steps, self.runners[0], outcome)
+        plan = plan.until(done)
+        if self._publish(times[: plan.due[-1]]):
+            report.steps += done
+            self.extremes.fold([runner.scene.watch.rows[:done] for runner in self.runners])
+            self._follow(self.paced.pace.sizes[:done], plan, times[: plan.due[-1]])
 
     def _plan(self, first: int, steps: int) -> tuple[Plan, np.ndarray]:
         """Rows of the ``steps`` equal steps after ``first``, as many as there is room for; their
@@ -345,12 +393,12 @@ class _Run:
             plan = plan.until(max(1, int(np.searchsorted(plan.due, self.chunk, "right")) - 1))
         return plan, np.array([shown.time(int(k)) for k in rows[: plan.due[-1]]])
 
-    def _follow(self, h: float, plan: Plan, times: np.ndarray) -> None:
+    def _follow(self, sizes: np.ndarray, plan: Plan, times: np.ndarray) -> None:
         """Bring the run at half the step, if there is one, to where this one is."""
         if self.shadow is None:
             return
         began = time.perf_counter()
-        self.shadow.follow(self.runners, h, plan, times)
+        self.shadow.follow(self.runners, sizes, plan, times)
         seconds = self.report.seconds
         seconds["shadow"] = seconds.get("shadow", 0.0) + time.perf_counter() - began
 
@@ -424,12 +472,12 @@ class _Run:
         self.report.status = "not written"
         self.report.message = (
             f"{error.filename}: {error.strerror or error}; rows up to t = "
-            f"{self.grid.time(self.report.steps):g} s are whole. Make room there"
+            f"{self.now:g} s are whole. Make room there"
         )
 
     def _finish(self) -> Report:
         report = self.report
-        report.time = self.grid.time(report.steps)
+        report.time = self.now
         report.iterations = sum(int(runner.scene.counts[0]) for runner in self.runners)
         report.factorisations = sum(int(runner.scene.counts[1]) for runner in self.runners)
         report.root_steps = sum(runner.root_steps for runner in self.runners)
@@ -437,6 +485,9 @@ class _Run:
         report.extremes = self.extremes.as_json()
         if degree_of(self.model):
             report.extremes |= {"localErrorMax": None, "localErrorSum": None}  # of order 2
+        if self.paced:
+            report.pace, local = self.paced.as_json()
+            report.extremes |= local
         report.shadow = self.shadow.as_json() if self.shadow else None
         report.verdict = judge(self._figures(), self.model.simulation.limits).as_json()
         return report
@@ -452,7 +503,8 @@ class _Run:
             halvings=report.halvings,
             root_steps=report.root_steps,
             joints=report.joints,
-            dt=self.grid.h,
+            dt=report.pace["stepMax"] if report.pace else self.grid.h,
+            tolerance=tolerance_of(self.model),
             length=max(float(r.scene.system.bodies.length[:-1].max()) for r in runners),
             energy_size=self.extremes.size,
             extremes=report.extremes,

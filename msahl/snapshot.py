@@ -52,6 +52,7 @@ def counters(runner: Runner) -> dict[str, Any]:
         "root_steps": runner.root_steps,
         "halvings": runner.halvings,
         "counts": [iterations, factorisations],
+        "steps": runner.steps.counters,
     }
 
 
@@ -60,6 +61,7 @@ def set_counters(runner: Runner, counted: dict[str, Any]) -> None:
     runner.begun = counted["begun"]
     runner.root_steps, runner.halvings = counted["root_steps"], counted["halvings"]
     runner.scene.counts[:] = counted["counts"]
+    runner.steps.recall(counted["steps"])
 
 
 def digest(runners: Sequence[Runner]) -> str:

@@ -88,6 +88,7 @@ class Figures:
     root_steps: int
     joints: int
     dt: float
+    tolerance: float | None  # by which the steps were chosen [m]
     length: float  # of the longest body
     energy_size: float  # largest of the energies the balance is a difference of
     extremes: dict[str, float | None]
@@ -139,7 +140,9 @@ def _energy(of: Figures, limits: Limits) -> Iterator[Finding]:
         word = grade(error, floor, floor)
         yield Finding("energy", word, f"nothing moves, and the energy is off by {error:.1e} J")
         return
-    limit, spoilt = _asked(limits.energy, ENERGY, ENERGY_SPOILT)
+    # Places that may be wrong by so much make energies wrong by as much.
+    own = max(ENERGY, BETWEEN * (of.tolerance or 0.0) / of.length)
+    limit, spoilt = _asked(limits.energy, own, max(ENERGY_SPOILT, own))
     word = grade(error, max(limit * kinetic, floor), spoilt * kinetic)
     kept = "kept" if word == PASS else "kept only"
     units = error / (float_info.epsilon * of.energy_size)
@@ -250,7 +253,7 @@ def _trust(of: Figures) -> Finding:
 
 def _hides(of: Figures, tolerance: float) -> bool:
     """Whether a vibration may hide between the rows of both runs: their steps see it as nothing."""
-    if of.extremes["localErrorSum"] is None:
+    if of.extremes["localErrorSum"] is None or of.tolerance is not None:
         return False
     quick = of.extreme("localErrorMax") > UNSEEN * of.dt * of.extreme("speedMax")
     return quick and of.extreme("localErrorSum") > BETWEEN * tolerance
@@ -260,6 +263,12 @@ def _local(of: Figures) -> Finding:
     if of.extremes["localErrorSum"] is None:
         return Finding("accuracy", PASS, "accuracy not estimated: --shadow TOL tells")
     total, length = of.extreme("localErrorSum"), max(of.length, of.extreme("wayMax"))
+    if of.tolerance is not None:
+        word = grade(total, of.tolerance, BETWEEN * of.tolerance)
+        text = f"own errors of the steps add up to {total:.1e} m ({of.tolerance:g} m asked)"
+        return Finding(
+            "accuracy", word, f"{text}; --shadow TOL tells what the motion makes of them"
+        )
     text = f"local errors add up to {total:.1e} m"
     if total <= LOCAL_ERROR * length:
         return Finding("accuracy", PASS, text)

@@ -42,12 +42,12 @@ def stop_after(chunks):
     return lambda: next(asked) == chunks
 
 
-def in_two_parts(monkeypatch, model, options, steps):
-    """Reports and rows of a run stopped after ``steps``, chunks of one, and of the rest."""
+def in_two_parts(monkeypatch, model, options, steps, each=1):
+    """Reports and rows of a run stopped after ``steps``, chunks of ``each``, and of the rest."""
     saved = []
     with monkeypatch.context() as patch:
         patch.setattr(msahl.run, "CHUNK_SECONDS", 0.0)
-        parts = [advance(model, options, stopped=stop_after(steps), save=saved.append)]
+        parts = [advance(model, options, stopped=stop_after(steps // each), save=saved.append)]
     assert (parts[0][0].status, parts[0][0].steps) == ("interrupted", steps)
     parts.append(advance(model, options, save=saved.append, since=saved[-1]))
     return parts

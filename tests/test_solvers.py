@@ -12,6 +12,7 @@ from msahl.model import ConcentratedLoad
 from msahl.solve import island
 from msahl.solve.island import MAX_HALVINGS, Runner
 from msahl.solve.outcome import Outcome
+from msahl.solve.plan import Plan
 from msahl.system.islands import split
 from msahl.vector import ZERO
 
@@ -42,6 +43,11 @@ def test_newton_root_and_auto_go_the_same_way(path):
     steps = {"newton": 0, "root": n * islands, "auto": islands}
     if path.stem != "spring_table":
         assert {s: runs[s].report.root_steps for s in runs} == steps
+
+
+def no_rows(steps):
+    """A chunk of which no row is wanted."""
+    return Plan.at_ends(np.zeros(steps, dtype=bool))
 
 
 def test_auto_starts_with_root_and_goes_on_with_newton():
@@ -162,7 +168,7 @@ def test_a_failed_step_leaves_the_state_as_it_was(monkeypatch, solver):
     """Its first half is taken, and undone when the second half fails in all its pieces."""
     model = deck("double_pendulum_89")
     runner = Runner(model, solver, False, 20)
-    assert runner.advance(0.01, 0, 20, NO_ROWS(20))[0] == 20
+    assert runner.advance(0.01, 0, 20, no_rows(20))[0] == 20
     before = [np.array(array) for array in (*runner.scene.state, *_flat(runner.scene.start))]
     once, halves = Runner._take_once, []
 
@@ -174,7 +180,7 @@ def test_a_failed_step_leaves_the_state_as_it_was(monkeypatch, solver):
 
     monkeypatch.setattr(Runner, "_take_once", first_half_only)
     monkeypatch.setattr(island, "_march", lambda one, h, first, last, plan: first)
-    done, outcome = runner.advance(0.01, 0, 20, NO_ROWS(20))
+    done, outcome = runner.advance(0.01, 0, 20, no_rows(20))
     assert (done, outcome) == (0, Outcome(0.125, 3))
     assert halves[0].converged
     after = (*runner.scene.state, *_flat(runner.scene.start))
@@ -218,7 +224,7 @@ def test_unrelated_elements_elsewhere_cost_a_scene_nothing():
 def _counts(model):
     """Unknowns, blocks, operations, iterations and factorisations of the first island."""
     runner = Runner(split(model)[0], "newton", False, 100)
-    runner.advance(0.01, 0, 100, NO_ROWS(100))
+    runner.advance(0.01, 0, 100, no_rows(100))
     system, unknowns = runner.scene.system, runner.scene.unknowns
     return (
         unknowns.free.size,

@@ -27,6 +27,7 @@ GOOD = Figures(
     root_steps=1,
     joints=2,
     dt=0.01,
+    tolerance=None,
     length=5.0,
     energy_size=100.0,
     extremes={

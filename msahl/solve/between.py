@@ -83,8 +83,8 @@ def new_between(scene: Scene, order: int) -> Between:
     x, b = legendre.leggauss((order + 1) // 2)
     return Between(
         scene=scene._replace(state=own, start=new_start(scene.system, own)),
-        begin=_new_point(state),
-        end=_new_point(state),
+        begin=new_point(state),
+        end=new_point(state),
         curve=np.zeros((conditions, 2 * n, 3)),
         bent=np.zeros((max(2 * most, 2), 2 * n, 3)),
         basis=basis,
@@ -97,7 +97,8 @@ def new_between(scene: Scene, order: int) -> Between:
     )
 
 
-def _new_point(state: State) -> Point:
+def new_point(state: State) -> Point:
+    """Room for a point of scenes like that of ``state``."""
     vectors = state.x.shape
     return Point(
         time=np.zeros(1),
@@ -111,8 +112,8 @@ def _new_point(state: State) -> Point:
 
 
 def _basis(nodes: np.ndarray) -> np.ndarray:
-    """(c, c) by condition, coefficients of powers of 2 t - 1: value, rate and second rate at 0, then
-    at 1, second rates at the ``nodes``.
+    """(c, c) by condition, coefficients of powers of 2 t - 1: value, rate and second rate at 0, and
+    at 1, then second rates at the ``nodes``.
     """
     count = ENDS + len(nodes)
     powers = np.eye(count)

@@ -11,10 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.joints import along
 from msahl.joints.along import Along
 from msahl.kernel import apart, kernel
-from msahl.schemes import gauss, preserving
+from msahl.schemes import gauss
 from msahl.schemes.gauss import Stages, new_stages
 from msahl.solve import between, dense, stagewise, station
 from msahl.solve.between import Between, new_between

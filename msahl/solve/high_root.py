@@ -1,4 +1,4 @@
-"""A step of higher degree solved by ``scipy.optimize.root``, as ``solve.root`` solves the others."""
+"""A step of higher degree by ``scipy.optimize.root``, as ``solve.root`` solves the others."""
 
 import numpy as np
 

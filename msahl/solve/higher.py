@@ -1,11 +1,18 @@
 """Steps of higher degree of one island, for ``solve.island``; loaded only where they are asked for.
+
+Where a tolerance is given the steps are those of ``solve.pace``, and, unless the degree is given as
+well, it is the one whose steps take the least work for a second of motion. From time to time, after
+so many pairs, the degrees beside the present one are tried where the scene then stands. Work is
+counted and not timed, so a run comes out the same on every machine.
 """
+
+from typing import Any
 
 import numpy as np
 
 from msahl.compiled import compiled
 from msahl.schemes.gauss import Stages
-from msahl.solve import between, high
+from msahl.solve import between, high, pace
 from msahl.solve.high import High, new_high
 from msahl.solve.outcome import Outcome
 from msahl.solve.plan import Plan
@@ -13,15 +20,46 @@ from msahl.solve.step import Scene
 
 _march = compiled(high.march)
 _publish = compiled(high.publish)
+_march_pace = compiled(pace.march)
 
 NO_ROWS = (np.zeros(0, dtype=np.int64), np.zeros(0))
+
+FIRST_REVIEW, LONGEST_PAUSE = 8, 128
+"""Pairs until the degree is looked at again: each time twice as many, to a few in a hundred."""
+TRIES = 3
+"""Pairs that it takes at most to find the size of one at a degree."""
+WORTH = 0.9
+"""Part of the present work below which another degree is turned to."""
 
 
 class Higher:
     """Steps of a ``degree`` of one ``scene``."""
 
     def __init__(self, scene: Scene, degree: int) -> None:
-        self.high: High = new_high(scene, degree)
+        self.scene = scene
+        self.highs: dict[int, High] = {}
+        self.turn_to(degree)
+
+    @property
+    def counters(self) -> dict[str, Any]:
+        """What must be known to go on, beside the memory."""
+        return {}
+
+    def recall(self, counters: dict[str, Any]) -> None:
+        """Go back to what ``counters`` told."""
+
+    def go_like(self, other: object) -> None:
+        """Turn to the degree of the ``other`` steps."""
+        if isinstance(other, Higher) and self.degree != other.degree:
+            self.turn_to(other.degree)
+
+    def turn_to(self, degree: int) -> None:
+        """Go on with steps of this ``degree``."""
+        self.degree = degree
+        if degree not in self.highs:
+            self.highs[degree] = new_high(self.scene, degree)
+        self.high = self.highs[degree]
+        high.forget(self.high)
 
     @property
     def kind(self) -> str:
@@ -59,3 +97,140 @@ class Higher:
         from msahl.solve import high_root
 
         return high_root.take(self.high, h)
+
+
+class Paced(Higher):
+    """Steps whose sizes follow from a ``tolerance`` [m], of those ``degrees`` that may be chosen.
+
+    ``chosen`` tells the degrees, each with the time since when and the work, in iterations of the
+    lowest one, that a second of motion then took by it and by those it was compared with.
+    """
+
+    def __init__(
+        self, scene: Scene, degrees: tuple[int, ...], tolerance: float, dt: float, t_final: float
+    ) -> None:
+        # The first review begins in the middle of the degrees.
+        super().__init__(scene, degrees[len(degrees) // 2])
+        self.degrees, self.tolerance = degrees, tolerance
+        steps = len(scene.watch.rows)
+        self.pace = pace.new_pace(self.high, steps, dt, tolerance, t_final)
+        self.sizes: dict[int, float] = {}
+        self.chosen: list[dict[str, Any]] = []
+        self.review, self.pause = 0, FIRST_REVIEW
+
+    @property
+    def kind(self) -> str:
+        """Which compiled step the scene needs."""
+        return f"{super().kind}-paced"
+
+    @property
+    def memory(self) -> Any:
+        """What advances beside the scene."""
+        return self.high.stages, self.pace.figures
+
+    @property
+    def counters(self) -> dict[str, Any]:
+        """What must be known to go on, beside the memory."""
+        return {
+            "degree": self.degree,
+            "chosen": self.chosen,
+            "review": [self.review, self.pause],
+            "pairs": self.pace.counts.tolist(),
+        }
+
+    def recall(self, counters: dict[str, Any]) -> None:
+        """Go back to what ``counters`` told."""
+        self.turn_to(counters["degree"])
+        self.chosen = counters["chosen"]
+        self.review, self.pause = counters["review"]
+        self.pace.counts[:] = counters["pairs"]
+
+    def go(self, times: np.ndarray, end: float, most: int) -> tuple[int, int, Outcome]:
+        """Take about ``most`` steps, until the ``times`` of all rows, and never past the ``end``
+        [s]: how many steps and rows that made. No step: the outcome says why.
+        """
+        self.pace.figures[pace.END] = end
+        accepted = int(self.pace.counts[pace.ACCEPTED])
+        most = min(most, len(self.pace.sizes))
+        if len(self.degrees) > 1:
+            if accepted >= self.review:
+                self._review()
+                self.review = accepted + self.pause
+                self.pause = min(2 * self.pause, LONGEST_PAUSE)
+            most = min(most, 2 * (self.review - accepted))
+        done = int(_march_pace(self.high, self.pace, self.order, max(2, most), times))
+        residual, worst = self.high.outcome
+        return done, int(self.pace.counts[pace.ROWS]), Outcome(float(residual), int(worst))
+
+    @property
+    def order(self) -> int:
+        """Order of the steps of the present degree."""
+        return 2 * self.degree
+
+    def as_json(self) -> tuple[dict[str, Any], dict[str, float]]:
+        """How the steps were chosen, as ``run.json`` tells it [m, s], and the extremes of their own
+        errors.
+        """
+        figures, counts = self.pace.figures, self.pace.counts
+        told = {
+            "tolerance": self.tolerance,
+            "pairs": int(counts[pace.ACCEPTED]),
+            "refused": int(counts[pace.REFUSED]),
+            "stepMin": float(figures[pace.SMALLEST]),
+            "stepMax": float(figures[pace.WIDEST]),
+            "degrees": self.chosen,
+        }
+        local = {
+            "localErrorMax": float(figures[pace.LARGEST]),
+            "localErrorSum": float(figures[pace.ERROR]),
+        }
+        return told, local
+
+    def _review(self) -> None:
+        """Turn to the degree that takes the least work, if that is worth it."""
+        present = self.degree
+        self.sizes[present] = float(self.pace.figures[pace.NEXT])
+        work = {present: self._work(present, present)}
+        for way in (1, -1):
+            degree = present + way
+            while degree in self.degrees:
+                work[degree] = self._work(degree, degree - way)
+                if work[degree] > work[degree - way]:
+                    break
+                degree += way
+        best = min(work, key=lambda degree: work[degree])
+        if self.chosen and work[best] > WORTH * work[present]:
+            best = present
+        if best != self.degree:
+            self.turn_to(best)
+        self.pace.figures[pace.NEXT] = self.sizes[best]
+        if not self.chosen or self.chosen[-1]["degree"] != best:
+            told = {str(degree): work[degree] for degree in sorted(work)}
+            since = float(self.scene.state.time[0])
+            self.chosen.append({"degree": best, "since": since, "work": told})
+
+    def _work(self, degree: int, like: int) -> float:
+        """Work for a second by steps of this ``degree``, first tried at the size of those ``like``
+        it.
+        """
+        figures, counts = self.pace.figures, self.scene.counts
+        size, spent = self.sizes[like], counts.copy()
+        if degree != self.degree:
+            self.turn_to(degree)
+        for _ in range(TRIES):
+            spent, figures[pace.NEXT] = counts.copy(), size
+            _march_pace(self.high, self.pace, self.order, 0, NO_ROWS[1])
+            tried, size = size, float(figures[pace.BEST])
+            if 0.5 <= size / tried <= 2.0:
+                break
+        self.sizes[degree] = size
+        return work_of(degree, *(counts - spent).tolist()) / tried
+
+
+def work_of(degree: int, iterations: int, factorisations: int) -> float:
+    """Work of solved steps in evaluations of the lowest degree's rows: about what was measured of
+    pendulums, chains and mechanisms.
+    """
+    nodes, stages = 2 * degree + 1, degree**2
+    rows = iterations * (nodes + 0.4 * stages)
+    return (rows + factorisations * (nodes + 0.8 * stages * degree)) / 3.0

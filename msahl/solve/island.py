@@ -7,13 +7,13 @@ halves, these in halves again where needed, down to 2^-10 of it.
 
 import math
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from msahl.compiled import compiled
-from msahl.model import Model, degree_of
-from msahl.schemes import preserving
+from msahl.model import Model, degree_of, tolerance_of
+from msahl.schemes import AUTO, preserving
 from msahl.solve import newton, station, step
 from msahl.solve.assembly import assemble
 from msahl.solve.culprit import culprit, overflow
@@ -36,7 +36,7 @@ from msahl.system.state import build_state, settle
 from msahl.system.unknowns import choose
 
 if TYPE_CHECKING:
-    from msahl.solve.higher import Higher
+    from msahl.solve.higher import Higher, Paced
 
 MAX_HALVINGS = 10
 LARGEST_DENSE = 300
@@ -84,10 +84,19 @@ class Lowest:
         for trend in (state.a_trend, state.alpha_trend, state.force_trend):
             trend[:] = 0.0
 
+    memory: None = None
+    """What advances beside the scene."""
+
     @property
-    def memory(self) -> None:
-        """What advances beside the scene: nothing."""
-        return None
+    def counters(self) -> dict[str, Any]:
+        """What must be known to go on, beside the memory."""
+        return {}
+
+    def recall(self, counters: dict[str, Any]) -> None:
+        """Go back to what ``counters`` told."""
+
+    def go_like(self, other: object) -> None:
+        """All steps of the lowest order are alike."""
 
     def take(self, h: float, share: float) -> Outcome:
         """A step ``h``, a ``share`` of the whole one, by the compiled solver."""
@@ -125,7 +134,7 @@ class Runner:
             name = culprit(model, system, state, start, model.simulation.dt) or "the joints"
             raise StartError(overflow(0.0, name)) from error
         degree = degree_of(model)
-        self.steps = _steps(self.scene, degree, at_rows)
+        self.steps = _steps(model, self.scene, at_rows)
         self.large = self.scene.unknowns.free.size * max(degree, 1) > LARGEST_DENSE
         # A higher degree is asked of scipy only where it must be: that would be compiled as well.
         self.begun = degree > 0
@@ -218,10 +227,14 @@ class Runner:
         return self.steps.take_by_root(h, share)
 
 
-def _steps(scene: Scene, degree: int, at_rows: bool) -> "Lowest | Higher":
-    """How the steps of a scheme are taken; a higher degree's code is only there if asked for."""
+def _steps(model: Model, scene: Scene, at_rows: bool) -> "Lowest | Higher | Paced":
+    """How the model's steps are taken; a higher degree's code is only loaded if asked for."""
+    degree, tolerance, simulation = degree_of(model), tolerance_of(model), model.simulation
     if degree == 0:
         return Lowest(scene, at_rows)
-    from msahl.solve.higher import Higher
+    from msahl.solve.higher import Higher, Paced
 
-    return Higher(scene, degree)
+    if tolerance is None:
+        return Higher(scene, degree)
+    degrees = tuple(range(1, degree + 1)) if simulation.scheme == AUTO else (degree,)
+    return Paced(scene, degrees, tolerance, simulation.dt, simulation.t_final)

@@ -33,6 +33,14 @@ class Plan:
         share[share > 1.0 - ROUND_OFF] = 1.0
         return cls(np.searchsorted(step, np.arange(steps + 1)), share)
 
+    @classmethod
+    def passed(cls, times: np.ndarray, begin: float, ends: np.ndarray) -> "Plan":
+        """Rows at the ``times`` that steps from ``begin`` to the ``ends`` (steps,) have passed."""
+        sizes = np.diff(ends, prepend=begin)
+        step = np.minimum(np.searchsorted(ends + ROUND_OFF * sizes, times), len(ends) - 1)
+        share = (times - (ends - sizes)[step]) / sizes[step]
+        return cls(np.searchsorted(step, np.arange(len(ends) + 1)), np.minimum(share, 1.0))
+
     def until(self, steps: int) -> "Plan":
         """The rows of the first ``steps``."""
         due = self.due[: steps + 1]

@@ -6,10 +6,14 @@ to which they agree.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from msahl.model import Model
 from msahl.rotations import angles
+from msahl.schemes import AUTO
+from msahl.schemes import HIGHER as GAUSS
 from msahl.solve.island import Runner
 from msahl.solve.plan import Plan
 
@@ -21,28 +25,32 @@ class Shadow:
 
     def __init__(self, runners: Sequence[Runner], full: bool, chunk: int, tolerance: float) -> None:
         self.tolerance = tolerance
-        self.runners = [Runner(r.model, r.solver, full, 2 * chunk) for r in runners]
+        self.runners = [Runner(_unpaced(r.model), r.solver, full, 2 * chunk) for r in runners]
         for runner in self.runners:
             runner.show_start()
         self.horizon = self.position = self.turn = 0.0
         self.stopped = self.parted = False
 
-    def follow(self, runners: Sequence[Runner], h: float, plan: Plan, times: np.ndarray) -> None:
-        """Go the steps of size ``h`` that the run has gone, and compare the rows of ``plan``, which
-        are those of ``times``.
+    def follow(
+        self, runners: Sequence[Runner], sizes: np.ndarray, plan: Plan, times: np.ndarray
+    ) -> None:
+        """Go the steps of these ``sizes`` that the run has gone, and compare the rows of ``plan``,
+        which are those of ``times``.
         """
         halves = plan.halves()
         apart = np.zeros((len(times), 2))
         for runner, own in zip(runners, self.runners, strict=True):
             if self.stopped:
                 return
-            done, _ = own.advance(0.5 * h, 0, halves.steps, halves)
+            own.steps.go_like(runner.steps)
+            self.stopped = not _go(own, 0.5 * sizes, halves)
             rows = own.scene.tables.states[: len(times)]
-            self.stopped = done < halves.steps or not bool(np.isfinite(rows).all())
-            if not self.stopped:
+            if not self.stopped and np.isfinite(rows).all():
                 lengths = own.scene.system.bodies.length[:-1]
                 known = runner.scene.tables.states[: len(times)]
                 apart = np.maximum(apart, _apart(rows, known, lengths))
+            else:
+                self.stopped = True
         self._take_in(apart, times)
 
     def _take_in(self, apart: np.ndarray, times: np.ndarray) -> None:
@@ -69,6 +77,24 @@ class Shadow:
             "turnApartMax": self.turn,
             "agrees": not (self.parted or self.stopped),
         }
+
+
+def _unpaced(model: Model) -> Model:
+    """The same, at steps that are given."""
+    simulation = model.simulation
+    scheme = GAUSS if simulation.scheme == AUTO else simulation.scheme
+    return replace(model, simulation=replace(simulation, scheme=scheme, tolerance=None))
+
+
+def _go(runner: Runner, sizes: np.ndarray, plan: Plan) -> bool:
+    """Take two steps of each of the ``sizes``; whether all were solved."""
+    first = 0
+    for last in [*(np.flatnonzero(np.diff(sizes)) + 1), len(sizes)]:
+        done, _ = runner.advance(float(sizes[first]), 2 * first, 2 * last, plan)
+        if done < 2 * last:
+            return False
+        first = last
+    return True
 
 
 def _apart(rows: np.ndarray, others: np.ndarray, lengths: np.ndarray) -> np.ndarray:

@@ -1,0 +1,221 @@
+"""Steps of higher degree whose size follows from a tolerance.
+
+Steps go in pairs of two halves. One step of the whole size from the same start says what the pair's
+own error is, by order p: |pair - whole| / (2^p - 1), of places and of turns times the bodies'
+lengths. A pair is accepted if that is at most its share of the tolerance, by time, so that the own
+errors of all steps add up to the tolerance; what the motion makes of them is another matter. The
+size of the next pair is the one at which the error would be a little less than its share: over a
+pair it goes with the power p + 1, over a unit of time with p.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.kernel import kernel
+from msahl.rotation import compose, inverse
+from msahl.schemes import preserving
+from msahl.solve import between, high
+from msahl.solve.between import Point
+from msahl.solve.high import High
+from msahl.solve.watch import look
+from msahl.system.arrays import State
+from msahl.vector import at, dot, sub
+
+NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST, WIDEST = range(8)
+"""Figures: size of the next pair [s]; tolerance per second [m/s]; where the pairs end for now [s];
+sum of the own errors so far, and the largest [m]; size that the last pair should have had [s]; the
+smallest and the widest accepted step [s].
+"""
+ACCEPTED, REFUSED, ROWS = range(3)
+"""Counts: pairs accepted and refused so far, rows of the present chunk."""
+SAFETY, SHRINK, GROW = 0.9, 0.2, 3.0
+"""A pair aims at this part of the size that its error allows; limits of one change."""
+ROUND_OFF = 4e-16
+"""Part of the places and lengths that no smaller step makes more certain."""
+TOO_SMALL = 1e-12
+"""Part of the run that no pair is shorter than."""
+
+
+class Pace(NamedTuple):
+    """Where the choice of steps stands, and room for going back."""
+
+    figures: np.ndarray  # (8,) see above
+    counts: np.ndarray  # (3,)
+    sizes: np.ndarray  # (steps,) of the present chunk's steps [s]
+    kept: State  # the state that a pair starts from
+    middle: Point
+    end: Point
+    x: np.ndarray  # (n+1, 3) where the whole step leads
+    p: np.ndarray  # (n+1, 3)
+
+
+def new_pace(island: High, steps: int, dt: float, tolerance: float, t_final: float) -> Pace:
+    """Room for chunks of ``steps`` steps to a ``tolerance`` [m]; ``dt`` [s] is tried first."""
+    state = island.scene.state
+    figures = np.zeros(8)
+    figures[NEXT], figures[SHARE], figures[SMALLEST] = dt, tolerance / t_final, math.inf
+    return Pace(
+        figures=figures,
+        counts=np.zeros(3, dtype=np.int64),
+        sizes=np.zeros(steps),
+        kept=State(*(array.copy() for array in state)),
+        middle=between.new_point(state),
+        end=between.new_point(state),
+        x=np.zeros_like(state.x),
+        p=np.zeros_like(state.p),
+    )
+
+
+@kernel
+def march(island: High, pace: Pace, order: int, last: int, times: np.ndarray) -> int:
+    """Take pairs until there are ``last`` steps or all rows of the ``times``; how many steps were
+    taken. Fewer than that: the next pair does not converge however small it is.
+
+    Without ``last`` one pair is tried and taken back.
+    """
+    done, figures = 0, pace.figures
+    pace.counts[ROWS] = 0
+    if last == 0:
+        return int(attempt(island, pace, order, 0, False))
+    while done + 2 <= last and pace.counts[ROWS] < times.size:
+        if attempt(island, pace, order, done, True):
+            done += 2
+            fill(island, pace, times)
+        elif figures[NEXT] < TOO_SMALL * figures[END]:
+            break
+    return done
+
+
+@kernel
+def attempt(island: High, pace: Pace, order: int, row: int, commit: bool) -> bool:
+    """Take a pair, into rows ``row`` and ``row + 1`` of the watch; whether its error is small
+    enough. Else, or if it is not to be kept, all is as before but for the size of the next.
+    """
+    scene, figures = island.scene, pace.figures
+    left = figures[END] - scene.state.time[0]
+    h = figures[NEXT]
+    if h > left * (1.0 - 1e-9):
+        h = left
+    elif 2.0 * h > left:
+        h = 0.5 * left
+    keep(scene.state, pace.kept)
+    between.mark(island.between.begin, scene)
+    if not pair(island, pace, h, row):
+        figures[NEXT] = figures[BEST] = 0.25 * h
+        pace.counts[REFUSED] += 1
+        go_back(island, pace)
+        return False
+    error, known = apart(island, pace)
+    error /= 2.0**order - 1.0
+    share = figures[SHARE] * h
+    growth = GROW
+    if error > known:
+        growth = min(GROW, max(SHRINK, SAFETY * (share / error) ** (1.0 / order)))
+    figures[BEST] = growth * h
+    good = error <= max(share, known)
+    if good:
+        figures[NEXT] = max(figures[NEXT], growth * h) if h < figures[NEXT] else growth * h
+    else:
+        figures[NEXT] = min(growth, SAFETY) * h
+    if good and commit:
+        pace.counts[ACCEPTED] += 1
+        figures[ERROR] += error
+        figures[LARGEST] = max(figures[LARGEST], error)
+        figures[SMALLEST] = min(figures[SMALLEST], 0.5 * h)
+        figures[WIDEST] = max(figures[WIDEST], 0.5 * h)
+        pace.sizes[row] = pace.sizes[row + 1] = 0.5 * h
+        return True
+    if commit:
+        pace.counts[REFUSED] += 1
+    go_back(island, pace)
+    return good
+
+
+@kernel
+def pair(island: High, pace: Pace, h: float, row: int) -> bool:
+    """Take a step of size ``h``, note where it leads, and go there in two halves."""
+    scene = island.scene
+    system, state, start = scene.system, scene.state, scene.start
+    if not high.take(island, h):
+        return False
+    for b in range(state.x.shape[0]):
+        for i in range(3):
+            pace.x[b, i], pace.p[b, i] = state.x[b, i], state.p[b, i]
+    go_back(island, pace)
+    for half in range(2):
+        if not high.take(island, 0.5 * h):
+            return False
+        look(system, state, start, 0.5 * h, scene.watch, row + half)
+        between.mark(pace.middle if half == 0 else pace.end, scene)
+    return True
+
+
+@kernel
+def apart(island: High, pace: Pace) -> tuple[float, float]:
+    """How far the pair and the whole step are apart [m], and how much of that is round-off."""
+    state, bodies = island.scene.state, island.scene.system.bodies
+    error, size = 0.0, 0.0
+    for b in range(state.x.shape[0] - 1):
+        way = sub(at(state.x, b), at(pace.x, b))
+        turn = compose(at(state.p, b), inverse(at(pace.p, b)))
+        length = bodies.length[b]
+        error = max(error, math.sqrt(dot(way, way)) + length * math.sqrt(dot(turn, turn)))
+        size = max(size, math.sqrt(dot(at(state.x, b), at(state.x, b))) + length)
+    return error, ROUND_OFF * size
+
+
+@kernel
+def keep(state: State, kept: State) -> None:
+    """Copy what a step of higher degree changes of the state."""
+    kept.time[0] = state.time[0]
+    for source, target in (
+        (state.x, kept.x),
+        (state.x_low, kept.x_low),
+        (state.p, kept.p),
+        (state.v, kept.v),
+        (state.w, kept.w),
+        (state.a, kept.a),
+        (state.alpha, kept.alpha),
+        (state.force, kept.force),
+        (state.gap, kept.gap),
+        (state.reaction, kept.reaction),
+    ):
+        for i in range(source.shape[0]):
+            for j in range(source.shape[1]):
+                target[i, j] = source[i, j]
+    for source, target in ((state.angle, kept.angle), (state.work, kept.work)):
+        for i in range(source.size):
+            target[i] = source[i]
+
+
+@kernel
+def go_back(island: High, pace: Pace) -> None:
+    """Go back to where the pair starts."""
+    scene = island.scene
+    keep(pace.kept, scene.state)
+    preserving.prepare(scene.system, scene.state, scene.start)
+    # What the stages hold belongs to another step.
+    island.stages.step[0] = -1.0
+
+
+@kernel
+def fill(island: High, pace: Pace, times: np.ndarray) -> None:
+    """Enter the rows of the ``times`` that the accepted pair has passed."""
+    room = island.between
+    for half in range(2):
+        end = pace.middle if half == 0 else pace.end
+        t, h = room.begin.time[0], end.time[0] - room.begin.time[0]
+        between.copy_point(end, room.end)
+        traced = False
+        while pace.counts[ROWS] < times.size:
+            row = pace.counts[ROWS]
+            if times[row] > t + h * (1.0 + 1e-9):
+                break
+            if not traced:
+                between.trace(room, island.station)
+                traced = True
+            between.publish(room, island.station, (times[row] - t) / h, row)
+            pace.counts[ROWS] += 1
+        between.copy_point(end, room.begin)
