@@ -125,8 +125,8 @@ def explain(deck: Path) -> None:
 @click.option("--scheme", type=click.Choice(choices()),
               help="'preserving' keeps the energy, 'decaying' takes it from vibrations quicker "
               "than the step; both of order 2. 'gauss1' to 'gauss5' are of order 2 to 10, with the "
-              "energy nearly kept, 'auto' is the cheapest of them for the tolerance. Instead of the "
-              "deck's; else preserving.")  # fmt: skip
+              "energy nearly kept; 'auto' is the cheapest of them for the tolerance. Instead of "
+              "the deck's; else preserving.")  # fmt: skip
 @click.option("--damping", type=click.FloatRange(0.0, 1.0), metavar="D",
               help="Of 'decaying', how much of such a vibration a step takes, 0 to 1; instead of "
               f"the deck's; else {DAMPING:g}.")  # fmt: skip
