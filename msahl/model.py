@@ -100,7 +100,7 @@ class Model:
 
 
 def decay_of(model: Model) -> Decay:
-    """How the model's scheme decays; one of a higher degree does not."""
+    """How the model's scheme decays; one of a higher degree does in no such way."""
     if degree_of(model):
         return decaying(0.0)
     return SCHEMES[model.simulation.scheme](model.simulation.damping)
@@ -113,9 +113,16 @@ def reactions_of(model: Model) -> str:
 
 def degree_of(model: Model) -> int:
     """Degree of the model's scheme, or 0 if it is of the lowest order."""
-    return model.simulation.degree if model.simulation.scheme == HIGHER else 0
+    return model.simulation.degree if model.simulation.scheme in HIGHER else 0
+
+
+def order_of(model: Model) -> int:
+    """Order of the model's scheme in states."""
+    degree = degree_of(model)
+    return 2 * degree - decays(model) if degree else 2
 
 
 def decays(model: Model) -> bool:
     """Whether the model's scheme takes energy from it."""
-    return decay_of(model).chi > 0.0
+    higher = HIGHER.get(model.simulation.scheme)
+    return higher.decays if higher else decay_of(model).chi > 0.0

@@ -402,6 +402,9 @@ class _Run:
         report.extremes = self.extremes.as_json()
         if degree_of(self.model):
             report.extremes |= {"localErrorMax": None, "localErrorSum": None}  # of order 2
+        if decays(self.model):
+            taken = -sum(float(runner.scene.state.work[-1]) for runner in self.runners)
+            report.extremes |= {"energyTaken": taken}
         report.shadow = self.shadow.as_json() if self.shadow else None
         report.verdict = judge(self._figures(), self.model.simulation.limits).as_json()
         return report

@@ -13,6 +13,7 @@ import numpy as np
 from msahl.compiled import compiled
 from msahl.model import Model, degree_of
 from msahl.schemes import preserving
+from msahl.schemes.rule import new_rule
 from msahl.solve import high, newton, station, step
 from msahl.solve.assembly import assemble
 from msahl.solve.culprit import culprit, overflow
@@ -73,7 +74,8 @@ class Runner:
             name = culprit(model, system, state, start, model.simulation.dt) or "the joints"
             raise StartError(overflow(0.0, name)) from error
         degree = degree_of(model)
-        self.high = new_high(self.scene, degree) if degree else None
+        rule = new_rule(model.simulation.scheme, degree) if degree else None
+        self.high = new_high(self.scene, rule) if rule else None
         self.station = new_station(self.scene.system) if at_rows and not degree else None
         self.large = self.scene.unknowns.free.size * max(degree, 1) > LARGEST_DENSE
         # A higher degree is asked of scipy only where it must be: that would be compiled as well.
