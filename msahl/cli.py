@@ -125,8 +125,9 @@ def explain(deck: Path) -> None:
 @click.option("--scheme", type=click.Choice(choices()),
               help="'preserving' keeps the energy, 'decaying' takes it from vibrations quicker "
               "than the step; both of order 2. 'gauss1' to 'gauss5' are of order 2 to 10, with the "
-              "energy nearly kept; 'auto' is the cheapest of them for the tolerance. Instead of "
-              "the deck's; else preserving.")  # fmt: skip
+              "energy nearly kept; 'radau1' to 'radau3' of order 1, 3, 5, and take energy as "
+              "'decaying' does; 'auto' is the cheapest gauss for the tolerance. Instead of the "
+              "deck's; else preserving.")  # fmt: skip
 @click.option("--damping", type=click.FloatRange(0.0, 1.0), metavar="D",
               help="Of 'decaying', how much of such a vibration a step takes, 0 to 1; instead of "
               f"the deck's; else {DAMPING:g}.")  # fmt: skip
@@ -281,7 +282,7 @@ class Job:
     def about(self) -> dict[str, Any]:
         """The head of ``run.json``: all that its rows depend on."""
         from msahl.deck import deck_digest
-        from msahl.model import decays, degree_of, reactions_of, tolerance_of
+        from msahl.model import decay_of, degree_of, reactions_of, tolerance_of
 
         simulation = self.model.simulation
         return {
@@ -292,7 +293,7 @@ class Job:
                 "dt": simulation.dt,
                 "tFinal": simulation.t_final,
                 "scheme": simulation.scheme,
-                "damping": simulation.damping if decays(self.model) else 0.0,
+                "damping": simulation.damping if decay_of(self.model).chi > 0.0 else 0.0,
                 "solver": self.options.solver,
                 "every": self.options.every,
                 "full": self.options.full,

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from msahl.compiled import is_kept
-from msahl.model import Model
+from msahl.model import Model, decays, degree_of, order_of
 from msahl.run import Grid
 from msahl.solve.island import Runner
 from msahl.system.arrays import multiplier_count
@@ -26,6 +26,7 @@ def explain(model: Model) -> list[str]:
         f"{_count(len(model.couplings), 'coupling')}, {_count(len(model.motions), 'motion')}, "
         f"{_count(len(model.loads), 'load')}, {_count(len(model.grounds), 'ground')}; "
         f"{grid.n} steps of {grid.h:g} s",
+        f"scheme: {_scheme(model)}",
         *_freedoms(model, runners),
         *_unknowns(model, runners),
         *(line for runner in runners for line in _island(runner, alone=len(runners) == 1)),
@@ -36,6 +37,17 @@ def explain(model: Model) -> list[str]:
 
 def _count(n: int, one: str, many: str = "") -> str:
     return f"{n or 'no'} {one if n == 1 else many or one + 's'}"
+
+
+def _scheme(model: Model) -> str:
+    """The scheme in words: name, order, what it does to the energy."""
+    name, degree = model.simulation.scheme, degree_of(model)
+    if decays(model):
+        energy = "takes energy from what is quicker than the step"
+    else:
+        energy = "keeps the energy nearly" if degree else "keeps the energy"
+    named = f"{name} of degree {degree}" if degree else name
+    return f"{named}, of order {order_of(model)}; {energy}"
 
 
 def _freedoms(model: Model, runners: list[Runner]) -> Iterator[str]:

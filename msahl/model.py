@@ -24,11 +24,11 @@ from msahl.law import Law
 from msahl.motion import Drive, PointMotion
 from msahl.schemes import (
     AUTO,
+    CHOSEN,
     DAMPING,
     DEFAULT,
     DEGREE,
     HIGHER,
-    HIGHEST,
     SCHEMES,
     TOLERANCE,
     Decay,
@@ -115,7 +115,7 @@ class Model:
 
 
 def decay_of(model: Model) -> Decay:
-    """How the model's scheme decays; one of a higher degree does not."""
+    """How the model's scheme decays; one of a higher degree does in no such way."""
     if degree_of(model):
         return decaying(0.0)
     return SCHEMES[model.simulation.scheme](model.simulation.damping)
@@ -126,13 +126,22 @@ def reactions_of(model: Model) -> str:
     return STATION if degree_of(model) else model.simulation.reactions
 
 
+def scheme_of(model: Model) -> str:
+    """The model's scheme, or the one whose steps and degree are chosen."""
+    return CHOSEN if model.simulation.scheme == AUTO else model.simulation.scheme
+
+
 def degree_of(model: Model) -> int:
-    """Degree of the model's scheme, or 0 if it is of the lowest order; the largest that is chosen
-    from.
-    """
+    """Degree of the model's scheme, the largest if it is chosen; 0 if it is of the lowest order."""
     if model.simulation.scheme == AUTO:
-        return HIGHEST
-    return model.simulation.degree if model.simulation.scheme == HIGHER else 0
+        return HIGHER[CHOSEN].highest
+    return model.simulation.degree if model.simulation.scheme in HIGHER else 0
+
+
+def order_of(model: Model) -> int:
+    """Order of the model's scheme in states."""
+    higher = HIGHER.get(scheme_of(model))
+    return higher.order(degree_of(model)) if higher else 2
 
 
 def tolerance_of(model: Model) -> float | None:
@@ -144,4 +153,5 @@ def tolerance_of(model: Model) -> float | None:
 
 def decays(model: Model) -> bool:
     """Whether the model's scheme takes energy from it."""
-    return decay_of(model).chi > 0.0
+    higher = HIGHER.get(scheme_of(model))
+    return higher.decays if higher else decay_of(model).chi > 0.0

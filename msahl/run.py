@@ -488,6 +488,9 @@ class _Run:
         if self.paced:
             report.pace, local = self.paced.as_json()
             report.extremes |= local
+        if decays(self.model):
+            taken = -sum(float(runner.scene.state.work[-1]) for runner in self.runners)
+            report.extremes |= {"energyTaken": taken}
         report.shadow = self.shadow.as_json() if self.shadow else None
         report.verdict = judge(self._figures(), self.model.simulation.limits).as_json()
         return report

@@ -147,7 +147,9 @@ def _energy(of: Figures, limits: Limits) -> Iterator[Finding]:
     kept = "kept" if word == PASS else "kept only"
     units = error / (float_info.epsilon * of.energy_size)
     text = f"energy {kept} to {error / kinetic:.1e} of the largest kinetic energy"
-    yield Finding("energy", word, f"{text} ({units:.0f} units of round-off)")
+    taken = of.extremes.get("energyTaken")
+    more = f"; the scheme took {taken / kinetic:.1e} of it" if taken else ""
+    yield Finding("energy", word, f"{text} ({units:.0f} units of round-off){more}")
 
 
 def _momentum(of: Figures, limits: Limits) -> Iterator[Finding]:

@@ -9,6 +9,7 @@ from msahl.deck import read_deck
 from msahl.model import ConcentratedLoad, Ground, Joint, Model, RigidBody, Simulation
 from msahl.rotation import compose, from_axis_angle, matrix
 from msahl.run import Options, Report, run
+from msahl.schemes import split
 from msahl.system.names import reaction_columns, work_columns
 from msahl.vector import ZERO, add, sub, times
 
@@ -86,8 +87,9 @@ class Rows:
 
 
 def simulate(model, dt=None, t_final=None, scheme=None, damping=None, **options):
-    """Run ``model`` with the user's defaults, but for what is given."""
-    given = {"dt": dt, "t_final": t_final, "scheme": scheme, "damping": damping}
+    """Run ``model`` with the user's defaults, but for what is given; ``scheme`` is a choice."""
+    name, degree = split(scheme) if scheme else (None, None)
+    given = {"dt": dt, "t_final": t_final, "scheme": name, "degree": degree, "damping": damping}
     changes = {name: value for name, value in given.items() if value is not None}
     model = replace(model, simulation=replace(model.simulation, **changes))
     rows = Rows()

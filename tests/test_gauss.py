@@ -8,20 +8,16 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from elements import ELEMENTS, everything
+from higher import Step
 from scenes import chain, deck, pendulum, simulate
 
 from msahl.cli import main
 from msahl.deck import read_deck
 from msahl.rotation import matrix
-from msahl.schemes import chart, choices, gauss, preserving, split
+from msahl.schemes import chart, choices, split
 from msahl.schemes.rule import new_rule
 from msahl.solve import stagewise
 from msahl.study.exact import recognise
-from msahl.system.arrays import new_start, node_count
-from msahl.system.build import build_system
-from msahl.system.reduce import all_unknowns
-from msahl.system.state import build_state
-from msahl.system.unknowns import choose
 
 SINGLE = Path(__file__).parents[1] / "decks" / "thesis" / "single_pendulum_45.xml"
 DEGREES = (1, 2, 3, 4, 5)
@@ -33,67 +29,32 @@ def of_degree(model, degree):
     return replace(model, simulation=replace(model.simulation, scheme="gauss", degree=degree))
 
 
-class Step:
-    """The equations of one step in plain Python, in all unknowns."""
-
-    def __init__(self, model, degree, h, rng):
-        self.degree, self.h = degree, h
-        self.system = build_system(model)
-        self.state = build_state(model, self.system)
-        self.start = new_start(self.system, self.state)
-        preserving.prepare(self.system, self.state, self.start)
-        self.unknowns = choose(self.system, all_unknowns(self.system))
-        self.stages = gauss.new_stages(self.system, self.state, degree)
-        self.stages.reaction[:] = rng.normal(size=self.stages.reaction.shape)
-        self.shape = (degree, self.unknowns.free.size)
-        self.z = 0.3 * rng.normal(size=self.shape)
-
-    def rows(self, z, fresh=False):
-        self.stages.Z.reshape(self.degree, -1)[:, self.unknowns.free] = z
-        given = (self.system, self.state, self.start, self.stages, self.h)
-        gauss.evaluate(*given, False, fresh)
-        return self.stages.F.reshape(self.degree, -1)[:, self.unknowns.free].copy()
-
-    def derivative(self):
-        """(s, f, s, f) at ``z``."""
-        self.rows(self.z, fresh=True)
-        s, nodes = self.degree, node_count(self.system)
-        whole = np.zeros((s, nodes, 3, s, nodes, 3))
-        for m, (row, column) in enumerate(self.system.blocks.tolist()):
-            if m > 0:
-                block = self.stages.values[9 * m : 9 * m + 9].reshape(3, 3, s, s)
-                whole[:, row, :, :, column, :] += block.transpose(2, 0, 3, 1)
-        flat = whole.reshape(s, 3 * nodes, s, 3 * nodes)
-        return flat[:, self.unknowns.free][..., self.unknowns.free]
-
-    def difference(self, direction, step=1e-5):
-        """Derivative of the rows along ``direction``, by central differences."""
-        return (self.rows(self.z + step * direction) - self.rows(self.z - step * direction)) / (
-            2.0 * step
-        )
-
-
 @every_degree
 def test_a_rule_integrates_what_it_should(degree):
-    rule, s = new_rule(degree), degree
-    t = rule.lobatto
+    rule, s = new_rule("gauss", degree), degree
+    t = np.append(0.0, rule.closing)
     for power in range(2 * s):
-        assert rule.weight @ rule.gauss**power == pytest.approx(1.0 / (power + 1), abs=1e-15)
-        assert rule.node_weight @ t**power == pytest.approx(1.0 / (power + 1), abs=1e-15)
+        integral = rule.weight @ rule.acting**power
+        assert integral == pytest.approx(1.0 / (power + 1), abs=1e-15)
+    # Joint forces: all of Lobatto's rule but its last node, where every power is 1.
+    last = 1.0 - rule.push.sum()
+    for power in range(2 * s):
+        integral = rule.push @ t[:s] ** power + last
+        assert integral == pytest.approx(1.0 / (power + 1), abs=1e-15)
     # A momentum that is a rate of the unknowns gives the unknowns; numbers of the size of s^2.
     np.testing.assert_allclose(rule.beta @ rule.slope, np.eye(s), atol=1e-13)
     # A constant force, of loads or of joints, displaces by t^2/2.
     np.testing.assert_allclose(rule.alpha.sum(axis=1), -0.5 * t[1:] ** 2, atol=1e-13)
     # What it interpolates, it interpolates exactly: powers up to s - 1, and s where it knows more.
-    power = rule.gauss ** (s - 1)
+    power = rule.acting ** (s - 1)
     np.testing.assert_allclose(rule.integral @ power, t[1:] ** s / s, atol=1e-14)
-    np.testing.assert_allclose(rule.value @ t[1:] ** s, rule.gauss**s, atol=1e-14)
+    np.testing.assert_allclose(rule.value @ t[1:] ** s, rule.acting**s, atol=1e-14)
     np.testing.assert_allclose(rule.slope @ t[1:] ** s, s * power, atol=1e-13)
-    before = np.append(rule.gauss - 1.0, 0.0)
+    before = np.append(rule.acting - 1.0, 0.0)
     # Out of the nodes' range: weights of up to 1e4.
-    np.testing.assert_allclose(rule.ahead @ before**s, rule.gauss**s, atol=1e-11)
+    np.testing.assert_allclose(rule.ahead @ before**s, rule.acting**s, atol=1e-11)
     np.testing.assert_allclose(
-        rule.ahead_nodes @ (t[:s] - 1.0) ** (s - 1), t[:s] ** (s - 1), atol=1e-11
+        rule.ahead_push @ (t[:s] - 1.0) ** (s - 1), t[:s] ** (s - 1), atol=1e-11
     )
 
 
@@ -134,19 +95,13 @@ def test_the_chart_turns_as_it_says():
 @pytest.mark.parametrize("make", ELEMENTS.values(), ids=ELEMENTS)
 def test_the_derivative_of_every_element(make):
     rng = np.random.default_rng(8)
-    step = Step(make(rng), 2, 0.1, rng)
-    A = step.derivative()
-    for _ in range(3):
-        direction = rng.normal(size=step.shape)
-        got = np.einsum("jakb,kb->ja", A, direction)
-        wanted = step.difference(direction)
-        # Differences: third derivatives times 1e-10, and round-off of numbers near 1 over 1e-5.
-        np.testing.assert_allclose(got, wanted, atol=1e-7 * max(1.0, np.abs(wanted).max()))
+    # Differences: third derivatives times 1e-10, and round-off of numbers near 1 over 1e-5.
+    assert Step(make(rng), "gauss2", 0.1, rng).differs(rng) <= 1e-7
 
 
 def test_blocks_are_factored_as_the_whole_matrix():
     rng = np.random.default_rng(3)
-    step = Step(chain(4), 3, 0.05, rng)
+    step = Step(chain(4), "gauss3", 0.05, rng)
     A, lu = step.derivative(), step.unknowns.elimination
     size = step.shape[0] * step.shape[1]
     right = rng.normal(size=step.shape)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from msahl.deck.faults import Element, attribute, printable, text
 from msahl.deck.values import LARGEST, SMALLEST, Reader
 from msahl.model import MEAN, Limits, Simulation
-from msahl.schemes import AUTO, DAMPING, DEFAULT, DEGREE, SCHEMES
+from msahl.schemes import AUTO, DAMPING, DEFAULT, DEGREE, HIGHER, SCHEMES
 
 MAX_STEPS = 10**9
 """Most steps of a run: more is a slip of the pen (a day at 10 us a step)."""
@@ -97,6 +97,11 @@ def _complaints(simulation: Simulation) -> list[tuple[str, str]]:
     ]
     if not 0.0 <= simulation.damping <= 1.0:
         wrong.append(("damping", f"it is {simulation.damping:g}; it must be from 0 to 1"))
+    scheme, degree = simulation.scheme, simulation.degree
+    if scheme in HIGHER and degree > HIGHER[scheme].highest:
+        most, gauss = HIGHER[scheme].highest, HIGHER["gauss"].highest
+        remedy = f"those of scheme {scheme} are 1 to {most}, those of gauss go to {gauss}"
+        wrong.append(("degree", f"it is of degree {degree}; {remedy}"))
     wrong += _complaints_of_choice(simulation)
     if wrong:
         return wrong

@@ -1,7 +1,8 @@
 """Time elements: how one step follows from the last.
 
-All that there are make one family (``schemes.preserving``), from the one that keeps the energy to
-the one that takes it from all that is quicker than the step.
+Those of order 2 make one family (``schemes.preserving``), from the one that keeps the energy to the
+one that takes it from all that is quicker than the step. Those of higher order are one time element
+(``schemes.gauss``) by two rules (``schemes.rule``), of which again one keeps and one takes.
 """
 
 from collections.abc import Callable
@@ -39,12 +40,25 @@ SCHEMES: dict[str, Callable[[float], Decay]] = {
 DEFAULT = next(iter(SCHEMES))
 DAMPING = 0.5
 """Damping of a decaying scheme where none is given: 0 none, 1 all, of the quickest in one step."""
-HIGHER = "gauss"
-"""The scheme of higher order (``schemes.gauss``)."""
-DEGREE, HIGHEST = 3, 5
-"""Its degree s where none is given, and the largest; its order is 2 s."""
-AUTO = "auto"
-"""The scheme of higher order with the degree and the steps that a tolerance asks for."""
+
+
+class Higher(NamedTuple):
+    """A scheme of higher order: its largest degree s, and whether it decays."""
+
+    highest: int
+    decays: bool
+
+    def order(self, degree: int) -> int:
+        """Of states, by its ``degree``."""
+        return 2 * degree - self.decays
+
+
+HIGHER = {"gauss": Higher(5, decays=False), "radau": Higher(3, decays=True)}
+"""Schemes of higher order (``schemes.rule``), by name: of order 2s and of order 2s - 1."""
+DEGREE = 3
+"""Their degree where none is given."""
+AUTO, CHOSEN = "auto", "gauss"
+"""The scheme whose steps and degree a tolerance asks for, and what it chooses from."""
 TOLERANCE = 1e-6
 """Tolerance [m] of ``AUTO`` where none is given."""
 WORKER = "scheme"
@@ -53,11 +67,11 @@ WORKER = "scheme"
 
 def choices() -> tuple[str, ...]:
     """All schemes a run can choose, by one word each: gauss3 is that of degree 3."""
-    return (*SCHEMES, *(f"{HIGHER}{s}" for s in range(1, HIGHEST + 1)), AUTO)
+    higher = (f"{name}{s}" for name, of in HIGHER.items() for s in range(1, of.highest + 1))
+    return (*SCHEMES, *higher, AUTO)
 
 
 def split(word: str) -> tuple[str, int | None]:
     """Name and degree of a scheme given by one of the ``choices``; None if it has none."""
-    if word.startswith(HIGHER):
-        return HIGHER, int(word.removeprefix(HIGHER))
-    return word, None
+    name = word.rstrip("0123456789")
+    return name, int(word.removeprefix(name)) if name in HIGHER else None

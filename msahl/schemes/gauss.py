@@ -1,7 +1,8 @@
 """The time element of degree s: Hamilton's principle with polynomials of degree s over a step.
 
-Places at the Lobatto nodes t_k of ``schemes.rule``, forces and inertia at its Gauss nodes, joint
-forces at the Lobatto nodes. Of each body and j = 1..s
+The nodes are those of a rule (``schemes.rule``), which is all that tells the gauss from the radau
+scheme: t_j where the joints close, c_i where forces and inertia are summed, and where joint forces
+push. Of each body and j = 1..s
 
     z_j - h t_j v0 + h^2 sum_i alpha_ji a_i + h^2 sum_k chi_jk G_k^T lam_k / m          = 0
     (h (sum_i beta_ji pi_i - t_j (L0 + E)) + h^2 sum_i alpha_ji (dT/dc + H^T M)_i
@@ -13,10 +14,13 @@ with a = F/m, z = (u, l c): displacement from the start of the step and turn by 
 in metres, multipliers as in ``schemes.preserving``. The momenta at the end are those at the start
 with E and all impulses; lam_s makes their velocities keep the joints closed.
 
+That is for parameters that are varied. Where they are not (radau), the balance of turns is that of
+the angular momentum itself: R J R^T W for pi, M for dT/dc + H^T M, and no E.
+
 Elements are asked at one place at a time: a step of the lowest order that does not move has as
 discrete gradients the gradients themselves, and half their derivatives as its Jacobian.
 Source: see ``schemes.rule``; the chart of the rotation, the scaling and the treatment of equations
-between rates (at the Gauss nodes, with their forces at the Lobatto nodes) are ours.
+between rates (at c_i, with their forces where those of the others are) are ours.
 """
 
 from typing import NamedTuple
@@ -30,7 +34,7 @@ from msahl.joints.measure import add_block
 from msahl.kernel import kernel
 from msahl.rotation import compose, matrix, to_step_turn
 from msahl.schemes import chart, preserving
-from msahl.schemes.rule import Rule, new_rule
+from msahl.schemes.rule import Rule
 from msahl.system.arrays import Start, State, System, body_count, new_start, node_count
 from msahl.vector import (
     IDENTITY,
@@ -47,6 +51,7 @@ from msahl.vector import (
     put,
     put_matrix,
     scale,
+    skew,
     sub,
     times,
     transpose,
@@ -84,14 +89,17 @@ class Stages(NamedTuple):
     work: np.ndarray  # (w,) over the step [J]
     values: np.ndarray  # (9 m, s, s) the Jacobian
     pull: np.ndarray  # (nodes,) largest part of a load along a quantity in the rows of a node [m]
-    rate: np.ndarray  # (s, nodes, 3) velocities at the Gauss nodes, inertial axes
+    pulled: np.ndarray  # (nodes,) such parts near the end of the last step, by h^2
+    rate: np.ndarray  # (s, nodes, 3) velocities at c_i, inertial axes
     before: np.ndarray  # (s, nodes, 3) last step's
-    reaction: np.ndarray  # (s, j, 6) joints' reactions at the Gauss nodes
+    reaction: np.ndarray  # (s, j, 6) joints' reactions at c_i
     step: np.ndarray  # (1,) size of the last step, 0 if there was none
+    level: np.ndarray  # (1,) energy balance at the start of the run [J]
 
 
-def new_stages(system: System, state: State, degree: int) -> Stages:
-    """Room for steps of ``degree`` from ``state``."""
+def new_stages(system: System, state: State, rule: Rule) -> Stages:
+    """Room for steps by ``rule`` from ``state``."""
+    degree = rule.weight.size
     n, nodes = body_count(system), (node_count(system), 3)
     stages, vectors = (degree, *nodes), (n, 3)
     node_state = State(*(array.copy() for array in state))
@@ -104,7 +112,7 @@ def new_stages(system: System, state: State, degree: int) -> Stages:
     mobility = np.zeros((n, 3, 3))
     mobility[:-1] = np.linalg.inv(system.bodies.inertia[:-1])
     return Stages(
-        rule=new_rule(degree),
+        rule=rule,
         sort=sort.astype(np.int64),
         linear=np.where(np.repeat(sort, 9) == BODY, 0.0, system.constant),
         rolling=rolling,
@@ -129,10 +137,12 @@ def new_stages(system: System, state: State, degree: int) -> Stages:
         work=np.zeros_like(state.work),
         values=np.zeros((system.constant.size, degree, degree)),
         pull=np.zeros(nodes[0]),
+        pulled=np.zeros(nodes[0]),
         rate=np.zeros(stages),
         before=np.zeros(stages),
         reaction=np.zeros((degree, *state.reaction.shape)),
         step=np.zeros(1),
+        level=np.zeros(1),
     )
 
 
@@ -166,17 +176,20 @@ def evaluate(
     if new:
         predict(system, state, start, stages, h)
     _begin(system, start, stages, h, fresh)
-    for n in range(2 * s + 1):
-        held, k, i = n <= s, min(n, s - 1), max(n - s - 1, 0)
-        go(system, state, stages, h, n)
+    rule = stages.rule
+    for n in range(rule.time.size):
+        row, k, i = rule.closes[n], rule.pushes[n], rule.acts[n]
+        held = i < 0
+        if n == 0 or rule.time[n] != rule.time[n - 1]:
+            go(system, state, stages, h, n)
         if held:
-            _close(system, state, start, stages, h, n)
-            _hold(system, stages, h, k, stages.rule.node_weight[k] if n < s else 0.0)
+            _close(system, state, start, stages, h, row)
+            _hold(system, stages, h, max(k, 0), rule.push[k] if k >= 0 else 0.0)
         else:
             _act(system, stages, h, i)
             _turn(system.bodies, start, stages, h, i)
-        if n != s:
-            _enter(system, stages, h, n)
+        if k >= 0 or i >= 0:
+            _enter(system, stages, h, k, i)
         if fresh:
             if held:
                 _hold_jacobian(system, stages)
@@ -185,7 +198,7 @@ def evaluate(
                 _add_turning(system.bodies, start, stages, h, i)
             _into_chart(system, stages, not held)
             if held:
-                _add_held(stages, h, n)
+                _add_held(stages, h, row, k)
             else:
                 _add_acting(system, stages, h, i)
     length = 0.0
@@ -199,12 +212,13 @@ def _begin(system: System, start: Start, stages: Stages, h: float, fresh: bool) 
     """Set the rows to what they are without any force, and clear what is summed up."""
     bodies, F, values = system.bodies, stages.F, stages.values
     for node in range(stages.impulse.shape[0]):
-        stages.pull[node] = 0.0
+        # A load that the step relaxes is known no better than what it begins with.
+        stages.pull[node] = h * h * stages.pulled[node]
         put(stages.impulse, node, ZERO)
     for w in range(stages.work.size):
         stages.work[w] = 0.0
     for j in range(F.shape[0]):
-        way = h * stages.rule.lobatto[j + 1]
+        way = h * stages.rule.closing[j]
         for b in range(bodies.inverse_mass.size - 1):
             put(F[j], 2 * b, axpy(-way, at(start.bodies.v, b), at(stages.Z[j], 2 * b)))
             put(F[j], 2 * b + 1, scale(-way, spin(bodies, start, b)))
@@ -226,14 +240,9 @@ def spin(bodies: Bodies, start: Start, b: int) -> Vector:
 
 @kernel
 def go(system: System, state: State, stages: Stages, h: float, n: int) -> None:
-    """Bring ``stages.start`` to node ``n``: 0..s are Lobatto's, those after are Gauss's.
-
-    Velocities are not asked for at the first and are zero there.
-    """
-    rule, s = stages.rule, stages.rule.weight.size
-    tau, phi, slope = rule.lobatto[min(n, s)], rule.at_node[min(n, s)], rule.at_node[0]
-    if n > s:
-        tau, phi, slope = rule.gauss[n - s - 1], rule.value[n - s - 1], rule.slope[n - s - 1]
+    """Bring ``stages.start`` to what the rule has as number ``n``."""
+    rule = stages.rule
+    tau, phi, slope = rule.time[n], rule.place[n], rule.rate[n]
     bodies, Z, node = system.bodies, stages.Z, stages.state
     node.time[0] = state.time[0] + h * tau
     for b in range(bodies.inverse_mass.size - 1):
@@ -261,15 +270,15 @@ def go(system: System, state: State, stages: Stages, h: float, n: int) -> None:
 
 @kernel
 def _close(system: System, state: State, start: Start, stages: Stages, h: float, k: int) -> None:
-    """Set the rows of the joints to their gaps at node ``k``, by increments from the start."""
-    if k == 0:
+    """Set the rows of the joints, the ``k``-th, to their gaps, by increments from the start."""
+    if k < 0:
         return
     bodies, gap = system.bodies, stages.gap
-    t, dt = state.time[0], h * stages.rule.lobatto[k]
+    t, dt = state.time[0], h * stages.rule.closing[k]
     coincide.residual(system.coincide, start.coincide, bodies, -1.0, stages.moved, gap)
     along.hold(system.along, start.along, bodies, state.gap, t, dt, stages.moved, gap)
     for node in range(2 * bodies.inverse_mass.size, gap.shape[0]):
-        put(stages.F[k - 1], node, at(gap, node))
+        put(stages.F[k], node, at(gap, node))
 
 
 @kernel
@@ -292,8 +301,8 @@ def _hold(system: System, stages: Stages, h: float, k: int, weight: float) -> No
 
 @kernel
 def _act(system: System, stages: Stages, h: float, i: int) -> None:
-    """Set ``stages.row`` to the accelerations by the loads at Gauss node ``i``; also the rows
-    between rates, and add the loads' work.
+    """Set ``stages.row`` to the accelerations by the loads at c_i; also the rows between rates, and
+    add the loads' work.
     """
     bodies, row, node = system.bodies, stages.row, stages.start
     g = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
@@ -314,12 +323,14 @@ def _act(system: System, stages: Stages, h: float, i: int) -> None:
 
 
 @kernel
-def _enter(system: System, stages: Stages, h: float, n: int) -> None:
-    """Add the node's accelerations, turned into the chart, to the rows and the impulses."""
+def _enter(system: System, stages: Stages, h: float, k: int, i: int) -> None:
+    """Add the accelerations by joint forces ``k`` or, if that is negative, by the loads at c_i,
+    turned into the chart, to the rows and the impulses.
+    """
     bodies, rule, s = system.bodies, stages.rule, stages.rule.weight.size
-    weights, share = rule.chi[:, min(n, s - 1)], h * rule.node_weight[min(n, s)]
-    if n > s:
-        weights, share = rule.alpha[:, n - s - 1], h * rule.weight[n - s - 1]
+    weights, share = rule.chi[:, k], h * rule.push[k]
+    if k < 0:
+        weights, share = rule.alpha[:, i], h * rule.weight[i]
     along.strain(system.along, stages.start.along, h * h, stages.pull)
     for b in range(bodies.inverse_mass.size - 1):
         a = at(stages.row, 2 * b)
@@ -333,11 +344,17 @@ def _enter(system: System, stages: Stages, h: float, n: int) -> None:
 
 @kernel
 def _turn(bodies: Bodies, start: Start, stages: Stages, h: float, i: int) -> None:
-    """Enter the inertia of the turns at Gauss node ``i``; keep the velocities there."""
+    """Enter the inertia of the turns at c_i; keep the velocities there."""
     rule = stages.rule
     for b in range(bodies.inverse_mass.size - 1):
         put(stages.rate[i], 2 * b, at(stages.state.v, b))
         put(stages.rate[i], 2 * b + 1, at(stages.start.bodies.W, b))
+        if not rule.varied:
+            L = times(matrix_at(stages.start.bodies.J, b), at(stages.start.bodies.W, b))
+            L = scale(bodies.inverse_mass[b] / bodies.length[b], L)
+            for j in range(rule.weight.size):
+                accumulate(stages.F[j], 2 * b + 1, scale(h * rule.beta[j, i], L))
+            continue
         c, c_dot = at(stages.turn, b), at(stages.turning, b)
         z = times(matrix_at(start.bodies.J, b), chart.rate(c, c_dot))
         z = scale(bodies.inverse_mass[b] / bodies.length[b], z)
@@ -351,20 +368,22 @@ def _turn(bodies: Bodies, start: Start, stages: Stages, h: float, i: int) -> Non
         moved = scale(h, times(matrix_at(stages.bow, b), add(force, moment_in_chart(stages, b))))
         moved = add(moved, times(matrix_at(stages.bow_rate, b), pi))
         for j in range(rule.weight.size):
-            share = -h * rule.lobatto[j + 1] * rule.weight[i]
+            share = -h * rule.closing[j] * rule.weight[i]
             accumulate(stages.F[j], 2 * b + 1, scale(share, moved))
         accumulate(stages.impulse, 2 * b + 1, scale(rule.weight[i], moved))
 
 
 @kernel
 def moment_in_chart(stages: Stages, b: int) -> Vector:
-    """What the moment in ``stages.row`` is for the parameters of body ``b``."""
+    """The moment in ``stages.row`` as the rows of body ``b`` have it."""
+    if not stages.rule.varied:
+        return at(stages.row, 2 * b + 1)
     return times(transpose(matrix_at(stages.tangent, b)), at(stages.row, 2 * b + 1))
 
 
 @kernel
 def _bow(bodies: Bodies, stages: Stages, h: float, i: int, b: int) -> None:
-    """Set by how much a path moves at Gauss node ``i`` as the place where its chart begins turns by
+    """Set by how much a path moves at c_i as the place where its chart begins turns by
     eta and the other nodes stay: a matrix times eta, symmetric, and its derivative by t/h.
 
     The parameters at the nodes change by -B eta; between them by the polynomial of that in place of
@@ -429,6 +448,7 @@ def _into_chart(system: System, stages: Stages, rated: bool) -> None:
         turned_row, turned_column = row < first and row % 2 == 1, column < first and column % 2 == 1
         if not (turned_row or turned_column):
             continue
+        turned_row = turned_row and stages.rule.varied
         H_row = matrix_at(stages.tangent, row // 2) if turned_row else IDENTITY
         H_column = matrix_at(stages.tangent, column // 2) if turned_column else IDENTITY
         place = product(product(transpose(H_row), block_at(stages.by_place, m)), H_column)
@@ -439,6 +459,8 @@ def _into_chart(system: System, stages: Stages, rated: bool) -> None:
                 place = combine(0.5, product(rate, chart.momentum_slope(c, c_dot)), place)
             put_block(stages.by_rate, m, product(rate, H_column))
         put_block(stages.by_place, m, place)
+    if not stages.rule.varied:
+        return
     for b in range(system.bodies.inverse_mass.size - 1):
         slope = chart.rate_slope(at(stages.turn, b), at(stages.row, 2 * b + 1))
         block = system.bodies.block[b]
@@ -465,8 +487,8 @@ def put_block(values: np.ndarray, m: int, M: Matrix) -> None:
 
 
 @kernel
-def _add_held(stages: Stages, h: float, k: int) -> None:
-    """Take the derivatives of the joints at Lobatto node ``k`` into the Jacobian."""
+def _add_held(stages: Stages, h: float, row: int, k: int) -> None:
+    """Take the derivatives of the joints' ``row``-th gaps and ``k``-th forces into the Jacobian."""
     values, chi = stages.values, stages.rule.chi
     s = chi.shape[0]
     for e in range(9, stages.by_place.size):
@@ -474,13 +496,13 @@ def _add_held(stages: Stages, h: float, k: int) -> None:
         if value == 0.0:
             continue
         if sort == GAP:
-            if k > 0 and not stages.rolling[e]:
-                values[e, k - 1, k - 1] = value
-        elif k < s:
+            if row >= 0 and not stages.rolling[e]:
+                values[e, row, row] = value
+        elif k >= 0:
             if sort == BODY:
-                if k > 0:
+                if row >= 0:
                     for j in range(s):
-                        values[e, j, k - 1] += 2.0 * h * h * chi[j, k] * value
+                        values[e, j, row] += 2.0 * h * h * chi[j, k] * value
             else:
                 for j in range(s):
                     values[e, j, k] -= 2.0 * chi[j, k] * value
@@ -488,13 +510,13 @@ def _add_held(stages: Stages, h: float, k: int) -> None:
 
 @kernel
 def _add_acting(system: System, stages: Stages, h: float, i: int) -> None:
-    """Take the derivatives of the loads at Gauss node ``i`` into the Jacobian."""
+    """Take the derivatives of the loads at c_i into the Jacobian."""
     values, rule, place, rate = stages.values, stages.rule, stages.by_place, stages.by_rate
     s = rule.weight.size
     for e in range(9, place.size):
         m, p, q = e // 9, e % 9 // 3, e % 3
         by_place, by_rate, bent_place, bent_rate = place[e], rate[e], 0.0, 0.0
-        if stages.sort[m] == BODY and system.blocks[m, 0] % 2 == 1:
+        if rule.varied and stages.sort[m] == BODY and system.blocks[m, 0] % 2 == 1:
             for r in range(3):
                 bow = stages.bow[system.blocks[m, 0] // 2, p, r]
                 bent_place += bow * place[9 * m + 3 * r + q]
@@ -509,14 +531,17 @@ def _add_acting(system: System, stages: Stages, h: float, i: int) -> None:
             else:
                 for j in range(s):
                     values[e, j, k] += rule.alpha[j, i] * total
-                    values[e, j, k] -= rule.lobatto[j + 1] * rule.weight[i] * bent
+                    values[e, j, k] -= rule.closing[j] * rule.weight[i] * bent
 
 
 @kernel
 def _add_turning(bodies: Bodies, start: Start, stages: Stages, h: float, i: int) -> None:
-    """Take the derivatives of the inertia of the turns at Gauss node ``i`` into the Jacobian."""
+    """Take the derivatives of the inertia of the turns at c_i into the Jacobian."""
     values, rule = stages.values, stages.rule
     s = rule.weight.size
+    if not rule.varied:
+        _add_spinning(bodies, stages, h, i)
+        return
     for b in range(bodies.inverse_mass.size - 1):
         c, c_dot = at(stages.turn, b), at(stages.turning, b)
         J, H = matrix_at(start.bodies.J, b), matrix_at(stages.tangent, b)
@@ -548,8 +573,29 @@ def _add_turning(bodies: Bodies, start: Start, stages: Stages, h: float, i: int)
                     e = bodies.block[b] + 3 * p + q
                     for j in range(s):
                         total = rule.beta[j, i] * pi_k[p][q] + h * rule.alpha[j, i] * force_k[p][q]
-                        total -= rule.lobatto[j + 1] * rule.weight[i] * bent[p][q]
+                        total -= rule.closing[j] * rule.weight[i] * bent[p][q]
                         values[e, j, k] += scaled * h * total
+
+
+@kernel
+def _add_spinning(bodies: Bodies, stages: Stages, h: float, i: int) -> None:
+    """As ``_add_turning`` where the parameters are not varied: of the angular momentum J W."""
+    values, rule, node = stages.values, stages.rule, stages.start.bodies
+    for b in range(bodies.inverse_mass.size - 1):
+        J, H, W = matrix_at(node.J, b), matrix_at(stages.tangent, b), at(node.W, b)
+        c, c_dot = at(stages.turn, b), at(stages.turning, b)
+        # J turns with the body, W is H c_dot.
+        turned = combine(1.0, product(J, skew(W)), skew(scale(-1.0, times(J, W))))
+        by_c = combine(1.0, product(turned, H), product(J, chart.momentum_slope(c, c_dot)))
+        by_rate = product(J, H)
+        scaled = bodies.inverse_mass[b] / bodies.length[b] ** 2
+        for k in range(rule.weight.size):
+            L_k = _sum(scaled * h * rule.value[i, k], by_c, scaled * rule.slope[i, k], by_rate)
+            for p in range(3):
+                for q in range(3):
+                    e = bodies.block[b] + 3 * p + q
+                    for j in range(rule.weight.size):
+                        values[e, j, k] += rule.beta[j, i] * L_k[p][q]
 
 
 @kernel
@@ -576,13 +622,13 @@ def predict(system: System, state: State, start: Start, stages: Stages, h: float
                 if follows:
                     stages.F[k, node, i] = 0.0
                     for j in range(s):
-                        stages.F[k, node, i] += rule.ahead_nodes[k, j] * Z[j, node, i]
+                        stages.F[k, node, i] += rule.ahead_push[k, j] * Z[j, node, i]
             for k in range(s):
                 Z[k, node, i] = stages.F[k, node, i]
     for b in range(bodies.inverse_mass.size - 1):
         v, W = at(start.bodies.v, b), at(start.bodies.W, b)
         for i in range(s):
-            way = h * rule.gauss[i]
+            way = h * rule.acting[i]
             v_i, W_i = axpy(way, at(state.a, b), v), axpy(way, at(state.alpha, b), W)
             if follows:
                 v_i, W_i = scale(rule.ahead[i, s], v), scale(rule.ahead[i, s], W)
@@ -600,18 +646,20 @@ SWEEPS = 3
 
 @kernel
 def _integrate(system: System, start: Start, stages: Stages, h: float, b: int) -> None:
-    """Set the places of body ``b`` at the Lobatto nodes from its velocities at the Gauss nodes."""
+    """Set the places z_j of body ``b`` from its velocities at c_i."""
     rule, Z, bodies = stages.rule, stages.Z, system.bodies
     s, length = rule.weight.size, bodies.length[b]
+    gravity = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
     for j in range(s):
         put(Z[j], 2 * b + 1, ZERO)
         u = ZERO
         for i in range(s):
             u = axpy(h * rule.integral[j, i], at(stages.rate[i], 2 * b), u)
         if bodies.ballistic[b]:
-            # That displacement need not be solved for: here it is exact.
-            way, g = h * rule.lobatto[j + 1], bodies.gravity
-            u = axpy(0.5 * way * way, (g[0], g[1], g[2]), scale(way, at(start.bodies.v, b)))
+            # That displacement need not be solved for: here it is what the rows would have.
+            u = scale(h * rule.closing[j], at(start.bodies.v, b))
+            for i in range(s):
+                u = axpy(-h * h * rule.alpha[j, i], gravity, u)
         put(Z[j], 2 * b, u)
     for _ in range(SWEEPS):
         for i in range(s):
@@ -633,11 +681,15 @@ def accept(system: System, state: State, start: Start, stages: Stages, h: float)
     bodies, s = system.bodies, stages.rule.weight.size
     for w in range(state.work.size):
         state.work[w] += stages.work[w]
+    for node in range(stages.pulled.size):
+        stages.pulled[node] = 0.0
+    along.strain(system.along, stages.start.along, 1.0, stages.pulled)
     for b in range(bodies.inverse_mass.size - 1):
         u = at(stages.Z[s - 1], 2 * b)
         c = scale(1.0 / bodies.length[b], at(stages.Z[s - 1], 2 * b + 1))
         pi = add(spin(bodies, start, b), at(stages.impulse, 2 * b + 1))
-        L = scale(bodies.length[b] / bodies.inverse_mass[b], chart.moment(c, pi))
+        L = chart.moment(c, pi) if stages.rule.varied else pi
+        L = scale(bodies.length[b] / bodies.inverse_mass[b], L)
         for i in range(3):
             total = state.x[b, i] + (u[i] + state.x_low[b, i])
             state.x_low[b, i] += u[i] - (total - state.x[b, i])
@@ -656,12 +708,16 @@ def accept(system: System, state: State, start: Start, stages: Stages, h: float)
             force = stages.Z[s - 1, first + k, i] * system.unit[k, i]
             state.force[k, i] = 2.0 / (h * h) * force
     along.settle(system.along, state.gap)
-    # From the last Gauss node to the end, for a step of another size.
-    rest = 1.0 / (h * (1.0 - stages.rule.gauss[s - 1]))
+    # From the last velocities before the end, for a step of another size.
+    late = stages.rule.late
+    rest = 1.0 / (h * (1.0 - (stages.rule.acting[late] if late >= 0 else 0.0)))
     for b in range(bodies.inverse_mass.size - 1):
-        put(state.a, b, scale(rest, sub(at(state.v, b), at(stages.rate[s - 1], 2 * b))))
-        W = times(matrix(at(state.p, b)), at(state.w, b))
-        put(state.alpha, b, scale(rest, sub(W, at(stages.rate[s - 1], 2 * b + 1))))
+        v, W = at(start.bodies.v, b), at(start.bodies.W, b)
+        if late >= 0:
+            v, W = at(stages.rate[late], 2 * b), at(stages.rate[late], 2 * b + 1)
+        put(state.a, b, scale(rest, sub(at(state.v, b), v)))
+        end = times(matrix(at(state.p, b)), at(state.w, b))
+        put(state.alpha, b, scale(rest, sub(end, W)))
     state.time[0] += h
     stages.step[0] = h
     preserving.prepare(system, state, start)

@@ -60,6 +60,7 @@ class Between(NamedTuple):
     rate: np.ndarray  # (c,)
     gauss: np.ndarray  # (s,) nodes and weights of the work's quadrature
     weight: np.ndarray  # (s,)
+    own: int  # column of a decaying scheme's own work, or -1
     force: np.ndarray  # (nodes, 3) room
 
 
@@ -68,8 +69,10 @@ def levels(order: int) -> int:
     return max(0, (order - 4) // 2)
 
 
-def new_between(scene: Scene, order: int) -> Between:
-    """Room for the rows between of steps whose ends are of this ``order``."""
+def new_between(scene: Scene, order: int, decays: bool) -> Between:
+    """Room for the rows between of steps whose ends are of this ``order``; what a scheme that
+    ``decays`` takes is shared out evenly over its step.
+    """
     state, n = scene.state, body_count(scene.system)
     own = State(*(array.copy() for array in state))
     most = levels(order)
@@ -93,6 +96,7 @@ def new_between(scene: Scene, order: int) -> Between:
         rate=np.zeros(conditions),
         gauss=0.5 * (x + 1.0),
         weight=0.5 * b,
+        own=state.work.size - 1 if decays else -1,
         force=np.zeros((scene.Z.shape[0], 3)),
     )
 
@@ -283,6 +287,9 @@ def publish(between: Between, room: Station, tau: float, row: int) -> None:
             move(between, h, tau * between.gauss[i])
             station.accelerate(scene.system, scene.state, scene.start, room)
             _add_work(between, room, h * tau * between.weight[i])
+    if between.own >= 0:
+        taken = end.work[between.own] - begin.work[between.own]
+        scene.state.work[between.own] += tau * taken
     weigh(between, last, tau)
     move(between, h, tau)
     for _ in range(max(CLOSINGS, station.rounds(scene.system))):

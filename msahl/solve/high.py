@@ -2,8 +2,9 @@
 the lowest: Newton's method, acceptance, many steps of an island.
 
 At the end of a step the velocities are made to keep the joints closed, by the smallest change by
-mass, which is what the multiplier of the last node does. Friction at a Gauss node presses by the
-reaction that follows from the accelerations there, found anew in every iteration.
+mass, which is what the multiplier of the last node does. Friction presses by the reaction that
+follows from the accelerations at its node, found anew in every iteration. What the energy balance
+comes to lack by a decaying scheme is entered as that scheme's work; what it gains is left to tell.
 """
 
 import math
@@ -13,15 +14,16 @@ import numpy as np
 
 from msahl.joints.along import Along
 from msahl.kernel import apart, kernel
-from msahl.schemes import gauss
+from msahl.schemes import HIGHER, gauss
 from msahl.schemes.gauss import Stages, new_stages
+from msahl.schemes.rule import new_rule
 from msahl.solve import between, dense, stagewise, station
 from msahl.solve.between import Between, new_between
 from msahl.solve.newton import DIVERGED, MAX_ITERATIONS, SLOW, STUCK
 from msahl.solve.outcome import TARGET, TOLERANCE
 from msahl.solve.station import Station, new_station
 from msahl.solve.step import Scene, show
-from msahl.solve.watch import Watch
+from msahl.solve.watch import Watch, energy_balance
 from msahl.system.arrays import Start, State, System
 from msahl.system.order import Elimination
 
@@ -45,18 +47,21 @@ class High(NamedTuple):
     outcome: np.ndarray  # (2,) residual and worst row of the last step
 
 
-def new_high(scene: Scene, degree: int) -> High:
-    """Room for steps of ``degree``."""
-    lu, group = scene.unknowns.elimination, scene.system.along
+def new_high(scene: Scene, scheme: str, degree: int) -> High:
+    """Room for steps by the ``scheme`` of a ``degree`` from the scene's prepared state."""
+    lu, group, higher = scene.unknowns.elimination, scene.system.along, HIGHER[scheme]
+    stages = new_stages(scene.system, scene.state, new_rule(scheme, degree))
+    gap, rate = scene.watch.gap, scene.watch.rate
+    stages.level[0] = energy_balance(scene.system, scene.state, scene.start, gap, rate)
     return High(
         scene=scene,
         rubbing=group if group is not None and group.frictions.quantity.size else None,
-        stages=new_stages(scene.system, scene.state, degree),
+        stages=stages,
         station=new_station(scene.system, scene.unknowns),
         factor=np.zeros((int(lu.base[-1]), degree, degree)),
         y=np.zeros((lu.order.size, degree)),
         room=np.zeros((2, degree, degree)),
-        between=new_between(scene, 2 * degree),
+        between=new_between(scene, higher.order(degree), higher.decays),
         outcome=np.zeros(2),
     )
 
@@ -88,12 +93,14 @@ def judge(free: np.ndarray, F: np.ndarray, pull: np.ndarray, length: float) -> t
 def press(
     rubbing: Along | None, system: System, state: State, stages: Stages, room: Station, h: float
 ) -> None:
-    """Set the reactions at the Gauss nodes, if there is friction, which presses by them."""
+    """Set the reactions where forces act, if there is friction, which presses by them."""
     if rubbing is None:
         return
-    s = stages.rule.weight.size
-    for i in range(s):
-        gauss.go(system, state, stages, h, s + 1 + i)
+    for n in range(stages.rule.acts.size):
+        i = stages.rule.acts[n]
+        if i < 0:
+            continue
+        gauss.go(system, state, stages, h, n)
         copy(stages.reaction[i], stages.state.reaction)
         station.accelerate(system, stages.state, stages.start, room)
         copy(stages.state.reaction, stages.reaction[i])
@@ -181,6 +188,9 @@ def advance(
     for k in range(state.gap.shape[0]):
         for i in range(3):
             state.gap[k, i] += RECALLED * (watch.gap[k, i] - state.gap[k, i])
+    if stages.rule.decays:
+        lost = stages.level[0] - energy_balance(system, state, start, watch.gap, watch.rate)
+        state.work[state.work.size - 1] -= max(0.0, lost)
 
 
 @kernel

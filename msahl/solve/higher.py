@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from msahl.compiled import compiled
+from msahl.schemes import HIGHER
 from msahl.schemes.gauss import Stages
 from msahl.solve import between, high, pace
 from msahl.solve.high import High, new_high
@@ -33,10 +34,10 @@ WORTH = 0.9
 
 
 class Higher:
-    """Steps of a ``degree`` of one ``scene``."""
+    """Steps by the ``scheme`` of a ``degree`` of one ``scene``."""
 
-    def __init__(self, scene: Scene, degree: int) -> None:
-        self.scene = scene
+    def __init__(self, scene: Scene, scheme: str, degree: int) -> None:
+        self.scene, self.scheme = scene, scheme
         self.highs: dict[int, High] = {}
         self.turn_to(degree)
 
@@ -57,7 +58,7 @@ class Higher:
         """Go on with steps of this ``degree``."""
         self.degree = degree
         if degree not in self.highs:
-            self.highs[degree] = new_high(self.scene, degree)
+            self.highs[degree] = new_high(self.scene, self.scheme, degree)
         self.high = self.highs[degree]
         high.forget(self.high)
 
@@ -107,10 +108,16 @@ class Paced(Higher):
     """
 
     def __init__(
-        self, scene: Scene, degrees: tuple[int, ...], tolerance: float, dt: float, t_final: float
+        self,
+        scene: Scene,
+        scheme: str,
+        degrees: tuple[int, ...],
+        tolerance: float,
+        dt: float,
+        t_final: float,
     ) -> None:
         # The first review begins in the middle of the degrees.
-        super().__init__(scene, degrees[len(degrees) // 2])
+        super().__init__(scene, scheme, degrees[len(degrees) // 2])
         self.degrees, self.tolerance = degrees, tolerance
         steps = len(scene.watch.rows)
         self.pace = pace.new_pace(self.high, steps, dt, tolerance, t_final)
@@ -165,7 +172,7 @@ class Paced(Higher):
     @property
     def order(self) -> int:
         """Order of the steps of the present degree."""
-        return 2 * self.degree
+        return HIGHER[self.scheme].order(self.degree)
 
     def as_json(self) -> tuple[dict[str, Any], dict[str, float]]:
         """How the steps were chosen, as ``run.json`` tells it [m, s], and the extremes of their own

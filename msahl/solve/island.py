@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from msahl.compiled import compiled
-from msahl.model import Model, degree_of, tolerance_of
+from msahl.model import Model, degree_of, scheme_of, tolerance_of
 from msahl.schemes import AUTO, preserving
 from msahl.solve import newton, station, step
 from msahl.solve.assembly import assemble
@@ -229,12 +229,13 @@ class Runner:
 
 def _steps(model: Model, scene: Scene, at_rows: bool) -> "Lowest | Higher | Paced":
     """How the model's steps are taken; a higher degree's code is only loaded if asked for."""
-    degree, tolerance, simulation = degree_of(model), tolerance_of(model), model.simulation
+    scheme, degree, simulation = scheme_of(model), degree_of(model), model.simulation
     if degree == 0:
         return Lowest(scene, at_rows)
     from msahl.solve.higher import Higher, Paced
 
+    tolerance = tolerance_of(model)
     if tolerance is None:
-        return Higher(scene, degree)
+        return Higher(scene, scheme, degree)
     degrees = tuple(range(1, degree + 1)) if simulation.scheme == AUTO else (degree,)
-    return Paced(scene, degrees, tolerance, simulation.dt, simulation.t_final)
+    return Paced(scene, scheme, degrees, tolerance, simulation.dt, simulation.t_final)

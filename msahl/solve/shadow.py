@@ -10,10 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from msahl.model import Model
+from msahl.model import Model, scheme_of
 from msahl.rotations import angles
-from msahl.schemes import AUTO
-from msahl.schemes import HIGHER as GAUSS
 from msahl.solve.island import Runner
 from msahl.solve.plan import Plan
 
@@ -81,9 +79,8 @@ class Shadow:
 
 def _unpaced(model: Model) -> Model:
     """The same, at steps that are given."""
-    simulation = model.simulation
-    scheme = GAUSS if simulation.scheme == AUTO else simulation.scheme
-    return replace(model, simulation=replace(simulation, scheme=scheme, tolerance=None))
+    given = replace(model.simulation, scheme=scheme_of(model), tolerance=None)
+    return replace(model, simulation=given)
 
 
 def _go(runner: Runner, sizes: np.ndarray, plan: Plan) -> bool:

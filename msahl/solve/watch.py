@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.joints import along
-from msahl.kernel import kernel
+from msahl.kernel import apart, kernel
 from msahl.schemes import preserving
 from msahl.system.arrays import Start, State, System
 from msahl.vector import at, dot, sub
@@ -57,20 +57,34 @@ def new_watch(state: State, steps: int) -> Watch:
 def look(system: System, state: State, start: Start, h: float, watch: Watch, row: int) -> None:
     """Fill a row with the figures of the accepted, prepared state after a step ``h``."""
     kinetic, potential = preserving.observe(system, state, start, watch.gap, watch.rate)
-    balance = kinetic + potential
-    for k in range(state.work.size):
-        balance -= state.work[k]
     work = 0.0
     for k in range(state.force.shape[0]):
         for i in range(3):
             work += abs(state.force[k, i] * watch.gap[k, i])
     along.in_metres(system.along, watch.gap, watch.rate)
-    watch.rows[row, BALANCE] = balance
+    watch.rows[row, BALANCE] = balanced(kinetic + potential, state)
     watch.rows[row, KINETIC] = kinetic
     watch.rows[row, GAP] = largest_length(watch.gap)
     watch.rows[row, GAP_RATE] = largest_length(watch.rate)
     watch.rows[row, GAP_WORK] = work
     look_at_bodies(system, state, start, h, watch, row)
+
+
+@kernel
+def balanced(energy: float, state: State) -> float:
+    """``energy`` less all work [J]."""
+    for k in range(state.work.size):
+        energy -= state.work[k]
+    return energy
+
+
+@apart
+def energy_balance(
+    system: System, state: State, start: Start, gap: np.ndarray, rate: np.ndarray
+) -> float:
+    """Energy balance [J] of the prepared state; ``gap`` and ``rate`` (k, 3) are room."""
+    kinetic, potential = preserving.observe(system, state, start, gap, rate)
+    return balanced(kinetic + potential, state)
 
 
 @kernel

@@ -1,0 +1,66 @@
+"""One step of the schemes of higher order, in plain Python."""
+
+import numpy as np
+
+from msahl.schemes import gauss, preserving, split
+from msahl.schemes.rule import new_rule
+from msahl.system.arrays import new_start, node_count
+from msahl.system.build import build_system
+from msahl.system.reduce import all_unknowns
+from msahl.system.state import build_state
+from msahl.system.unknowns import choose
+
+
+class Step:
+    """The equations of one step by a scheme in plain Python, in all unknowns, at a random place."""
+
+    def __init__(self, model, word, h, rng):
+        scheme, self.degree = split(word)
+        self.h = h
+        self.system = build_system(model)
+        self.state = build_state(model, self.system)
+        self.start = new_start(self.system, self.state)
+        preserving.prepare(self.system, self.state, self.start)
+        self.unknowns = choose(self.system, all_unknowns(self.system))
+        rule = new_rule(scheme, self.degree)
+        self.stages = gauss.new_stages(self.system, self.state, rule)
+        self.stages.reaction[:] = rng.normal(size=self.stages.reaction.shape)
+        self.shape = (self.degree, self.unknowns.free.size)
+        self.z = 0.3 * rng.normal(size=self.shape)
+
+    def rows(self, z, fresh=False):
+        """(s, f) rows at ``z``."""
+        self.stages.Z.reshape(self.degree, -1)[:, self.unknowns.free] = z
+        given = (self.system, self.state, self.start, self.stages, self.h)
+        gauss.evaluate(*given, False, fresh)
+        return self.stages.F.reshape(self.degree, -1)[:, self.unknowns.free].copy()
+
+    def derivative(self):
+        """(s, f, s, f) at ``z``."""
+        self.rows(self.z, fresh=True)
+        s, nodes = self.degree, node_count(self.system)
+        whole = np.zeros((s, nodes, 3, s, nodes, 3))
+        for m, (row, column) in enumerate(self.system.blocks.tolist()):
+            if m > 0:
+                block = self.stages.values[9 * m : 9 * m + 9].reshape(3, 3, s, s)
+                whole[:, row, :, :, column, :] += block.transpose(2, 0, 3, 1)
+        flat = whole.reshape(s, 3 * nodes, s, 3 * nodes)
+        return flat[:, self.unknowns.free][..., self.unknowns.free]
+
+    def difference(self, direction, step=1e-5):
+        """Derivative of the rows along ``direction``, by central differences."""
+        return (self.rows(self.z + step * direction) - self.rows(self.z - step * direction)) / (
+            2.0 * step
+        )
+
+    def differs(self, rng):
+        """Largest difference of the derivative from ``difference``, over the latter's own size or
+        1, in three random directions.
+        """
+        A, worst = self.derivative(), 0.0
+        for _ in range(3):
+            direction = rng.normal(size=self.shape)
+            wanted = self.difference(direction)
+            error = np.abs(np.einsum("jakb,kb->ja", A, direction) - wanted).max()
+            worst = max(worst, error / max(1.0, np.abs(wanted).max()))
+        return worst
