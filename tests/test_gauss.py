@@ -14,7 +14,7 @@ from scenes import chain, deck, pendulum, simulate
 from msahl.cli import main
 from msahl.deck import read_deck
 from msahl.rotation import matrix
-from msahl.schemes import chart, choices, split
+from msahl.schemes import HIGHER, chart, choices, gauss, split
 from msahl.schemes.rule import new_rule
 from msahl.solve import stagewise
 from msahl.study.exact import recognise
@@ -50,12 +50,36 @@ def test_a_rule_integrates_what_it_should(degree):
     np.testing.assert_allclose(rule.integral @ power, t[1:] ** s / s, atol=1e-14)
     np.testing.assert_allclose(rule.value @ t[1:] ** s, rule.acting**s, atol=1e-14)
     np.testing.assert_allclose(rule.slope @ t[1:] ** s, s * power, atol=1e-13)
-    before = np.append(rule.acting - 1.0, 0.0)
-    # Out of the nodes' range: weights of up to 1e4.
-    np.testing.assert_allclose(rule.ahead @ before**s, rule.acting**s, atol=1e-11)
-    np.testing.assert_allclose(
-        rule.ahead_push @ (t[:s] - 1.0) ** (s - 1), t[:s] ** (s - 1), atol=1e-11
-    )
+
+
+@pytest.mark.parametrize("scheme", HIGHER)
+@pytest.mark.parametrize("degree", [1, 2, 3])
+@pytest.mark.parametrize(
+    ("begin", "size"), [(-1.0, 1.0), (-0.8, 0.8), (-2.0, 2.0), (0.0, 2.0), (-1.0, 2.0)]
+)
+def test_a_guess_follows_the_known_polynomials(scheme, degree, begin, size):
+    """Of the step before, also of another size, and of one that went through here."""
+    step = Step(pendulum(), f"{scheme}{degree}", 0.1, np.random.default_rng(1))
+    stages, rule, s = step.stages, step.stages.rule, degree
+    t, h = 7.0, 0.1
+    stages.known[:] = t + begin * h, size * h
+    assert gauss.look(stages, t, h)
+    at = begin + size * rule.acting
+    # Where one of their nodes is the present place, the velocities there count once.
+    power = s if (np.abs(at) > 1e-6).all() else s - 1
+    values = np.append(at, 0.0) ** power
+    # Times are known to round-off over the step; weights are up to 1e3 out of the nodes' range.
+    np.testing.assert_allclose(stages.seen @ values, rule.acting**power, atol=1e-9)
+    pushes = (begin + size * rule.pushing) ** (s - 1)
+    np.testing.assert_allclose(stages.pushed @ pushes * size**2, rule.pushing ** (s - 1), atol=1e-9)
+
+
+def test_a_guess_follows_nothing_far_behind():
+    step = Step(pendulum(), "gauss3", 0.1, np.random.default_rng(1))
+    step.stages.known[:] = 0.0, 0.1
+    assert not gauss.look(step.stages, 0.1, 0.2)
+    step.stages.known[1] = 0.0
+    assert not gauss.look(step.stages, 0.1, 0.1)
 
 
 def test_the_chart_turns_as_it_says():

@@ -91,9 +91,12 @@ class Stages(NamedTuple):
     pull: np.ndarray  # (nodes,) largest part of a load along a quantity in the rows of a node [m]
     pulled: np.ndarray  # (nodes,) such parts near the end of the last step, by h^2
     rate: np.ndarray  # (s, nodes, 3) velocities at c_i, inertial axes
-    before: np.ndarray  # (s, nodes, 3) last step's
+    before: np.ndarray  # (s, nodes, 3) those of the polynomials that the next guess follows
     reaction: np.ndarray  # (s, j, 6) joints' reactions at c_i
-    step: np.ndarray  # (1,) size of the last step, 0 if there was none
+    known: np.ndarray  # (2,) start and size [s] of the step of those polynomials; no size: none
+    view: np.ndarray  # (2,) the same as seen from the present step, in parts of it
+    seen: np.ndarray  # (s, s + 1) weights by which velocities at c_i follow from them and from ours
+    pushed: np.ndarray  # (s, s) likewise joint forces, which are ours with h^2
     level: np.ndarray  # (1,) energy balance at the start of the run [J]
 
 
@@ -141,7 +144,10 @@ def new_stages(system: System, state: State, rule: Rule) -> Stages:
         rate=np.zeros(stages),
         before=np.zeros(stages),
         reaction=np.zeros((degree, *state.reaction.shape)),
-        step=np.zeros(1),
+        known=np.zeros(2),
+        view=np.zeros(2),
+        seen=np.zeros((degree, degree + 1)),
+        pushed=np.zeros((degree, degree)),
         level=np.zeros(1),
     )
 
@@ -606,13 +612,15 @@ def _sum(a: float, M: Matrix, b: float, N: Matrix) -> Matrix:
 
 @kernel
 def predict(system: System, state: State, start: Start, stages: Stages, h: float) -> None:
-    """First guess: velocities and multipliers go on as the polynomials of the last step.
+    """First guess: velocities and multipliers are those of the known polynomials, of the last step
+    or of another that went through here.
 
-    Without a step of this size before, the accelerations and multipliers of the ``state`` stay.
+    Without any, or for a step far beyond them, the accelerations and multipliers of the ``state``
+    stay.
     """
     rule, Z, bodies = stages.rule, stages.Z, system.bodies
     first, s = 2 * bodies.inverse_mass.size, rule.weight.size
-    follows = stages.step[0] == h
+    follows = look(stages, state.time[0], h)
     for node in range(first, stages.row.shape[0]):
         for i in range(3):
             force = state.force[node - first, i] * 0.5 * h * h / system.unit[node - first, i]
@@ -622,7 +630,7 @@ def predict(system: System, state: State, start: Start, stages: Stages, h: float
                 if follows:
                     stages.F[k, node, i] = 0.0
                     for j in range(s):
-                        stages.F[k, node, i] += rule.ahead_push[k, j] * Z[j, node, i]
+                        stages.F[k, node, i] += stages.pushed[k, j] * Z[j, node, i]
             for k in range(s):
                 Z[k, node, i] = stages.F[k, node, i]
     for b in range(bodies.inverse_mass.size - 1):
@@ -631,13 +639,55 @@ def predict(system: System, state: State, start: Start, stages: Stages, h: float
             way = h * rule.acting[i]
             v_i, W_i = axpy(way, at(state.a, b), v), axpy(way, at(state.alpha, b), W)
             if follows:
-                v_i, W_i = scale(rule.ahead[i, s], v), scale(rule.ahead[i, s], W)
+                v_i, W_i = scale(stages.seen[i, s], v), scale(stages.seen[i, s], W)
                 for j in range(s):
-                    v_i = axpy(rule.ahead[i, j], at(stages.before[j], 2 * b), v_i)
-                    W_i = axpy(rule.ahead[i, j], at(stages.before[j], 2 * b + 1), W_i)
+                    v_i = axpy(stages.seen[i, j], at(stages.before[j], 2 * b), v_i)
+                    W_i = axpy(stages.seen[i, j], at(stages.before[j], 2 * b + 1), W_i)
             put(stages.rate[i], 2 * b, v_i)
             put(stages.rate[i], 2 * b + 1, W_i)
         _integrate(system, start, stages, h, b)
+
+
+FAR = 1.5
+"""Sizes of a step beyond its end up to which its polynomials are worth following."""
+
+
+@kernel
+def look(stages: Stages, t: float, h: float) -> bool:
+    """Set the weights by which a step ``h`` from ``t`` follows the known polynomials, if it can."""
+    rule, view = stages.rule, stages.view
+    s, size = rule.weight.size, stages.known[1] / h
+    if not size > 0.0:
+        return False
+    begin = (stages.known[0] - t) / h
+    if abs(begin + size) < 1e-6:
+        begin = -size  # it is the step before, but for round-off
+    if 1.0 - (begin + size) > FAR * size:
+        return False
+    if begin == view[0] and size == view[1]:
+        return True
+    view[0], view[1] = begin, size
+    for i in range(s):
+        for j in range(s + 1):
+            # Velocities of the present place are one more node, and the better one where it is
+            # the polynomials' own.
+            x, weight = 0.0, 1.0
+            if j < s:
+                x = begin + size * rule.acting[j]
+                weight = 0.0 if abs(x) < 1e-6 else rule.acting[i] / x
+            for m in range(s):
+                x_m = begin + size * rule.acting[m]
+                if m != j and abs(x_m) >= 1e-6:
+                    weight *= (rule.acting[i] - x_m) / (x - x_m)
+            stages.seen[i, j] = weight
+        for j in range(s):
+            x, weight = begin + size * rule.pushing[j], 1.0 / (size * size)
+            for m in range(s):
+                if m != j:
+                    x_m = begin + size * rule.pushing[m]
+                    weight *= (rule.pushing[i] - x_m) / (x - x_m)
+            stages.pushed[i, j] = weight
+    return True
 
 
 SWEEPS = 3
@@ -718,7 +768,7 @@ def accept(system: System, state: State, start: Start, stages: Stages, h: float)
         put(state.a, b, scale(rest, sub(at(state.v, b), v)))
         end = times(matrix(at(state.p, b)), at(state.w, b))
         put(state.alpha, b, scale(rest, sub(end, W)))
+    stages.known[0], stages.known[1] = state.time[0], h
     state.time[0] += h
-    stages.step[0] = h
     preserving.prepare(system, state, start)
     along.count_turns(system.along, start.along, state.angle)

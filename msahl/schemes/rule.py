@@ -55,8 +55,7 @@ class Rule(NamedTuple):
     beta: np.ndarray  # (s, s) of momenta
     chi: np.ndarray  # (s, s) of joint forces
     integral: np.ndarray  # (s, s) from 0 to t_j of the Lagrange polynomials through c_i
-    ahead: np.ndarray  # (s, s + 1) last step's values at its c_i, and that at its end, at ours
-    ahead_push: np.ndarray  # (s, s) last step's joint forces at ours
+    pushing: np.ndarray  # (s,) where joint forces push
     late: int  # i of the last c_i before the end, -1 if there is none
     varied: bool  # whether rows of turns are variations by their parameters, or moments
     decays: bool
@@ -94,8 +93,7 @@ def _gauss(s: int) -> Rule:
         beta=inverse @ (weight[:, None] * slope[:, :s]).T,
         chi=inverse * node_weight[:s],
         integral=lagrange(gauss, lobatto[1:], -1),
-        ahead=lagrange(np.append(gauss - 1.0, 0.0), gauss),
-        ahead_push=lagrange(lobatto[:s] - 1.0, lobatto[:s]),
+        pushing=lobatto[:s],
         late=s - 1,
         varied=True,
         decays=HIGHER["gauss"].decays,
@@ -115,8 +113,6 @@ def _radau(s: int) -> Rule:
     nodes[-1] = 1.0
     integral, slope = lagrange(nodes, nodes, -1), lagrange(np.append(0.0, nodes), nodes, 1)[:, 1:]
     twice, weight = -integral @ integral, integral[-1].copy()
-    # The last node is the end, whose velocities are known better.
-    ahead = np.insert(lagrange(nodes - 1.0, nodes), s - 1, 0.0, axis=1)
     one, none = np.arange(s), np.full(s, -1)
     return Rule(
         acting=nodes,
@@ -129,8 +125,7 @@ def _radau(s: int) -> Rule:
         beta=integral,
         chi=twice,
         integral=integral,
-        ahead=ahead,
-        ahead_push=lagrange(nodes - 1.0, nodes),
+        pushing=nodes,
         late=s - 2,
         varied=False,
         decays=HIGHER["radau"].decays,

@@ -44,6 +44,8 @@ class High(NamedTuple):
     y: np.ndarray  # (f, s) right-hand side, in the order of elimination
     room: np.ndarray  # (2, s, s)
     between: Between
+    whole: np.ndarray  # (s, nodes, 3) velocities of a step to be gone through again
+    held: np.ndarray  # (s, nodes, 3) its solution
     outcome: np.ndarray  # (2,) residual and worst row of the last step
 
 
@@ -62,14 +64,16 @@ def new_high(scene: Scene, scheme: str, degree: int) -> High:
         y=np.zeros((lu.order.size, degree)),
         room=np.zeros((2, degree, degree)),
         between=new_between(scene, higher.order(degree), higher.decays),
+        whole=np.zeros_like(stages.before),
+        held=np.zeros_like(stages.Z),
         outcome=np.zeros(2),
     )
 
 
+@kernel
 def forget(high: High) -> None:
     """Let the next step be guessed from the accelerations of its start."""
-    if high.stages.step[0] != 0.0:
-        high.stages.step[0] = -1.0
+    high.stages.known[1] = 0.0
 
 
 @kernel

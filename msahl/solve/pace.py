@@ -106,6 +106,7 @@ def attempt(island: High, pace: Pace, order: int, row: int, commit: bool) -> boo
         figures[NEXT] = figures[BEST] = 0.25 * h
         pace.counts[REFUSED] += 1
         go_back(island, pace)
+        high.forget(island)
         return False
     error, known = apart(island, pace)
     error /= 2.0**order - 1.0
@@ -129,7 +130,9 @@ def attempt(island: High, pace: Pace, order: int, row: int, commit: bool) -> boo
         return True
     if commit:
         pace.counts[REFUSED] += 1
+    t = pace.kept.time[0]
     go_back(island, pace)
+    follow(island, t, h)
     return good
 
 
@@ -143,8 +146,10 @@ def pair(island: High, pace: Pace, h: float, row: int) -> bool:
     for b in range(state.x.shape[0]):
         for i in range(3):
             pace.x[b, i], pace.p[b, i] = state.x[b, i], state.p[b, i]
+    learn(island)
     go_back(island, pace)
     for half in range(2):
+        follow(island, pace.kept.time[0], h)
         if not high.take(island, 0.5 * h):
             return False
         look(system, state, start, 0.5 * h, scene.watch, row + half)
@@ -196,8 +201,30 @@ def go_back(island: High, pace: Pace) -> None:
     scene = island.scene
     keep(pace.kept, scene.state)
     preserving.prepare(scene.system, scene.state, scene.start)
-    # What the stages hold belongs to another step.
-    island.stages.step[0] = -1.0
+
+
+@kernel
+def learn(island: High) -> None:
+    """Keep the polynomials of the step just taken."""
+    copy_all(island.stages.before, island.whole)
+    copy_all(island.stages.Z, island.held)
+
+
+@kernel
+def follow(island: High, t: float, h: float) -> None:
+    """Let the next step follow the polynomials kept, of a step ``h`` from ``t``."""
+    copy_all(island.whole, island.stages.before)
+    copy_all(island.held, island.stages.Z)
+    island.stages.known[0], island.stages.known[1] = t, h
+
+
+@kernel
+def copy_all(source: np.ndarray, target: np.ndarray) -> None:
+    """Copy the entries of an array (s, nodes, 3)."""
+    for s in range(source.shape[0]):
+        for node in range(source.shape[1]):
+            for i in range(3):
+                target[s, node, i] = source[s, node, i]
 
 
 @kernel
