@@ -125,6 +125,28 @@ def work(runs: tuple[Path, ...], form: str | None) -> None:
 
 
 @main.command()
+@click.option("--csv", "form", flag_value="csv", help="Print CSV, every digit.")
+@click.option("--json", "form", flag_value="json", help="Print JSON, every digit.")
+@click.option("--at", "level", type=float, metavar="VALUE", help="The value that is passed.")
+@_folder("run", metavar="RUN")
+@click.argument("column", metavar="COLUMN")
+def events(run: Path, column: str, level: float | None, form: str | None) -> None:
+    """When a COLUMN of the tables passes a value, or turns (without --at), between the rows.
+
+    Each time comes with how well it is known, of rows as dense as these; how well the motion is
+    known is another matter (verdict).
+
+    Example: msahl-post events results/double_pendulum_89 Bob1.x --at 0
+    """
+    from msahl.post.events import events_table, passages, turns
+    from msahl.results.read import read_run
+
+    read = read_run(run)
+    found = turns(read, column) if level is None else passages(read, column, level)
+    _print(events_table(found), form)
+
+
+@main.command()
 @_table_command
 def constraints(runs: tuple[Path, ...], form: str | None) -> None:
     """How far each joint, coupling and motion opens [m, rad] and how fast [m/s, rad/s].

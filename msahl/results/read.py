@@ -38,15 +38,16 @@ class Run:
 
     @property
     def every(self) -> int:
-        """Steps from one row to the next: above 1 if the output was thinned.
+        """Steps from one row to the next, at least 1: more if the output was thinned.
 
         A run cut off by force has no ``run.json`` to say so; its rows' spacing tells.
         """
-        told = self.info.get("options", {}).get("every")
+        options, dt = self.info.get("options", {}), self.model.simulation.dt
+        told = options.get("every")
         if told is not None or len(self.time) < 2:
-            return int(told or 1)
+            return int(told or 1) * max(1, round((options.get("outputInterval") or dt) / dt))
         spacing = float(self.time[1] - self.time[0])
-        return max(1, round(spacing / self.model.simulation.dt))
+        return max(1, round(spacing / dt))
 
     @property
     def at_rows(self) -> bool:
