@@ -20,6 +20,8 @@ from benchmarks.peers import PEERS
 from benchmarks.scenes import Scene
 from msahl.schemes import split
 
+LARGEST_ORDER = 10
+"""Of our schemes."""
 TARGETS = (1e-3, 1e-6, 1e-9)
 """Largest position errors [m] asked for."""
 GRID, ROWS = 0.5, 20
@@ -125,6 +127,7 @@ class Curve:
 def all_codes(scene: Scene) -> list[Code]:
     """Every scheme of ours and the solvers of the peers that are installed."""
     codes = [Code(name, ours, order_of(name.removeprefix("msahl "))) for name in ours.SCHEMES]
+    codes += [Code(name, ours, LARGEST_ORDER, controlled=True) for name in ours.BY_TOLERANCE]
     for module in PEERS.values():
         for name in module.VARIANTS:
             controlled = name in getattr(module, "CONTROLLED", ())
@@ -180,7 +183,8 @@ def trace(scene: Scene, code: Code, exact: np.ndarray, longest: float, budget: f
     """
     curve = Curve(scene, code)
     if code.module is ours:
-        ours.loop_seconds(scene.model, WARMED, 2, code.name)
+        accuracy = COARSEST_ACCURACY if code.controlled else None
+        ours.motion(scene.model, WARMED, 2, code.name, accuracy=accuracy)
     for target in TARGETS:
         for rung in _wanted(curve, target):
             expected = _expected(curve, rung)

@@ -34,16 +34,19 @@ VARIANTS = {
     "drake RK3 fixed": _Variant("runge_kutta3", 3, controlled=False),
     "drake RK5 fixed": _Variant("runge_kutta5", 5, controlled=False),
 }
+LARGEST, SMALLEST = 0.1, 1e-6
+"""Steps under error control [s]; where a smaller one is asked for, it gives up."""
 ORDERS = {code: variant.order for code, variant in VARIANTS.items()}
 CONTROLLED = tuple(code for code, variant in VARIANTS.items() if variant.controlled)
 _COMMON = "continuous plant (time_step = 0), BallRpyJoint with frames turned clear of its pole"
+_STEPS = {
+    True: f"error control by target accuracy, steps at most {LARGEST:g} s (its default)",
+    False: "fixed steps",
+}
 SETTINGS = {
-    code: f"{v.scheme}, "
-    + ("error control by target accuracy, steps at most the whole span" if v.controlled else
-       "fixed steps")
-    + f"; {_COMMON}"
-    for code, v in VARIANTS.items()
-}  # fmt: skip
+    code: f"{variant.scheme}, {_STEPS[variant.controlled]}; {_COMMON}"
+    for code, variant in VARIANTS.items()
+}
 
 ROLLING = RotationMatrix(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
 """Joint axes whose x, about which roll goes, is y of the scene."""
@@ -53,7 +56,7 @@ def motion(
     model: Model, h: float, steps: int, variant: str, every: int = 1, accuracy: float | None = None
 ) -> Motion:
     """Steps ``h``, or as many as ``accuracy`` asks for; either way some end at the rows' times."""
-    simulator = _simulator(model, h, variant, accuracy, steps * h)
+    simulator = _simulator(model, h, variant, accuracy)
     rows, seconds = [_look(simulator, model)], 0.0
     t = h * every * np.arange(steps // every + 1)
     for moment in t[1:]:
@@ -77,16 +80,15 @@ def _look(simulator: Simulator, model: Model) -> tuple[np.ndarray, ...]:
     return np.array([pose.translation() for pose in poses]), R, v, np.einsum("bji,bj->bi", R, W)
 
 
-def _simulator(
-    model: Model, h: float, variant: str, accuracy: float | None, span: float
-) -> Simulator:
+def _simulator(model: Model, h: float, variant: str, accuracy: float | None) -> Simulator:
     plant = _compile(model)
     simulator = Simulator(plant)
     chosen = VARIANTS[variant]
-    ResetIntegratorFromFlags(simulator, chosen.scheme, span if chosen.controlled else h)
+    ResetIntegratorFromFlags(simulator, chosen.scheme, LARGEST if chosen.controlled else h)
     integrator = simulator.get_mutable_integrator()
     if chosen.controlled:
         integrator.set_target_accuracy(accuracy)
+        integrator.set_requested_minimum_step_size(SMALLEST)
     else:
         integrator.set_fixed_step_mode(True)
     _place(plant, simulator.get_mutable_context(), model)

@@ -21,8 +21,11 @@ SETTINGS = {
     "msahl root": "scipy.optimize.root (hybr) for every step; at most 10 bodies",
     "msahl newton --full": "the compiled loop with nothing left out",
 }
-SCHEMES = tuple(f"msahl {word}" for word in choices())
-"""Every scheme a run can choose by name, by the compiled loop."""
+AUTO = "auto"
+"""The scheme that takes a tolerance and chooses its degree and its steps."""
+SCHEMES = tuple(f"msahl {word}" for word in choices() if word != AUTO)
+"""Every other scheme a run can choose, by the compiled loop."""
+BY_TOLERANCE = ("msahl by tolerance",) if AUTO in choices() else ()
 
 
 class _Rows:
@@ -55,9 +58,16 @@ def loop_seconds(model: Model, h: float, steps: int, variant: str) -> float:
     return report.seconds["loop"]
 
 
-def motion(model: Model, h: float, steps: int, variant: str, every: int = 1) -> Motion:
+def motion(
+    model: Model, h: float, steps: int, variant: str, every: int = 1, accuracy: float | None = None
+) -> Motion:
+    """A scheme that is given an ``accuracy`` has rows every ``h`` and steps of its own."""
     rows, options = _Rows(), replace(_options(variant), every=every)
-    report = run(_lasting(_of_scheme(model, variant), h, steps), options, rows)
+    chosen = _lasting(_of_scheme(model, variant), h, steps)
+    if variant in BY_TOLERANCE:
+        steered = {"scheme": AUTO, "tolerance": accuracy, "interval": h, "dt": model.simulation.dt}
+        chosen = replace(chosen, simulation=replace(chosen.simulation, **steered))
+    report = run(chosen, options, rows)
     if report.status != "completed":
         raise RuntimeError(report.message)
     table = np.concatenate(rows.states)
