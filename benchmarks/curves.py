@@ -7,6 +7,7 @@ neighbouring rungs between which it is reached; ``Curve.reach`` interpolates bet
 
 import math
 import statistics
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from types import ModuleType
@@ -31,12 +32,16 @@ NEAR = 2.0
 COARSEST_ACCURACY = 0.1
 MOST_RUNGS = 8
 """Up which a code is taken at once: a step 16 times finer."""
+LONG, LONG_UP = 100, 4
+"""Bodies from which the ladder is entered so many rungs further up."""
+LOST = 0.1
+"""Error [m] of a step so large that its iterations say nothing about the cost of a finer one."""
 FLOOR, FLAT = 1e-5, 0.8
 """Below the first error [m], one that falls by less than the second factor is round-off's."""
 WARMED = 0.001
 """Step [s] at which our kernels are loaded, or compiled, before anything counts."""
-TURNS, ENOUGH = 7, 1.5
-"""Samples of each run, and the seconds after which a curve gets no more of them."""
+TURNS, ENOUGH = 7, 2.5
+"""Samples of each run, and the seconds, scenes built and all, after which a code gets no more."""
 
 
 class Code(NamedTuple):
@@ -221,14 +226,14 @@ def _wanted(curve: Curve, target: float) -> Iterator[int]:
         worse, good = curve.bracket(target)
         if good is None:
             if worse is None:
-                rung = _first(curve.code)
+                rung = _first(curve)
             elif _at_floor(curve):
                 curve.stopped = f"round-off or tolerances: {_best(curve):.1e} m"
                 return
             else:
                 rung = _finer(curve, target)
         elif worse is None:
-            if good.rung == 0:
+            if good.rung == 0 or _coarser_is_slower(curve):
                 return
             rung = max(0, good.rung - 2)
         elif good.rung == worse.rung + 1:
@@ -241,9 +246,19 @@ def _wanted(curve: Curve, target: float) -> Iterator[int]:
         yield rung
 
 
-def _first(code: Code) -> int:
-    """Where the ladder is entered: a code of low order has little to say at its foot."""
-    return 4 if code.controlled else max(0, 8 - code.order)
+def _first(curve: Curve) -> int:
+    """Where the ladder is entered: at its foot a code of low order has little to say, and a long
+    chain, whose quick motions a large step cannot follow, takes long to say it.
+    """
+    if curve.code.controlled:
+        return 4
+    return max(0, 8 - curve.code.order) + (LONG_UP if curve.scene.bodies >= LONG else 0)
+
+
+def _coarser_is_slower(curve: Curve) -> bool:
+    """Whether the coarsest step converges so badly that none coarser is worth trying."""
+    points = _finite(curve)
+    return len(points) > 1 and points[0].seconds > points[1].seconds
 
 
 def _best(curve: Curve) -> float:
@@ -299,6 +314,8 @@ def _expected(curve: Curve, rung: int) -> float:
     code = curve.code
     if code.estimated:
         return ROWS * per_interval(rung) * equivalent.SECONDS
+    if near.error > LOST:
+        return near.seconds
     power = 1.0 / code.order if code.controlled else 1.0
     return near.seconds * (fineness(code, rung) / fineness(code, near.rung)) ** power
 
@@ -307,10 +324,14 @@ def take_turns(curves: list[Curve]) -> None:
     """Further samples of the runs next to the targets, code after code."""
     measured = [curve for curve in curves if not curve.code.estimated]
     wanted = [(curve, point) for curve in measured for point in _next_to_targets(curve)]
+    spent = dict.fromkeys((curve.code.name for curve in measured), 0.0)
     for _ in range(1, TURNS):
         for curve, point in wanted:
-            if sum(sum(p.samples[1:]) for p in curve.points.values()) + point.seconds < ENOUGH:
+            name = curve.code.name
+            if spent[name] + point.seconds < ENOUGH:
+                began = time.perf_counter()
                 point.samples.append(run(curve.scene, curve.code, point.rung).seconds)
+                spent[name] += time.perf_counter() - began
 
 
 def _next_to_targets(curve: Curve) -> list[Point]:
