@@ -29,7 +29,7 @@ help:
 	@echo 'make regress         run the stored cases again and compare with tests/regression'
 	@echo 'make regress-update  write tests/regression anew and say what changed'
 	@echo 'make sweep           angles by steps of the thesis -> $(SWEEP).csv (in parallel: make -j2 sweep)'
-	@echo 'make bench           measure speed against peers'
+	@echo 'make bench           measure speed, and seconds to an error, against peers'
 	@echo 'make thesis          write docs/validation/thesis.md (make validation: all its pages)'
 	@echo 'make stability       run extreme scenes at all steps, write docs/validation/stability.md'
 	@echo 'make clean           remove results and build products; .venv stays'
@@ -80,7 +80,8 @@ $(foreach d,$(SWEEP_DECKS),$(foreach h,$(SWEEP_STEPS),$(eval $(call sweep_rule,$
 
 bench: .venv/installed
 	$(BIN)/python -m pip install -q -e '.[bench]'
-	$(BIN)/python benchmarks/speed.py
+	$(BIN)/python -m benchmarks.speed
+	$(BIN)/python -m benchmarks.precision
 
 # Every printed number of the thesis beside ours, and the other pages of docs/validation.
 thesis: .venv/installed

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from benchmarks.loops import Measured
 from benchmarks.process import Ended, LongRun, Starts
+from benchmarks.verdict import Verdict
 from benchmarks.writers import Written
 from msahl.run import Report
 
@@ -23,14 +24,6 @@ class Results:
     long_chain: Report | None = None
     writers: dict[str, Written] = field(default_factory=dict)
     computing: float = float("nan")
-
-
-@dataclass(frozen=True, slots=True)
-class Verdict:
-    what: str
-    asked: str
-    measured: str
-    met: bool
 
 
 def verdicts(results: Results) -> list[Verdict]:

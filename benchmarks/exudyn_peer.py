@@ -36,6 +36,7 @@ VARIANTS = {
     "exudyn index 2": _Variant(exu.DynamicSolverType.TrapezoidalIndex2, _VECTOR),
     "exudyn index 2 EP": _Variant(exu.DynamicSolverType.TrapezoidalIndex2, _PARAMETERS),
 }
+ORDERS = dict.fromkeys(VARIANTS, 2)
 _COMMON = (
     "fast build, modified Newton with default tolerances (relative 1e-8, absolute 1e-10), one "
     f"thread, dense solver below {SPARSE_FROM} bodies, then EigenSparse; CreateRigidBody and "
@@ -54,19 +55,21 @@ SETTINGS = {
 def loop_seconds(model: Model, h: float, steps: int, variant: str) -> float:
     """Seconds as Exudyn's solver counts them, without output."""
     mbs = _build(model, VARIANTS[variant].node)[0]
-    return _solve(mbs, model, h, steps, variant, watched=False)
+    return _solve(mbs, model, h, steps, variant, watched=0)
 
 
-def motion(model: Model, h: float, steps: int, variant: str) -> Motion:
+def motion(model: Model, h: float, steps: int, variant: str, every: int = 1) -> Motion:
     mbs, bodies = _build(model, VARIANTS[variant].node)
     kinds = exu.OutputVariableType
     wanted = (kinds.Position, kinds.RotationMatrix, kinds.Velocity, kinds.AngularVelocityLocal)
     sensors = [[_sensor(mbs, body, kind) for body in bodies] for kind in wanted]
     mbs.Assemble()
-    _solve(mbs, model, h, steps, variant, watched=True)
+    seconds = _solve(mbs, model, h, steps, variant, watched=every)
+    iterations = int(mbs.sys["dynamicSolver"].it.newtonStepsCount)
     tables = [np.stack([mbs.GetSensorStoredData(s) for s in group], axis=1) for group in sensors]
     x, R, v, w = (table[:, :, 1:] for table in tables)
-    return Motion(tables[0][:, 0, 0], x, R.reshape(*R.shape[:2], 3, 3), v, w)
+    t, counted = tables[0][:, 0, 0], (seconds, steps, iterations)
+    return Motion(t, x, R.reshape(*R.shape[:2], 3, 3), v, w, *counted)
 
 
 def _sensor(mbs: Any, body: int, kind: Any) -> int:
@@ -97,11 +100,12 @@ def _build(model: Model, node: Any) -> tuple[Any, list[int]]:
     return mbs, [items[body.name] for body in model.bodies]
 
 
-def _solve(mbs: Any, model: Model, h: float, steps: int, variant: str, watched: bool) -> float:
+def _solve(mbs: Any, model: Model, h: float, steps: int, variant: str, watched: int) -> float:
+    """``watched`` steps pass from one row to the next; 0 for no rows."""
     settings = exu.SimulationSettings()
     settings.solution.file.write = False
-    settings.solution.sensors.active = watched
-    settings.solution.sensors.writePeriod = h
+    settings.solution.sensors.active = watched > 0
+    settings.solution.sensors.writePeriod = h * max(watched, 1)
     settings.timeIntegration.numberOfSteps = steps
     settings.timeIntegration.endTime = steps * h
     settings.timeIntegration.adaptiveStep = False

@@ -9,15 +9,15 @@ from types import ModuleType
 
 import numpy as np
 
-from benchmarks import exudyn_peer, mujoco_peer, ours
+from benchmarks import ours
 from benchmarks.motion import Errors, errors_of
+from benchmarks.peers import PEERS
 from benchmarks.reference import converged_positions
 from benchmarks.scenes import Scene
 
-CODES: dict[str, ModuleType] = {
-    name: module for module in (ours, exudyn_peer, mujoco_peer) for name in module.VARIANTS
-}
-SETTINGS = ours.SETTINGS | exudyn_peer.SETTINGS | mujoco_peer.SETTINGS
+_MODULES = [ours, *(PEERS[package] for package in ("exudyn", "mujoco") if package in PEERS)]
+CODES: dict[str, ModuleType] = {name: m for m in _MODULES for name in m.VARIANTS}
+SETTINGS = {name: text for m in _MODULES for name, text in m.SETTINGS.items()}
 MOST_BODIES = {"msahl root": 10}
 """A dense solver: its cost grows like the cube of the bodies."""
 PATIENCE = 10.0

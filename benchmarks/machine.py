@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-PACKAGES = ("msahl", "numba", "numpy", "scipy", "orjson", "exudyn", "mujoco")
+PACKAGES = ("msahl", "numba", "numpy", "scipy", "orjson", "exudyn", "mujoco", "drake")
 
 
 def describe() -> list[str]:

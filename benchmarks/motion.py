@@ -19,6 +19,9 @@ class Motion(NamedTuple):
     R: np.ndarray  # (rows, n, 3, 3) body to inertial axes
     v: np.ndarray  # (rows, n, 3) inertial axes [m/s]
     w: np.ndarray  # (rows, n, 3) body axes [rad/s]
+    seconds: float = float("nan")  # in the time loop alone
+    steps: int = 0
+    iterations: int = 0  # Newton's, of all steps
 
 
 class Errors(NamedTuple):

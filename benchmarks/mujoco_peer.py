@@ -16,6 +16,7 @@ from msahl.rotation import matrix
 
 VERSION = mujoco.__version__
 VARIANTS = ("mujoco RK4",)
+ORDERS = {"mujoco RK4": 4}
 SETTINGS = {
     "mujoco RK4": "integrator RK4, constraint solver disabled, no geoms, energy not computed, ball "
     "joints; as in its example of an energy conserving pendulum; steps by mj_step(nstep=N)"
@@ -29,14 +30,16 @@ def loop_seconds(model: Model, h: float, steps: int, variant: str) -> float:
     return time.perf_counter() - began
 
 
-def motion(model: Model, h: float, steps: int, variant: str) -> Motion:
+def motion(model: Model, h: float, steps: int, variant: str, every: int = 1) -> Motion:
     compiled, data = _fresh(model, h)
-    rows = [_look(compiled, data)]
-    for _ in range(steps):
-        mujoco.mj_step(compiled, data)
+    rows, seconds = [_look(compiled, data)], 0.0
+    for _ in range(steps // every):
+        began = time.perf_counter()
+        mujoco.mj_step(compiled, data, nstep=every)
+        seconds += time.perf_counter() - began
         rows.append(_look(compiled, data))
     x, R, v, w = (np.array(column) for column in zip(*rows, strict=True))
-    return Motion(h * np.arange(steps + 1), x, R, v, w)
+    return Motion(h * every * np.arange(len(rows)), x, R, v, w, seconds, steps)
 
 
 def _fresh(model: Model, h: float) -> tuple[mujoco.MjModel, mujoco.MjData]:

@@ -7,6 +7,7 @@ import numpy as np
 from benchmarks.motion import Motion
 from msahl.model import Model
 from msahl.run import Options, Report, run
+from msahl.schemes import choices, split
 
 VARIANTS = {
     "msahl newton": Options(solver="newton"),
@@ -20,6 +21,11 @@ SETTINGS = {
     "msahl root": "scipy.optimize.root (hybr) for every step; at most 10 bodies",
     "msahl newton --full": "the compiled loop with nothing left out",
 }
+AUTO = "auto"
+"""The scheme that takes a tolerance and chooses its degree and its steps."""
+SCHEMES = tuple(f"msahl {word}" for word in choices() if word != AUTO)
+"""Every other scheme a run can choose, by the compiled loop."""
+BY_TOLERANCE = ("msahl by tolerance",) if AUTO in choices() else ()
 
 
 class _Rows:
@@ -46,22 +52,44 @@ def loop_report(model: Model, h: float, steps: int, options: Options) -> Report:
 
 def loop_seconds(model: Model, h: float, steps: int, variant: str) -> float:
     """Seconds in the loop; it watches energy and gaps at every step, as it always does."""
-    report = loop_report(model, h, steps, VARIANTS[variant])
+    report = loop_report(_of_scheme(model, variant), h, steps, _options(variant))
     if report.status != "completed":
         raise RuntimeError(report.message)
     return report.seconds["loop"]
 
 
-def motion(model: Model, h: float, steps: int, variant: str) -> Motion:
-    rows = _Rows()
-    report = run(_lasting(model, h, steps), VARIANTS[variant], rows)
+def motion(
+    model: Model, h: float, steps: int, variant: str, every: int = 1, accuracy: float | None = None
+) -> Motion:
+    """A scheme that is given an ``accuracy`` has rows every ``h`` and steps of its own."""
+    rows, options = _Rows(), replace(_options(variant), every=every)
+    chosen = _lasting(_of_scheme(model, variant), h, steps)
+    if variant in BY_TOLERANCE:
+        steered = {"scheme": AUTO, "tolerance": accuracy, "interval": h, "dt": model.simulation.dt}
+        chosen = replace(chosen, simulation=replace(chosen.simulation, **steered))
+    report = run(chosen, options, rows)
     if report.status != "completed":
         raise RuntimeError(report.message)
     table = np.concatenate(rows.states)
     states = table[:, 1:].reshape(len(table), len(model.bodies), 4, 3)
     R = _matrices(states[:, :, 1])
     v = np.einsum("tbij,tbj->tbi", R, states[:, :, 2])
-    return Motion(table[:, 0], states[:, :, 0], R, v, states[:, :, 3])
+    counted = report.seconds["loop"], report.steps, report.iterations
+    return Motion(table[:, 0], states[:, :, 0], R, v, states[:, :, 3], *counted)
+
+
+def _options(variant: str) -> Options:
+    return VARIANTS.get(variant, VARIANTS["msahl newton"])
+
+
+def _of_scheme(model: Model, variant: str) -> Model:
+    """The model with the scheme that a variant names, if it names one."""
+    if variant not in SCHEMES:
+        return model
+    scheme, degree = split(variant.removeprefix("msahl "))
+    simulation = model.simulation
+    chosen = replace(simulation, scheme=scheme, degree=degree or simulation.degree)
+    return replace(model, simulation=chosen)
 
 
 def _lasting(model: Model, h: float, steps: int) -> Model:

@@ -1,4 +1,4 @@
-"""Log-log pictures of the loops."""
+"""Log-log pictures of the loops and of the curves of work and precision."""
 
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,7 @@ mpl.use("Agg")
 
 import matplotlib.pyplot as plt
 
+from benchmarks.curves import TARGETS, Curve
 from benchmarks.loops import CODES, Measured
 
 # One hue for each family, and a marker for each member: to be told apart in grey as well.
@@ -21,7 +22,15 @@ STYLES: dict[str, dict[str, Any]] = {
     "exudyn index 2": {"color": "C1", "marker": "s", "linestyle": "--"},
     "exudyn index 2 EP": {"color": "C1", "marker": "v", "linestyle": ":"},
     "mujoco RK4": {"color": "C2", "marker": "^"},
+    "drake RK3": {"color": "C4", "marker": "o"},
+    "drake RK5": {"color": "C4", "marker": "s"},
+    "drake RK3 fixed": {"color": "C4", "marker": "o", "linestyle": ":"},
+    "drake RK5 fixed": {"color": "C4", "marker": "s", "linestyle": ":"},
+    "msahl preserving": {"color": "C0", "marker": ".", "linestyle": ":"},
+    "msahl decaying": {"color": "C9", "marker": ".", "linestyle": ":"},
 }
+MARKERS = "ov^sDP*X"
+"""Of the degrees of a scheme of ours."""
 
 
 def draw_all(rows: list[Measured], folder: Path) -> None:
@@ -67,3 +76,32 @@ def _draw_precision(rows: list[Measured], path: Path) -> None:
     figure.suptitle("Error against time, h = 0.01, 0.004, 0.002 s (left to right)")
     figure.savefig(path, dpi=130)
     plt.close(figure)
+
+
+def draw_curves(name: str, curves: list[Curve], path: Path) -> None:
+    """Error against loop seconds of every code on one scene."""
+    figure, axes = plt.subplots(figsize=(9.0, 5.5), layout="constrained")
+    for curve in curves:
+        points = [(p.seconds, p.error) for p in curve.sorted() if p.samples]
+        if points:
+            code = curve.code.name
+            axes.loglog(*zip(*points, strict=True), label=code, markersize=5, **_style(code))
+    for target in TARGETS:
+        axes.axhline(target, color="0.5", linewidth=0.8)
+    axes.set_xlabel("loop for 10 s of motion [s]")
+    axes.set_ylabel("largest position error [m]")
+    axes.set_title(name)
+    axes.grid(True, which="major", alpha=0.4)
+    axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def _style(code: str) -> dict[str, Any]:
+    """That of the list; of our schemes of a degree, a hue by family and a marker by degree."""
+    if code in STYLES:
+        return STYLES[code]
+    word = code.removeprefix("msahl ")
+    family, degree = word.rstrip("0123456789"), word.lstrip("abcdefghijklmnopqrstuvwxyz")
+    hue = {"gauss": "C0", "radau": "C9"}.get(family, "C3")
+    return {"color": hue, "marker": MARKERS[int(degree or 1) - 1], "linewidth": 1.8}

@@ -1,4 +1,4 @@
-"""Converged mass centres in minimal coordinates, by an explicit method of order 8.
+"""Where the mass centres are: minimal coordinates, independent of every code that is measured.
 
 Chain of n bodies in the x-z plane, th_i the angle of body i from z towards x, L its length:
 
@@ -7,77 +7,190 @@ Chain of n bodies in the x-z plane, th_i the angle of body i from z towards x, L
     J th_i''     = -L n_i . f_i           f_i acts at x_i - L e_i
     a_i - a_(i-1) = L th_i'' n_i - L th_i'^2 e_i
 
-Elimination of a and th'' leaves a block tridiagonal system in f: the cost is O(n). Top: turn about
-the pivot, J_p w' = (J_p w) x w + r x m R^T g and the quaternion's rate, all in body axes.
+With f_i/m = T_i e_i - k q_i n_i, where q_i = L th_i'' and k = J/(m L^2), elimination of a leaves a
+banded system in (T_i, q_i): the cost is O(n), and no q is a small difference of large forces. Top:
+turn about the pivot, J_p w' = (J_p w) x w + r x m R^T g and the quaternion's rate, in body axes.
+
+``converged_positions`` integrates in double precision by an explicit method of order 8, ``known``
+also by extrapolation in the machine's longest precision (``benchmarks.extended``): two methods in
+two precisions, whose difference says how good they are.
+
+    python -m benchmarks.reference        # both for every scene, the longest chain too (minutes)
 """
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.integrate import solve_ivp
-from scipy.linalg import solve_banded
+from scipy.linalg import lapack
 
+from benchmarks.extended import refine
 from msahl.model import Model
 
-TOLERANCE = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+TOLERANCE = 1e-13
+LOOSER = 1e-11
+"""A second tolerance, to see how good the first is."""
+AGREED = 1e-11
+"""Change [m] by the last halving of the step at which extrapolation ends."""
+LONG = np.longdouble
+LARGEST_LONG = 100
+"""Bodies up to which extended precision takes seconds."""
+REFINEMENTS = 2
+"""Corrections of a solution in double precision until its residual is one of longdouble."""
+DIAGONAL, BANDS = 3, 7
+"""Row of the main diagonal in a band matrix stored by diagonals, and how many those are."""
 
 
-def converged_positions(model: Model, t: np.ndarray) -> np.ndarray:
+class Equation(NamedTuple):
+    """y' = rate(y), and the mass centres (rows, n, 3) at rows of y."""
+
+    start: np.ndarray
+    rate: Callable[[np.ndarray], np.ndarray]
+    places: Callable[[np.ndarray], np.ndarray]
+
+
+class Known(NamedTuple):
+    """Where mass centres are, by what, and how far a second solution is from there [m]."""
+
+    x: np.ndarray  # (rows + 1, n, 3)
+    words: str
+    apart: float
+
+
+def converged_positions(model: Model, t: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarray:
     """(rows, n, 3) mass centres at the times ``t``, the first of which is 0."""
+    equation = equation_of(model, float)
+    motion = solve_ivp(
+        lambda _, y: equation.rate(y),
+        (0.0, t[-1]),
+        equation.start,
+        method="DOP853",
+        t_eval=t,
+        rtol=tolerance,
+        atol=tolerance,
+    )
+    return equation.places(motion.y.T)
+
+
+def known(model: Model, grid: float, rows: int, thorough: bool = False) -> Known:
+    """Mass centres at ``rows`` equal intervals ``grid`` [s]; unless ``thorough``, the longest chain
+    has double precision alone.
+    """
+    converged = converged_positions(model, grid * np.arange(rows + 1))
+    if len(model.bodies) > LARGEST_LONG and not thorough:
+        looser = converged_positions(model, grid * np.arange(rows + 1), LOOSER)
+        words = f"DOP853 to {TOLERANCE:g}; beside it to {LOOSER:g}"
+        return Known(converged, words, _distance(converged, looser))
+    equation = equation_of(model, LONG)
+    x, halved = refine(equation.rate, equation.places, equation.start, grid, rows, AGREED)
+    digits = np.finfo(LONG).precision
+    words = f"extrapolation in {digits} digits, moved {halved:.0e} m by its last halving"
+    return Known(x, f"{words}; beside it DOP853 in double precision", _distance(converged, x))
+
+
+def _distance(x: np.ndarray, y: np.ndarray) -> float:
+    return float(np.linalg.norm(x - y, axis=-1).max())
+
+
+def equation_of(model: Model, kind: Any) -> Equation:
+    """The equation of motion of a chain or a top, in numbers of ``kind``."""
     turning = any(any(body.angular_velocity) for body in model.bodies)
-    return _top(model, t) if turning else _chain(model, t)
+    return _top(model, kind) if turning else chain_equation(model, kind)
 
 
-def _chain(model: Model, t: np.ndarray) -> np.ndarray:
+def chain_equation(model: Model, kind: Any) -> Equation:
+    """That of a chain of equal bodies, at rest on a line through the pivot."""
     body, n = model.bodies[0], len(model.bodies)
-    L = -model.joints[0].child_point[2]
-    m, J, g = body.mass, body.inertia[1][1], model.gravity[2]
-    angle = np.arctan2(body.position[0], body.position[2])
-    start = np.concatenate([np.full(n, angle), np.zeros(n)])
+    L = kind(-model.joints[0].child_point[2])
+    k, g = kind(body.inertia[1][1]) / (kind(body.mass) * L * L), kind(model.gravity[2])
+    angle = np.arctan2(kind(body.position[0]), kind(body.position[2]))
 
-    def rate(_: float, y: np.ndarray) -> np.ndarray:
-        return np.concatenate([y[n:], _chain_accelerations(y[:n], y[n:], m, J, L, g)])
+    def rate(y: np.ndarray) -> np.ndarray:
+        return np.concatenate([y[n:], _chain_accelerations(y[:n], y[n:], k, L, g)])
 
-    angles = solve_ivp(rate, (0.0, t[-1]), start, t_eval=t, **TOLERANCE).y[:n].T
-    x = np.zeros((len(t), n, 3))
-    x[..., 0] = L * np.cumsum(np.sin(angles), axis=1)
-    x[..., 2] = L * np.cumsum(np.cos(angles), axis=1)
-    return x
+    def places(y: np.ndarray) -> np.ndarray:
+        x = np.zeros((len(y), n, 3), dtype=kind)
+        x[..., 0] = L * np.cumsum(np.sin(y[:, :n]), axis=1)
+        x[..., 2] = L * np.cumsum(np.cos(y[:, :n]), axis=1)
+        return x
 
-
-def _chain_accelerations(
-    th: np.ndarray, th_dot: np.ndarray, m: float, J: float, L: float, g: float
-) -> np.ndarray:
-    e = np.stack([np.sin(th), np.cos(th)], axis=1)
-    n = np.stack([e[:, 1], -e[:, 0]], axis=1)
-    # Diagonal blocks (2 or, for the first body, 1)/m + L^2/J n n^T; next to them -1/m.
-    c = L * L / J
-    band = np.zeros((5, 2 * len(th)))
-    band[2] = 2.0 / m + c * (n * n).ravel()
-    band[2, :2] -= 1.0 / m
-    band[1, 1::2] = c * n[:, 0] * n[:, 1]
-    band[3, 0::2] = band[1, 1::2]
-    band[0, 2:] = band[4, :-2] = -1.0 / m
-    right = -L * th_dot[:, None] ** 2 * e
-    right[0, 1] -= g
-    f = solve_banded((2, 2), band, right.ravel()).reshape(-1, 2)
-    return -(L / J) * np.einsum("bi,bi->b", n, f)
+    start = np.concatenate([np.full(n, angle), np.zeros(n, dtype=kind)])
+    return Equation(start, rate, places)
 
 
-def _top(model: Model, t: np.ndarray) -> np.ndarray:
+def _chain_accelerations(th: np.ndarray, th_dot: np.ndarray, k: Any, L: Any, g: Any) -> np.ndarray:
+    """th'' from the rows e_i . (a_i - a_(i-1)) and n_i . (a_i - a_(i-1)); a_0 = 0."""
+    n = len(th)
+    own = np.full(n, 2.0, dtype=th.dtype)
+    own[0] = 1.0
+    c, s = np.cos(np.diff(th)), np.sin(np.diff(th))
+    band = np.zeros((BANDS, 2 * n), dtype=th.dtype)
+    band[DIAGONAL, 0::2] = own
+    band[DIAGONAL, 1::2] = 1.0 + own * k
+    # By the next body (th_j - th_i is the difference), then by the one before (its negative).
+    band[DIAGONAL - 2, 2::2], band[DIAGONAL - 3, 3::2] = -c, -k * s
+    band[DIAGONAL - 1, 2::2], band[DIAGONAL - 2, 3::2] = s, -k * c
+    band[DIAGONAL + 2, :-2:2], band[DIAGONAL + 1, 1:-2:2] = -c, k * s
+    band[DIAGONAL + 3, :-2:2], band[DIAGONAL + 2, 1:-2:2] = -s, -k * c
+    right = np.zeros(2 * n, dtype=th.dtype)
+    right[0::2] = -L * th_dot * th_dot
+    right[0] -= g * np.cos(th[0])
+    right[1] -= g * np.sin(th[0])
+    return _solve_band(band, right)[1::2] / L
+
+
+def _solve_band(band: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """In double precision, then corrected until its residual is as exact as the numbers given."""
+    width = DIAGONAL
+    storage = np.zeros((width + BANDS, band.shape[1]))
+    storage[width:] = band
+    factors, pivots, singular = lapack.dgbtrf(storage, width, width)
+    if singular:
+        raise ArithmeticError("singular equations of motion")
+
+    def solve(rest: np.ndarray) -> np.ndarray:
+        return lapack.dgbtrs(factors, width, width, np.asarray(rest, dtype=float), pivots)[0]
+
+    z = solve(right).astype(right.dtype)
+    if right.dtype == LONG:
+        for _ in range(REFINEMENTS):
+            z += solve(right - _times_band(band, z))
+    return z
+
+
+def _times_band(band: np.ndarray, z: np.ndarray) -> np.ndarray:
+    product = band[DIAGONAL] * z
+    for d in range(1, min(DIAGONAL, z.size - 1) + 1):
+        product[:-d] += band[DIAGONAL - d, d:] * z[d:]
+        product[d:] += band[DIAGONAL + d, :-d] * z[:-d]
+    return product
+
+
+def _top(model: Model, kind: Any) -> Equation:
     body = model.bodies[0]
-    r = -np.array(model.joints[0].child_point)
-    J = np.array(body.inertia) + body.mass * (r @ r * np.eye(3) - np.outer(r, r))
-    gravity = np.array(model.gravity)
-    tilt = np.arctan2(body.position[0], body.position[2])
-    start = np.array([np.cos(tilt / 2), 0.0, np.sin(tilt / 2), 0.0, *body.angular_velocity])
+    r = -np.array(model.joints[0].child_point, dtype=kind)
+    mass, gravity = kind(body.mass), np.array(model.gravity, dtype=kind)
+    J = np.array(body.inertia, dtype=kind)
+    J += mass * (r @ r * np.eye(3, dtype=kind) - np.outer(r, r))
+    inverse = np.linalg.inv(J.astype(float)).astype(kind)
+    for _ in range(REFINEMENTS):
+        inverse = inverse @ (2.0 * np.eye(3, dtype=kind) - J @ inverse)
+    tilt = np.arctan2(kind(body.position[0]), kind(body.position[2])) / 2
 
-    def rate(_: float, y: np.ndarray) -> np.ndarray:
+    def rate(y: np.ndarray) -> np.ndarray:
         q0, q, w = y[0], y[1:4], y[4:]
-        moment = body.mass * np.cross(r, _turned(y[:4], gravity, inverse=True))
-        w_dot = np.linalg.solve(J, np.cross(J @ w, w) + moment)
-        return np.array([-0.5 * q @ w, *(0.5 * (q0 * w + np.cross(q, w))), *w_dot])
+        moment = mass * np.cross(r, _turned(y[:4], gravity, inverse=True))
+        w_dot = inverse @ (np.cross(J @ w, w) + moment)
+        return np.array([-(q @ w) / 2, *((q0 * w + np.cross(q, w)) / 2), *w_dot])
 
-    y = solve_ivp(rate, (0.0, t[-1]), start, t_eval=t, **TOLERANCE).y.T
-    return np.array([_turned(row[:4], r) for row in y])[:, None, :]
+    def places(y: np.ndarray) -> np.ndarray:
+        return np.array([_turned(row[:4], r) for row in y])[:, None, :]
+
+    turn = np.array([np.cos(tilt), 0.0, np.sin(tilt), 0.0], dtype=kind)
+    return Equation(
+        np.concatenate([turn, np.array(body.angular_velocity, dtype=kind)]), rate, places
+    )
 
 
 def _turned(quaternion: np.ndarray, a: np.ndarray, inverse: bool = False) -> np.ndarray:
@@ -85,3 +198,17 @@ def _turned(quaternion: np.ndarray, a: np.ndarray, inverse: bool = False) -> np.
     q0, q = quaternion[0], quaternion[1:] * (-1.0 if inverse else 1.0)
     turned = a + 2.0 * np.cross(q, np.cross(q, a) + q0 * a) / (quaternion @ quaternion)
     return turned
+
+
+def main() -> None:
+    # The scenes read decks, which the equations above have no need of.
+    from benchmarks.curves import GRID, ROWS
+    from benchmarks.scenes import all_scenes
+
+    for scene in all_scenes(quick=False):
+        solution = known(scene.model, GRID, ROWS, thorough=True)
+        print(f"{scene.name}: {solution.words}: {solution.apart:.1e} m apart")
+
+
+if __name__ == "__main__":
+    main()

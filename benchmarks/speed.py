@@ -10,12 +10,14 @@ import sys
 import time
 from pathlib import Path
 
-from benchmarks import exudyn_peer, mujoco_peer, ours, pictures
+from benchmarks import ours, pictures
 from benchmarks.asked import Results, verdicts
 from benchmarks.loops import SETTINGS, Measured, measure
 from benchmarks.machine import describe
+from benchmarks.peers import versions
 from benchmarks.process import Starts, measure_long_run, measure_starts
 from benchmarks.scenes import all_scenes, chain
+from benchmarks.verdict import table_of_verdicts
 from benchmarks.writers import ROWS, measure_writers, table_of_writers
 
 RESULTS = Path(__file__).parent / "results"
@@ -76,7 +78,7 @@ def report(results: Results, machine: list[str], quick: bool) -> str:
         "Times are medians of samples taken in turn (A B C, A B C, ...) in this one run. How to "
         "read the columns: `benchmarks/README.md`.",
         "## Asked and measured",
-        _verdict_table(results),
+        table_of_verdicts(verdicts(results)),
         "## Loops",
         _loop_table(results.loops),
         "![time per step and body](bodies.png)",
@@ -89,14 +91,6 @@ def report(results: Results, machine: list[str], quick: bool) -> str:
         _settings(),
     ]
     return "\n\n".join(parts) + "\n"
-
-
-def _verdict_table(results: Results) -> str:
-    lines = ["| what | asked | measured | met? |", "|---|---|---|---|"]
-    for v in verdicts(results):
-        met = "yes" if v.met else "**no**"
-        lines.append(f"| {v.what} | {v.asked} | {v.measured} | {met} |")
-    return "\n".join(lines)
 
 
 def _loop_table(rows: list[Measured]) -> str:
@@ -140,8 +134,7 @@ def _phases(solver: str, starts: Starts) -> str:
 
 def _settings() -> str:
     lines = [f"- **{code}**: {text}." for code, text in SETTINGS.items()]
-    peers = f"Exudyn {exudyn_peer.VERSION}, MuJoCo {mujoco_peer.VERSION}."
-    return "\n".join([peers, "", *lines])
+    return "\n".join([versions(), "", *lines])
 
 
 def write_csv(rows: list[Measured], path: Path) -> None:
