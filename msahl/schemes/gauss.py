@@ -94,7 +94,7 @@ class Stages(NamedTuple):
     before: np.ndarray  # (s, nodes, 3) those of the polynomials that the next guess follows
     reaction: np.ndarray  # (s, j, 6) joints' reactions at c_i
     known: np.ndarray  # (2,) start and size [s] of the step of those polynomials; no size: none
-    view: np.ndarray  # (2,) the same as seen from the present step, in parts of it
+    window: np.ndarray  # (2,) the same as seen from the present step, in parts of it
     seen: np.ndarray  # (s, s + 1) weights by which velocities at c_i follow from them and from ours
     pushed: np.ndarray  # (s, s) likewise joint forces, which are ours with h^2
     level: np.ndarray  # (1,) energy balance at the start of the run [J]
@@ -145,7 +145,7 @@ def new_stages(system: System, state: State, rule: Rule) -> Stages:
         before=np.zeros(stages),
         reaction=np.zeros((degree, *state.reaction.shape)),
         known=np.zeros(2),
-        view=np.zeros(2),
+        window=np.zeros(2),
         seen=np.zeros((degree, degree + 1)),
         pushed=np.zeros((degree, degree)),
         level=np.zeros(1),
@@ -655,7 +655,7 @@ FAR = 1.5
 @kernel
 def look(stages: Stages, t: float, h: float) -> bool:
     """Set the weights by which a step ``h`` from ``t`` follows the known polynomials, if it can."""
-    rule, view = stages.rule, stages.view
+    rule, window = stages.rule, stages.window
     s, size = rule.weight.size, stages.known[1] / h
     if not size > 0.0:
         return False
@@ -664,9 +664,9 @@ def look(stages: Stages, t: float, h: float) -> bool:
         begin = -size  # it is the step before, but for round-off
     if 1.0 - (begin + size) > FAR * size:
         return False
-    if begin == view[0] and size == view[1]:
+    if begin == window[0] and size == window[1]:
         return True
-    view[0], view[1] = begin, size
+    window[0], window[1] = begin, size
     for i in range(s):
         for j in range(s + 1):
             # Velocities of the present place are one more node, and the better one where it is
