@@ -17,18 +17,21 @@ import platformdirs
 from numba.core import event
 from numba.extending import register_jitable
 
+import msahl.by_reference  # noqa: F401 - tells numba what a group is
 from msahl.kernel import APART, MARKED
+from msahl.part import Apart, Inlined
 
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
 """Division by zero gives inf or nan, which the solver sees, instead of an exception. Without
 numba's runtime (_nrt) a kernel cannot allocate, and arrays are passed without counting their
 references, which took seven eighths of a small scene's step."""
 SMALL = 800
-"""Bytes of Python code up to which a function is made part of its callers: calls carry whole groups
-of arrays. Small scenes gain a third; larger functions would only take longer to compile."""
+"""Bytes of Python code up to which a function is made part of its callers. Small scenes gain a
+tenth; with larger functions they gain nothing and compiling takes longer."""
 
 KERNEL_ROOMS = ("bodies", "forces", "joints", "post", "schemes", "solve", "study", "system")
-KERNELS = ("kernel.py", "law.py", "rotation.py", "vector.py", *(f"{r}/*.py" for r in KERNEL_ROOMS))
+SHARED = ("law.py", "rotation.py", "vector.py", "kernel.py", "by_reference.py", "part.py")
+KERNELS = (*SHARED, *(f"{r}/*.py" for r in KERNEL_ROOMS))
 """The sources of the package that are part of compiled code."""
 
 _registered: set[Callable[..., Any]] = set()
@@ -71,8 +74,7 @@ class _Registrar(event.Listener):
         for mark in MARKED:
             if mark not in _registered:
                 small = len(mark.__code__.co_code) < SMALL and mark not in APART
-                inlined = {"forceinline": True} if small else {}
-                register_jitable(**OPTIONS, **inlined)(mark)
+                register_jitable(**OPTIONS, pipeline_class=Inlined if small else Apart)(mark)
                 _registered.add(mark)
 
     def on_end(self, event: event.Event) -> None:
