@@ -20,7 +20,7 @@ from msahl.schemes import HIGHER, choices, split
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import state_errors
 from msahl.study.independent import solve
-from msahl.study.order import LEAST_POINTS, Fit, fit_order
+from msahl.study.order import AGREE, LEAST_POINTS, Fit, fit_order
 from msahl.study.runs import run_in_memory, with_step
 
 WORDS = tuple(word for word in choices() if split(word)[0] in HIGHER)
