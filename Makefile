@@ -89,6 +89,7 @@ thesis: .venv/installed
 
 validation: thesis
 	$(BIN)/python tools/validation/closed_forms.py
+	$(BIN)/python tools/validation/orders.py
 	$(BIN)/python benchmarks/convergence/experiment.py --page
 	$(BIN)/python tools/validation/stability.py --page
 

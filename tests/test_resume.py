@@ -102,11 +102,12 @@ def test_a_run_of_violent_steps_goes_on_bit_for_bit(monkeypatch, steps):
     assert same_run(monkeypatch, model, Options(), steps).halvings >= 5
 
 
+@pytest.mark.parametrize("scheme", ["gauss", "radau"])
 @pytest.mark.parametrize("name", ["triple_pendulum_45", "friction_hinge"])
-def test_steps_of_higher_degree_go_on_bit_for_bit(monkeypatch, name):
+def test_steps_of_higher_degree_go_on_bit_for_bit(monkeypatch, name, scheme):
     model = deck(name)
     simulation = replace(
-        model.simulation, t_final=24 * model.simulation.dt, scheme="gauss", degree=2
+        model.simulation, t_final=24 * model.simulation.dt, scheme=scheme, degree=2
     )
     same_run(monkeypatch, replace(model, simulation=simulation), Options(shadow=1e-6), 9)
 
