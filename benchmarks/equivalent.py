@@ -69,7 +69,8 @@ def positions(model: Model, h: float, steps: int, variant: str, every: int) -> n
     equation, tableau = chain_equation(model, float), TABLEAUS[variant]
     y, rows = equation.start, [equation.start]
     for step in range(1, steps + 1):
-        y = _step(equation, tableau, y, h)
+        with np.errstate(all="ignore"):
+            y = _step(equation, tableau, y, h)
         if not np.isfinite(y).all():
             raise ArithmeticError("the motion grows without bounds")
         if step % every == 0:
