@@ -214,9 +214,6 @@ def advance(
 def march(high: High, h: float, first: int, last: int, plan: np.ndarray) -> int:
     """As ``newton.march``, with the reactions of every published row at its own time; without rows
     where the ``plan`` is empty.
-
-    Newton's method stands in here and not in a function of its own: a compiler goes through all
-    that a function calls once more for every caller.
     """
     scene, stages, station_room = high.scene, high.stages, high.station
     system, state, start, unknowns = scene.system, scene.state, scene.start, scene.unknowns
