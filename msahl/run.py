@@ -267,9 +267,9 @@ class _Run:
             take(min(steps, self.chunk))
             seconds = time.perf_counter() - began
             progress(report.steps, self.now)
-            # The first chunks may compile; sizes at most quadruple until they fill their time.
+            # The first chunks may compile; sizes grow until they fill their time.
             wanted = steps * CHUNK_SECONDS / max(seconds, 1e-9)
-            steps = max(1, min(4 * steps, int(wanted), self.chunk))
+            steps = max(1, min(16 * steps, int(wanted), self.chunk))
             if report.status != "completed" or self.ended:
                 break
             if stopped():

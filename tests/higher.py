@@ -23,7 +23,7 @@ class Step:
         preserving.prepare(self.system, self.state, self.start)
         self.unknowns = choose(self.system, all_unknowns(self.system))
         rule = new_rule(scheme, self.degree)
-        self.stages = gauss.new_stages(self.system, self.state, rule)
+        self.stages = gauss.new_stages(self.system, self.unknowns, self.state, rule)
         self.stages.reaction[:] = rng.normal(size=self.stages.reaction.shape)
         self.shape = (self.degree, self.unknowns.free.size)
         self.z = 0.3 * rng.normal(size=self.shape)

@@ -88,8 +88,9 @@ def _complaints(simulation: Simulation) -> list[tuple[str, str]]:
     times = {
         "deltaT": simulation.dt,
         "tFinal": simulation.t_final,
-        "outputInterval": simulation.dt if simulation.interval is None else simulation.interval,
     }
+    if simulation.interval is not None:
+        times["outputInterval"] = simulation.interval
     wrong = [
         (tag, f"it is {value:g} s; it must be greater than zero, {SMALLEST:g} to {LARGEST:g} s")
         for tag, value in times.items()

@@ -36,6 +36,7 @@ from msahl.rotation import compose, matrix, to_step_turn
 from msahl.schemes import chart, preserving
 from msahl.schemes.rule import Rule
 from msahl.system.arrays import Start, State, System, body_count, new_start, node_count
+from msahl.system.unknowns import Unknowns
 from msahl.vector import (
     IDENTITY,
     ZERO,
@@ -68,6 +69,9 @@ class Stages(NamedTuple):
     sort: np.ndarray  # (m,) kind of each block
     linear: np.ndarray  # (9 m,) constant part of the joints' derivatives
     rolling: np.ndarray  # (9 m,) whether the entry's row is one between rates
+    needed: np.ndarray  # (k,) entries of the Jacobian that the unknowns have
+    wanted: np.ndarray  # (9 m,) which of all entries these are
+    idle: bool  # whether nothing acts at c_i but gravity and inertia
     mobility: np.ndarray  # (n+1, 3, 3) inverse inertia, body axes
     state: State  # of one node of time
     start: Start  # likewise
@@ -100,7 +104,7 @@ class Stages(NamedTuple):
     level: np.ndarray  # (1,) energy balance at the start of the run [J]
 
 
-def new_stages(system: System, state: State, rule: Rule) -> Stages:
+def new_stages(system: System, unknowns: Unknowns, state: State, rule: Rule) -> Stages:
     """Room for steps by ``rule`` from ``state``."""
     degree = rule.weight.size
     n, nodes = body_count(system), (node_count(system), 3)
@@ -112,6 +116,7 @@ def new_stages(system: System, state: State, rule: Rule) -> Stages:
         [of_body.all(axis=1), of_body[:, 0], of_body[:, 1]], [BODY, FORCE, GAP], BETWEEN
     )
     sort[0] = NOBODY
+    needed = np.union1d(unknowns.elimination.source, unknowns.dense_from)
     mobility = np.zeros((n, 3, 3))
     mobility[:-1] = np.linalg.inv(system.bodies.inertia[:-1])
     return Stages(
@@ -119,6 +124,9 @@ def new_stages(system: System, state: State, rule: Rule) -> Stages:
         sort=sort.astype(np.int64),
         linear=np.where(np.repeat(sort, 9) == BODY, 0.0, system.constant),
         rolling=rolling,
+        needed=needed,
+        wanted=np.isin(np.arange(9 * len(sort)), needed),
+        idle=system.along is None and not system.loads.body.size and not system.drags.body.size,
         mobility=mobility,
         state=node_state,
         start=new_start(system, node_state),
@@ -196,16 +204,15 @@ def evaluate(
             _turn(system.bodies, start, stages, h, i)
         if k >= 0 or i >= 0:
             _enter(system, stages, h, k, i)
-        if fresh:
-            if held:
-                _hold_jacobian(system, stages)
-            else:
+        if fresh and held:
+            _hold_jacobian(system, stages)
+            _into_chart(system, stages, False)
+            _add_held(stages, h, row, k)
+        elif fresh:
+            _add_turning(system.bodies, start, stages, h, i)
+            if not stages.idle:
                 _act_jacobian(system, stages, i)
-                _add_turning(system.bodies, start, stages, h, i)
-            _into_chart(system, stages, not held)
-            if held:
-                _add_held(stages, h, row, k)
-            else:
+                _into_chart(system, stages, True)
                 _add_acting(system, stages, h, i)
     length = 0.0
     for k in range(s):
@@ -229,7 +236,7 @@ def _begin(system: System, start: Start, stages: Stages, h: float, fresh: bool) 
             put(F[j], 2 * b, axpy(-way, at(start.bodies.v, b), at(stages.Z[j], 2 * b)))
             put(F[j], 2 * b + 1, scale(-way, spin(bodies, start, b)))
     if fresh:
-        for e in range(values.shape[0]):
+        for e in stages.needed:
             for j in range(values.shape[1]):
                 for k in range(values.shape[2]):
                     values[e, j, k] = 0.0
@@ -246,8 +253,11 @@ def spin(bodies: Bodies, start: Start, b: int) -> Vector:
 
 @kernel
 def go(system: System, state: State, stages: Stages, h: float, n: int) -> None:
-    """Bring ``stages.start`` to what the rule has as number ``n``."""
+    """Bring ``stages.start`` to what the rule has as number ``n``; only what inertia needs, where
+    nothing else acts there.
+    """
     rule = stages.rule
+    bare = stages.idle and rule.acts[n] >= 0
     tau, phi, slope = rule.time[n], rule.place[n], rule.rate[n]
     bodies, Z, node = system.bodies, stages.Z, stages.state
     node.time[0] = state.time[0] + h * tau
@@ -261,12 +271,15 @@ def go(system: System, state: State, stages: Stages, h: float, n: int) -> None:
         put(stages.turn, b, c)
         put(stages.turning, b, scale(1.0 / bodies.length[b], lc_dot))
         put_matrix(stages.tangent, b, chart.tangent(c))
+        put(node.v, b, v)
+        if bare:
+            continue
         put(stages.moved, 2 * b, u)
         put(stages.moved, 2 * b + 1, scale(bodies.length[b], to_step_turn(c)))
         put(node.x, b, add(at(state.x, b), u))
         put(node.p, b, compose(c, at(state.p, b)))
-        put(node.v, b, v)
-    preserving.prepare(system, node, stages.start)
+    if not bare:
+        preserving.prepare(system, node, stages.start)
     for b in range(bodies.inverse_mass.size - 1):
         put(stages.start.bodies.W, b, times(matrix_at(stages.tangent, b), at(stages.turning, b)))
     for q in range(node.angle.size):
@@ -497,7 +510,7 @@ def _add_held(stages: Stages, h: float, row: int, k: int) -> None:
     """Take the derivatives of the joints' ``row``-th gaps and ``k``-th forces into the Jacobian."""
     values, chi = stages.values, stages.rule.chi
     s = chi.shape[0]
-    for e in range(9, stages.by_place.size):
+    for e in stages.needed:
         sort, value = stages.sort[e // 9], stages.by_place[e]
         if value == 0.0:
             continue
@@ -519,7 +532,7 @@ def _add_acting(system: System, stages: Stages, h: float, i: int) -> None:
     """Take the derivatives of the loads at c_i into the Jacobian."""
     values, rule, place, rate = stages.values, stages.rule, stages.by_place, stages.by_rate
     s = rule.weight.size
-    for e in range(9, place.size):
+    for e in stages.needed:
         m, p, q = e // 9, e % 9 // 3, e % 3
         by_place, by_rate, bent_place, bent_rate = place[e], rate[e], 0.0, 0.0
         if rule.varied and stages.sort[m] == BODY and system.blocks[m, 0] % 2 == 1:
@@ -543,8 +556,7 @@ def _add_acting(system: System, stages: Stages, h: float, i: int) -> None:
 @kernel
 def _add_turning(bodies: Bodies, start: Start, stages: Stages, h: float, i: int) -> None:
     """Take the derivatives of the inertia of the turns at c_i into the Jacobian."""
-    values, rule = stages.values, stages.rule
-    s = rule.weight.size
+    rule = stages.rule
     if not rule.varied:
         _add_spinning(bodies, stages, h, i)
         return
@@ -557,36 +569,47 @@ def _add_turning(bodies: Bodies, start: Start, stages: Stages, h: float, i: int)
         pi_c = combine(1.0, product(H, product(J, by_c)), chart.momentum_slope(c, z))
         force_c = product(transpose(by_c), product(J, by_c))
         force_c = combine(1.0, chart.curvature(c, z, c_dot), force_c)
-        scaled = bodies.inverse_mass[b] / bodies.length[b] ** 2
         bow, bow_rate = matrix_at(stages.bow, b), matrix_at(stages.bow_rate, b)
         pi, force = chart.momentum(c, z), times(transpose(by_c), z)
         moment = moment_in_chart(stages, b)
         force = axpy(bodies.length[b] / bodies.inverse_mass[b], moment, force)
-        for k in range(s):
+        # What the bow moves, by c(t) and by c_dot; below by c_k. The matrices are squares of all.
+        moved_c = combine(1.0, product(bow_rate, pi_c), chart.square_slope(c_dot, scale(2 * h, pi)))
+        moved_c = combine(h, product(bow, force_c), moved_c)
+        moved_c = combine(2.0 * h, chart.square_slope(c, force), moved_c)
+        moved = combine(1.0, product(bow_rate, mass), chart.square_slope(c, scale(2.0 * h, pi)))
+        moved = combine(h, product(bow, transpose(pi_c)), moved)
+        scaled = h * bodies.inverse_mass[b] / bodies.length[b] ** 2
+        for k in range(rule.weight.size):
             phi, rate = rule.value[i, k], rule.slope[i, k] / h
-            pi_k = _sum(phi, pi_c, rate, mass)
-            force_k = _sum(phi, force_c, rate, transpose(pi_c))
-            c_k = scale(1.0 / bodies.length[b], at(stages.Z[k], 2 * b + 1))
-            # By c(t) and by c_k, of which the matrices are squares; then by c_dot.
-            bent = _sum(
-                2.0 * h * phi, chart.square_slope(sub(c, c_k), force), h, product(bow, force_k)
-            )
-            bent = combine(2.0 * h * rate, chart.square_slope(sub(c, c_k), pi), bent)
-            bent = combine(2.0 * h * phi, chart.square_slope(c_dot, pi), bent)
-            bent = combine(1.0, product(bow_rate, pi_k), bent)
-            for p in range(3):
-                for q in range(3):
-                    e = bodies.block[b] + 3 * p + q
-                    for j in range(s):
-                        total = rule.beta[j, i] * pi_k[p][q] + h * rule.alpha[j, i] * force_k[p][q]
-                        total -= rule.closing[j] * rule.weight[i] * bent[p][q]
-                        values[e, j, k] += scaled * h * total
+            pi_k = _sum(scaled * phi, pi_c, scaled * rate, mass)
+            force_k = _sum(scaled * h * phi, force_c, scaled * h * rate, transpose(pi_c))
+            c_k = scale(-2.0 * h * scaled / bodies.length[b], at(stages.Z[k], 2 * b + 1))
+            bent = chart.square_slope(c_k, axpy(rate, pi, scale(phi, force)))
+            bent = combine(scaled * rate, moved, combine(scaled * phi, moved_c, bent))
+            _enter_turning(stages, bodies.block[b], i, k, pi_k, force_k, bent)
+
+
+@kernel
+def _enter_turning(
+    stages: Stages, block: int, i: int, k: int, pi: Matrix, force: Matrix, bent: Matrix
+) -> None:
+    """Add to a ``block`` the derivatives by z_k of momentum, force and bow at c_i."""
+    values, rule = stages.values, stages.rule
+    for p in range(3):
+        for q in range(3):
+            e = block + 3 * p + q
+            if stages.wanted[e]:
+                for j in range(rule.weight.size):
+                    total = rule.beta[j, i] * pi[p][q] + rule.alpha[j, i] * force[p][q]
+                    total -= rule.closing[j] * rule.weight[i] * bent[p][q]
+                    values[e, j, k] += total
 
 
 @kernel
 def _add_spinning(bodies: Bodies, stages: Stages, h: float, i: int) -> None:
     """As ``_add_turning`` where the parameters are not varied: of the angular momentum J W."""
-    values, rule, node = stages.values, stages.rule, stages.start.bodies
+    rule, node = stages.rule, stages.start.bodies
     for b in range(bodies.inverse_mass.size - 1):
         J, H, W = matrix_at(node.J, b), matrix_at(stages.tangent, b), at(node.W, b)
         c, c_dot = at(stages.turn, b), at(stages.turning, b)
@@ -597,11 +620,8 @@ def _add_spinning(bodies: Bodies, stages: Stages, h: float, i: int) -> None:
         scaled = bodies.inverse_mass[b] / bodies.length[b] ** 2
         for k in range(rule.weight.size):
             L_k = _sum(scaled * h * rule.value[i, k], by_c, scaled * rule.slope[i, k], by_rate)
-            for p in range(3):
-                for q in range(3):
-                    e = bodies.block[b] + 3 * p + q
-                    for j in range(rule.weight.size):
-                        values[e, j, k] += rule.beta[j, i] * L_k[p][q]
+            nothing = skew(ZERO)
+            _enter_turning(stages, bodies.block[b], i, k, L_k, nothing, nothing)
 
 
 @kernel

@@ -19,7 +19,7 @@ from msahl.schemes.gauss import Stages, new_stages
 from msahl.schemes.rule import new_rule
 from msahl.solve import between, dense, stagewise, station
 from msahl.solve.between import Between, new_between
-from msahl.solve.newton import DIVERGED, MAX_ITERATIONS, SLOW, STUCK
+from msahl.solve.newton import DIVERGED, MAX_ITERATIONS, STUCK
 from msahl.solve.outcome import TARGET, TOLERANCE
 from msahl.solve.station import Station, new_station
 from msahl.solve.step import Scene, show
@@ -27,6 +27,9 @@ from msahl.solve.watch import Watch, energy_balance
 from msahl.system.arrays import Start, State, System
 from msahl.system.order import Elimination
 
+WORTH = 7.0
+"""Iterations that are better made with the derivative at hand: a new one with its factors costs
+about five, and three more follow."""
 RECALLED = 0.01
 """Share of the gap from absolute positions that a step closes beside what the last one left over.
 Gaps followed by increments wander by round-off as turns are composed: 1e-11 m in two million steps.
@@ -52,7 +55,7 @@ class High(NamedTuple):
 def new_high(scene: Scene, scheme: str, degree: int) -> High:
     """Room for steps by the ``scheme`` of a ``degree`` from the scene's prepared state."""
     lu, group, higher = scene.unknowns.elimination, scene.system.along, HIGHER[scheme]
-    stages = new_stages(scene.system, scene.state, new_rule(scheme, degree))
+    stages = new_stages(scene.system, scene.unknowns, scene.state, new_rule(scheme, degree))
     gap, rate = scene.watch.gap, scene.watch.rate
     stages.level[0] = energy_balance(scene.system, scene.state, scene.start, gap, rate)
     return High(
@@ -74,6 +77,14 @@ def new_high(scene: Scene, scheme: str, degree: int) -> High:
 def forget(high: High) -> None:
     """Let the next step be guessed from the accelerations of its start."""
     high.stages.known[1] = 0.0
+
+
+@kernel
+def is_slow(residual: float, before: float) -> bool:
+    """Whether a new derivative is worth its price, at the pace of the last iteration."""
+    if not residual < before:
+        return True
+    return math.log(TARGET / residual) < WORTH * math.log(residual / before)
 
 
 @kernel
@@ -260,7 +271,7 @@ def take(high: High, h: float) -> bool:
             continue
         if iteration == MAX_ITERATIONS or not residual <= DIVERGED * smallest:
             break
-        if residual > SLOW * before and not fresh:
+        if not fresh and is_slow(residual, before):
             fresh = True
             continue
         if fresh:

@@ -206,10 +206,10 @@ class Runner:
         self.steps.forget()
         outcome = self._take(h, MAX_HALVINGS, 1.0)
         if not outcome.converged:
+            self.steps.forget()
             for array, value in zip(self.scene.state, before, strict=True):
                 array[:] = value
             preserving.prepare(self.scene.system, self.scene.state, self.scene.start)
-            self.steps.forget()
         return outcome
 
     def _take(self, h: float, halvings: int, share: float) -> Outcome:

@@ -86,8 +86,10 @@ def take_product(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> None:
     for i in range(s):
         for k in range(s):
             c = A[i, k]
-            for j in range(s):
-                C[i, j] -= c * B[k, j]
+            # Rows of gaps hold nothing of other stages.
+            if c != 0.0:
+                for j in range(s):
+                    C[i, j] -= c * B[k, j]
 
 
 @kernel
