@@ -2,8 +2,8 @@
 
 numba takes a ``NamedTuple`` apart into its scalars, seven and more an array, and hands on all of
 them at every call: a thousand for a scene, which took a third of the time of compiling. Here a
-group lies in memory while a kernel runs and its address is handed on. A group never changes while
-a kernel runs (its arrays' entries do), and the compiler is told so.
+group lies in memory while a kernel runs and its address is handed on. A group never changes while a
+kernel runs (its arrays' entries do), and the compiler is told so.
 """
 
 import hashlib

@@ -19,7 +19,7 @@ from numba.extending import register_jitable
 
 import msahl.by_reference  # noqa: F401 - tells numba what a group is
 from msahl.kernel import APART, MARKED
-from msahl.part import Apart, Inlined
+from msahl.part import Apart, Entered, Inlined
 
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
 """Division by zero gives inf or nan, which the solver sees, instead of an exception. Without
@@ -30,9 +30,10 @@ SMALL = 800
 tenth; with larger functions they gain nothing and compiling takes longer."""
 
 KERNEL_ROOMS = ("bodies", "forces", "joints", "post", "schemes", "solve", "study", "system")
-SHARED = ("law.py", "rotation.py", "vector.py", "kernel.py", "by_reference.py", "part.py")
-KERNELS = (*SHARED, *(f"{r}/*.py" for r in KERNEL_ROOMS))
-"""The sources of the package that are part of compiled code."""
+SHARED = ("law.py", "rotation.py", "vector.py")
+COMPILER = ("by_reference.py", "compiled.py", "kernel.py", "part.py")
+KERNELS = (*SHARED, *COMPILER, *(f"{r}/*.py" for r in KERNEL_ROOMS))
+"""The sources of the package that compiled code depends on."""
 
 _registered: set[Callable[..., Any]] = set()
 
@@ -63,7 +64,8 @@ def keep(kind: str) -> None:
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """``function`` compiled on its first call (or loaded from the cache), with all it calls."""
-    dispatcher: Callable[..., Any] = numba.njit(cache=True, **OPTIONS)(function)
+    options = {**OPTIONS, "pipeline_class": Entered}
+    dispatcher: Callable[..., Any] = numba.njit(cache=True, **options)(function)
     return dispatcher
 
 

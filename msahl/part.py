@@ -7,6 +7,7 @@ optimised and made machine code with the function that is entered.
 
 from typing import Any
 
+from llvmlite.binding import Linkage
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, PassManager, register_pass
@@ -73,3 +74,25 @@ class Inlined(Apart):
     """Of functions that do become part of their callers."""
 
     offer = _OfferInlined
+
+
+class _EnteredLibrary(JITCodeLibrary):
+    """Code that is entered from Python, with all that it calls."""
+
+    def _optimize_final_module(self) -> None:
+        for function in self._final_module.functions:
+            if function.linkage == Linkage.linkonce_odr:
+                # Nobody else calls it: with but one caller it may as well become part of that.
+                function.linkage = "internal"
+        super()._optimize_final_module()
+
+
+class Entered(CompilerBase):
+    """Of functions that are entered from Python."""
+
+    def define_pipelines(self) -> list[PassManager]:
+        """numba's own pipeline."""
+        name = self.state.func_id.func_qualname
+        self.state.library = _EnteredLibrary(self.state.targetctx.codegen(), name)
+        self.state.library.enable_object_caching()
+        return [DefaultPassBuilder.define_nopython_pipeline(self.state)]
