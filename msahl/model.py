@@ -148,7 +148,7 @@ def tolerance_of(model: Model) -> float | None:
     """Tolerance [m] by which the run chooses its steps; None if they are the deck's own."""
     if model.simulation.scheme == AUTO:
         return model.simulation.tolerance or TOLERANCE
-    return model.simulation.tolerance
+    return model.simulation.tolerance if degree_of(model) else None
 
 
 def decays(model: Model) -> bool:

@@ -103,6 +103,14 @@ def at(A: np.ndarray, k: int) -> Vector:
 
 
 @kernel
+def copy(source: np.ndarray, target: np.ndarray) -> None:
+    """Copy the entries of a table (n, m)."""
+    for i in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            target[i, j] = source[i, j]
+
+
+@kernel
 def put(A: np.ndarray, k: int, a: Vector) -> None:
     """Store the vector ``a`` in row ``k`` of an array ``(n, 3)``."""
     A[k, 0], A[k, 1], A[k, 2] = a

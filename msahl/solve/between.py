@@ -26,7 +26,7 @@ from msahl.solve import station
 from msahl.solve.station import Station
 from msahl.solve.step import Scene
 from msahl.system.arrays import State, body_count, new_start
-from msahl.vector import ZERO, Vector, add, at, axpy, put, scale, sub, times, transpose
+from msahl.vector import ZERO, Vector, add, at, axpy, copy, put, scale, sub, times, transpose
 
 ENDS = 6
 """Conditions at the ends of a step: place, velocity, acceleration at either."""
@@ -135,11 +135,10 @@ def mark(point: Point, scene: Scene) -> None:
     """Note the scene's accepted state as an end of the step."""
     state, start = scene.state, scene.start
     point.time[0] = state.time[0]
-    for b in range(state.x.shape[0]):
-        put(point.x, b, at(state.x, b))
-        put(point.p, b, at(state.p, b))
-        put(point.v, b, at(state.v, b))
-        put(point.W, b, at(start.bodies.W, b))
+    copy(state.x, point.x)
+    copy(state.p, point.p)
+    copy(state.v, point.v)
+    copy(start.bodies.W, point.W)
     for q in range(state.angle.size):
         point.angle[q] = state.angle[q]
     for w in range(state.work.size):
@@ -150,11 +149,10 @@ def mark(point: Point, scene: Scene) -> None:
 def copy_point(point: Point, other: Point) -> None:
     """Make ``other`` the same as ``point``."""
     other.time[0] = point.time[0]
-    for b in range(point.x.shape[0]):
-        put(other.x, b, at(point.x, b))
-        put(other.p, b, at(point.p, b))
-        put(other.v, b, at(point.v, b))
-        put(other.W, b, at(point.W, b))
+    copy(point.x, other.x)
+    copy(point.p, other.p)
+    copy(point.v, other.v)
+    copy(point.W, other.W)
     for q in range(point.angle.size):
         other.angle[q] = point.angle[q]
     for w in range(point.work.size):

@@ -26,6 +26,7 @@ from msahl.solve.step import Scene, show
 from msahl.solve.watch import Watch, energy_balance
 from msahl.system.arrays import Start, State, System
 from msahl.system.order import Elimination
+from msahl.vector import copy
 
 WORTH = 7.0
 """Iterations that are better made with the derivative at hand: a new one with its factors costs
@@ -119,14 +120,6 @@ def press(
         copy(stages.reaction[i], stages.state.reaction)
         station.accelerate(system, stages.state, stages.start, room)
         copy(stages.state.reaction, stages.reaction[i])
-
-
-@kernel
-def copy(source: np.ndarray, target: np.ndarray) -> None:
-    """Copy the entries of a table."""
-    for i in range(source.shape[0]):
-        for j in range(source.shape[1]):
-            target[i, j] = source[i, j]
 
 
 @kernel

@@ -21,7 +21,7 @@ from msahl.solve.between import Point
 from msahl.solve.high import High
 from msahl.solve.watch import look
 from msahl.system.arrays import State
-from msahl.vector import at, dot, sub
+from msahl.vector import at, copy, dot, sub
 
 NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST, WIDEST = range(8)
 """Figures: size of the next pair [s]; tolerance per second [m/s]; where the pairs end for now [s];
@@ -143,9 +143,8 @@ def pair(island: High, pace: Pace, h: float, row: int) -> bool:
     system, state, start = scene.system, scene.state, scene.start
     if not high.take(island, h):
         return False
-    for b in range(state.x.shape[0]):
-        for i in range(3):
-            pace.x[b, i], pace.p[b, i] = state.x[b, i], state.p[b, i]
+    copy(state.x, pace.x)
+    copy(state.p, pace.p)
     learn(island)
     go_back(island, pace)
     for half in range(2):
@@ -175,21 +174,16 @@ def apart(island: High, pace: Pace) -> tuple[float, float]:
 def keep(state: State, kept: State) -> None:
     """Copy what a step of higher degree changes of the state."""
     kept.time[0] = state.time[0]
-    for source, target in (
-        (state.x, kept.x),
-        (state.x_low, kept.x_low),
-        (state.p, kept.p),
-        (state.v, kept.v),
-        (state.w, kept.w),
-        (state.a, kept.a),
-        (state.alpha, kept.alpha),
-        (state.force, kept.force),
-        (state.gap, kept.gap),
-        (state.reaction, kept.reaction),
-    ):
-        for i in range(source.shape[0]):
-            for j in range(source.shape[1]):
-                target[i, j] = source[i, j]
+    copy(state.x, kept.x)
+    copy(state.x_low, kept.x_low)
+    copy(state.p, kept.p)
+    copy(state.v, kept.v)
+    copy(state.w, kept.w)
+    copy(state.a, kept.a)
+    copy(state.alpha, kept.alpha)
+    copy(state.force, kept.force)
+    copy(state.gap, kept.gap)
+    copy(state.reaction, kept.reaction)
     for source, target in ((state.angle, kept.angle), (state.work, kept.work)):
         for i in range(source.size):
             target[i] = source[i]
@@ -206,25 +200,18 @@ def go_back(island: High, pace: Pace) -> None:
 @kernel
 def learn(island: High) -> None:
     """Keep the polynomials of the step just taken."""
-    copy_all(island.stages.before, island.whole)
-    copy_all(island.stages.Z, island.held)
+    for k in range(island.held.shape[0]):
+        copy(island.stages.before[k], island.whole[k])
+        copy(island.stages.Z[k], island.held[k])
 
 
 @kernel
 def follow(island: High, t: float, h: float) -> None:
     """Let the next step follow the polynomials kept, of a step ``h`` from ``t``."""
-    copy_all(island.whole, island.stages.before)
-    copy_all(island.held, island.stages.Z)
+    for k in range(island.held.shape[0]):
+        copy(island.whole[k], island.stages.before[k])
+        copy(island.held[k], island.stages.Z[k])
     island.stages.known[0], island.stages.known[1] = t, h
-
-
-@kernel
-def copy_all(source: np.ndarray, target: np.ndarray) -> None:
-    """Copy the entries of an array (s, nodes, 3)."""
-    for s in range(source.shape[0]):
-        for node in range(source.shape[1]):
-            for i in range(3):
-                target[s, node, i] = source[s, node, i]
 
 
 @kernel

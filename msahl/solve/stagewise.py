@@ -8,6 +8,7 @@ import numpy as np
 
 from msahl.kernel import kernel
 from msahl.system.order import Elimination
+from msahl.vector import copy
 
 
 @kernel
@@ -19,9 +20,7 @@ def factor(lu: Elimination, values: np.ndarray, W: np.ndarray, room: np.ndarray)
             for j in range(s):
                 W[e, i, j] = 0.0
     for e in range(lu.source.size):
-        for i in range(s):
-            for j in range(s):
-                W[lu.place[e], i, j] = values[lu.source[e], i, j]
+        copy(values[lu.source[e]], W[lu.place[e]])
     operation = 0
     for k in range(lu.order.size):
         pivot = lu.base[k]
@@ -59,9 +58,7 @@ def invert(A: np.ndarray, room: np.ndarray) -> None:
                 for j in range(s):
                     A[i, j] -= c * A[k, j]
                     room[i, j] -= c * room[k, j]
-    for i in range(s):
-        for j in range(s):
-            A[i, j] = room[i, j]
+    copy(room, A)
 
 
 @kernel
@@ -74,9 +71,7 @@ def multiply(A: np.ndarray, B: np.ndarray, room: np.ndarray) -> None:
             for k in range(s):
                 total += A[i, k] * B[k, j]
             room[i, j] = total
-    for i in range(s):
-        for j in range(s):
-            A[i, j] = room[i, j]
+    copy(room, A)
 
 
 @kernel

@@ -22,7 +22,7 @@ from msahl.solve.step import Scene
 from msahl.system.arrays import Start, State, System, node_count
 from msahl.system.reduce import all_unknowns
 from msahl.system.unknowns import Unknowns, choose
-from msahl.vector import add, at, matrix_at, put, scale, times, transpose
+from msahl.vector import add, at, copy, matrix_at, put, scale, times, transpose
 
 NO_STEP = 1e-100
 """Step size for the limit; its square is still a normal number."""
@@ -151,8 +151,8 @@ def publish(scene: Scene, station: Station, row: int) -> None:
     """
     system, state, start = scene.system, scene.state, scene.start
     force, reaction = station.force, station.reaction
-    _copy(state.force, force)
-    _copy(state.reaction, reaction)
+    copy(state.force, force)
+    copy(state.reaction, reaction)
     accelerate(system, state, start, station)
     publish_reactions(
         system.shown,
@@ -163,15 +163,8 @@ def publish(scene: Scene, station: Station, row: int) -> None:
         scene.tables.reactions,
         row,
     )
-    _copy(force, state.force)
-    _copy(reaction, state.reaction)
-
-
-@kernel
-def _copy(source: np.ndarray, target: np.ndarray) -> None:
-    for i in range(source.shape[0]):
-        for j in range(source.shape[1]):
-            target[i, j] = source[i, j]
+    copy(force, state.force)
+    copy(reaction, state.reaction)
 
 
 @kernel

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 from msahl.cli import BAD_INPUT, NOT_CONVERGED, NOT_WRITTEN, stoppable
-from msahl.schemes import choices
+from msahl.schemes import AUTO, choices
 
 if TYPE_CHECKING:
     from msahl.study.study import Plan
@@ -25,6 +25,10 @@ MEASURE_KEYS = (
 )
 
 
+STEPPED = tuple(scheme for scheme in choices() if scheme != AUTO)
+"""Schemes whose step is given."""
+
+
 @click.command()
 @click.argument("deck", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), metavar="DIR",
@@ -32,7 +36,7 @@ MEASURE_KEYS = (
 @click.option("--dt", "steps", type=click.FloatRange(min=0.0, min_open=True), multiple=True,
               metavar="S", help="Step [s]; repeat for more (default: 0.1 0.04 0.01 0.004 0.002 "
               "0.001 0.0004, or eight times to an eighth of the deck's).")  # fmt: skip
-@click.option("--scheme", "schemes", type=click.Choice(choices()), multiple=True,
+@click.option("--scheme", "schemes", type=click.Choice(STEPPED), multiple=True,
               help="Repeat for more (default: those of order 2).")  # fmt: skip
 @click.option("--reference", default="auto", show_default=True, metavar="KIND",
               help="True values: 'exact' (closed form), 'independent' (another integrator), 'auto' "

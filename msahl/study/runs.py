@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from msahl.model import Model
+from msahl.model import Model, scheme_of
 from msahl.results.read import Run
 from msahl.run import Grid, Options, Report, run
 from msahl.schemes import split
@@ -65,12 +65,14 @@ class Trial:
 def with_step(
     model: Model, dt: float, t_final: float | None = None, scheme: str | None = None
 ) -> Model:
-    """``model`` with another step, end and scheme (one of ``schemes.choices``)."""
+    """``model`` with another step, end and scheme (one of ``schemes.choices``), all steps of this
+    size.
+    """
     given = model.simulation
     end = given.t_final if t_final is None else t_final
-    name, degree = split(scheme) if scheme else (given.scheme, None)
+    name, degree = split(scheme) if scheme else (scheme_of(model), None)
     other = replace(given, dt=dt, t_final=end, scheme=name, degree=degree or given.degree)
-    return replace(model, simulation=other)
+    return replace(model, simulation=replace(other, tolerance=None, interval=None))
 
 
 def run_in_memory(
