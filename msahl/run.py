@@ -367,8 +367,7 @@ class _Run:
         done = min(self._finite_steps(steps, plan))
         report.seconds["loop"] += time.perf_counter() - began
         if steps == 0:
-            report.status = "not converged"
-            report.message = self._failure(report.steps, self.runners[0], outcome)
+            report.status, report.message = "not converged", self._no_pair(outcome)
         plan = plan.until(done)
         if self._publish(times[: plan.due[-1]]):
             report.steps += done
@@ -441,7 +440,7 @@ class _Run:
             if first_bad < done and first_bad == min(finite):
                 whose = runner.culprit(self.grid.h) or "a result"
                 self.report.status = "not converged"
-                t = self.grid.time(self.report.steps + first_bad)
+                t = self.now if self.paced else self.grid.time(self.report.steps + first_bad)
                 self.report.message = overflow(t, whose)
         return finite
 
@@ -532,6 +531,23 @@ class _Run:
         linear = max((part for part, _ in lost), default=None)
         angular = max((part for _, part in lost), default=None)
         return linear, None if decays(self.model) else angular
+
+    def _no_pair(self, outcome: Outcome) -> str:
+        assert self.paced is not None
+        (runner,), tried = self.runners, self.paced.smallest_tried
+        name = runner.culprit(tried)
+        if name is not None:
+            return overflow(self.now, name)
+        why = f"the steps' own errors stay above their share of {self.paced.tolerance:g} m"
+        if not outcome.converged:
+            why = (
+                f"the residual stays at {outcome.residual:.1e} of the step's motion, worst in "
+                f"{_row(runner, outcome.worst)}"
+            )
+        return (
+            f"no step from t = {self.now:g} s, down to {tried:.3g} s, meets the tolerance: {why}. "
+            "Look at the last rows for forces or speeds that grow without bound, or jump."
+        )
 
     def _failure(self, step: int, runner: Runner, outcome: Outcome) -> str:
         name = runner.culprit(self.grid.h)

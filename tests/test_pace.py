@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from scenes import DECKS, deck, simulate
+from scenes import DECKS, body, deck, scene, simulate
+from test_overflow import push
 from test_resume import advance, bits, in_two_parts
 
 import msahl.run
@@ -127,3 +128,14 @@ def test_the_command_asks_for_it(tmp_path):
     result = CliRunner().invoke(main, [*words, "--tolerance", "0"])
     assert result.exit_code == 2
     assert "greater than zero" in result.stderr
+
+
+def test_what_no_step_meets_is_told():
+    """A load of (10 t)^400 N: no step is small enough for it after some 0.2 s."""
+    sudden = push(1e200, *[0.0] * 400, 1e200)
+    model = scene([body(velocity=(1.0, 0.0, 0.0))], loads=[sudden], dt=0.01, t_final=1.0)
+    report, _ = advance(paced(model, 1e-6), Options())
+    assert report.status == "not converged"
+    assert 0.1 < report.time < 0.6
+    assert "beyond what a computer holds" in report.message
+    assert f"t = {report.time:g} s" in report.message

@@ -170,6 +170,11 @@ class Paced(Higher):
         return done, int(self.pace.counts[pace.ROWS]), Outcome(float(residual), int(worst))
 
     @property
+    def smallest_tried(self) -> float:
+        """Size of the steps [s] that were tried last."""
+        return 0.5 * float(self.pace.figures[pace.NEXT])
+
+    @property
     def order(self) -> int:
         """Order of the steps of the present degree."""
         return HIGHER[self.scheme].order(self.degree)
