@@ -196,6 +196,7 @@ class _Run:
         ]
         steps = self.runners[0].steps
         self.paced = cast("Paced", steps) if tolerance_of(model) is not None else None
+        self.reached = 0.0  # end of the last good step of these [s]
         asked = options.shadow or model.simulation.limits.accuracy
         self.shadow = Shadow(self.runners, options.full, self.chunk, asked) if asked else None
         place = [{name: i for i, name in enumerate(columns)} for columns in self.columns]
@@ -237,7 +238,7 @@ class _Run:
         self.scene = digest(self._all_runners) if self.save or since else ""
         for runner in self.runners:
             runner.show_start()
-        if min(self._finite_steps(1, Plan.at_ends(np.ones(1, dtype=bool)))) < 1:
+        if min(self._finite_steps(1, Plan.at_ends(np.ones(1, dtype=bool)), self.grid.time)) < 1:
             raise StartError(self.report.message)
         first = [runner.scene.watch.rows[:1] for runner in self.runners]
         self.extremes = Extremes(first, sum(_weight(runner) for runner in self.runners))
@@ -284,7 +285,7 @@ class _Run:
         """Time that the run has come to [s]."""
         if self.paced is None:
             return self.grid.time(self.report.steps)
-        return min(float(self.runners[0].scene.state.time[0]), self.grid.t_final)
+        return min(self.reached, self.grid.t_final)
 
     @property
     def ended(self) -> bool:
@@ -327,6 +328,7 @@ class _Run:
         for runner, counted in zip(self._all_runners, numbers["islands"], strict=True):
             set_counters(runner, counted)
         recall(self._all_runners, since.memory)
+        self.reached = float(self.runners[0].scene.state.time[0])
         vars(self.extremes).update(numbers["extremes"])
         if self.shadow:
             vars(self.shadow).update(numbers["shadow"])
@@ -342,7 +344,8 @@ class _Run:
         if first + steps == self.grid.n and not self.grid.whole and steps > 1:
             steps -= 1  # the last step has a size of its own
         plan, times = self._plan(first, steps)
-        done = min(self._finite_steps(min(self._advance(plan)), plan))
+        taken = min(self._advance(plan))
+        done = min(self._finite_steps(taken, plan, lambda k: self.grid.time(first + k)))
         self.report.seconds["loop"] += time.perf_counter() - began
         plan = plan.until(done)
         if self._publish(times[: plan.due[-1]]):
@@ -363,8 +366,12 @@ class _Run:
         begin = self.now
         steps, count, outcome = self.paced.go(times, float(times[-1]), steps)
         ends = begin + np.cumsum(self.paced.pace.sizes[:steps])
+        if steps:  # without what summing has lost
+            ends[-1] = self.runners[0].scene.state.time[0]
         plan = Plan.passed(times[:count], begin, ends)
-        done = min(self._finite_steps(steps, plan))
+        times_of = np.append(begin, ends)
+        done = min(self._finite_steps(steps, plan, lambda k: float(times_of[k])))
+        self.reached = float(ends[done - 1]) if done else begin
         report.seconds["loop"] += time.perf_counter() - began
         if steps == 0:
             report.status, report.message = "not converged", self._no_pair(outcome)
@@ -424,8 +431,9 @@ class _Run:
                 self.report.message = self._failure(self.report.steps + done, runner, outcome)
         return taken
 
-    def _finite_steps(self, done: int, plan: Plan) -> list[int]:
-        """Steps of each island before the first that left a nan or an overflow, at most ``done``.
+    def _finite_steps(self, done: int, plan: Plan, begin: Callable[[int], float]) -> list[int]:
+        """Steps of each island before the first that left a nan or an overflow, at most ``done``;
+        ``begin`` tells when each begins.
 
         A step can be solved and still be too large to be squared or multiplied.
         """
@@ -440,8 +448,7 @@ class _Run:
             if first_bad < done and first_bad == min(finite):
                 whose = runner.culprit(self.grid.h) or "a result"
                 self.report.status = "not converged"
-                t = self.now if self.paced else self.grid.time(self.report.steps + first_bad)
-                self.report.message = overflow(t, whose)
+                self.report.message = overflow(begin(first_bad), whose)
         return finite
 
     def _publish(self, times: np.ndarray) -> bool:
