@@ -129,6 +129,10 @@ class Grid:
         """End of step ``k``; as a quotient it rounds to the decimal a reader expects."""
         return self.t_final * k / self.n if self.whole else min(k * self.h, self.t_final)
 
+    def times(self, k: np.ndarray) -> np.ndarray:
+        """Ends of many steps, as ``time`` has them."""
+        return self.t_final * k / self.n if self.whole else np.minimum(k * self.h, self.t_final)
+
     def count(self, t: float) -> int:
         """How many steps end until ``t``, those that do but for round-off among them."""
         k = int(t / self.h * (1.0 + 1e-9))
@@ -362,12 +366,10 @@ class _Run:
         # same whatever the clock makes of the chunks.
         last = -(-report.rows // self.chunk) * self.chunk
         rows = np.minimum(np.arange(report.rows, last + 1) * self.options.every, shown.n)
-        times = np.unique([shown.time(int(k)) for k in rows])
+        times = shown.times(np.unique(rows))
         begin = self.now
         steps, count, outcome = self.paced.go(times, float(times[-1]), steps)
-        ends = begin + np.cumsum(self.paced.pace.sizes[:steps])
-        if steps:  # without what summing has lost
-            ends[-1] = self.runners[0].scene.state.time[0]
+        ends = self.paced.pace.ends[:steps].copy()
         plan = Plan.passed(times[:count], begin, ends)
         times_of = np.append(begin, ends)
         done = min(self._finite_steps(steps, plan, lambda k: float(times_of[k])))
@@ -395,9 +397,9 @@ class _Run:
             last = shown.count(grid.time(first + steps))
             rows = np.arange(shown.count(begin) + 1, last + 1)
             rows = rows[(rows % every == 0) | (rows == shown.n)]
-            plan = Plan.at(np.array([shown.time(int(k)) - begin for k in rows]) / h, steps)
+            plan = Plan.at((shown.times(rows) - begin) / h, steps)
             plan = plan.until(max(1, int(np.searchsorted(plan.due, self.chunk, "right")) - 1))
-        return plan, np.array([shown.time(int(k)) for k in rows[: plan.due[-1]]])
+        return plan, shown.times(rows[: plan.due[-1]])
 
     def _follow(self, sizes: np.ndarray, plan: Plan, times: np.ndarray) -> None:
         """Bring the run at half the step, if there is one, to where this one is."""

@@ -44,6 +44,7 @@ class Pace(NamedTuple):
     figures: np.ndarray  # (8,) see above
     counts: np.ndarray  # (3,)
     sizes: np.ndarray  # (steps,) of the present chunk's steps [s]
+    ends: np.ndarray  # (steps,) where they end [s]
     kept: State  # the state that a pair starts from
     middle: Point
     end: Point
@@ -60,6 +61,7 @@ def new_pace(island: High, steps: int, dt: float, tolerance: float, t_final: flo
         figures=figures,
         counts=np.zeros(3, dtype=np.int64),
         sizes=np.zeros(steps),
+        ends=np.zeros(steps),
         kept=State(*(array.copy() for array in state)),
         middle=between.new_point(state),
         end=between.new_point(state),
@@ -127,6 +129,7 @@ def attempt(island: High, pace: Pace, order: int, row: int, commit: bool) -> boo
         figures[SMALLEST] = min(figures[SMALLEST], 0.5 * h)
         figures[WIDEST] = max(figures[WIDEST], 0.5 * h)
         pace.sizes[row] = pace.sizes[row + 1] = 0.5 * h
+        pace.ends[row], pace.ends[row + 1] = pace.middle.time[0], pace.end.time[0]
         return True
     if commit:
         pace.counts[REFUSED] += 1
