@@ -37,7 +37,7 @@ SHORT, UP_A_DECADE = 10, 4
 steps four times smaller, the quickest motions of a chain being about as many times quicker.
 """
 LOST = 0.1
-"""Error [m] of a step so large that its iterations say nothing about the cost of a finer one."""
+"""Error [m] of a step so large that its iterations say nothing about the cost of finer ones."""
 FLOOR, FLAT = 1e-5, 0.8
 """Below the first error [m], one that falls by less than the second factor is round-off's."""
 WARMED = 0.001
@@ -235,11 +235,11 @@ def _wanted(curve: Curve, target: float) -> Iterator[int]:
             else:
                 rung = _finer(curve, target)
         elif worse is None:
-            if good.rung == 0 or _coarser_is_slower(curve):
+            if good.rung <= _foot(curve) or _coarser_is_slower(curve):
                 return
-            rung = max(0, good.rung - 2)
-        elif good.rung == worse.rung + 1:
-            return
+            rung = max(_foot(curve), good.rung - 2)
+        elif good.rung == worse.rung + 1 or worse.seconds > good.seconds:
+            return  # between neighbours; or no coarser run is worth having
         else:
             rung = _between(curve, worse, good, target)
         if rung > 60:
@@ -254,8 +254,17 @@ def _first(curve: Curve) -> int:
     """
     if curve.code.controlled:
         return 4
-    up = UP_A_DECADE * math.log10(max(1.0, curve.scene.bodies / SHORT))
-    return max(0, 8 - curve.code.order) + round(up)
+    return max(0, 8 - curve.code.order) + _up(curve)
+
+
+def _up(curve: Curve) -> int:
+    """How many rungs quicker the quick motions are than those of a short chain."""
+    return round(UP_A_DECADE * math.log10(max(1.0, curve.scene.bodies / SHORT)))
+
+
+def _foot(curve: Curve) -> int:
+    """The lowest rung tried: below it no step of a long chain converges but in many halves."""
+    return 0 if curve.code.controlled else max(0, _up(curve) - 2)
 
 
 def _coarser_is_slower(curve: Curve) -> bool:
@@ -313,8 +322,8 @@ def _expected(curve: Curve, rung: int) -> float:
     points = _finite(curve)
     if not points:
         return 0.0
-    near = min(points, key=lambda p: abs(p.rung - rung))
-    code = curve.code
+    code, followed = curve.code, [p for p in points if p.error <= LOST]
+    near = min(followed or points, key=lambda p: abs(p.rung - rung))
     if code.estimated:
         return ROWS * per_interval(rung) * equivalent.SECONDS
     if near.error > LOST:
