@@ -34,7 +34,7 @@ from benchmarks.scenes import Scene, all_scenes
 from benchmarks.speed import RESULTS, tell
 from benchmarks.verdict import table_of_verdicts
 
-LIMITS = {1: (4.0, 10.0), 100: (8.0, 20.0), FROM: (30.0, 60.0)}
+LIMITS = {1: (4.0, 10.0), 100: (8.0, 20.0), FROM: (20.0, 40.0)}
 """Loop seconds of one run and of all runs of a code, by least number of bodies."""
 QUICK = ("single 45", "top 1", "chain 10")
 QUICK_LIMITS = (0.05, 0.1)
