@@ -102,6 +102,7 @@ def _style(code: str) -> dict[str, Any]:
     if code in STYLES:
         return STYLES[code]
     word = code.removeprefix("msahl ")
-    family, degree = word.rstrip("0123456789"), word.lstrip("abcdefghijklmnopqrstuvwxyz")
+    family = word.rstrip("0123456789")
+    degree = word.removeprefix(family)
     hue = {"gauss": "C0", "radau": "C9"}.get(family, "C3")
     return {"color": hue, "marker": MARKERS[int(degree or 1) - 1], "linewidth": 1.8}

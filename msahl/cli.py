@@ -136,10 +136,10 @@ def explain(deck: Path) -> None:
               "'auto' is newton with root for the first step and every hard one.")  # fmt: skip
 @click.option("--tolerance", type=float, metavar="TOL",
               help="Choose the steps so that their errors add up to no more than TOL [m], for "
-              "gauss and auto; rows stay where they are. Instead of the deck's.")  # fmt: skip
+              "gauss, radau, auto; rows stay where they are. Instead of the deck's.")  # fmt: skip
 @click.option("--output-interval", "interval", type=float, metavar="S",
-              help="Time [s] between rows, if not the step; any for gauss and auto, whole steps "
-              "for the others. Instead of the deck's.")  # fmt: skip
+              help="Time [s] between rows, if not the step; any for gauss, radau, auto, whole "
+              "steps for the others. Instead of the deck's.")  # fmt: skip
 @click.option("--every", type=click.IntRange(1, 10**9), default=1, show_default=True, metavar="N",
               help="Write every Nth row (the last one always).")  # fmt: skip
 @click.option("--reactions", type=click.Choice(["mean", "station"]),
@@ -192,11 +192,14 @@ def run(
     }
     model = _model_to_run(deck, given)
     from msahl.deck import effective_deck
+    from msahl.model import tolerance_of
     from msahl.results.checkpoint import is_complete, read_checkpoint
     from msahl.results.lock import FolderInUseError, locked
     from msahl.run import Options
     from msahl.snapshot import ResumeError
 
+    if solver == "root" and tolerance_of(model) is not None:
+        _stop("msahl run: --solver root takes the steps it is given; leave it or the tolerance out")
     folder, since = output or Path("results") / deck.stem, None
     try:
         job = Job(

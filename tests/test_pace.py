@@ -128,6 +128,9 @@ def test_the_command_asks_for_it(tmp_path):
     result = CliRunner().invoke(main, [*words, "--tolerance", "0"])
     assert result.exit_code == 2
     assert "greater than zero" in result.stderr
+    result = CliRunner().invoke(main, [*words, "--solver", "root"])
+    assert result.exit_code == 2
+    assert "takes the steps it is given" in result.stderr
 
 
 def test_what_no_step_meets_is_told():
