@@ -34,6 +34,8 @@ CHUNK_SECONDS = 0.2
 """About how long the loop goes on between output, progress and a look at interruptions."""
 PATIENCE = 5.0 * CHUNK_SECONDS
 """Seconds after which a chunk is broken off if its steps have turned hard."""
+SLOWEST = 16_000
+"""Unknowns that a loop solves in a second at least, rescues apart: what the first chunk goes by."""
 CHUNK_NUMBERS = 2_000_000
 """Most numbers published at once: bounds the memory whatever the scene and the run."""
 
@@ -237,7 +239,8 @@ class _Run:
         """Take all steps, or those ``since`` a snapshot."""
         report = self.report
         kinds = {f"{runner.steps.kind}-{self.options.solver}" for runner in self.runners}
-        if not all(is_kept(kind) for kind in kinds):
+        compiles = not all(is_kept(kind) for kind in kinds)
+        if compiles:
             tell("compiling the step for this kind of scene, once")
         self.scene = digest(self._all_runners) if self.save or since else ""
         for runner in self.runners:
@@ -253,7 +256,7 @@ class _Run:
         else:
             self._publish(np.zeros(1))
         try:
-            self._take_all(progress, stopped)
+            self._take_all(progress, stopped, 1 if compiles else self._first_steps())
         except KeyboardInterrupt:  # a second request to stop, in the middle of a chunk
             report.status = "interrupted"
             report.message = f"stopped at once, after t = {self.now:g} s"
@@ -261,18 +264,23 @@ class _Run:
             keep(kind)
         return self._finish()
 
-    def _take_all(self, progress: Callable[[int, float], Any], stopped: Callable[[], bool]) -> None:
-        """Chunks of steps to the end, or as far as they go."""
+    def _first_steps(self) -> int:
+        """How many steps the first chunk is given."""
+        return int(CHUNK_SECONDS * SLOWEST / max(1, self.report.unknowns))
+
+    def _take_all(
+        self, progress: Callable[[int, float], Any], stopped: Callable[[], bool], steps: int
+    ) -> None:
+        """Chunks of steps to the end, or as far as they go, the first of so many ``steps``."""
         report = self.report
-        steps = 1
         saved, pause = time.perf_counter(), SAVE_SECONDS
         take = self._take if self.paced is None else self._take_paced
         while not self.ended and report.status == "completed":
             began = time.perf_counter()
-            take(min(steps, self.chunk))
+            take(max(1, min(steps, self.chunk)))
             seconds = time.perf_counter() - began
             progress(report.steps, self.now)
-            # The first chunks may compile; sizes grow until they fill their time.
+            # The first chunk may compile, and tells little; sizes grow until they fill their time.
             wanted = steps * CHUNK_SECONDS / max(seconds, 1e-9)
             steps = max(1, min(16 * steps, int(wanted), self.chunk))
             if report.status != "completed" or self.ended:
