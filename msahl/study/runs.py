@@ -116,6 +116,8 @@ def try_all(
     seconds: dict[tuple[str, float], list[float]] = {case: [] for case in cases}
     kept: dict[tuple[str, float], tuple[Report, Run]] = {}
     for repeat, case in product(range(repeats), cases):
+        if stopped():  # a short run does not ask
+            break
         scheme, dt = case
         variant = with_step(model, dt, scheme=scheme)
         if repeat == 0:
