@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from msahl.deck import read_deck
-from msahl.model import STATION, Model, reactions_of
+from msahl.model import STATION, Model, degree_of, reactions_of
 from msahl.results.write import PART
 from msahl.system.names import reaction_columns, state_columns, work_columns, workers
 
@@ -38,14 +38,16 @@ class Run:
 
     @property
     def every(self) -> int:
-        """Steps from one row to the next, at least 1: more if the output was thinned.
+        """Steps from one row to the next, at least 1: more if the output was thinned. Rows of a
+        scheme of higher order are where they are, whatever its steps.
 
         A run cut off by force has no ``run.json`` to say so; its rows' spacing tells.
         """
         options, dt = self.info.get("options", {}), self.model.simulation.dt
         told = options.get("every")
         if told is not None or len(self.time) < 2:
-            return int(told or 1) * max(1, round((options.get("outputInterval") or dt) / dt))
+            interval = None if degree_of(self.model) else options.get("outputInterval")
+            return int(told or 1) * max(1, round((interval or dt) / dt))
         spacing = float(self.time[1] - self.time[0])
         return max(1, round(spacing / dt))
 
