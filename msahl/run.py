@@ -359,12 +359,7 @@ class _Run:
         taken = min(self._advance(plan))
         done = min(self._finite_steps(taken, plan, lambda k: self.grid.time(first + k)))
         self.report.seconds["loop"] += time.perf_counter() - began
-        plan = plan.until(done)
-        if self._publish(times[: plan.due[-1]]):
-            self.report.steps += done
-            self.extremes.fold([runner.scene.watch.rows[:done] for runner in self.runners])
-            sizes = np.full(done, self.grid.step(first + done))
-            self._follow(sizes, plan, times[: plan.due[-1]])
+        self._hand_over(np.full(done, self.grid.step(first + done)), plan, times)
 
     def _take_paced(self, steps: int) -> None:
         """One chunk of about ``steps`` steps whose sizes follow from the tolerance."""
@@ -385,27 +380,33 @@ class _Run:
         report.seconds["loop"] += time.perf_counter() - began
         if steps == 0:
             report.status, report.message = "not converged", self._no_pair(outcome)
+        self._hand_over(self.paced.pace.sizes[:done], plan, times)
+
+    def _hand_over(self, sizes: np.ndarray, plan: Plan, times: np.ndarray) -> None:
+        """Publish what good steps of these ``sizes`` have left of the chunk's rows, and go on."""
+        done = len(sizes)
         plan = plan.until(done)
-        if self._publish(times[: plan.due[-1]]):
-            report.steps += done
+        times = times[: plan.due[-1]]
+        if self._publish(times):
+            self.report.steps += done
             self.extremes.fold([runner.scene.watch.rows[:done] for runner in self.runners])
-            self._follow(self.paced.pace.sizes[:done], plan, times[: plan.due[-1]])
+            self._follow(sizes, plan, times)
 
     def _plan(self, first: int, steps: int) -> tuple[Plan, np.ndarray]:
         """Rows of the ``steps`` equal steps after ``first``, as many as there is room for; their
         times.
         """
         grid, shown, every = self.grid, self.shown, self.options.every
-        h, begin = grid.step(first + steps), grid.time(first)
+        ends = np.arange(first + 1, first + steps + 1)
         if shown == grid:
-            ends = np.arange(first + 1, first + steps + 1)
             plan = Plan.at_ends((ends % every == 0) | (ends == grid.n))
             rows = ends[np.diff(plan.due) > 0]
         else:
             last = shown.count(grid.time(first + steps))
-            rows = np.arange(shown.count(begin) + 1, last + 1)
+            rows = np.arange(shown.count(grid.time(first)) + 1, last + 1)
             rows = rows[(rows % every == 0) | (rows == shown.n)]
-            plan = Plan.at((shown.times(rows) - begin) / h, steps)
+            # By the steps' own times: where chunks begin is the clock's affair.
+            plan = Plan.passed(shown.times(rows), grid.time(first), grid.times(ends))
             plan = plan.until(max(1, int(np.searchsorted(plan.due, self.chunk, "right")) - 1))
         return plan, shown.times(rows[: plan.due[-1]])
 

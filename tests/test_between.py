@@ -81,7 +81,7 @@ def test_polynomials_are_exact_up_to_their_degree():
 
 
 def test_a_plan_says_where_rows_stand():
-    plan = Plan.at(np.array([0.4, 1.0, 1.0 + 1e-12, 2.75]), 3)
+    plan = Plan.passed(np.array([0.4, 1.0, 1.0 + 1e-12, 2.75]), 0.0, np.array([1.0, 2.0, 3.0]))
     np.testing.assert_array_equal(plan.due, [0, 3, 3, 4])
     np.testing.assert_allclose(plan.share, [0.4, 1.0, 1.0, 0.75])
     halves = plan.halves()

@@ -112,6 +112,16 @@ def test_steps_of_higher_degree_go_on_bit_for_bit(monkeypatch, name, scheme):
     same_run(monkeypatch, replace(model, simulation=simulation), Options(shadow=1e-6), 9)
 
 
+@pytest.mark.parametrize("name", ["triple_pendulum_45", "friction_hinge"])
+def test_rows_between_steps_go_on_bit_for_bit(monkeypatch, name):
+    """Where they stand in their steps does not depend on where chunks begin."""
+    model = deck(name)
+    dt = model.simulation.dt
+    given = {"scheme": "gauss", "degree": 2, "t_final": 24 * dt, "interval": 0.37 * dt}
+    model = replace(model, simulation=replace(model.simulation, **given))
+    same_run(monkeypatch, model, Options(shadow=1e-6), 9)
+
+
 def test_the_run_at_half_the_step_goes_on_too(monkeypatch):
     model = deck("two_pendulums")
     model = replace(model, simulation=replace(model.simulation, t_final=10.0))

@@ -189,7 +189,6 @@ def trace(between: Between, room: Station) -> None:
                 entry = 2 + 3 * m
             for node in range(curve.shape[1]):
                 put(curve[entry], node, at(between.bent[m], node))
-    weigh(between, between.basis.shape[0] - 1, 0.0)
 
 
 @kernel

@@ -26,20 +26,13 @@ class Plan:
         return cls(due, np.ones(int(due[-1])))
 
     @classmethod
-    def at(cls, places: np.ndarray, steps: int) -> "Plan":
-        """Rows at ``places`` (rows,) in ``steps``, counted from the first one's begin."""
-        step = np.clip(np.ceil(places * (1.0 - ROUND_OFF)) - 1.0, 0, steps - 1)
-        share = places - step
-        share[share > 1.0 - ROUND_OFF] = 1.0
-        return cls(np.searchsorted(step, np.arange(steps + 1)), share)
-
-    @classmethod
     def passed(cls, times: np.ndarray, begin: float, ends: np.ndarray) -> "Plan":
         """Rows at the ``times`` that steps from ``begin`` to the ``ends`` (steps,) have passed."""
         sizes = np.diff(ends, prepend=begin)
         step = np.minimum(np.searchsorted(ends + ROUND_OFF * sizes, times), len(ends) - 1)
         share = (times - (ends - sizes)[step]) / sizes[step]
-        return cls(np.searchsorted(step, np.arange(len(ends) + 1)), np.minimum(share, 1.0))
+        share[share > 1.0 - ROUND_OFF] = 1.0
+        return cls(np.searchsorted(step, np.arange(len(ends) + 1)), share)
 
     def until(self, steps: int) -> "Plan":
         """The rows of the first ``steps``."""
