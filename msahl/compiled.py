@@ -98,5 +98,7 @@ class _Registrar(event.Listener):
         pass
 
 
+# Sums of tuples become sums of the processor's own vectors.
+setattr(numba.config, "SLP_VECTORIZE", 1)  # noqa: B010 - missing in its type stub
 event.register("numba:compile", _Registrar())  # type: ignore[no-untyped-call]
 setattr(numba.config, "CACHE_DIR", str(cache_folder()))  # noqa: B010 - missing in its type stub

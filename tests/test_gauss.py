@@ -131,10 +131,10 @@ def test_blocks_are_factored_as_the_whole_matrix():
     right = rng.normal(size=step.shape)
     place = np.argsort(step.unknowns.free)
     order = place[np.searchsorted(step.unknowns.free[place], lu.order)]
-    factor, room = np.zeros((int(lu.base[-1]), 3, 3)), np.zeros((2, 3, 3))
+    factor, stages = np.zeros((int(lu.base[-1]), 3, 3)), step.stages
     y = np.ascontiguousarray(right[:, order].T)
-    stagewise.factor(lu, step.stages.values, factor, room)
-    stagewise.solve(lu, factor, y, room[0, 0])
+    stagewise.factor(lu, stages.source, stages.values, factor, np.zeros(3, dtype=np.int64))
+    stagewise.solve(lu, factor, y)
     dense = A.reshape(size, size)
     exact = np.linalg.solve(dense, right.reshape(-1)).reshape(step.shape)
     error = np.abs(y.T - exact[:, order]).max()

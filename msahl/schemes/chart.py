@@ -86,14 +86,14 @@ def curvature(c: Vector, z: Vector, a: Vector) -> Matrix:
 
 
 @kernel
-def square(c: Vector, d: Vector) -> Matrix:
-    """Of B the part quadratic in c, made bilinear: ((c d^T + d c^T) - c.d 1)/16; B has c = d."""
-    M = outer(0.0625, c, d, outer(0.0625, d, c, skew((0.0, 0.0, 0.0))))
-    return combine(-0.0625 * dot(c, d), IDENTITY, M)
+def square(M: Matrix) -> Matrix:
+    """Of B the part quadratic in c, ``(2 M - tr M 1)/16`` of ``M = c c^T``, for any symmetric M."""
+    half = combine(-0.5 * (M[0][0] + M[1][1] + M[2][2]), IDENTITY, M)
+    return combine(0.125, half, skew((0.0, 0.0, 0.0)))
 
 
 @kernel
 def square_slope(d: Vector, a: Vector) -> Matrix:
-    """Derivative of ``square(c, d) a`` by c."""
+    """Derivative by c of ``square(M) a``, M = (c d^T + d c^T)/2."""
     M = outer(-0.0625, a, d, outer(0.0625, d, a, skew((0.0, 0.0, 0.0))))
     return combine(0.0625 * dot(d, a), IDENTITY, M)

@@ -48,6 +48,7 @@ from msahl.vector import (
     axpy,
     combine,
     matrix_at,
+    outer,
     product,
     put,
     put_matrix,
@@ -58,19 +59,20 @@ from msahl.vector import (
     transpose,
 )
 
-NOBODY, BODY, FORCE, GAP, BETWEEN = range(5)
-"""Kinds of a block: nobody's; body by body, body by multiplier, gap by body, gap by multiplier."""
+BODY, FORCE, GAP, BETWEEN = range(4)
+"""Kinds of a block: body by body, body by multiplier, gap by body, gap by multiplier."""
 
 
 class Stages(NamedTuple):
     """Room for a step of degree s; nodes as in ``system.arrays``."""
 
     rule: Rule
-    sort: np.ndarray  # (m,) kind of each block
     linear: np.ndarray  # (9 m,) constant part of the joints' derivatives
-    rolling: np.ndarray  # (9 m,) whether the entry's row is one between rates
-    needed: np.ndarray  # (k,) entries of the Jacobian that the unknowns have
-    wanted: np.ndarray  # (9 m,) which of all entries these are
+    needed: np.ndarray  # (q,) entries of the Jacobian that the unknowns have
+    sort: np.ndarray  # (q,) kind of the block of each
+    rolling: np.ndarray  # (q,) whether its row is one between rates
+    slot: np.ndarray  # (9 m,) where each of all entries is among the needed, -1 if it is not
+    source: np.ndarray  # those of the sparse factors there
     idle: bool  # whether nothing acts at c_i but gravity and inertia
     mobility: np.ndarray  # (n+1, 3, 3) inverse inertia, body axes
     state: State  # of one node of time
@@ -91,7 +93,9 @@ class Stages(NamedTuple):
     F: np.ndarray  # (s, nodes, 3) rows
     impulse: np.ndarray  # (nodes, 3) change of momentum over the step, by mass
     work: np.ndarray  # (w,) over the step [J]
-    values: np.ndarray  # (9 m, s, s) the Jacobian
+    values: np.ndarray  # (q, s, s) the Jacobian, by stage of the unknown, then of the row
+    slope: np.ndarray  # (6, 3, 3) of a body's momentum, force and bow by place, and by rate
+    push: np.ndarray  # (2, 3) its force and momentum
     pull: np.ndarray  # (nodes,) largest part of a load along a quantity in the rows of a node [m]
     pulled: np.ndarray  # (nodes,) such parts near the end of the last step, by h^2
     rate: np.ndarray  # (s, nodes, 3) velocities at c_i, inertial axes
@@ -110,22 +114,23 @@ def new_stages(system: System, unknowns: Unknowns, state: State, rule: Rule) -> 
     n, nodes = body_count(system), (node_count(system), 3)
     stages, vectors = (degree, *nodes), (n, 3)
     node_state = State(*(array.copy() for array in state))
-    rolling = _rolling(system)
     of_body = system.blocks < 2 * n
     sort = np.select(
         [of_body.all(axis=1), of_body[:, 0], of_body[:, 1]], [BODY, FORCE, GAP], BETWEEN
     )
-    sort[0] = NOBODY
     needed = np.union1d(unknowns.elimination.source, unknowns.dense_from)
+    slot = np.full(system.constant.size, -1)
+    slot[needed] = np.arange(needed.size)
     mobility = np.zeros((n, 3, 3))
     mobility[:-1] = np.linalg.inv(system.bodies.inertia[:-1])
     return Stages(
         rule=rule,
-        sort=sort.astype(np.int64),
         linear=np.where(np.repeat(sort, 9) == BODY, 0.0, system.constant),
-        rolling=rolling,
         needed=needed,
-        wanted=np.isin(np.arange(9 * len(sort)), needed),
+        sort=sort[needed // 9],
+        rolling=_rolling(system)[needed],
+        slot=slot,
+        source=slot[unknowns.elimination.source],
         idle=system.along is None and not system.loads.body.size and not system.drags.body.size,
         mobility=mobility,
         state=node_state,
@@ -146,7 +151,9 @@ def new_stages(system: System, unknowns: Unknowns, state: State, rule: Rule) -> 
         F=np.zeros(stages),
         impulse=np.zeros(nodes),
         work=np.zeros_like(state.work),
-        values=np.zeros((system.constant.size, degree, degree)),
+        values=np.zeros((needed.size, degree, degree)),
+        slope=np.zeros((6, 3, 3)),
+        push=np.zeros((2, 3)),
         pull=np.zeros(nodes[0]),
         pulled=np.zeros(nodes[0]),
         rate=np.zeros(stages),
@@ -236,12 +243,12 @@ def _begin(system: System, start: Start, stages: Stages, h: float, fresh: bool) 
             put(F[j], 2 * b, axpy(-way, at(start.bodies.v, b), at(stages.Z[j], 2 * b)))
             put(F[j], 2 * b + 1, scale(-way, spin(bodies, start, b)))
     if fresh:
-        for e in stages.needed:
-            for j in range(values.shape[1]):
-                for k in range(values.shape[2]):
-                    values[e, j, k] = 0.0
-                if stages.sort[e // 9] == BODY:
-                    values[e, j, j] = system.constant[e]
+        for e in range(values.shape[0]):
+            for k in range(values.shape[1]):
+                for j in range(values.shape[2]):
+                    values[e, k, j] = 0.0
+                if stages.sort[e] == BODY:
+                    values[e, k, k] = system.constant[stages.needed[e]]
 
 
 @kernel
@@ -409,15 +416,15 @@ def _bow(bodies: Bodies, stages: Stages, h: float, i: int, b: int) -> None:
     -B eta itself. The error of interpolating B(c(t)) is that of its part quadratic in c. Without
     it the step would not be symplectic: its chart depends on where it begins.
     """
-    rule, c = stages.rule, at(stages.turn, b)
-    bow, rate = chart.square(c, c), chart.square(c, scale(2.0 * h, at(stages.turning, b)))
+    rule, c, c_dot = stages.rule, at(stages.turn, b), at(stages.turning, b)
+    bow = outer(1.0, c, c, skew(ZERO))
+    rate = outer(h, c, c_dot, outer(h, c_dot, c, skew(ZERO)))
     for k in range(rule.weight.size):
         c_k = scale(1.0 / bodies.length[b], at(stages.Z[k], 2 * b + 1))
-        at_node = chart.square(c_k, c_k)
-        bow = combine(-rule.value[i, k], at_node, bow)
-        rate = combine(-rule.slope[i, k], at_node, rate)
-    put_matrix(stages.bow, b, bow)
-    put_matrix(stages.bow_rate, b, rate)
+        bow = outer(-rule.value[i, k], c_k, c_k, bow)
+        rate = outer(-rule.slope[i, k], c_k, c_k, rate)
+    put_matrix(stages.bow, b, chart.square(bow))
+    put_matrix(stages.bow_rate, b, chart.square(rate))
 
 
 @kernel
@@ -462,7 +469,7 @@ def _into_chart(system: System, stages: Stages, rated: bool) -> None:
     rates.
     """
     first = 2 * system.bodies.inverse_mass.size
-    for m in range(1, stages.sort.size):
+    for m in range(1, system.blocks.shape[0]):
         row, column = system.blocks[m, 0], system.blocks[m, 1]
         turned_row, turned_column = row < first and row % 2 == 1, column < first and column % 2 == 1
         if not (turned_row or turned_column):
@@ -509,22 +516,17 @@ def put_block(values: np.ndarray, m: int, M: Matrix) -> None:
 def _add_held(stages: Stages, h: float, row: int, k: int) -> None:
     """Take the derivatives of the joints' ``row``-th gaps and ``k``-th forces into the Jacobian."""
     values, chi = stages.values, stages.rule.chi
-    s = chi.shape[0]
-    for e in stages.needed:
-        sort, value = stages.sort[e // 9], stages.by_place[e]
+    for e in range(values.shape[0]):
+        sort, value = stages.sort[e], stages.by_place[stages.needed[e]]
         if value == 0.0:
             continue
         if sort == GAP:
             if row >= 0 and not stages.rolling[e]:
                 values[e, row, row] = value
-        elif k >= 0:
-            if sort == BODY:
-                if row >= 0:
-                    for j in range(s):
-                        values[e, j, row] += 2.0 * h * h * chi[j, k] * value
-            else:
-                for j in range(s):
-                    values[e, j, k] -= 2.0 * chi[j, k] * value
+        elif k >= 0 and (sort != BODY or row >= 0):
+            column, share = (row, h * h) if sort == BODY else (k, -1.0)
+            for j in range(chi.shape[0]):
+                values[e, column, j] += 2.0 * share * chi[j, k] * value
 
 
 @kernel
@@ -532,10 +534,11 @@ def _add_acting(system: System, stages: Stages, h: float, i: int) -> None:
     """Take the derivatives of the loads at c_i into the Jacobian."""
     values, rule, place, rate = stages.values, stages.rule, stages.by_place, stages.by_rate
     s = rule.weight.size
-    for e in stages.needed:
-        m, p, q = e // 9, e % 9 // 3, e % 3
-        by_place, by_rate, bent_place, bent_rate = place[e], rate[e], 0.0, 0.0
-        if rule.varied and stages.sort[m] == BODY and system.blocks[m, 0] % 2 == 1:
+    for e in range(values.shape[0]):
+        entry = stages.needed[e]
+        m, p, q = entry // 9, entry % 9 // 3, entry % 3
+        by_place, by_rate, bent_place, bent_rate = place[entry], rate[entry], 0.0, 0.0
+        if rule.varied and stages.sort[e] == BODY and system.blocks[m, 0] % 2 == 1:
             for r in range(3):
                 bow = stages.bow[system.blocks[m, 0] // 2, p, r]
                 bent_place += bow * place[9 * m + 3 * r + q]
@@ -545,12 +548,12 @@ def _add_acting(system: System, stages: Stages, h: float, i: int) -> None:
         for k in range(s):
             phi, slope = 2.0 * h * h * rule.value[i, k], h * rule.slope[i, k]
             total, bent = phi * by_place + slope * by_rate, phi * bent_place + slope * bent_rate
-            if stages.sort[m] == GAP:
-                values[e, i, k] += total / h
+            if stages.sort[e] == GAP:
+                values[e, k, i] += total / h
             else:
                 for j in range(s):
-                    values[e, j, k] += rule.alpha[j, i] * total
-                    values[e, j, k] -= rule.closing[j] * rule.weight[i] * bent
+                    values[e, k, j] += rule.alpha[j, i] * total
+                    values[e, k, j] -= rule.closing[j] * rule.weight[i] * bent
 
 
 @kernel
@@ -573,61 +576,70 @@ def _add_turning(bodies: Bodies, start: Start, stages: Stages, h: float, i: int)
         pi, force = chart.momentum(c, z), times(transpose(by_c), z)
         moment = moment_in_chart(stages, b)
         force = axpy(bodies.length[b] / bodies.inverse_mass[b], moment, force)
-        # What the bow moves, by c(t) and by c_dot; below by c_k. The matrices are squares of all.
+        # What the bow moves, by c(t) and by c_dot; by c_k in ``_enter_turning``.
         moved_c = combine(1.0, product(bow_rate, pi_c), chart.square_slope(c_dot, scale(2 * h, pi)))
         moved_c = combine(h, product(bow, force_c), moved_c)
         moved_c = combine(2.0 * h, chart.square_slope(c, force), moved_c)
         moved = combine(1.0, product(bow_rate, mass), chart.square_slope(c, scale(2.0 * h, pi)))
         moved = combine(h, product(bow, transpose(pi_c)), moved)
-        scaled = h * bodies.inverse_mass[b] / bodies.length[b] ** 2
-        for k in range(rule.weight.size):
-            phi, rate = rule.value[i, k], rule.slope[i, k] / h
-            pi_k = _sum(scaled * phi, pi_c, scaled * rate, mass)
-            force_k = _sum(scaled * h * phi, force_c, scaled * h * rate, transpose(pi_c))
-            c_k = scale(-2.0 * h * scaled / bodies.length[b], at(stages.Z[k], 2 * b + 1))
-            bent = chart.square_slope(c_k, axpy(rate, pi, scale(phi, force)))
-            bent = combine(scaled * rate, moved, combine(scaled * phi, moved_c, bent))
-            _enter_turning(stages, bodies.block[b], i, k, pi_k, force_k, bent)
+        put_matrix(stages.slope, 0, pi_c)
+        put_matrix(stages.slope, 1, mass)
+        put_matrix(stages.slope, 2, _times(h, force_c))
+        put_matrix(stages.slope, 3, _times(h, transpose(pi_c)))
+        put_matrix(stages.slope, 4, moved_c)
+        put_matrix(stages.slope, 5, moved)
+        put(stages.push, 0, force)
+        put(stages.push, 1, pi)
+        _enter_turning(bodies, stages, h, i, b)
 
 
 @kernel
-def _enter_turning(
-    stages: Stages, block: int, i: int, k: int, pi: Matrix, force: Matrix, bent: Matrix
-) -> None:
-    """Add to a ``block`` the derivatives by z_k of momentum, force and bow at c_i."""
-    values, rule = stages.values, stages.rule
+def _enter_turning(bodies: Bodies, stages: Stages, h: float, i: int, b: int) -> None:
+    """Add to the Jacobian what ``stages.slope`` and ``stages.push`` say of body ``b`` at c_i."""
+    values, rule, slope, Z = stages.values, stages.rule, stages.slope, stages.Z
+    force, pi = at(stages.push, 0), at(stages.push, 1)
+    scaled = h * bodies.inverse_mass[b] / bodies.length[b] ** 2
     for p in range(3):
         for q in range(3):
-            e = block + 3 * p + q
-            if stages.wanted[e]:
+            e = stages.slot[bodies.block[b] + 3 * p + q]
+            if e < 0:
+                continue
+            for k in range(rule.weight.size):
+                phi, rate = scaled * rule.value[i, k], scaled * rule.slope[i, k] / h
+                by_pi = phi * slope[0, p, q] + rate * slope[1, p, q]
+                by_force = phi * slope[2, p, q] + rate * slope[3, p, q]
+                bent = phi * slope[4, p, q] + rate * slope[5, p, q]
+                if rule.varied:
+                    bend = axpy(rate, pi, scale(phi, force))
+                    at_k = scale(-2.0 * h / bodies.length[b], at(Z[k], 2 * b + 1))
+                    bent += chart.square_slope(at_k, bend)[p][q]
                 for j in range(rule.weight.size):
-                    total = rule.beta[j, i] * pi[p][q] + rule.alpha[j, i] * force[p][q]
-                    total -= rule.closing[j] * rule.weight[i] * bent[p][q]
-                    values[e, j, k] += total
+                    total = rule.beta[j, i] * by_pi + rule.alpha[j, i] * by_force
+                    total -= rule.closing[j] * rule.weight[i] * bent
+                    values[e, k, j] += total
 
 
 @kernel
 def _add_spinning(bodies: Bodies, stages: Stages, h: float, i: int) -> None:
     """As ``_add_turning`` where the parameters are not varied: of the angular momentum J W."""
-    rule, node = stages.rule, stages.start.bodies
+    node = stages.start.bodies
+    for k in range(stages.slope.shape[0]):
+        put_matrix(stages.slope, k, skew(ZERO))
     for b in range(bodies.inverse_mass.size - 1):
         J, H, W = matrix_at(node.J, b), matrix_at(stages.tangent, b), at(node.W, b)
         c, c_dot = at(stages.turn, b), at(stages.turning, b)
         # J turns with the body, W is H c_dot.
         turned = combine(1.0, product(J, skew(W)), skew(scale(-1.0, times(J, W))))
         by_c = combine(1.0, product(turned, H), product(J, chart.momentum_slope(c, c_dot)))
-        by_rate = product(J, H)
-        scaled = bodies.inverse_mass[b] / bodies.length[b] ** 2
-        for k in range(rule.weight.size):
-            L_k = _sum(scaled * h * rule.value[i, k], by_c, scaled * rule.slope[i, k], by_rate)
-            nothing = skew(ZERO)
-            _enter_turning(stages, bodies.block[b], i, k, L_k, nothing, nothing)
+        put_matrix(stages.slope, 0, by_c)
+        put_matrix(stages.slope, 1, product(J, H))
+        _enter_turning(bodies, stages, h, i, b)
 
 
 @kernel
-def _sum(a: float, M: Matrix, b: float, N: Matrix) -> Matrix:
-    """``a M + b N``."""
-    return combine(a, M, (scale(b, N[0]), scale(b, N[1]), scale(b, N[2])))
+def _times(a: float, M: Matrix) -> Matrix:
+    """``a M``."""
+    return (scale(a, M[0]), scale(a, M[1]), scale(a, M[2]))
 
 
 @kernel

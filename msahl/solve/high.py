@@ -44,9 +44,9 @@ class High(NamedTuple):
     rubbing: Along | None  # the system's if there is friction: else none of its code is compiled
     stages: Stages
     station: Station
-    factor: np.ndarray  # (entries, s, s) sparse factors
+    factor: np.ndarray  # (entries, s, s) sparse factors, blocks transposed
     y: np.ndarray  # (f, s) right-hand side, in the order of elimination
-    room: np.ndarray  # (2, s, s)
+    taken: np.ndarray  # (s,) room of the factors
     between: Between
     whole: np.ndarray  # (s, nodes, 3) velocities of a step to be gone through again
     held: np.ndarray  # (s, nodes, 3) its solution
@@ -66,7 +66,7 @@ def new_high(scene: Scene, scheme: str, degree: int) -> High:
         station=new_station(scene.system, scene.unknowns),
         factor=np.zeros((int(lu.base[-1]), degree, degree)),
         y=np.zeros((lu.order.size, degree)),
-        room=np.zeros((2, degree, degree)),
+        taken=np.zeros(degree, dtype=np.int64),
         between=new_between(scene, higher.order(degree), higher.decays),
         whole=np.zeros_like(stages.before),
         held=np.zeros_like(stages.Z),
@@ -130,7 +130,6 @@ def drop_null(
     Z: np.ndarray,
     factor: np.ndarray,
     y: np.ndarray,
-    room: np.ndarray,
     first: int,
 ) -> None:
     """As ``newton.drop_null``: take from multipliers what the joints' redundancy leaves open."""
@@ -142,7 +141,7 @@ def drop_null(
             if node >= first:
                 for n in range(s):
                     y[k, j] += 2.0 * relaxation * chi[j, n] * Z[n, node, i]
-    stagewise.solve(lu, factor, y, room[0, 0])
+    stagewise.solve(lu, factor, y)
     for k in range(y.shape[0]):
         node = lu.order[k] // 3
         if node >= first:
@@ -158,13 +157,12 @@ def drop_gap(
     F: np.ndarray,
     factor: np.ndarray,
     y: np.ndarray,
-    room: np.ndarray,
     first: int,
 ) -> None:
     """As ``newton.drop_gap``: take from the gaps at the end what no motion can close."""
     s = y.shape[1]
     gather(lu, F, y)
-    stagewise.solve(lu, factor, y, room[0, 0])
+    stagewise.solve(lu, factor, y)
     for k in range(y.shape[0]):
         node = lu.order[k] // 3
         if node >= first:
@@ -241,7 +239,7 @@ def take(high: High, h: float) -> bool:
     """Take a step of size ``h``, if it converges; ``high.outcome`` says how it went."""
     scene, stages, station_room = high.scene, high.stages, high.station
     system, state, start, unknowns = scene.system, scene.state, scene.start, scene.unknowns
-    lu, factor, y, room = unknowns.elimination, high.factor, high.y, high.room
+    lu, factor, y = unknowns.elimination, high.factor, high.y
     multipliers, relaxation = 2 * system.bodies.inverse_mass.size, system.relaxation
     before, smallest, way, length = math.inf, math.inf, 0.0, 0.0
     iteration, fresh, relaxed = 0, True, relaxation > 0.0
@@ -258,8 +256,8 @@ def take(high: High, h: float) -> bool:
             if not fresh:
                 fresh = True
                 continue
-            stagewise.factor(lu, stages.values, factor, room)
-            drop_null(lu, relaxation, stages.rule.chi, stages.Z, factor, y, room, multipliers)
+            stagewise.factor(lu, stages.source, stages.values, factor, high.taken)
+            drop_null(lu, relaxation, stages.rule.chi, stages.Z, factor, y, multipliers)
             relaxed, fresh, before, smallest = False, False, math.inf, math.inf
             continue
         if iteration == MAX_ITERATIONS or not residual <= DIVERGED * smallest:
@@ -268,9 +266,9 @@ def take(high: High, h: float) -> bool:
             fresh = True
             continue
         if fresh:
-            stagewise.factor(lu, stages.values, factor, room)
+            stagewise.factor(lu, stages.source, stages.values, factor, high.taken)
             scene.counts[1] += 1
-        correct(lu, factor, stages.F, stages.Z, y, room)
+        correct(lu, factor, stages.F, stages.Z, y)
         scene.counts[0] += 1
         iteration += 1
         before, fresh = residual, False
@@ -280,7 +278,7 @@ def take(high: High, h: float) -> bool:
     if not residual <= TOLERANCE:
         return False
     if relaxation > 0.0:
-        drop_gap(lu, relaxation, stages.rule.chi, stages.F, factor, y, room, multipliers)
+        drop_gap(lu, relaxation, stages.rule.chi, stages.F, factor, y, multipliers)
     advance(system, state, start, stages, scene.watch, station_room, h)
     return True
 
@@ -292,11 +290,10 @@ def correct(
     F: np.ndarray,
     Z: np.ndarray,
     y: np.ndarray,
-    room: np.ndarray,
 ) -> None:
     """Take from the free unknowns ``Z`` what the factors say of the rows ``F``."""
     gather(lu, F, y)
-    stagewise.solve(lu, factor, y, room[0, 0])
+    stagewise.solve(lu, factor, y)
     for k in range(y.shape[0]):
         for j in range(y.shape[1]):
             Z[j, lu.order[k] // 3, lu.order[k] % 3] -= y[k, j]

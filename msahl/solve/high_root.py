@@ -32,8 +32,8 @@ def take(island: High, h: float) -> Outcome:
         _probe(island, h, z.reshape(size, s), np.empty((size, s)), True)
         scene.counts[1] += 1
         A = np.zeros((size * size, s, s))
-        A[scene.unknowns.dense_to] = stages.values[scene.unknowns.dense_from]
-        return A.reshape(size, size, s, s).swapaxes(1, 2).reshape(size * s, size * s)
+        A[scene.unknowns.dense_to] = stages.values[stages.slot[scene.unknowns.dense_from]]
+        return A.reshape(size, size, s, s).transpose(0, 3, 1, 2).reshape(size * s, size * s)
 
     _guess(scene.system, scene.state, scene.start, stages, h)
     guess = stages.Z.reshape(s, -1)[:, free].T.reshape(-1)
