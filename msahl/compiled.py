@@ -67,21 +67,22 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """``function`` compiled on its first call (or loaded from the cache), with all it calls."""
     options = {**OPTIONS, "pipeline_class": Entered}
     dispatcher: Any = numba.njit(**options)(function)
-    if not numba.config.DISABLE_JIT:
-        dispatcher._cache = _Kept(function)
-    return dispatcher  # type: ignore[no-any-return]
+    if dispatcher is not function:  # it is, where nothing is to be compiled
+        dispatcher._cache = _Kept(function)  # type: ignore[no-untyped-call]
+    entered: Callable[..., Any] = dispatcher
+    return entered
 
 
 class _Kept(FunctionCache):
-    """numba's cache, but that of numba itself it loads only what is there.
+    """numba's cache on disk, which loads what is there and no more.
 
-    numba's own loads all that it knows of Python and numpy before, as for compiling: 0.35 s.
+    numba itself first gets ready to compile, with all it knows of Python and numpy: 0.35 s.
     """
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """What is kept for a signature, None where nothing is."""
         with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)
+            return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
 
 
 class _Registrar(event.Listener):

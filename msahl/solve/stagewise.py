@@ -1,8 +1,8 @@
 """Sparse LU of a step of degree s: the program of ``system.order`` with s x s blocks for numbers.
 
 An unknown of the lowest order is here the s of all stages together, so pattern, order and program
-are the same. A pivot is a block, inverted with a search for the largest entry within it; here the rows of U are
-divided by it, and those of L are not.
+are the same. A pivot is a block, inverted with a search for the largest entry within it; the rows
+of U are divided by it, those of L are not.
 
 Blocks are transposed, row = stage of the unknown, so that all is done row by row, rows being tuples
 of a length the compiler knows: four times as quick as loops to a length it does not. Hence an

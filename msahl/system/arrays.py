@@ -49,6 +49,7 @@ class System(NamedTuple):
     decay: Decay  # of the scheme
     relaxation: float  # on the multipliers' diagonal; 0 unless joints are redundant
     blocks: np.ndarray  # (m, 2) row node and column node of each block; block 0 is (0, 0)
+    pattern: np.ndarray  # (9 m,) which entries of the blocks are not zero for ever
     constant: np.ndarray  # (9 m,) the part of the Jacobian that never changes
 
 

@@ -138,6 +138,7 @@ class _Builder:
             relaxation=self.relaxation,
             multipliers=self._multipliers(nodes),
             blocks=self.blocks.nodes(),
+            pattern=self.blocks.pattern(),
             constant=self.blocks.constant_values(),
         )
 

@@ -41,7 +41,7 @@ def eliminate(system: System, free: np.ndarray) -> Elimination:
     nodes = _node_order(system)
     order = [3 * node + i for node in nodes for i in range(3) if 3 * node + i in solved]
     position = {unknown: k for k, unknown in enumerate(order)}
-    entries = _scalar_entries(system.blocks, position)
+    entries = _scalar_entries(system, position)
     rows, columns = _fill(len(order), entries)
     return _program(order, entries, rows, columns)
 
@@ -119,17 +119,14 @@ def _smallest_degree(neighbours: list[set[int]]) -> list[int]:
     return order
 
 
-def _scalar_entries(blocks: np.ndarray, position: dict[int, int]) -> dict[tuple[int, int], int]:
+def _scalar_entries(system: System, position: dict[int, int]) -> dict[tuple[int, int], int]:
     """(row, column) in the order -> place in the block values."""
     entries: dict[tuple[int, int], int] = {}
-    for block, (row, column) in enumerate(blocks.tolist()):
-        if block == 0:
-            continue
-        for i in range(3):
-            for j in range(3):
-                at = position.get(3 * row + i), position.get(3 * column + j)
-                if at[0] is not None and at[1] is not None:
-                    entries[at[0], at[1]] = 9 * block + 3 * i + j
+    for place in np.flatnonzero(system.pattern).tolist():
+        row, column = system.blocks[place // 9].tolist()
+        at = position.get(3 * row + place % 9 // 3), position.get(3 * column + place % 3)
+        if at[0] is not None and at[1] is not None:
+            entries[at[0], at[1]] = place
     return entries
 
 

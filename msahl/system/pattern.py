@@ -10,16 +10,24 @@ class Blocks:
         self.ground = ground
         self.starts: dict[tuple[int, int], int] = {(-1, -1): 0}
         self.constants: list[tuple[int, float]] = []
+        self.varying: set[int] = set()
 
     def place(self, row: int, column: int) -> int:
-        """Start of the block in the value array; 0 if it belongs to the ground or to nobody."""
+        """Start of the block in the value array, to be filled in every step; 0 if it belongs to
+        the ground or to nobody.
+        """
+        start = self._start(row, column)
+        self.varying.add(start)
+        return start
+
+    def _start(self, row: int, column: int) -> int:
         if {row, column} & {2 * self.ground, 2 * self.ground + 1} or min(row, column) < 0:
             return 0
         return self.starts.setdefault((row, column), 9 * len(self.starts))
 
     def constant(self, row: int, column: int, value: float) -> None:
         """A block ``value`` times the unit matrix."""
-        self.constants.append((self.place(row, column), value))
+        self.constants.append((self._start(row, column), value))
 
     def nodes(self) -> np.ndarray:
         """(m, 2) row and column node of each block."""
@@ -34,3 +42,10 @@ class Blocks:
             if start:
                 values[start : start + 9 : 4] = value
         return values
+
+    def pattern(self) -> np.ndarray:
+        """(9 m,) which values are not zero for ever."""
+        pattern = self.constant_values() != 0.0
+        for start in self.varying - {0}:
+            pattern[start : start + 9] = True
+        return pattern

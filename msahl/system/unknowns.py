@@ -35,6 +35,5 @@ def _dense_map(system: System, free: np.ndarray) -> tuple[np.ndarray, np.ndarray
     rows = position[3 * system.blocks[:, 0, None, None] + offsets[:, None]]
     columns = position[3 * system.blocks[:, 1, None, None] + offsets[None, :]]
     rows, columns = np.broadcast_arrays(rows, columns)
-    solved = (rows >= 0) & (columns >= 0)
-    solved[0] = False
+    solved = (rows >= 0) & (columns >= 0) & system.pattern.reshape(rows.shape)
     return np.flatnonzero(solved), (rows * free.size + columns)[solved]
