@@ -21,9 +21,9 @@ from msahl.bodies import rigid
 from msahl.forces import concentrated, drag
 from msahl.joints import along, coincide, reaction
 from msahl.kernel import kernel
-from msahl.rotation import compose, from_step_turn, turn_change
+from msahl.rotation import compose, from_step_turn
 from msahl.system.arrays import Start, State, System, Tables
-from msahl.vector import add, at, axpy, matrix_at, put, scale, sub, times, transpose
+from msahl.vector import Vector, add, at, axpy, dot, matrix_at, put, scale, sub, times, transpose
 
 
 @kernel
@@ -65,18 +65,47 @@ def predict(system: System, state: State, start: Start, h: float, Z: np.ndarray)
     g = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
     for b in range(bodies.inverse_mass.size - 1):
         # Exact where nothing but gravity acts: that displacement need not be solved for.
-        a = g if bodies.ballistic[b] else add(at(state.a, b), at(state.a_trend, b))
+        a = g if bodies.ballistic[b] else add(at(state.a, b), expected(state, state.a_trend, b))
         put(Z, 2 * b, axpy(h, at(start.bodies.v_go, b), scale(h2, a)))
-        alpha = add(at(state.alpha, b), at(state.alpha_trend, b))
+        alpha = add(at(state.alpha, b), expected(state, state.alpha_trend, b))
         turn = axpy(h, at(start.bodies.W_go, b), scale(h2, alpha))
         put(Z, 2 * b + 1, scale(bodies.length[b], turn))
     first = 2 * bodies.inverse_mass.size
     for k in range(state.force.shape[0]):
+        guess = add(at(state.force, k), expected(state, state.force_trend, k))
         for i in range(3):
-            guess = state.force[k, i] + state.force_trend[k, i]
-            Z[first + k, i] = guess * h2 / system.unit[k, i]
+            Z[first + k, i] = guess[i] * h2 / system.unit[k, i]
     time = state.time[0] + 0.5 * h
     concentrated.prepare(system.loads, system.laws, time, start.bodies.R, start.loads)
+
+
+@kernel
+def expected(state: State, trend: np.ndarray, k: int) -> Vector:
+    """The next change of a quantity: by its last three, unless the last one tells better."""
+    return by_three(trend, k) if state.foresight[0] > 0.0 else at(trend[0], k)
+
+
+@kernel
+def by_three(trend: np.ndarray, k: int) -> Vector:
+    """The next change of what goes on as a parabola, and of what alternates from step to step, as
+    means over a step do where the scheme keeps all that is quicker than it.
+    """
+    return sub(add(at(trend[0], k), at(trend[1], k)), at(trend[2], k))
+
+
+@kernel
+def gain(trend: np.ndarray, k: int, change: Vector) -> float:
+    """By how much (squared) the last three changes tell this one better than the last does."""
+    by_last, rest = sub(change, at(trend[0], k)), sub(change, by_three(trend, k))
+    return dot(by_last, by_last) - dot(rest, rest)
+
+
+@kernel
+def keep(trend: np.ndarray, k: int, change: Vector) -> None:
+    """Make ``change`` the last of the quantity ``k``."""
+    put(trend[2], k, at(trend[1], k))
+    put(trend[1], k, at(trend[0], k))
+    put(trend[0], k, change)
 
 
 @kernel
@@ -141,18 +170,16 @@ def accept(
     """Advance ``state`` by the solved step; ``F`` is the residual at ``Z``, evaluated last."""
     bodies, t, h2 = system.bodies, state.time[0], reach(system, h)
     decay, per_step = system.decay, h / reach(system, h)
-    loss = 0.0
+    loss, gained = 0.0, 0.0
     concentrated.work(system.loads, start.loads, bodies, Z, system.load_column, state.work)
     drag.work(system.drags, start.drag_arms, bodies, h, Z, system.drag_column, state.work)
     along.accept(system.along, start.along, bodies, t, h, h2, Z, state.angle, state.work)
     for b in range(bodies.inverse_mass.size - 1):
         u = at(Z, 2 * b)
         Q = rigid.turn_of(bodies, Z, b)
-        v0, W0 = at(start.bodies.v, b), at(start.bodies.W, b)
+        v0 = at(start.bodies.v, b)
         v1 = add(v0, scale(per_step, axpy(-h, at(start.bodies.v_go, b), u)))
         turned = axpy(-h, at(start.bodies.W_go, b), Q)
-        W1 = axpy(per_step, turned, W0)
-        W1 = add(W1, turn_change(Q, W1))
         dw = scale(per_step, times(transpose(matrix_at(start.bodies.R, b)), turned))
         for i in range(3):
             total = state.x[b, i] + (u[i] + state.x_low[b, i])
@@ -164,11 +191,16 @@ def accept(
         if decay.chi > 0.0:
             dv = sub(v1, v0)
             loss += rigid.smooth(bodies, decay, b, dv, dw, state.v_rise, state.w_rise)
-        a, alpha = scale(1.0 / h, sub(v1, v0)), scale(1.0 / h, sub(W1, W0))
-        put(state.a_trend, b, sub(a, at(state.a, b)))
-        put(state.alpha_trend, b, sub(alpha, at(state.alpha, b)))
+        # As the guess has it: the change of W that is not the body's own turning.
+        a, alpha = scale(1.0 / h, sub(v1, v0)), scale(1.0 / h2, turned)
+        da, dalpha = sub(a, at(state.a, b)), sub(alpha, at(state.alpha, b))
+        gained += gain(state.a_trend, b, da)
+        gained += bodies.length[b] ** 2 * gain(state.alpha_trend, b, dalpha)
+        keep(state.a_trend, b, da)
+        keep(state.alpha_trend, b, dalpha)
         put(state.a, b, a)
         put(state.alpha, b, alpha)
+    state.foresight[0] = 1.0 if gained >= 0.0 else 0.0
     if decay.chi > 0.0:
         loss += along.smooth(system.along, start.along, decay.pole)
         state.work[state.work.size - 1] -= loss
@@ -183,11 +215,11 @@ def _enter_multipliers(
     """Set joint forces, reactions and gaps of the state from the solution."""
     first = 2 * system.bodies.inverse_mass.size
     for k in range(state.force.shape[0]):
+        before = at(state.force, k)
         for i in range(3):
-            force = Z[first + k, i] * system.unit[k, i] / reach(system, h)
-            state.force_trend[k, i] = force - state.force[k, i]
-            state.force[k, i] = force
+            state.force[k, i] = Z[first + k, i] * system.unit[k, i] / reach(system, h)
             state.gap[k, i] = F[first + k, i]
+        keep(state.force_trend, k, sub(at(state.force, k), before))
     along.follow(system.along, state.reaction, state.reaction_trend, 0.0, -1.0)
     react(system, state, start, Z)
     along.follow(system.along, state.reaction, state.reaction_trend, 1.0, 1.0)

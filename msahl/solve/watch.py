@@ -95,7 +95,7 @@ def look_at_bodies(
     speed, turn, distance, way, local = 0.0, 0.0, 0.0, 0.0, 0.0
     for b in range(system.bodies.inverse_mass.size - 1):
         v, W, x = at(start.bodies.v, b), at(start.bodies.W, b), at(state.x, b)
-        a, alpha = at(state.a_trend, b), at(state.alpha_trend, b)
+        a, alpha = at(state.a_trend[0], b), at(state.alpha_trend[0], b)
         length = system.bodies.length[b]
         spin = math.sqrt(dot(W, W))
         angle = h * spin

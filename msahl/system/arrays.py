@@ -65,9 +65,10 @@ class State(NamedTuple):
     a: np.ndarray  # acceleration of the mass centre over the last step, inertial axes [m/s^2]
     alpha: np.ndarray  # likewise the angular acceleration, inertial axes [rad/s^2]
     force: np.ndarray  # (k, 3) multipliers, by their nodes, over the last step [N or N m]
-    a_trend: np.ndarray  # what a changed by from the last step but one to the last
-    alpha_trend: np.ndarray  # likewise alpha
-    force_trend: np.ndarray  # likewise force
+    a_trend: np.ndarray  # (3, n+1, 3) changes of a from step to step, the last one first
+    alpha_trend: np.ndarray  # likewise of alpha
+    force_trend: np.ndarray  # (3, k, 3) likewise of force
+    foresight: np.ndarray  # (1,) 1 if three changes would have told the last one better than one
     gap: np.ndarray  # (k, 3) gap the last solution left over, by increments [m]
     angle: np.ndarray  # (q,) quantities' values; angles are counted here [m or rad]
     reaction: np.ndarray  # (j, 6) of the joints over the last step, inertial axes [N, N m]
