@@ -73,6 +73,20 @@ def residual(
     F: np.ndarray,
 ) -> None:
     """Take the joint force from the bodies' rows and set the gap's."""
+    hold(group, start, bodies, reach, Z, F)
+    close(group, start, bodies, Z, F)
+
+
+@kernel
+def hold(
+    group: Coincide,
+    start: CoincideStart,
+    bodies: Bodies,
+    reach: float,
+    Z: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """Take the joint force from the bodies' rows."""
     for k in range(group.a.size):
         a, b = group.a[k], group.b[k]
         force = scale(group.mass[k] / reach, at(Z, group.row[k]))
@@ -80,6 +94,15 @@ def residual(
         mean_b = mean(bodies, Z, b, at(start.r_b, k))
         push(bodies, reach, F, a, scale(-1.0, force), cross(force, mean_a))
         push(bodies, reach, F, b, force, cross(mean_b, force))
+
+
+@kernel
+def close(
+    group: Coincide, start: CoincideStart, bodies: Bodies, Z: np.ndarray, F: np.ndarray
+) -> None:
+    """Set the gap's rows."""
+    for k in range(group.a.size):
+        a, b = group.a[k], group.b[k]
         dr_a = turn_change(turn_of(bodies, Z, a), at(start.r_a, k))
         dr_b = turn_change(turn_of(bodies, Z, b), at(start.r_b, k))
         moved = sub(add(at(Z, 2 * b), dr_b), add(at(Z, 2 * a), dr_a))

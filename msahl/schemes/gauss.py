@@ -301,7 +301,7 @@ def _close(system: System, state: State, start: Start, stages: Stages, h: float,
         return
     bodies, gap = system.bodies, stages.gap
     t, dt = state.time[0], h * stages.rule.closing[k]
-    coincide.residual(system.coincide, start.coincide, bodies, -1.0, stages.moved, gap)
+    coincide.close(system.coincide, start.coincide, bodies, stages.moved, gap)
     along.hold(system.along, start.along, bodies, state.gap, t, dt, stages.moved, gap)
     for node in range(2 * bodies.inverse_mass.size, gap.shape[0]):
         put(stages.F[k], node, at(gap, node))
@@ -319,7 +319,7 @@ def _hold(system: System, stages: Stages, h: float, k: int, weight: float) -> No
     for n in range(first, row.shape[0]):
         # The kernels of the lowest order make a force of an unknown by unit/reach; here reach = -1.
         put(stages.still, n, scale(-2.0 / (h * h), at(stages.Z[k], n)))
-    coincide.residual(system.coincide, node.coincide, bodies, -1.0, stages.still, row)
+    coincide.hold(system.coincide, node.coincide, bodies, -1.0, stages.still, row)
     gap, t = stages.state.gap, stages.state.time[0]
     along.hold(system.along, node.along, bodies, gap, 0.0, 0.0, stages.still, row)
     along.drive_work(system.along, bodies, t, -h * weight, stages.still, stages.work)
@@ -386,17 +386,15 @@ def _turn(bodies: Bodies, start: Start, stages: Stages, h: float, i: int) -> Non
         z = scale(bodies.inverse_mass[b] / bodies.length[b], z)
         pi = chart.momentum(c, z)
         force = times(transpose(chart.rate_slope(c, c_dot)), z)
-        for j in range(rule.weight.size):
-            accumulate(stages.F[j], 2 * b + 1, scale(h * rule.beta[j, i], pi))
-            accumulate(stages.F[j], 2 * b + 1, scale(h * h * rule.alpha[j, i], force))
-        accumulate(stages.impulse, 2 * b + 1, scale(h * rule.weight[i], force))
         _bow(bodies, stages, h, i, b)
         moved = scale(h, times(matrix_at(stages.bow, b), add(force, moment_in_chart(stages, b))))
         moved = add(moved, times(matrix_at(stages.bow_rate, b), pi))
         for j in range(rule.weight.size):
-            share = -h * rule.closing[j] * rule.weight[i]
-            accumulate(stages.F[j], 2 * b + 1, scale(share, moved))
-        accumulate(stages.impulse, 2 * b + 1, scale(rule.weight[i], moved))
+            row = axpy(h * rule.beta[j, i], pi, scale(h * h * rule.alpha[j, i], force))
+            row = axpy(-h * rule.closing[j] * rule.weight[i], moved, row)
+            accumulate(stages.F[j], 2 * b + 1, row)
+        impulse = scale(rule.weight[i], axpy(h, force, moved))
+        accumulate(stages.impulse, 2 * b + 1, impulse)
 
 
 @kernel
