@@ -23,6 +23,7 @@ Source: see ``schemes.rule``; the chart of the rotation, the scaling and the tre
 between rates (at c_i, with their forces where those of the others are) are ours.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -99,11 +100,11 @@ class Stages(NamedTuple):
     pull: np.ndarray  # (nodes,) largest part of a load along a quantity in the rows of a node [m]
     pulled: np.ndarray  # (nodes,) such parts near the end of the last step, by h^2
     rate: np.ndarray  # (s, nodes, 3) velocities at c_i, inertial axes
-    before: np.ndarray  # (s, nodes, 3) those of the polynomials that the next guess follows
+    before: np.ndarray  # (s + 1, nodes, 3) of the step the next guess follows, last at its start
     reaction: np.ndarray  # (s, j, 6) joints' reactions at c_i
     known: np.ndarray  # (2,) start and size [s] of the step of those polynomials; no size: none
     window: np.ndarray  # (2,) the same as seen from the present step, in parts of it
-    seen: np.ndarray  # (s, s + 1) weights by which velocities at c_i follow from them and from ours
+    seen: np.ndarray  # (s, s + 2) weights by which velocities at c_i follow from them and from ours
     pushed: np.ndarray  # (s, s) likewise joint forces, which are ours with h^2
     level: np.ndarray  # (1,) energy balance at the start of the run [J]
 
@@ -157,11 +158,11 @@ def new_stages(system: System, unknowns: Unknowns, state: State, rule: Rule) -> 
         pull=np.zeros(nodes[0]),
         pulled=np.zeros(nodes[0]),
         rate=np.zeros(stages),
-        before=np.zeros(stages),
+        before=np.zeros((degree + 1, *nodes)),
         reaction=np.zeros((degree, *state.reaction.shape)),
         known=np.zeros(2),
         window=np.zeros(2),
-        seen=np.zeros((degree, degree + 1)),
+        seen=np.zeros((degree, degree + 2)),
         pushed=np.zeros((degree, degree)),
         level=np.zeros(1),
     )
@@ -669,8 +670,8 @@ def predict(system: System, state: State, start: Start, stages: Stages, h: float
             way = h * rule.acting[i]
             v_i, W_i = axpy(way, at(state.a, b), v), axpy(way, at(state.alpha, b), W)
             if follows:
-                v_i, W_i = scale(stages.seen[i, s], v), scale(stages.seen[i, s], W)
-                for j in range(s):
+                v_i, W_i = scale(stages.seen[i, s + 1], v), scale(stages.seen[i, s + 1], W)
+                for j in range(s + 1):
                     v_i = axpy(stages.seen[i, j], at(stages.before[j], 2 * b), v_i)
                     W_i = axpy(stages.seen[i, j], at(stages.before[j], 2 * b + 1), W_i)
             put(stages.rate[i], 2 * b, v_i)
@@ -698,18 +699,13 @@ def look(stages: Stages, t: float, h: float) -> bool:
         return True
     window[0], window[1] = begin, size
     for i in range(s):
-        for j in range(s + 1):
-            # Velocities of the present place are one more node, and the better one where it is
-            # the polynomials' own.
-            x, weight = 0.0, 1.0
-            if j < s:
-                x = begin + size * rule.acting[j]
-                weight = 0.0 if abs(x) < 1e-6 else rule.acting[i] / x
-            for m in range(s):
-                x_m = begin + size * rule.acting[m]
-                if m != j and abs(x_m) >= 1e-6:
+        for j in range(s + 2):
+            x, weight = _node(rule, begin, size, j), 1.0
+            for m in range(s + 2):
+                x_m = _node(rule, begin, size, m)
+                if m != j and not math.isnan(x_m):
                     weight *= (rule.acting[i] - x_m) / (x - x_m)
-            stages.seen[i, j] = weight
+            stages.seen[i, j] = 0.0 if math.isnan(x) else weight
         for j in range(s):
             x, weight = begin + size * rule.pushing[j], 1.0 / (size * size)
             for m in range(s):
@@ -718,6 +714,20 @@ def look(stages: Stages, t: float, h: float) -> bool:
                     weight *= (rule.pushing[i] - x_m) / (x - x_m)
             stages.pushed[i, j] = weight
     return True
+
+
+@kernel
+def _node(rule: Rule, begin: float, size: float, j: int) -> float:
+    """Where in the present step the ``j``-th of the known velocities is; nan if it tells nothing
+    that the last, which are those of the present place, do not tell better.
+    """
+    s = rule.weight.size
+    if j == s + 1:
+        return 0.0
+    if j == s and rule.decays:
+        return math.nan  # velocities jump where such a step begins
+    x = begin + (size * rule.acting[j] if j < s else 0.0)
+    return x if abs(x) >= 1e-6 else math.nan
 
 
 SWEEPS = 3
@@ -781,6 +791,8 @@ def accept(system: System, state: State, start: Start, stages: Stages, h: float)
         for i in range(s):
             put(stages.before[i], 2 * b, at(stages.rate[i], 2 * b))
             put(stages.before[i], 2 * b + 1, at(stages.rate[i], 2 * b + 1))
+        put(stages.before[s], 2 * b, at(start.bodies.v, b))
+        put(stages.before[s], 2 * b + 1, at(start.bodies.W, b))
     first = 2 * bodies.inverse_mass.size
     for k in range(state.gap.shape[0]):
         put(state.gap, k, at(stages.F[s - 1], first + k))

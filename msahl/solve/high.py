@@ -48,7 +48,7 @@ class High(NamedTuple):
     y: np.ndarray  # (f, s) right-hand side, in the order of elimination
     taken: np.ndarray  # (s,) room of the factors
     between: Between
-    whole: np.ndarray  # (s, nodes, 3) velocities of a step to be gone through again
+    whole: np.ndarray  # (s + 1, nodes, 3) velocities of a step to be gone through again
     held: np.ndarray  # (s, nodes, 3) its solution
     outcome: np.ndarray  # (2,) residual and worst row of the last step
 

@@ -203,16 +203,18 @@ def go_back(island: High, pace: Pace) -> None:
 @kernel
 def learn(island: High) -> None:
     """Keep the polynomials of the step just taken."""
-    for k in range(island.held.shape[0]):
+    for k in range(island.whole.shape[0]):
         copy(island.stages.before[k], island.whole[k])
+    for k in range(island.held.shape[0]):
         copy(island.stages.Z[k], island.held[k])
 
 
 @kernel
 def follow(island: High, t: float, h: float) -> None:
     """Let the next step follow the polynomials kept, of a step ``h`` from ``t``."""
-    for k in range(island.held.shape[0]):
+    for k in range(island.whole.shape[0]):
         copy(island.whole[k], island.stages.before[k])
+    for k in range(island.held.shape[0]):
         copy(island.held[k], island.stages.Z[k])
     island.stages.known[0], island.stages.known[1] = t, h
 
