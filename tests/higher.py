@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from msahl.schemes import gauss, preserving, split
+from msahl.schemes import element, preserving, split
 from msahl.schemes.rule import new_rule
+from msahl.schemes.stages import new_stages
 from msahl.system.arrays import new_start, node_count
 from msahl.system.build import build_system
 from msahl.system.reduce import all_unknowns
@@ -23,7 +24,7 @@ class Step:
         preserving.prepare(self.system, self.state, self.start)
         self.unknowns = choose(self.system, all_unknowns(self.system))
         rule = new_rule(scheme, self.degree)
-        self.stages = gauss.new_stages(self.system, self.unknowns, self.state, rule)
+        self.stages = new_stages(self.system, self.unknowns, self.state, rule)
         self.stages.reaction[:] = rng.normal(size=self.stages.reaction.shape)
         self.shape = (self.degree, self.unknowns.free.size)
         self.z = 0.3 * rng.normal(size=self.shape)
@@ -32,7 +33,7 @@ class Step:
         """(s, f) rows at ``z``."""
         self.stages.Z.reshape(self.degree, -1)[:, self.unknowns.free] = z
         given = (self.system, self.state, self.start, self.stages, self.h)
-        gauss.evaluate(*given, False, fresh)
+        element.evaluate(*given, fresh)
         return self.stages.F.reshape(self.degree, -1)[:, self.unknowns.free].copy()
 
     def derivative(self):

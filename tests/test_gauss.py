@@ -14,7 +14,7 @@ from scenes import chain, deck, pendulum, simulate
 from msahl.cli import main
 from msahl.deck import read_deck
 from msahl.rotation import matrix
-from msahl.schemes import HIGHER, chart, choices, gauss, split
+from msahl.schemes import HIGHER, chart, choices, guess, split
 from msahl.schemes.rule import new_rule
 from msahl.solve import stagewise
 from msahl.study.exact import recognise
@@ -63,7 +63,7 @@ def test_a_guess_follows_the_known_polynomials(scheme, degree, begin, size):
     stages, rule, s = step.stages, step.stages.rule, degree
     t, h = 7.0, 0.1
     stages.known[:] = t + begin * h, size * h
-    assert gauss.look(stages, t, h)
+    assert guess.look(stages, t, h)
     # Where their step begins velocities are known but where they jump there, and at the present
     # place ours are, once, also where that is one of their nodes.
     at = np.append(begin + size * rule.acting, np.nan if rule.decays else begin)
@@ -78,9 +78,9 @@ def test_a_guess_follows_the_known_polynomials(scheme, degree, begin, size):
 def test_a_guess_follows_nothing_far_behind():
     step = Step(pendulum(), "gauss3", 0.1, np.random.default_rng(1))
     step.stages.known[:] = 0.0, 0.1
-    assert not gauss.look(step.stages, 0.1, 0.2)
+    assert not guess.look(step.stages, 0.1, 0.2)
     step.stages.known[1] = 0.0
-    assert not gauss.look(step.stages, 0.1, 0.1)
+    assert not guess.look(step.stages, 0.1, 0.1)
 
 
 def test_the_chart_turns_as_it_says():

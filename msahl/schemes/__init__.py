@@ -2,7 +2,7 @@
 
 Those of order 2 make one family (``schemes.preserving``), from the one that keeps the energy to the
 one that takes it from all that is quicker than the step. Those of higher order are one time element
-(``schemes.gauss``) by two rules (``schemes.rule``), of which again one keeps and one takes.
+(``schemes.element``) by two rules (``schemes.rule``), of which again one keeps and one takes.
 """
 
 from collections.abc import Callable

@@ -14,9 +14,9 @@ import numpy as np
 
 from msahl.joints.along import Along
 from msahl.kernel import apart, kernel
-from msahl.schemes import HIGHER, gauss
-from msahl.schemes.gauss import Stages, new_stages
+from msahl.schemes import HIGHER, element, guess
 from msahl.schemes.rule import new_rule
+from msahl.schemes.stages import Stages, go, new_stages
 from msahl.solve import between, dense, stagewise, station
 from msahl.solve.between import Between, new_between
 from msahl.solve.newton import DIVERGED, MAX_ITERATIONS, STUCK
@@ -116,7 +116,7 @@ def press(
         i = stages.rule.acts[n]
         if i < 0:
             continue
-        gauss.go(system, state, stages, h, n)
+        go(system, state, stages, h, n)
         copy(stages.reaction[i], stages.state.reaction)
         station.accelerate(system, stages.state, stages.start, room)
         copy(stages.state.reaction, stages.reaction[i])
@@ -189,7 +189,7 @@ def advance(
     h: float,
 ) -> None:
     """Take over the solved step."""
-    gauss.accept(system, state, start, stages, h)
+    element.accept(system, state, start, stages, h)
     station.keep_closed(system, state, start, watch.gap, watch.rate, room)
     for k in range(state.gap.shape[0]):
         for i in range(3):
@@ -243,9 +243,10 @@ def take(high: High, h: float) -> bool:
     multipliers, relaxation = 2 * system.bodies.inverse_mass.size, system.relaxation
     before, smallest, way, length = math.inf, math.inf, 0.0, 0.0
     iteration, fresh, relaxed = 0, True, relaxation > 0.0
+    guess.predict(system, state, start, stages, h)
     while True:
         press(high.rubbing, system, state, stages, station_room, h)
-        length = gauss.evaluate(system, state, start, stages, h, iteration == 0, fresh)
+        length = element.evaluate(system, state, start, stages, h, fresh)
         length = max(length, dense.AT_REST)
         residual, worst = judge(unknowns.free, stages.F, stages.pull, length)
         way = length if iteration == 0 else way
@@ -312,7 +313,7 @@ def probe(
         for j in range(z.shape[1]):
             stages.Z[j, free[i] // 3, free[i] % 3] = z[i, j]
     press(high.rubbing, system, state, stages, high.station, h)
-    length = gauss.evaluate(system, state, scene.start, stages, h, False, fresh)
+    length = element.evaluate(system, state, scene.start, stages, h, fresh)
     length = max(length, dense.AT_REST)
     for i in range(free.size):
         for j in range(f.shape[1]):

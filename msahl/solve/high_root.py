@@ -3,14 +3,14 @@
 import numpy as np
 
 from msahl.compiled import compiled
-from msahl.schemes import gauss
+from msahl.schemes import guess
 from msahl.solve import dense, high
 from msahl.solve.high import High
 from msahl.solve.outcome import Outcome
 from msahl.solve.root import hunt, polish
 
 _probe = compiled(high.probe)
-_guess = compiled(gauss.predict)
+_guess = compiled(guess.predict)
 _advance = compiled(high.advance)
 
 
@@ -36,11 +36,11 @@ def take(island: High, h: float) -> Outcome:
         return A.reshape(size, size, s, s).transpose(0, 3, 1, 2).reshape(size * s, size * s)
 
     _guess(scene.system, scene.state, scene.start, stages, h)
-    guess = stages.Z.reshape(s, -1)[:, free].T.reshape(-1)
-    f = fun(guess)
+    first = stages.Z.reshape(s, -1)[:, free].T.reshape(-1)
+    f = fun(first)
     guessed = step_length
     if not outcome.converged and not np.isnan(outcome.residual):
-        z = hunt(fun, jac, guess, f, lambda: outcome.converged)
+        z = hunt(fun, jac, first, f, lambda: outcome.converged)
         if scene.system.relaxation > 0.0 and outcome.converged:
             null = np.zeros((size, s))
             held = free >= 6 * scene.system.bodies.inverse_mass.size

@@ -12,7 +12,7 @@ import numpy as np
 
 from msahl.compiled import compiled
 from msahl.schemes import HIGHER
-from msahl.schemes.gauss import Stages
+from msahl.schemes.stages import Stages
 from msahl.solve import between, high, pace
 from msahl.solve.high import High, new_high
 from msahl.solve.outcome import Outcome
