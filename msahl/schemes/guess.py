@@ -7,7 +7,7 @@ from msahl.schemes import chart
 from msahl.schemes.rule import Rule
 from msahl.schemes.stages import Stages
 from msahl.system.arrays import Start, State, System
-from msahl.vector import ZERO, at, axpy, put, scale
+from msahl.vector import ZERO, at, axpy, dot, put, scale
 
 
 @kernel
@@ -101,6 +101,9 @@ def _node(rule: Rule, begin: float, size: float, j: int) -> float:
 
 SWEEPS = 3
 """Of the guess's turns: each gains a power of the turn over a step."""
+WIDEST = 16.0
+"""Parameters beyond which a guessed turn is none, 304 degrees: near a whole turn they run away, and
+beside a step of their length any residual would be small."""
 
 
 @kernel
@@ -132,3 +135,7 @@ def _integrate(system: System, start: Start, stages: Stages, h: float, b: int) -
             for i in range(s):
                 c = axpy(h * length * rule.integral[j, i], at(stages.F[i], 2 * b), c)
             put(Z[j], 2 * b + 1, c)
+    for j in range(s):
+        c = at(Z[j], 2 * b + 1)
+        if not dot(c, c) <= (WIDEST * length) ** 2:
+            put(Z[j], 2 * b + 1, ZERO)
