@@ -81,8 +81,8 @@ def test_a_step_that_newton_refuses_goes_to_root(monkeypatch):
 
 @pytest.mark.parametrize("solver", ["auto", "newton", "root"])
 def test_violent_steps_are_halved_and_lose_nothing(solver):
-    """The triple pendulum from 135 degrees at 0.1 s: bobs turn by more than a step can follow."""
-    run = simulate(deck("triple_pendulum_135"), dt=0.1, t_final=10.0, solver=solver)
+    """The triple pendulum from 135 degrees at 0.15 s: bobs turn by more than a step can follow."""
+    run = simulate(deck("triple_pendulum_135"), dt=0.15, t_final=15.0, solver=solver)
     report = run.report
     assert (report.status, report.steps, len(run.states)) == ("completed", 100, 101)
     assert 5 <= report.halvings <= 100
@@ -90,7 +90,7 @@ def test_violent_steps_are_halved_and_lose_nothing(solver):
     assert report.extremes["gapMax"] < 1e-11
     if solver == "auto":
         # Newton takes the easy steps, root the first one and the pieces of the hard ones.
-        assert 1 < report.root_steps < 100
+        assert 1 < report.root_steps < 100 + report.halvings
     if solver == "newton":
         assert report.root_steps == 0
 

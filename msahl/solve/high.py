@@ -20,7 +20,7 @@ from msahl.schemes.stages import Stages, go, new_stages
 from msahl.solve import between, dense, stagewise, station
 from msahl.solve.between import Between, new_between
 from msahl.solve.newton import DIVERGED, MAX_ITERATIONS, STUCK
-from msahl.solve.outcome import TARGET, TOLERANCE
+from msahl.solve.outcome import TOLERANCE
 from msahl.solve.station import Station, new_station
 from msahl.solve.step import Scene, show
 from msahl.solve.watch import Watch, energy_balance
@@ -28,6 +28,8 @@ from msahl.system.arrays import Start, State, System
 from msahl.system.order import Elimination
 from msahl.vector import copy
 
+TARGET = 1e-14
+"""As ``outcome.TARGET``: these steps are few and long, and what is left of each counts the less."""
 WORTH = 7.0
 """Iterations that are better made with the derivative at hand: a new one with its factors costs
 about five, and three more follow."""

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-TARGET = 1e-14
+TARGET = 3e-15
 """Residual, relative to the step's own length, at which an iteration stops. Round-off leaves about
 5e-16; a residual r lets the energy drift by less than 2 r of the kinetic energy a step."""
 TOLERANCE = 1e-12

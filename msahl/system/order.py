@@ -2,7 +2,8 @@
 
 Bodies are eliminated in an order of smallest degree on the graph of bodies (the ground does not
 count): in a tree that takes the leaves first, without fill-in, from however many grounds the tree
-hangs. A body goes with one of its joints: displacement, then the multipliers that act on it, then
+hangs, and of the leaves those on the ground, since away from it a link leaves its neighbour only the
+joint between them, towards it a body and a joint. A body goes with one of its joints: displacement, then the multipliers that act on it, then
 turn, then the multipliers that see nothing but turns; in this order the pivots are 1, the share of
 the joint's mass, and an inertia about the joint. Joints that close loops, and couplings, go after
 all their bodies. Pivots keep this order whatever the values; a scene that defeats it is left to
@@ -57,7 +58,8 @@ def _node_order(system: System) -> list[int]:
     order: list[int] = []
     gone: set[int] = set()
     placed: set[int] = set()
-    for body in _smallest_degree(_neighbours(system, ground)):
+    held = {body for bodies, _, _ in elements.values() if len(bodies) == 1 for body in bodies}
+    for body in _smallest_degree(_neighbours(system, ground), held):
         gone.add(body)
         waiting = [e for e in of_body[body] if e not in placed]
         # Joints to what has gone first: left for later they would hold the body at both ends.
@@ -99,23 +101,27 @@ def _neighbours(system: System, ground: int) -> list[set[int]]:
     return near
 
 
-def _smallest_degree(neighbours: list[set[int]]) -> list[int]:
-    """Vertices of a graph, each of smallest degree among those left; consumes ``neighbours``."""
-    heap = [(len(near), vertex) for vertex, near in enumerate(neighbours)]
+def _smallest_degree(neighbours: list[set[int]], held: set[int]) -> list[int]:
+    """Vertices of a graph, each of smallest degree among those left, if there are several one that
+    is ``held`` or was near one; consumes both.
+    """
+    heap = [(len(near), vertex not in held, vertex) for vertex, near in enumerate(neighbours)]
     heapq.heapify(heap)
     order: list[int] = []
     done = [False] * len(neighbours)
     while heap:
-        degree, vertex = heapq.heappop(heap)
+        degree, _, vertex = heapq.heappop(heap)
         if done[vertex] or degree != len(neighbours[vertex]):
             continue
         done[vertex] = True
         order.append(vertex)
         near = neighbours[vertex]
+        if vertex in held:
+            held |= near
         for other in near:
             neighbours[other] |= near
             neighbours[other] -= {vertex, other}
-            heapq.heappush(heap, (len(neighbours[other]), other))
+            heapq.heappush(heap, (len(neighbours[other]), other not in held, other))
     return order
 
 
