@@ -1,0 +1,175 @@
+"""Runs of the gauss scheme in the longest precision of the machine: an error of order 10 falls from
+where a step is too long to the round-off of doubles before its slope has settled.
+
+Kernels are plain Python, and compute in whatever their arrays hold. So a scene is built as ever and
+its arrays are widened to ``LONG``; what had been rounded in making them is made anew (the numbers
+of the rule, inverse inertias), the start is put back on its joints, and the steps are those of
+``solve.high``, uncompiled, with functions and tolerances that fit. What the deck gives stays as it
+was rounded to doubles: that is the scene.
+"""
+
+import math
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from types import SimpleNamespace
+from typing import Any
+from unittest import mock
+
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from msahl.joints import along
+from msahl.kernel import MARKED
+from msahl.model import Model
+from msahl.rotation import compose, from_step_turn
+from msahl.schemes import preserving
+from msahl.schemes.rule import Rule, new_rule
+from msahl.solve import high, station
+from msahl.solve.high import High
+from msahl.solve.higher import Higher
+from msahl.solve.island import Runner
+from msahl.solve.outcome import TARGET, TOLERANCE
+from msahl.solve.plan import Plan
+from msahl.vector import add, at, put, scale
+
+LONG = np.longdouble
+ROUND_OFF = float(np.finfo(LONG).eps / np.finfo(float).eps)
+"""That of ``LONG`` by that of doubles: 1 where a machine has nothing longer."""
+POLISHINGS = 3
+"""Steps of Newton's method from a number in double precision: enough for 113 bits."""
+
+FUNCTIONS = SimpleNamespace(
+    sqrt=np.sqrt,
+    sin=np.sin,
+    cos=np.cos,
+    tanh=np.tanh,
+    atan2=np.arctan2,
+    floor=np.floor,
+    log=np.log,
+    isnan=np.isnan,
+    inf=math.inf,
+    pi=4.0 * np.arctan(LONG(1.0)),
+)
+"""What kernels take from ``math``, whose own functions return doubles."""
+
+
+def run(model: Model, steps: int, rows: int) -> tuple[np.ndarray, np.ndarray] | None:
+    """States (rows, 12 n) and reactions (rows, k) of a scene of one island by its gauss scheme,
+    ``steps`` equal steps to the end; None if one of them does not converge.
+    """
+    runner = Runner(model, "newton", full=False, chunk=steps)
+    assert isinstance(runner.steps, Higher)
+    assert runner.steps.scheme == "gauss"
+    island = widened(runner.steps.high)
+    mobility = np.zeros_like(island.stages.mobility)
+    mobility[:-1] = inverse(island.scene.system.bodies.inertia[:-1])
+    stages = island.stages._replace(rule=gauss(runner.steps.degree), mobility=mobility)
+    island = island._replace(stages=stages)
+    plan = Plan.at_ends(np.arange(1, steps + 1) % (steps // rows) == 0)
+    with in_long():
+        settle(island)
+        h = LONG(model.simulation.t_final) / steps
+        taken = high.march(island, h, 0, steps, plan.due, plan.share)
+    tables = island.scene.tables
+    return (tables.states[:rows], tables.reactions[:rows]) if taken == steps else None
+
+
+@contextmanager
+def in_long() -> Iterator[None]:
+    """Kernels, called as plain Python, compute in ``LONG`` and solve to its round-off."""
+    fitting = {"math": FUNCTIONS, "TARGET": ROUND_OFF * TARGET, "TOLERANCE": ROUND_OFF * TOLERANCE}
+    with ExitStack() as stack:
+        # What leads to no number is seen by the solver, as in compiled code.
+        stack.enter_context(np.errstate(all="ignore"))
+        for module in {sys.modules[kernel.__module__] for kernel in MARKED}:
+            for name in fitting.keys() & vars(module).keys():
+                stack.enter_context(mock.patch.object(module, name, fitting[name]))
+        yield
+
+
+def widened(group: Any, known: dict[int, Any] | None = None) -> Any:
+    """A group of groups with its arrays of doubles in ``LONG``; what it has twice stays one."""
+    known = {} if known is None else known
+    if id(group) not in known:
+        wide = group
+        if isinstance(group, tuple):
+            wide = type(group)(*(widened(part, known) for part in group))
+        elif isinstance(group, np.ndarray) and group.dtype == np.float64:
+            wide = group.astype(LONG)
+        known[id(group)] = wide
+    return known[id(group)]
+
+
+def inverse(A: np.ndarray) -> np.ndarray:
+    """Inverses of the matrices (..., n, n) in ``LONG``."""
+    X, one = np.linalg.inv(A.astype(float)).astype(LONG), np.eye(A.shape[-1], dtype=LONG)
+    for _ in range(POLISHINGS):
+        X = X + X @ (one - A @ X)
+    return X
+
+
+def gauss(s: int) -> Rule:
+    """The rule of degree ``s`` in ``LONG``, by the formulas of ``schemes.rule``."""
+    rule = new_rule("gauss", s)
+    # Rodrigues' formula has but powers of 1/2, which are exact.
+    ends = (Polynomial([-1.0, 0.0, 1.0]) ** s).deriv(s) / (2.0**s * math.factorial(s))
+    x = _roots(ends, 2.0 * rule.acting - 1.0)
+    y = np.concatenate([[-1.0], _roots(ends.deriv(), 2.0 * rule.closing[:-1] - 1.0), [1.0]])
+    at_forces, at_joints = _lagrange(x), _lagrange(y)
+    integrals = [0.5 * p.integ(lbnd=-1.0) for p in at_forces]
+    weight = np.stack([p(y[-1]) for p in integrals])
+    node_weight = 1.0 / (s * (s + 1.0) * ends(y) ** 2)
+    value = np.stack([p(x) for p in at_joints], axis=1)
+    slope = np.stack([2.0 * p.deriv()(x) for p in at_joints], axis=1)
+    N_inverse = inverse((weight[:, None] * slope[:, :s]).T @ slope[:, 1:])
+    return rule._replace(
+        acting=0.5 * (x + 1.0),
+        weight=weight,
+        closing=0.5 * (y[1:] + 1.0),
+        push=node_weight[:s],
+        value=value[:, 1:],
+        slope=slope[:, 1:],
+        alpha=N_inverse @ (weight[:, None] * value[:, :s]).T,
+        beta=N_inverse @ (weight[:, None] * slope[:, :s]).T,
+        chi=N_inverse * node_weight[:s],
+        integral=np.stack([p(y[1:]) for p in integrals], axis=1),
+        pushing=0.5 * (y[:s] + 1.0),
+        time=0.5 * (np.concatenate([y, x]) + 1.0),
+        place=np.concatenate([np.eye(s + 1)[:, 1:], value[:, 1:]]),
+        rate=np.concatenate([np.zeros((s + 1, s)), slope[:, 1:]]),
+    )
+
+
+def _roots(p: Polynomial, near: np.ndarray) -> np.ndarray:
+    x = near.astype(LONG)
+    for _ in range(POLISHINGS):
+        x = x - p(x) / p.deriv()(x)
+    return x
+
+
+def _lagrange(nodes: np.ndarray) -> list[Polynomial]:
+    one = Polynomial(np.ones(1, dtype=LONG))
+    return [
+        math.prod((Polynomial([-x, 1.0]) / (node - x) for x in nodes if x != node), start=one)
+        for node in nodes
+    ]
+
+
+def settle(island: High) -> None:
+    """Put places and velocities back on the joints, by the least change by mass."""
+    scene, room = island.scene, island.station
+    system, state, start, watch = scene.system, scene.state, scene.start, scene.watch
+    length = system.bodies.length
+    preserving.prepare(system, state, start)
+    # What a round leaves over is quadratic: nothing, after one of round-off.
+    for _ in range(1 + station.rounds(system)):
+        preserving.observe(system, state, start, watch.gap, watch.rate)
+        along.in_metres(system.along, watch.gap, watch.rate)
+        station.undo(system, state, start, watch.gap, room)
+        for b in range(length.size - 1):
+            turn = scale(1.0 / length[b], at(room.solution, 2 * b + 1))
+            put(state.x, b, add(at(state.x, b), at(room.solution, 2 * b)))
+            put(state.p, b, compose(from_step_turn(turn), at(state.p, b)))
+        preserving.prepare(system, state, start)
+    station.keep_closed(system, state, start, watch.gap, watch.rate, room)
