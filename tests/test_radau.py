@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 from elements import ELEMENTS, everything
 from higher import Step
-from scenes import body, deck, jointed, scene, simulate
+from scenes import body, deck, jointed, pendulum, scene, simulate
 from test_decaying import energies, oscillator
 
 from msahl.cli import main
@@ -120,6 +120,16 @@ def test_energy_is_never_gained_and_the_balance_holds(period, degree):
     assert (np.diff(taken) <= 0.0).all()
     assert energy.max() <= energy[0]
     assert run.report.verdict["checks"]["energy"]["word"] == PASS
+
+
+@pytest.mark.parametrize("scheme", ["gauss3", "radau3"])
+def test_a_step_of_a_thousand_turns_is_not_taken_for_solved(scheme):
+    """A guess of parameters past a whole turn is no measure of what a residual is beside it: the
+    joint of a pendulum under a million times its weight stood open by metres, at once."""
+    model = replace(pendulum(), gravity=(0.0, 0.0, 1e7))
+    run = simulate(model, dt=1.0, t_final=2.0, scheme=scheme)
+    assert run.report.extremes["gapMax"] <= 1e-12
+    assert run.report.status == "not converged" or run.report.iterations > 0
 
 
 def test_what_the_scheme_gives_is_an_error_of_the_balance():

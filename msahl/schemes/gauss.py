@@ -47,6 +47,7 @@ from msahl.vector import (
     at,
     axpy,
     combine,
+    dot,
     matrix_at,
     product,
     put,
@@ -712,6 +713,9 @@ def look(stages: Stages, t: float, h: float) -> bool:
 
 SWEEPS = 3
 """Of the guess's turns: each gains a power of the turn over a step."""
+WIDEST = 16.0
+"""Parameters beyond which a guessed turn is none, 304 degrees: near a whole turn they run away, and
+beside a step of their length any residual would be small."""
 
 
 @kernel
@@ -743,6 +747,10 @@ def _integrate(system: System, start: Start, stages: Stages, h: float, b: int) -
             for i in range(s):
                 c = axpy(h * length * rule.integral[j, i], at(stages.F[i], 2 * b), c)
             put(Z[j], 2 * b + 1, c)
+    for j in range(s):
+        c = at(Z[j], 2 * b + 1)
+        if not dot(c, c) <= (WIDEST * length) ** 2:
+            put(Z[j], 2 * b + 1, ZERO)
 
 
 @kernel
