@@ -30,6 +30,12 @@ no accuracy is asked for."""
 UNSEEN = 0.05
 """Of the way at the highest speed: a step's local error beyond which something moves to and fro in
 hardly more than a step or two. Resolved motions have a twelfth of their turn a step, squared."""
+TAKEN = 0.01
+"""Of the largest kinetic energy: what a scheme of higher order may take from what it resolves. From
+a vibration it takes twice what it takes from the amplitude, which is then its largest error."""
+FARTHER = 2.0
+"""Of the longest way that a body has got from where it began: a step's way at the highest speed
+beyond which it goes to and fro within a step. A vibration then makes a third of a turn a step."""
 GAP_WORK = 1e-8
 """Of the largest kinetic energy, over one step."""
 CONDITION = 1e13
@@ -244,26 +250,48 @@ def _trust(of: Figures) -> Finding:
             f"trust horizon t = {shadow['trustHorizon']:g} s: up to there the run at half the step "
             f"agrees within {tolerance:g} m; {measure} come to differ by {apart:.1e} m"
         )
-    elif word == PASS and _hides(of, tolerance):
+    elif word == PASS and (sign := _hidden(of, tolerance)):
         word = WARN
-        text += (
-            f", yet something vibrates quicker than both steps: local errors add up to "
-            f"{of.extreme('localErrorSum'):.1e} m"
-        )
+        text += f", yet something vibrates quicker than both steps: {sign}"
     return Finding("accuracy", word, text)
 
 
-def _hides(of: Figures, tolerance: float) -> bool:
-    """Whether a vibration may hide between the rows of both runs: their steps see it as nothing."""
-    if of.extremes["localErrorSum"] is None or of.tolerance is not None:
-        return False
-    quick = of.extreme("localErrorMax") > UNSEEN * of.dt * of.extreme("speedMax")
-    return quick and of.extreme("localErrorSum") > BETWEEN * tolerance
+def _hidden(of: Figures, tolerance: float) -> str:
+    """The sign of a vibration that hides between the rows of both runs, whose steps see it as
+    nothing; empty if there is none.
+    """
+    if of.tolerance is not None:
+        return ""
+    way = of.dt * of.extreme("speedMax")
+    if of.extremes["localErrorSum"] is None:
+        return _unresolved(of) if way > BETWEEN * tolerance else ""
+    quick = of.extreme("localErrorMax") > UNSEEN * way
+    total = of.extreme("localErrorSum")
+    return f"local errors add up to {total:.1e} m" if quick and total > BETWEEN * tolerance else ""
+
+
+def _unresolved(of: Figures) -> str:
+    """The sign, in a run of higher order, of motions that its steps do not resolve; empty if there
+    is none.
+    """
+    taken, kinetic = of.extremes.get("energyTaken") or 0.0, of.extreme("largestKineticEnergy")
+    if taken > TAKEN * kinetic:
+        return f"the scheme took {taken / kinetic:.1e} of the largest kinetic energy"
+    # No less than the fastest mass centre's: highest speeds are told with those of turning.
+    way = min(of.dt, of.time) * of.extreme("speedMax") - of.length * of.extreme("turnPerStepMax")
+    if way > FARTHER * of.extreme("wayMax"):
+        farthest = f"{of.extreme('wayMax'):.1e} m from where it began"
+        return f"a body goes {way:.1e} m a step, and at no step's end is more than {farthest}"
+    return ""
 
 
 def _local(of: Figures) -> Finding:
     if of.extremes["localErrorSum"] is None:
-        return Finding("accuracy", PASS, "accuracy not estimated: --shadow TOL tells")
+        sign = _unresolved(of)
+        if not sign:
+            return Finding("accuracy", PASS, "accuracy not estimated: --shadow TOL tells")
+        text = f"the step is large for something that moves: {sign}"
+        return Finding("accuracy", WARN, f"{text}; --shadow TOL tells how far to trust the run")
     total, length = of.extreme("localErrorSum"), max(of.length, of.extreme("wayMax"))
     if of.tolerance is not None:
         word = grade(total, of.tolerance, BETWEEN * of.tolerance)

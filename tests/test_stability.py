@@ -5,6 +5,7 @@ import sys
 from dataclasses import replace
 from math import pi
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from msahl.schemes import SCHEMES
 
 TOOLS = ROOT / "tools" / "validation"
 KEPT = ROOT / "docs" / "validation" / "stability.csv"
+TOLD = (*SCHEMES, "gauss3", "radau3")
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +139,7 @@ QUICK = (
 )
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("scheme", TOLD)
 @pytest.mark.parametrize(("name", "value", "steps"), QUICK, ids=lambda value: str(value)[:14])
 def test_extreme_cells_hold(name, value, steps, scheme, cells, extreme, monkeypatch):
     """A hundred steps each, no true positions: those are for the page."""
@@ -191,6 +193,31 @@ def test_rows_that_are_lost_are_a_failure(cells):
         assert cells.judge(worse, 0.5, 1.0, 1.0) == cells.DOUBTFUL
 
 
+@pytest.mark.parametrize(("scheme", "kept"), [("decaying", 1e-9), ("gauss3", 1e-3)])
+def test_energy_is_asked_of_a_scheme_as_it_keeps_it(scheme, kept, cells):
+    """Order 2 by forces that give what they take, higher orders as well as they keep positions."""
+    assert cells.energy_asked(scheme) == kept
+    for part, outcome in ((0.9, cells.GOOD), (1.1, cells.DOUBTFUL)):
+        extremes = {
+            "energyAtStart": 1.0,
+            "largestKineticEnergy": 1.0,
+            "energyErrorMax": part * kept,
+            "gapMax": 0.0,
+        }
+        info = {"status": "completed", "rows": 5, "rows_found": 5, "extremes": extremes}
+        assert cells.judge(info, 0.5, 1.0, 1.0, kept) == outcome
+
+
+@pytest.mark.parametrize("scheme", TOLD)
+def test_the_condition_is_the_same_at_any_step(scheme, cells, extreme):
+    """Of a pendulum: scaled, as it is solved."""
+    model = read_deck(extreme.FAMILIES["long_run"].path)
+    found = [cells.condition(model, dt, scheme) for dt in (1e-6, 1e-3, 1e-1)]
+    # At a tenth of a second it turns by some percent of a radian a step.
+    assert found == pytest.approx([found[0]] * 3, rel=0.01)
+    assert 1.0 < found[0] < 1e3
+
+
 def test_a_restart_from_the_last_row_goes_on(cells):
     """Order 2 against the whole: 4e-5 m at 0.01 s of a swing of 1 m."""
     made = cells.run_restarts("extreme/inverted", ("preserving",), (1e-2,))
@@ -204,6 +231,32 @@ def test_cells_come_back_from_their_file(cells, stability, tmp_path):
     path = tmp_path / "cells.csv"
     stability.write_cells(path, told)
     assert stability.read_cells(path) == told
+
+
+def test_schemes_can_be_run_alone(stability, tmp_path, monkeypatch):
+    """Their cells are made anew, all others stay as they were kept."""
+    with KEPT.open() as stream:
+        kept = [line for line in stream if line.startswith(("family", "spin,10.0,"))]
+    path, told = tmp_path / "cells.csv", []
+    path.write_text("".join(kept))
+
+    def run_all(names, schemes, tell):
+        told.append((names, schemes))
+        old = [c for c in stability.read_cells(path) if c.family in names and c.scheme in schemes]
+        return [replace(cell, outcome="made anew") for cell in old]
+
+    for name, value in (("CSV", path), ("run_all", run_all)):
+        monkeypatch.setattr(stability, name, value)
+    monkeypatch.setitem(sys.modules, "stability_page", SimpleNamespace(write_page=told.append))
+    before = stability.read_cells(path)
+    stability.main(["spin", "radau3"])
+    assert told[0] == (["spin"], ["radau3"])
+    after = stability.read_cells(path)
+    assert [replace(c, outcome="") for c in after] == [replace(c, outcome="") for c in before]
+    changed = {new.scheme for old, new in zip(before, after, strict=True) if old != new}
+    assert changed == {"radau3"}
+    with pytest.raises(SystemExit, match="no family or scheme radau9"):
+        stability.main(["radau9"])
 
 
 def test_the_verdict_of_a_run_is_taken_up(cells):
@@ -252,10 +305,11 @@ def test_the_kept_table_is_whole():
     with KEPT.open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert not {"nan", "inf", "-inf"} & {text for row in rows for text in row.values()}
-    assert {row["scheme"] for row in rows} >= {"preserving", "decaying"}
+    assert {row["scheme"] for row in rows} == set(TOLD)
     places = {(row["family"], row["value"], row["scheme"], row["dt"]) for row in rows}
     assert len(places) == len(rows)
     assert len({row["dt"] for row in rows}) == 7
+    assert len(rows) == len({(row["family"], row["value"]) for row in rows}) * len(TOLD) * 7
     for row in rows:
         if row["outcome"] != "out of time":
             assert row["rows"] == row["rows_found"], row

@@ -63,6 +63,10 @@ def with_extremes(**changes):
     return {"extremes": GOOD.extremes | changes}
 
 
+def higher(**changes):
+    return with_extremes(localErrorMax=None, localErrorSum=None, **changes)
+
+
 def energy_off_by(error):
     return with_extremes(energyErrorMax=50.0 * error, energyErrorMaxRelative=error)
 
@@ -131,6 +135,23 @@ CASES = {
         PASS,
     ),
     "a scheme without an estimate": (with_extremes(localErrorSum=None), {}, "accuracy", PASS),
+    "a scheme that took a little": (higher(energyTaken=0.4), {}, "accuracy", PASS),
+    "a scheme that took much": (higher(energyTaken=0.6), {}, "accuracy", WARN),
+    "a scheme that took it at half the step as well": (
+        {"shadow": AGREES, **higher(energyTaken=0.6)},
+        {},
+        "accuracy",
+        WARN,
+    ),
+    # The way of a step is 0.07 m, less 0.05 m that may be the turning.
+    "to and fro within a step": (higher(wayMax=0.009), {}, "accuracy", WARN),
+    "to and fro in some steps": (higher(wayMax=0.011), {}, "accuracy", PASS),
+    "to and fro, by less than is asked for": (
+        {"shadow": AGREES | {"tolerance": 8e-3}, **higher(wayMax=0.009)},
+        {},
+        "accuracy",
+        PASS,
+    ),
     # The run at half the step came to no end: what it was beside agrees, but not to the end.
     "half the step stopped": (
         {"shadow": AGREES | {"trustHorizon": 4.0, "agrees": False}},
@@ -253,6 +274,26 @@ def test_a_spring_quicker_than_the_step_is_not_passed(scheme):
         assert alone.report.verdict["word"] == WARN
         run = simulate(model, dt=0.01, t_final=1.0, scheme=scheme, shadow=1e-5)
         assert run.report.verdict["checks"]["accuracy"]["word"] == word
+
+
+@pytest.mark.parametrize("scheme", ["gauss2", "gauss3", "radau1", "radau3"])
+def test_nor_by_a_scheme_of_higher_order(scheme):
+    """Gauss swings it as it likes, radau takes it at once: both are the same at half the step."""
+    for period in (3e-3, 1e-8):
+        model = oscillator(period)
+        alone = simulate(model, dt=0.01, t_final=1.0, scheme=scheme)
+        assert alone.report.verdict["word"] == WARN
+        run = simulate(model, dt=0.01, t_final=1.0, scheme=scheme, shadow=1e-5)
+        assert run.report.verdict["checks"]["accuracy"]["word"] != PASS
+
+
+def test_a_pendulum_that_is_slowed_by_its_scheme_is_not_passed():
+    """By radau1, of order 1: at 0.01 s the swing of 5 m is 0.45 m off within 10 s."""
+    words = {s: simulate(pendulum(), dt=0.01, t_final=10.0, scheme=s) for s in ("radau1", "radau3")}
+    reasons = words["radau1"].report.verdict["reasons"]
+    assert len(reasons) == 1
+    assert "the scheme took" in reasons[0]
+    assert words["radau3"].report.verdict["word"] == PASS
 
 
 def linked(**others):

@@ -31,9 +31,7 @@ def take(island: High, h: float) -> Outcome:
     def jac(z: np.ndarray) -> np.ndarray:
         _probe(island, h, z.reshape(size, s), np.empty((size, s)), True)
         scene.counts[1] += 1
-        A = np.zeros((size * size, s, s))
-        A[scene.unknowns.dense_to] = stages.values[stages.slot[scene.unknowns.dense_from]]
-        return A.reshape(size, size, s, s).transpose(0, 3, 1, 2).reshape(size * s, size * s)
+        return jacobian(island)
 
     _guess(scene.system, scene.state, scene.start, stages, h)
     first = stages.Z.reshape(s, -1)[:, free].T.reshape(-1)
@@ -55,3 +53,11 @@ def take(island: High, h: float) -> Outcome:
     if outcome.converged:
         _advance(scene.system, scene.state, scene.start, stages, scene.watch, island.station, h)
     return outcome
+
+
+def jacobian(island: High) -> np.ndarray:
+    """(f s, f s) the derivative evaluated last; the stages of each unknown stand together."""
+    unknowns, stages, (f, s) = island.scene.unknowns, island.stages, island.y.shape
+    A = np.zeros((f * f, s, s))
+    A[unknowns.dense_to] = stages.values[stages.slot[unknowns.dense_from]]
+    return A.reshape(f, f, s, s).transpose(0, 3, 1, 2).reshape(f * s, f * s)

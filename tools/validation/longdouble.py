@@ -26,10 +26,10 @@ from msahl.rotation import compose, from_step_turn
 from msahl.schemes import preserving
 from msahl.schemes.rule import Rule, new_rule
 from msahl.solve import high, station
-from msahl.solve.high import High
+from msahl.solve.high import TARGET, High
 from msahl.solve.higher import Higher
 from msahl.solve.island import Runner
-from msahl.solve.outcome import TARGET, TOLERANCE
+from msahl.solve.outcome import TOLERANCE
 from msahl.solve.plan import Plan
 from msahl.vector import add, at, put, scale
 
@@ -49,6 +49,7 @@ FUNCTIONS = SimpleNamespace(
     log=np.log,
     isnan=np.isnan,
     inf=math.inf,
+    nan=math.nan,
     pi=4.0 * np.arctan(LONG(1.0)),
 )
 """What kernels take from ``math``, whose own functions return doubles."""

@@ -1,8 +1,11 @@
 """Where the method holds: docs/validation/stability.md, its pictures and stability.csv.
 
-python tools/validation/stability.py            run all cells, keep them, write the page
-python tools/validation/stability.py spin       run this family's cells alone
-python tools/validation/stability.py --page     write the page from the kept cells
+python tools/validation/stability.py                run all cells, keep them, write the page
+python tools/validation/stability.py spin radau3    run cells of this family by this scheme alone
+python tools/validation/stability.py --page         write the page from the kept cells
+
+Without a family all are run, without a scheme likewise. Cells that are not run stay as they are
+kept: after a change that moves their figures, all are to be run.
 """
 
 import csv
@@ -11,7 +14,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import get_type_hints
 
-from cells import ALL, Cell, in_order, run_all
+from cells import ALL, COMPARED, Cell, in_order, run_all
 from measured import OUT
 
 CSV = OUT / "stability.csv"
@@ -19,13 +22,16 @@ CSV = OUT / "stability.csv"
 
 def main(arguments: list[str]) -> None:
     """Run what is to be run and write the page."""
-    unknown = sorted(set(arguments) - {"--page", *ALL})
+    unknown = sorted(set(arguments) - {"--page", *ALL, *COMPARED})
     if unknown:
-        sys.exit(f"no family {', '.join(unknown)}; there are {', '.join(ALL)}")
+        there = ", ".join((*ALL, *COMPARED))
+        sys.exit(f"no family or scheme {', '.join(unknown)}; there are {there}")
     if "--page" not in arguments:
-        names = arguments or list(ALL)
-        kept = [cell for cell in read_cells(CSV) if cell.family not in names] if arguments else []
-        made = run_all(names, lambda words: print(words, flush=True))
+        names = [name for name in ALL if name in arguments] or list(ALL)
+        schemes = [scheme for scheme in COMPARED if scheme in arguments] or list(COMPARED)
+        made = run_all(names, schemes, lambda words: print(words, flush=True))
+        kept = read_cells(CSV) if arguments else []
+        kept = [c for c in kept if c.family not in names or c.scheme not in schemes]
         write_cells(CSV, in_order([*kept, *made]))
     from stability_page import write_page
 

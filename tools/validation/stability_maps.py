@@ -9,6 +9,7 @@ import numpy as np
 from cells import (
     BOUNDED,
     COARSE,
+    COMPARED,
     DOUBTFUL,
     FAILED,
     GOOD,
@@ -31,14 +32,13 @@ from msahl.deck import read_deck
 from msahl.model import Model
 from msahl.post.draw import looks, style
 from msahl.run import Options
-from msahl.schemes import SCHEMES
 from msahl.study.runs import run_in_memory, with_step
 
 LOOKS = {
     GOOD: ("#3B8FC4", "good: position within the tolerance"),
     COARSE: ("#BBDDF0", "coarse: holds, the step is too large for the position"),
     BOUNDED: ("#DDDDDD", "bounded: holds, no position to compare with"),
-    DOUBTFUL: ("#F0C84B", "doubtful: energy or gap above 1e-9"),
+    DOUBTFUL: ("#F0C84B", "doubtful: energy or gap not kept as asked"),
     FAILED: ("#D55E00", "failed: a step did not converge"),
     LATE: ("#8B5A8C", "out of time: too many hard steps"),
     REFUSED: ("#333333", "refused: no start"),
@@ -62,7 +62,7 @@ def _draw(cells: Sequence[Cell], names: Sequence[str], number: int) -> Path:
     values = {n: list(dict.fromkeys(c.value for c in cells if c.family == n)) for n in names}
     heights = [len(values[name]) + 1.6 for name in names]
     with style():
-        figure = Figure(figsize=(1.6 + 4.2 * len(schemes), 0.9 + 0.3 * sum(heights)))
+        figure = Figure(figsize=(1.6 + 3.4 * len(schemes), 0.9 + 0.3 * sum(heights)))
         FigureCanvasAgg(figure)
         panels = figure.subplots(
             len(names), len(schemes), squeeze=False, sharey="row", height_ratios=heights
@@ -71,7 +71,8 @@ def _draw(cells: Sequence[Cell], names: Sequence[str], number: int) -> Path:
             for scheme, axes in zip(schemes, row, strict=True):
                 own = [c for c in cells if (c.family, c.scheme) == (name, scheme)]
                 _map(axes, own, values[name])
-                axes.set_title(f"{title_of(name)}, {scheme}", fontsize=9)
+                axes.set_title(scheme, fontsize=9, loc="right")
+            row[0].set_title(title_of(name), fontsize=9)
             row[0].set_ylabel(label_of(name), fontsize=8)
         for axes in panels[-1]:
             axes.set_xlabel("step [s]")
@@ -128,7 +129,7 @@ RINGING_END = 0.5
 
 
 def ringing() -> Path:
-    """A stiff spring and the governor without its dampers, at a step of 0.01 s, by every scheme."""
+    """A stiff spring and the governor without its dampers, at a step of 0.01 s: a line a scheme."""
     scenes: tuple[tuple[Family, float, str, str, str], ...] = (
         (FAMILIES["stiff_spring"], 1e-7, "states", "Block.vy", "velocity of the block [m/s]"),
         (FAMILIES["governor"], 0.0, "reactions", "Hinge 1.Fz", "force in hinge 1, along z [N]"),
@@ -136,23 +137,22 @@ def ringing() -> Path:
     )
     titles = ("stiff spring", "governor without dampers", "governor as it is")
     with style():
-        figure = Figure(figsize=(10.5, 3.6))
+        figure = Figure(figsize=(10.5, 1.0 + 1.7 * len(COMPARED)))
         FigureCanvasAgg(figure)
-        panels = figure.subplots(1, len(scenes))
-        for axes, title, (family, x, table, column, label) in zip(
-            panels, titles, scenes, strict=True
+        panels = figure.subplots(len(COMPARED), len(scenes), sharex=True, sharey="col")
+        for column, title, (family, x, table, name, label) in zip(
+            panels.T, titles, scenes, strict=True
         ):
             model = with_value(family, x)
-            for scheme, look in zip(SCHEMES, looks(), strict=False):
+            column[0].set_title(f"{title}:\n{label}")
+            column[-1].set_xlabel("time [s]")
+            for axes, scheme, look in zip(column, COMPARED, looks(), strict=False):
                 one = with_step(model, RINGING_STEP, RINGING_END, scheme)
                 _, run = run_in_memory(one, Options())
-                values = getattr(run, table)[column].to_numpy()
-                axes.plot(run.time, values, label=scheme, **(look | {"linewidth": 1.0}))
-            axes.set(title=title, xlabel="time [s]", ylabel=label)
-        figure.legend(
-            *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(SCHEMES)
-        )
-        return save_small(figure, FIGURES / "stability_ringing.png")
+                axes.plot(run.time, getattr(run, table)[name], **look)
+        for axes, scheme in zip(panels[:, 0], COMPARED, strict=True):
+            axes.set_ylabel(scheme)
+        return save_small(figure, FIGURES / "stability_ringing.png", colours=96)
 
 
 def with_value(family: Family, x: float) -> Model:
