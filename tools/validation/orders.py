@@ -47,7 +47,7 @@ LEAST = 1e-11, 4e-14
 each solved to 1e-14 of its motion."""
 NEAR = 0.15
 """How near the order of the theory an observed one must be."""
-SLOW = 0.05
+SLOW = 0.06
 """How far from it one may be without a word."""
 
 
@@ -327,8 +327,9 @@ def _remarks(ladders: dict[tuple[str, str], Ladder]) -> Iterator[tuple[str, str]
     if slow:
         yield (
             "",
-            f"Farther than {SLOW:g} from it are these, whose errors begin to be fitted where their "
-            "next power still counts: beside the order stands the slope of the two finest.",
+            f"Farther than {SLOW:g} from it are these, the slope between the two finest errors "
+            "beside them: in the largest errors that are fitted the next power of the step counts, "
+            "in the smallest up to a hundredth is round-off.",
         )
     yield from slow
     if far:
