@@ -30,9 +30,9 @@ from msahl.vector import copy
 
 TARGET = 1e-14
 """As ``outcome.TARGET``: these steps are few and long, and what is left of each counts the less."""
-WORTH = 7.0
+WORTH = 5.0
 """Iterations that are better made with the derivative at hand: a new one with its factors costs
-about five, and three more follow."""
+about three, and two more follow."""
 RECALLED = 0.01
 """Share of the gap from absolute positions that a step closes beside what the last one left over.
 Gaps followed by increments wander by round-off as turns are composed: 1e-11 m in two million steps.
