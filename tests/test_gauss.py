@@ -57,16 +57,18 @@ def test_a_rule_integrates_what_it_should(degree):
 @pytest.mark.parametrize(
     ("begin", "size"), [(-1.0, 1.0), (-0.8, 0.8), (-2.0, 2.0), (0.0, 2.0), (-1.0, 2.0)]
 )
-def test_a_guess_follows_the_known_polynomials(scheme, degree, begin, size):
+@pytest.mark.parametrize("near", [0.0, 1.0])
+def test_a_guess_follows_the_known_polynomials(scheme, degree, begin, size, near):
     """Of the step before, also of another size, and of one that went through here."""
     step = Step(pendulum(), f"{scheme}{degree}", 0.1, np.random.default_rng(1))
     stages, rule, s = step.stages, step.stages.rule, degree
     t, h = 7.0, 0.1
-    stages.known[:] = t + begin * h, size * h
+    stages.known[:], stages.near[0] = (t + begin * h, size * h), near
     assert guess.look(stages, t, h)
-    # Where their step begins velocities are known but where they jump there, and at the present
-    # place ours are, once, also where that is one of their nodes.
-    at = np.append(begin + size * rule.acting, np.nan if rule.decays else begin)
+    # Velocities where their step begins tell more, but where they jump there or the last guess was
+    # far off. At the present place ours do, once, also where that is one of their nodes.
+    follows = near > 0.0 and not rule.decays
+    at = np.append(begin + size * rule.acting, begin if follows else np.nan)
     power = np.count_nonzero(np.abs(np.nan_to_num(at)) > 1e-6)
     values = np.append(np.nan_to_num(at), 0.0) ** power
     # Times are known to round-off over the step; weights are up to 1e3 out of the nodes' range.

@@ -64,14 +64,15 @@ def look(stages: Stages, t: float, h: float) -> bool:
         begin = -size  # it is the step before, but for round-off
     if 1.0 - (begin + size) > FAR * size:
         return False
-    if begin == window[0] and size == window[1]:
+    near = stages.near[0]
+    if begin == window[0] and size == window[1] and near == window[2]:
         return True
-    window[0], window[1] = begin, size
+    window[0], window[1], window[2] = begin, size, near
     for i in range(s):
         for j in range(s + 2):
-            x, weight = _node(rule, begin, size, j), 1.0
+            x, weight = _node(rule, begin, size, near, j), 1.0
             for m in range(s + 2):
-                x_m = _node(rule, begin, size, m)
+                x_m = _node(rule, begin, size, near, m)
                 if m != j and not math.isnan(x_m):
                     weight *= (rule.acting[i] - x_m) / (x - x_m)
             stages.seen[i, j] = 0.0 if math.isnan(x) else weight
@@ -86,15 +87,16 @@ def look(stages: Stages, t: float, h: float) -> bool:
 
 
 @kernel
-def _node(rule: Rule, begin: float, size: float, j: int) -> float:
+def _node(rule: Rule, begin: float, size: float, near: float, j: int) -> float:
     """Where in the present step the ``j``-th of the known velocities is; nan if it tells nothing
     that the last, which are those of the present place, do not tell better.
     """
     s = rule.weight.size
     if j == s + 1:
         return 0.0
-    if j == s and rule.decays:
-        return math.nan  # velocities jump where such a step begins
+    if j == s and (rule.decays or near == 0.0):
+        # Velocities jump where such a step begins, or steps are too long to go by more of them.
+        return math.nan
     x = begin + (size * rule.acting[j] if j < s else 0.0)
     return x if abs(x) >= 1e-6 else math.nan
 

@@ -68,7 +68,8 @@ class Stages(NamedTuple):
     before: np.ndarray  # (s + 1, nodes, 3) of the step the next guess follows, last at its start
     reaction: np.ndarray  # (s, j, 6) joints' reactions at c_i
     known: np.ndarray  # (2,) start and size [s] of the step of those polynomials; no size: none
-    window: np.ndarray  # (2,) the same as seen from the present step, in parts of it
+    window: np.ndarray  # (3,) the same as seen from the present step, in parts of it; and ``near``
+    near: np.ndarray  # (1,) 1 if the last guess was near, else 0
     seen: np.ndarray  # (s, s + 2) weights by which velocities at c_i follow from them and from ours
     pushed: np.ndarray  # (s, s) likewise joint forces, which are ours with h^2
     level: np.ndarray  # (1,) energy balance at the start of the run [J]
@@ -126,7 +127,8 @@ def new_stages(system: System, unknowns: Unknowns, state: State, rule: Rule) -> 
         before=np.zeros((degree + 1, *nodes)),
         reaction=np.zeros((degree, *state.reaction.shape)),
         known=np.zeros(2),
-        window=np.zeros(2),
+        window=np.zeros(3),
+        near=np.zeros(1),
         seen=np.zeros((degree, degree + 2)),
         pushed=np.zeros((degree, degree)),
         level=np.zeros(1),

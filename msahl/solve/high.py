@@ -33,6 +33,9 @@ TARGET = 1e-14
 WORTH = 5.0
 """Iterations that are better made with the derivative at hand: a new one with its factors costs
 about three, and two more follow."""
+NEAR = 0.03
+"""First residual of a step up to which the next may go by one velocity more. Steps that follow less
+than that of the motion are led astray by it."""
 RECALLED = 0.01
 """Share of the gap from absolute positions that a step closes beside what the last one left over.
 Gaps followed by increments wander by round-off as turns are composed: 1e-11 m in two million steps.
@@ -243,7 +246,7 @@ def take(high: High, h: float) -> bool:
     system, state, start, unknowns = scene.system, scene.state, scene.start, scene.unknowns
     lu, factor, y = unknowns.elimination, high.factor, high.y
     multipliers, relaxation = 2 * system.bodies.inverse_mass.size, system.relaxation
-    before, smallest, way, length = math.inf, math.inf, 0.0, 0.0
+    before, smallest, way, length, first = math.inf, math.inf, 0.0, 0.0, math.inf
     iteration, fresh, relaxed = 0, True, relaxation > 0.0
     guess.predict(system, state, start, stages, h)
     while True:
@@ -251,7 +254,8 @@ def take(high: High, h: float) -> bool:
         length = element.evaluate(system, state, start, stages, h, fresh)
         length = max(length, dense.AT_REST)
         residual, worst = judge(unknowns.free, stages.F, stages.pull, length)
-        way = length if iteration == 0 else way
+        if iteration == 0:
+            way, first = length, residual
         smallest = min(smallest, residual)
         if residual <= TARGET or (residual > STUCK * before and residual <= TOLERANCE):
             if not relaxed:
@@ -282,6 +286,7 @@ def take(high: High, h: float) -> bool:
         return False
     if relaxation > 0.0:
         drop_gap(lu, relaxation, stages.rule.chi, stages.F, factor, y, multipliers)
+    stages.near[0] = 1.0 if first <= NEAR else 0.0
     advance(system, state, start, stages, scene.watch, station_room, h)
     return True
 
