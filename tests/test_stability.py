@@ -150,13 +150,14 @@ def test_extreme_cells_hold(name, value, steps, scheme, cells, extreme, monkeypa
     """A hundred steps each, no true positions: those are for the page."""
     if scheme not in SCHEMES:
         steps = (steps[0], SMALLER.get(name, steps[1]))
-    if (name, scheme) == ("inconsistent_as_given", "gauss3"):
-        pytest.skip("closes the jump as an inelastic blow does; its energy is told as an error")
+    # It closes the jump as an inelastic blow does, and what that takes is told as an error.
+    blow = (name, scheme) == ("inconsistent_as_given", "gauss3")
     family = replace(extreme.FAMILIES[name], steps=lambda x: 100, known=False)
     monkeypatch.setitem(extreme.FAMILIES, name, family)
     for cell in cells.run_group(name, value, (scheme,), steps):
         # At a microsecond hardly anything moves yet: the error is round-off over nearly nothing.
-        assert (cell.outcome, cell.message) == (cells.BOUNDED, "")
+        outcome = cells.DOUBTFUL if blow else cells.BOUNDED
+        assert (cell.outcome, cell.message) == (outcome, "")
         assert cell.steps == min(100, max(10, round(10.0 / cell.dt)))
         assert cell.rows == cell.rows_found
         figures = (cell.iterations, cell.energy, cell.gap, cell.gap_rate, cell.condition)
