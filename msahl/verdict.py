@@ -275,7 +275,7 @@ def _unresolved(of: Figures) -> str:
     is none.
     """
     taken, kinetic = of.extremes.get("energyTaken") or 0.0, of.extreme("largestKineticEnergy")
-    if taken > TAKEN * kinetic:
+    if kinetic and taken > TAKEN * kinetic:
         return f"the scheme took {taken / kinetic:.1e} of the largest kinetic energy"
     # No less than the fastest mass centre's: highest speeds are told with those of turning.
     way = min(of.dt, of.time) * of.extreme("speedMax") - of.length * of.extreme("turnPerStepMax")

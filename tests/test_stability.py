@@ -139,15 +139,25 @@ QUICK = (
 )
 
 
+SMALLER = {"spin": 1e-5, "toggle": 1e-3}
+"""Largest steps [s] of higher orders, where others are whole turns or pass a near singular place by
+at once."""
+
+
 @pytest.mark.parametrize("scheme", TOLD)
 @pytest.mark.parametrize(("name", "value", "steps"), QUICK, ids=lambda value: str(value)[:14])
 def test_extreme_cells_hold(name, value, steps, scheme, cells, extreme, monkeypatch):
     """A hundred steps each, no true positions: those are for the page."""
+    if scheme not in SCHEMES:
+        steps = (steps[0], SMALLER.get(name, steps[1]))
+    # It closes the jump as an inelastic blow does, and what that takes is told as an error.
+    blow = (name, scheme) == ("inconsistent_as_given", "gauss3")
     family = replace(extreme.FAMILIES[name], steps=lambda x: 100, known=False)
     monkeypatch.setitem(extreme.FAMILIES, name, family)
     for cell in cells.run_group(name, value, (scheme,), steps):
         # At a microsecond hardly anything moves yet: the error is round-off over nearly nothing.
-        assert (cell.outcome, cell.message) == (cells.BOUNDED, "")
+        outcome = cells.DOUBTFUL if blow else cells.BOUNDED
+        assert (cell.outcome, cell.message) == (outcome, "")
         assert cell.steps == min(100, max(10, round(10.0 / cell.dt)))
         assert cell.rows == cell.rows_found
         figures = (cell.iterations, cell.energy, cell.gap, cell.gap_rate, cell.condition)
@@ -240,21 +250,21 @@ def test_schemes_can_be_run_alone(stability, tmp_path, monkeypatch):
     path, told = tmp_path / "cells.csv", []
     path.write_text("".join(kept))
 
-    def run_all(names, schemes, tell):
+    def run_all(names, schemes):
         told.append((names, schemes))
         old = [c for c in stability.read_cells(path) if c.family in names and c.scheme in schemes]
-        return [replace(cell, outcome="made anew") for cell in old]
+        yield "", [replace(cell, outcome="made anew") for cell in old]
 
     for name, value in (("CSV", path), ("run_all", run_all)):
         monkeypatch.setattr(stability, name, value)
     monkeypatch.setitem(sys.modules, "stability_page", SimpleNamespace(write_page=told.append))
     before = stability.read_cells(path)
-    stability.main(["spin", "radau3"])
-    assert told[0] == (["spin"], ["radau3"])
+    stability.main(["spin", "decaying"])
+    assert told[0] == (["spin"], ["decaying"])
     after = stability.read_cells(path)
     assert [replace(c, outcome="") for c in after] == [replace(c, outcome="") for c in before]
     changed = {new.scheme for old, new in zip(before, after, strict=True) if old != new}
-    assert changed == {"radau3"}
+    assert changed == {"decaying"}
     with pytest.raises(SystemExit, match="no family or scheme radau9"):
         stability.main(["radau9"])
 
@@ -305,11 +315,10 @@ def test_the_kept_table_is_whole():
     with KEPT.open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert not {"nan", "inf", "-inf"} & {text for row in rows for text in row.values()}
-    assert {row["scheme"] for row in rows} == set(TOLD)
+    assert {row["scheme"] for row in rows} >= set(SCHEMES)
     places = {(row["family"], row["value"], row["scheme"], row["dt"]) for row in rows}
     assert len(places) == len(rows)
     assert len({row["dt"] for row in rows}) == 7
-    assert len(rows) == len({(row["family"], row["value"]) for row in rows}) * len(TOLD) * 7
     for row in rows:
         if row["outcome"] != "out of time":
             assert row["rows"] == row["rows_found"], row

@@ -137,6 +137,12 @@ CASES = {
     "a scheme without an estimate": (with_extremes(localErrorSum=None), {}, "accuracy", PASS),
     "a scheme that took a little": (higher(energyTaken=0.4), {}, "accuracy", PASS),
     "a scheme that took much": (higher(energyTaken=0.6), {}, "accuracy", WARN),
+    "a scheme that took it before anything moved": (
+        higher(energyTaken=0.1, largestKineticEnergy=0.0, energyErrorMaxRelative=None),
+        {},
+        "accuracy",
+        PASS,
+    ),
     "a scheme that took it at half the step as well": (
         {"shadow": AGREES, **higher(energyTaken=0.6)},
         {},

@@ -8,7 +8,7 @@ import re
 import signal
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import ceil, isfinite
@@ -442,7 +442,7 @@ def run_group(name: str, x: float, schemes: Iterable[str], steps: Iterable[float
         for run in runs:
             true = truth.at(run.times)
             for scheme in schemes:
-                known = condition(model, run.dt, scheme)
+                known = condition(model, run.dt, DEFAULT if scheme in SCHEMES else scheme)
                 out = home / f"{run.dt:g}-{scheme}"
                 info = run_deck(deck, out, scheme, run, family.bound)
                 found = errors(states(out, run, len(model.bodies)), true, lengths)
@@ -583,22 +583,21 @@ def warm_references() -> None:
 ALL = (*FAMILIES, RESTART)
 
 
-def run_all(names: Sequence[str], schemes: Sequence[str], tell: Callable[[str], Any]) -> list[Cell]:
-    """Every cell of the families ``names`` by the ``schemes``, in two processes."""
+def run_all(names: Sequence[str], schemes: Sequence[str]) -> Iterator[tuple[str, list[Cell]]]:
+    """Every cell of the families ``names`` by the ``schemes``, in two processes: those of one value
+    after the other as they are done, with words of which they are.
+    """
     warm_runs(dict.fromkeys((DEFAULT, *schemes)))
     warm_references()
     began = time.perf_counter()
     with ProcessPoolExecutor(2) as pool:
-        groups = [
-            (f"{name} {show_value(x)}", pool.submit(run_value, name, x, tuple(schemes), STEPS))
+        groups = {
+            pool.submit(run_value, name, x, tuple(schemes), STEPS): f"{name} {show_value(x)}"
             for name in sorted(names, key=lambda name: name not in COSTLY)
             for x in reversed(values_of(name))
-        ]
-        cells = []
-        for words, future in groups:
-            cells += future.result()
-            tell(f"{time.perf_counter() - began:6.0f} s  {words}")
-    return in_order(cells)
+        }
+        for future in as_completed(groups):
+            yield f"{time.perf_counter() - began:6.0f} s  {groups[future]}", future.result()
 
 
 def run_value(
@@ -620,12 +619,17 @@ def show_value(value: float | str) -> str:
     return value.replace("_", " ") if isinstance(value, str) else f"{value:.4g}"
 
 
+def place(cell: Cell) -> tuple[str, float | str, str, float]:
+    """Where a cell stands in the table."""
+    return cell.family, cell.value, cell.scheme, cell.dt
+
+
 def in_order(cells: Iterable[Cell]) -> list[Cell]:
     """The cells in the order of the families, their values, the schemes and the steps."""
 
-    def place(cell: Cell) -> tuple[int, int, int, float]:
+    def rank(cell: Cell) -> tuple[int, int, int, float]:
         values = [Path(x).stem if isinstance(x, str) else x for x in values_of(cell.family)]
         where = ALL.index(cell.family), values.index(cell.value), COMPARED.index(cell.scheme)
         return *where, cell.dt
 
-    return sorted(cells, key=place)
+    return sorted(cells, key=rank)

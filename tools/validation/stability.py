@@ -4,17 +4,18 @@ python tools/validation/stability.py                run all cells, keep them, wr
 python tools/validation/stability.py spin radau3    run cells of this family by this scheme alone
 python tools/validation/stability.py --page         write the page from the kept cells
 
-Without a family all are run, without a scheme likewise. Cells that are not run stay as they are
-kept: after a change that moves their figures, all are to be run.
+Without a family all are run, without a scheme likewise. Cells are kept value by value as they come;
+those that are not run stay as they are: after a change that moves their figures, all are to be run.
 """
 
 import csv
 import sys
+from collections.abc import Iterable
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import get_type_hints
 
-from cells import ALL, COMPARED, Cell, in_order, run_all
+from cells import ALL, COMPARED, Cell, in_order, place, run_all
 from measured import OUT
 
 CSV = OUT / "stability.csv"
@@ -29,16 +30,17 @@ def main(arguments: list[str]) -> None:
     if "--page" not in arguments:
         names = [name for name in ALL if name in arguments] or list(ALL)
         schemes = [scheme for scheme in COMPARED if scheme in arguments] or list(COMPARED)
-        made = run_all(names, schemes, lambda words: print(words, flush=True))
-        kept = read_cells(CSV) if arguments else []
-        kept = [c for c in kept if c.family not in names or c.scheme not in schemes]
-        write_cells(CSV, in_order([*kept, *made]))
+        kept = {place(cell): cell for cell in read_cells(CSV)} if arguments else {}
+        for words, made in run_all(names, schemes):
+            print(words, flush=True)
+            kept |= {place(cell): cell for cell in made}
+            write_cells(CSV, in_order(kept.values()))
     from stability_page import write_page
 
     write_page(read_cells(CSV))
 
 
-def write_cells(path: Path, cells: list[Cell]) -> None:
+def write_cells(path: Path, cells: Iterable[Cell]) -> None:
     """A line a cell; what is not known is empty."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", newline="") as stream:

@@ -524,9 +524,9 @@ def notes() -> Iterator[tuple[str, str]]:
     )
     yield (
         "Condition",
-        f"of the first step's Jacobian, scaled as it is solved, up to {LARGEST} unknowns. Where it "
-        "grows with stiffness the spring's own row is the large one, which does no harm to the "
-        "others.",
+        f"of the first step's Jacobian, scaled as it is solved, up to {LARGEST} unknowns; by the "
+        "schemes of order 2 it is that of the default one. Where it grows with stiffness the "
+        "spring's own row is the large one, which does no harm to the others.",
     )
     yield (
         "Time",
