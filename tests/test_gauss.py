@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 from elements import ELEMENTS, everything
 from higher import Step
-from scenes import chain, deck, pendulum, simulate
+from scenes import DOWN, chain, deck, pendulum, simulate
 
 from msahl.cli import main
 from msahl.deck import read_deck
@@ -17,7 +17,9 @@ from msahl.rotation import matrix
 from msahl.schemes import HIGHER, chart, choices, gauss, split
 from msahl.schemes.rule import new_rule
 from msahl.solve import stagewise
+from msahl.solve.island import Runner
 from msahl.study.exact import recognise
+from msahl.study.runs import with_step
 
 SINGLE = Path(__file__).parents[1] / "decks" / "thesis" / "single_pendulum_45.xml"
 DEGREES = (1, 2, 3, 4, 5)
@@ -289,3 +291,20 @@ def test_the_command_and_the_deck_ask_for_it(tmp_path):
     assert (again.scheme, again.degree) == ("gauss", 2)
     result = CliRunner().invoke(main, ["run", str(SINGLE), "--scheme", "gauss9"])
     assert result.exit_code == 2
+
+
+def test_a_step_that_failed_leaves_nothing_to_follow():
+    """Its unknowns stand where those of the step before were, and are no guess for the next one:
+    halves of hard steps failed by what the whole had left."""
+    states = []
+    for fails in (False, True):
+        model = with_step(replace(chain(5), gravity=DOWN), 0.25, scheme="gauss3")
+        runner = Runner(model, "newton", False, 1)
+        assert runner.steps.take(0.25, 1.0).converged
+        if fails:
+            assert not runner.steps.take(8.0, 1.0).converged
+        else:
+            runner.steps.forget()
+        assert runner.steps.take(0.05, 1.0).converged
+        states.append(runner.scene.state.x.copy())
+    assert np.array_equal(*states)

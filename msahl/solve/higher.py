@@ -91,13 +91,19 @@ class Higher:
         """A step ``h``, whatever ``share`` it is of the whole one, by the compiled solver."""
         _march(self.high, h, 0, 1, *NO_ROWS)
         residual, worst = self.high.outcome
-        return Outcome(float(residual), int(worst))
+        return self._told(Outcome(float(residual), int(worst)))
 
     def take_by_root(self, h: float, share: float) -> Outcome:
         """Likewise by scipy."""
         from msahl.solve import high_root
 
-        return high_root.take(self.high, h)
+        return self._told(high_root.take(self.high, h))
+
+    def _told(self, outcome: Outcome) -> Outcome:
+        """The ``outcome`` of a step, after which, if it failed, the unknowns are none to follow."""
+        if not outcome.converged:
+            high.forget(self.high)
+        return outcome
 
 
 class Paced(Higher):
