@@ -93,7 +93,7 @@ validation: thesis
 	$(BIN)/python benchmarks/convergence/experiment.py --page
 	$(BIN)/python tools/validation/stability.py --page
 
-# Ten minutes; make validation writes the page from the cells kept in docs/validation/stability.csv.
+# An hour or so on two cores; make validation writes the page from the cells kept in docs/validation/stability.csv.
 stability: .venv/installed
 	$(BIN)/python tools/validation/stability.py
 

@@ -51,27 +51,35 @@ REASONS = {
     "needle_to_disk": "The spin about the axis, constant in truth, is kept by the schemes to the "
     "order of the step only, and the less inertia there is about the axis, the less it takes to "
     "change it: by (step)^2 times the inertia across over that about the axis. With a needle it "
-    "grows to hundreds and thousands of radians a second, at constant energy, until a step "
-    "holds many turns and cannot be solved.",
-    "length": "At a millionth of a metre a step of 0.01 s is five swings; the bodies turn by up to "
-    "half a turn a step, where solutions lie close to each other, and steps are halved again and "
-    "again.",
+    "grows to hundreds and thousands of radians a second, at constant energy, until a step holds "
+    "many turns and cannot be solved.",
+    "length": "At a millionth of a metre a step of 0.01 s is five swings; the bodies turn by up "
+    "to half a turn a step, where solutions lie close to each other, and steps are halved again "
+    "and again.",
     "stiff_pendulum": "The length of the spring is known to 1e-16 m, and that times its stiffness "
-    "is a force: of 4e-5 N at a period of 1e-5 s. It does work in every step, so the "
-    "energy is kept to less than elsewhere; the swing does not suffer. At a step of 1 "
-    "s, half the swing, steps are halved again and again. A rod (joint distance) in "
-    "place of a spring that stiff gives the same swing at any step.",
-    "bushing_loop": "As with the pendulum on a spring: what the mount gives is known to 1e-16 "
-    "m, and that times its stiffness is a force that does work. From 1e9 N/m on, steps of "
-    "0.1 s and more, in which the loop turns by much of a radian, are halved again "
-    "and again. A pin in place of the mount holds at any step.",
+    "is a force: of 4e-5 N at a period of 1e-5 s. It does work in every step, so the energy is "
+    "kept to less than elsewhere; the swing does not suffer. At a step of 1 s, half the swing, "
+    "steps are halved again and again. A rod (joint distance) in place of a spring that stiff "
+    "gives the same swing at any step. gauss has forces at its nodes, none that give what they "
+    "take: a spring as stiff as that makes of what the step does not resolve more energy than the "
+    "swing has.",
+    "bushing_loop": "As with the pendulum on a spring: what the mount gives is known to 1e-16 m, "
+    "and that times its stiffness is a force that does work. From 1e9 N/m on, steps of 0.1 s and "
+    "more, in which the loop turns by much of a radian, are halved again and again. A pin in "
+    "place of the mount holds at any step.",
     "taut_chain": "With no slack the joints hold the chain and their equations are dependent: the "
-    "residual stays at some 1e-12, a little above what counts as solved. With hardly any slack the "
-    "forces on the way are as large as one over its root, and so is their round-off: at large "
-    "steps as much energy comes or goes as the chain has, while the runs end as completed. Look at "
-    "the energy.",
+    "residual stays at some 1e-12, a little above what counts as solved. With hardly any slack "
+    "the forces on the way are as large as one over its root, and so is their round-off: at large "
+    "steps as much energy comes or goes as the chain has, while the runs end as completed. Look "
+    "at the energy.",
     "inverted": "It hardly moves at such a step: the error is round-off of the weight's energy "
     "over a kinetic energy of nearly nothing.",
+    "spin": "Within a step of a higher order a body can make less than a whole turn: the "
+    "parameters of its turn are polynomials in time, and have no end there. What spins by more "
+    "has its steps halved until they are as short as that, or not at all. Order 2 keeps the spin, "
+    "though not the turn.",
+    "stiff_spring": "The length of the spring is known to 1e-16 m, and that times its stiffness "
+    "is a force, of the size at which a step counts as solved. What is above it is halved.",
     "cranks": "Each of many steps is rescued by the dense solver, which takes long with so many "
     "bodies; nothing else is wrong.",
     "drift": "Ten thousand kilometres away one place of a position's last digit is 1.9e-9 m: the "
@@ -79,8 +87,10 @@ REASONS = {
     "long_run": "A step of 1 s is nearly a quarter of the swing. Sooner or later the preserving "
     "scheme comes to steps that must be halved, and from then on most are. At 0.1 s round-off has "
     "gathered over a million steps.",
-    "inconsistent_as_given": "A jump of 1000 m/s makes the links turn by up to half a turn a step, "
-    "there and back, for ever with the preserving scheme.",
+    "inconsistent_as_given": "A jump of 1000 m/s makes the links turn by up to half a turn a "
+    "step, there and back, for ever with the preserving scheme. Higher orders close the jump in "
+    "their first step, as an inelastic blow does: radau enters what that takes as its work, with "
+    "gauss the balance lacks it.",
     "toggle": "With rod and crank of one length the mechanism may go on in two ways where they "
     "are folded.",
 }
