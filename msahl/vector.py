@@ -91,6 +91,12 @@ def combine(c: float, M: Matrix, N: Matrix) -> Matrix:
 
 
 @kernel
+def multiple(c: float, M: Matrix) -> Matrix:
+    """``c M`` for a number ``c``."""
+    return (scale(c, M[0]), scale(c, M[1]), scale(c, M[2]))
+
+
+@kernel
 def outer(c: float, a: Vector, b: Vector, M: Matrix) -> Matrix:
     """``c a b^T + M`` for a number ``c``."""
     return (axpy(c * a[0], b, M[0]), axpy(c * a[1], b, M[1]), axpy(c * a[2], b, M[2]))

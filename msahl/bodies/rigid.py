@@ -43,6 +43,7 @@ from msahl.vector import (
     cross,
     dot,
     matrix_at,
+    multiple,
     product,
     put,
     put_matrix,
@@ -115,7 +116,7 @@ def end_tangent(bodies: Bodies, Z: np.ndarray, b: int, a: Vector) -> Matrix:
     Q = turn_of(bodies, Z, b)
     T = product(skew(add(a, turn_change(Q, a))), turn_tangent(Q))
     c = 1.0 / bodies.length[b]
-    return (scale(c, T[0]), scale(c, T[1]), scale(c, T[2]))
+    return multiple(c, T)
 
 
 @kernel

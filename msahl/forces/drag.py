@@ -22,6 +22,7 @@ from msahl.vector import (
     cross,
     dot,
     matrix_at,
+    multiple,
     product,
     put,
     scale,
@@ -87,7 +88,7 @@ def drag_slope(c: float, V: Vector) -> Matrix:
         add(scale(speed, IDENTITY[1]), scale(V[1] / speed, V)),
         add(scale(speed, IDENTITY[2]), scale(V[2] / speed, V)),
     )
-    return (scale(-c, rows[0]), scale(-c, rows[1]), scale(-c, rows[2]))
+    return multiple(-c, rows)
 
 
 @kernel

@@ -11,7 +11,19 @@ those of the quotients above, term by term.
 """
 
 from msahl.kernel import kernel
-from msahl.vector import IDENTITY, Matrix, Vector, axpy, combine, cross, dot, outer, scale, skew
+from msahl.vector import (
+    IDENTITY,
+    Matrix,
+    Vector,
+    axpy,
+    combine,
+    cross,
+    dot,
+    multiple,
+    outer,
+    scale,
+    skew,
+)
 
 
 @kernel
@@ -21,7 +33,7 @@ def tangent(c: Vector) -> Matrix:
     k = 1.0 / (1.0 + dot(s, s)) ** 2
     turned = outer(2.0, s, s, skew(scale(2.0, s)))
     B = combine(1.0 - dot(s, s), IDENTITY, turned)
-    return (scale(k, B[0]), scale(k, B[1]), scale(k, B[2]))
+    return multiple(k, B)
 
 
 @kernel
@@ -60,14 +72,13 @@ def momentum_slope(c: Vector, z: Vector) -> Matrix:
     k = 0.25 / (q * q)
     M = outer(2.0, s, z, skew(scale(-2.0, z)))
     M = outer(-2.0, z, s, combine(2.0 * dot(s, z), IDENTITY, M))
-    return outer(-1.0 / q, momentum(c, z), s, (scale(k, M[0]), scale(k, M[1]), scale(k, M[2])))
+    return outer(-1.0 / q, momentum(c, z), s, multiple(k, M))
 
 
 @kernel
 def rate_slope(c: Vector, a: Vector) -> Matrix:
     """Derivative of ``H^T a`` by c at constant a."""
-    M = momentum_slope(scale(-1.0, c), a)
-    return (scale(-1.0, M[0]), scale(-1.0, M[1]), scale(-1.0, M[2]))
+    return multiple(-1.0, momentum_slope(scale(-1.0, c), a))
 
 
 @kernel
@@ -82,14 +93,13 @@ def curvature(c: Vector, z: Vector, a: Vector) -> Matrix:
     M = combine(straight, IDENTITY, outer(24.0 * n * k**4, s, s, skew((0.0, 0.0, 0.0))))
     M = outer(2.0 * k * k, z, a, outer(2.0 * k * k, a, z, M))
     M = outer(-4.0 * k**3, slope, s, outer(-4.0 * k**3, s, slope, M))
-    return (scale(0.0625, M[0]), scale(0.0625, M[1]), scale(0.0625, M[2]))
+    return multiple(0.0625, M)
 
 
 @kernel
 def square(M: Matrix) -> Matrix:
     """Of B the part quadratic in c, ``(2 M - tr M 1)/16`` of ``M = c c^T``, for any symmetric M."""
-    half = combine(-0.5 * (M[0][0] + M[1][1] + M[2][2]), IDENTITY, M)
-    return combine(0.125, half, skew((0.0, 0.0, 0.0)))
+    return multiple(0.125, combine(-0.5 * (M[0][0] + M[1][1] + M[2][2]), IDENTITY, M))
 
 
 @kernel

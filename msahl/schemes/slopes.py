@@ -18,6 +18,7 @@ from msahl.vector import (
     axpy,
     combine,
     matrix_at,
+    multiple,
     product,
     put,
     put_matrix,
@@ -60,8 +61,8 @@ def act(system: System, start: Start, stages: Stages, h: float, i: int) -> None:
 
 @kernel
 def _hold(system: System, stages: Stages) -> None:
-    """Set ``by_place`` to the derivative of ``_hold``, halved where bodies meet bodies, and of the
-    gaps.
+    """Set ``by_place`` to the derivative of ``element._hold``, halved where bodies meet bodies, and
+    of the gaps.
     """
     values, node, bodies = stages.by_place, stages.start, system.bodies
     for e in range(values.size):
@@ -72,7 +73,9 @@ def _hold(system: System, stages: Stages) -> None:
 
 @kernel
 def _act(system: System, stages: Stages, i: int) -> None:
-    """Set ``by_place`` to half the derivative of ``_act``, ``by_rate`` to that by the rates."""
+    """Set ``by_place`` to half the derivative of ``element._act``, ``by_rate`` to that by the
+    rates.
+    """
     place, rate, node, bodies = stages.by_place, stages.by_rate, stages.start, system.bodies
     for e in range(place.size):
         place[e], rate[e] = 0.0, 0.0
@@ -215,8 +218,8 @@ def _add_turning(bodies: Bodies, start: Start, stages: Stages, h: float, i: int)
         moved = combine(h, product(bow, transpose(pi_c)), moved)
         put_matrix(stages.slope, 0, pi_c)
         put_matrix(stages.slope, 1, mass)
-        put_matrix(stages.slope, 2, _times(h, force_c))
-        put_matrix(stages.slope, 3, _times(h, transpose(pi_c)))
+        put_matrix(stages.slope, 2, multiple(h, force_c))
+        put_matrix(stages.slope, 3, multiple(h, transpose(pi_c)))
         put_matrix(stages.slope, 4, moved_c)
         put_matrix(stages.slope, 5, moved)
         put(stages.push, 0, force)
@@ -265,9 +268,3 @@ def _add_spinning(bodies: Bodies, stages: Stages, h: float, i: int) -> None:
         put_matrix(stages.slope, 0, by_c)
         put_matrix(stages.slope, 1, product(J, H))
         _enter_turning(bodies, stages, h, i, b)
-
-
-@kernel
-def _times(a: float, M: Matrix) -> Matrix:
-    """``a M``."""
-    return (scale(a, M[0]), scale(a, M[1]), scale(a, M[2]))

@@ -2,12 +2,14 @@
 
 Bodies are eliminated in an order of smallest degree on the graph of bodies (the ground does not
 count): in a tree that takes the leaves first, without fill-in, from however many grounds the tree
-hangs, and of the leaves those on the ground, since away from it a link leaves its neighbour only
-the joint between them, towards it a body and a joint. A body goes with one of its joints:
-displacement, then the multipliers that act on it, then turn, then the multipliers that see nothing
-but turns; in this order the pivots are 1, the share of the joint's mass, and an inertia about the
-joint. Joints that close loops, and couplings, go after all their bodies. Pivots keep this order
-whatever the values; a scene that defeats it is left to the dense solver.
+hangs, and of the leaves those on the ground. A body goes with a joint whose other bodies, if any,
+have gone before: displacement, then the multipliers that act on it, then turn, then the multipliers
+that see nothing but turns; in this order the pivots are 1, the share of the joint's mass, and an
+inertia about the joint. So a link leaves its neighbour only the joint between them, and costs the
+same on whichever side of it the ground is. A body that a force holds to another leaves that one in
+any case and goes with a joint at once. Joints that close loops, and couplings, go after all their
+bodies. Pivots keep this order whatever the values; a scene that defeats it is left to the dense
+solver.
 
 Column k of L and row k of U stand one after the other in the factor array, from ``base[k]``: the
 pivot (kept inverted), ``lower[k]`` entries of L, ``upper[k]`` of U. ``other`` says in which row or
@@ -59,12 +61,14 @@ def _node_order(system: System) -> list[int]:
     gone: set[int] = set()
     placed: set[int] = set()
     held = {body for bodies, _, _ in elements.values() if len(bodies) == 1 for body in bodies}
+    forced = {body for pair in _forced(system, ground) for body in pair}
     for body in _smallest_degree(_neighbours(system, ground), held):
         gone.add(body)
         waiting = [e for e in of_body[body] if e not in placed]
         # Joints to what has gone first: left for later they would hold the body at both ends.
         waiting.sort(key=lambda e: not gone.issuperset(elements[e][0]))
-        tree = [e for e in waiting if len(elements[e][0]) <= 2][:1]
+        ready = [e for e in waiting if body in forced or gone.issuperset(elements[e][0])]
+        tree = [e for e in ready if len(elements[e][0]) <= 2][:1]
         late = [e for e in waiting if e not in tree and gone.issuperset(elements[e][0])]
         order.append(2 * body)
         order += [node for e in tree for node in elements[e][1]]
@@ -91,14 +95,19 @@ def _elements(system: System, ground: int) -> dict[int, tuple[set[int], list[int
 def _neighbours(system: System, ground: int) -> list[set[int]]:
     """Bodies that a force or a joint couples."""
     near: list[set[int]] = [set() for _ in range(ground)]
-    pairs = [(row // 2, column // 2) for row, column in system.blocks[1:].tolist()]
+    pairs = _forced(system, ground)
     for bodies in system.multipliers.bodies.tolist():
-        pairs += [(a, b) for a in bodies for b in bodies]
+        pairs += [(a, b) for a in bodies for b in bodies if max(a, b) < ground and a != b]
     for a, b in pairs:
-        if max(a, b) < ground and a != b:
-            near[a].add(b)
-            near[b].add(a)
+        near[a].add(b)
+        near[b].add(a)
     return near
+
+
+def _forced(system: System, ground: int) -> list[tuple[int, int]]:
+    """Pairs of bodies that a force couples."""
+    pairs = [(row // 2, column // 2) for row, column in system.blocks[1:].tolist()]
+    return [(a, b) for a, b in pairs if max(a, b) < ground and a != b]
 
 
 def _smallest_degree(neighbours: list[set[int]], held: set[int]) -> list[int]:
