@@ -493,7 +493,7 @@ def test_a_chain_costs_its_bodies_and_no_more():
         # No fill-in: the same number for every link between the ends, wherever it is.
         assert counts[2] - counts[1] == counts[1] - counts[0]
     # A link leaves its neighbour nothing but the 3 numbers of the joint between them, on whichever
-    # side of it the ground is: 168 operations. The middle itself, with three joints, costs 193 more.
+    # side of it the ground is: 168 operations. The middle, with three joints, costs 193 more.
     first, middle, last = (operations(chain(100, hung))[0] for hung in (0, 50, 99))
     assert first == last
     assert middle - first == 193
