@@ -255,11 +255,13 @@ class _Run:
             self._recall(since)
         else:
             self._publish(np.zeros(1))
+        self.handed = self._standing()
         try:
             self._take_all(progress, stopped, 1 if compiles else self._first_steps())
         except KeyboardInterrupt:  # a second request to stop, in the middle of a chunk
             report.status = "interrupted"
             report.message = f"stopped at once, after t = {self.now:g} s"
+            self._go_back()
         for kind in kinds:
             keep(kind)
         return self._finish()
@@ -390,7 +392,23 @@ class _Run:
         if self._publish(times):
             self.report.steps += done
             self.extremes.fold([runner.scene.watch.rows[:done] for runner in self.runners])
+            self.handed = self._standing()
             self._follow(sizes, plan, times)
+        else:
+            self._go_back()
+
+    def _standing(self) -> tuple[np.ndarray, list[dict[str, Any]]]:
+        """Where the islands stand."""
+        return remember(self.runners), [runner.steps.counters for runner in self.runners]
+
+    def _go_back(self) -> None:
+        """Bring the islands back to the last step handed over: no error of the report is to be of
+        steps without rows. What these cost stays counted, for the verdict to say where it went.
+        """
+        memory, counted = self.handed
+        for runner, before in zip(self.runners, counted, strict=True):
+            runner.steps.recall(before)
+        recall(self.runners, memory)
 
     def _plan(self, first: int, steps: int) -> tuple[Plan, np.ndarray]:
         """Rows of the ``steps`` equal steps after ``first``, as many as there is room for; their

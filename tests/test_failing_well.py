@@ -197,6 +197,28 @@ def test_a_second_signal_stops_at_once_with_whole_rows(tmp_path, monkeypatch):
     assert states.count("\n") == 4
 
 
+@pytest.mark.parametrize("scheme", ["decaying", "gauss2"])
+def test_figures_of_a_run_stopped_at_once_are_of_its_rows(tmp_path, monkeypatch, scheme):
+    publish, calls = msahl.run._Run._publish, []
+
+    def interrupt(self, times):
+        calls.append(times)
+        if len(calls) == 4:  # the start, and two steps before
+            raise KeyboardInterrupt
+        return publish(self, times)
+
+    options = ("run", *SHORT, "--scheme", scheme)
+    with monkeypatch.context() as patch:
+        patch.setattr(msahl.run, "CHUNK_SECONDS", 0.0)
+        patch.setattr(msahl.run._Run, "_publish", interrupt)
+        assert call(*options, "-o", tmp_path / "stopped").exit_code == 130
+    assert call(*options, "--t-final", "0.02", "-o", tmp_path / "whole").exit_code == 0
+    stopped, whole = info(tmp_path / "stopped"), info(tmp_path / "whole")
+    assert stopped["steps"] == whole["steps"] == 2
+    assert stopped["extremes"] == whole["extremes"]
+    assert stopped["iterations"] > whole["iterations"]
+
+
 def test_a_second_signal_before_the_first_step_is_in_run_json(tmp_path, monkeypatch):
     def interrupt(*_):
         raise KeyboardInterrupt
