@@ -131,7 +131,7 @@ QUICK = (
     ("folded_chain", 0.0, (1e-4, 1e-2)),
     ("folded_chain", pi, (1e-4, 1e-2)),
     ("inverted", 1e-6, (1e-4, 1e-1)),
-    ("cranks", 8, (1e-3, 1e-2)),
+    ("cranks", 8, (1e-6, 1e-2)),
     ("drift", 1e6, (1e-4, 1e-2)),
     ("inconsistent", 1e3, (1e-4, 1e-2)),
     ("inconsistent_as_given", 1.0, (1e-4, 1e-2)),

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.joints.along import Along
+from msahl.joints.along import Along, settle
 from msahl.kernel import apart, kernel
 from msahl.schemes import HIGHER, element, guess
 from msahl.schemes.rule import new_rule
@@ -90,7 +90,7 @@ def is_slow(residual: float, before: float) -> bool:
     """Whether a new derivative is worth its price, at the pace of the last iteration."""
     if not residual < before:
         return True
-    return math.log(TARGET / residual) < WORTH * math.log(residual / before)
+    return math.log(TARGET / residual) < WORTH * (math.log(residual) - math.log(before))
 
 
 @kernel
@@ -155,24 +155,25 @@ def drop_null(
 
 
 @kernel
-def drop_gap(
-    lu: Elimination,
-    relaxation: float,
-    chi: np.ndarray,
-    F: np.ndarray,
-    factor: np.ndarray,
-    y: np.ndarray,
-    first: int,
-) -> None:
-    """As ``newton.drop_gap``: take from the gaps at the end what no motion can close."""
+def drop_gap(high: High) -> None:
+    """As ``newton.drop_gap``: take from the gaps handed to the next step what no motion can close,
+    left over from this one or seen in absolute positions.
+    """
+    scene, y, chi = high.scene, high.y, high.stages.rule.chi
+    system, lu, gap = scene.system, scene.unknowns.elimination, scene.state.gap
     s = y.shape[1]
-    gather(lu, F, y)
-    stagewise.solve(lu, factor, y)
+    first = 2 * system.bodies.inverse_mass.size
     for k in range(y.shape[0]):
-        node = lu.order[k] // 3
+        node, i = lu.order[k] // 3, lu.order[k] % 3
+        for j in range(s):
+            y[k, j] = gap[node - first, i] if node >= first and j == s - 1 else 0.0
+    stagewise.solve(lu, high.factor, y)
+    for k in range(y.shape[0]):
+        node, i = lu.order[k] // 3, lu.order[k] % 3
         if node >= first:
             for n in range(s):
-                F[s - 1, node, lu.order[k] % 3] -= 2.0 * relaxation * chi[s - 1, n] * y[k, n]
+                gap[node - first, i] -= 2.0 * system.relaxation * chi[s - 1, n] * y[k, n]
+    settle(system.along, gap)
 
 
 @kernel
@@ -284,10 +285,10 @@ def take(high: High, h: float) -> bool:
     high.outcome[0], high.outcome[1] = residual, worst
     if not residual <= TOLERANCE:
         return False
-    if relaxation > 0.0:
-        drop_gap(lu, relaxation, stages.rule.chi, stages.F, factor, y, multipliers)
     stages.near[0] = 1.0 if first <= NEAR else 0.0
     advance(system, state, start, stages, scene.watch, station_room, h)
+    if relaxation > 0.0:
+        drop_gap(high)
     return True
 
 

@@ -3,11 +3,13 @@
 import numpy as np
 
 from msahl.compiled import compiled
+from msahl.joints.along import settle
 from msahl.schemes import guess
 from msahl.solve import dense, high
 from msahl.solve.high import High
 from msahl.solve.outcome import Outcome
 from msahl.solve.root import hunt, polish
+from msahl.solve.step import Scene
 
 _probe = compiled(high.probe)
 _guess = compiled(guess.predict)
@@ -34,25 +36,46 @@ def take(island: High, h: float) -> Outcome:
         return jacobian(island)
 
     _guess(scene.system, scene.state, scene.start, stages, h)
-    first = stages.Z.reshape(s, -1)[:, free].T.reshape(-1)
-    f = fun(first)
+    z = stages.Z.reshape(s, -1)[:, free].T.reshape(-1)
+    f = fun(z)
     guessed = step_length
+    relaxed = scene.system.relaxation > 0.0
     if not outcome.converged and not np.isnan(outcome.residual):
-        z = hunt(fun, jac, first, f, lambda: outcome.converged)
-        if scene.system.relaxation > 0.0 and outcome.converged:
-            null = np.zeros((size, s))
-            held = free >= 6 * scene.system.bodies.inverse_mass.size
-            null[held] = (
-                2.0 * scene.system.relaxation * (z.reshape(size, s) @ stages.rule.chi.T)[held]
-            )
-            part = np.linalg.solve(jac(z), null.reshape(-1))
-            z = z - np.where(np.repeat(held, s), part, 0.0)
-            fun(polish(fun, jac, z, lambda: False))
+        z = hunt(fun, jac, z, f, lambda: outcome.converged)
+        if relaxed and outcome.converged:
+            held = _held(scene)[:, np.newaxis]
+            null = np.where(held, _relaxed(island, z.reshape(size, s)), 0.0)
+            part = np.linalg.solve(jac(z), null.reshape(-1)).reshape(size, s)
+            z = polish(fun, jac, z - np.where(held, part, 0.0).reshape(-1), lambda: False)
     if dense.is_astray(scene.system, guessed, step_length):
         return Outcome(np.inf, outcome.worst)
     if outcome.converged:
+        A = jac(z) if relaxed else None
         _advance(scene.system, scene.state, scene.start, stages, scene.watch, island.station, h)
+        if A is not None:
+            _drop_gap(island, A)
     return outcome
+
+
+def _held(scene: Scene) -> np.ndarray:
+    """(f,) which of the free unknowns are multipliers."""
+    return scene.unknowns.free >= 6 * scene.system.bodies.inverse_mass.size
+
+
+def _relaxed(island: High, z: np.ndarray) -> np.ndarray:
+    """What the relaxation makes of unknowns ``z`` (f, s) in the derivative, but for its sign."""
+    return 2.0 * island.scene.system.relaxation * (z @ island.stages.rule.chi.T)
+
+
+def _drop_gap(island: High, A: np.ndarray) -> None:
+    """As ``high.drop_gap``, by the derivative ``A``."""
+    scene, rows = island.scene, np.zeros_like(island.y)
+    held, gap = _held(scene), scene.state.gap.reshape(-1)
+    of = scene.unknowns.free[held] - 6 * scene.system.bodies.inverse_mass.size
+    rows[held, -1] = gap[of]
+    answer = np.linalg.solve(A, rows.reshape(-1)).reshape(rows.shape)
+    gap[of] -= _relaxed(island, answer)[held, -1]
+    settle(scene.system.along, scene.state.gap)
 
 
 def jacobian(island: High) -> np.ndarray:
