@@ -45,7 +45,7 @@ def take(island: High, h: float) -> Outcome:
         if relaxed and outcome.converged:
             held = _held(scene)[:, np.newaxis]
             null = np.where(held, _relaxed(island, z.reshape(size, s)), 0.0)
-            part = np.linalg.solve(jac(z), null.reshape(-1)).reshape(size, s)
+            part = np.linalg.lstsq(jac(z), null.reshape(-1), rcond=None)[0].reshape(size, s)
             z = polish(fun, jac, z - np.where(held, part, 0.0).reshape(-1), lambda: False)
     if dense.is_astray(scene.system, guessed, step_length):
         return Outcome(np.inf, outcome.worst)
@@ -73,7 +73,7 @@ def _drop_gap(island: High, A: np.ndarray) -> None:
     held, gap = _held(scene), scene.state.gap.reshape(-1)
     of = scene.unknowns.free[held] - 6 * scene.system.bodies.inverse_mass.size
     rows[held, -1] = gap[of]
-    answer = np.linalg.solve(A, rows.reshape(-1)).reshape(rows.shape)
+    answer = np.linalg.lstsq(A, rows.reshape(-1), rcond=None)[0].reshape(rows.shape)
     gap[of] -= _relaxed(island, answer)[held, -1]
     settle(scene.system.along, scene.state.gap)
 
