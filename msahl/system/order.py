@@ -3,13 +3,13 @@
 Bodies are eliminated in an order of smallest degree on the graph of bodies (the ground does not
 count): in a tree that takes the leaves first, without fill-in, from however many grounds the tree
 hangs, and of the leaves those on the ground. A body goes with a joint whose other bodies, if any,
-have gone before: displacement, then the multipliers that act on it, then turn, then the multipliers
-that see nothing but turns; in this order the pivots are 1, the share of the joint's mass, and an
-inertia about the joint. So a link leaves its neighbour only the joint between them, and costs the
-same on whichever side of it the ground is. A body that a force holds to another leaves that one in
-any case and goes with a joint at once. Joints that close loops, and couplings, go after all their
-bodies. Pivots keep this order whatever the values; a scene that defeats it is left to the dense
-solver.
+have gone before, and alone where there is none: displacement, then the multipliers that act on it,
+then turn, then the multipliers that see nothing but turns; in this order the pivots are 1, the
+share of the joint's mass, and an inertia about the joint. So a link leaves its neighbour only the
+joint between them, and costs the same on whichever side of it the ground is. A body that a force
+holds to another leaves that one in any case and goes with a joint at once. Joints that close loops,
+and couplings, go after all their bodies. Pivots keep this order whatever the values; a scene that
+defeats it is left to the dense solver.
 
 Column k of L and row k of U stand one after the other in the factor array, from ``base[k]``: the
 pivot (kept inverted), ``lower[k]`` entries of L, ``upper[k]`` of U. ``other`` says in which row or
