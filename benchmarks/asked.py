@@ -55,13 +55,17 @@ def _exudyn(rows: dict[str, Measured]) -> list[Measured]:
 
 def _small_scenes(results: Results) -> Iterable[Verdict]:
     for name, rows in _groups(results):
-        ours, peer = rows.get("msahl newton"), rows.get(GENERALISED_ALPHA)
-        if name.startswith("chain") or not ours or not peer:
+        peer = rows.get(GENERALISED_ALPHA)
+        if name.startswith("chain") or not peer:
             continue
         fastest = min(_exudyn(rows), key=lambda row: row.per_step)
-        for other in (peer, fastest) if fastest is not peer else (peer,):
-            yield _at_least(f"{name}: {other.code} / newton, time", 8.0, other, ours)
-            yield _error_at_most(f"{name}: newton / {other.code}, position error", ours, other)
+        for code in ("newton", "newton --turn angle"):
+            ours = rows.get(f"msahl {code}")
+            for other in (peer, fastest) if fastest is not peer else (peer,):
+                if ours:
+                    yield _at_least(f"{name}: {other.code} / {code}, time", 8.0, other, ours)
+                    what = f"{name}: {code} / {other.code}, position error"
+                    yield _error_at_most(what, ours, other)
 
 
 def _error_at_most(what: str, ours: Measured, peer: Measured) -> Verdict:

@@ -7,19 +7,21 @@ import numpy as np
 from benchmarks.motion import Motion
 from msahl.model import Model
 from msahl.run import Options, Report, run
-from msahl.schemes import choices, split
+from msahl.schemes import ANGLE, choices, split
 
 VARIANTS = {
     "msahl newton": Options(solver="newton"),
     "msahl auto": Options(solver="auto"),
     "msahl root": Options(solver="root"),
     "msahl newton --full": Options(solver="newton", full=True),
+    "msahl newton --turn angle": Options(solver="newton"),
 }
 SETTINGS = {
     "msahl newton": "the compiled loop, reductions as found",
     "msahl auto": "the default: scipy.optimize.root for the first step and for hard ones",
     "msahl root": "scipy.optimize.root (hybr) for every step; at most 10 bodies",
     "msahl newton --full": "the compiled loop with nothing left out",
+    "msahl newton --turn angle": "the compiled loop, turns by the angle (see docs/deck.md, Scheme)",
 }
 AUTO = "auto"
 """The scheme that takes a tolerance and chooses its degree and its steps."""
@@ -84,10 +86,12 @@ def _options(variant: str) -> Options:
 
 def _of_scheme(model: Model, variant: str) -> Model:
     """The model with the scheme that a variant names, if it names one."""
+    simulation = model.simulation
+    if variant.endswith("--turn angle"):
+        return replace(model, simulation=replace(simulation, turn=ANGLE))
     if variant not in SCHEMES:
         return model
     scheme, degree = split(variant.removeprefix("msahl "))
-    simulation = model.simulation
     chosen = replace(simulation, scheme=scheme, degree=degree or simulation.degree)
     return replace(model, simulation=chosen)
 

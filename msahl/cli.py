@@ -23,7 +23,7 @@ import click
 from click.core import ParameterSource
 
 import msahl
-from msahl.schemes import DAMPING, choices, split
+from msahl.schemes import ANGLE, DAMPING, TANGENT, choices, split
 
 if TYPE_CHECKING:
     from msahl.model import Model
@@ -131,6 +131,11 @@ def explain(deck: Path) -> None:
 @click.option("--damping", type=click.FloatRange(0.0, 1.0), metavar="D",
               help="Of 'decaying', how much of such a vibration a step takes, 0 to 1; instead of "
               f"the deck's; else {DAMPING:g}.")  # fmt: skip
+@click.option("--turn", type=click.Choice([TANGENT, ANGLE]),
+              help="Of the schemes of order 2: h times the mean angular velocity is the 'tangent' "
+              "of a step's turn, which keeps the angular momentum of joined bodies to round-off, "
+              "or its 'angle', which is nearer the truth where bodies spin. Instead of the deck's; "
+              "else tangent.")  # fmt: skip
 @click.option("--solver", type=click.Choice(["auto", "newton", "root"]), default="auto",
               show_default=True, help="'newton' is compiled, 'root' is scipy.optimize.root, "
               "'auto' is newton with root for the first step and every hard one.")  # fmt: skip
@@ -160,6 +165,7 @@ def run(
     t_final: float | None,
     scheme: str | None,
     damping: float | None,
+    turn: str | None,
     solver: str,
     tolerance: float | None,
     interval: float | None,
@@ -186,6 +192,7 @@ def run(
         "scheme": name,
         "degree": degree,
         "damping": damping,
+        "turn": turn,
         "reactions": reactions,
         "tolerance": tolerance,
         "interval": interval,
@@ -285,7 +292,13 @@ class Job:
     def about(self) -> dict[str, Any]:
         """The head of ``run.json``: all that its rows depend on."""
         from msahl.deck import deck_digest
-        from msahl.model import decay_of, degree_of, reactions_of, tolerance_of
+        from msahl.model import (
+            decay_of,
+            degree_of,
+            reactions_of,
+            tolerance_of,
+            turns_by_angle,
+        )
 
         simulation = self.model.simulation
         return {
@@ -297,6 +310,7 @@ class Job:
                 "tFinal": simulation.t_final,
                 "scheme": simulation.scheme,
                 "damping": simulation.damping if decay_of(self.model).chi > 0.0 else 0.0,
+                **({"turn": ANGLE} if turns_by_angle(self.model) else {}),
                 "solver": self.options.solver,
                 "every": self.options.every,
                 "full": self.options.full,

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from msahl.compiled import is_kept
-from msahl.model import Model, decays, degree_of, order_of
+from msahl.model import Model, decays, degree_of, order_of, turns_by_angle
 from msahl.run import Grid
 from msahl.solve.island import Runner
 from msahl.system.arrays import multiplier_count
@@ -46,6 +46,8 @@ def _scheme(model: Model) -> str:
         energy = "takes energy from what is quicker than the step"
     else:
         energy = "keeps the energy nearly" if degree else "keeps the energy"
+    if turns_by_angle(model):
+        energy += "; a step's turn is by its angle"
     named = f"{name} of degree {degree}" if degree else name
     return f"{named}, of order {order_of(model)}; {energy}"
 

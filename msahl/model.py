@@ -23,6 +23,7 @@ from msahl.joints.joint import Joint
 from msahl.law import Law
 from msahl.motion import Drive, PointMotion
 from msahl.schemes import (
+    ANGLE,
     AUTO,
     CHOSEN,
     DAMPING,
@@ -30,6 +31,7 @@ from msahl.schemes import (
     DEGREE,
     HIGHER,
     SCHEMES,
+    TANGENT,
     TOLERANCE,
     Decay,
     decaying,
@@ -76,7 +78,8 @@ class Limits:
 @dataclass(frozen=True, slots=True)
 class Simulation:
     """How the scene is run: step ``dt`` and end ``t_final`` [s], scheme and, if it is one that
-    decays, its damping at infinite frequency: 0 none, 1 all in one step; what ``reactions`` are;
+    decays, its damping at infinite frequency: 0 none, 1 all in one step; what of the ``turn`` of a
+    step the mean angular velocity tells, its tangent or its angle; what ``reactions`` are;
     what is asked of the result; the ``degree`` of the scheme, if it is one that has any; the
     ``interval`` [s] of rows where it is not the step; the ``tolerance`` [m] that steps are chosen
     by, if they are, and that ``dt`` then is but the first guess of.
@@ -87,6 +90,7 @@ class Simulation:
     t_final: float
     scheme: str = DEFAULT
     damping: float = DAMPING
+    turn: str = TANGENT
     reactions: str = MEAN
     limits: Limits = Limits()
     degree: int = DEGREE
@@ -119,6 +123,11 @@ def decay_of(model: Model) -> Decay:
     if degree_of(model):
         return decaying(0.0)
     return SCHEMES[model.simulation.scheme](model.simulation.damping)
+
+
+def turns_by_angle(model: Model) -> bool:
+    """Whether the mean angular velocity of a step tells the angle of its turn, not its tangent."""
+    return model.simulation.turn == ANGLE and not degree_of(model)
 
 
 def reactions_of(model: Model) -> str:

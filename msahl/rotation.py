@@ -83,6 +83,32 @@ def to_step_turn(c: Vector) -> Vector:
 
 
 @kernel
+def angle_share(Q: Vector) -> tuple[float, float]:
+    """``psi``, with ``psi Q = phi u`` the turn itself by angle and axis, and ``g``, with ``d psi =
+    g Q.dQ``.
+    """
+    q = dot(Q, Q)
+    if q < 1e-2:
+        rest = 1.0 / 448.0 - q * (1.0 / 2304.0 - q / 11264.0)
+        psi = 1.0 - q * (1.0 / 12.0 - q * (1.0 / 80.0 - q * rest))
+        rest = 3.0 / 224.0 - q * (1.0 / 288.0 - q * 5.0 / 5632.0)
+        return psi, -1.0 / 6.0 + q * (1.0 / 20.0 - q * rest)
+    n = math.sqrt(q)
+    psi = 2.0 * math.atan(0.5 * n) / n
+    return psi, (1.0 / (1.0 + 0.25 * q) - psi) / q
+
+
+@kernel
+def of_angle(c: Vector) -> Vector:
+    """The step turn ``Q`` of the turn ``c = phi u``; beyond phi = 3, near the half turn that no
+    ``Q`` is, in proportion.
+    """
+    n = math.sqrt(dot(c, c))
+    half = 0.5 * min(n, 3.0)
+    return scale(math.tan(half) / half, c) if half > 0.0 else c
+
+
+@kernel
 def turn_change(Q: Vector, a: Vector) -> Vector:
     """``(R(Q) - 1) a``: the change of a body-fixed vector over the step, free of cancellation."""
     Qa = cross(Q, a)

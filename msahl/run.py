@@ -12,7 +12,16 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 import numpy as np
 
 from msahl.compiled import is_kept, keep
-from msahl.model import STATION, Model, Simulation, decays, degree_of, reactions_of, tolerance_of
+from msahl.model import (
+    STATION,
+    Model,
+    Simulation,
+    decays,
+    degree_of,
+    reactions_of,
+    tolerance_of,
+    turns_by_angle,
+)
 from msahl.snapshot import ResumeError, Snapshot, counters, digest, recall, remember, set_counters
 from msahl.solve.culprit import overflow
 from msahl.solve.dense import FAR
@@ -566,7 +575,8 @@ class _Run:
         ]
         linear = max((part for part, _ in lost), default=None)
         angular = max((part for _, part in lost), default=None)
-        return linear, None if decays(self.model) else angular
+        exact = not decays(self.model) and not turns_by_angle(self.model)
+        return linear, angular if exact else None
 
     def _no_pair(self, outcome: Outcome) -> str:
         assert self.paced is not None

@@ -29,7 +29,7 @@ from msahl.joints import coincide
 from msahl.joints.coupling import FREEDOMS
 from msahl.joints.registry import KINDS
 from msahl.rotation import from_axis_angle, matrix
-from msahl.schemes import SCHEMES, preserving
+from msahl.schemes import ANGLE, SCHEMES, preserving
 from msahl.solve import dense, newton, sparse
 from msahl.solve.island import Runner
 from msahl.system.arrays import new_start, node_count
@@ -47,11 +47,12 @@ every_point = pytest.mark.parametrize(
     "make", [*POINTS.values(), loaded], ids=[*POINTS, "concentrated"]
 )
 every_seed = pytest.mark.parametrize("seed", SEEDS)
-every_scheme = pytest.mark.parametrize("scheme", SCHEMES)
+every_scheme = pytest.mark.parametrize("scheme", [*SCHEMES, ANGLE])
 
 
 def with_scheme(model, scheme):
-    return replace(model, simulation=replace(model.simulation, scheme=scheme))
+    how = {"turn": ANGLE} if scheme == ANGLE else {"scheme": scheme}
+    return replace(model, simulation=replace(model.simulation, **how))
 
 
 class Step:

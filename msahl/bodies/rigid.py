@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.kernel import kernel
-from msahl.rotation import matrix, turn_change, turn_tangent
+from msahl.rotation import angle_share, matrix, turn_change, turn_tangent
 from msahl.schemes import Decay
 from msahl.vector import (
     Matrix,
@@ -82,6 +82,7 @@ class Bodies(NamedTuple):
     inertia: np.ndarray  # (n+1, 3, 3) about G, body axes [kg m^2]
     r_BG: np.ndarray  # (n+1, 3) from the reference point B to the mass centre G, body axes [m]
     length: np.ndarray  # (n+1,) l, the length that makes a turn a displacement [m]
+    by_angle: bool  # whether h times the mean angular velocity is the turn itself, not Q
     ballistic: np.ndarray  # (n+1,) whether nothing but gravity acts on it
     gravity: np.ndarray  # (3,) inertial axes [m/s^2]
     block: np.ndarray  # (n+1,) where the derivative of the moment by the turn starts
@@ -165,9 +166,10 @@ def residual(
         put(F, 2 * b, sub(at(Z, 2 * b), axpy(h, at(start.v_go, b), scale(reach, g))))
         Q = turn_of(bodies, Z, b)
         J = matrix_at(start.J, b)
-        forced = axpy(-h, at(start.W_go, b), Q)
+        psi = angle_share(Q)[0] if bodies.by_angle else 1.0
+        forced = axpy(-h, at(start.W_go, b), scale(psi, Q))
         L = times(J, axpy(reach / h, at(start.W, b), forced))
-        change = add(times(J, forced), turn_change(Q, L))
+        change = scale(psi, add(times(J, forced), turn_change(Q, L)))
         put(F, 2 * b + 1, scale(bodies.inverse_mass[b] / bodies.length[b], change))
 
 
@@ -179,7 +181,8 @@ def jacobian(
     for b in range(bodies.inverse_mass.size - 1):
         Q = turn_of(bodies, Z, b)
         J = matrix_at(start.J, b)
-        forced = axpy(-h, at(start.W_go, b), Q)
+        psi, g = angle_share(Q) if bodies.by_angle else (1.0, 0.0)
+        forced = axpy(-h, at(start.W_go, b), scale(psi, Q))
         L = times(J, axpy(reach / h, at(start.W, b), forced))
         K = skew(add(L, turn_change(Q, L)))
         D = turn_tangent(Q)
@@ -187,7 +190,12 @@ def jacobian(
         for j in range(3):
             Jj = (J[0][j], J[1][j], J[2][j])
             Dj = (D[0][j], D[1][j], D[2][j])
+            if bodies.by_angle:
+                Jj = axpy(g * Q[j], times(J, Q), scale(psi, Jj))
             column = sub(add(Jj, turn_change(Q, Jj)), times(K, Dj))
+            if bodies.by_angle:
+                change = add(times(J, forced), turn_change(Q, L))
+                column = axpy(g * Q[j], change, scale(psi, column))
             for i in range(3):
                 values[bodies.block[b] + 3 * i + j] += c * column[i]
 

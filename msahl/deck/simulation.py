@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from msahl.deck.faults import Element, attribute, printable, text
 from msahl.deck.values import LARGEST, SMALLEST, Reader
 from msahl.model import MEAN, Limits, Simulation
-from msahl.schemes import AUTO, DAMPING, DEFAULT, DEGREE, HIGHER, SCHEMES
+from msahl.schemes import AUTO, DAMPING, DEFAULT, DEGREE, HIGHER, SCHEMES, TANGENT
 
 MAX_STEPS = 10**9
 """Most steps of a run: more is a slip of the pen (a day at 10 us a step)."""
@@ -21,6 +21,7 @@ def read_simulation(element: Element, reader: Reader) -> Simulation:
         t_final=reader.number(element.find("tFinal"), "time"),
         scheme=attribute(element, "scheme", DEFAULT),
         damping=float(element.get("damping", DAMPING)),
+        turn=attribute(element, "turn", TANGENT),
         reactions=attribute(element, "reactions", MEAN),
         limits=_limits(element.find("verdict"), reader),
         degree=int(element.get("degree", DEGREE)),

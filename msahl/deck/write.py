@@ -17,6 +17,7 @@ def effective_deck(
     t_final: float | None = None,
     scheme: str | None = None,
     damping: float | None = None,
+    turn: str | None = None,
     reactions: str | None = None,
     degree: int | None = None,
     interval: float | None = None,
@@ -24,7 +25,7 @@ def effective_deck(
 ) -> bytes:
     """The deck at ``path``, which ``read_deck`` has accepted, with what is given of how it is run:
     ``dt``, ``t_final`` and ``interval`` [s], ``tolerance`` [m], ``scheme``, ``damping``,
-    ``reactions`` and ``degree``.
+    ``turn``, ``reactions`` and ``degree``.
 
     With nothing given the bytes are those of the file; otherwise the document is the same, comments
     included, but for ``<simulation>``. Raises ``DeckError`` if the file is no deck any more.
@@ -46,7 +47,13 @@ def effective_deck(
     }
     share = None if damping is None else repr(float(damping))
     power = None if degree is None else str(degree)
-    words = {"scheme": scheme, "degree": power, "damping": share, "reactions": reactions}
+    words = {
+        "scheme": scheme,
+        "degree": power,
+        "damping": share,
+        "turn": turn,
+        "reactions": reactions,
+    }
     attributes = {key: word for key, word in words.items() if word is not None}
     return _with_simulation(data, changes, attributes) if changes or attributes else data
 

@@ -41,6 +41,9 @@ DEFAULT = next(iter(SCHEMES))
 DAMPING = 0.5
 """Damping of a decaying scheme where none is given: 0 none, 1 all, of the quickest in one step."""
 
+TANGENT, ANGLE = "tangent", "angle"
+"""What of a step's turn h times the mean angular velocity is, by schemes of the lowest order."""
+
 
 class Higher(NamedTuple):
     """A scheme of higher order: its largest degree s, and whether it decays."""

@@ -21,7 +21,7 @@ from msahl.bodies import rigid
 from msahl.forces import concentrated, drag
 from msahl.joints import along, coincide, reaction
 from msahl.kernel import kernel
-from msahl.rotation import compose, from_step_turn
+from msahl.rotation import angle_share, compose, from_step_turn, of_angle
 from msahl.system.arrays import Start, State, System, Tables
 from msahl.vector import Vector, add, at, axpy, dot, matrix_at, put, scale, sub, times, transpose
 
@@ -69,6 +69,7 @@ def predict(system: System, state: State, start: Start, h: float, Z: np.ndarray)
         put(Z, 2 * b, axpy(h, at(start.bodies.v_go, b), scale(h2, a)))
         alpha = add(at(state.alpha, b), expected(state, state.alpha_trend, b))
         turn = axpy(h, at(start.bodies.W_go, b), scale(h2, alpha))
+        turn = of_angle(turn) if bodies.by_angle else turn
         put(Z, 2 * b + 1, scale(bodies.length[b], turn))
     first = 2 * bodies.inverse_mass.size
     for k in range(state.force.shape[0]):
@@ -179,7 +180,8 @@ def accept(
         Q = rigid.turn_of(bodies, Z, b)
         v0 = at(start.bodies.v, b)
         v1 = add(v0, scale(per_step, axpy(-h, at(start.bodies.v_go, b), u)))
-        turned = axpy(-h, at(start.bodies.W_go, b), Q)
+        turn = scale(angle_share(Q)[0], Q) if bodies.by_angle else Q
+        turned = axpy(-h, at(start.bodies.W_go, b), turn)
         dw = scale(per_step, times(transpose(matrix_at(start.bodies.R, b)), turned))
         for i in range(3):
             total = state.x[b, i] + (u[i] + state.x_low[b, i])

@@ -45,7 +45,7 @@ from msahl.joints.reaction import Reactions, Shown
 from msahl.joints.registry import KINDS
 from msahl.joints.rows import Rows
 from msahl.law import Law, build_laws
-from msahl.model import Model, decay_of
+from msahl.model import Model, decay_of, turns_by_angle
 from msahl.motion import Drive, PointMotion
 from msahl.system.arrays import (
     Multipliers,
@@ -301,6 +301,7 @@ class _Builder:
             inertia=inertia,
             r_BG=np.array(self.r_BG),
             length=np.array([*lengths, 1.0]),
+            by_angle=turns_by_angle(model),
             ballistic=np.array([*(not arms for arms in self.arms[:n]), True]),
             gravity=np.array(model.gravity, dtype=float),
             block=np.array(places, dtype=np.int64),
