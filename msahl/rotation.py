@@ -89,9 +89,9 @@ def angle_share(Q: Vector) -> tuple[float, float]:
     """
     q = dot(Q, Q)
     if q < 1e-2:
-        rest = 1.0 / 448.0 - q * (1.0 / 2304.0 - q / 11264.0)
+        rest = 1.0 / 448.0 - q * (1.0 / 2304.0 - q * (1.0 / 11264.0))
         psi = 1.0 - q * (1.0 / 12.0 - q * (1.0 / 80.0 - q * rest))
-        rest = 3.0 / 224.0 - q * (1.0 / 288.0 - q * 5.0 / 5632.0)
+        rest = 3.0 / 224.0 - q * (1.0 / 288.0 - q * (5.0 / 5632.0))
         return psi, -1.0 / 6.0 + q * (1.0 / 20.0 - q * rest)
     n = math.sqrt(q)
     psi = 2.0 * math.atan(0.5 * n) / n
@@ -103,9 +103,12 @@ def of_angle(c: Vector) -> Vector:
     """The step turn ``Q`` of the turn ``c = phi u``; beyond phi = 3, near the half turn that no
     ``Q`` is, in proportion.
     """
-    n = math.sqrt(dot(c, c))
-    half = 0.5 * min(n, 3.0)
-    return scale(math.tan(half) / half, c) if half > 0.0 else c
+    q = 0.25 * dot(c, c)
+    if q < 1e-2:
+        rest = 2.0 / 15.0 + q * (17.0 / 315.0 + q * (62.0 / 2835.0 + q * (1382.0 / 155925.0)))
+        return scale(1.0 + q * (1.0 / 3.0 + q * rest), c)
+    half = min(math.sqrt(q), 1.5)
+    return scale(math.tan(half) / half, c)
 
 
 @kernel

@@ -185,16 +185,16 @@ def jacobian(
         forced = axpy(-h, at(start.W_go, b), scale(psi, Q))
         L = times(J, axpy(reach / h, at(start.W, b), forced))
         K = skew(add(L, turn_change(Q, L)))
+        JQ, change = times(J, Q), add(times(J, forced), turn_change(Q, L))
         D = turn_tangent(Q)
         c = bodies.inverse_mass[b] / (bodies.length[b] * bodies.length[b])
         for j in range(3):
             Jj = (J[0][j], J[1][j], J[2][j])
             Dj = (D[0][j], D[1][j], D[2][j])
             if bodies.by_angle:
-                Jj = axpy(g * Q[j], times(J, Q), scale(psi, Jj))
+                Jj = axpy(g * Q[j], JQ, scale(psi, Jj))
             column = sub(add(Jj, turn_change(Q, Jj)), times(K, Dj))
             if bodies.by_angle:
-                change = add(times(J, forced), turn_change(Q, L))
                 column = axpy(g * Q[j], change, scale(psi, column))
             for i in range(3):
                 values[bodies.block[b] + 3 * i + j] += c * column[i]
