@@ -107,6 +107,14 @@ def test_of_a_free_chain_no_angular_momentum_is_asked():
     assert asked == [linear | {"angular momentum": "PASS"}, linear]
 
 
+def test_the_decaying_scheme_has_it_too():
+    model = by_angle(deck("top_3"))
+    run = simulate(model, dt=0.01, t_final=5.0, scheme="decaying")
+    # Twice what is left of a step, 3e-15, in 500 of them.
+    assert run.report.extremes["energyErrorMaxRelative"] < 3e-12
+    assert run.report.extremes["energyTaken"] > 0.0
+
+
 def test_more_than_half_a_turn_in_a_step_is_taken_in_parts():
     """No step turn is as large by its angle; by its tangent any spin is some turn."""
     spinning = scene([body(angular_velocity=(0.0, 0.0, 400.0))], t_final=0.1)
