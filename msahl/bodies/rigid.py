@@ -82,7 +82,9 @@ class Bodies(NamedTuple):
     inertia: np.ndarray  # (n+1, 3, 3) about G, body axes [kg m^2]
     r_BG: np.ndarray  # (n+1, 3) from the reference point B to the mass centre G, body axes [m]
     length: np.ndarray  # (n+1,) l, the length that makes a turn a displacement [m]
-    by_angle: bool  # whether h times the mean angular velocity is the turn itself, not Q
+    by_angle: (
+        bool | None
+    )  # whether h times the mean angular velocity is the turn, None where it is Q
     ballistic: np.ndarray  # (n+1,) whether nothing but gravity acts on it
     gravity: np.ndarray  # (3,) inertial axes [m/s^2]
     block: np.ndarray  # (n+1,) where the derivative of the moment by the turn starts
@@ -166,7 +168,7 @@ def residual(
         put(F, 2 * b, sub(at(Z, 2 * b), axpy(h, at(start.v_go, b), scale(reach, g))))
         Q = turn_of(bodies, Z, b)
         J = matrix_at(start.J, b)
-        psi = angle_share(Q)[0] if bodies.by_angle else 1.0
+        psi = angle_share(Q)[0] if bodies.by_angle is not None else 1.0
         forced = axpy(-h, at(start.W_go, b), scale(psi, Q))
         L = times(J, axpy(reach / h, at(start.W, b), forced))
         change = scale(psi, add(times(J, forced), turn_change(Q, L)))
@@ -181,7 +183,7 @@ def jacobian(
     for b in range(bodies.inverse_mass.size - 1):
         Q = turn_of(bodies, Z, b)
         J = matrix_at(start.J, b)
-        psi, g = angle_share(Q) if bodies.by_angle else (1.0, 0.0)
+        psi, g = angle_share(Q) if bodies.by_angle is not None else (1.0, 0.0)
         forced = axpy(-h, at(start.W_go, b), scale(psi, Q))
         L = times(J, axpy(reach / h, at(start.W, b), forced))
         K = skew(add(L, turn_change(Q, L)))
@@ -191,10 +193,10 @@ def jacobian(
         for j in range(3):
             Jj = (J[0][j], J[1][j], J[2][j])
             Dj = (D[0][j], D[1][j], D[2][j])
-            if bodies.by_angle:
+            if bodies.by_angle is not None:
                 Jj = axpy(g * Q[j], JQ, scale(psi, Jj))
             column = sub(add(Jj, turn_change(Q, Jj)), times(K, Dj))
-            if bodies.by_angle:
+            if bodies.by_angle is not None:
                 column = axpy(g * Q[j], change, scale(psi, column))
             for i in range(3):
                 values[bodies.block[b] + 3 * i + j] += c * column[i]

@@ -69,7 +69,7 @@ def predict(system: System, state: State, start: Start, h: float, Z: np.ndarray)
         put(Z, 2 * b, axpy(h, at(start.bodies.v_go, b), scale(h2, a)))
         alpha = add(at(state.alpha, b), expected(state, state.alpha_trend, b))
         turn = axpy(h, at(start.bodies.W_go, b), scale(h2, alpha))
-        turn = of_angle(turn) if bodies.by_angle else turn
+        turn = of_angle(turn) if bodies.by_angle is not None else turn
         put(Z, 2 * b + 1, scale(bodies.length[b], turn))
     first = 2 * bodies.inverse_mass.size
     for k in range(state.force.shape[0]):
@@ -180,7 +180,7 @@ def accept(
         Q = rigid.turn_of(bodies, Z, b)
         v0 = at(start.bodies.v, b)
         v1 = add(v0, scale(per_step, axpy(-h, at(start.bodies.v_go, b), u)))
-        turn = scale(angle_share(Q)[0], Q) if bodies.by_angle else Q
+        turn = scale(angle_share(Q)[0], Q) if bodies.by_angle is not None else Q
         turned = axpy(-h, at(start.bodies.W_go, b), turn)
         dw = scale(per_step, times(transpose(matrix_at(start.bodies.R, b)), turned))
         for i in range(3):

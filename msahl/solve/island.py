@@ -63,6 +63,7 @@ class Lowest:
     def kind(self) -> str:
         """Which compiled step the scene needs."""
         kind = "points" if self.scene.system.along is None else "along"
+        kind += "-angle" if self.scene.system.bodies.by_angle else ""
         return kind if self.station is None else f"{kind}-station"
 
     def march(self, h: float, first: int, last: int, plan: Plan) -> int:

@@ -301,7 +301,7 @@ class _Builder:
             inertia=inertia,
             r_BG=np.array(self.r_BG),
             length=np.array([*lengths, 1.0]),
-            by_angle=turns_by_angle(model),
+            by_angle=turns_by_angle(model) or None,
             ballistic=np.array([*(not arms for arms in self.arms[:n]), True]),
             gravity=np.array(model.gravity, dtype=float),
             block=np.array(places, dtype=np.int64),
