@@ -13,6 +13,9 @@ F and T come from gravity and from the elements at the body. Multiplied by h/(2 
 l a length of the body, both rows are in metres whatever the step; so are the unknowns u and l Q.
 Derivative of the second row (times h/2) by Q: R J0 - [R L h/2] D, with D of ``rotation``.
 
+Turns by the angle have psi Q in place of Q in L, and psi times the left side of the second row, psi
+= 2 atan(|Q|/2)/|Q|: h times the mean angular velocity is then the turn itself.
+
 A decaying scheme (``schemes.Decay``) has u/h = (v0 + v1)/2 + chi/2 y, y = v1 - v0 - s, with
 
     s' = pole s + (1 - pole) (v1 - v0)                 smoothed change of v, handed on
@@ -82,9 +85,7 @@ class Bodies(NamedTuple):
     inertia: np.ndarray  # (n+1, 3, 3) about G, body axes [kg m^2]
     r_BG: np.ndarray  # (n+1, 3) from the reference point B to the mass centre G, body axes [m]
     length: np.ndarray  # (n+1,) l, the length that makes a turn a displacement [m]
-    by_angle: (
-        bool | None
-    )  # whether h times the mean angular velocity is the turn, None where it is Q
+    by_angle: bool | None  # whether h times the mean W is the turn itself; None where it is Q
     ballistic: np.ndarray  # (n+1,) whether nothing but gravity acts on it
     gravity: np.ndarray  # (3,) inertial axes [m/s^2]
     block: np.ndarray  # (n+1,) where the derivative of the moment by the turn starts
