@@ -347,7 +347,7 @@ def runs(tmp_path_factory):
     options = {
         PASS: (path_of("single_pendulum_45"), "--t-final", 1),
         DONE: (path_of("single_pendulum_45"), "--t-final", 1, "--error", "local"),
-        WARN: (path_of("top_1"), "--t-final", 1),
+        WARN: (path_of("top_2"), "--t-final", 1),
         FAIL: (path_of("single_pendulum_45"), "--dt", 0.1, "--accuracy", 1e-6),
     }
     for word, words in options.items():
