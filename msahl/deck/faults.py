@@ -124,7 +124,8 @@ def line_of(element: Element) -> int:
 def collapsed(given: str) -> str:
     """``given`` with white space collapsed: XML's own four characters, which the schema collapses,
     and none of those that Python counts as well."""
-    return " ".join(re.findall(r"[^ \t\r\n]+", given))
+    # Of what is ASCII XML admits no other white space, and Python's own way is ten times as quick.
+    return " ".join(given.split() if given.isascii() else re.findall(r"[^ \t\r\n]+", given))
 
 
 def text(element: Element | None) -> str:

@@ -25,11 +25,11 @@ from msahl.deck.loads import (
 )
 from msahl.deck.motions import check_driven_once, read_drive, read_point_motion
 from msahl.deck.parse import parse, read_bytes
-from msahl.deck.references import check_references
+from msahl.deck.references import check_references, is_complete
 from msahl.deck.schema import check_schema
 from msahl.deck.simulation import Assembly, read_assembly, read_simulation
 from msahl.deck.springs import read_bushing, read_joint_spring, read_spring_damper
-from msahl.deck.values import Reader
+from msahl.deck.values import INERTIAL, Reader
 from msahl.joints.coupling import FREEDOMS
 from msahl.joints.registry import KINDS as JOINT_KINDS
 from msahl.model import Ground, Model, RigidBody, Simulation
@@ -145,11 +145,12 @@ def _read_axes(root: Element, sound: list[Element], reader: Reader) -> None:
     """
     for element in root.iterfind("system/bodies/*/name"):
         reader.axes.setdefault(text(element), IDENTITY)
+    for element in root.iterfind("system/bodies/ground"):
+        reader.grounds[text(element.find("name"))] = None
+    if not is_complete(root, "bodies", TAGS):
+        reader.grounds.setdefault(INERTIAL)
     for element in sound:
-        name = text(element.find("name"))
-        if element.tag == "ground":
-            reader.grounds[name] = None
-        reader.axes[name] = matrix(reader.orientation(element))
+        reader.axes[text(element.find("name"))] = matrix(reader.orientation(element))
 
 
 def _read_kinds(root: Element, reader: Reader) -> None:

@@ -107,9 +107,21 @@ def _is_record(element: Element, tags: Collection[str]) -> bool:
 def _nameless(root: Element, group: str) -> float:
     """How many records of a group have no name that can be read; without limit if there is no such
     group but something else in its place."""
+    if not _has_place(root, group):
+        return math.inf
+    return sum(not text(record.find("name")) for record in root.iterfind(f"system/{group}/*"))
+
+
+def is_complete(root: Element, group: str, tags: Collection[str]) -> bool:
+    """Whether the records of a group are in place, and all of them of known ``tags``."""
+    return _has_place(root, group) and all(
+        record.tag in tags for record in root.iterfind(f"system/{group}/*")
+    )
+
+
+def _has_place(root: Element, group: str) -> bool:
+    """Whether a group is there, or nothing that may be meant by it."""
     system = root.find("system")
     if system is None:
-        return math.inf
-    if system.find(group) is None and any(c.tag not in (*KINDS, "gravity") for c in system):
-        return math.inf
-    return sum(not text(record.find("name")) for record in system.iterfind(f"{group}/*"))
+        return False
+    return system.find(group) is not None or all(c.tag in (*KINDS, "gravity") for c in system)

@@ -27,14 +27,14 @@ def check_schema(root: Element, faults: Faults, thorough: bool) -> None:
     With ``thorough`` the departures are looked for even if libxml2 finds none.
     """
     source = schema_bytes()
-    objection = _objection(root, source)
-    if objection or thorough:
+    refused = objection(root, source)
+    if refused or thorough:
         add_faults(root, build_rules(source, "data"), faults)
-    if objection and faults.sound(root):  # the two disagree: libxml2's judgement stands
-        faults.add(root, f"not valid: {objection}")
+    if refused and faults.sound(root):  # the two disagree: libxml2's judgement stands
+        faults.add(root, f"not valid: {refused}")
 
 
-def _objection(root: Element, schema: bytes) -> str:
+def objection(root: Element, schema: bytes) -> str:
     """The first thing libxml2 finds wrong with a tree; empty if it is valid.
 
     The tree is validated as it is parsed anew: of a tree in memory lxml would note the path of each

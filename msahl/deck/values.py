@@ -49,7 +49,8 @@ class Reader:
 
     ``axes`` holds R (body to inertial components at t = 0) by name of body or ground; ``origins``
     the point B in inertial axes [m], of those whose place is free of faults, and ``reach`` alone
-    the distance of the farthest; ``kinds`` the kind of every joint by name. ``bodies`` and
+    the distance of the farthest; ``grounds`` the names of all grounds, faults or not, and
+    ``INERTIAL`` if there may be others; ``kinds`` the kind of every joint by name. ``bodies`` and
     ``joints`` hold the records free of faults. With ``project`` joints need not fit at t = 0.
     """
 
