@@ -17,6 +17,7 @@ from test_overflow import push
 import msahl.run
 from msahl.cli import Interruption, main
 from msahl.deck import read_deck
+from msahl.results.checkpoint import _check
 from msahl.run import Options, run
 from msahl.snapshot import ResumeError
 
@@ -280,6 +281,8 @@ def _head_with(**changes):
     def change(folder):
         line, _, memory = (folder / "checkpoint").read_bytes().partition(b"\n")
         head = json.loads(line) | changes
+        del head["check"]
+        head |= {"check": _check(head, memory)}
         (folder / "checkpoint").write_bytes(json.dumps(head).encode() + b"\n" + memory)
 
     return change

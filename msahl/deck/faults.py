@@ -8,6 +8,7 @@ from typing import NoReturn
 
 from lxml import etree
 
+from msahl.printable import printable
 from msahl.vector import Vector
 
 Element = etree._Element
@@ -136,11 +137,6 @@ def text(element: Element | None) -> str:
 def attribute(element: Element, name: str, default: str = "") -> str:
     """Value of an attribute with white space collapsed; ``default`` without it."""
     return collapsed(element.get(name, default))
-
-
-def printable(given: str) -> str:
-    """``given`` with escapes in place of what does not print, which a terminal might obey."""
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in given)
 
 
 def listed(names: Collection[str]) -> str:

@@ -7,7 +7,6 @@ uncertainty. Rows must be dense enough for the motion, whatever the steps were.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.interpolate import PPoly, make_interp_spline
@@ -17,6 +16,8 @@ from msahl.results.read import ResultError, Run
 
 DEGREES = (5, 3)
 """Of the polynomials that are told, and of those they are compared with."""
+RESOLVED = 1e-6
+"""Of the rows' spacing: nearer to the first or the last row nothing is told from it."""
 
 
 @dataclass(frozen=True)
@@ -33,38 +34,71 @@ class Event:
 
 def passages(run: Run, column: str, level: float) -> list[Event]:
     """Where the ``column`` passes the ``level``. Raises ``ResultError`` if it cannot be said."""
-    return _events(run, column, lambda curve: curve.solve(level, extrapolate=False))
+    return _events(run, column, lambda curve: _shifted(curve, level))
 
 
 def turns(run: Run, column: str) -> list[Event]:
     """Where the ``column`` is largest or smallest. Raises ``ResultError`` likewise."""
-    return _events(run, column, lambda curve: curve.derivative().roots(extrapolate=False))
+    return _events(run, column, lambda curve: curve.derivative())
 
 
-def _events(run: Run, column: str, find: Callable[[Any], np.ndarray]) -> list[Event]:
+def _events(run: Run, column: str, of: Callable[[PPoly], PPoly]) -> list[Event]:
+    """Where the function ``of`` the column's curve changes its sign between the first row and the
+    last."""
     values = _values(run, column)
     if len(run.time) <= DEGREES[0]:
         raise ResultError(f"{run.folder}: {len(run.time)} rows say nothing of what lies between")
     fine, coarse = (
         PPoly.from_spline(make_interp_spline(run.time, values, k=degree)) for degree in DEGREES
     )
-    slope, spacing = fine.derivative(), float(np.diff(run.time).max())
-    others = np.unique(find(coarse))
+    spacing = float(np.diff(run.time).max())
+    # Beyond the ends as well: the coarse curve of what begins at rest may turn before it begins.
+    others = _roots(of(coarse), extrapolate=True)
+    roots = _roots(of(fine), extrapolate=False)
+    apart = np.abs(roots[:, None] - others).min(axis=1, initial=np.inf)
+    roots, apart = roots[within := _inside(roots, apart, run.time)], apart[within]
     events = []
-    for time in np.unique(find(fine)):
-        # A piece that lies in the level all along has no one time.
-        if np.isnan(time):
+    for time, known in zip(roots, apart, strict=True):
+        if not _changes_sign(of(fine), time, roots, run.time):
             continue
-        apart = np.abs(others - time).min(initial=np.inf)
         events.append(
             Event(
                 time=float(time),
-                apart=float(apart) if apart <= spacing else None,
+                apart=float(known) if known <= spacing else None,
                 value=float(fine(time)),
-                slope=float(slope(time)),
+                slope=float(fine.derivative()(time)),
             )
         )
     return events
+
+
+def _shifted(curve: PPoly, level: float) -> PPoly:
+    """The curve less a level."""
+    coefficients = curve.c.copy()
+    coefficients[-1] -= level
+    return PPoly(coefficients, curve.x)
+
+
+def _roots(curve: PPoly, extrapolate: bool) -> np.ndarray:
+    """Zeros of a curve; a piece that is zero all along has no one time and is left out."""
+    roots = np.unique(curve.roots(discontinuity=False, extrapolate=extrapolate))
+    return np.asarray(roots[np.isfinite(roots)])
+
+
+def _inside(roots: np.ndarray, apart: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Which roots can be told from the first and the last row: they are farther from them than
+    they are known, twice over as the finer curve's own error is not in it."""
+    spacing = float(np.diff(time).max())
+    known = 2.0 * np.where(apart <= spacing, apart, 0.0) + RESOLVED * spacing
+    return np.asarray((roots - time[0] > known) & (time[-1] - roots > known))
+
+
+def _changes_sign(curve: PPoly, root: float, roots: np.ndarray, time: np.ndarray) -> bool:
+    """Whether a curve has another sign before the root than after, halfway to the next ones."""
+    before = max(roots[roots < root].max(initial=time[0]), time[0])
+    after = min(roots[roots > root].min(initial=time[-1]), time[-1])
+    sides = curve(np.array([0.5 * (before + root), 0.5 * (root + after)]))
+    return bool(sides[0] * sides[1] < 0.0)
 
 
 def _values(run: Run, column: str) -> np.ndarray:
