@@ -23,7 +23,9 @@ import click
 from click.core import ParameterSource
 
 import msahl
+from msahl.printable import printable, shown_path
 from msahl.schemes import ANGLE, DAMPING, TANGENT, choices, split
+from msahl.terminal import echo
 
 if TYPE_CHECKING:
     from msahl.model import Model
@@ -58,7 +60,7 @@ class Commands(click.Group):
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
-            click.echo("msahl: interrupted", err=True)
+            echo("msahl: interrupted", err=True)
             ctx.exit(INTERRUPTED)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -94,7 +96,7 @@ def check(decks: tuple[Path, ...]) -> None:
     for deck in decks:
         model, faults = _read(deck, thorough=True)
         faulty |= model is None
-        click.echo("\n".join(faults) if faults else f"{deck}: good", err=bool(faults))
+        echo("\n".join(faults) if faults else f"{shown_path(deck)}: good", err=bool(faults))
     if faulty:
         sys.exit(BAD_INPUT)
 
@@ -111,9 +113,9 @@ def explain(deck: Path) -> None:
     from msahl.solve.initial import StartError
 
     try:
-        click.echo("\n".join(lines(model)))
+        echo("\n".join(lines(model)))
     except StartError as error:
-        _stop(f"{deck}: {error}")
+        _stop(f"{shown_path(deck)}: {error}")
 
 
 @main.command()
@@ -213,11 +215,13 @@ def run(
             deck, folder, model, Options(solver, every, full, shadow), effective_deck(deck, **given)
         )
         if resume and not folder.is_dir():
-            raise ResumeError(f"{folder}: no run there; leave --resume out to begin it")
+            raise ResumeError(f"{shown_path(folder)}: no run there; leave --resume out to begin it")
         with locked(folder):
             if resume:
                 if is_complete(folder, job.about):
-                    click.echo(f"{deck}: the run in {folder} is complete", err=True)
+                    echo(
+                        f"{shown_path(deck)}: the run in {shown_path(folder)} is complete", err=True
+                    )
                     return
                 since = read_checkpoint(folder, job.about)
             with stoppable() as stopped:
@@ -225,11 +229,12 @@ def run(
                 status = _close(job, report, stopped, quiet, verbose)
     except OSError as error:
         where = error.filename or folder
-        _stop(f"{where}: {error.strerror or error}; choose another folder with -o")
+        _stop(f"{shown_path(where)}: {error.strerror or error}; choose another folder with -o")
     except (FolderInUseError, ResumeError) as error:
-        _stop(str(error))
+        _stop(printable(str(error)))
     except MemoryError:
-        _stop(f"{deck}: the scene needs more memory than there is; make its islands smaller")
+        where = shown_path(deck)
+        _stop(f"{where}: the scene needs more memory than there is; make its islands smaller")
     sys.exit(status)
 
 
@@ -251,7 +256,7 @@ class Interruption:
 
 
 def _stop(message: str) -> NoReturn:
-    click.echo(message, err=True)
+    echo(message, err=True)
     sys.exit(BAD_INPUT)
 
 
@@ -335,7 +340,7 @@ def _simulate(
 
     def tell(message: str) -> None:
         if shown:
-            click.echo(message, err=True)
+            echo(message, err=True)
 
     def save(snapshot: Snapshot) -> None:
         results.to_disk()
@@ -378,7 +383,7 @@ def _close(job: Job, report: "Report", stopped: "Interruption", quiet: bool, ver
         if report.status == "completed":
             remove_checkpoint(job.folder)
     except OSError as error:
-        click.echo(f"{job.folder / INFO}: {error.strerror or error}", err=True)
+        echo(f"{shown_path(job.folder / INFO)}: {error.strerror or error}", err=True)
     _tell(job.deck, job.folder, report, quiet, verbose)
     if report.status == "interrupted" and stopped.signal:
         return 128 + stopped.signal
@@ -446,9 +451,9 @@ def _tell(deck: Path, folder: Path, report: "Report", quiet: bool, verbose: bool
     """The last lines on stderr: warnings, what went wrong, and the verdict."""
     from msahl.verdict import FAIL
 
-    lines = [] if quiet else [f"{deck}: {warning}" for warning in report.warnings]
+    lines = [] if quiet else [f"{shown_path(deck)}: {warning}" for warning in report.warnings]
     if report.message:
-        lines.append(f"{deck}: {report.message}")
+        lines.append(f"{shown_path(deck)}: {report.message}")
     if verbose:
         lines += [f"{phase}: {seconds:.3f} s" for phase, seconds in report.seconds.items()]
         lines.append(
@@ -457,9 +462,9 @@ def _tell(deck: Path, folder: Path, report: "Report", quiet: bool, verbose: bool
             f"{report.root_steps} steps by scipy, {report.halvings} halvings"
         )
     if not quiet or report.verdict["word"] == FAIL:
-        lines.append(f"{deck}: {_judgement(report.verdict)} -> {folder}")
+        lines.append(f"{shown_path(deck)}: {_judgement(report.verdict)} -> {shown_path(folder)}")
     if lines:
-        click.echo("\n".join(lines), err=True)
+        echo("\n".join(lines), err=True)
 
 
 def _judgement(verdict: dict[str, Any]) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from msahl.post.tolerance import Tolerance
-from msahl.printable import shown
+from msahl.printable import shown_path
 from msahl.results.info import ResultError, read_info
 from msahl.results.read import check_rows, find_table, read_table, wrong_count
 from msahl.results.write import PART
@@ -106,7 +106,7 @@ def _name(path: Path) -> str:
 def _table_of(folder: Path, name: str) -> Path:
     path = find_table(folder, name)
     if path is None:
-        raise ResultError(f"{shown(folder)}: has no {name} to compare")
+        raise ResultError(f"{shown_path(folder)}: has no {name} to compare")
     return path
 
 

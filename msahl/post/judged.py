@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from msahl.deck import DeckError
 from msahl.post.table import Cell, Column, Table
-from msahl.printable import shown
+from msahl.printable import shown_path
 from msahl.results.read import ResultError, find_table, read_info, read_run
 from msahl.verdict import FAIL
 
@@ -43,7 +43,7 @@ def read_judged(folder: Path) -> Judged:
         reason = "no run.json: the run was cut off by force; run the deck again"
         return Judged(folder, FAIL, [reason], info)
     if "verdict" not in info:
-        raise ResultError(f"{shown(folder)}: no verdict in run.json; make one: msahl run")
+        raise ResultError(f"{shown_path(folder)}: no verdict in run.json; make one: msahl run")
     word, reasons = info["verdict"]["word"], info["verdict"]["reasons"]
     if word != FAIL:
         try:

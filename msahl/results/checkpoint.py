@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from msahl.printable import shown
+from msahl.printable import shown_path
 from msahl.results.info import ResultError, read_info
 from msahl.results.write import CHECKPOINT, INFO, PART
 from msahl.snapshot import ResumeError, Snapshot
@@ -111,11 +111,11 @@ def is_complete(folder: Path, about: dict[str, Any]) -> bool:
         return False
     for path in (folder / name for name in TABLES):
         if path.is_file() and path.read_bytes().count(b"\n") - 1 != info.get("rows"):
-            raise ResumeError(f"{shown(path)}: has not the rows that run.json says; {ANEW}")
+            raise ResumeError(f"{shown_path(path)}: has not the rows that run.json says; {ANEW}")
     try:
         _must_be_same(folder, info, about, ())
     except (KeyError, TypeError) as error:
-        raise ResumeError(f"{shown(folder / INFO)}: not that of a run; {ANEW}") from error
+        raise ResumeError(f"{shown_path(folder / INFO)}: not that of a run; {ANEW}") from error
     return True
 
 

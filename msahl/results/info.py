@@ -10,7 +10,7 @@ from typing import Any
 
 import orjson
 
-from msahl.printable import printable, shown
+from msahl.printable import printable, shown_path
 from msahl.results.write import INFO
 from msahl.verdict import WORDS
 
@@ -104,12 +104,12 @@ def read_info(folder: Path) -> dict[str, Any]:
     try:
         info: Any = orjson.loads(path.read_bytes())
     except ValueError as error:
-        raise ResultError(f"{shown(path)}: not JSON: {error}; {AGAIN}") from error
+        raise ResultError(f"{shown_path(path)}: not JSON: {error}; {AGAIN}") from error
     faults = list(_faults(info, SHAPE, ""))
     if not faults and info.get("shadow") is not None:
         faults += _faults(info["shadow"], SHADOW, "shadow")
     if faults:
-        raise ResultError(f"{shown(path)}: {printable(faults[0])}; {AGAIN}")
+        raise ResultError(f"{shown_path(path)}: {printable(faults[0])}; {AGAIN}")
     return dict(info)
 
 
@@ -123,9 +123,9 @@ def _faults(value: Any, shape: Shape, place: str) -> Iterator[str]:
             if not isinstance(value, container):
                 yield f"{place} is {_kind(value)}, not {_NAMES[container]}"
                 return
-            parts: Any = value.items() if container is dict else enumerate(value)
-            for key, part in parts:
-                yield from _faults(part, of, f"{place}.{key}")
+            parts: Any = value
+            for key in parts if container is dict else range(len(parts)):
+                yield from _faults(parts[key], of, f"{place}.{key}")
         case Fields(of, required):
             if not isinstance(value, dict):
                 yield f"{place or 'the file'} is {_kind(value)}, not {_NAMES[dict]}"

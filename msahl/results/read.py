@@ -10,7 +10,7 @@ import pandas as pd
 
 from msahl.deck import read_deck
 from msahl.model import STATION, Model, degree_of, reactions_of
-from msahl.printable import printable, shown
+from msahl.printable import printable, shown_path
 from msahl.results.info import AGAIN, ResultError, read_info
 from msahl.results.write import PART
 from msahl.system.names import reaction_columns, state_columns, work_columns, workers
@@ -73,7 +73,7 @@ def read_run(folder: Path) -> Run:
     """
     if not (folder / "deck.xml").is_file():
         message = "not the folder of a run (no deck.xml); make one: msahl run"
-        raise ResultError(f"{shown(folder)}: {message}")
+        raise ResultError(f"{shown_path(folder)}: {message}")
     model, info = read_deck(folder / "deck.xml"), read_info(folder)
     columns = {"states.csv": state_columns(model)}
     if model.joints or model.couplings or model.motions:
@@ -112,13 +112,13 @@ def _count_rows(
             whence = "run.json says" if "rows" in info else "states.csv has"
             raise ResultError(wrong_count(paths[name], count, f"{whence} {told}"))
     if least == 0:
-        raise ResultError(f"{shown(folder)}: the run has no rows yet; {AGAIN}")
+        raise ResultError(f"{shown_path(folder)}: the run has no rows yet; {AGAIN}")
     return least
 
 
 def wrong_count(path: Path, count: int, expected: str) -> str:
     """What to say of a table with another number of rows than ``expected``."""
-    return f"{shown(path)}: {count} rows, but {expected}: rows were lost or added; {AGAIN}"
+    return f"{shown_path(path)}: {count} rows, but {expected}: rows were lost or added; {AGAIN}"
 
 
 def _check_times(
@@ -162,7 +162,7 @@ def check_rows(path: Path, table: pd.DataFrame, only_times: bool = False) -> Non
 
 def _line(path: Path, row: int) -> str:
     """A row of a table for a message, by the line of the file: the header is line 1."""
-    return f"{shown(path)}:{row + 2}"
+    return f"{shown_path(path)}:{row + 2}"
 
 
 def find_table(folder: Path, name: str) -> Path | None:
@@ -179,13 +179,13 @@ def read_table(path: Path) -> pd.DataFrame:
     try:
         text = path.read_bytes().decode()
     except (ValueError, OSError) as error:
-        raise ResultError(f"{shown(path)}: cannot be read: {error}; {AGAIN}") from error
+        raise ResultError(f"{shown_path(path)}: cannot be read: {error}; {AGAIN}") from error
     if path.suffix == PART:
         text = text[: text.rfind("\n") + 1]
     header, _, rows = text.partition("\n")
     columns = header.rstrip("\r").split(",")
     if len(set(columns)) < len(columns):
-        raise ResultError(f"{shown(path)}:1: a column stands there twice; {AGAIN}")
+        raise ResultError(f"{shown_path(path)}:1: a column stands there twice; {AGAIN}")
     try:
         # numpy reads a decimal as the nearest double; pandas does so in some versions only.
         numbers = np.empty((0, len(columns)))
@@ -194,7 +194,7 @@ def read_table(path: Path) -> pd.DataFrame:
         return pd.DataFrame(numbers, columns=columns)
     except ValueError as error:
         message = _unreadable(rows, len(columns))
-        raise ResultError(f"{shown(path)}:{message}; {AGAIN}") from error
+        raise ResultError(f"{shown_path(path)}:{message}; {AGAIN}") from error
 
 
 def _unreadable(rows: str, columns: int) -> str:
@@ -216,7 +216,7 @@ def _path(folder: Path, name: str) -> Path:
     """The table ``name``, whole or partial."""
     path = find_table(folder, name)
     if path is None:
-        raise ResultError(f"{shown(folder / name)}: missing; {AGAIN}")
+        raise ResultError(f"{shown_path(folder / name)}: missing; {AGAIN}")
     return path
 
 
@@ -232,7 +232,7 @@ def _table(path: Path, columns: list[str]) -> pd.DataFrame:
             else f"{printable(other[0][:LONGEST])} is none" if other
             else "they stand in another order"
         )  # fmt: skip
-        deck = shown(path.with_name("deck.xml"))
+        deck = shown_path(path.with_name("deck.xml"))
         message = f"its columns are not those of {deck}: {why}"
-        raise ResultError(f"{shown(path)}: {message}; {AGAIN}")
+        raise ResultError(f"{shown_path(path)}: {message}; {AGAIN}")
     return table
