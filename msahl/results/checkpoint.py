@@ -109,13 +109,13 @@ def is_complete(folder: Path, about: dict[str, Any]) -> bool:
         raise ResumeError(f"{error}, or {ANEW}") from error
     if info.get("status") != "completed" or not (folder / "states.csv").is_file():
         return False
-    for path in (folder / name for name in TABLES):
-        if path.is_file() and path.read_bytes().count(b"\n") - 1 != info.get("rows"):
-            raise ResumeError(f"{shown_path(path)}: has not the rows that run.json says; {ANEW}")
     try:
         _must_be_same(folder, info, about, ())
     except (KeyError, TypeError) as error:
         raise ResumeError(f"{shown_path(folder / INFO)}: not that of a run; {ANEW}") from error
+    for path in (folder / name for name in TABLES):
+        if path.is_file() and path.read_bytes().count(b"\n") - 1 != info.get("rows"):
+            raise ResumeError(f"{shown_path(path)}: has not the rows that run.json says; {ANEW}")
     return True
 
 

@@ -17,6 +17,9 @@ from msahl.verdict import WORDS
 AGAIN = "run the deck again: msahl run"
 """The remedy for files that are not as a run left them."""
 
+LARGEST = 1e100
+"""As in a deck: so large a size can be divided by any other."""
+
 
 class ResultError(Exception):
     """A folder that is not a run's; the message names file and remedy."""
@@ -58,13 +61,13 @@ def _is_count(value: Any, least: int = 0) -> bool:
 
 
 def _is_size(value: Any) -> bool:
-    return value is None or (_is_number(value) and value > 0.0)
+    return value is None or (_is_number(value) and 0.0 < value <= LARGEST)
 
 
 TEXT = Leaf("a text", lambda value: isinstance(value, str))
 NUMBER = Leaf("a number", _is_number)
 FIGURE = Leaf("a number or null", lambda value: value is None or _is_number(value))
-SIZE = Leaf("a number above zero or null", _is_size)
+SIZE = Leaf(f"null or a number above zero, up to {LARGEST:g}", _is_size)
 COUNT = Leaf("a whole number from 0", _is_count)
 FIRST = Leaf("a whole number from 1", lambda value: _is_count(value, 1))
 WORD = Leaf(f"one of {', '.join(WORDS)}", lambda value: value in WORDS)
