@@ -129,6 +129,8 @@ MANY_FAULTS = {
     "unknown elements": lambda n: (bodies(1) + "<bdy/>" * n, ""),
     "unknown elements of many tags": lambda n: (
         bodies(1) + "".join(f"<b{i}/>" for i in range(n)), ""),
+    "unknown children of one body": lambda n: (
+        bodies(1).replace("<mass>", "<foo/>" * n + "<mass>"), ""),
     "missing children": lambda n: (bodies(1) + "<rigidBody/>" * n, ""),
     "bad numbers": lambda n: (bodies(n, mass="one"), ""),
     "impossible numbers": lambda n: (bodies(n, mass=-1), ""),

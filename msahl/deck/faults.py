@@ -61,6 +61,7 @@ class Faults:
     def __init__(self, file: str) -> None:
         self.file = file
         self._found: dict[Fault, None] = {}  # ordered, without repetitions
+        self._made = 0  # messages, those that were made twice among them
         self._more = 0  # elements with faults whose messages are not kept
         self._own: set[Element] = set()
         self._touched: set[Element] = set()
@@ -73,7 +74,8 @@ class Faults:
 
         Raises ``DeckError`` where there are too many to go on.
         """
-        if len(self._found) < MOST_KEPT:
+        if self._made < MOST_KEPT:
+            self._made += 1
             line = line_of(element if at is None else at)
             text = message if isinstance(message, str) else message()
             self._found[Fault(self.file, line, where(element), text)] = None
