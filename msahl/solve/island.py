@@ -30,6 +30,7 @@ from msahl.system.reduce import (
     drop_rows,
     needed_unknowns,
     plane_normal,
+    stay_in_plane,
     symmetric_rows,
 )
 from msahl.system.state import build_state, settle
@@ -161,6 +162,7 @@ class Runner:
             unknowns = choose(system, free)
         solve_accelerations(system, state, unknowns)
         if self.axis is not None:
+            system = stay_in_plane(system, self.axis)
             system = drop_rows(system, symmetric_rows(system, start, self.axis))
             state = state._replace(angle=np.zeros(quantity_count(system)))
         self.scene: Scene = new_scene(system, unknowns, state, chunk)
