@@ -47,7 +47,7 @@ GOOD = Figures(
     momentum=(1e-15, 1e-14),
     condition=1e4,
     velocity_change=0.0,
-    shared=[],
+    shared={},
     shadow=None,
 )
 AGREES = {
@@ -105,7 +105,7 @@ CASES = {
     "joints work": (with_extremes(gapWorkMax=1e-3), {}, "work of the joints", WARN),
     "halved": ({"halvings": 3}, {}, "solver", WARN),
     "near singular": ({"condition": 1e14}, {}, "condition", WARN),
-    "shared": ({"shared": ["A", "B"]}, {}, "reactions", WARN),
+    "shared": ({"shared": {"A": ["Fz", "Mx"]}}, {}, "reactions", PASS),
     "velocities changed": ({"velocity_change": 0.1}, {}, "start", WARN),
     "coarse": (with_extremes(localErrorSum=0.06), {}, "accuracy", WARN),
     "accurate": ({"shadow": AGREES}, {}, "accuracy", PASS),
@@ -180,7 +180,7 @@ def test_each_check_knows_its_limits(case):
 
 
 def test_the_worst_comes_first():
-    changes = {"shared": ["A"], **energy_off_by(1.0), "halvings": 1}
+    changes = {"velocity_change": 0.1, **energy_off_by(1.0), "halvings": 1}
     verdict = judge(replace(GOOD, **changes), Limits())
     assert verdict.word == FAIL
     assert "energy" in verdict.reasons[0]
