@@ -508,5 +508,6 @@ def _tell(deck: Path, folder: Path, report: "Report", quiet: bool, verbose: bool
 def _judgement(verdict: dict[str, Any]) -> str:
     """The verdict's word and reasons; of a good run the figures that made it pass."""
     checks = verdict["checks"]
-    told = [checks[name]["text"] for name in ("end", "energy", "gap", "accuracy") if name in checks]
+    names = ("end", "energy", "gap", "accuracy", "reactions")
+    told = [checks[name]["text"] for name in names if name in checks]
     return f"{verdict['word']}: {'; '.join(verdict['reasons'] or told)}"
