@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 
-from msahl.compiled import is_kept, keep
+from msahl.compiled import is_kept, keep, trouble
 from msahl.model import (
     STATION,
     Model,
@@ -273,6 +273,8 @@ class _Run:
             self._go_back()
         for kind in kinds:
             keep(kind)
+        if trouble():
+            tell(trouble())
         return self._finish()
 
     def _first_steps(self) -> int:
