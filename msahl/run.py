@@ -3,6 +3,7 @@
 Interruptions are honoured between chunks, so every row on disk is an accepted state.
 """
 
+import errno
 import math
 import time
 from collections.abc import Callable
@@ -55,6 +56,8 @@ SAVE_SHARE = 0.01
 
 WORTH_TELLING = 1e-12
 """Way an inconsistent velocity would go in a step, relative to the bodies' length, that is told."""
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What the system says where there is no room."""
 COLUMNS = (state_columns, reaction_columns, work_columns)
 """What heads the tables of states, reactions and work."""
 
@@ -157,6 +160,14 @@ class Grid:
 def no_run(status: str, message: str) -> Report:
     """What is told of a run that took no step."""
     return Report(status=status, message=message, verdict=never_begun(status).as_json())
+
+
+def not_written(error: OSError, rows: str = "") -> str:
+    """Why results could not be written, and what to do; ``rows`` says which of them are there."""
+    if error.errno in (errno.ENOENT, errno.ENOTDIR, errno.ESTALE):
+        return f"{error.filename}: the folder was removed or renamed while the run wrote into it"
+    told = f"{error.filename}: {error.strerror or error}{rows}"
+    return f"{told}. Make room there" if error.errno in FULL else told
 
 
 def run(
@@ -516,10 +527,7 @@ class _Run:
 
     def _not_written(self, error: OSError) -> None:
         self.report.status = "not written"
-        self.report.message = (
-            f"{error.filename}: {error.strerror or error}; rows up to t = "
-            f"{self.now:g} s are whole. Make room there"
-        )
+        self.report.message = not_written(error, f"; rows up to t = {self.now:g} s are whole")
 
     def _finish(self) -> Report:
         report = self.report

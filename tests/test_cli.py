@@ -211,8 +211,8 @@ def test_a_bad_deck_is_status_2_and_nothing_is_written(tmp_path):
     [
         (("--dt", "0"), "deltaT"),
         (("--dt", "-1"), "deltaT"),
-        (("--dt", "nan"), "deltaT"),
-        (("--t-final", "inf"), "tFinal"),
+        (("--dt", "nan"), "--dt"),
+        (("--t-final", "inf"), "--t-final"),
         (("--t-final", "0.001"), "tFinal"),
         (("--every", "0"), "--every"),
         (("--solver", "magic"), "--solver"),

@@ -134,7 +134,11 @@ def _complaints_of_choice(simulation: Simulation) -> list[tuple[str, str]]:
     wrong = []
     if tolerance is not None and not SMALLEST <= tolerance <= LARGEST:
         wrong.append(
-            ("tolerance", f"it is {tolerance:g} m; it must be greater than zero, as 1e-6 m is")
+            (
+                "tolerance",
+                f"it is {tolerance:g} m; it must be greater than zero, {SMALLEST:g} to "
+                f"{LARGEST:g} m; 1e-6 m is usual",
+            )
         )
     if tolerance is not None and not higher:
         wrong.append(

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from msahl.results.write import CHECKPOINT, INFO, PART
+from msahl.results.write import CHECKPOINT, INFO, PART, create, write_all
 from msahl.snapshot import ResumeError, Snapshot
 
 LAYOUT = 1
@@ -46,9 +46,8 @@ def write_checkpoint(folder: Path, about: dict[str, Any], checkpoint: Checkpoint
     }
     path = folder / CHECKPOINT
     part = path.with_name(path.name + PART)
-    with part.open("wb") as file:
-        file.write(json.dumps(head).encode() + b"\n" + memory)
-        file.flush()
+    with create(part) as file:
+        write_all(file, json.dumps(head).encode() + b"\n" + memory)
         os.fsync(file.fileno())
     part.replace(path)
 

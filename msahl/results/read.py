@@ -11,7 +11,8 @@ import pandas as pd
 
 from msahl.deck import read_deck
 from msahl.model import STATION, Model, degree_of, reactions_of
-from msahl.results.write import PART
+from msahl.results.folder import find
+from msahl.results.write import DECK, INFO, PART, STATES
 from msahl.system.names import reaction_columns, state_columns, work_columns, workers
 
 
@@ -67,9 +68,10 @@ def read_run(folder: Path) -> Run:
 
     Raises ``ResultError`` if there is no run, ``DeckError`` if its deck is not valid.
     """
-    if not (folder / "deck.xml").is_file():
+    deck = find(folder, DECK)
+    if deck is None:
         raise ResultError(f"{folder}: not the folder of a run (no deck.xml); make one: msahl run")
-    model = read_deck(folder / "deck.xml")
+    model = read_deck(deck)
     columns = {"states.csv": state_columns(model)}
     if model.joints or model.couplings or model.motions:
         columns["reactions.csv"] = reaction_columns(model)
@@ -88,14 +90,13 @@ def read_run(folder: Path) -> Run:
         states=tables["states.csv"],
         reactions=tables.get("reactions.csv"),
         work=tables.get("work.csv"),
-        partial=not (folder / "states.csv").is_file(),
+        partial=find_table(folder, STATES) == folder / (STATES + PART),
     )
 
 
 def find_table(folder: Path, name: str) -> Path | None:
     """Path of the table ``name``, whole or ``.part``; ``None`` if there is neither."""
-    paths = (folder / name, folder / (name + PART))
-    return next((path for path in paths if path.is_file()), None)
+    return find(folder, name)
 
 
 def read_table(path: Path) -> pd.DataFrame:
@@ -131,8 +132,10 @@ def _table(folder: Path, name: str, columns: list[str]) -> pd.DataFrame:
 
 def read_info(folder: Path) -> dict[str, Any]:
     """What ``run.json`` says: nothing if the run was cut off by force. Raises ``ResultError``."""
-    path = folder / "run.json"
+    path = find(folder, INFO)
+    if path is None or path.name != INFO:
+        return {}
     try:
-        return dict(json.loads(path.read_text())) if path.is_file() else {}
+        return dict(json.loads(path.read_text()))
     except ValueError as error:
         raise ResultError(f"{path}: not JSON: {error}") from error
