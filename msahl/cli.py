@@ -41,6 +41,8 @@ STATUS = {
 }
 """Exit status of a run by how it ended; 143 instead of 130 where it was told to terminate."""
 
+GRACE = 1.0
+"""Seconds in which a loop of steps should have answered a signal."""
 STARTED = time.perf_counter()
 """When this module was entered; what Python needs to come so far is not in our seconds."""
 
@@ -264,13 +266,17 @@ def run(
 
 
 class Interruption:
-    """Whether the user asked to stop; a second request stops at once."""
+    """Whether the user asked to stop. A second request stops at once, as KeyboardInterrupt, and so
+    does the first if nobody has asked for it after ``GRACE`` seconds, in what is no loop of steps.
+    """
 
     def __init__(self) -> None:
         self.signal = 0
 
     def __call__(self) -> bool:
         """Whether a stop was asked for."""
+        if self.signal:
+            _set_alarm(0.0)
         return self.signal != 0
 
     def note(self, number: int, frame: FrameType | None) -> None:
@@ -278,6 +284,17 @@ class Interruption:
         if self.signal:
             raise KeyboardInterrupt
         self.signal = number
+        _set_alarm(GRACE)
+
+    def insist(self, number: int, frame: FrameType | None) -> None:
+        """Signal handler of the alarm."""
+        raise KeyboardInterrupt
+
+
+def _set_alarm(seconds: float) -> None:
+    """Have the process send itself SIGALRM, where the system can do that; 0 for never."""
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
 def _say(message: str) -> None:
@@ -428,6 +445,7 @@ def _simulate(
             report = simulate(
                 job.model, job.options, results, progress, stopped, tell, save, snapshot
             )
+            stopped()  # what ends the run now is not to be broken off
             results.whole = report.status == "completed"
     except StartError as error:
         return no_run("not started", str(error))
@@ -493,12 +511,15 @@ def _command(resume: bool) -> str:
 def stoppable() -> Iterator[Interruption]:
     """Turn the first SIGINT or SIGTERM into a request that the loop honours between chunks."""
     interruption = Interruption()
-    signals = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(number, interruption.note) for number in signals]
+    handlers = dict.fromkeys((signal.SIGINT, signal.SIGTERM), interruption.note)
+    if hasattr(signal, "setitimer"):
+        handlers[signal.SIGALRM] = interruption.insist
+    before = {number: signal.signal(number, handle) for number, handle in handlers.items()}
     try:
         yield interruption
     finally:
-        for number, handler in zip(signals, before, strict=True):
+        _set_alarm(0.0)
+        for number, handler in before.items():
             signal.signal(number, handler)
 
 

@@ -29,7 +29,7 @@ from msahl.solve.dense import FAR
 from msahl.solve.initial import StartError
 from msahl.solve.island import MAX_HALVINGS, Runner
 from msahl.solve.momentum import Momentum, drift, is_alone, momentum
-from msahl.solve.outcome import TOLERANCE, Outcome
+from msahl.solve.outcome import TOLERANCE, Outcome, Stopped
 from msahl.solve.plan import Plan
 from msahl.solve.shadow import Shadow
 from msahl.solve.watch import Extremes
@@ -40,8 +40,9 @@ from msahl.verdict import Figures, judge, never_begun
 if TYPE_CHECKING:
     from msahl.solve.higher import Paced
 
-CHUNK_SECONDS = 0.2
-"""About how long the loop goes on between output, progress and a look at interruptions."""
+CHUNK_SECONDS = 0.1
+"""About how long the loop goes on between output, progress and a look at interruptions: less than
+the 2 s in which it answers, should the machine become ten times slower."""
 PATIENCE = 5.0 * CHUNK_SECONDS
 """Seconds after which a chunk is broken off if its steps have turned hard."""
 SLOWEST = 16_000
@@ -276,8 +277,14 @@ class _Run:
         else:
             self._publish(np.zeros(1))
         self.handed = self._standing()
+        for runner in self._all_runners:
+            runner.requests.stopped = stopped
         try:
             self._take_all(progress, stopped, 1 if compiles else self._first_steps())
+        except Stopped:  # in the middle of a hard step
+            self._go_back()
+            self._interrupt()
+            self._save()
         except KeyboardInterrupt:  # a second request to stop, in the middle of a chunk
             report.status = "interrupted"
             report.message = f"stopped at once, after t = {self.now:g} s"
@@ -310,11 +317,14 @@ class _Run:
             if report.status != "completed" or self.ended:
                 break
             if stopped():
-                report.status = "interrupted"
-                report.message = f"stopped at t = {self.now:g} s"
+                self._interrupt()
             if report.status == "interrupted" or time.perf_counter() - saved > pause:
                 pause = max(SAVE_SECONDS, self._save() / SAVE_SHARE)
                 saved = time.perf_counter()
+
+    def _interrupt(self) -> None:
+        self.report.status = "interrupted"
+        self.report.message = f"stopped at t = {self.now:g} s"
 
     @property
     def now(self) -> float:
@@ -419,16 +429,18 @@ class _Run:
         else:
             self._go_back()
 
-    def _standing(self) -> tuple[np.ndarray, list[dict[str, Any]]]:
+    def _standing(self) -> tuple[np.ndarray, list[tuple[bool, dict[str, Any]]]]:
         """Where the islands stand."""
-        return remember(self.runners), [runner.steps.counters for runner in self.runners]
+        counted = [(runner.begun, runner.steps.counters) for runner in self.runners]
+        return remember(self.runners), counted
 
     def _go_back(self) -> None:
         """Bring the islands back to the last step handed over: no error of the report is to be of
         steps without rows. What these cost stays counted, for the verdict to say where it went.
         """
         memory, counted = self.handed
-        for runner, before in zip(self.runners, counted, strict=True):
+        for runner, (begun, before) in zip(self.runners, counted, strict=True):
+            runner.begun = begun
             runner.steps.recall(before)
         recall(self.runners, memory)
 
@@ -455,7 +467,10 @@ class _Run:
         if self.shadow is None:
             return
         began = time.perf_counter()
-        self.shadow.follow(self.runners, sizes, plan, times)
+        try:
+            self.shadow.follow(self.runners, sizes, plan, times)
+        except Stopped:  # the two stand apart now, which is nothing to go on from
+            raise KeyboardInterrupt from None
         seconds = self.report.seconds
         seconds["shadow"] = seconds.get("shadow", 0.0) + time.perf_counter() - began
 

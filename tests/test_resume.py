@@ -44,10 +44,14 @@ def stop_after(chunks):
 
 def in_two_parts(monkeypatch, model, options, steps, each=1):
     """Reports and rows of a run stopped after ``steps``, chunks of ``each``, and of the rest."""
-    saved = []
+    saved, done = [], [0]
     with monkeypatch.context() as patch:
         patch.setattr(msahl.run, "CHUNK_SECONDS", 0.0)
-        parts = [advance(model, options, stopped=stop_after(steps // each), save=saved.append)]
+        stop = {
+            "progress": lambda steps, t: done.append(steps),
+            "stopped": lambda: done[-1] >= steps,
+        }
+        parts = [advance(model, options, save=saved.append, **stop)]
     assert (parts[0][0].status, parts[0][0].steps) == ("interrupted", steps)
     parts.append(advance(model, options, save=saved.append, since=saved[-1]))
     return parts
