@@ -41,7 +41,7 @@ STATUS = {
 }
 """Exit status of a run by how it ended; 143 instead of 130 where it was told to terminate."""
 
-GRACE = 1.0
+GRACE = 0.5
 """Seconds in which a loop of steps should have answered a signal."""
 STARTED = time.perf_counter()
 """When this module was entered; what Python needs to come so far is not in our seconds."""
@@ -214,7 +214,8 @@ def run(
 
     Writes states.csv, reactions.csv (if there are joints or motions), work.csv (if there are loads
     or motions), run.json and deck.xml, the deck as it ran. Tables end in .part until the run is
-    whole.
+    complete. Complete results that DIR holds already are kept until then: the new run is written
+    to DIR/incomplete.
 
     Example: msahl run decks/thesis/double_pendulum_89.xml --dt 0.01 -o results/coarse
     """
@@ -445,7 +446,7 @@ def _simulate(
             report = simulate(
                 job.model, job.options, results, progress, stopped, tell, save, snapshot
             )
-            stopped()  # what ends the run now is not to be broken off
+            _set_alarm(0.0)  # what ends the run now is not to be broken off
             results.whole = report.status == "completed"
     except StartError as error:
         return no_run("not started", str(error))
