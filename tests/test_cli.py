@@ -214,9 +214,16 @@ def test_a_bad_deck_is_status_2_and_nothing_is_written(tmp_path):
     [
         (("--dt", "0"), "deltaT"),
         (("--dt", "-1"), "deltaT"),
-        (("--dt", "nan"), "deltaT"),
-        (("--t-final", "inf"), "tFinal"),
+        (("--dt", "nan"), "--dt"),
+        (("--t-final", "inf"), "--t-final"),
         (("--t-final", "0.001"), "tFinal"),
+        (("--shadow", "nan"), "'--accuracy' / '--shadow': nan is not a finite number"),
+        (("--shadow", "inf"), "'--accuracy' / '--shadow': inf is not a finite number"),
+        (("--shadow", "0"), "'--accuracy' / '--shadow': 0.0 is not in the range"),
+        (("--damping", "nan"), "'--damping': nan is not a finite number"),
+        (("--output-interval", "-inf"), "'--output-interval': -inf is not a finite number"),
+        (("--tolerance", "1e999"), "'--tolerance': 1e999 is not a finite number"),
+        (("--scheme", "auto", "--tolerance", "1e300"), "greater than zero, 1e-100 to 1e+100 m"),
         (("--every", "0"), "--every"),
         (("--solver", "magic"), "--solver"),
         (("--scheme", "magic"), "--scheme"),
@@ -398,4 +405,4 @@ def test_an_installed_msahl_works_from_any_folder(installed, tmp_path):
         assert "50 steps to t = 0.1 s" in told
     tables = [(tmp_path / f"out{n}" / "states.csv").read_bytes() for n in "12"]
     assert tables[0] == tables[1]
-    assert list((tmp_path / "c").rglob("*.nbc"))
+    assert list((tmp_path / "c").rglob("msahl.solve.newton.march-*"))

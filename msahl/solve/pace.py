@@ -75,13 +75,15 @@ def march(island: High, pace: Pace, order: int, last: int, times: np.ndarray) ->
     """Take pairs until there are ``last`` steps or all rows of the ``times``; how many steps were
     taken. Fewer than that: the next pair does not converge however small it is.
 
-    Without ``last`` one pair is tried and taken back.
+    Without ``last`` one pair is tried and taken back. Refused pairs count as well, but for those
+    before the first good one: a call ends in time, however hard the steps turn.
     """
-    done, figures = 0, pace.figures
+    done, tried, figures = 0, 0, pace.figures
     pace.counts[ROWS] = 0
     if last == 0:
         return int(attempt(island, pace, order, 0, False))
-    while done + 2 <= last and pace.counts[ROWS] < times.size:
+    while (tried + 2 <= last or done == 0) and pace.counts[ROWS] < times.size:
+        tried += 2
         if attempt(island, pace, order, done, True):
             done += 2
             fill(island, pace, times)

@@ -11,7 +11,7 @@ from scipy.optimize import root
 
 from msahl.compiled import compiled
 from msahl.solve import dense, step
-from msahl.solve.outcome import Outcome
+from msahl.solve.outcome import EVALUATION, Outcome
 from msahl.solve.step import Scene
 from msahl.system.arrays import System
 from msahl.system.unknowns import Unknowns
@@ -28,14 +28,19 @@ _jacobian = compiled(dense.jacobian)
 _accept = compiled(step.accept)
 
 
-def take(scene: Scene, h: float, share: float) -> Outcome:
-    """Take a step of size ``h``, a ``share`` of the whole one, if it converges."""
+def take(
+    scene: Scene, h: float, share: float, after: Callable[[int], None] = lambda work: None
+) -> Outcome:
+    """Take a step of size ``h``, a ``share`` of the whole one, if it converges; ``after`` is told
+    of the work done.
+    """
     system, unknowns, state, start = scene.system, scene.unknowns, scene.state, scene.start
     size = unknowns.free.size
     guess, outcome, step_length = np.empty(size), Outcome(0.0, -1), 0.0
 
     def fun(z: np.ndarray) -> np.ndarray:
         nonlocal outcome, step_length
+        after(EVALUATION + size**3)
         f = np.empty(size)
         given = (system, unknowns, state, start, h, z, scene.Z)
         *judged, step_length = _residual(*given, f, scene.F)
