@@ -20,6 +20,7 @@ from msahl.deck import read_deck
 from msahl.results.lock import locked
 from msahl.results.read import read_run, read_table
 from msahl.results.write import ROOM, RunFolder, Table, write_beginning, write_json
+from msahl.run import NO_ERRORS
 from msahl.store import Store
 from msahl.study.runs import with_step
 from msahl.study.study import Plan, study
@@ -87,7 +88,7 @@ def test_rows_before_a_full_disk_are_whole_and_the_run_can_go_on(tmp_path):
 def test_a_table_that_cannot_be_written_takes_no_row_of_the_others(tmp_path, monkeypatch):
     rows = np.ones((3, 13))
     with RunFolder(tmp_path, pendulum(), b"<deck/>") as results:
-        results.write(rows, rows[:, :4], rows[:, :1])
+        results.write(rows, rows[:, :4], rows[:, :1], NO_ERRORS)
         ends = results.ends()
         append = Table._append
 
@@ -99,7 +100,7 @@ def test_a_table_that_cannot_be_written_takes_no_row_of_the_others(tmp_path, mon
 
         monkeypatch.setattr(Table, "_append", full)
         with pytest.raises(OSError, match="No space"):
-            results.write(rows, rows[:, :4], rows[:, :1])
+            results.write(rows, rows[:, :4], rows[:, :1], NO_ERRORS)
         assert results.ends() == ends
     for name, end in ends.items():
         assert (tmp_path / f"{name}.part").stat().st_size == end
