@@ -177,7 +177,7 @@ def test_full_leaves_nothing_out(tmp_path):
 
 
 def test_quiet_says_nothing_and_verbose_more(tmp_path):
-    words = (THESIS / "top_1.xml", "-o", tmp_path)
+    words = (THESIS / "top_1.xml", "--dt", 0.001, "-o", tmp_path)
     assert run(*words, "-q").output == ""
     normal, verbose = run(*words).stderr, run(*words, "-v").stderr
     assert "initial velocities opened a joint at 0.198 m/s and were changed" in normal
@@ -194,7 +194,7 @@ def test_a_step_that_does_not_converge_is_status_3_with_all_on_disk(tmp_path):
     result = run(tmp_path / "deck.xml", "-o", tmp_path / "out", status=3)
     assert "step 1 from t = 0 s did not converge" in result.stderr
     assert "Try a smaller --dt" in result.stderr
-    parts = {"states.csv.part", "reactions.csv.part", "work.csv.part"}
+    parts = {"states.csv.part", "reactions.csv.part", "work.csv.part", "error.csv.part"}
     assert names(tmp_path / "out") == {*parts, "run.json", "deck.xml"}
     assert len(read_table(tmp_path / "out" / "states.csv.part")) == 1
     told = info(tmp_path / "out")
@@ -266,7 +266,7 @@ def test_an_interrupted_run_keeps_its_rows_and_says_so(tmp_path, number):
     _, told = running.communicate(timeout=60)
     assert running.returncode == 128 + number
     assert b"stopped at t = " in told
-    parts = {"states.csv.part", "reactions.csv.part"}
+    parts = {"states.csv.part", "reactions.csv.part", "error.csv.part"}
     assert names(tmp_path) == {*parts, "run.json", "deck.xml", "checkpoint"}
     written = info(tmp_path)
     states = read_table(part)

@@ -42,11 +42,11 @@ def tables(folder):
 
 
 def test_the_documents_list_the_statuses():
-    """The table of docs/results.md has every status of a run, and no other."""
+    """The table of docs/results.md has every status of a run, and that of a bad verdict."""
     text = (ROOT / "docs" / "results.md").read_text()
     listed = dict(re.findall(r"^\| (\d+) \| `([a-z ]+)` \|", text, flags=re.MULTILINE))
     statuses = {str(number): status for status, number in cli.STATUS.items()}
-    assert listed == statuses | {"143": "interrupted"}
+    assert listed == statuses | {"143": "interrupted", str(cli.BAD_VERDICT): "completed"}
 
 
 # The disk ----------------------------------------------------------------------------------------
@@ -182,7 +182,7 @@ def test_a_second_signal_stops_at_once_with_whole_rows(tmp_path, monkeypatch):
 
     def interrupt(self, text):
         writes.append(self.path.name)
-        if len(writes) == 9:  # two heads and three times two tables: states of the third step
+        if len(writes) == 13:  # three heads and three rows of three tables: then states again
             append(self, text[: len(text) // 2])
             raise KeyboardInterrupt
         append(self, text)
@@ -204,11 +204,11 @@ def test_a_second_signal_stops_at_once_with_whole_rows(tmp_path, monkeypatch):
 def test_figures_of_a_run_stopped_at_once_are_of_its_rows(tmp_path, monkeypatch, scheme):
     publish, calls = msahl.run._Run._publish, []
 
-    def interrupt(self, times):
+    def interrupt(self, times, errors):
         calls.append(times)
         if len(calls) == 4:  # the start, and two steps before
             raise KeyboardInterrupt
-        return publish(self, times)
+        return publish(self, times, errors)
 
     options = ("run", *SHORT, "--scheme", scheme)
     with monkeypatch.context() as patch:

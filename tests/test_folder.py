@@ -21,7 +21,7 @@ from msahl.results.write import RunFolder, Table
 
 SINGLE = ROOT / "decks" / "thesis" / "single_pendulum_45.xml"
 FREE = ROOT / "decks" / "basics" / "torque_free.xml"
-COMPLETE = {"states.csv", "reactions.csv", "run.json", "deck.xml"}
+COMPLETE = {"states.csv", "reactions.csv", "run.json", "deck.xml", "error.csv"}
 
 
 def run(*words, status=0):
@@ -310,7 +310,7 @@ def test_a_table_that_became_a_link_is_not_gone_on_with(tmp_path, monkeypatch):
 
 
 def test_a_folder_removed_during_the_run_is_told(tmp_path, monkeypatch):
-    def remove(self, states, reactions, work):
+    def remove(self, *tables):
         for path in self.folder.iterdir():
             path.unlink()
         self.folder.rmdir()

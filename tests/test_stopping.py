@@ -144,7 +144,7 @@ def test_a_request_that_was_answered_stops_nothing_else(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "where", ["msahl.run._weight", "msahl.solve.island.build_system", "msahl.run.digest"]
+    "where", ["msahl.run._energy_scale", "msahl.solve.island.build_system", "msahl.run.digest"]
 )
 def test_preparation_answers(tmp_path, monkeypatch, where):
     """Before there is a step there is nothing to keep: it stops, and the folder says so."""
