@@ -325,6 +325,24 @@ def index(numbers: np.ndarray, first: int, x: float) -> int:
 
 
 @kernel
+def piece_of(laws: Laws, law: int, x: float) -> tuple[float, float]:
+    """Between which breaks a law is smooth at ``x``; from a break on it is the next piece."""
+    if laws.kind[law] != PIECES:
+        return -math.inf, math.inf
+    numbers, first = laws.numbers, laws.first[law]
+    count, period, breaks = int(numbers[first]), numbers[first + 1], first + 2
+    away = 0.0
+    if period > 0.0:
+        away = period * np.floor((x - numbers[breaks]) / period)
+    i = index(numbers, first, x - away)
+    if period > 0.0:
+        i = min(max(i, 0), count - 1)
+    low = -math.inf if i < 0 else numbers[breaks + i] + away
+    high = math.inf if i == count else numbers[breaks + i + 1] + away
+    return low, high
+
+
+@kernel
 def _horner(numbers: np.ndarray, first: int, last: int, x: float) -> tuple[float, float, float]:
     """Value and two derivatives of the polynomial with ascending coefficients."""
     value, rate, second = 0.0, 0.0, 0.0

@@ -351,6 +351,16 @@ def drive_work(
 
 
 @kernel
+def rates(along: Along | None, start: AlongStart, bodies: BodyStart, rate: np.ndarray) -> None:
+    """Set ``rate`` (q,) to those of the quantities in the prepared state."""
+    if along is None:
+        return
+    q = start.quantities
+    quantity.slopes(along.quantities, q)
+    quantity.rates(along.quantities, q, bodies.v, bodies.W, rate)
+
+
+@kernel
 def observe(
     along: Along | None,
     start: AlongStart,
@@ -363,8 +373,7 @@ def observe(
     if along is None:
         return 0.0
     q = start.quantities
-    quantity.slopes(along.quantities, q)
-    quantity.rates(along.quantities, q, bodies.v, bodies.W, start.rate)
+    rates(along, start, bodies, start.rate)
     rows.observe(along.rows, along.laws, q, start.rate, t, gap, gap_rate)
     return spring.energy(along.springs, along.laws, q, start.elastic)
 

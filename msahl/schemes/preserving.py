@@ -63,16 +63,21 @@ def load(system: System, state: State, start: Start, h: float) -> bool:
 
 @kernel
 def predict(system: System, state: State, start: Start, h: float, Z: np.ndarray) -> None:
-    """First guess of the unknowns: accelerations and joint forces go on as they changed last."""
+    """First guess of the unknowns: accelerations and joint forces go on as they changed last.
+
+    Offsets by the loads are not in it: a step is judged by how far it leads beyond its guess.
+    """
     h2 = reach(system, h)
     bodies = system.bodies
     g = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
     for b in range(bodies.inverse_mass.size - 1):
         # Exact where nothing but gravity acts: that displacement need not be solved for.
         a = g if bodies.ballistic[b] else add(at(state.a, b), expected(state, state.a_trend, b))
-        put(Z, 2 * b, axpy(h, at(start.bodies.v_go, b), scale(h2, a)))
+        v = sub(at(start.bodies.v_go, b), at(start.bodies.v_offset, b))
+        W = sub(at(start.bodies.W_go, b), at(start.bodies.W_offset, b))
+        put(Z, 2 * b, axpy(h, v, scale(h2, a)))
         alpha = add(at(state.alpha, b), expected(state, state.alpha_trend, b))
-        turn = axpy(h, at(start.bodies.W_go, b), scale(h2, alpha))
+        turn = axpy(h, W, scale(h2, alpha))
         turn = of_angle(turn) if bodies.by_angle is not None else turn
         put(Z, 2 * b + 1, scale(bodies.length[b], turn))
     first = 2 * bodies.inverse_mass.size
