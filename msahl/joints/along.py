@@ -351,13 +351,17 @@ def drive_work(
 
 
 @kernel
-def rates(along: Along | None, start: AlongStart, bodies: BodyStart, rate: np.ndarray) -> None:
-    """Set ``rate`` (q,) to those of the quantities in the prepared state."""
+def values(
+    along: Along | None, start: AlongStart, bodies: BodyStart, value: np.ndarray, rate: np.ndarray
+) -> None:
+    """Set ``value`` and ``rate`` (q,) to those of the quantities in the prepared state."""
     if along is None:
         return
     q = start.quantities
     quantity.slopes(along.quantities, q)
     quantity.rates(along.quantities, q, bodies.v, bodies.W, rate)
+    for k in range(value.size):
+        value[k] = q.value[k]
 
 
 @kernel
@@ -373,7 +377,8 @@ def observe(
     if along is None:
         return 0.0
     q = start.quantities
-    rates(along, start, bodies, start.rate)
+    quantity.slopes(along.quantities, q)
+    quantity.rates(along.quantities, q, bodies.v, bodies.W, start.rate)
     rows.observe(along.rows, along.laws, q, start.rate, t, gap, gap_rate)
     return spring.energy(along.springs, along.laws, q, start.elastic)
 

@@ -22,7 +22,8 @@ SAMPLES = 8
 """Places in a half at which a quantity is looked at: one that leaves its piece and comes back
 between two of them is not found."""
 NEAR = 1e-9
-"""Part of a table's piece, or of a friction's width, within which a quantity is at its kink."""
+"""Part of a table's piece (beyond its ends: of a metre or radian), or of a friction's width, within
+which a quantity is at its kink."""
 AT_ENDS = 1e-6
 """Part of a pair within which a kink is as good as at its end."""
 BISECTIONS = 50
@@ -37,7 +38,8 @@ class Kinks(NamedTuple):
     origin: np.ndarray  # (m,) from where these count
     rubbing: np.ndarray  # (f,) quantities with friction
     width: np.ndarray  # (f,) rate at their kinks
-    rate: np.ndarray  # (3, q) the quantities' rates where a pair begins, in its middle, at its end
+    value: np.ndarray  # (3, q) the quantities where a pair begins, in its middle, at its end
+    rate: np.ndarray  # (3, q) likewise their rates
 
 
 def new_kinks(system: System) -> Kinks:
@@ -52,6 +54,7 @@ def new_kinks(system: System) -> Kinks:
         tables += zip(rows.function, rows.quantity[:, 1], np.zeros(len(rows.law)), strict=True)
     tables = [entry for entry in tables if entry[0] >= 0 and laws.kind[entry[0]] == PIECES]
     wanted = [law for law in sorted(timed) if law >= 0 and laws.kind[law] == PIECES]
+    places = (3, group.quantities.kind.size if group else 0)
     return Kinks(
         timed=np.array(wanted, dtype=np.int64),
         table=np.array([table for table, _, _ in tables], dtype=np.int64),
@@ -59,7 +62,8 @@ def new_kinks(system: System) -> Kinks:
         origin=np.array([origin for _, _, origin in tables], dtype=float),
         rubbing=group.frictions.quantity if group else np.zeros(0, dtype=np.int64),
         width=group.frictions.width if group else np.zeros(0),
-        rate=np.zeros((3, group.quantities.kind.size if group else 0)),
+        value=np.zeros(places),
+        rate=np.zeros(places),
     )
 
 
@@ -75,31 +79,29 @@ def next_kink(kinks: Kinks, system: System, t: float, near: float) -> float:
 
 @kernel
 def note(kinks: Kinks, scene: Scene, place: int) -> None:
-    """Note the rates of the prepared state, as those at the ``place`` 0, 1, 2 of a pair."""
+    """Note the quantities of the prepared state, as those at the ``place`` 0, 1, 2 of a pair."""
     if kinks.table.size + kinks.rubbing.size > 0:
-        bodies = scene.start.bodies
-        along.rates(scene.system.along, scene.start.along, bodies, kinks.rate[place])
+        start = scene.start
+        value, rate = kinks.value[place], kinks.rate[place]
+        along.values(scene.system.along, start.along, start.bodies, value, rate)
 
 
 @apart
 def crossing(
     kinks: Kinks,
     system: System,
-    begin: np.ndarray,
-    middle: np.ndarray,
-    end: np.ndarray,
     h: float,
 ) -> float:
-    """Part of a pair of size ``h`` at which the first quantity (q,) comes to a kink; 1 if none
-    does, or only near the pair's ends.
+    """Part of a pair of size ``h`` at which the first quantity comes to a kink; 1 if none does, or
+    only near the pair's ends.
     """
-    part, rate = 1.0, kinks.rate
+    part, value, rate = 1.0, kinks.value, kinks.rate
     for k in range(kinks.table.size):
         q, laws, table = kinks.quantity[k], system.laws, kinks.table[k]
         x0, x1, x2 = (
-            begin[q] - kinks.origin[k],
-            middle[q] - kinks.origin[k],
-            end[q] - kinks.origin[k],
+            value[0, q] - kinks.origin[k],
+            value[1, q] - kinks.origin[k],
+            value[2, q] - kinks.origin[k],
         )
         low, high = _piece(laws, table, x0, rate[0, q])
         found = _leaves(x0, x1, rate[0, q] * h, rate[1, q] * h, low, high)
@@ -116,10 +118,7 @@ def crossing(
 def _piece(laws: Laws, table: int, x: float, rate: float) -> tuple[float, float]:
     """The piece that a quantity at ``x`` is in, or comes into: its ends, with what is near them."""
     low, high = piece_of(laws, table, x)
-    size = high - low if high - low < math.inf else max(abs(low), abs(high))
-    if low == -math.inf or high == math.inf:
-        size = 1.0
-    near = NEAR * size
+    near = NEAR * (high - low) if high - low < math.inf else NEAR
     if rate > 0.0 and x > high - near:
         low, high = piece_of(laws, table, high)
     elif rate < 0.0 and x < low + near:

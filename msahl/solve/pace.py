@@ -92,7 +92,7 @@ def new_pace(island: High, steps: int, dt: float, tolerance: float, t_final: flo
         x_middle=np.zeros_like(state.x),
         p_middle=np.zeros_like(state.p),
         work=np.zeros_like(state.work),
-        driven=bool(system.along) and bool((system.along.rows.law >= 0).any()),
+        driven=system.along is not None and bool((system.along.rows.law >= 0).any()),
         kinks=new_kinks(system),
     )
 
@@ -168,7 +168,7 @@ def attempt(island: High, pace: Pace, order: int, row: int, commit: bool) -> boo
     if good and commit:
         pace.counts[ACCEPTED] += 1
         pace.counts[SOUGHT], figures[STOP] = 0, math.inf
-        if not t + h < kink:
+        if h == left and left < figures[END] - t:
             high.forget(island)
         figures[ERROR] += error
         figures[LARGEST] = max(figures[LARGEST], error)
@@ -195,15 +195,8 @@ def largest_spin(W: np.ndarray) -> float:
 
 @kernel
 def seek(island: High, pace: Pace, h: float) -> bool:
-    """Whether the pair has gone past a kink of a quantity, and is to be taken again to end there."""
-    part = kinks.crossing(
-        pace.kinks,
-        island.scene.system,
-        island.between.begin.angle,
-        pace.middle.angle,
-        pace.end.angle,
-        h,
-    )
+    """Whether the pair has gone past a kink of a quantity; it is to be taken again up to there."""
+    part = kinks.crossing(pace.kinks, island.scene.system, h)
     if part == 1.0 or pace.counts[SOUGHT] == SEARCHES:
         return False
     pace.counts[SOUGHT] += 1
