@@ -48,21 +48,19 @@ def falling(*table):
 
 
 def test_a_ball_meets_the_spring_it_falls_on():
-    """A table in two slopes that is zero above 4 m below: six bounces, each by closed form.
-
-    In a slope's piece the motion is that of an oscillator, so turning points follow from energy
-    alone, and the ball always comes back to where it began.
+    """A table in two slopes, zero from 4 m below upwards: three bounces in 6 s. No energy is lost,
+    so the ball comes back to where it began, and energy tells its lowest place.
     """
     model = falling(-4.5, -4.2, -4.0, -2400.0, -600.0, 0.0)
     known = simulate(paced(model, 1e-12), dt=0.01, t_final=6.0).of("position")[:, 2]
     assert known.max() <= 1e-12  # never above the start
     for tolerance in TOLERANCES:
         run = simulate(paced(model, tolerance), dt=0.01, t_final=6.0)
-        # Of an error in time a bounce makes more each time, by the speeds before and after.
+        # An error in speed is one of time at the next bounce, and twice the speed times it then.
         assert np.abs(run.of("position")[:, 2] - known).max() <= 10.0 * tolerance
         # The spring gives back what it took, as no step goes past a kink.
         assert run.report.extremes["energyErrorMaxRelative"] <= max(1e-12, 0.1 * tolerance)
-    # Energy tells the lowest place: m g 4 + m g d = 600 (0.2)/2 + 600 (d - 0.2) + 6000/2 (d - 0.2)^2
+    # Energy tells the lowest place, ``rest`` below the second entry, where 60 J are stored.
     m, g = 2.0, 9.81
     rest = np.roots([3000.0, 600.0 - m * g, 60.0 - m * g * 4.2]).max()
     # Rows are 0.01 s apart: at most 0.005 s from the turn, where a = 6000/m rest + 600/m - g.

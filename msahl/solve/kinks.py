@@ -103,7 +103,7 @@ def crossing(
             value[1, q] - kinks.origin[k],
             value[2, q] - kinks.origin[k],
         )
-        low, high = _piece(laws, table, x0, rate[0, q])
+        low, high = _piece(laws, table, x0, rate[0, q] * h)
         found = _leaves(x0, x1, rate[0, q] * h, rate[1, q] * h, low, high)
         if found == 1.0:
             found = 1.0 + _leaves(x1, x2, rate[1, q] * h, rate[2, q] * h, low, high)
@@ -115,13 +115,16 @@ def crossing(
 
 
 @kernel
-def _piece(laws: Laws, table: int, x: float, rate: float) -> tuple[float, float]:
-    """The piece that a quantity at ``x`` is in, or comes into: its ends, with what is near them."""
+def _piece(laws: Laws, table: int, x: float, way: float) -> tuple[float, float]:
+    """Ends of the piece that a quantity at ``x``, which moves by about ``way``, is in or at once
+    comes into, with what is near them.
+    """
     low, high = piece_of(laws, table, x)
     near = NEAR * (high - low) if high - low < math.inf else NEAR
-    if rate > 0.0 and x > high - near:
+    soon = near + AT_ENDS * abs(way)
+    if way > 0.0 and x > high - soon:
         low, high = piece_of(laws, table, high)
-    elif rate < 0.0 and x < low + near:
+    elif way < 0.0 and x < low + soon:
         low, high = piece_of(laws, table, low - 2.0 * near)
     return low - near, high + near
 
