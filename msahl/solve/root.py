@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import root
 
 from msahl.compiled import compiled
-from msahl.solve import dense, step
+from msahl.solve import dense, offset, step
 from msahl.solve.outcome import EVALUATION, Outcome
 from msahl.solve.step import Scene
 from msahl.system.arrays import System
@@ -22,6 +22,7 @@ STEP_TOLERANCE = 1e-11
 REPAIRS = 3
 """Each gains at least three digits: the relaxation against the joints' compliances."""
 
+_load = compiled(offset.load)
 _guess = compiled(dense.guess)
 _residual = compiled(dense.residual)
 _jacobian = compiled(dense.jacobian)
@@ -54,6 +55,7 @@ def take(
         scene.counts[1] += 1
         return A.reshape(size, size)
 
+    _load(scene, h)
     _guess(system, unknowns, state, start, h, scene.Z, guess)
     f = fun(guess)
     guessed = step_length
