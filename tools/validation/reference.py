@@ -10,9 +10,9 @@ with G a row of 6 n numbers, which is also the gradient of q' by (v, W). Product
 signals follow by the product and the chain rule, so a joint is a list of vector products. With
 M a = f + G^T lam and the constraints' q'' + 2 k q' + k^2 q = 0 (Baumgarte; k damps what round-off
 leaves of violations) the accelerations follow by least squares, for redundant joints as well. They
-are integrated with the orientations as quaternions by scipy's DOP853, or by Radau where the model
-is stiff, from one kink of a law to the next: kinks in time are ends of integration, kinks in a
-displacement (tables of springs) are events.
+are integrated with the orientations as quaternions by scipy's DOP853 from one kink of a law to the
+next: kinks in time are ends of integration, kinks in a displacement (tables of springs, cams) are
+events.
 
 Of the engine only the records of ``msahl.model`` and the names of their fields are used.
 """
@@ -696,22 +696,20 @@ class Truth:
     other: Array
 
 
-def truth(model: Model, start: Array, times: Array, stiff: bool = False) -> Truth:
+def truth(model: Model, start: Array, times: Array) -> Truth:
     """The solution from the published states ``start`` (12 n,) at increasing ``times`` from 0."""
     equations = Equations(model)
-    fine, coarse = (1e-11, 1e-9) if stiff else (FINEST, 100.0 * FINEST)
     tables = [
-        equations.publish(solve(equations, equations.first(start), times, rtol, stiff))
-        for rtol in (fine, coarse)
+        equations.publish(solve(equations, equations.first(start), times, rtol))
+        for rtol in (FINEST, 100.0 * FINEST)
     ]
     return Truth(times, *tables)
 
 
-def solve(equations: Equations, first: Array, times: Array, rtol: float, stiff: bool) -> Array:
+def solve(equations: Equations, first: Array, times: Array, rtol: float) -> Array:
     """(m, k) the state vector at the increasing ``times``, the first of which is 0."""
     ys = np.empty((len(times), len(first)))
     ys[0], y, t, done = first, first, 0.0, 1
-    method = "Radau" if stiff else "DOP853"
     for end in equations.breaks(float(times[-1])):
         while t < end:
             equations.hold(t, y)
@@ -719,7 +717,7 @@ def solve(equations: Equations, first: Array, times: Array, rtol: float, stiff: 
                 equations.rates,
                 (t, end),
                 y,
-                method,
+                "DOP853",
                 t_eval=np.append(times[(times > t) & (times < end)], end),
                 events=equations.events(),
                 rtol=rtol,
@@ -727,10 +725,12 @@ def solve(equations: Equations, first: Array, times: Array, rtol: float, stiff: 
             )
             if found.status < 0:
                 raise ArithmeticError(f"t = {t:g} s: {found.message}")
-            inside = found.y.T
+            inside = np.reshape(found.y, (len(y), -1)).T
             if found.status == 1:  # a kink: the state there comes with the event
-                (k,) = (k for k, hits in enumerate(found.t_events) if len(hits))
-                t, y = float(found.t_events[k][0]), found.y_events[k][0]
+                hits = zip(found.t_events, found.y_events, strict=True)
+                t, y = min(
+                    ((float(at[0]), ys[0]) for at, ys in hits if len(at)), key=lambda h: h[0]
+                )
             else:
                 t, y = end, inside[-1]
                 inside = inside if end in times else inside[:-1]
