@@ -1,8 +1,9 @@
 """The command ``msahl``: arguments in, exit status out; the only place of the engine that prints.
 
-Exit status: 0 good, 2 bad deck or usage, 3 a step did not converge, 4 rows could not be written,
-128 + n stopped by signal n (130 interrupted, 143 terminated). Modules are imported where a command
-needs them, so that ``msahl check`` starts without a compiler.
+Exit status: 0 good, 1 the verdict is FAIL (with --strict also WARN), 2 bad deck or usage, 3 a step
+did not converge, 4 rows could not be written, 128 + n stopped by signal n (130 interrupted, 143
+terminated). Modules are imported where a command needs them, so that ``msahl check`` starts without
+a compiler.
 """
 
 import os
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from msahl.results.checkpoint import Checkpoint
     from msahl.run import Options, Report
 
-BAD_INPUT, NOT_CONVERGED, NOT_WRITTEN, INTERRUPTED = 2, 3, 4, 130
+BAD_VERDICT, BAD_INPUT, NOT_CONVERGED, NOT_WRITTEN, INTERRUPTED = 1, 2, 3, 4, 130
 STATUS = {
     "completed": 0,
     "not started": BAD_INPUT,
@@ -140,8 +141,12 @@ def explain(deck: Path) -> None:
               show_default=True, help="'newton' is compiled, 'root' is scipy.optimize.root, "
               "'auto' is newton with root for the first step and every hard one.")  # fmt: skip
 @click.option("--tolerance", type=float, metavar="TOL",
-              help="Choose the steps so that their errors add up to no more than TOL [m], for "
-              "gauss, radau, auto; rows stay where they are. Instead of the deck's.")  # fmt: skip
+              help="Choose the steps of gauss, radau or auto so that the global error of positions "
+              "at the output times is no more than TOL [m], as far as its estimate shows. Instead "
+              "of the deck's (default of auto: 1e-6).")  # fmt: skip
+@click.option("--local-tolerance", type=float, metavar="TOL",
+              help="Choose the steps so that their own errors add up to no more than TOL [m], "
+              "without regard to what the motion makes of them.")  # fmt: skip
 @click.option("--output-interval", "interval", type=float, metavar="S",
               help="Time [s] between rows, if not the step; any for gauss, radau, auto, whole "
               "steps for the others. Instead of the deck's.")  # fmt: skip
@@ -150,13 +155,18 @@ def explain(deck: Path) -> None:
 @click.option("--reactions", type=click.Choice(["mean", "station"]),
               help="Reactions of a row: 'mean' over the step before it, or 'station', at its own "
               "time. Instead of the deck's; else mean.")  # fmt: skip
-@click.option("--shadow", type=click.FloatRange(min=0.0, min_open=True), metavar="TOL",
-              help="Run at half the step beside it, and tell up to which time the two agree within "
-              "TOL [m]. Instead of the accuracy the deck asks for.")  # fmt: skip
+@click.option("--error", type=click.Choice(["estimate", "local", "off"]),
+              help="'estimate' the global error by a more accurate companion run, add up the "
+              "'local' errors of the steps, or 'off'. Default: estimate, unless that takes more "
+              "than a second and longer than the run.")  # fmt: skip
+@click.option("--accuracy", "--shadow", "accuracy", type=float, metavar="TOL",
+              help="Largest error of positions [m] that passes, and up to which time the run has "
+              "it. Instead of the deck's (default: 1 % of the model's size).")  # fmt: skip
 @click.option("--full", is_flag=True, help="Leave nothing out of the equations (see explain).")
 @click.option("--resume", is_flag=True, help="Go on with the run in DIR that was stopped; give the "
               "deck and options that it began with.")  # fmt: skip
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but faults.")
+@click.option("--strict", is_flag=True, help="Exit with status 1 on WARN as well as on FAIL.")
+@click.option("-q", "--quiet", is_flag=True, help="Print nothing but faults.")
 @click.option("-v", "--verbose", is_flag=True, help="Say what every phase took.")
 def run(
     deck: Path,
@@ -168,20 +178,24 @@ def run(
     turn: str | None,
     solver: str,
     tolerance: float | None,
+    local_tolerance: float | None,
     interval: float | None,
     every: int,
     reactions: str | None,
-    shadow: float | None,
+    error: str | None,
+    accuracy: float | None,
     full: bool,
     resume: bool,
+    strict: bool,
     quiet: bool,
     verbose: bool,
 ) -> None:
     """Run DECK and write its states and joint reactions.
 
     Writes states.csv, reactions.csv (if there are joints or motions), work.csv (if there are loads
-    or motions), run.json and deck.xml, the deck as it ran. Tables end in .part until the run is
-    whole.
+    or motions), error.csv (estimated errors of positions and orientations), run.json and deck.xml,
+    the deck as it ran. Tables end in .part until the run is complete. Exits with status 1 if the
+    verdict is FAIL.
 
     Example: msahl run decks/thesis/double_pendulum_89.xml --dt 0.01 -o results/coarse
     """
@@ -195,22 +209,34 @@ def run(
         "turn": turn,
         "reactions": reactions,
         "tolerance": tolerance,
+        "local_tolerance": local_tolerance,
         "interval": interval,
     }
+    if accuracy is not None and not 0.0 < accuracy < float("inf"):
+        _stop(f"msahl run: accuracy: it is {accuracy:g} m; it must be greater than zero and finite")
     model = _model_to_run(deck, given)
     from msahl.deck import effective_deck
-    from msahl.model import tolerance_of
+    from msahl.model import local_tolerance_of, tolerance_of
     from msahl.results.checkpoint import is_complete, read_checkpoint
     from msahl.results.lock import FolderInUseError, locked
     from msahl.run import Options
     from msahl.snapshot import ResumeError
 
-    if solver == "root" and tolerance_of(model) is not None:
-        _stop("msahl run: --solver root takes the steps it is given; leave it or the tolerance out")
+    if solver == "root" and local_tolerance_of(model) is not None:
+        _stop("msahl run: --solver root takes the steps it is given; omit it or the tolerance")
+    if error in ("local", "off") and tolerance_of(model) is not None:
+        _stop(
+            f"msahl run: --error {error}: a tolerance of the global error needs its estimate; "
+            "give --local-tolerance instead"
+        )
     folder, since = output or Path("results") / deck.stem, None
     try:
         job = Job(
-            deck, folder, model, Options(solver, every, full, shadow), effective_deck(deck, **given)
+            deck,
+            folder,
+            model,
+            Options(solver, every, full, accuracy, error),
+            effective_deck(deck, **given),
         )
         if resume and not folder.is_dir():
             raise ResumeError(f"{folder}: no run there; leave --resume out to begin it")
@@ -223,6 +249,7 @@ def run(
             with stoppable() as stopped:
                 report = _simulate(job, since, stopped, shown=not quiet)
                 status = _close(job, report, stopped, quiet, verbose)
+                status = status or _judged(report, strict)
     except OSError as error:
         where = error.filename or folder
         _stop(f"{where}: {error.strerror or error}; choose another folder with -o")
@@ -271,6 +298,8 @@ def _model_to_run(deck: Path, given: dict[str, Any]) -> "Model":
     if model is None:
         _stop("\n".join(faults))
     changes = {name: value for name, value in given.items() if value is not None}
+    if {"tolerance", "local_tolerance"} & changes.keys():
+        changes = {"tolerance": None, "local_tolerance": None, **changes}
     simulation = replace(model.simulation, **changes)
     faults = check_simulation(simulation)
     if faults:
@@ -314,10 +343,12 @@ class Job:
                 "solver": self.options.solver,
                 "every": self.options.every,
                 "full": self.options.full,
-                "shadow": self.options.shadow,
+                "error": self.options.error,
+                "accuracy": self.options.accuracy,
                 "reactions": reactions_of(self.model),
                 "outputInterval": simulation.interval,
                 "tolerance": tolerance_of(self.model),
+                "localTolerance": self.model.simulation.local_tolerance,
             },
         }
 
@@ -383,6 +414,13 @@ def _close(job: Job, report: "Report", stopped: "Interruption", quiet: bool, ver
     if report.status == "interrupted" and stopped.signal:
         return 128 + stopped.signal
     return STATUS[report.status]
+
+
+def _judged(report: "Report", strict: bool) -> int:
+    """Exit status of a completed run by its verdict."""
+    from msahl.verdict import FAIL, WARN
+
+    return BAD_VERDICT if report.verdict["word"] in ((WARN, FAIL) if strict else (FAIL,)) else 0
 
 
 def _command(resume: bool) -> str:

@@ -67,7 +67,7 @@ def info(folder):
 
 def test_a_run_writes_its_tables_its_deck_and_what_happened(tmp_path):
     result = run(SINGLE, "-o", tmp_path, "--t-final", 1)
-    assert names(tmp_path) == {"states.csv", "reactions.csv", "run.json", "deck.xml"}
+    assert names(tmp_path) == {"states.csv", "reactions.csv", "error.csv", "run.json", "deck.xml"}
     assert result.stdout == ""
     assert "PASS: 500 steps to t = 1 s; energy kept to" in result.stderr
     assert str(tmp_path) in result.stderr
@@ -81,7 +81,9 @@ def test_a_run_writes_its_tables_its_deck_and_what_happened(tmp_path):
         "reactions": "mean",
         "outputInterval": None,
         "tolerance": None,
-        "shadow": None,
+        "localTolerance": None,
+        "error": None,
+        "accuracy": None,
         "solver": "auto",
         "every": 1,
         "full": False,
@@ -96,9 +98,10 @@ def test_a_run_writes_its_tables_its_deck_and_what_happened(tmp_path):
 
 def test_what_a_scene_lacks_has_no_table(tmp_path):
     run(FREE, "-o", tmp_path / "free", "--t-final", 0.1)
-    assert names(tmp_path / "free") == {"states.csv", "run.json", "deck.xml"}
+    assert names(tmp_path / "free") == {"states.csv", "error.csv", "run.json", "deck.xml"}
     run(LOADS, "-o", tmp_path / "loads", "--t-final", 0.1)
-    assert names(tmp_path / "loads") == {"states.csv", "work.csv", "run.json", "deck.xml"}
+    with_work = {"states.csv", "work.csv", "error.csv", "run.json", "deck.xml"}
+    assert names(tmp_path / "loads") == with_work
 
 
 def test_the_folder_is_results_and_the_decks_name(tmp_path, monkeypatch):

@@ -55,7 +55,7 @@ def in_two_parts(monkeypatch, model, options, steps, each=1):
 
 def bits(*runs):
     """Every table's rows, those of all ``runs`` one after the other."""
-    return [b"".join(part.tobytes() for rows in runs for part in rows[k]) for k in range(3)]
+    return [b"".join(part.tobytes() for rows in runs for part in rows[k]) for k in range(4)]
 
 
 def same_run(monkeypatch, model, options, steps):
@@ -70,7 +70,7 @@ def same_run(monkeypatch, model, options, steps):
         summed = value is not None and key in ("energyErrorRms", "localErrorSum")
         expected = pytest.approx(value, rel=1e-12) if summed else value
         assert rest.extremes[key] == expected
-    assert (rest.shadow, rest.verdict["word"]) == (whole.shadow, whole.verdict["word"])
+    assert (rest.error, rest.verdict["word"]) == (whole.error, whole.verdict["word"])
     return whole
 
 
@@ -109,7 +109,7 @@ def test_steps_of_higher_degree_go_on_bit_for_bit(monkeypatch, name, scheme):
     simulation = replace(
         model.simulation, t_final=24 * model.simulation.dt, scheme=scheme, degree=2
     )
-    same_run(monkeypatch, replace(model, simulation=simulation), Options(shadow=1e-6), 9)
+    same_run(monkeypatch, replace(model, simulation=simulation), Options(accuracy=1e-6), 9)
 
 
 @pytest.mark.parametrize("name", ["triple_pendulum_45", "friction_hinge"])
@@ -119,7 +119,7 @@ def test_rows_between_steps_go_on_bit_for_bit(monkeypatch, name):
     dt = model.simulation.dt
     given = {"scheme": "gauss", "degree": 2, "t_final": 24 * dt, "interval": 0.37 * dt}
     model = replace(model, simulation=replace(model.simulation, **given))
-    same_run(monkeypatch, model, Options(shadow=1e-6), 9)
+    same_run(monkeypatch, model, Options(accuracy=1e-6), 9)
 
 
 def test_the_run_at_half_the_step_goes_on_too(monkeypatch):
@@ -127,8 +127,8 @@ def test_the_run_at_half_the_step_goes_on_too(monkeypatch):
     model = replace(model, simulation=replace(model.simulation, t_final=10.0))
     # Stopped before and after the two come to part, it is the same time that is found.
     for steps in (150, 1500):
-        shadow = same_run(monkeypatch, model, Options(shadow=1e-3), steps).shadow
-        assert 0.75 < shadow["trustHorizon"] < 7.5
+        error = same_run(monkeypatch, model, Options(accuracy=1e-3), steps).error
+        assert 0.75 < error["trustHorizon"] < 7.5
 
 
 def test_a_step_that_failed_fails_again(monkeypatch):

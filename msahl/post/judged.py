@@ -15,7 +15,7 @@ COLUMNS = (
     Column("steps", "steps", form="d"),
     Column("energy", "energy error", form=".1e"),
     Column("gap", "gap [m]", form=".1e"),
-    Column("local", "local errors [m]", form=".1e"),
+    Column("error", "error [m]", form=".1e"),
     Column("trusted", "trusted to [s]", form="g", missing=""),
     Column("reasons", "reasons"),
 )
@@ -51,7 +51,8 @@ def verdict_table(runs: Sequence[Judged]) -> Table:
 
 def _row(run: Judged) -> tuple[Cell, ...]:
     extremes = run.info.get("extremes", {})
-    shadow = run.info.get("shadow") or {}
+    error = run.info.get("error") or {}
+    known = [error[name] for name in ("position", "orientation") if name in error]
     return (
         str(run.folder),
         run.word,
@@ -59,7 +60,7 @@ def _row(run: Judged) -> tuple[Cell, ...]:
         run.info.get("steps"),
         extremes.get("energyErrorMaxRelative"),
         extremes.get("gapMax"),
-        extremes.get("localErrorSum"),
-        shadow.get("trustHorizon"),
+        max(known, default=None),
+        error.get("trustHorizon"),
         "; ".join(run.reasons),
     )

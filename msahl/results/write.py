@@ -18,6 +18,9 @@ from msahl.system.names import reaction_columns, state_columns, work_columns, wo
 
 PART = ".part"
 INFO, CHECKPOINT = "run.json", "checkpoint"
+ERRORS = "error.csv"
+ERROR_COLUMNS = ["time", "position", "orientation"]
+"""Head of the table of estimated errors [s, m, m]."""
 ROOM = 4096
 """Bytes that ``run.json`` is given at the start: it can tell of the end on a disk then full."""
 
@@ -32,9 +35,9 @@ class Table:
             path.replace(self.part)  # stopped by force just when tables took their names
         # Unbuffered: what could not be written is not tried again on closing.
         self.file = self.part.open("wb" if end is None else "r+b", buffering=0)
-        self.end = end or 0
+        self.end, self.head = end or 0, (",".join(columns) + "\n").encode()
         if end is None:
-            self._append((",".join(columns) + "\n").encode())
+            self._append(self.head)
         else:
             self.cut(end)
 
@@ -58,6 +61,10 @@ class Table:
         self.file.seek(end)
         self.file.truncate()
         self.end = end
+
+    def restart(self) -> None:
+        """Drop all rows."""
+        self.cut(len(self.head))
 
     def to_disk(self) -> None:
         """Have the system bring to the disk what was written."""
@@ -91,22 +98,34 @@ class RunFolder:
             columns["reactions.csv"] = reaction_columns(model)
         if workers(model):
             columns["work.csv"] = work_columns(model)
+        if ends is not None and ERRORS in ends:
+            columns[ERRORS] = ERROR_COLUMNS
         self.tables = {
             name: Table(folder / name, heads, None if ends is None else ends[name])
             for name, heads in columns.items()
         }
 
-    def write(self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray) -> None:
+    def write(
+        self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray, errors: np.ndarray
+    ) -> None:
         """Append rows to every table the scene has, or, if one cannot be written, to none."""
-        rows = {"states.csv": states, "reactions.csv": reactions, "work.csv": work}
+        rows = {"states.csv": states, "reactions.csv": reactions, "work.csv": work, ERRORS: errors}
+        if len(errors) and ERRORS not in self.tables:
+            self.tables[ERRORS] = Table(self.folder / ERRORS, ERROR_COLUMNS)
         ends = self.ends()
         try:
             for name, table in self.tables.items():
-                table.write(rows[name])
+                if len(rows[name]):
+                    table.write(rows[name])
         except BaseException:
             for name, table in self.tables.items():
                 table.cut(ends[name])
             raise
+
+    def restart(self) -> None:
+        """Drop the rows of all tables."""
+        for table in self.tables.values():
+            table.restart()
 
     def ends(self) -> dict[str, int]:
         """Bytes of the tables so far, by file name."""
@@ -153,6 +172,6 @@ def write_beginning(folder: Path, content: dict[str, Any]) -> None:
 
 def clear(folder: Path) -> None:
     """Remove what an earlier run left, so that no file is taken for the new run's."""
-    for name in ("states.csv", "reactions.csv", "work.csv", INFO, CHECKPOINT):
+    for name in ("states.csv", "reactions.csv", "work.csv", ERRORS, INFO, CHECKPOINT):
         (folder / name).unlink(missing_ok=True)
         (folder / (name + PART)).unlink(missing_ok=True)

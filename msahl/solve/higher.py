@@ -191,7 +191,7 @@ class Paced(Higher):
         """
         figures, counts = self.pace.figures, self.pace.counts
         told = {
-            "tolerance": self.tolerance,
+            "localTolerance": self.tolerance,
             "pairs": int(counts[pace.ACCEPTED]),
             "refused": int(counts[pace.REFUSED]),
             "stepMin": float(figures[pace.SMALLEST]),

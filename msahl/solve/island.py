@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from msahl.compiled import compiled
-from msahl.model import Model, degree_of, scheme_of, tolerance_of
+from msahl.model import Model, degree_of, local_tolerance_of, scheme_of
 from msahl.schemes import AUTO, preserving
 from msahl.solve import newton, station, step
 from msahl.solve.assembly import assemble
@@ -235,7 +235,7 @@ def _steps(model: Model, scene: Scene, at_rows: bool) -> "Lowest | Higher | Pace
         return Lowest(scene, at_rows)
     from msahl.solve.higher import Higher, Paced
 
-    tolerance = tolerance_of(model)
+    tolerance = local_tolerance_of(model)
     if tolerance is None:
         return Higher(scene, scheme, degree)
     degrees = tuple(range(1, degree + 1)) if simulation.scheme == AUTO else (degree,)

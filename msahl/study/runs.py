@@ -30,9 +30,15 @@ class Memory:
     def __init__(self) -> None:
         self.parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
 
-    def write(self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray) -> None:
+    def write(
+        self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray, errors: np.ndarray
+    ) -> None:
         """Append rows."""
         self.parts.append((states, reactions, work))
+
+    def restart(self) -> None:
+        """Drop all rows."""
+        self.parts.clear()
 
     def tables(self) -> list[np.ndarray]:
         """States, reactions and work, the time in the first column of each."""
@@ -42,8 +48,13 @@ class Memory:
 class Nowhere:
     """A sink for runs of which only the time counts."""
 
-    def write(self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray) -> None:
+    def write(
+        self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray, errors: np.ndarray
+    ) -> None:
         """Drop rows."""
+
+    def restart(self) -> None:
+        """There are none."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +83,9 @@ def with_step(
     end = given.t_final if t_final is None else t_final
     name, degree = split(scheme) if scheme else (scheme_of(model), None)
     other = replace(given, dt=dt, t_final=end, scheme=name, degree=degree or given.degree)
-    return replace(model, simulation=replace(other, tolerance=None, interval=None))
+    return replace(
+        model, simulation=replace(other, tolerance=None, local_tolerance=None, interval=None)
+    )
 
 
 def run_in_memory(
