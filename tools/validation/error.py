@@ -23,9 +23,9 @@ import reference
 from error_scenes import REFINEMENTS, SCENES, Scene
 from measured import OUT
 
-from msahl.model import Model, order_of
+from msahl.model import Model, tolerance_of
 from msahl.rotations import angles
-from msahl.run import Options, Report, run
+from msahl.run import Options, run
 from msahl.schemes import AUTO, choices, split
 from msahl.study.runs import Memory
 from msahl.system.build import build_system
@@ -44,15 +44,17 @@ CLEAR = 3.0
 """Times its floor that a true error must be to be compared with an estimate."""
 REPEATS = 4
 """Runs of each cell whose seconds are compared."""
+QUANTITIES = ("position", "orientation", "velocity")
 LOCAL, GLOBAL = "local", "global"
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One run. Errors are in m, the largest of all bodies and output times; those of orientation
-    are angles times the bodies' lengths. ``floor`` is below what the reference or round-off permits
-    to tell; ``step`` [s] of runs at fixed steps, ``tolerance`` [m] of the others, of the ``kind``
-    that it bounds. None: no figure.
+    """One run. Errors are the largest of all bodies and output times: of position and velocity [m,
+    m/s] of the reference points, of orientation as angle times the body's length [m], each with the
+    run's own estimate and a floor below which neither the reference nor round-off permits to tell.
+    ``step`` [s] belongs to runs at fixed steps, ``tolerance`` [m] to the others, of the ``kind`` of
+    error that it bounds. None: no figure.
     """
 
     scene: str
@@ -62,6 +64,7 @@ class Cell:
     kind: str
     status: str
     verdict: str
+    accuracy: str
     steps: int
     seconds: float
     position: float | None
@@ -70,6 +73,9 @@ class Cell:
     orientation: float | None
     orientation_estimate: float | None
     orientation_floor: float
+    velocity: float | None
+    velocity_estimate: float | None
+    velocity_floor: float
 
 
 @dataclass(frozen=True)
@@ -90,17 +96,17 @@ class Comparison:
     @property
     def ratio(self) -> float:
         """Estimated over true error; over the floor where the true error is below it."""
-        return self.estimate / max(self.true, self.floor)
+        return self.estimate / max(self.true, CLEAR * self.floor)
 
 
 def comparisons(cells: Iterable[Cell]) -> Iterator[Comparison]:
     """Those of all completed cells, of quantities that move."""
     for cell in cells:
-        for quantity in ("position", "orientation"):
+        for quantity in QUANTITIES:
             true = getattr(cell, quantity)
             estimate = getattr(cell, f"{quantity}_estimate")
             floor = getattr(cell, f"{quantity}_floor")
-            if true is not None and estimate is not None and floor > 0.0:
+            if true is not None and estimate is not None:
                 yield Comparison(cell, quantity, estimate, true, floor)
 
 
@@ -125,36 +131,16 @@ def at_steps(scene: Scene, word: str, per_row: int) -> tuple[Model, Options]:
 
 def by_tolerance(scene: Scene, tolerance: float, kind: str) -> tuple[Model, Options]:
     """The model with steps and degree chosen by a tolerance."""
-    field = "tolerance" if kind == GLOBAL else "local_tolerance"
-    if not knows_global():
-        field = "tolerance"
     simulation = replace(
         scene.model.simulation,
         dt=scene.t_final / scene.rows,
         interval=scene.t_final / scene.rows,
         t_final=scene.t_final,
         scheme=AUTO,
-        **{field: tolerance},
+        tolerance=tolerance if kind == GLOBAL else None,
+        local_tolerance=tolerance if kind == LOCAL else None,
     )
     return replace(scene.model, simulation=simulation), Options()
-
-
-def knows_global() -> bool:
-    """Whether a tolerance can be one of the global error."""
-    from msahl.model import Simulation
-
-    return "local_tolerance" in {field.name for field in fields(Simulation)}
-
-
-def estimates(report: Report, order: int) -> tuple[float | None, float | None]:
-    """Estimated errors of position and of orientation times length."""
-    error = getattr(report, "error", None)
-    if error is not None:
-        return error["position"], error["orientation"]
-    if report.shadow is None or not report.shadow["agrees"]:
-        return None, None
-    factor = 1.0 / (1.0 - 0.5**order)
-    return factor * report.shadow["positionApartMax"], factor * report.shadow["turnApartMax"]
 
 
 def first_row(scene: Scene) -> np.ndarray:
@@ -181,39 +167,44 @@ def truth_of(scene: Scene) -> reference.Truth:
     return truth
 
 
-def apart(rows: np.ndarray, others: np.ndarray, lengths: np.ndarray) -> tuple[float, float]:
-    """Largest distance of bodies, and angle times length, between published states (m, 12 n)."""
+def apart(rows: np.ndarray, others: np.ndarray, lengths: np.ndarray) -> dict[str, float]:
+    """Largest differences of published states (m, 12 n), by quantity."""
     a, b = (table.reshape(len(table), len(lengths), 4, 3) for table in (rows, others))
-    position = np.linalg.norm(a[:, :, 0] - b[:, :, 0], axis=2)
-    return float(position.max()), float((angles(a[:, :, 1], b[:, :, 1]) * lengths).max())
+    way = np.linalg.norm(a - b, axis=3).max(axis=(0, 1))
+    turn = (angles(a[:, :, 1], b[:, :, 1]) * lengths).max()
+    return {"position": float(way[0]), "orientation": float(turn), "velocity": float(way[2])}
 
 
-def measure(scene: Scene, only: Sequence[str] = SCHEMES) -> list[Cell]:
+def floors_of(truth: reference.Truth, lengths: np.ndarray) -> dict[str, float]:
+    """What errors are not known below, by quantity."""
+    states = truth.states.reshape(len(truth.states), -1, 4, 3)
+    size = float(np.abs(states[:, :, 0] - states[0, :, 0]).max() + lengths.max())
+    speed = float((np.abs(states[:, :, 2]) + lengths[:, None] * np.abs(states[:, :, 3])).max())
+    sizes = {"position": size, "orientation": size, "velocity": speed}
+    own = apart(truth.states, truth.other, lengths)
+    return {q: max(REFERENCE_SHARE * own[q], ROUND_OFF * sizes[q]) for q in QUANTITIES}
+
+
+def measure(
+    scene: Scene, only: Sequence[str] = SCHEMES, tolerances: Sequence[float] = TOLERANCES
+) -> list[Cell]:
     """All cells of a model."""
     truth = truth_of(scene)
     lengths = build_system(scene.model).bodies.length[:-1]
-    places = truth.states.reshape(len(truth.states), -1, 4, 3)[:, :, 0]
-    size = float(np.abs(places - places[0]).max() + lengths.max())
-    floors = [
-        max(REFERENCE_SHARE * d, ROUND_OFF * size)
-        for d in apart(truth.states, truth.other, lengths)
-    ]
+    floors = floors_of(truth, lengths)
     cells = []
     for word in only:
         for per_row in REFINEMENTS:
             model, options = at_steps(scene, word, per_row)
-            cells.append(_cell(scene, word, model, options, truth, lengths, floors))
-    kinds = (LOCAL, GLOBAL) if knows_global() else (LOCAL,)
-    for tolerance in TOLERANCES:
-        for kind in kinds:
-            model, options = by_tolerance(scene, tolerance, kind)
+            cell = _cell(scene, word, model, options, truth, lengths, floors)
+            cells.append(replace(cell, step=model.simulation.dt))
+    for tolerance in tolerances:
+        for kind in (LOCAL, GLOBAL):
+            given = by_tolerance(scene, tolerance, kind)
             # The first run may compile; of the others the fastest counts.
-            runs = [
-                _cell(scene, AUTO, model, options, truth, lengths, floors) for _ in range(REPEATS)
-            ]
+            runs = [_cell(scene, AUTO, *given, truth, lengths, floors) for _ in range(REPEATS)]
             seconds = min(cell.seconds for cell in runs[1:])
-            cell = replace(runs[0], step=None, tolerance=tolerance, kind=kind, seconds=seconds)
-            cells.append(cell)
+            cells.append(replace(runs[0], tolerance=tolerance, kind=kind, seconds=seconds))
     return cells
 
 
@@ -224,32 +215,39 @@ def _cell(
     options: Options,
     truth: reference.Truth,
     lengths: np.ndarray,
-    floors: Sequence[float],
+    floors: dict[str, float],
 ) -> Cell:
     memory = Memory()
-    if not knows_global():
-        options = replace(options, shadow=1e9)
     report = run(model, options, memory)
     rows = memory.tables()[0]
-    whole = report.status == "completed" and len(rows) == len(truth.times)
-    position, orientation = apart(rows[:, 1:], truth.states, lengths) if whole else (None, None)
-    guessed = estimates(report, order_of(model)) if whole else (None, None)
+    true: dict[str, float] = {}
+    if report.status == "completed" and len(rows) == len(truth.times):
+        true = apart(rows[:, 1:], truth.states, lengths)
+    estimated = report.error if true and report.error else {}
+    errors = {
+        name: value
+        for q in QUANTITIES
+        for name, value in (
+            (q, true.get(q)),
+            (f"{q}_estimate", estimated.get(q)),
+            (f"{q}_floor", floors[q]),
+        )
+    }
+    seconds = report.seconds["loop"]
+    if tolerance_of(model) is not None:
+        seconds += report.seconds.get("companion", 0.0)
     return Cell(
         scene=scene.name,
         scheme=word,
-        step=model.simulation.dt,
+        step=None,
         tolerance=None,
         kind="",
         status=report.status,
         verdict=report.verdict["word"],
+        accuracy=report.verdict["checks"].get("accuracy", {}).get("word", ""),
         steps=report.steps,
-        seconds=report.seconds["loop"],
-        position=position,
-        position_estimate=guessed[0],
-        position_floor=floors[0],
-        orientation=orientation,
-        orientation_estimate=guessed[1],
-        orientation_floor=floors[1],
+        seconds=seconds,
+        **errors,
     )
 
 
