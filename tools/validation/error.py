@@ -34,9 +34,6 @@ CSV = OUT / "error.csv"
 SCHEMES = tuple(word for word in choices() if word != AUTO)
 TOLERANCES = (1e-3, 1e-6, 1e-9)
 PROCESSES = 2
-REFERENCE_SHARE = 0.1
-"""Error of the reference over its distance from the solution of a hundred times its tolerance: the
-method is of order 8 and its error about proportional to the tolerance, so 0.01 with a margin."""
 ROUND_OFF = 2e-13
 """Smallest true error that counts, over the size of the model: a thousand machine epsilons, since
 runs have a thousand steps or so."""
@@ -182,7 +179,7 @@ def floors_of(truth: reference.Truth, lengths: np.ndarray) -> dict[str, float]:
     speed = float((np.abs(states[:, :, 2]) + lengths[:, None] * np.abs(states[:, :, 3])).max())
     sizes = {"position": size, "orientation": size, "velocity": speed}
     own = apart(truth.states, truth.other, lengths)
-    return {q: max(REFERENCE_SHARE * own[q], ROUND_OFF * sizes[q]) for q in QUANTITIES}
+    return {q: max(own[q], ROUND_OFF * sizes[q]) for q in QUANTITIES}
 
 
 def measure(

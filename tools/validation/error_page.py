@@ -7,7 +7,6 @@ from error import (
     CLEAR,
     GLOBAL,
     LOCAL,
-    REFERENCE_SHARE,
     ROUND_OFF,
     SCHEMES,
     TOLERANCES,
@@ -48,9 +47,8 @@ def build(cells: Sequence[Run]) -> Iterator[Block]:
         "The truth is a solution from equations of motion that share no code with the engine "
         "(tools/validation/reference.py): accelerations by least squares from the constraints' "
         "second derivatives, orientations as quaternions, integrated by scipy's DOP853 at a "
-        "relative tolerance of 1e-13 from kink to kink of the laws. A second solution at 1e-11 "
-        f"bounds its error: {REFERENCE_SHARE:g} of the distance of the two is taken as the error, "
-        f"and {ROUND_OFF:g} of the model's size as round-off. The larger one is the floor. A true "
+        "relative tolerance of 1e-13 from kink to kink of the laws. The distance from a second "
+        f"solution at 1e-12, but at least {ROUND_OFF:g} of the model's size, is the floor. A true "
         f"error below {CLEAR:g} times the floor is not known: such a cell is marked, and its "
         f"estimate is compared with {CLEAR:g} times the floor, as an upper bound only."
     )

@@ -40,6 +40,10 @@ from msahl.motion import Drive
 
 FINEST = 1e-13
 """Relative tolerance of a step: scipy goes no lower than 100 machine epsilons, 2.2e-14."""
+APART = 10.0
+"""Factor between the tolerances of the two solutions."""
+ROUNDED = 8.0 * float(np.finfo(float).eps)
+"""Relative change of the start between the two: the round-off of a few operations."""
 SIZE = 13
 """Numbers of a body in the state vector: x_G (3), quaternion (4), v_G (3), w in body axes (3)."""
 STABILISATION = 5.0
@@ -687,8 +691,9 @@ class Equations:
 
 @dataclass(frozen=True)
 class Truth:
-    """Published states (m, 12 n) at ``times``; ``other`` is a second solution, of a hundred times
-    the tolerance: what separates the two is more than the error of the first.
+    """Published states (m, 12 n) at ``times``; ``other`` is a second solution, of ``APART`` times
+    the tolerance, from a start that is rounded otherwise: what separates the two is more than the
+    error of the first, and shows what the motion makes of the rounding of the start.
     """
 
     times: Array
@@ -699,11 +704,15 @@ class Truth:
 def truth(model: Model, start: Array, times: Array) -> Truth:
     """The solution from the published states ``start`` (12 n,) at increasing ``times`` from 0."""
     equations = Equations(model)
-    tables = [
-        equations.publish(solve(equations, equations.first(start), times, rtol))
-        for rtol in (FINEST, 100.0 * FINEST)
-    ]
-    return Truth(times, *tables)
+    signs = np.where(np.random.default_rng(0).random(start.size) < 0.5, -1.0, 1.0)
+    cases = (start, FINEST), (start * (1.0 + ROUNDED * signs), APART * FINEST)
+    return Truth(
+        times,
+        *(
+            equations.publish(solve(equations, equations.first(row), times, rtol))
+            for row, rtol in cases
+        ),
+    )
 
 
 def solve(equations: Equations, first: Array, times: Array, rtol: float) -> Array:
