@@ -24,7 +24,9 @@ import click
 from click.core import ParameterSource
 
 import msahl
+from msahl.printable import printable, shown_path
 from msahl.schemes import ANGLE, DAMPING, TANGENT, choices, split
+from msahl.terminal import echo
 
 if TYPE_CHECKING:
     from msahl.model import Model
@@ -59,7 +61,7 @@ class Commands(click.Group):
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
-            click.echo("msahl: interrupted", err=True)
+            echo("msahl: interrupted", err=True)
             ctx.exit(INTERRUPTED)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -95,7 +97,7 @@ def check(decks: tuple[Path, ...]) -> None:
     for deck in decks:
         model, faults = _read(deck, thorough=True)
         faulty |= model is None
-        click.echo("\n".join(faults) if faults else f"{deck}: good", err=bool(faults))
+        echo("\n".join(faults) if faults else f"{shown_path(deck)}: good", err=bool(faults))
     if faulty:
         sys.exit(BAD_INPUT)
 
@@ -112,9 +114,9 @@ def explain(deck: Path) -> None:
     from msahl.solve.initial import StartError
 
     try:
-        click.echo("\n".join(lines(model)))
+        echo("\n".join(lines(model)))
     except StartError as error:
-        _stop(f"{deck}: {error}")
+        _stop(f"{shown_path(deck)}: {error}")
 
 
 @main.command()
@@ -239,11 +241,13 @@ def run(
             effective_deck(deck, **given),
         )
         if resume and not folder.is_dir():
-            raise ResumeError(f"{folder}: no run there; leave --resume out to begin it")
+            raise ResumeError(f"{shown_path(folder)}: no run there; leave --resume out to begin it")
         with locked(folder):
             if resume:
                 if is_complete(folder, job.about):
-                    click.echo(f"{deck}: the run in {folder} is complete", err=True)
+                    echo(
+                        f"{shown_path(deck)}: the run in {shown_path(folder)} is complete", err=True
+                    )
                     return
                 since = read_checkpoint(folder, job.about)
             with stoppable() as stopped:
@@ -252,11 +256,12 @@ def run(
                 status = status or _judged(report, strict)
     except OSError as error:
         where = error.filename or folder
-        _stop(f"{where}: {error.strerror or error}; choose another folder with -o")
+        _stop(f"{shown_path(where)}: {error.strerror or error}; choose another folder with -o")
     except (FolderInUseError, ResumeError) as error:
-        _stop(str(error))
+        _stop(printable(str(error)))
     except MemoryError:
-        _stop(f"{deck}: the scene needs more memory than there is; make its islands smaller")
+        where = shown_path(deck)
+        _stop(f"{where}: the scene needs more memory than there is; make its islands smaller")
     sys.exit(status)
 
 
@@ -278,7 +283,7 @@ class Interruption:
 
 
 def _stop(message: str) -> NoReturn:
-    click.echo(message, err=True)
+    echo(message, err=True)
     sys.exit(BAD_INPUT)
 
 
@@ -366,7 +371,7 @@ def _simulate(
 
     def tell(message: str) -> None:
         if shown:
-            click.echo(message, err=True)
+            echo(message, err=True)
 
     def save(snapshot: Snapshot) -> None:
         results.to_disk()
@@ -409,7 +414,7 @@ def _close(job: Job, report: "Report", stopped: "Interruption", quiet: bool, ver
         if report.status == "completed":
             remove_checkpoint(job.folder)
     except OSError as error:
-        click.echo(f"{job.folder / INFO}: {error.strerror or error}", err=True)
+        echo(f"{shown_path(job.folder / INFO)}: {error.strerror or error}", err=True)
     _tell(job.deck, job.folder, report, quiet, verbose)
     if report.status == "interrupted" and stopped.signal:
         return 128 + stopped.signal
@@ -484,9 +489,9 @@ def _tell(deck: Path, folder: Path, report: "Report", quiet: bool, verbose: bool
     """The last lines on stderr: warnings, what went wrong, and the verdict."""
     from msahl.verdict import FAIL
 
-    lines = [] if quiet else [f"{deck}: {warning}" for warning in report.warnings]
+    lines = [] if quiet else [f"{shown_path(deck)}: {warning}" for warning in report.warnings]
     if report.message:
-        lines.append(f"{deck}: {report.message}")
+        lines.append(f"{shown_path(deck)}: {report.message}")
     if verbose:
         lines += [f"{phase}: {seconds:.3f} s" for phase, seconds in report.seconds.items()]
         lines.append(
@@ -495,13 +500,14 @@ def _tell(deck: Path, folder: Path, report: "Report", quiet: bool, verbose: bool
             f"{report.root_steps} steps by scipy, {report.halvings} halvings"
         )
     if not quiet or report.verdict["word"] == FAIL:
-        lines.append(f"{deck}: {_judgement(report.verdict)} -> {folder}")
+        lines.append(f"{shown_path(deck)}: {_judgement(report.verdict)} -> {shown_path(folder)}")
     if lines:
-        click.echo("\n".join(lines), err=True)
+        echo("\n".join(lines), err=True)
 
 
 def _judgement(verdict: dict[str, Any]) -> str:
     """The verdict's word and reasons; of a good run the figures that made it pass."""
     checks = verdict["checks"]
-    told = [checks[name]["text"] for name in ("end", "energy", "gap", "accuracy") if name in checks]
+    names = ("end", "energy", "gap", "accuracy", "reactions")
+    told = [checks[name]["text"] for name in names if name in checks]
     return f"{verdict['word']}: {'; '.join(verdict['reasons'] or told)}"

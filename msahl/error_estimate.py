@@ -16,6 +16,9 @@ loss from what the steps resolve falls by 2^-p or more at half the step:
 
     a < h/2 |v|_max sqrt(E / K_max) ,    E = max(0, 2 E_companion - E_run)     [J]
 
+A prescribed motion that oscillates between the times at which both runs meet it is a third case:
+its own size is then the estimate (``unseen_motion``).
+
 Errors are those of the published numbers: positions of the bodies' reference points [m],
 orientations as angle times the body's length [m], velocities [m/s] and angular velocities [rad/s]
 in body axes, joint forces [N] and moments [N m], loads of couplings and prescribed motions.
@@ -28,7 +31,9 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from msahl.law import build_laws, evaluate
 from msahl.model import Model, degree_of, local_tolerance_of, order_of, reactions_of, scheme_of
+from msahl.motion import Drive
 from msahl.rotations import angles
 from msahl.solve.island import Runner
 from msahl.solve.plan import Plan
@@ -47,6 +52,19 @@ WORTH = 1.0
 """Seconds that a companion may always take."""
 DEGREE_COST = {0: 1.0, 1: 2.5, 2: 4.3, 3: 6.5, 4: 9.5, 5: 13.0}
 """Time of a step by its degree, in steps of order 2 (see ``benchmarks/results/speed.md``)."""
+
+
+MOTION_SAMPLES = 64
+"""Steps at which prescribed motions are looked at, from the first to the last."""
+MET, BETWEEN = np.array([0.0, 0.5, 1.0]), np.array([0.21, 0.36, 0.64, 0.79])
+"""Times that run and companion meet, and others between them, in parts of a step."""
+PARABOLA = np.array(
+    [(1 - 2 * BETWEEN) * (1 - BETWEEN), 4 * BETWEEN * (1 - BETWEEN), BETWEEN * (2 * BETWEEN - 1)]
+)
+"""Weights of the values met for those between, by the parabola through them."""
+UNFOLLOWED, OFTEN = 0.3, 0.25
+"""Part of its range that a motion is off that parabola if a step does not follow it, and the part
+of all steps for which this must be so: a kink is met by one step alone."""
 
 
 class Coarser(NamedTuple):
@@ -198,6 +216,30 @@ def choose_companion(
     return HigherOrder(model, runners, full, chunk, coarser) if cost < 1.0 else None
 
 
+def unseen_motion(model: Model, length: float) -> float:
+    """How far prescribed motions go to and fro [m] between the times at which run and companion
+    meet them, the ends and the middles of steps; 0 where these follow them. Angles count by
+    ``length`` [m].
+    """
+    simulation, motions = model.simulation, model.motions
+    laws = build_laws([motion.law for motion in motions])
+    steps = np.linspace(0.0, simulation.t_final - simulation.dt, MOTION_SAMPLES)
+    worst = 0.0
+    for k, motion in enumerate(motions):
+        met, between = (
+            np.array([[evaluate(laws, k, t + tau * simulation.dt)[0] for tau in of] for t in steps])
+            for of in (MET, BETWEEN)
+        )
+        followed = met @ PARABOLA
+        off = np.abs(between - followed).max(axis=1)
+        spread = np.ptp(np.hstack([met, between]), axis=1)
+        missed = off > UNFOLLOWED * spread
+        if np.count_nonzero(missed) > OFTEN * MOTION_SAMPLES:
+            angle = isinstance(motion, Drive) and motion.freedom == "angle"
+            worst = max(worst, float(off.max()) * (length if angle else 1.0))
+    return worst
+
+
 class ErrorEstimate:
     """The estimate as it grows: largest errors, when they were reached, whether it has ended.
 
@@ -215,6 +257,9 @@ class ErrorEstimate:
         self.largest = dict.fromkeys(FIGURES, 0.0)
         self.record: list[tuple[float, float]] = []  # last time before a larger error, and that
         self.until, self.stopped = 0.0, False
+        if not isinstance(companion, Known) and local_tolerance_of(model) is None:
+            unseen = unseen_motion(model, max(float(of.max()) for of in self.lengths))
+            self.largest["position"] = SAFETY * unseen
         self.kept: list[list[Rows]] | None = None  # chunks of rows of all subsystems
         for runner in companion.runners:
             runner.show_start()

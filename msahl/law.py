@@ -103,6 +103,24 @@ def evaluate(laws: Laws, law: int, t: float) -> tuple[float, float, float]:
 
 
 @kernel
+def extent(laws: Laws, law: int, t: float) -> float:
+    """Size of the largest terms in the value of ``law`` at ``t``, whose round-off the value has."""
+    numbers, first, last, x = laws.numbers, laws.first[law], laws.first[law + 1], t
+    if laws.kind[law] == SINE:
+        phase = abs(numbers[first + 1] * t) + abs(numbers[first + 2])
+        return abs(numbers[first + 3]) + abs(numbers[first]) * (1.0 + phase)
+    if laws.kind[law] == PIECES:
+        first, x, _ = _piece(numbers, first, t)
+        last = first + DEGREE + 1
+    total, power = 0.0, 1.0
+    for i in range(first, last):
+        total += abs(numbers[i] * power)
+        power *= x
+    # The argument itself has the round-off of t.
+    return total + abs(t * _horner(numbers, first, last, x)[1])
+
+
+@kernel
 def mean(laws: Laws, law: int, a: float, d: float) -> float:
     """Mean of a table that does not repeat, from ``a`` to ``a + d``.
 

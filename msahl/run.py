@@ -109,7 +109,7 @@ class Report:
     planar_islands: int = 0
     unknowns: int = 0
     freedoms: dict[str, int] = field(default_factory=dict)
-    sharedReactions: list[str] = field(default_factory=list)
+    sharedReactions: dict[str, list[str]] = field(default_factory=dict)
     iterations: int = 0
     factorisations: int = 0
     root_steps: int = 0
@@ -274,7 +274,6 @@ class _Run:
             planar_islands=sum(runner.axis is not None for runner in self.runners),
             unknowns=sum(runner.scene.unknowns.free.size for runner in self.runners),
             freedoms=_freedoms(model, self.runners),
-            sharedReactions=[name for runner in self.runners for name in runner.shared],
             warnings=[w for runner in self.runners for w in _warnings(runner)],
             seconds={
                 "prepare": time.perf_counter() - began,
@@ -601,6 +600,9 @@ class _Run:
         report.factorisations = sum(int(runner.scene.counts[1]) for runner in self.runners)
         report.root_steps = sum(runner.root_steps for runner in self.runners)
         report.halvings = sum(runner.halvings for runner in self.runners)
+        for runner in self.runners:
+            runner.review_reactions()
+            report.sharedReactions |= runner.shared
         report.extremes = self.extremes.as_json()
         if degree_of(self.model):
             report.extremes |= {"localErrorMax": None, "localErrorSum": None}  # of order 2
@@ -754,14 +756,7 @@ def _freedoms(model: Model, runners: list[Runner]) -> dict[str, int]:
 
 def _warnings(runner: Runner) -> list[str]:
     """What a reader of the results must know of their start, in sentences."""
-    warnings = _assembly_warnings(runner) + _velocity_warnings(runner)
-    if runner.shared:
-        warnings.append(
-            f"{runner.redundant} joint equations are redundant: motion and energy are unique, the "
-            f"reactions of {', '.join(runner.shared)} are not; the smallest, weighted by mass, are "
-            "given"
-        )
-    return warnings
+    return _assembly_warnings(runner) + _velocity_warnings(runner)
 
 
 def _assembly_warnings(runner: Runner) -> list[str]:

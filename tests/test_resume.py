@@ -17,6 +17,7 @@ from test_overflow import push
 import msahl.run
 from msahl.cli import Interruption, main
 from msahl.deck import read_deck
+from msahl.results.checkpoint import _check
 from msahl.run import Options, run
 from msahl.snapshot import ResumeError
 
@@ -280,6 +281,8 @@ def _head_with(**changes):
     def change(folder):
         line, _, memory = (folder / "checkpoint").read_bytes().partition(b"\n")
         head = json.loads(line) | changes
+        del head["check"]
+        head |= {"check": _check(head, memory)}
         (folder / "checkpoint").write_bytes(json.dumps(head).encode() + b"\n" + memory)
 
     return change
@@ -301,7 +304,32 @@ def _shorten(folder):
     part.write_bytes(part.read_bytes()[:-10])
 
 
+def _head(text):
+    """Another first line, as an editor would leave it."""
+
+    def change(folder):
+        memory = (folder / "checkpoint").read_bytes().partition(b"\n")[2]
+        (folder / "checkpoint").write_bytes(text.encode() + b"\n" + memory)
+
+    return change
+
+
+def _edit(**changes):
+    def change(folder):
+        line = (folder / "checkpoint").read_bytes().partition(b"\n")[0]
+        _head(json.dumps(json.loads(line) | changes))(folder)
+
+    return change
+
+
 SPOILED = {
+    "null": (_head("null"), "not a checkpoint"),
+    "number": (_head("5"), "not a checkpoint"),
+    "list": (_head("[1]"), "not a checkpoint"),
+    "deep": (_head("[" * 10_000 + "]" * 10_000), "not a checkpoint"),
+    "ends": (_edit(ends=[1]), "damaged"),
+    "numbers": (_edit(numbers=None), "damaged"),
+    "options": (_edit(about={"options": 5}), "damaged"),
     "no checkpoint": (lambda folder: (folder / "checkpoint").unlink(), "there is no checkpoint"),
     "no JSON": (lambda folder: (folder / "checkpoint").write_bytes(b"x"), "not a checkpoint"),
     "layout": (_head_with(layout=0), "written by another version of msahl"),

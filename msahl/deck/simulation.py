@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 
-from msahl.deck.faults import Element, attribute, printable, text
+from msahl.deck.faults import Element, attribute, text
 from msahl.deck.values import LARGEST, SMALLEST, Reader
 from msahl.model import MEAN, Limits, Simulation
+from msahl.printable import printable
 from msahl.schemes import AUTO, DAMPING, DEFAULT, DEGREE, HIGHER, SCHEMES, TANGENT
 
 MAX_STEPS = 10**9

@@ -159,9 +159,14 @@ def _constraints(run: Run, measures: Measures, choice: Choice) -> tuple[str, Fig
     return "constraints", figure
 
 
+def _with_shared(name: str, shared: tuple[str, ...]) -> str:
+    """The name of a joint, with the components of its reaction that are not unique."""
+    return f"{name} ({', '.join(shared)} not unique)" if shared else name
+
+
 def _reactions(run: Run, measures: Measures, choice: Choice) -> tuple[str, Figure]:
     reactions, picked = measures.reactions, _elements(measures, choice)
-    names = [reactions.names[e] + " (not unique)" * reactions.shared[e] for e in picked]
+    names = [_with_shared(reactions.names[e], reactions.shared[e]) for e in picked]
     panels, zeros = [], []
     for letter, unit, vectors in (("F", "N", reactions.force), ("M", "N m", reactions.moment)):
         more, zero = _components(letter, unit, vectors[:, picked])

@@ -1,11 +1,13 @@
-"""Verdicts of many runs, from their ``run.json`` alone, as a table."""
+"""Verdicts of many runs as a table: those of their ``run.json``, if their tables bear them out."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from msahl.deck import DeckError
 from msahl.post.table import Cell, Column, Table
-from msahl.results.read import ResultError, find_table, read_info
+from msahl.printable import shown_path
+from msahl.results.read import ResultError, find_table, read_info, read_run
 from msahl.verdict import FAIL
 
 COLUMNS = (
@@ -31,7 +33,8 @@ class Judged(NamedTuple):
 
 
 def read_judged(folder: Path) -> Judged:
-    """The verdict on the run in ``folder``; one that was cut off by force has failed.
+    """The verdict on the run in ``folder``; one that was cut off by force has failed, and so has
+    one whose tables are not as it left them.
 
     Raises ``ResultError`` if there is no run, or one of a program without verdicts.
     """
@@ -40,8 +43,14 @@ def read_judged(folder: Path) -> Judged:
         reason = "no run.json: the run was cut off by force; run the deck again"
         return Judged(folder, FAIL, [reason], info)
     if "verdict" not in info:
-        raise ResultError(f"{folder}: no verdict in run.json; make one: msahl run")
-    return Judged(folder, info["verdict"]["word"], info["verdict"]["reasons"], info)
+        raise ResultError(f"{shown_path(folder)}: no verdict in run.json; make one: msahl run")
+    word, reasons = info["verdict"]["word"], info["verdict"]["reasons"]
+    if word != FAIL:
+        try:
+            read_run(folder)
+        except (ResultError, DeckError) as error:
+            return Judged(folder, FAIL, [str(error).replace("\n", "; ")], info)
+    return Judged(folder, word, reasons, info)
 
 
 def verdict_table(runs: Sequence[Judged]) -> Table:

@@ -20,6 +20,7 @@ from msahl.post.table import Column, Table
 from msahl.post.verdict import constraints_verdict, energy_verdict, start_verdict, work_verdict
 from msahl.results.read import Run
 from msahl.results.write import write_whole
+from msahl.verdict import describe_shared
 
 CAPTIONS = {
     "path": "Paths of the bodies' reference points",
@@ -191,7 +192,7 @@ def _facts(run: Run) -> Table:
         ("deck's SHA-256", deck.get("digest")),
         ("bodies, joints, couplings, motions, loads", _counts(run)),
         ("degrees of freedom", _freedoms(run)),
-        ("reactions that are not unique", ", ".join(info.get("sharedReactions", ())) or None),
+        ("reactions that are not unique", describe_shared(info.get("sharedReactions", {})) or None),
         ("islands", _islands(run)),
         ("step dt [s]", f"{simulation.dt:.12g}"),
         ("end [s]", f"{simulation.t_final:.12g}"),

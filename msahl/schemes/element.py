@@ -119,6 +119,7 @@ def _close(system: System, state: State, start: Start, stages: Stages, h: float,
     t, dt = state.time[0], h * stages.rule.closing[k]
     coincide.close(system.coincide, start.coincide, bodies, stages.moved, gap)
     along.hold(system.along, start.along, bodies, state.gap, t, dt, stages.moved, gap)
+    along.strain(system.along, start.along, 1.0, stages.pull)
     for node in range(2 * bodies.inverse_mass.size, gap.shape[0]):
         put(stages.F[k], node, at(gap, node))
 

@@ -66,11 +66,12 @@ def predict(system: System, state: State, start: Start, h: float, Z: np.ndarray)
     for b in range(bodies.inverse_mass.size - 1):
         # Exact where nothing but gravity acts: that displacement need not be solved for.
         a = g if bodies.ballistic[b] else add(at(state.a, b), expected(state, state.a_trend, b))
-        put(Z, 2 * b, axpy(h, at(start.bodies.v_go, b), scale(h2, a)))
+        way = axpy(h, at(start.bodies.v_go, b), scale(h2, a))
+        put(Z, 2 * b, rigid.moving(bodies, 0, way))
         alpha = add(at(state.alpha, b), expected(state, state.alpha_trend, b))
         turn = axpy(h, at(start.bodies.W_go, b), scale(h2, alpha))
         turn = of_angle(turn) if bodies.by_angle is not None else turn
-        put(Z, 2 * b + 1, scale(bodies.length[b], turn))
+        put(Z, 2 * b + 1, scale(bodies.length[b], rigid.moving(bodies, 1, turn)))
     first = 2 * bodies.inverse_mass.size
     for k in range(state.force.shape[0]):
         guess = add(at(state.force, k), expected(state, state.force_trend, k))

@@ -44,10 +44,11 @@ class Higher:
     @property
     def counters(self) -> dict[str, Any]:
         """What must be known to go on, beside the memory."""
-        return {}
+        return {"degree": self.degree}
 
     def recall(self, counters: dict[str, Any]) -> None:
         """Go back to what ``counters`` told."""
+        self.turn_to(counters["degree"])
 
     def go_like(self, other: object) -> None:
         """Turn to the degree of the ``other`` steps."""

@@ -30,6 +30,7 @@ from msahl.system.reduce import (
     drop_rows,
     needed_unknowns,
     plane_normal,
+    stay_in_plane,
     symmetric_rows,
 )
 from msahl.system.state import build_state, settle
@@ -114,8 +115,9 @@ class Runner:
     """An island with its solver; builds the scene at t = 0 and advances it chunk by chunk.
 
     ``moved`` and ``change`` tell what was done to the given positions and velocities, ``rank`` and
-    ``redundant`` how many joint equations are independent and how many not, ``shared`` whose
-    reactions are therefore not unique, ``axis`` the normal of a planar island's plane or None.
+    ``redundant`` how many joint equations are independent and how many not, ``shared`` which
+    columns of reactions are therefore not unique, by name of the joint, coupling or motion;
+    ``axis`` is the normal of a planar island's plane or None.
     ``at_rows`` asks for reactions at the rows' own times instead of means over the steps.
     Raises ``StartError`` if there is no consistent start.
     """
@@ -146,9 +148,8 @@ class Runner:
         self.moved = assemble(system, state) if model.position == "project" else None
         self.rank = constraint_rank(system, state)
         self.redundant = multiplier_count(system) - self.rank
-        elements = (*model.joints, *model.couplings, *model.motions)
-        shared = shared_reactions(system, state) if self.redundant else []
-        self.shared = [elements[e].name for e in shared]
+        self.shared: dict[str, list[str]] = {}
+        self._add_shared(system, state)
         start = new_start(system, state)
         preserving.prepare(system, state, start)
         self.axis = None if full else plane_normal(system, start)
@@ -161,10 +162,28 @@ class Runner:
             unknowns = choose(system, free)
         solve_accelerations(system, state, unknowns)
         if self.axis is not None:
+            system = stay_in_plane(system, self.axis)
             system = drop_rows(system, symmetric_rows(system, start, self.axis))
             state = state._replace(angle=np.zeros(quantity_count(system)))
         self.scene: Scene = new_scene(system, unknowns, state, chunk)
         preserving.prepare(system, state, self.scene.start)
+
+    def _add_shared(self, system: System, state: State) -> None:
+        """Add the reactions that are not unique in this state to those that were not before."""
+        elements = (*self.model.joints, *self.model.couplings, *self.model.motions)
+        found = shared_reactions(system, state) if self.redundant else {}
+        for e, columns in found.items():
+            known = self.shared.get(elements[e].name, [])
+            self.shared[elements[e].name] = sorted({*known, *columns})
+
+    def review_reactions(self) -> None:
+        """Decide again which reactions are unique, where the island stands now.
+
+        Directions fixed in bodies have turned: a component along an inertial axis that happened to
+        be unique at the start need not be so later. In a plane nothing turns out of it.
+        """
+        if self.axis is None:
+            self._add_shared(self.scene.system, self.scene.state)
 
     def culprit(self, h: float) -> str | None:
         """Whose numbers in the step ``h`` from where the island stands are none, in words."""

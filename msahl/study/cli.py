@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 from msahl.cli import BAD_INPUT, NOT_CONVERGED, NOT_WRITTEN, stoppable
+from msahl.printable import shown_path
 from msahl.schemes import AUTO, choices
+from msahl.terminal import echo
 
 if TYPE_CHECKING:
     from msahl.study.study import Plan
@@ -92,27 +94,27 @@ def study(
     except ResultError as error:
         _stop(f"msahl study: {error}")
     except StartError as error:
-        _stop(f"{deck}: {error}")
+        _stop(f"{shown_path(deck)}: {error}")
     except OSError as error:
         _stop(_unwritten(error, folder))
     if not result.points:
-        click.echo(f"{deck}: stopped before a run had ended; nothing was written", err=True)
+        echo(f"{shown_path(deck)}: stopped before a run had ended; nothing was written", err=True)
         sys.exit(128 + stopped.signal)
     try:
         for path in write_study(result, folder):
-            click.echo(path)
+            echo(str(path))
     except OSError as error:
         _stop(_unwritten(error, folder), NOT_WRITTEN)
-    click.echo(f"{deck}: {recommendation(result)}", err=True)
+    echo(f"{shown_path(deck)}: {recommendation(result)}", err=True)
     if stopped.signal:
-        click.echo(f"{deck}: stopped; the report is of the runs made until then", err=True)
+        echo(f"{shown_path(deck)}: stopped; the report is of the runs made until then", err=True)
         sys.exit(128 + stopped.signal)
     if not any(point.trial.completed for point in result.points):
         sys.exit(NOT_CONVERGED)
 
 
 def _stop(message: str, status: int = BAD_INPUT) -> NoReturn:
-    click.echo(message, err=True)
+    echo(message, err=True)
     sys.exit(status)
 
 

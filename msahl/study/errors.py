@@ -24,6 +24,7 @@ from msahl.rotations import angles, rotations
 from msahl.run import Grid
 from msahl.study.dynamics import Dynamics
 from msahl.study.reference import Reference
+from msahl.system.names import FORCE_COLUMNS
 
 MOST_ROWS = 2000
 METRES = 0
@@ -119,16 +120,17 @@ def _true_errors(
     times, mids = run.time[rows], 0.5 * (run.time[rows - 1] + run.time[rows])
     table = run.states.to_numpy()[rows, 1:]
     errors = state_errors(table, reference.states(times))
-    # Reactions that redundant joints share are not unique: no reference has the same.
-    own = ~np.array(measures.reactions.shared[: measures.joints], dtype=bool)
+    # Components that redundant joints share are not unique: no reference has the same.
+    shared = measures.reactions.shared[: measures.joints]
+    own = np.array([[column not in columns for column in FORCE_COLUMNS] for columns in shared])
     if own.any():
         shape = (len(rows), -1, 3)
         published = measures.reactions.force[rows, : len(own)]
         forces = Dynamics(run.model).forces(times, table) - reference.forces(times)
         if not run.at_rows:
             mean = published - reference.forces(mids).reshape(shape)
-            errors["mean_reaction"] = _length(mean[:, own])
-        errors["station_reaction"] = _length(forces.reshape(shape)[:, own])
+            errors["mean_reaction"] = _length(mean * own)
+        errors["station_reaction"] = _length(forces.reshape(shape) * own)
     return times, errors
 
 
