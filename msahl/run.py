@@ -3,6 +3,7 @@
 Interruptions are honoured between chunks, so every row on disk is an accepted state.
 """
 
+import errno
 import math
 import time
 from collections.abc import Callable
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 import numpy as np
 
 from msahl.attempts import KNOWN_NUMBERS, Attempts
-from msahl.compiled import is_kept, keep
+from msahl.compiled import is_kept, keep, trouble
 from msahl.error_estimate import Companion, ErrorEstimate, choose_companion
 from msahl.model import (
     STATION,
@@ -32,7 +33,7 @@ from msahl.solve.dense import FAR
 from msahl.solve.initial import StartError
 from msahl.solve.island import MAX_HALVINGS, Runner
 from msahl.solve.momentum import Momentum, drift, is_alone, momentum
-from msahl.solve.outcome import TOLERANCE, Outcome
+from msahl.solve.outcome import TOLERANCE, Outcome, Stopped
 from msahl.solve.plan import Plan
 from msahl.solve.watch import Extremes
 from msahl.system.islands import split
@@ -42,8 +43,9 @@ from msahl.verdict import Figures, judge, never_begun
 if TYPE_CHECKING:
     from msahl.solve.higher import Paced
 
-CHUNK_SECONDS = 0.2
-"""About how long the loop goes on between output, progress and a look at interruptions."""
+CHUNK_SECONDS = 0.1
+"""About how long the loop goes on between output, progress and a look at interruptions: less than
+the 2 s in which it answers, should the machine become ten times slower."""
 PATIENCE = 5.0 * CHUNK_SECONDS
 """Seconds after which a chunk is broken off if its steps have turned hard."""
 SLOWEST = 16_000
@@ -59,6 +61,8 @@ SAVE_SHARE = 0.01
 WORTH_TELLING = 1e-12
 """Way an inconsistent velocity would go in a step, relative to the bodies' length, that is told."""
 NO_ERRORS = np.zeros((0, 3))
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What the system says where there is no room."""
 COLUMNS = (state_columns, reaction_columns, work_columns)
 """What heads the tables of states, reactions and work."""
 
@@ -174,6 +178,14 @@ class Grid:
 def no_run(status: str, message: str) -> Report:
     """What is told of a run that took no step."""
     return Report(status=status, message=message, verdict=never_begun(status).as_json())
+
+
+def not_written(error: OSError, rows: str = "") -> str:
+    """Why results could not be written, and what to do; ``rows`` says which of them are there."""
+    if error.errno in (errno.ENOENT, errno.ENOTDIR, errno.ESTALE):
+        return f"{error.filename}: the folder was removed or renamed while the run wrote into it"
+    told = f"{error.filename}: {error.strerror or error}{rows}"
+    return f"{told}. Make room there" if error.errno in FULL else told
 
 
 def run(
@@ -332,14 +344,22 @@ class _Run:
             errors = self.estimate.begin(self.runners) if self.estimate else NO_ERRORS
             self._publish(np.zeros(1), errors)
         self.handed = self._standing()
+        for runner in self._all_runners:
+            runner.requests.stopped = stopped
         try:
             self._take_all(progress, stopped, 1 if compiles else self._first_steps())
+        except Stopped:  # in the middle of a hard step
+            self._go_back()
+            self._interrupt()
+            self._save()
         except KeyboardInterrupt:  # a second request to stop, in the middle of a chunk
             report.status = "interrupted"
             report.message = f"stopped at once, after t = {self.now:g} s"
             self._go_back()
         for kind in kinds:
             keep(kind)
+        if trouble():
+            tell(trouble())
         return self._finish()
 
     def _first_steps(self) -> int:
@@ -364,11 +384,14 @@ class _Run:
             if report.status != "completed" or self.ended:
                 break
             if stopped():
-                report.status = "interrupted"
-                report.message = f"stopped at t = {self.now:g} s"
+                self._interrupt()
             if report.status == "interrupted" or time.perf_counter() - saved > pause:
                 pause = max(SAVE_SECONDS, self._save() / SAVE_SHARE)
                 saved = time.perf_counter()
+
+    def _interrupt(self) -> None:
+        self.report.status = "interrupted"
+        self.report.message = f"stopped at t = {self.now:g} s"
 
     @property
     def now(self) -> float:
@@ -478,16 +501,18 @@ class _Run:
         else:
             self._go_back()
 
-    def _standing(self) -> tuple[np.ndarray, list[dict[str, Any]]]:
+    def _standing(self) -> tuple[np.ndarray, list[tuple[bool, dict[str, Any]]]]:
         """Where the islands stand."""
-        return remember(self.runners), [runner.steps.counters for runner in self.runners]
+        counted = [(runner.begun, runner.steps.counters) for runner in self.runners]
+        return remember(self.runners), counted
 
     def _go_back(self) -> None:
         """Bring the islands back to the last step handed over: no error of the report is to be of
         steps without rows. What these cost stays counted, for the verdict to say where it went.
         """
         memory, counted = self.handed
-        for runner, before in zip(self.runners, counted, strict=True):
+        for runner, (begun, before) in zip(self.runners, counted, strict=True):
+            runner.begun = begun
             runner.steps.recall(before)
         recall(self.runners, memory)
 
@@ -514,7 +539,10 @@ class _Run:
         if self.estimate is None:
             return NO_ERRORS
         began = time.perf_counter()
-        errors = self.estimate.follow(self.runners, sizes, plan, times)
+        try:
+            errors = self.estimate.follow(self.runners, sizes, plan, times)
+        except Stopped:  # the two stand apart now, which is nothing to go on from
+            raise KeyboardInterrupt from None
         seconds = self.report.seconds
         seconds["companion"] = seconds.get("companion", 0.0) + time.perf_counter() - began
         return errors
@@ -588,10 +616,7 @@ class _Run:
 
     def _not_written(self, error: OSError) -> None:
         self.report.status = "not written"
-        self.report.message = (
-            f"{error.filename}: {error.strerror or error}; rows up to t = "
-            f"{self.now:g} s are whole. Make room there"
-        )
+        self.report.message = not_written(error, f"; rows up to t = {self.now:g} s are whole")
 
     def _finish(self) -> Report:
         report = self.report

@@ -163,8 +163,8 @@ def test_errors_stand_beside_the_rows(tmp_path):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("--accuracy", "nan"), "accuracy: it is nan m"),
-        (("--accuracy", "inf"), "accuracy: it is inf m"),
+        (("--accuracy", "nan"), "nan is not a finite number"),
+        (("--accuracy", "inf"), "inf is not a finite number"),
         (("--scheme", "auto", "--tolerance", "1e-6", "--error", "off"), "needs its estimate"),
         (("--tolerance", "1e-6"), "takes the steps it is given"),
         (("--scheme", "auto", "--tolerance", "1e300"), "it is 1e+300 m"),

@@ -1,6 +1,7 @@
 """Runs that stop and go on: the rows are those of the run that did not stop, bit for bit."""
 
 import json
+import os
 import random
 import shlex
 import signal
@@ -15,7 +16,7 @@ from scenes import DECKS, ROOT, Rows, body, deck, pendulum, scene
 from test_overflow import push
 
 import msahl.run
-from msahl.cli import Interruption, main
+from msahl.cli import main
 from msahl.deck import read_deck
 from msahl.results.checkpoint import _check
 from msahl.run import Options, run
@@ -45,10 +46,14 @@ def stop_after(chunks):
 
 def in_two_parts(monkeypatch, model, options, steps, each=1):
     """Reports and rows of a run stopped after ``steps``, chunks of ``each``, and of the rest."""
-    saved = []
+    saved, done = [], [0]
     with monkeypatch.context() as patch:
         patch.setattr(msahl.run, "CHUNK_SECONDS", 0.0)
-        parts = [advance(model, options, stopped=stop_after(steps // each), save=saved.append)]
+        stop = {
+            "progress": lambda steps, t: done.append(steps),
+            "stopped": lambda: done[-1] >= steps,
+        }
+        parts = [advance(model, options, save=saved.append, **stop)]
     assert (parts[0][0].status, parts[0][0].steps) == ("interrupted", steps)
     parts.append(advance(model, options, save=saved.append, since=saved[-1]))
     return parts
@@ -162,16 +167,17 @@ def call(*words):
 
 def interrupted(monkeypatch, folder, *words, number=signal.SIGINT, after=4):
     """The run of a deck stopped by a signal after some chunks of a step each."""
-    count = iter(range(after))
+    hand_over, chunks = msahl.run._Run._hand_over, []
 
-    def ask(self):
-        if next(count) == after - 1:
-            self.note(number, None)
-        return self.signal != 0
+    def ask(self, *given):
+        hand_over(self, *given)
+        chunks.append(given)
+        if len(chunks) == after:
+            os.kill(os.getpid(), number)
 
     with monkeypatch.context() as patch:
         patch.setattr(msahl.run, "CHUNK_SECONDS", 0.0)
-        patch.setattr(Interruption, "__call__", ask)
+        patch.setattr(msahl.run._Run, "_hand_over", ask)
         result = call(*words, "-o", folder)
     assert result.exit_code == 128 + number, result.output
     return result

@@ -37,6 +37,7 @@ from msahl.kernel import kernel
 from msahl.rotation import angle_share, matrix, turn_change, turn_tangent
 from msahl.schemes import Decay
 from msahl.vector import (
+    ZERO,
     Matrix,
     Vector,
     accumulate,
@@ -101,6 +102,8 @@ class BodyStart(NamedTuple):
     W: np.ndarray  # (n+1, 3) [rad/s]
     v_go: np.ndarray  # (n+1, 3) with which it would go on if no force acted [m/s]
     W_go: np.ndarray  # (n+1, 3) likewise [rad/s]
+    v_offset: np.ndarray  # (n+1, 3) its part by the loads' first moments, d/h [m/s]
+    W_offset: np.ndarray  # (n+1, 3) likewise [rad/s]
 
 
 @kernel
@@ -171,6 +174,28 @@ def prepare(
             w_go = axpy(-0.5 * chi, at(w_rise, b), at(w, b))
             put(start.v_go, b, moving(bodies, 0, v_go))
             put(start.W_go, b, moving(bodies, 1, times(R, w_go)))
+        put(start.v_offset, b, ZERO)
+        put(start.W_offset, b, ZERO)
+
+
+@kernel
+def offset(start: BodyStart, b: int, dv: Vector, dW: Vector) -> None:
+    """Let body ``b`` go on by ``dv`` and ``dW`` more than without the loads' first moments."""
+    put(start.v_go, b, add(at(start.v_go, b), sub(dv, at(start.v_offset, b))))
+    put(start.W_go, b, add(at(start.W_go, b), sub(dW, at(start.W_offset, b))))
+    put(start.v_offset, b, dv)
+    put(start.W_offset, b, dW)
+
+
+@kernel
+def lost(bodies: Bodies, start: BodyStart, h: float, a: np.ndarray, alpha: np.ndarray) -> float:
+    """Work [J] that all forces together do not do in the offsets of a step: M (v1 - v0) . d/h."""
+    total = 0.0
+    for b in range(bodies.inverse_mass.size - 1):
+        spun = times(matrix_at(start.J, b), at(alpha, b))
+        total += dot(at(a, b), at(start.v_offset, b)) / bodies.inverse_mass[b]
+        total += dot(spun, at(start.W_offset, b))
+    return h * total
 
 
 @kernel

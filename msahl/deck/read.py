@@ -63,15 +63,12 @@ FORBIDDEN = frozenset(",;\"'")
 """Characters no name may hold, beside those that do not print: names become CSV columns."""
 
 
-def read_deck(path: str | PathLike[str], thorough: bool = False) -> Model:
-    """The model of the deck at ``path``; raises ``DeckError`` with every fault found.
-
-    ``thorough`` has the schema enforced by both validators (see ``deck.schema``).
-    """
+def read_deck(path: str | PathLike[str]) -> Model:
+    """The model of the deck at ``path``; raises ``DeckError`` with every fault found."""
     path = Path(path)
     faults = Faults(str(path))
     root = parse(read_bytes(path, faults), faults)
-    check_schema(root, faults, thorough)
+    check_schema(root, faults)
     model = _read_model(root, faults)
     faults.raise_if_any()
     return model

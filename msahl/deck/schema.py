@@ -1,8 +1,7 @@
 """The schema and the two that read it.
 
-libxml2 judges a deck in milliseconds. What is wrong, and what would be right, ``diagnosis`` says by
-the same schema; a run asks it only if libxml2 objects, ``msahl check`` always. A test holds the two
-to the same judgement.
+libxml2 judges a deck in milliseconds. Only if it objects, ``diagnosis`` says by the same schema
+what is wrong and what would be right. A test holds the two to the same judgement.
 """
 
 from lxml import etree
@@ -21,16 +20,14 @@ def schema_bytes() -> bytes:
     return folder("schemas").joinpath(SCHEMA_NAME).read_bytes()
 
 
-def check_schema(root: Element, faults: Faults, thorough: bool) -> None:
-    """Add every departure of the tree ``root`` from the schema to ``faults``.
-
-    With ``thorough`` the departures are looked for even if libxml2 finds none.
-    """
+def check_schema(root: Element, faults: Faults) -> None:
+    """Add every departure of the tree ``root`` from the schema to ``faults``."""
     source = schema_bytes()
     refused = objection(root, source)
-    if refused or thorough:
-        add_faults(root, build_rules(source, "data"), faults)
-    if refused and faults.sound(root):  # the two disagree: libxml2's judgement stands
+    if not refused:
+        return
+    add_faults(root, build_rules(source, "data"), faults)
+    if faults.sound(root):  # the two disagree: libxml2's judgement stands
         faults.add(root, f"not valid: {refused}")
 
 

@@ -142,7 +142,7 @@ def _complaints_of_choice(simulation: Simulation) -> list[tuple[str, str]]:
                 (
                     tag,
                     f"it is {tolerance:g} m; it must be greater than zero, {SMALLEST:g} to "
-                    f"{LARGEST:g} m",
+                    f"{LARGEST:g} m; 1e-6 m is usual",
                 )
             )
         elif not higher:

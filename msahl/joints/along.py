@@ -351,6 +351,20 @@ def drive_work(
 
 
 @kernel
+def values(
+    along: Along | None, start: AlongStart, bodies: BodyStart, value: np.ndarray, rate: np.ndarray
+) -> None:
+    """Set ``value`` and ``rate`` (q,) to those of the quantities in the prepared state."""
+    if along is None:
+        return
+    q = start.quantities
+    quantity.slopes(along.quantities, q)
+    quantity.rates(along.quantities, q, bodies.v, bodies.W, rate)
+    for k in range(value.size):
+        value[k] = q.value[k]
+
+
+@kernel
 def observe(
     along: Along | None,
     start: AlongStart,

@@ -17,13 +17,21 @@ import numpy as np
 
 from msahl.printable import shown_path
 from msahl.results.info import ResultError, read_info
-from msahl.results.write import CHECKPOINT, INFO, PART
+from msahl.results.write import (
+    CHECKPOINT,
+    INFO,
+    PART,
+    REACTIONS,
+    STATES,
+    WORK,
+    create,
+    write_all,
+)
 from msahl.snapshot import ResumeError, Snapshot
 
 LAYOUT = 2
 """Of the file and of what a snapshot holds; counted up when either changes."""
 ANEW = "leave --resume out to run it anew"
-TABLES = ("states.csv", "reactions.csv", "work.csv")
 DOUBLES = np.dtype("<f8")
 
 
@@ -49,9 +57,8 @@ def write_checkpoint(folder: Path, about: dict[str, Any], checkpoint: Checkpoint
     head |= {"check": _check(head, memory)}
     path = folder / CHECKPOINT
     part = path.with_name(path.name + PART)
-    with part.open("wb") as file:
-        file.write(json.dumps(head).encode() + b"\n" + memory)
-        file.flush()
+    with create(part) as file:
+        write_all(file, json.dumps(head).encode() + b"\n" + memory)
         os.fsync(file.fileno())
     part.replace(path)
 
@@ -113,7 +120,7 @@ def is_complete(folder: Path, about: dict[str, Any]) -> bool:
         _must_be_same(folder, info, about, ())
     except (KeyError, TypeError) as error:
         raise ResumeError(f"{shown_path(folder / INFO)}: not that of a run; {ANEW}") from error
-    for path in (folder / name for name in TABLES):
+    for path in (folder / name for name in (STATES, REACTIONS, WORK)):
         if path.is_file() and path.read_bytes().count(b"\n") - 1 != info.get("rows"):
             raise ResumeError(f"{shown_path(path)}: has not the rows that run.json says; {ANEW}")
     return True

@@ -11,6 +11,7 @@ from typing import Any
 import orjson
 
 from msahl.printable import printable, shown_path
+from msahl.results.folder import find
 from msahl.results.write import INFO
 from msahl.verdict import WORDS
 
@@ -68,6 +69,8 @@ TEXT = Leaf("a text", lambda value: isinstance(value, str))
 NUMBER = Leaf("a number", _is_number)
 FIGURE = Leaf("a number or null", lambda value: value is None or _is_number(value))
 SIZE = Leaf(f"null or a number above zero, up to {LARGEST:g}", _is_size)
+FLAG = Leaf("true or false", lambda value: isinstance(value, bool))
+WHOLE = Leaf("a whole number", lambda v: isinstance(v, int) and not isinstance(v, bool))
 COUNT = Leaf("a whole number from 0", _is_count)
 FIRST = Leaf("a whole number from 1", lambda value: _is_count(value, 1))
 WORD = Leaf(f"one of {', '.join(WORDS)}", lambda value: value in WORDS)
@@ -84,8 +87,8 @@ SHAPE = Fields({
         **dict.fromkeys(("dt", "tFinal", "outputInterval"), SIZE),
         "every": FIRST,
     }),
-    "freedoms": Many(dict, COUNT),
-    "sharedReactions": Many(list, TEXT),
+    "freedoms": Many(dict, WHOLE),
+    "sharedReactions": Many(dict, Many(list, TEXT)),
     "warnings": Many(list, TEXT),
     "resumed": Many(list, NUMBER),
     "seconds": Many(dict, NUMBER),
@@ -95,22 +98,27 @@ SHAPE = Fields({
         ("word", "reasons", "checks"),
     ),
 })  # fmt: skip
-"""Of ``run.json``, as far as it is read back; ``shadow`` apart, which may be null."""
-SHADOW = Fields({"trustHorizon": FIGURE})
+"""Of ``run.json``, as far as it is read back; ``error`` apart, which may be null."""
+ERROR = Fields({
+    **dict.fromkeys(("position", "orientation", "until"), NUMBER),
+    "trustHorizon": FIGURE,
+    "companion": TEXT,
+    "complete": FLAG,
+})  # fmt: skip
 
 
 def read_info(folder: Path) -> dict[str, Any]:
     """What ``run.json`` says: nothing if the run was cut off by force. Raises ``ResultError``."""
-    path = folder / INFO
-    if not path.is_file():
+    path = find(folder, INFO)
+    if path is None or path.name != INFO:
         return {}
     try:
         info: Any = orjson.loads(path.read_bytes())
     except ValueError as error:
         raise ResultError(f"{shown_path(path)}: not JSON: {error}; {AGAIN}") from error
     faults = list(_faults(info, SHAPE, ""))
-    if not faults and info.get("shadow") is not None:
-        faults += _faults(info["shadow"], SHADOW, "shadow")
+    if not faults and info.get("error") is not None:
+        faults += _faults(info["error"], ERROR, "error")
     if faults:
         raise ResultError(f"{shown_path(path)}: {printable(faults[0])}; {AGAIN}")
     return dict(info)

@@ -11,8 +11,9 @@ import pandas as pd
 from msahl.deck import read_deck
 from msahl.model import STATION, Model, degree_of, reactions_of
 from msahl.printable import printable, shown_path
+from msahl.results.folder import find
 from msahl.results.info import AGAIN, ResultError, read_info
-from msahl.results.write import PART
+from msahl.results.write import DECK, PART, STATES
 from msahl.system.names import reaction_columns, state_columns, work_columns, workers
 
 __all__ = ["ResultError", "Run", "find_table", "read_info", "read_run", "read_table"]
@@ -71,10 +72,11 @@ def read_run(folder: Path) -> Run:
 
     Raises ``ResultError`` if there is no run, ``DeckError`` if its deck is not valid.
     """
-    if not (folder / "deck.xml").is_file():
+    deck = find(folder, DECK)
+    if deck is None:
         message = "not the folder of a run (no deck.xml); make one: msahl run"
         raise ResultError(f"{shown_path(folder)}: {message}")
-    model, info = read_deck(folder / "deck.xml"), read_info(folder)
+    model, info = read_deck(deck), read_info(folder)
     columns = {"states.csv": state_columns(model)}
     if model.joints or model.couplings or model.motions:
         columns["reactions.csv"] = reaction_columns(model)
@@ -92,7 +94,7 @@ def read_run(folder: Path) -> Run:
         states=tables["states.csv"],
         reactions=tables.get("reactions.csv"),
         work=tables.get("work.csv"),
-        partial=not (folder / "states.csv").is_file(),
+        partial=find_table(folder, STATES) == folder / (STATES + PART),
     )
 
 
@@ -167,8 +169,7 @@ def _line(path: Path, row: int) -> str:
 
 def find_table(folder: Path, name: str) -> Path | None:
     """Path of the table ``name``, whole or ``.part``; ``None`` if there is neither."""
-    paths = (folder / name, folder / (name + PART))
-    return next((path for path in paths if path.is_file()), None)
+    return find(folder, name)
 
 
 def read_table(path: Path) -> pd.DataFrame:

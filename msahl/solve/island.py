@@ -7,6 +7,7 @@ halves, these in halves again where needed, down to 2^-10 of it.
 
 import math
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from msahl.solve.assembly import assemble
 from msahl.solve.culprit import culprit, overflow
 from msahl.solve.freedom import constraint_rank, is_regular, shared_reactions
 from msahl.solve.initial import StartError, make_consistent, solve_accelerations
-from msahl.solve.outcome import Outcome
+from msahl.solve.outcome import EVALUATION, STEP_WORK, Outcome, Requests
 from msahl.solve.plan import Plan
 from msahl.solve.station import new_station
 from msahl.solve.step import Scene, new_scene
@@ -104,11 +105,11 @@ class Lowest:
         """A step ``h``, a ``share`` of the whole one, by the compiled solver."""
         return Outcome(*_take(self.scene, h, share))
 
-    def take_by_root(self, h: float, share: float) -> Outcome:
+    def take_by_root(self, h: float, share: float, after: Callable[[int], None]) -> Outcome:
         """Likewise by scipy, which is slow to import: only where it is called."""
         from msahl.solve import root
 
-        return root.take(self.scene, h, share)
+        return root.take(self.scene, h, share, after)
 
 
 class Runner:
@@ -119,6 +120,8 @@ class Runner:
     columns of reactions are therefore not unique, by name of the joint, coupling or motion;
     ``axis`` is the normal of a planar island's plane or None.
     ``at_rows`` asks for reactions at the rows' own times instead of means over the steps.
+    Hard steps ask ``requests`` whether to stop, and raise ``Stopped``; the scene is to be recalled
+    then.
     Raises ``StartError`` if there is no consistent start.
     """
 
@@ -127,6 +130,7 @@ class Runner:
     ) -> None:
         self.model, self.solver = model, solver
         self.root_steps = self.halvings = 0
+        self.requests = Requests()
         system = build_system(model)
         state = build_state(model, system)
         try:
@@ -242,9 +246,10 @@ class Runner:
 
     def _take_once(self, h: float, share: float) -> Outcome:
         if self.solver == "newton" or (self.solver == "auto" and self.large):
+            self.requests.after(EVALUATION + STEP_WORK * self.scene.unknowns.free.size)
             return self.steps.take(h, share)
         self.root_steps += 1
-        return self.steps.take_by_root(h, share)
+        return self.steps.take_by_root(h, share, self.requests.after)
 
 
 def _steps(model: Model, scene: Scene, at_rows: bool) -> "Lowest | Higher | Paced":

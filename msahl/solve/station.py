@@ -18,14 +18,12 @@ from msahl.kernel import apart, kernel
 from msahl.schemes import preserving
 from msahl.solve import dense, newton, sparse
 from msahl.solve.freedom import INDEPENDENT
+from msahl.solve.offset import NO_STEP
 from msahl.solve.step import Scene
 from msahl.system.arrays import Start, State, System, node_count
 from msahl.system.reduce import all_unknowns
 from msahl.system.unknowns import Unknowns, choose
 from msahl.vector import add, at, copy, matrix_at, put, scale, times, transpose
-
-NO_STEP = 1e-100
-"""Step size for the limit; its square is still a normal number."""
 
 
 class Station(NamedTuple):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from msahl.cli import BAD_INPUT, NOT_CONVERGED, NOT_WRITTEN, stoppable
+from msahl.cli import BAD_INPUT, NOT_CONVERGED, NOT_WRITTEN, Folder, Number, stoppable
 from msahl.printable import shown_path
 from msahl.schemes import AUTO, choices
 from msahl.terminal import echo
@@ -33,9 +33,9 @@ STEPPED = tuple(scheme for scheme in choices() if scheme != AUTO)
 
 @click.command()
 @click.argument("deck", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="DIR",
+@click.option("-o", "--output", type=Folder(path_type=Path), metavar="DIR",
               help="Folder of the report (default: studies/<deck's name>).")  # fmt: skip
-@click.option("--dt", "steps", type=click.FloatRange(min=0.0, min_open=True), multiple=True,
+@click.option("--dt", "steps", type=Number(min=0.0, min_open=True), multiple=True,
               metavar="S", help="Step [s]; repeat for more (default: 0.1 0.04 0.01 0.004 0.002 "
               "0.001 0.0004, or eight times to an eighth of the deck's).")  # fmt: skip
 @click.option("--scheme", "schemes", type=click.Choice(STEPPED), multiple=True,
@@ -45,11 +45,13 @@ STEPPED = tuple(scheme for scheme in choices() if scheme != AUTO)
               "(the first of these there is), or the folder of a run.")  # fmt: skip
 @click.option("--repeat", type=click.IntRange(min=1), default=3, show_default=True, metavar="N",
               help="Runs of each case; their median counts.")  # fmt: skip
-@click.option("--target", type=click.FloatRange(min=0.0, min_open=True), default=1e-6,
+@click.option("--target", type=Number(min=0.0, min_open=True), default=1e-6,
               show_default=True, help="Largest error wanted, in the measure's unit.")  # fmt: skip
 @click.option("--measure", type=click.Choice(MEASURE_KEYS), default="position",
               show_default=True, help="What the target is of.")  # fmt: skip
-@click.option("--t-final", type=float, metavar="S", help="End [s], instead of the deck's tFinal.")
+@click.option(
+    "--t-final", type=Number(), metavar="S", help="End [s], instead of the deck's tFinal."
+)
 def study(
     deck: Path,
     output: Path | None,
