@@ -16,7 +16,9 @@ loss from what the steps resolve falls by 2^-p or more at half the step:
 
     a < h/2 |v|_max sqrt(E / K_max) ,    E = 2 E_companion - E_run     [J]
 
-if E is more than a tenth of what the run lost, and more than round-off.
+if E is more than a tenth of what the run lost, and more than round-off. A gauss scheme of even
+degree may keep both position and velocity of such a vibration; then a body goes by h |v| in a step
+and yet is never far from where it began, and h |v|/pi is the estimate.
 
 A prescribed motion that oscillates between the times at which both runs meet it is a third case:
 its own size is then the estimate (``unseen_motion``).
@@ -45,6 +47,9 @@ SAFETY = 1.5
 """The estimate aims above the error: the terms of higher order are unknown."""
 ROUND_OFF = 4.0 * float_info.epsilon
 """Relative error of the largest coordinate below which no estimate goes."""
+FARTHER = 2.0
+"""A step's way, in the longest way from the start, from which a motion turns back within a step: it
+then makes a third of a turn or more in one."""
 HIDDEN = 0.1
 """Part of the energy that a scheme took which, if lost to both runs alike, is not the error of what
 the steps resolve: that at least halves, but for terms of higher order."""
@@ -103,6 +108,14 @@ class Rows(NamedTuple):
     reactions: np.ndarray
 
 
+class Steps(NamedTuple):
+    """Steps that a run has taken, from ``begin`` [s]."""
+
+    begin: float
+    sizes: np.ndarray  # (m,) [s]
+    ends: np.ndarray  # (m,) [s], by the run's own grid and not by sums of sizes
+
+
 class Companion(Protocol):
     """A run beside the run."""
 
@@ -112,9 +125,9 @@ class Companion(Protocol):
     runners: list[Runner]  # what advances with the run
 
     def follow(
-        self, runners: Sequence[Runner], sizes: np.ndarray, plan: Plan, times: np.ndarray
+        self, runners: Sequence[Runner], steps: Steps, plan: Plan, times: np.ndarray
     ) -> list[Rows] | None:
-        """Take the time of steps of these ``sizes``; the rows of ``plan``, at ``times``, by
+        """Take the time of these ``steps``; the rows of ``plan``, at ``times``, by
         subsystem, or None if a step did not converge.
         """
 
@@ -134,13 +147,13 @@ class HalfStep:
         self.factor = SAFETY / (1.0 - 0.5 ** order_of(model))
 
     def follow(
-        self, runners: Sequence[Runner], sizes: np.ndarray, plan: Plan, times: np.ndarray
+        self, runners: Sequence[Runner], steps: Steps, plan: Plan, times: np.ndarray
     ) -> list[Rows] | None:
         """See ``Companion``."""
         halves, rows = plan.both_halves() if self.means else plan.halves(), []
         for runner, own in zip(runners, self.runners, strict=True):
             own.steps.go_like(runner.steps)
-            if not _advance(own, np.repeat(0.5 * sizes, 2), halves):
+            if not _advance(own, np.repeat(0.5 * steps.sizes, 2), halves):
                 return None
             if self.means:
                 both = _rows(own, 2 * len(times))
@@ -164,12 +177,13 @@ class HigherOrder:
         self.runners = [Runner(_by(r.model, coarser), r.solver, full, chunk) for r in runners]
 
     def follow(
-        self, runners: Sequence[Runner], sizes: np.ndarray, plan: Plan, times: np.ndarray
+        self, runners: Sequence[Runner], steps: Steps, plan: Plan, times: np.ndarray
     ) -> list[Rows] | None:
         """See ``Companion``."""
-        begin = float(self.runners[0].scene.state.time[0])
-        groups = [sizes[k : k + self.stride].sum() for k in range(0, len(sizes), self.stride)]
-        plan = Plan.passed(times, begin, begin + np.cumsum(groups))
+        first = range(0, len(steps.sizes), self.stride)
+        groups = [steps.sizes[k : k + self.stride].sum() for k in first]
+        ends = [steps.ends[min(k + self.stride, len(steps.ends)) - 1] for k in first]
+        plan = Plan.passed(times, steps.begin, np.array(ends))
         rows = []
         for own in self.runners:
             if not _advance(own, np.array(groups), plan):
@@ -188,7 +202,7 @@ class Known:
         self.runners: list[Runner] = []
 
     def follow(
-        self, runners: Sequence[Runner], sizes: np.ndarray, plan: Plan, times: np.ndarray
+        self, runners: Sequence[Runner], steps: Steps, plan: Plan, times: np.ndarray
     ) -> list[Rows] | None:
         """See ``Companion``."""
         return self.next_rows(len(times))
@@ -283,20 +297,20 @@ class ErrorEstimate:
         self.kept = []
 
     def follow(
-        self, runners: Sequence[Runner], sizes: np.ndarray, plan: Plan, times: np.ndarray
+        self, runners: Sequence[Runner], steps: Steps, plan: Plan, times: np.ndarray
     ) -> np.ndarray:
-        """Let the companion take the steps of these ``sizes`` that the run has taken, and compare
+        """Let the companion follow the ``steps`` that the run has taken, and compare
         the rows of ``plan``, at ``times``: (m, 3) time, estimated error of positions and of
         orientations [m]; no rows once the companion has stopped.
         """
-        if self.stopped or not len(sizes):
+        if self.stopped or not len(steps.sizes):
             return np.zeros((0, 3))
-        others = self.companion.follow(runners, sizes, plan, times)
+        others = self.companion.follow(runners, steps, plan, times)
         if others is None or not all(np.isfinite(rows.states).all() for rows in others):
             self.stopped = True
             return np.zeros((0, 3))
         mine = [_rows(r, len(times)) for r in runners]
-        return self.compare(mine, others, times, np.repeat(sizes, np.diff(plan.due)))
+        return self.compare(mine, others, times, np.repeat(steps.sizes, np.diff(plan.due)))
 
     def compare(
         self, own: Sequence[Rows], others: Sequence[Rows], times: np.ndarray, h: np.ndarray
@@ -362,6 +376,13 @@ class ErrorEstimate:
             amplitude = 0.5 * way * (hidden / kinetic) ** 0.5
             self.largest["position"] = max(self.largest["position"], amplitude)
 
+    def add_unresolved(self, way: float, farthest: float) -> None:
+        """Take in that a body would go at least a ``way`` [m] in a step, and never was more than
+        ``farthest`` [m] from where it began.
+        """
+        if way > FARTHER * farthest:
+            self.largest["position"] = max(self.largest["position"], way / np.pi)
+
     def known(self) -> Known:
         """The companion's rows of the whole run, which were kept."""
         assert self.kept is not None
@@ -380,8 +401,8 @@ class ErrorEstimate:
     def figures(self) -> dict[str, Any]:
         """All that it has found so far, as JSON can hold it."""
         return {
-            "largest": self.largest,
-            "record": self.record,
+            "largest": dict(self.largest),
+            "record": list(self.record),
             "until": self.until,
             "stopped": self.stopped,
         }

@@ -14,7 +14,7 @@ import numpy as np
 
 from msahl.attempts import KNOWN_NUMBERS, Attempts
 from msahl.compiled import is_kept, keep, trouble
-from msahl.error_estimate import Companion, ErrorEstimate, choose_companion
+from msahl.error_estimate import Companion, ErrorEstimate, Steps, choose_companion
 from msahl.model import (
     STATION,
     Model,
@@ -465,7 +465,9 @@ class _Run:
         taken = min(self._advance(plan))
         done = min(self._finite_steps(taken, plan, lambda k: self.grid.time(first + k)))
         self.report.seconds["loop"] += time.perf_counter() - began
-        self._hand_over(np.full(done, self.grid.step(first + done)), plan, times)
+        sizes = np.full(done, self.grid.step(first + done))
+        ends = self.grid.times(np.arange(first + 1, first + done + 1))
+        self._hand_over(Steps(self.grid.time(first), sizes, ends), plan, times)
 
     def _take_paced(self, steps: int) -> None:
         """One chunk of about ``steps`` steps whose sizes follow from the tolerance."""
@@ -486,14 +488,14 @@ class _Run:
         report.seconds["loop"] += time.perf_counter() - began
         if steps == 0:
             report.status, report.message = "not converged", self._no_pair(outcome)
-        self._hand_over(self.paced.pace.sizes[:done], plan, times)
+        self._hand_over(Steps(begin, self.paced.pace.sizes[:done], ends[:done]), plan, times)
 
-    def _hand_over(self, sizes: np.ndarray, plan: Plan, times: np.ndarray) -> None:
-        """Publish what good steps of these ``sizes`` have left of the chunk's rows, and go on."""
-        done = len(sizes)
+    def _hand_over(self, steps: Steps, plan: Plan, times: np.ndarray) -> None:
+        """Publish what good ``steps`` have left of the chunk's rows, and go on."""
+        done = len(steps.sizes)
         plan = plan.until(done)
         times = times[: plan.due[-1]]
-        if self._publish(times, self._follow(sizes, plan, times)):
+        if self._publish(times, self._follow(steps, plan, times)):
             self.report.steps += done
             self.extremes.fold([runner.scene.watch.rows[:done] for runner in self.runners])
             self.extremes.compare_with(sum(map(_work_of_reactions, self.runners)))
@@ -534,13 +536,13 @@ class _Run:
             plan = plan.until(max(1, int(np.searchsorted(plan.due, self.chunk, "right")) - 1))
         return plan, shown.times(rows[: plan.due[-1]])
 
-    def _follow(self, sizes: np.ndarray, plan: Plan, times: np.ndarray) -> np.ndarray:
+    def _follow(self, steps: Steps, plan: Plan, times: np.ndarray) -> np.ndarray:
         """Bring the companion, if there is one, to where the run is: the rows of errors."""
         if self.estimate is None:
             return NO_ERRORS
         began = time.perf_counter()
         try:
-            errors = self.estimate.follow(self.runners, sizes, plan, times)
+            errors = self.estimate.follow(self.runners, steps, plan, times)
         except Stopped:  # the two stand apart now, which is nothing to go on from
             raise KeyboardInterrupt from None
         seconds = self.report.seconds
@@ -641,6 +643,10 @@ class _Run:
                 way = (report.extremes["speedMax"] or 0.0) * self._longest_step
                 kinetic = report.extremes["largestKineticEnergy"] or 0.0
                 self.estimate.add_damped(taken, self.extremes.size, kinetic, way)
+        if self.estimate and not self.paced:
+            way = min(self.grid.h, report.time) * (report.extremes["speedMax"] or 0.0)
+            way -= self._length * (report.extremes["turnPerStepMax"] or 0.0)
+            self.estimate.add_unresolved(way, self.extremes.way)
         if self.options.error == OFF:
             report.extremes |= {"localErrorMax": None, "localErrorSum": None}
         if self.attempts and self.estimate:
@@ -750,13 +756,17 @@ def _row(runner: Runner, worst: int) -> str:
 
 
 def _energy_scale(runner: Runner, t_final: float) -> float:
-    """What energies are to be compared with [J]: the work of gravity over the bodies' own lengths,
-    and the kinetic energy of bodies that go by their own lengths within the run.
+    """What energies are to be compared with [J]: the work of gravity and of the loads over the
+    bodies' own lengths, and the kinetic energy of bodies that go by these within the run.
     """
     bodies = runner.scene.system.bodies
     moving = bodies.inverse_mass > 0.0
     mass, length = 1.0 / bodies.inverse_mass[moving], bodies.length[moving]
-    return float(np.linalg.norm(bodies.gravity) * (mass @ length) + mass @ (length / t_final) ** 2)
+    loads = runner.scene.system.loads
+    force, moment = (np.linalg.norm(of, axis=1) for of in (loads.f, loads.m))
+    work = np.linalg.norm(bodies.gravity) * (mass @ length) + moment.sum()
+    work += force @ bodies.length[loads.body]
+    return float(work + mass @ (length / t_final) ** 2)
 
 
 def _work_of_reactions(runner: Runner) -> float:
