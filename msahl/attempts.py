@@ -81,7 +81,7 @@ class Attempts:
         rows = self.known.rows if self.known else []
         shapes = [[list(table.shape) for table in tables] for tables in rows]
         given = self.known.first if self.known else 0
-        return {"made": self.made, "local": self.local, "known": shapes, "given": given}
+        return {"made": list(self.made), "local": self.local, "known": shapes, "given": given}
 
     def memory(self) -> np.ndarray:
         """For a snapshot, the rest (m,)."""
