@@ -14,7 +14,9 @@ error of the velocity, which such a vibration reverses from step to step; the er
 are taken to be no smaller. A scheme that damps it loses its energy E in both runs alike, where the
 loss from what the steps resolve falls by 2^-p or more at half the step:
 
-    a < h/2 |v|_max sqrt(E / K_max) ,    E = max(0, 2 E_companion - E_run)     [J]
+    a < h/2 |v|_max sqrt(E / K_max) ,    E = 2 E_companion - E_run     [J]
+
+if E is more than a tenth of what the run lost, and more than round-off.
 
 A prescribed motion that oscillates between the times at which both runs meet it is a third case:
 its own size is then the estimate (``unseen_motion``).
@@ -43,6 +45,11 @@ SAFETY = 1.5
 """The estimate aims above the error: the terms of higher order are unknown."""
 ROUND_OFF = 4.0 * float_info.epsilon
 """Relative error of the largest coordinate below which no estimate goes."""
+HIDDEN = 0.1
+"""Part of the energy that a scheme took which, if lost to both runs alike, is not the error of what
+the steps resolve: that at least halves, but for terms of higher order."""
+ENERGY_ROUND_OFF = 1e3 * float_info.epsilon
+"""Sum of the rounding errors of a run's energies, relative to the largest."""
 RISE = 1.05
 """Factor by which the largest error must have grown to be recorded with its time."""
 SECONDS_PER_UNKNOWN = 1.2e-7
@@ -343,13 +350,15 @@ class ErrorEstimate:
             self.record.append((float(before[k]), last))
         self.until = float(times[-1])
 
-    def add_damped(self, lost: float, kinetic: float, way: float) -> None:
-        """Take in the energy ``lost`` [J] by damping from a run whose largest kinetic energy is
-        ``kinetic`` [J] and whose bodies go no farther than ``way`` [m] in a step.
+    def add_damped(self, lost: float, size: float, kinetic: float, way: float) -> None:
+        """Take in the energy ``lost`` [J] by damping from a run whose energies are of this ``size``
+        [J], the largest kinetic energy is ``kinetic`` [J], and whose bodies go no farther than
+        ``way`` [m] in a step.
         """
         of_companion = -sum(float(r.scene.state.work[-1]) for r in self.companion.runners)
-        hidden = max(0.0, 2.0 * of_companion - lost)
-        if isinstance(self.companion, HalfStep) and kinetic > 0.0:
+        hidden = 2.0 * of_companion - lost
+        counts = hidden > max(HIDDEN * lost, ENERGY_ROUND_OFF * size)
+        if isinstance(self.companion, HalfStep) and kinetic > 0.0 and counts:
             amplitude = 0.5 * way * (hidden / kinetic) ** 0.5
             self.largest["position"] = max(self.largest["position"], amplitude)
 

@@ -639,7 +639,8 @@ class _Run:
             report.extremes |= {"energyTaken": taken}
             if self.estimate:
                 way = (report.extremes["speedMax"] or 0.0) * self._longest_step
-                self.estimate.add_damped(taken, report.extremes["largestKineticEnergy"] or 0.0, way)
+                kinetic = report.extremes["largestKineticEnergy"] or 0.0
+                self.estimate.add_damped(taken, self.extremes.size, kinetic, way)
         if self.options.error == OFF:
             report.extremes |= {"localErrorMax": None, "localErrorSum": None}
         if self.attempts and self.estimate:

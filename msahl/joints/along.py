@@ -329,6 +329,14 @@ def roll(along: Along | None, start: AlongStart, bodies: Bodies, h: float, F: np
 
 
 @kernel
+def rubs(along: Along | None) -> bool:
+    """Whether there is friction."""
+    if along is None:
+        return False
+    return along.frictions.quantity.size > 0
+
+
+@kernel
 def settle(along: Along | None, gap: np.ndarray) -> None:
     """Take from the ``gap`` (k, 3) left by a step what is of rows between rates: they have none."""
     if along is None:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from msahl.results.read import Run
 
 DIFFERENT, BAD_INPUT = 1, 2
-KINDS = ("path", "energy", "work", "constraints", "reactions")
+KINDS = ("path", "error", "energy", "work", "constraints", "reactions")
 PLANES = ("xy", "xz", "yz", "yx", "zx", "zy")
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -247,7 +247,7 @@ def plot(
     forms: tuple[str, ...],
     output: Path | None,
 ) -> None:
-    """Draw RUN: path, energy, work, constraints, reactions (default: all there is data for).
+    """Draw RUN: path, error, energy, work, constraints, reactions (default: all there is data for).
 
     Prints the files written.
 

@@ -24,6 +24,7 @@ from msahl.verdict import describe_shared
 
 CAPTIONS = {
     "path": "Paths of the bodies' reference points",
+    "error": "Estimated error, the largest of all bodies",
     "energy": "Energies, and the error of their balance",
     "work": "Virtual work of each joint over each step",
     "constraints": "Gap and gap rate of each joint, coupling and motion",

@@ -13,7 +13,7 @@ from msahl.model import STATION, Model, degree_of, reactions_of
 from msahl.printable import printable, shown_path
 from msahl.results.folder import find
 from msahl.results.info import AGAIN, ResultError, read_info
-from msahl.results.write import DECK, PART, STATES
+from msahl.results.write import DECK, ERROR_COLUMNS, ERRORS, PART, STATES
 from msahl.system.names import reaction_columns, state_columns, work_columns, workers
 
 __all__ = ["ResultError", "Run", "find_table", "read_info", "read_run", "read_table"]
@@ -35,6 +35,7 @@ class Run:
     reactions: pd.DataFrame | None
     work: pd.DataFrame | None
     partial: bool
+    errors: pd.DataFrame | None = None  # estimated errors [m]; fewer rows if its companion stopped
 
     @property
     def time(self) -> np.ndarray:
@@ -95,7 +96,27 @@ def read_run(folder: Path) -> Run:
         reactions=tables.get("reactions.csv"),
         work=tables.get("work.csv"),
         partial=find_table(folder, STATES) == folder / (STATES + PART),
+        errors=_errors(folder, tables["states.csv"]["time"].to_numpy(), info),
     )
+
+
+def _errors(folder: Path, times: np.ndarray, info: dict[str, Any]) -> pd.DataFrame | None:
+    """The table of estimated errors, at the first of these ``times``; None if there is none."""
+    told, path = info.get("error") or {}, find_table(folder, ERRORS)
+    if path is None:
+        if told:
+            raise ResultError(f"{shown_path(folder / ERRORS)}: missing; {AGAIN}")
+        return None
+    table = _table(path, ERROR_COLUMNS).iloc[: len(times)]
+    check_rows(path, table)
+    if told.get("complete") and len(table) != len(times):
+        raise ResultError(wrong_count(path, len(table), f"states.csv has {len(times)}"))
+    other = np.flatnonzero(table["time"].to_numpy() != times[: len(table)])
+    if other.size:
+        here, there = table["time"].iloc[other[0]], times[other[0]]
+        message = f"time {here:.12g} s, where states.csv has {there:.12g} s"
+        raise ResultError(f"{_line(path, other[0])}: {message}; {AGAIN}")
+    return table
 
 
 def _count_rows(

@@ -17,7 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.joints import along, quantity
+from msahl.joints import along, quantity, reaction
+from msahl.joints.reaction import MOST_ROUNDS
 from msahl.schemes import preserving
 from msahl.solve import sparse
 from msahl.system.arrays import Start, State, System, body_count, new_start, node_count
@@ -100,12 +101,13 @@ def make_consistent(
 def solve_accelerations(system: System, state: State, unknowns: Unknowns) -> None:
     """Set accelerations, multipliers and reactions of ``state`` to their values at t = 0.
 
-    Friction presses by the reaction, which depends on friction: two rounds.
+    Friction presses by the reaction, which depends on friction: rounds until it stands still.
     """
     start = new_start(system, state)
     rows, Z = np.zeros((2, node_count(system), 3))
     n = body_count(system)
-    for _ in range(2 if system.along and system.along.frictions.quantity.size else 1):
+    for _ in range(MOST_ROUNDS):
+        last = state.reaction.copy()
         preserving.prepare(system, state, start)
         preserving.free_acceleration(system, state, start, Z, rows)
         solution = solve_at_rest(system, state, rows, unknowns)
@@ -113,6 +115,8 @@ def solve_accelerations(system: System, state: State, unknowns: Unknowns) -> Non
         state.alpha[:] = solution[1 : 2 * n : 2] / system.bodies.length[:, None]
         state.force[:] = solution[2 * n :] * system.unit
         preserving.react(system, state, start, Z)
+        if not along.rubs(system.along) or reaction.stands(state.reaction, last):
+            break
 
 
 def _largest(vectors: np.ndarray) -> float:
