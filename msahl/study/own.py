@@ -43,7 +43,9 @@ def own_reference(
     coarse, fine = pair
     apart = np.maximum.accumulate(_apart(coarse, fine))
     good = apart <= accuracy
-    horizon = float(fine.times[-1] if good.all() else coarse.times[max(np.argmin(good) - 1, 0)])
+    horizon = float(
+        fine.times[-1] if good.all() else coarse.times[max(int(np.argmin(good)) - 1, 0)]
+    )
     error = float(apart[good].max(initial=0.0))
     words = (
         "The reference is msahl itself: the independent integrator would take longer than the "

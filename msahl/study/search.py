@@ -118,7 +118,7 @@ class Search:
             waiting = [(self._seconds(c, k), c, k) for c in self.curves if (k := self._next(c))
                        is not None]  # fmt: skip
             if not waiting:
-                return
+                break
             seconds, curve, k = min(waiting, key=lambda entry: entry[0])
             if seconds > self._allowed():
                 self._end(curve, "a smaller step would take too long")
@@ -128,6 +128,9 @@ class Search:
                 self._end(curve, "a smaller step would take too long")
             else:
                 curve.points[k] = point
+        for curve in self.curves:
+            if not curve.ended:
+                self._end(curve, "the time of the study was used up")
 
     def _allowed(self) -> float:
         """Seconds that one run may take."""
@@ -184,7 +187,12 @@ class Search:
         return OVERHEAD + growth * curve.points[near].trial.seconds
 
     def run(self, case: Case) -> Point | None:
-        """Run a ``case`` and measure its errors; None if it was stopped before its end."""
+        """Run a ``case`` and measure its errors, unless it was run before; None if it was stopped
+        before its end.
+        """
+        known = next((point for point in self.points if point.trial.case == case), None)
+        if known is not None:
+            return known
         if case.scheme not in self.warm:
             warm_up(self.plan.model, case)
             self.warm.add(case.scheme)

@@ -40,7 +40,8 @@ class Command:
 @dataclass(frozen=True)
 class Study:
     """What came out; of a study that was ``stopped``, from the runs it had made by then. ``own``
-    is the case of the deck itself.
+    is the case of the deck itself, ``commands`` are runs by the command line, of the file ``deck``
+    to the end given in place of its own.
     """
 
     plan: Plan
@@ -50,6 +51,8 @@ class Study:
     stopped: bool = False
     fits: dict[tuple[str, str], Fit | None] = field(default_factory=dict)
     commands: dict[Case, Command] = field(default_factory=dict)
+    deck: str = ""
+    given_end: float | None = None
 
     @property
     def schemes(self) -> list[str]:
