@@ -3,8 +3,7 @@
 A curve is a list of runs whose steps (of a scheme that chooses them, the tolerances) follow the
 numbers 1, 2, 5, 10, ... It begins at a step that the fastest rotation lets expect to be coarse, is
 continued with larger steps until the error exceeds ``COARSE``, and with smaller ones until it is
-below ``FINE``, no longer falls, or takes too long. The run that should take the least time comes
-next, of whichever curve: what is quick is known first.
+below ``FINE``, no longer falls, or takes too long. Quick runs come first, of whichever curve.
 """
 
 import math
@@ -16,7 +15,7 @@ import numpy as np
 
 from msahl.compiled import STOPWATCH, working_clock
 from msahl.run import Options
-from msahl.schemes import AUTO
+from msahl.schemes import AUTO, CHOSEN, DEGREE, HIGHER, split
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import measure_errors, state_figures
 from msahl.study.plan import Plan, Point
@@ -119,7 +118,7 @@ class Search:
                        is not None]  # fmt: skip
             if not waiting:
                 break
-            seconds, curve, k = min(waiting, key=lambda entry: entry[0])
+            seconds, curve, k = min(waiting, key=lambda entry: _urgency(entry[0], entry[1].scheme))
             if seconds > self._allowed():
                 self._end(curve, "a smaller step would take too long")
                 continue
@@ -309,6 +308,17 @@ class Search:
             if not point.complete and not self._out():
                 measured = self._measured(point.trial, True)
                 self.points[i] = replace(measured, estimate=point.estimate)
+
+
+def _urgency(seconds: float, scheme: str) -> tuple[int, int]:
+    """What comes first: quick runs, and among those about as quick the schemes of high order, of
+    which few runs show all.
+    """
+    higher = HIGHER.get(split(scheme)[0])
+    order = higher.order(split(scheme)[1] or higher.highest) if higher else 2
+    if scheme == AUTO:
+        order = HIGHER[CHOSEN].order(DEGREE)
+    return math.floor(2.0 * math.log10(seconds)), -order
 
 
 def _round_below(x: float) -> float:
