@@ -10,6 +10,7 @@ import hashlib
 import os
 import pickle
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
@@ -35,8 +36,8 @@ SMALL = 800
 """Bytes of Python code up to which a function is made part of its callers. Small scenes gain a
 tenth; with larger functions they gain nothing and compiling takes longer."""
 
-KERNEL_ROOMS = ("bodies", "forces", "joints", "post", "schemes", "solve", "study", "system")
-SHARED = ("law.py", "rotation.py", "vector.py")
+KERNEL_ROOMS = ("bodies", "forces", "joints", "post", "schemes", "solve", "system")
+SHARED = ("law.py", "rotation.py", "study/dynamics.py", "vector.py")
 COMPILER = ("by_reference.py", "compiled.py", "kernel.py", "part.py")
 KERNELS = (*SHARED, *COMPILER, *(f"{r}/*.py" for r in KERNEL_ROOMS))
 """The sources of the package that compiled code depends on."""
@@ -143,7 +144,35 @@ class _Registrar(event.Listener):
         pass
 
 
+class _Stopwatch(event.Listener):
+    """Seconds that compiling has taken in this process; ``tell`` is called when it begins."""
+
+    def __init__(self) -> None:
+        self.seconds, self.began, self.depth = 0.0, 0.0, 0
+        self.tell: Callable[[], Any] = lambda: None
+
+    def on_start(self, event: event.Event) -> None:
+        if self.depth == 0:
+            self.began = time.perf_counter()
+            self.tell()
+        self.depth += 1
+
+    def on_end(self, event: event.Event) -> None:
+        self.depth -= 1
+        if self.depth == 0:
+            self.seconds += time.perf_counter() - self.began
+
+
+STOPWATCH = _Stopwatch()
+
+
+def working_clock() -> float:
+    """Seconds of a clock that stands still while kernels are compiled."""
+    return time.perf_counter() - STOPWATCH.seconds
+
+
 STORE = Store(cache_folder())
 # Sums of tuples become sums of the processor's own vectors.
 setattr(numba.config, "SLP_VECTORIZE", 1)  # noqa: B010 - missing in its type stub
 event.register("numba:compile", _Registrar())  # type: ignore[no-untyped-call]
+event.register("numba:compile", STOPWATCH)  # type: ignore[no-untyped-call]

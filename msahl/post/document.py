@@ -41,7 +41,15 @@ class Picture:
     png: bytes
 
 
-Block = Heading | Paragraph | Items | Picture | Table
+@dataclass(frozen=True, slots=True)
+class Folded:
+    """Blocks that a reader unfolds by a click on the ``title``; in Markdown a section."""
+
+    title: str
+    blocks: tuple["Block", ...]
+
+
+Block = Heading | Paragraph | Items | Picture | Table | Folded
 
 CSS = """
 :root { color-scheme: light dark; --line: #8886; --soft: #8881; }
@@ -54,6 +62,7 @@ th, td { text-align: left; padding: .25em .8em; border-bottom: 1px solid var(--l
 th { background: var(--soft); vertical-align: bottom; }
 .number { text-align: right; white-space: nowrap; }
 td { overflow-wrap: anywhere; }
+summary { cursor: pointer; margin-top: 1.2em; font-size: 1.3em; font-weight: 600; }
 img { width: 100%; background: white; border-radius: 6px; margin: .5em 0; }
 """.strip()
 
@@ -74,6 +83,8 @@ def _markdown(block: Block) -> str:
                 f"- **{_plain(term)}**: {_plain(text)}" if term else f"- {_plain(text)}"
                 for term, text in items
             )
+        case Folded(title, blocks):
+            return "\n\n".join(map(_markdown, (Heading(2, title), *blocks)))
         case Picture(name, text, _):
             return f"![{_plain(text)}]({name})"
         case Table():
@@ -127,6 +138,9 @@ def _html(block: Block) -> str:
                 for term, text in items
             ]
             return "\n".join(["<ul>", *lines, "</ul>"])
+        case Folded(title, blocks):
+            body = "\n".join(map(_html, blocks))
+            return f"<details>\n<summary>{escape(title)}</summary>\n{body}\n</details>"
         case Picture(_, text, png):
             data = base64.b64encode(png).decode()
             return f'<img alt="{_escaped(text)}" src="data:image/png;base64,{data}">'

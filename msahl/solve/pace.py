@@ -68,7 +68,7 @@ class Pace(NamedTuple):
     x_middle: np.ndarray  # (n+1, 3) where its rows between have its middle
     p_middle: np.ndarray  # (n+1, 3)
     work: np.ndarray  # (w,) at its end [J]
-    driven: bool  # whether motions are prescribed
+    checks_rows: bool  # whether errors of rows between and of works count as well
     kinks: Kinks
 
 
@@ -92,7 +92,7 @@ def new_pace(island: High, steps: int, dt: float, tolerance: float, t_final: flo
         x_middle=np.zeros_like(state.x),
         p_middle=np.zeros_like(state.p),
         work=np.zeros_like(state.work),
-        driven=system.along is not None and bool((system.along.rows.law >= 0).any()),
+        checks_rows=system.along is not None or bool((system.loads.law >= 0).any()),
         kinks=new_kinks(system),
     )
 
@@ -150,7 +150,7 @@ def attempt(island: High, pace: Pace, order: int, row: int, commit: bool) -> boo
         follow(island, t, h)
         return False
     error, known = apart(island, pace)
-    if pace.driven:
+    if pace.checks_rows:
         rest, unsure = apart_within(island, pace, row)
         error, known = error + rest, known + unsure
     error /= 2.0**order - 1.0
@@ -215,7 +215,7 @@ def pair(island: High, pace: Pace, h: float, row: int) -> bool:
         return False
     copy(state.x, pace.x)
     copy(state.p, pace.p)
-    if pace.driven:
+    if pace.checks_rows:
         go_between(island, pace, h)
     learn(island)
     go_back(island, pace)

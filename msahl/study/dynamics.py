@@ -145,28 +145,42 @@ def _push(system: System, state: State, start: Start, room: Station) -> None:
 
 
 @kernel
-def _publish_row(
-    system: System, state: State, start: Start, y: np.ndarray, table: np.ndarray, row: int
+def _publish_rows(
+    system: System, state: State, start: Start, ys: np.ndarray, table: np.ndarray
 ) -> None:
-    """Write ``y`` into a ``row`` of ``table``, in the columns of ``states.csv``."""
-    _unpack(y, state)
-    preserving.prepare(system, state, start)
-    rigid.publish(system.bodies, state.x, state.p, start.bodies, state.w, table, row)
+    """Write the states ``ys`` into the rows of ``table``, in the columns of ``states.csv``."""
+    for row in range(ys.shape[0]):
+        _unpack(ys[row], state)
+        preserving.prepare(system, state, start)
+        rigid.publish(system.bodies, state.x, state.p, start.bodies, state.w, table, row)
 
 
 @kernel
 def _recall(
-    system: System, state: State, start: Start, room: Station, table: np.ndarray, row: int
+    system: System,
+    state: State,
+    start: Start,
+    room: Station,
+    times: np.ndarray,
+    table: np.ndarray,
+    forces: np.ndarray,
 ) -> None:
-    rigid.recall(system.bodies, table, row, state.x, state.p, state.v, state.w)
-    _prepare(system, state, start)
-    station.accelerate(system, state, start, room)
+    """Set ``forces`` (m, j, 3) to the joints' forces of the published states in ``table``."""
+    for row in range(times.size):
+        state.time[0] = times[row]
+        rigid.recall(system.bodies, table, row, state.x, state.p, state.v, state.w)
+        _prepare(system, state, start)
+        station.accelerate(system, state, start, room)
+        for j in range(forces.shape[1]):
+            for i in range(3):
+                forces[row, j, i] = state.reaction[j, i]
 
 
 class Dynamics:
     """The equation of one model, starting from the state its runs start from."""
 
     def __init__(self, model: Model) -> None:
+        self.model = model
         self.system, self.state = first_state(model)
         self.start = new_start(self.system, self.state)
         self.room = new_station(self.system)
@@ -234,8 +248,8 @@ class Dynamics:
     def publish(self, ys: np.ndarray) -> np.ndarray:
         """(m, 12 n) the columns of ``states.csv`` of the states ``ys`` (m, 13 n)."""
         table = np.zeros((len(ys), 12 * (ys.shape[1] // SIZE)))
-        for row, y in enumerate(ys):
-            _publish(self.system, self.state, self.start, y, table, row)
+        ys = np.ascontiguousarray(ys)
+        _compiled_publish(self.system, self.state, self.start, ys, table)
         return table
 
     def forces(self, times: np.ndarray, table: np.ndarray) -> np.ndarray:
@@ -246,15 +260,16 @@ class Dynamics:
         """
         self.restart()
         out = np.zeros((len(table), self.joints, 3))
-        table = np.ascontiguousarray(table)
-        for row, t in enumerate(times):
-            self.state.time[0] = t
+        table, times = np.ascontiguousarray(table), np.asarray(times, dtype=float)
+        rows = 1 if not self.regular else max(1, len(times))
+        for k in range(0, len(times), rows):
+            part = slice(k, k + rows)
             with np.errstate(all="ignore"):
-                _compiled_recall(*self.parts, table, row)
+                _compiled_recall(*self.parts, times[part], table[part], out[part])
             if not self.regular:
                 solve_least(self.room)
                 _compiled_react(*self.parts)
-            out[row] = self.state.reaction[:, :3]
+                out[k] = self.state.reaction[: self.joints, :3]
         return out.reshape(len(table), -1)
 
 
@@ -268,4 +283,4 @@ _compiled_open = compiled(_open)
 _compiled_move = compiled(_move)
 _compiled_push = compiled(_push)
 _compiled_recall = compiled(_recall)
-_publish = compiled(_publish_row)
+_compiled_publish = compiled(_publish_rows)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 AGREE = 0.15
 """How far slopes of one stretch may be from their fit."""
@@ -72,7 +72,7 @@ def _fit(points: np.ndarray) -> Fit | None:
     rest = y - shift - order * x
     freedom = len(x) - 2
     spread = np.sqrt(rest @ rest / freedom / (centred @ centred))
-    uncertainty = float(student.ppf(0.975, freedom) * spread)
+    uncertainty = float(stdtrit(freedom, 0.975) * spread)
     return Fit(order, uncertainty, float(np.exp(shift)), float(points[-1, 0]), float(points[0, 0]))
 
 

@@ -1,26 +1,29 @@
 """Runs kept in memory, and what they took.
 
-Compiling belongs to nobody's run: each scheme is run for a few steps first. The repeats are
-interleaved, so that a busy moment of the machine falls on all steps and schemes alike.
+Compiling belongs to nobody's run: each scheme takes a few steps first. What a run takes is the
+least of its repeats, as all that disturbs it only adds. Repeats of a list of cases are interleaved,
+so that a busy moment of the machine falls on all of them alike.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from msahl.model import Model, scheme_of
 from msahl.results.read import Run
-from msahl.run import Grid, Options, Report, run
-from msahl.schemes import split
+from msahl.run import ESTIMATE, OFF, Options, Report, run
+from msahl.schemes import AUTO, split
+from msahl.study.rounding import round_down
 from msahl.system.names import reaction_columns, state_columns, work_columns
 
 WARM_STEPS = 5
+AUTO_ROWS = 100
+"""Rows, at least, of runs that choose their steps."""
 COLUMNS = (state_columns, reaction_columns, work_columns)
 
 
@@ -57,15 +60,38 @@ class Nowhere:
         """There are none."""
 
 
-@dataclass(frozen=True)
-class Trial:
-    """A run and what it took: ``seconds`` of the loop, the median of its repeats."""
+class Case(NamedTuple):
+    """A scheme and the ``size`` of its steps [s], or their tolerance [m] if it chooses them."""
 
     scheme: str
-    dt: float
+    size: float
+
+    @property
+    def chooses(self) -> bool:
+        """Whether the steps follow from a tolerance."""
+        return self.scheme == AUTO
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A run and what it took: ``seconds`` of the loop, the least of its repeats."""
+
+    case: Case
     seconds: float
     report: Report
     run: Run
+
+    @property
+    def scheme(self) -> str:
+        """Name of the scheme."""
+        return self.case.scheme
+
+    @property
+    def dt(self) -> float:
+        """Size of the steps [s], or their mean if the run has chosen them."""
+        if not self.case.chooses:
+            return self.case.size
+        return self.report.time / max(1, self.report.steps)
 
     @property
     def completed(self) -> bool:
@@ -86,6 +112,15 @@ def with_step(
     return replace(
         model, simulation=replace(other, tolerance=None, local_tolerance=None, interval=None)
     )
+
+
+def variant(model: Model, case: Case) -> Model:
+    """``model`` as a ``case`` runs it."""
+    if not case.chooses:
+        return with_step(model, case.size, scheme=case.scheme)
+    interval = model.simulation.interval or round_down(model.simulation.t_final / AUTO_ROWS)
+    chosen = with_step(model, interval, scheme=case.scheme).simulation
+    return replace(model, simulation=replace(chosen, tolerance=case.size, interval=interval))
 
 
 def run_in_memory(
@@ -111,36 +146,69 @@ def run_in_memory(
     return report, kept
 
 
+def loop_seconds(model: Model, case: Case, stopped: Callable[[], bool]) -> float | None:
+    """Seconds of the loop of one more run of a ``case``; None if it was stopped."""
+    report = run(variant(model, case), options_of(case), Nowhere(), stopped=stopped)
+    return None if report.status == "interrupted" else seconds_of(report, case)
+
+
+def options_of(case: Case) -> Options:
+    """Options of the runs of a ``case``: only a tolerance needs the estimate of the error."""
+    return Options(error=None if case.chooses else OFF)
+
+
+def seconds_of(report: Report, case: Case) -> float:
+    """Seconds of the loop, and of the companion runs where a tolerance cannot do without."""
+    seconds = report.seconds
+    return seconds["loop"] + (seconds.get("companion", 0.0) if case.chooses else 0.0)
+
+
+def estimated_error(model: Model, case: Case, accuracy: float) -> float | None:
+    """The error in position [m] that a run of a ``case`` says it has."""
+    report = run(variant(model, case), Options(error=ESTIMATE, accuracy=accuracy), Nowhere())
+    told = report.error
+    if told is None or not told["complete"] or report.status != "completed":
+        return None
+    return float(told["position"])
+
+
+def warm_up(model: Model, case: Case) -> None:
+    """Take a few steps, so that no later run compiles or loads what has been compiled."""
+    first = variant(model, case)
+    few = WARM_STEPS * first.simulation.dt
+    end = min(few, model.simulation.t_final)
+    ended = replace(first, simulation=replace(first.simulation, t_final=end))
+    run(ended, options_of(case), Nowhere())
+
+
 def try_all(
     model: Model,
     cases: Sequence[tuple[str, float]],
     repeats: int,
-    progress: Callable[[int], Any] = lambda steps: None,
+    progress: Callable[[Case], Any] = lambda case: None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> list[Trial]:
-    """A trial of every case (scheme, dt); ``progress`` is told of steps done since last time.
+    """A trial of every case (scheme, dt); ``progress`` is told of each run that has ended.
 
     Once ``stopped``, those that had run, however often, are the trials.
     """
-    for scheme in sorted({scheme for scheme, _ in cases}):
-        dt = next(dt for name, dt in cases if name == scheme)
-        end = min(WARM_STEPS * dt, model.simulation.t_final)
-        run(with_step(model, dt, end, scheme), Options(), Nowhere(), stopped=stopped)
-    seconds: dict[tuple[str, float], list[float]] = {case: [] for case in cases}
-    kept: dict[tuple[str, float], tuple[Report, Run]] = {}
-    for repeat, case in product(range(repeats), cases):
+    wanted = [Case(*case) for case in cases]
+    for scheme in sorted({case.scheme for case in wanted}):
+        warm_up(model, next(case for case in wanted if case.scheme == scheme))
+    seconds: dict[Case, float] = {}
+    kept: dict[Case, tuple[Report, Run]] = {}
+    for repeat, case in product(range(repeats), wanted):
         if stopped():  # a short run does not ask
             break
-        scheme, dt = case
-        variant = with_step(model, dt, scheme=scheme)
         if repeat == 0:
-            report, rows = run_in_memory(variant, Options(), stopped)
+            report, rows = run_in_memory(variant(model, case), options_of(case), stopped)
+            if report.status == "interrupted":
+                break
+            kept[case], seconds[case] = (report, rows), seconds_of(report, case)
         else:
-            report = run(variant, Options(), Nowhere(), stopped=stopped)
-        if report.status == "interrupted":
-            break
-        if repeat == 0:
-            kept[case] = report, rows
-        seconds[case].append(report.seconds["loop"])
-        progress(Grid.of(variant.simulation).n)
-    return [Trial(*case, median(seconds[case]), *kept[case]) for case in cases if case in kept]
+            again = loop_seconds(model, case, stopped)
+            if again is None:
+                break
+            seconds[case] = min(seconds[case], again)
+        progress(case)
+    return [Trial(case, seconds[case], *kept[case]) for case in wanted if case in kept]

@@ -25,6 +25,8 @@ class ExactReference:
     """The closed forms of all islands of a scene; trusted at any time."""
 
     horizon = float("inf")
+    error = 1e-13
+    """Round-off of closed forms in double precision, times lengths of a metre [m]."""
 
     def __init__(self, model: Model, forms: dict[str, tuple[Scene, Form]]) -> None:
         self.model, self.forms = model, forms
