@@ -10,9 +10,10 @@ pair it goes with the power p + 1, over a unit of time with p.
 No pair goes past a kink: where a law of time has one is known, and where a quantity comes to one of
 a spring's table or of a cam, or to the width of a friction, is found (``solve.kinks``).
 
-Where motions are prescribed, the own error of places alone says little: where all are, there is
-none. There the error counts of the rows between as well, at the middle of the whole step, and that
-of the works, by the energy of the scene over its length.
+The error of positions at the ends of steps alone says little where motions are prescribed (where
+all are, there is none) or loads oscillate (their impulses are exact). So in all systems but those of
+coinciding points without laws of time the error of the row between, at the middle of the whole
+step, counts as well, and that of the works, by the energy of the system over its length.
 """
 
 import math
