@@ -11,8 +11,8 @@ No pair goes past a kink: where a law of time has one is known, and where a quan
 a spring's table or of a cam, or to the width of a friction, is found (``solve.kinks``).
 
 The error of positions at the ends of steps alone says little where motions are prescribed (where
-all are, there is none) or loads oscillate (their impulses are exact). So in all systems but those of
-coinciding points without laws of time the error of the row between, at the middle of the whole
+all are, there is none) or loads oscillate (their impulses are exact). So in all systems but those
+of coinciding points without laws of time the error of the row between, at the middle of the whole
 step, counts as well, and that of the works, by the energy of the system over its length.
 """
 
