@@ -6,15 +6,15 @@ import numpy as np
 
 from benchmarks.motion import Motion
 from msahl.model import Model
-from msahl.run import Options, Report, run
+from msahl.run import OFF, Options, Report, run
 from msahl.schemes import ANGLE, choices, split
 
 VARIANTS = {
-    "msahl newton": Options(solver="newton"),
-    "msahl auto": Options(solver="auto"),
-    "msahl root": Options(solver="root"),
-    "msahl newton --full": Options(solver="newton", full=True),
-    "msahl newton --turn angle": Options(solver="newton"),
+    "msahl newton": Options(solver="newton", error=OFF),
+    "msahl auto": Options(solver="auto", error=OFF),
+    "msahl root": Options(solver="root", error=OFF),
+    "msahl newton --full": Options(solver="newton", full=True, error=OFF),
+    "msahl newton --turn angle": Options(solver="newton", error=OFF),
 }
 SETTINGS = {
     "msahl newton": "the compiled loop, reductions as found",
@@ -36,14 +36,24 @@ class _Rows:
     def __init__(self) -> None:
         self.states: list[np.ndarray] = []
 
-    def write(self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray) -> None:
+    def write(
+        self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray, errors: np.ndarray
+    ) -> None:
         self.states.append(states)
+
+    def restart(self) -> None:
+        self.states.clear()
 
 
 class _Nothing:
     """A sink that keeps nothing."""
 
-    def write(self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray) -> None:
+    def write(
+        self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray, errors: np.ndarray
+    ) -> None:
+        pass
+
+    def restart(self) -> None:
         pass
 
 
@@ -67,7 +77,12 @@ def motion(
     rows, options = _Rows(), replace(_options(variant), every=every)
     chosen = _lasting(_of_scheme(model, variant), h, steps)
     if variant in BY_TOLERANCE:
-        steered = {"scheme": AUTO, "tolerance": accuracy, "interval": h, "dt": model.simulation.dt}
+        steered = {
+            "scheme": AUTO,
+            "local_tolerance": accuracy,
+            "interval": h,
+            "dt": model.simulation.dt,
+        }
         chosen = replace(chosen, simulation=replace(chosen.simulation, **steered))
     report = run(chosen, options, rows)
     if report.status != "completed":

@@ -108,7 +108,7 @@ def _process_table(results: Results) -> str:
     lines = ["| process | first [s] | later [s] | peak memory, later [MB] |", "|---|---|---|---|"]
     if results.imports:
         bare = results.imports
-        what = "`python -c 'import numpy, lxml, xmlschema, click'`"
+        what = "`python -c 'import numpy, lxml, click'`"
         lines.append(f"| {what} | | {bare.seconds:.3f} | {bare.memory:.0f} |")
     for solver, s in results.starts.items():
         what = f"`msahl run single_pendulum_45.xml --solver {solver}`"

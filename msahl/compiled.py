@@ -8,20 +8,25 @@ runs everything as plain Python.
 
 import hashlib
 import os
+import pickle
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
+import llvmlite
 import numba
 import platformdirs
 from numba.core import event
-from numba.core.caching import FunctionCache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
 from numba.extending import register_jitable
 
 import msahl.by_reference  # noqa: F401 - tells numba what a group is
 from msahl.kernel import APART, MARKED
 from msahl.part import Apart, Entered, Inlined
+from msahl.store import Store
 
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
 """Division by zero gives inf or nan, which the solver sees, instead of an exception. Without
@@ -36,6 +41,8 @@ SHARED = ("law.py", "rotation.py", "study/dynamics.py", "vector.py")
 COMPILER = ("by_reference.py", "compiled.py", "kernel.py", "part.py")
 KERNELS = (*SHARED, *COMPILER, *(f"{r}/*.py" for r in KERNEL_ROOMS))
 """The sources of the package that compiled code depends on."""
+LAYOUT = 2
+"""Of the kept files; counted up when it changes."""
 
 _registered: set[Callable[..., Any]] = set()
 
@@ -45,7 +52,8 @@ def cache_folder() -> Path:
     kept = os.environ.get("NUMBA_CACHE_DIR")
     root = kept or platformdirs.user_cache_dir("msahl", appauthor=False)
     package = Path(__file__).parent
-    digest = hashlib.sha256(numba.__version__.encode())
+    compilers = (numba.__version__, llvmlite.__version__, sys.implementation.cache_tag)
+    digest = hashlib.sha256(f"{LAYOUT} {compilers}\n".encode())
     for source in sorted(s for pattern in KERNELS for s in package.glob(pattern)):
         stat = source.stat()
         digest.update(f"{source} {stat.st_mtime_ns} {stat.st_size}\n".encode())
@@ -54,14 +62,23 @@ def cache_folder() -> Path:
 
 def is_kept(kind: str) -> bool:
     """Whether the step of this ``kind`` of scene is on disk, or need not be compiled at all."""
-    return bool(os.environ.get("NUMBA_DISABLE_JIT")) or (cache_folder() / kind).exists()
+    return bool(os.environ.get("NUMBA_DISABLE_JIT")) or STORE.load(kind) is not None
 
 
 def keep(kind: str) -> None:
     """Note that the step of this ``kind`` of scene is compiled and kept."""
-    folder = cache_folder()
-    if folder.is_dir():
-        (folder / kind).touch()
+    if not os.environ.get("NUMBA_DISABLE_JIT"):
+        STORE.save(kind, b"")
+
+
+def trouble() -> str:
+    """Why compiled code cannot be kept on disk, and what to do; empty if it can."""
+    if not STORE.trouble:
+        return ""
+    return (
+        f"{STORE.trouble}: compiled code is not kept there, so every run compiles anew. Give the "
+        "folder to yourself alone (chmod go-w), or let NUMBA_CACHE_DIR name another one"
+    )
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -69,21 +86,48 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     options = {**OPTIONS, "pipeline_class": Entered}
     dispatcher: Any = numba.njit(**options)(function)
     if dispatcher is not function:  # it is, where nothing is to be compiled
-        dispatcher._cache = _Kept(function)  # type: ignore[no-untyped-call]
+        dispatcher._cache = _Kept(function)
     entered: Callable[..., Any] = dispatcher
     return entered
 
 
-class _Kept(FunctionCache):
-    """numba's cache on disk, which loads what is there and no more.
+class _Kept:
+    """What numba asks of the cache of one ``function``.
 
-    numba itself first gets ready to compile, with all it knows of Python and numpy: 0.35 s.
+    numba's own gets ready to compile before it loads, with all it knows of Python and numpy (0.35
+    s), executes whatever bytes it finds, and loses entries when two processes save at a time.
     """
 
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """What is kept for a signature, None where nothing is."""
-        with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.function = function
+        self.cache_path = str(STORE.folder)
+
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        """The code kept for a signature, None where there is none."""
+        name = self._name(signature, context.codegen())
+        content = STORE.load(name)
+        if content is None:
+            return None
+        try:
+            return cast(Any, CompileResult)._rebuild(context, *pickle.loads(content))
+        except Exception:  # whole, but of a library that has changed under the same version
+            STORE.discard(name)
+            return None
+
+    def save_overload(self, signature: Any, result: Any) -> None:
+        """Keep the code compiled for a signature."""
+        if not result.library.has_dynamic_globals:
+            STORE.save(self._name(signature, result.codegen), cast(Any, dumps)(result._reduce()))
+
+    def flush(self) -> None:
+        """Nothing waits to be written."""
+
+    def _name(self, signature: Any, code: Any) -> str:
+        """A file's name for the function, the types of its arguments, and the processor."""
+        function = self.function
+        key = (signature, code.magic_tuple(), function.__code__.co_code)
+        told = hashlib.sha256(repr(key).encode()).hexdigest()
+        return f"{function.__module__}.{function.__qualname__}-{told[:24]}"
 
 
 class _Registrar(event.Listener):
@@ -127,8 +171,8 @@ def working_clock() -> float:
     return time.perf_counter() - STOPWATCH.seconds
 
 
+STORE = Store(cache_folder())
 # Sums of tuples become sums of the processor's own vectors.
 setattr(numba.config, "SLP_VECTORIZE", 1)  # noqa: B010 - missing in its type stub
 event.register("numba:compile", _Registrar())  # type: ignore[no-untyped-call]
 event.register("numba:compile", STOPWATCH)  # type: ignore[no-untyped-call]
-setattr(numba.config, "CACHE_DIR", str(cache_folder()))  # noqa: B010 - missing in its type stub

@@ -11,6 +11,7 @@ from msahl.solve.island import Runner
 from msahl.system.arrays import multiplier_count
 from msahl.system.islands import split
 from msahl.system.reduce import all_unknowns
+from msahl.verdict import describe_shared
 
 AXES = "xyz"
 
@@ -59,16 +60,16 @@ def _freedoms(model: Model, runners: list[Runner]) -> Iterator[str]:
     yield f"degrees of freedom: by count {bodies} - {equations} = {bodies - equations}, " + (
         f"by rank {bodies} - {rank} = {bodies - rank}"
     )
-    shared = [name for runner in runners for name in runner.shared]
+    shared = {name: columns for runner in runners for name, columns in runner.shared.items()}
     if shared:
         yield (
             f"  {equations - rank} joint equations follow from the others: motion and energy are "
-            f"unique, but not the reactions of {', '.join(shared)}"
+            f"unique, but not these reactions: {describe_shared(shared)}"
         )
     names = [joint.name for joint in model.joints] + [c.name for c in model.couplings]
     unique = [name for name in names if name not in shared]
     if shared and unique:
-        yield f"  unique reactions: {', '.join(unique)}"
+        yield f"  all components unique: {', '.join(unique)}"
 
 
 def _unknowns(model: Model, runners: list[Runner]) -> Iterator[str]:

@@ -81,8 +81,9 @@ class Simulation:
     decays, its damping at infinite frequency: 0 none, 1 all in one step; what of the ``turn`` of a
     step the mean angular velocity tells, its tangent or its angle; what ``reactions`` are;
     what is asked of the result; the ``degree`` of the scheme, if it is one that has any; the
-    ``interval`` [s] of rows where it is not the step; the ``tolerance`` [m] that steps are chosen
-    by, if they are, and that ``dt`` then is but the first guess of.
+    ``interval`` [s] of rows where it is not the step; the ``tolerance`` [m] of the global error of
+    positions, or the ``local_tolerance`` [m] of the sum of the steps' own errors, by which steps
+    are chosen, if they are: ``dt`` is then the first one tried.
     """
 
     title: str
@@ -96,6 +97,7 @@ class Simulation:
     degree: int = DEGREE
     interval: float | None = None
     tolerance: float | None = None
+    local_tolerance: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,10 +156,20 @@ def order_of(model: Model) -> int:
 
 
 def tolerance_of(model: Model) -> float | None:
-    """Tolerance [m] by which the run chooses its steps; None if they are the deck's own."""
-    if model.simulation.scheme == AUTO:
-        return model.simulation.tolerance or TOLERANCE
-    return model.simulation.tolerance if degree_of(model) else None
+    """Global error [m] that the run must not exceed; None if no such is asked for."""
+    simulation = model.simulation
+    if simulation.local_tolerance is not None or not degree_of(model):
+        return None
+    return simulation.tolerance or (TOLERANCE if simulation.scheme == AUTO else None)
+
+
+def local_tolerance_of(model: Model) -> float | None:
+    """Bound [m] of the sum of the steps' own errors by which the run chooses its steps; None if
+    they are the deck's own.
+    """
+    if not degree_of(model):
+        return None
+    return model.simulation.local_tolerance or tolerance_of(model)
 
 
 def decays(model: Model) -> bool:

@@ -3,21 +3,26 @@
 Interruptions are honoured between chunks, so every row on disk is an accepted state.
 """
 
+import errno
 import math
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 
-from msahl.compiled import is_kept, keep
+from msahl.attempts import KNOWN_NUMBERS, Attempts
+from msahl.compiled import is_kept, keep, trouble
+from msahl.error_estimate import Companion, ErrorEstimate, Steps, choose_companion
 from msahl.model import (
     STATION,
     Model,
     Simulation,
     decays,
     degree_of,
+    local_tolerance_of,
+    order_of,
     reactions_of,
     tolerance_of,
     turns_by_angle,
@@ -28,9 +33,8 @@ from msahl.solve.dense import FAR
 from msahl.solve.initial import StartError
 from msahl.solve.island import MAX_HALVINGS, Runner
 from msahl.solve.momentum import Momentum, drift, is_alone, momentum
-from msahl.solve.outcome import TOLERANCE, Outcome
+from msahl.solve.outcome import TOLERANCE, Outcome, Stopped
 from msahl.solve.plan import Plan
-from msahl.solve.shadow import Shadow
 from msahl.solve.watch import Extremes
 from msahl.system.islands import split
 from msahl.system.names import describe_row, reaction_columns, state_columns, work_columns
@@ -39,8 +43,9 @@ from msahl.verdict import Figures, judge, never_begun
 if TYPE_CHECKING:
     from msahl.solve.higher import Paced
 
-CHUNK_SECONDS = 0.2
-"""About how long the loop goes on between output, progress and a look at interruptions."""
+CHUNK_SECONDS = 0.1
+"""About how long the loop goes on between output, progress and a look at interruptions: less than
+the 2 s in which it answers, should the machine become ten times slower."""
 PATIENCE = 5.0 * CHUNK_SECONDS
 """Seconds after which a chunk is broken off if its steps have turned hard."""
 SLOWEST = 16_000
@@ -55,6 +60,9 @@ SAVE_SHARE = 0.01
 
 WORTH_TELLING = 1e-12
 """Way an inconsistent velocity would go in a step, relative to the bodies' length, that is told."""
+NO_ERRORS = np.zeros((0, 3))
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What the system says where there is no room."""
 COLUMNS = (state_columns, reaction_columns, work_columns)
 """What heads the tables of states, reactions and work."""
 
@@ -62,20 +70,33 @@ COLUMNS = (state_columns, reaction_columns, work_columns)
 class Sink(Protocol):
     """Where rows go: tables with the columns of ``system.names``, the time first."""
 
-    def write(self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray) -> None:
-        """Append rows."""
+    def write(
+        self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray, errors: np.ndarray
+    ) -> None:
+        """Append rows; ``errors`` (m, 3) are time and estimated errors of positions and of
+        orientations [m], without rows where they are not known.
+        """
+
+    def restart(self) -> None:
+        """Drop all rows: the run begins anew, with smaller steps."""
+
+
+ESTIMATE, LOCAL, OFF = ERRORS = ("estimate", "local", "off")
+"""What is found out about the error: the global one, the sum of the steps' own, nothing."""
 
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What the user chose beside the deck; ``full`` leaves nothing out of the equations, and
-    ``shadow`` [m] asks for an accuracy in place of the deck's.
+    """What the user chose beside the deck; ``full`` makes no exact reduction of the equations,
+    ``accuracy`` [m] replaces the deck's, and ``error`` says how the error is estimated: None is
+    the global error where that is cheap.
     """
 
     solver: str = "auto"
     every: int = 1
     full: bool = False
-    shadow: float | None = None
+    accuracy: float | None = None
+    error: str | None = None
 
 
 @dataclass(slots=True)
@@ -92,7 +113,7 @@ class Report:
     planar_islands: int = 0
     unknowns: int = 0
     freedoms: dict[str, int] = field(default_factory=dict)
-    sharedReactions: list[str] = field(default_factory=list)
+    sharedReactions: dict[str, list[str]] = field(default_factory=dict)
     iterations: int = 0
     factorisations: int = 0
     root_steps: int = 0
@@ -102,7 +123,7 @@ class Report:
     seconds: dict[str, float] = field(default_factory=dict)
     extremes: dict[str, float | None] = field(default_factory=dict)
     pace: dict[str, Any] | None = None
-    shadow: dict[str, float | bool] | None = None
+    error: dict[str, Any] | None = None
     verdict: dict[str, Any] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
@@ -159,6 +180,14 @@ def no_run(status: str, message: str) -> Report:
     return Report(status=status, message=message, verdict=never_begun(status).as_json())
 
 
+def not_written(error: OSError, rows: str = "") -> str:
+    """Why results could not be written, and what to do; ``rows`` says which of them are there."""
+    if error.errno in (errno.ENOENT, errno.ENOTDIR, errno.ESTALE):
+        return f"{error.filename}: the folder was removed or renamed while the run wrote into it"
+    told = f"{error.filename}: {error.strerror or error}{rows}"
+    return f"{told}. Make room there" if error.errno in FULL else told
+
+
 def run(
     model: Model,
     options: Options,
@@ -180,7 +209,35 @@ def run(
     """
     # What overflows is told in our own words (``_finite_steps``), not in numpy's.
     with np.errstate(all="ignore"):
-        return _Run(model, options, sink, save).go(progress, stopped, tell, since)
+        if tolerance_of(model) is None:
+            return _Run(model, options, sink, save).go(progress, stopped, tell, since)
+        return _run_to_tolerance(model, options, sink, save, progress, stopped, tell, since)
+
+
+def _run_to_tolerance(
+    model: Model,
+    options: Options,
+    sink: Sink,
+    save: Callable[[Snapshot], Any] | None,
+    progress: Callable[[int, float], Any],
+    stopped: Callable[[], bool],
+    tell: Callable[[str], Any],
+    since: Snapshot | None,
+) -> Report:
+    """Run until the estimated global error is within the tolerance of ``model``: run, compare,
+    run again with smaller steps. The rows of the last run stay.
+    """
+    attempts = Attempts(model)
+    if since:
+        attempts.recall(since.numbers["attempts"], since.memory)
+    while True:
+        simulation = replace(model.simulation, local_tolerance=attempts.local)
+        run = _Run(replace(model, simulation=simulation), options, sink, save, attempts)
+        report = run.go(progress, stopped, tell, since)
+        if report.status != "completed" or not attempts.goes_on(run.estimate, run.size):
+            return report
+        since = None
+        sink.restart()
 
 
 class _Run:
@@ -192,9 +249,11 @@ class _Run:
         options: Options,
         sink: Sink,
         save: Callable[[Snapshot], Any] | None,
+        attempts: Attempts | None = None,
     ) -> None:
         began = time.perf_counter()
         self.model, self.options, self.sink, self.save = model, options, sink, save
+        self.attempts = attempts
         self.grid = Grid.of(model.simulation)
         self.shown = Grid.of_rows(model.simulation)
         self.columns = [names(model) for names in COLUMNS]
@@ -203,17 +262,16 @@ class _Run:
         rows = max(self.grid.n, self.shown.n) + 1
         self.chunk = max(a_step, min(4096, rows, CHUNK_NUMBERS // numbers))
         # Islands whose steps follow from a tolerance go together: their figures are added up.
-        together = options.full or tolerance_of(model) is not None
+        together = options.full or local_tolerance_of(model) is not None
         islands = [model] if together else split(model)
         at_rows = reactions_of(model) == STATION
         self.runners = [
             Runner(i, options.solver, options.full, self.chunk, at_rows) for i in islands
         ]
         steps = self.runners[0].steps
-        self.paced = cast("Paced", steps) if tolerance_of(model) is not None else None
+        self.paced = cast("Paced", steps) if local_tolerance_of(model) is not None else None
         self.reached = 0.0  # end of the last good step of these [s]
-        asked = options.shadow or model.simulation.limits.accuracy
-        self.shadow = Shadow(self.runners, options.full, self.chunk, asked) if asked else None
+        self.estimate = self._estimate()
         place = [{name: i for i, name in enumerate(columns)} for columns in self.columns]
         self.places = [
             [
@@ -228,7 +286,6 @@ class _Run:
             planar_islands=sum(runner.axis is not None for runner in self.runners),
             unknowns=sum(runner.scene.unknowns.free.size for runner in self.runners),
             freedoms=_freedoms(model, self.runners),
-            sharedReactions=[name for runner in self.runners for name in runner.shared],
             warnings=[w for runner in self.runners for w in _warnings(runner)],
             seconds={
                 "prepare": time.perf_counter() - began,
@@ -237,6 +294,25 @@ class _Run:
                 "checkpoints": 0.0,
             },
         )
+
+    def _estimate(self) -> ErrorEstimate | None:
+        """The estimate of the global error, unless it is not wanted or too expensive."""
+        model, options, attempts = self.model, self.options, self.attempts
+        accuracy = options.accuracy or model.simulation.limits.accuracy
+        if options.error in (LOCAL, OFF):
+            return None
+        companion: Companion | None = attempts.known if attempts else None
+        if companion is None:
+            asked = options.error == ESTIMATE or accuracy is not None or attempts is not None
+            companion = choose_companion(
+                model, self.runners, options.full, self.chunk, self.grid.n, asked
+            )
+        if companion is None:
+            return None
+        estimate = ErrorEstimate(model, self.runners, companion, accuracy)
+        if attempts and self.shown.n * sum(map(len, self.columns)) <= KNOWN_NUMBERS:
+            estimate.keep_rows()
+        return estimate
 
     def go(
         self,
@@ -257,22 +333,33 @@ class _Run:
         if min(self._finite_steps(1, Plan.at_ends(np.ones(1, dtype=bool)), self.grid.time)) < 1:
             raise StartError(self.report.message)
         first = [runner.scene.watch.rows[:1] for runner in self.runners]
-        self.extremes = Extremes(first, sum(_weight(runner) for runner in self.runners))
+        t_final = self.grid.t_final
+        self.extremes = Extremes(first, sum(_energy_scale(r, t_final) for r in self.runners))
+        self.extremes.compare_with(sum(map(_work_of_reactions, self.runners)))
         self.momenta = [_momentum(runner) for runner in self.runners]
         report.status = "completed"
         if since:
             self._recall(since)
         else:
-            self._publish(np.zeros(1))
+            errors = self.estimate.begin(self.runners) if self.estimate else NO_ERRORS
+            self._publish(np.zeros(1), errors)
         self.handed = self._standing()
+        for runner in self._all_runners:
+            runner.requests.stopped = stopped
         try:
             self._take_all(progress, stopped, 1 if compiles else self._first_steps())
+        except Stopped:  # in the middle of a hard step
+            self._go_back()
+            self._interrupt()
+            self._save()
         except KeyboardInterrupt:  # a second request to stop, in the middle of a chunk
             report.status = "interrupted"
             report.message = f"stopped at once, after t = {self.now:g} s"
             self._go_back()
         for kind in kinds:
             keep(kind)
+        if trouble():
+            tell(trouble())
         return self._finish()
 
     def _first_steps(self) -> int:
@@ -297,11 +384,14 @@ class _Run:
             if report.status != "completed" or self.ended:
                 break
             if stopped():
-                report.status = "interrupted"
-                report.message = f"stopped at t = {self.now:g} s"
+                self._interrupt()
             if report.status == "interrupted" or time.perf_counter() - saved > pause:
                 pause = max(SAVE_SECONDS, self._save() / SAVE_SHARE)
                 saved = time.perf_counter()
+
+    def _interrupt(self) -> None:
+        self.report.status = "interrupted"
+        self.report.message = f"stopped at t = {self.now:g} s"
 
     @property
     def now(self) -> float:
@@ -330,10 +420,14 @@ class _Run:
             "seconds": dict(report.seconds),
             "extremes": dict(vars(self.extremes)),
             "islands": [counters(runner) for runner in self._all_runners],
-            "shadow": self.shadow and self.shadow.figures(),
+            "error": self.estimate and self.estimate.figures(),
+            "attempts": self.attempts and self.attempts.as_numbers(),
         }
+        memory = remember(self._all_runners)
+        if self.attempts:
+            memory = np.append(memory, self.attempts.memory())
         try:
-            self.save(Snapshot(self.scene, numbers, remember(self._all_runners)))
+            self.save(Snapshot(self.scene, numbers, memory))
         except OSError as error:
             self._not_written(error)
         seconds = time.perf_counter() - began
@@ -353,8 +447,8 @@ class _Run:
         recall(self._all_runners, since.memory)
         self.reached = float(self.runners[0].scene.state.time[0])
         vars(self.extremes).update(numbers["extremes"])
-        if self.shadow:
-            vars(self.shadow).update(numbers["shadow"])
+        if self.estimate:
+            self.estimate.recall(numbers["error"])
         report.steps, report.rows = numbers["steps"], numbers["rows"]
         report.resumed = [*numbers["resumed"], self.now]
         for phase, seconds in numbers["seconds"].items():
@@ -363,14 +457,17 @@ class _Run:
     def _take(self, steps: int) -> None:
         """One chunk of about ``steps`` equal steps: advance, watch, publish."""
         began, first = time.perf_counter(), self.report.steps
-        steps = min(steps, self.grid.n - first)
+        stride = self.estimate.companion.stride if self.estimate else 1
+        steps = min(max(stride, steps - steps % stride), self.grid.n - first)
         if first + steps == self.grid.n and not self.grid.whole and steps > 1:
             steps -= 1  # the last step has a size of its own
         plan, times = self._plan(first, steps)
         taken = min(self._advance(plan))
         done = min(self._finite_steps(taken, plan, lambda k: self.grid.time(first + k)))
         self.report.seconds["loop"] += time.perf_counter() - began
-        self._hand_over(np.full(done, self.grid.step(first + done)), plan, times)
+        sizes = np.full(done, self.grid.step(first + done))
+        ends = self.grid.times(np.arange(first + 1, first + done + 1))
+        self._hand_over(Steps(self.grid.time(first), sizes, ends), plan, times)
 
     def _take_paced(self, steps: int) -> None:
         """One chunk of about ``steps`` steps whose sizes follow from the tolerance."""
@@ -391,31 +488,33 @@ class _Run:
         report.seconds["loop"] += time.perf_counter() - began
         if steps == 0:
             report.status, report.message = "not converged", self._no_pair(outcome)
-        self._hand_over(self.paced.pace.sizes[:done], plan, times)
+        self._hand_over(Steps(begin, self.paced.pace.sizes[:done], ends[:done]), plan, times)
 
-    def _hand_over(self, sizes: np.ndarray, plan: Plan, times: np.ndarray) -> None:
-        """Publish what good steps of these ``sizes`` have left of the chunk's rows, and go on."""
-        done = len(sizes)
+    def _hand_over(self, steps: Steps, plan: Plan, times: np.ndarray) -> None:
+        """Publish what good ``steps`` have left of the chunk's rows, and go on."""
+        done = len(steps.sizes)
         plan = plan.until(done)
         times = times[: plan.due[-1]]
-        if self._publish(times):
+        if self._publish(times, self._follow(steps, plan, times)):
             self.report.steps += done
             self.extremes.fold([runner.scene.watch.rows[:done] for runner in self.runners])
+            self.extremes.compare_with(sum(map(_work_of_reactions, self.runners)))
             self.handed = self._standing()
-            self._follow(sizes, plan, times)
         else:
             self._go_back()
 
-    def _standing(self) -> tuple[np.ndarray, list[dict[str, Any]]]:
+    def _standing(self) -> tuple[np.ndarray, list[tuple[bool, dict[str, Any]]]]:
         """Where the islands stand."""
-        return remember(self.runners), [runner.steps.counters for runner in self.runners]
+        counted = [(runner.begun, runner.steps.counters) for runner in self.runners]
+        return remember(self.runners), counted
 
     def _go_back(self) -> None:
         """Bring the islands back to the last step handed over: no error of the report is to be of
         steps without rows. What these cost stays counted, for the verdict to say where it went.
         """
         memory, counted = self.handed
-        for runner, before in zip(self.runners, counted, strict=True):
+        for runner, (begun, before) in zip(self.runners, counted, strict=True):
+            runner.begun = begun
             runner.steps.recall(before)
         recall(self.runners, memory)
 
@@ -437,19 +536,23 @@ class _Run:
             plan = plan.until(max(1, int(np.searchsorted(plan.due, self.chunk, "right")) - 1))
         return plan, shown.times(rows[: plan.due[-1]])
 
-    def _follow(self, sizes: np.ndarray, plan: Plan, times: np.ndarray) -> None:
-        """Bring the run at half the step, if there is one, to where this one is."""
-        if self.shadow is None:
-            return
+    def _follow(self, steps: Steps, plan: Plan, times: np.ndarray) -> np.ndarray:
+        """Bring the companion, if there is one, to where the run is: the rows of errors."""
+        if self.estimate is None:
+            return NO_ERRORS
         began = time.perf_counter()
-        self.shadow.follow(self.runners, sizes, plan, times)
+        try:
+            errors = self.estimate.follow(self.runners, steps, plan, times)
+        except Stopped:  # the two stand apart now, which is nothing to go on from
+            raise KeyboardInterrupt from None
         seconds = self.report.seconds
-        seconds["shadow"] = seconds.get("shadow", 0.0) + time.perf_counter() - began
+        seconds["companion"] = seconds.get("companion", 0.0) + time.perf_counter() - began
+        return errors
 
     @property
     def _all_runners(self) -> list[Runner]:
-        """Those of the run and of the one at half its step."""
-        return [*self.runners, *(self.shadow.runners if self.shadow else ())]
+        """Those of the run and of its companion."""
+        return [*self.runners, *(self.estimate.companion.runners if self.estimate else ())]
 
     def _advance(self, plan: Plan) -> list[int]:
         """Advance every island; the steps each has taken."""
@@ -489,7 +592,7 @@ class _Run:
                 self.report.message = overflow(begin(first_bad), whose)
         return finite
 
-    def _publish(self, times: np.ndarray) -> bool:
+    def _publish(self, times: np.ndarray, errors: np.ndarray) -> bool:
         """Bring the islands' first rows together, in the columns of the whole scene; whether the
         sink took them.
         """
@@ -504,7 +607,8 @@ class _Run:
                 # A decaying scheme's work is of all islands.
                 table[:, columns] += part[: times.size]
         try:
-            self.sink.write(*tables)
+            states, reactions, work = tables
+            self.sink.write(states, reactions, work, errors)
         except OSError as error:
             self._not_written(error)
             return False
@@ -514,10 +618,7 @@ class _Run:
 
     def _not_written(self, error: OSError) -> None:
         self.report.status = "not written"
-        self.report.message = (
-            f"{error.filename}: {error.strerror or error}; rows up to t = "
-            f"{self.now:g} s are whole. Make room there"
-        )
+        self.report.message = not_written(error, f"; rows up to t = {self.now:g} s are whole")
 
     def _finish(self) -> Report:
         report = self.report
@@ -526,6 +627,9 @@ class _Run:
         report.factorisations = sum(int(runner.scene.counts[1]) for runner in self.runners)
         report.root_steps = sum(runner.root_steps for runner in self.runners)
         report.halvings = sum(runner.halvings for runner in self.runners)
+        for runner in self.runners:
+            runner.review_reactions()
+            report.sharedReactions |= runner.shared
         report.extremes = self.extremes.as_json()
         if degree_of(self.model):
             report.extremes |= {"localErrorMax": None, "localErrorSum": None}  # of order 2
@@ -535,7 +639,19 @@ class _Run:
         if decays(self.model):
             taken = -sum(float(runner.scene.state.work[-1]) for runner in self.runners)
             report.extremes |= {"energyTaken": taken}
-        report.shadow = self.shadow.as_json() if self.shadow else None
+            if self.estimate:
+                way = (report.extremes["speedMax"] or 0.0) * self._longest_step
+                kinetic = report.extremes["largestKineticEnergy"] or 0.0
+                self.estimate.add_damped(taken, self.extremes.size, kinetic, way)
+        if self.estimate and not self.paced:
+            way = min(self.grid.h, report.time) * (report.extremes["speedMax"] or 0.0)
+            way -= self._length * (report.extremes["turnPerStepMax"] or 0.0)
+            self.estimate.add_unresolved(way, self.extremes.way)
+        if self.options.error == OFF:
+            report.extremes |= {"localErrorMax": None, "localErrorSum": None}
+        if self.attempts and self.estimate:
+            self.attempts.enter(report, self.estimate)
+        report.error = self.estimate.as_json() if self.estimate else None
         report.verdict = judge(self._figures(), self.model.simulation.limits).as_json()
         return report
 
@@ -550,9 +666,12 @@ class _Run:
             halvings=report.halvings,
             root_steps=report.root_steps,
             joints=report.joints,
-            dt=report.pace["stepMax"] if report.pace else self.grid.h,
-            tolerance=tolerance_of(self.model),
-            length=max(float(r.scene.system.bodies.length[:-1].max()) for r in runners),
+            dt=self._longest_step,
+            order=order_of(self.model),
+            by_tangent=not degree_of(self.model) and not turns_by_angle(self.model),
+            tolerance=self.attempts.goal if self.attempts else None,
+            local_tolerance=local_tolerance_of(self.model),
+            length=self._length,
             energy_size=self.extremes.size,
             extremes=report.extremes,
             momentum=self._momentum_lost(),
@@ -561,8 +680,24 @@ class _Run:
                 (r.change.rate for r in runners if r.change.method != "none"), default=0.0
             ),
             shared=report.sharedReactions,
-            shadow=report.shadow,
+            error=report.error,
+            horizon=self.estimate.horizon if self.estimate else None,
         )
+
+    @property
+    def _longest_step(self) -> float:
+        """Size of the longest step [s]."""
+        return float(self.report.pace["stepMax"]) if self.report.pace else self.grid.h
+
+    @property
+    def _length(self) -> float:
+        """Length of the longest body [m]."""
+        return max(float(r.scene.system.bodies.length[:-1].max()) for r in self.runners)
+
+    @property
+    def size(self) -> float:
+        """Size of the model [m]: its longest body, or the longest way of one if that is longer."""
+        return max(self._length, self.extremes.way)
 
     def _momentum_lost(self) -> tuple[float | None, float | None]:
         """Of the islands that nothing outside pulls at, the most; no decaying scheme keeps the
@@ -620,12 +755,24 @@ def _row(runner: Runner, worst: int) -> str:
     return describe_row(runner.model, runner.scene.system, worst)
 
 
-def _weight(runner: Runner) -> float:
-    """Work of gravity over the bodies' own lengths [J]: what energies are to be compared with."""
+def _energy_scale(runner: Runner, t_final: float) -> float:
+    """What energies are to be compared with [J]: the work of gravity and of the loads over the
+    bodies' own lengths, and the kinetic energy of bodies that go by these within the run.
+    """
     bodies = runner.scene.system.bodies
     moving = bodies.inverse_mass > 0.0
-    weights = np.linalg.norm(bodies.gravity) / bodies.inverse_mass[moving]
-    return float(weights @ bodies.length[moving])
+    mass, length = 1.0 / bodies.inverse_mass[moving], bodies.length[moving]
+    loads = runner.scene.system.loads
+    force, moment = (np.linalg.norm(of, axis=1) for of in (loads.f, loads.m))
+    work = np.linalg.norm(bodies.gravity) * (mass @ length) + moment.sum()
+    work += force @ bodies.length[loads.body]
+    return float(work + mass @ (length / t_final) ** 2)
+
+
+def _work_of_reactions(runner: Runner) -> float:
+    """Work of the joints' reactions over the longest body's length and over one radian [J]."""
+    reaction, length = runner.scene.state.reaction, runner.scene.system.bodies.length[:-1].max()
+    return float(np.abs(reaction[:, :3]).sum() * length + np.abs(reaction[:, 3:]).sum())
 
 
 def _momentum(runner: Runner) -> Momentum | None:
@@ -645,14 +792,7 @@ def _freedoms(model: Model, runners: list[Runner]) -> dict[str, int]:
 
 def _warnings(runner: Runner) -> list[str]:
     """What a reader of the results must know of their start, in sentences."""
-    warnings = _assembly_warnings(runner) + _velocity_warnings(runner)
-    if runner.shared:
-        warnings.append(
-            f"{runner.redundant} joint equations are redundant: motion and energy are unique, the "
-            f"reactions of {', '.join(runner.shared)} are not; the smallest, weighted by mass, are "
-            "given"
-        )
-    return warnings
+    return _assembly_warnings(runner) + _velocity_warnings(runner)
 
 
 def _assembly_warnings(runner: Runner) -> list[str]:

@@ -13,7 +13,9 @@ from pathlib import Path
 
 import click
 
+from msahl.printable import shown_path
 from msahl.resources import folder
+from msahl.terminal import echo
 
 BAD_INPUT = 2
 
@@ -51,7 +53,7 @@ def _list(context: click.Context, _: click.Parameter, wanted: bool) -> None:
     """Print every template with its purpose, and nothing else."""
     if wanted and not context.resilient_parsing:
         width = max(map(len, names()))
-        click.echo("\n".join(f"{name:{width}}  {purpose(name)}" for name in names()))
+        echo("\n".join(f"{name:{width}}  {purpose(name)}" for name in names()))
         context.exit()
 
 
@@ -84,12 +86,12 @@ def new(name: str, output: str | None) -> None:
         with path.open("x", encoding="utf-8") as stream:
             stream.write(template(name))
     except FileExistsError:
-        _stop(f"{path} exists; choose another file with -o")
+        _stop(f"{shown_path(path)} exists; choose another file with -o")
     except OSError as error:
-        _stop(f"{path}: {error.strerror or error}; choose another file with -o")
-    click.echo(f"{path}: next, msahl run {path}", err=True)
+        _stop(f"{shown_path(path)}: {error.strerror or error}; choose another file with -o")
+    echo(f"{shown_path(path)}: next, msahl run {shown_path(path)}", err=True)
 
 
 def _stop(message: str) -> None:
-    click.echo(message, err=True)
+    echo(message, err=True)
     sys.exit(BAD_INPUT)

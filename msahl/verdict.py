@@ -1,18 +1,19 @@
-"""The verdict on a run: PASS, WARN or FAIL, check by check, with the reasons in words.
+"""The verdict on a run: PASS, DONE, WARN or FAIL, check by check, with the reasons in words.
 
-A figure within its limit passes, beyond it warns, and far beyond it fails. Ours are tight, as what
-is kept is kept to round-off; a figure that fails spoils the motion. No limit is taken below the
-round-off of what a figure is the difference of.
+A figure within its limit passes, beyond it warns, and far beyond it fails. Our limits are tight, as
+what is kept is kept to round-off; a figure that fails spoils the motion. No limit is below the
+round-off of what a figure is the difference of. PASS promises that the global error is known and
+small; a run whose error was not estimated can be no better than DONE.
 """
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from sys import float_info
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from msahl.model import Limits
 
-PASS, WARN, FAIL = WORDS = ("PASS", "WARN", "FAIL")
+PASS, DONE, WARN, FAIL = WORDS = ("PASS", "DONE", "WARN", "FAIL")
 
 BETWEEN = 10.0
 """Times a limit of the deck up to which a figure is only warned of."""
@@ -24,12 +25,9 @@ MOMENTUM, MOMENTUM_SPOILT = 1e-9, 1e-4
 """Of the momenta's own sizes."""
 GAP_RATE = 0.05
 """Of the highest speed: more says that the step is large, never that the run is bad."""
-LOCAL_ERROR = 0.01
-"""Of the scene's length, the longest body or way: what the steps' local errors may add up to where
-no accuracy is asked for."""
-UNSEEN = 0.05
-"""Of the way at the highest speed: a step's local error beyond which something moves to and fro in
-hardly more than a step or two. Resolved motions have a twelfth of their turn a step, squared."""
+ERROR, ERROR_SPOILT = 0.01, 0.3
+"""Parts of the model's size, the longest body or the longest way of one: global errors of positions
+and orientations beyond which a run warns, where no accuracy is asked for, and fails."""
 TAKEN = 0.01
 """Of the largest kinetic energy: what a scheme of higher order may take from what it resolves. From
 a vibration it takes twice what it takes from the amplitude, which is then its largest error."""
@@ -40,6 +38,10 @@ GAP_WORK = 1e-8
 """Of the largest kinetic energy, over one step."""
 CONDITION = 1e13
 """Spread of the pivots beyond which a step's solution keeps fewer than three digits."""
+SPINS = 0.1
+"""Rotation in a step [rad] from which its tangent is 1e-3 of it off."""
+MOST_TOLD = 8
+"""Joints that a finding names; all are in ``run.json`` under ``sharedReactions``."""
 CHANGED = 1e-6
 """Of the highest speed: change of the velocities at the start that a reader must know."""
 ROUND_OFF = 1e3 * float_info.epsilon
@@ -62,13 +64,13 @@ class Verdict:
 
     @property
     def word(self) -> str:
-        """PASS, WARN or FAIL."""
+        """PASS, DONE, WARN or FAIL."""
         return max((f.word for f in self.findings), key=WORDS.index)
 
     @property
     def reasons(self) -> list[str]:
         """Why it is not PASS, the worst first."""
-        bad = [f for f in self.findings if f.word != PASS]
+        bad = [f for f in self.findings if f.word in (WARN, FAIL)]
         return [f.text for f in sorted(bad, key=lambda f: -WORDS.index(f.word))]
 
     def as_json(self) -> dict[str, object]:
@@ -94,15 +96,24 @@ class Figures:
     root_steps: int
     joints: int
     dt: float
-    tolerance: float | None  # by which the steps were chosen [m]
+    order: int  # of the scheme
+    by_tangent: bool  # whether the tangent of a step's rotation is its mean angular velocity
+    tolerance: float | None  # of the global error [m], by which the steps were chosen
+    local_tolerance: float | None  # of the sum of local errors [m], likewise
     length: float  # of the longest body
     energy_size: float  # largest of the energies the balance is a difference of
     extremes: dict[str, float | None]
     momentum: tuple[float | None, float | None]
     condition: float | None
     velocity_change: float
-    shared: list[str]
-    shadow: dict[str, float | bool] | None
+    shared: dict[str, list[str]]  # columns of reactions that are not unique, by element
+    error: dict[str, Any] | None  # as ``msahl.error_estimate`` tells it
+    horizon: Callable[[float], float] | None  # time [s] up to which the error is within so many m
+
+    @property
+    def size(self) -> float:
+        """Size of the model [m]: its longest body, or the longest way of one if that is longer."""
+        return max(self.length, self.extreme("wayMax"))
 
     def extreme(self, name: str) -> float:
         """A figure of the run that is known."""
@@ -147,7 +158,7 @@ def _energy(of: Figures, limits: Limits) -> Iterator[Finding]:
         yield Finding("energy", word, f"nothing moves, and the energy is off by {error:.1e} J")
         return
     # Places that may be wrong by so much make energies wrong by as much.
-    own = max(ENERGY, BETWEEN * (of.tolerance or 0.0) / of.length)
+    own = max(ENERGY, BETWEEN * (of.tolerance or of.local_tolerance or 0.0) / of.length)
     limit, spoilt = _asked(limits.energy, own, max(ENERGY_SPOILT, own))
     word = grade(error, max(limit * kinetic, floor), spoilt * kinetic)
     kept = "kept" if word == PASS else "kept only"
@@ -219,8 +230,18 @@ def _condition(of: Figures, limits: Limits) -> Iterator[Finding]:
 
 def _reactions(of: Figures, limits: Limits) -> Iterator[Finding]:
     if of.shared:
-        text = f"reactions of {', '.join(of.shared)} are not unique; motion and energy are"
-        yield Finding("reactions", WARN, text)
+        told = dict(list(of.shared.items())[:MOST_TOLD])
+        more = len(of.shared) - len(told)
+        text = (
+            "joints are redundant: motion and energy are unique, these reactions are not: "
+            f"{describe_shared(told)}{f'; and of {more} more' if more else ''}"
+        )
+        yield Finding("reactions", PASS, text)
+
+
+def describe_shared(shared: dict[str, list[str]]) -> str:
+    """Reactions, or components of them, that are not unique, in words."""
+    return "; ".join(f"{name}: {', '.join(columns)}" for name, columns in shared.items())
 
 
 def _start(of: Figures, limits: Limits) -> Iterator[Finding]:
@@ -232,42 +253,50 @@ def _start(of: Figures, limits: Limits) -> Iterator[Finding]:
 
 
 def _accuracy(of: Figures, limits: Limits) -> Iterator[Finding]:
-    """Of two runs if there are, else of the steps' local errors."""
-    yield _trust(of) if of.shadow else _local(of)
+    """The global error, if it was estimated; else the sum of the steps' own errors."""
+    yield _global(of, of.error) if of.error is not None else _local(of)
 
 
-def _trust(of: Figures) -> Finding:
-    shadow: dict[str, float | bool] = of.shadow or {}
-    tolerance = float(shadow["tolerance"])
-    way, turn = float(shadow["positionApartMax"]), float(shadow["turnApartMax"])
-    apart = max(way, turn)
-    word = grade(apart, tolerance, BETWEEN * tolerance)
-    measure = "positions" if way >= turn else "turns, times the bodies' lengths,"
-    text = f"at half the step {measure} are the same to {apart:.1e} m"
-    if not shadow["agrees"]:
-        word = WARN if word == PASS else word
-        text = (
-            f"trust horizon t = {shadow['trustHorizon']:g} s: up to there the run at half the step "
-            f"agrees within {tolerance:g} m; {measure} come to differ by {apart:.1e} m"
-        )
-    elif word == PASS and (sign := _hidden(of, tolerance)):
-        word = WARN
-        text += f", yet something vibrates quicker than both steps: {sign}"
+def _global(of: Figures, error: dict[str, Any]) -> Finding:
+    position, orientation = float(error["position"]), float(error["orientation"])
+    largest = max(position, orientation)
+    text = f"position error at most {position:.1e} m (estimated)"
+    if orientation > position:
+        text = f"position error at most {position:.1e} m, orientation error {orientation:.1e} m"
+        text += " (angle times length; estimated)"
+    limit, spoilt = ERROR * of.size, ERROR_SPOILT * of.size
+    if error.get("accuracy") is not None:
+        limit = float(error["accuracy"])
+        spoilt = min(spoilt, BETWEEN * limit) if spoilt > limit else BETWEEN * limit
+    if of.tolerance is not None and largest > of.tolerance:
+        return Finding("accuracy", WARN, _too_sensitive(of, of.tolerance, text))
+    word = grade(largest, limit, spoilt)
+    if not error["complete"]:
+        word = max(word, WARN, key=WORDS.index)
+        text += f" up to t = {error['until']:g} s, where {error['companion']} did not converge"
+    if word != PASS:
+        text += _advice(of, largest, limit)
     return Finding("accuracy", word, text)
 
 
-def _hidden(of: Figures, tolerance: float) -> str:
-    """The sign of a vibration that hides between the rows of both runs, whose steps see it as
-    nothing; empty if there is none.
-    """
-    if of.tolerance is not None:
-        return ""
-    way = of.dt * of.extreme("speedMax")
-    if of.extremes["localErrorSum"] is None:
-        return _unresolved(of) if way > BETWEEN * tolerance else ""
-    quick = of.extreme("localErrorMax") > UNSEEN * way
-    total = of.extreme("localErrorSum")
-    return f"local errors add up to {total:.1e} m" if quick and total > BETWEEN * tolerance else ""
+def _too_sensitive(of: Figures, tolerance: float, text: str) -> str:
+    until = of.horizon(tolerance) if of.horizon else 0.0
+    return (
+        f"{text}: the motion amplifies round-off, and the tolerance of {tolerance:g} m holds up to "
+        f"t = {until:g} s"
+    )
+
+
+def _advice(of: Figures, error: float, limit: float) -> str:
+    """Up to when the run is good enough, and what to try."""
+    good = f"; within {limit:.1e} m up to t = {of.horizon(limit):g} s" if of.horizon else ""
+    if of.tolerance is not None or of.local_tolerance is not None:
+        return good
+    enough = of.dt * (0.5 * limit / error) ** (1.0 / of.order)
+    turns = of.by_tangent and of.extreme("turnPerStepMax") > SPINS
+    spin = f" (bodies rotate {of.extreme('turnPerStepMax'):.2g} rad a step), --turn angle"
+    try_dt = f"{good}; try --dt {enough:.1g}{spin if turns else ''}"
+    return f"{try_dt} or --scheme auto --tolerance {limit:.0e}"
 
 
 def _unresolved(of: Figures) -> str:
@@ -286,29 +315,23 @@ def _unresolved(of: Figures) -> str:
 
 
 def _local(of: Figures) -> Finding:
+    """What the steps' own errors say; never that the run is good."""
     if of.extremes["localErrorSum"] is None:
-        sign = _unresolved(of)
-        if not sign:
-            return Finding("accuracy", PASS, "accuracy not estimated: --shadow TOL tells")
-        text = f"the step is large for something that moves: {sign}"
-        return Finding("accuracy", WARN, f"{text}; --shadow TOL tells how far to trust the run")
-    total, length = of.extreme("localErrorSum"), max(of.length, of.extreme("wayMax"))
-    if of.tolerance is not None:
-        word = grade(total, of.tolerance, BETWEEN * of.tolerance)
-        text = f"own errors of the steps add up to {total:.1e} m ({of.tolerance:g} m asked)"
-        return Finding(
-            "accuracy", word, f"{text}; --shadow TOL tells what the motion makes of them"
-        )
-    text = f"local errors add up to {total:.1e} m"
-    if total <= LOCAL_ERROR * length:
-        return Finding("accuracy", PASS, text)
-    enough = of.dt * (LOCAL_ERROR * length / total) ** 0.5
-    return Finding(
-        "accuracy",
-        WARN,
-        f"{text} in a scene of {length:.1e} m: --dt {enough:.1g} would do, and --shadow TOL tells "
-        "how far to trust the run",
-    )
+        sign = _unresolved(of) if of.local_tolerance is None else ""
+        if sign:
+            return Finding("accuracy", WARN, f"the step is large for something that moves: {sign}")
+        return Finding("accuracy", DONE, "error not estimated (--error estimate does)")
+    total = of.extreme("localErrorSum")
+    text = f"local errors add up to {total:.1e} m; global error not estimated"
+    tolerance = of.local_tolerance
+    if tolerance is not None:
+        word = DONE if total <= tolerance else WARN
+        return Finding("accuracy", word, f"{text} ({tolerance:g} m asked of the local errors)")
+    if total <= ERROR * of.size:
+        return Finding("accuracy", DONE, text)
+    enough = of.dt * (ERROR * of.size / total) ** 0.5
+    advice = f"--dt {enough:.1g} would do, and --error estimate shows how far to trust the run"
+    return Finding("accuracy", WARN, f"{text}, in a model of {of.size:.1e} m: {advice}")
 
 
 CHECKS: tuple[Callable[[Figures, Limits], Iterator[Finding]], ...] = (

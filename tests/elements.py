@@ -354,25 +354,23 @@ ELEMENTS = {
 
 def everything(rng, gravity=True):
     """All of the above in one scene, held together by weak springs: one island."""
-    parts = [make(rng, gravity) for make in ELEMENTS.values()]
-    renamed = [_renamed(part, f"{k}") for k, part in enumerate(parts)]
-
-    def all_of(what):
-        return tuple(element for part in renamed for element in getattr(part, what))
-
-    leaders = [part.bodies[0].name for part in renamed]
+    whole, leaders = side_by_side([make(rng, gravity) for make in ELEMENTS.values()])
     ties = [
         SpringDamper(f"Tie{k}", a, b, random_vector(rng), random_vector(rng), 0.5, 0.01)
         for k, (a, b) in enumerate(pairwise(leaders))
     ]
-    return replace(
-        parts[0],
-        bodies=all_of("bodies"),
-        joints=all_of("joints"),
-        couplings=all_of("couplings"),
-        motions=all_of("motions"),
-        loads=(*all_of("loads"), *ties),
-    )
+    return replace(whole, loads=(*whole.loads, *ties))
+
+
+def side_by_side(parts):
+    """All ``parts`` in one scene, with the gravity of the first, and their first bodies' names."""
+    renamed = [_renamed(part, f"{k}") for k, part in enumerate(parts)]
+    kinds = ("bodies", "joints", "couplings", "motions", "loads")
+    everyone = {
+        kind: tuple(element for part in renamed for element in getattr(part, kind))
+        for kind in kinds
+    }
+    return replace(parts[0], **everyone), [part.bodies[0].name for part in renamed]
 
 
 REFERENCES = ("name", "parent", "child", "body", "joint", "first", "second")

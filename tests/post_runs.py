@@ -92,7 +92,7 @@ def write(folder, states=None, reactions=None, info=None, whole=True):
     deck.write_text(DECK)
     with RunFolder(folder, read_deck(deck), DECK.encode()) as results:
         if len(states):
-            results.write(states, reactions, np.empty((len(states), 1)))
+            results.write(states, reactions, np.empty((len(states), 1)), np.empty((0, 3)))
         results.whole = whole
     if info is not None:
         write_json(folder / "run.json", info)

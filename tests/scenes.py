@@ -36,6 +36,7 @@ class Result:
     states: np.ndarray
     reactions: np.ndarray
     work: np.ndarray
+    errors: np.ndarray
 
     @property
     def time(self):
@@ -79,11 +80,14 @@ class Rows:
     """A sink that keeps every row."""
 
     def __init__(self):
-        self.tables = ([], [], [])
+        self.restart()
 
     def write(self, *tables):
         for kept, table in zip(self.tables, tables, strict=True):
             kept.append(np.array(table))
+
+    def restart(self):
+        self.tables = ([], [], [], [])
 
 
 def simulate(model, dt=None, t_final=None, scheme=None, damping=None, **options):

@@ -96,10 +96,10 @@ def test_thinned_rows_and_a_last_row_of_its_own():
     assert run.report.steps == 5
 
 
-def test_the_shadow_follows_between_steps():
-    run = between_rows(deck("double_pendulum_89"), 3, 0.05, 0.03, 1.0, shadow=1e-4)
-    assert run.report.shadow["agrees"]
-    assert 0.0 < run.report.shadow["positionApartMax"] < 1e-4
+def test_the_companion_follows_between_steps():
+    run = between_rows(deck("double_pendulum_89"), 3, 0.05, 0.03, 1.0, accuracy=1e-4)
+    assert run.report.error["trustHorizon"] == 1.0
+    assert 0.0 < run.report.error["position"] < 1e-4
 
 
 def test_the_command_and_the_deck_ask_for_rows(tmp_path):

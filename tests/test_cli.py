@@ -67,7 +67,7 @@ def info(folder):
 
 def test_a_run_writes_its_tables_its_deck_and_what_happened(tmp_path):
     result = run(SINGLE, "-o", tmp_path, "--t-final", 1)
-    assert names(tmp_path) == {"states.csv", "reactions.csv", "run.json", "deck.xml"}
+    assert names(tmp_path) == {"states.csv", "reactions.csv", "error.csv", "run.json", "deck.xml"}
     assert result.stdout == ""
     assert "PASS: 500 steps to t = 1 s; energy kept to" in result.stderr
     assert str(tmp_path) in result.stderr
@@ -81,7 +81,9 @@ def test_a_run_writes_its_tables_its_deck_and_what_happened(tmp_path):
         "reactions": "mean",
         "outputInterval": None,
         "tolerance": None,
-        "shadow": None,
+        "localTolerance": None,
+        "error": None,
+        "accuracy": None,
         "solver": "auto",
         "every": 1,
         "full": False,
@@ -96,9 +98,10 @@ def test_a_run_writes_its_tables_its_deck_and_what_happened(tmp_path):
 
 def test_what_a_scene_lacks_has_no_table(tmp_path):
     run(FREE, "-o", tmp_path / "free", "--t-final", 0.1)
-    assert names(tmp_path / "free") == {"states.csv", "run.json", "deck.xml"}
+    assert names(tmp_path / "free") == {"states.csv", "error.csv", "run.json", "deck.xml"}
     run(LOADS, "-o", tmp_path / "loads", "--t-final", 0.1)
-    assert names(tmp_path / "loads") == {"states.csv", "work.csv", "run.json", "deck.xml"}
+    with_work = {"states.csv", "work.csv", "error.csv", "run.json", "deck.xml"}
+    assert names(tmp_path / "loads") == with_work
 
 
 def test_the_folder_is_results_and_the_decks_name(tmp_path, monkeypatch):
@@ -174,7 +177,7 @@ def test_full_leaves_nothing_out(tmp_path):
 
 
 def test_quiet_says_nothing_and_verbose_more(tmp_path):
-    words = (THESIS / "top_1.xml", "-o", tmp_path)
+    words = (THESIS / "top_1.xml", "--dt", 0.001, "-o", tmp_path)
     assert run(*words, "-q").output == ""
     normal, verbose = run(*words).stderr, run(*words, "-v").stderr
     assert "initial velocities opened a joint at 0.198 m/s and were changed" in normal
@@ -191,7 +194,7 @@ def test_a_step_that_does_not_converge_is_status_3_with_all_on_disk(tmp_path):
     result = run(tmp_path / "deck.xml", "-o", tmp_path / "out", status=3)
     assert "step 1 from t = 0 s did not converge" in result.stderr
     assert "Try a smaller --dt" in result.stderr
-    parts = {"states.csv.part", "reactions.csv.part", "work.csv.part"}
+    parts = {"states.csv.part", "reactions.csv.part", "work.csv.part", "error.csv.part"}
     assert names(tmp_path / "out") == {*parts, "run.json", "deck.xml"}
     assert len(read_table(tmp_path / "out" / "states.csv.part")) == 1
     told = info(tmp_path / "out")
@@ -211,9 +214,16 @@ def test_a_bad_deck_is_status_2_and_nothing_is_written(tmp_path):
     [
         (("--dt", "0"), "deltaT"),
         (("--dt", "-1"), "deltaT"),
-        (("--dt", "nan"), "deltaT"),
-        (("--t-final", "inf"), "tFinal"),
+        (("--dt", "nan"), "--dt"),
+        (("--t-final", "inf"), "--t-final"),
         (("--t-final", "0.001"), "tFinal"),
+        (("--shadow", "nan"), "'--accuracy' / '--shadow': nan is not a finite number"),
+        (("--shadow", "inf"), "'--accuracy' / '--shadow': inf is not a finite number"),
+        (("--shadow", "0"), "'--accuracy' / '--shadow': 0.0 is not in the range"),
+        (("--damping", "nan"), "'--damping': nan is not a finite number"),
+        (("--output-interval", "-inf"), "'--output-interval': -inf is not a finite number"),
+        (("--tolerance", "1e999"), "'--tolerance': 1e999 is not a finite number"),
+        (("--scheme", "auto", "--tolerance", "1e300"), "greater than zero, 1e-100 to 1e+100 m"),
         (("--every", "0"), "--every"),
         (("--solver", "magic"), "--solver"),
         (("--scheme", "magic"), "--scheme"),
@@ -256,7 +266,7 @@ def test_an_interrupted_run_keeps_its_rows_and_says_so(tmp_path, number):
     _, told = running.communicate(timeout=60)
     assert running.returncode == 128 + number
     assert b"stopped at t = " in told
-    parts = {"states.csv.part", "reactions.csv.part"}
+    parts = {"states.csv.part", "reactions.csv.part", "error.csv.part"}
     assert names(tmp_path) == {*parts, "run.json", "deck.xml", "checkpoint"}
     written = info(tmp_path)
     states = read_table(part)
@@ -395,4 +405,4 @@ def test_an_installed_msahl_works_from_any_folder(installed, tmp_path):
         assert "50 steps to t = 0.1 s" in told
     tables = [(tmp_path / f"out{n}" / "states.csv").read_bytes() for n in "12"]
     assert tables[0] == tables[1]
-    assert list((tmp_path / "c").rglob("*.nbc"))
+    assert list((tmp_path / "c").rglob("msahl.solve.newton.march-*"))

@@ -9,10 +9,13 @@ from lxml import etree
 from xmlschema import XMLSchema10
 
 from msahl.deck import DeckError, check_simulation, read_deck
+from msahl.deck.diagnosis import add_faults
 from msahl.deck.faults import Faults
 from msahl.deck.parse import MAX_BYTES, parse
+from msahl.deck.rules import build_rules
 from msahl.deck.schema import schema_bytes
 from msahl.model import Simulation
+from msahl.system.names import reaction_columns, state_columns, work_columns
 
 DECK = """\
 <data>
@@ -291,11 +294,14 @@ def test_a_fault_is_told_where_it_is(tmp_path, case):
 
 
 @pytest.mark.parametrize("case", SCHEMA_FAULTS)
-def test_both_readers_of_the_schema_agree(tmp_path, case):
+def test_all_readers_of_the_schema_agree(tmp_path, case):
     path = changed(tmp_path, *SCHEMA_FAULTS[case][:-1])
     root = parse(path.read_bytes(), Faults("deck"))
     assert not etree.XMLSchema(etree.fromstring(schema_bytes())).validate(root.getroottree())
     assert not XMLSchema10(schema_bytes().decode()).is_valid(root)
+    faults = Faults("deck")
+    add_faults(root, build_rules(schema_bytes(), "data"), faults)
+    assert not faults.sound(root)
 
 
 @pytest.mark.parametrize("attribute", ["type='number'", "nil='true'", "type='foo'"])
@@ -342,6 +348,111 @@ def test_all_faults_at_once_in_the_order_of_lines(tmp_path):
 def test_a_record_with_a_schema_fault_is_still_known_by_name(tmp_path):
     found = faults_of(changed(tmp_path, (">2.0<", ">two<"), (">-5.0<", ">-4.0<")))
     assert [fault.split(":")[1] for fault in found] == ["8"]  # Bob is not judged, nor missed
+
+
+DRIVEN = (
+    "</joints>",
+    "<revolute><name>Hinge</name><parent><name>Base</name><axis><z>1</z></axis></parent>"
+    "<child><name>Arm</name></child></revolute></joints>"
+    "<motions><drive><name>Motor</name><joint>Hinge</joint><freedom>angle</freedom>"
+    "<law><constant>0</constant></law></drive></motions>",
+)
+ARM = (
+    "</bodies>",
+    "<rigidBody><name>Arm</name><mass>1</mass><moi><Ixx>1</Ixx><Iyy>1</Iyy><Izz>1</Izz></moi>"
+    "</rigidBody></bodies>",
+)
+
+
+@pytest.mark.parametrize(
+    "slip",
+    [
+        ("<rGB><x>0</x></rGB>", "<rGB><x>o</x></rGB>"),  # in another record
+        ("<deltaT>0.01</deltaT>", ""),
+        ("<gravity>", "<gravity><g4/>"),
+        ("<name>Push</name>", "<nmae>Push</nmae>"),  # in the same one
+        ("<xForce>1<", "<xForce>one<"),
+        ("<force>", '<foo/><force basis="Bob">'),
+    ],
+)
+def test_misspelt_references_are_told_beside_faults_of_the_schema(tmp_path, slip):
+    there = changed(tmp_path, ARM, DRIVEN, slip)
+    own = faults_of(there)
+    assert own
+    assert "of this deck" not in "".join(own)
+    text = there.read_text()
+    for right, wrong in (
+        ("<body>Bob<", "<body>Bub<"),
+        ("<parent><name>Base<", "<parent><name>Bose<"),
+        ("<joint>Hinge<", "<joint>Hunge<"),
+        ('<position basis="Bob">', '<position basis="Bib">'),
+    ):
+        text = text.replace(right, wrong)
+    there.write_text(text)
+    told = "\n".join(faults_of(there))
+    assert told.count("of this deck") == 5  # both joints have the ground for a parent
+    for phrase in ("body 'Bub'", "parent 'Bose'", "joint 'Hunge'", "basis 'Bib'"):
+        assert phrase in told
+    assert all(fault.split(": ", 1)[1] in told for fault in own)
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "told"),
+    [
+        ("<name>Arm</name><mass>", "<nmae>Arm</nmae><mass>", 2),  # unknown, and <name> is missing
+        ("<name>Arm</name><mass>", "<mass>", 1),
+        ("<name>Hinge</name>", "", 1),
+        ("<name>Hinge</name>", "<name/>", 1),
+        ("<revolute>", "<revolut>", 1),
+        ("<joints>", "<jionts>", 1),
+        ("<bodies>", "<boodies>", 2),  # unknown, and <bodies> is missing
+        ("<ground><name>Base</name>", "<ground><naem>Base</naem>", 2),
+        ("<ground><name>Base</name></ground>", "<Ground><name>Base</name></Ground>", 1),
+    ],
+)
+def test_a_reference_to_an_element_with_a_fault_of_its_own_is_not_misspelt(
+    tmp_path, right, wrong, told
+):
+    path = changed(tmp_path, ARM, DRIVEN)
+    text = path.read_text()
+    assert text.count(right) == 1
+    path.write_text(text.replace(right, wrong).replace(f"</{right[1:]}", f"</{wrong[1:]}"))
+    found = faults_of(path)
+    assert len(found) == told, found
+
+
+def test_more_unknown_names_than_nameless_bodies_are_told(tmp_path):
+    slips = (("<name>Arm</name><mass>", "<mass>"), ("<body>Bob<", "<body>Bub<"))
+    told = "\n".join(faults_of(changed(tmp_path, ARM, DRIVEN, *slips)))
+    assert "body 'Bub' is not a body" in told  # one of Arm and Bub is the nameless one, not both
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [("Motor", "Push"), ("Hinge", "Push"), ("Pivot", "Push"), ("Motor", "Hinge")],
+)
+def test_what_names_columns_of_reactions_and_work_has_one_name_each(tmp_path, first, second):
+    path = changed(tmp_path, ARM, DRIVEN)
+    text = path.read_text().replace(f"<name>{second}<", f"<name>{first}<")
+    path.write_text(text)
+    told = faults_of(path)
+    assert any("the name is taken by line" in fault for fault in told)
+
+
+@pytest.mark.parametrize("name", ["Push", "Pivot", "Motor"])
+def test_no_column_is_taken_for_the_schemes_own(tmp_path, name):
+    path = changed(tmp_path, ARM, DRIVEN)
+    path.write_text(path.read_text().replace(f"<name>{name}<", "<name>scheme<"))
+    (fault,) = faults_of(path)
+    assert "the name is that of the scheme's own column" in fault
+
+
+def test_no_two_columns_of_a_deck_are_the_same(tmp_path):
+    # A body may have the name of a joint: no quantity of one is a quantity of the other.
+    path = changed(tmp_path, ARM, DRIVEN, ("<name>Pivot<", "<name>Bob<"))
+    model = read_deck(path)
+    columns = [*state_columns(model), *reaction_columns(model)[1:], *work_columns(model)[1:]]
+    assert len(columns) == len(set(columns))
 
 
 BOMB = """<!-- a -->

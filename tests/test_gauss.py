@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from elements import ELEMENTS, everything
+from elements import ELEMENTS, SPRING, bushing, everything, spring
 from higher import Step
-from scenes import DOWN, chain, deck, pendulum, simulate
+from scenes import DOWN, chain, deck, free_bodies, pendulum, random_vector, simulate
 
 from msahl.cli import main
 from msahl.deck import read_deck
+from msahl.model import Drag
 from msahl.rotation import matrix
 from msahl.schemes import HIGHER, chart, choices, guess, split
 from msahl.schemes.rule import new_rule
@@ -191,6 +192,24 @@ def test_every_element_together_has_order_four():
         assert run.report.status == "completed"
         found.append(np.abs(run.states[-1] - best.states[-1]).max())
     assert np.log2(found[0] / found[1]) == pytest.approx(4.0, abs=0.5)
+
+
+@pytest.mark.parametrize(("degree", "steps"), [(4, (4, 5, 6)), (5, (2, 3, 4))])
+def test_smooth_loads_of_all_kinds_leave_the_order(degree, steps):
+    """Two bodies on a spring and a damper, a bushing, drag: no table, and nothing comes to rest."""
+    rng = np.random.default_rng(8)
+    model = free_bodies(rng, 2)
+    held = replace(bushing(rng, model), name="Bushing")
+    loads = (spring(rng, model, **SPRING), held, Drag("Drag", "B0", random_vector(rng), 0.4))
+    model, T = replace(model, loads=loads), 0.3
+    best = simulate(model, T / 16, T, "gauss5").states[-1]
+    # Errors of 1e-6 to 1e-12, well above round-off.
+    found = [
+        np.abs(simulate(model, T / n, T, f"gauss{degree}").states[-1] - best).max() for n in steps
+    ]
+    order = -np.polyfit(np.log(steps), np.log(found), 1)[0]
+    # A load with a kink would show an order of 4 or less; at such steps it may be more than 2s.
+    assert order >= 2.0 * degree - 0.5
 
 
 @pytest.mark.parametrize("degree", [1, 2, 3])

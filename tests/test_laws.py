@@ -69,8 +69,7 @@ class Step:
         preserving.prepare(self.system, self.state, self.start)
         self.unknowns = choose(self.system, all_unknowns(self.system))
         self.shape = (node_count(self.system), 3)
-        # Sizes the loads for the step.
-        preserving.predict(self.system, self.state, self.start, h, np.zeros(self.shape))
+        preserving.load(self.system, self.state, self.start, h)
 
     def random(self, rng):
         """Unknowns of a step of large turns; those that are not free stay where they are."""

@@ -20,8 +20,8 @@ SINGLE = next(path for path in DECKS if path.stem == "single_pendulum_45")
 
 
 def paced(model, tolerance, scheme="auto", degree=3, **others):
-    """``model`` with steps by the ``tolerance``."""
-    given = {"scheme": scheme, "degree": degree, "tolerance": tolerance, **others}
+    """``model`` with steps by the local ``tolerance``."""
+    given = {"scheme": scheme, "degree": degree, "local_tolerance": tolerance, **others}
     return replace(model, simulation=replace(model.simulation, **given))
 
 
@@ -57,7 +57,7 @@ def test_degrees_are_chosen_and_told():
     for tolerance in (1e-2, 1e-10):
         report = simulate(paced(deck("double_pendulum_89"), tolerance), dt=0.02, t_final=3.0).report
         pace = report.pace
-        assert pace["tolerance"] == tolerance
+        assert pace["localTolerance"] == tolerance
         assert 2 * pace["pairs"] == report.steps
         assert pace["stepMin"] <= pace["stepMax"]
         for choice in pace["degrees"]:
@@ -83,22 +83,24 @@ def test_steps_do_not_depend_on_the_clock(monkeypatch):
     assert bits(parts) == bits(whole)
 
 
-@pytest.mark.parametrize("shadow", [None, 1e-4])
-def test_a_run_by_tolerance_goes_on_bit_for_bit(monkeypatch, shadow):
+@pytest.mark.parametrize("tolerance", ["tolerance", "local_tolerance"])
+def test_a_run_by_tolerance_goes_on_bit_for_bit(monkeypatch, tolerance):
+    given = {"local_tolerance": None, tolerance: 1e-6}
     model = paced(deck("double_pendulum_89"), 1e-6, t_final=2.0)
-    whole, rows = advance(model, Options(shadow=shadow))
-    (_, first), (rest, second) = in_two_parts(monkeypatch, model, Options(shadow=shadow), 6, 2)
+    model = replace(model, simulation=replace(model.simulation, **given))
+    whole, rows = advance(model, Options())
+    (_, first), (rest, second) = in_two_parts(monkeypatch, model, Options(), 6, 2)
     assert bits(first, second) == bits(rows)
     assert rest.pace == whole.pace
-    assert rest.shadow == whole.shadow
+    assert rest.error == whole.error
 
 
-def test_the_shadow_halves_every_step():
-    run = simulate(paced(deck("double_pendulum_89"), 1e-4), dt=0.02, t_final=3.0, shadow=1e-3)
+def test_the_companion_halves_every_step():
+    run = simulate(paced(deck("double_pendulum_89"), 1e-4), dt=0.02, t_final=3.0, accuracy=1e-3)
     # At half the step the error of degree 2 or more is a sixteenth at most.
     own = run.report.extremes["localErrorSum"]
-    assert run.report.shadow["agrees"]
-    assert 0.0 < run.report.shadow["positionApartMax"] <= 30.0 * own
+    assert run.report.error["trustHorizon"] == 3.0
+    assert 0.0 < run.report.error["position"] <= 50.0 * own
 
 
 def test_islands_go_together():

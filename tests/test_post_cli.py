@@ -91,7 +91,7 @@ def test_report_holds_everything(run):
     assert "Conical &amp; &lt;calm&gt;" in html
     assert "initial velocities were &lt;changed&gt;" in html
     text = (run / "report" / "report.md").read_text()
-    assert "| deck | cone_\\|_\\*.xml |" in text
+    assert "| deck | cone\\_\\|\\_\\*.xml |" in text
     assert "of the largest kinetic energy" in text
     for picture in re.findall(r"\]\((.*?)\)", text):
         assert (run / "report" / picture).read_bytes().startswith(b"\x89PNG")

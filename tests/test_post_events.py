@@ -1,8 +1,10 @@
 """Events between rows: their times against closed forms, and what they are known to."""
 
 import json
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 from scenes import THESIS
@@ -11,7 +13,7 @@ from msahl.cli import main as msahl
 from msahl.deck import read_deck
 from msahl.post.cli import main as post
 from msahl.post.events import passages, turns
-from msahl.results.read import ResultError, read_run
+from msahl.results.read import ResultError, Run, read_run
 from msahl.study.exact import recognise
 
 SINGLE = THESIS[0].parent / "single_pendulum_45.xml"
@@ -52,6 +54,49 @@ def test_turns_are_where_the_pendulum_stands(folder):
     for event in turns(run, f"{bob}.x"):
         # Where it is known to 1e-8 s the speed is that times the acceleration, 7 m/s^2.
         assert np.abs(exact(event.time)[0, 6:9]).max() <= 1e-6
+
+
+def rows_of(values, end, rows=101):
+    """A run of one column over time."""
+    time = np.linspace(0.0, end, rows)
+    states = pd.DataFrame({"time": time, "Bob.x": values(time)})
+    return Run(Path("run"), None, {}, states, None, None, False)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-12])
+@pytest.mark.parametrize("factor", [1.0, 1e-9, -5.0])
+def test_where_a_run_starts_or_ends_at_rest_nothing_turns(factor, noise):
+    # The motion of one who begins at rest, and is at rest again at the end of the second period.
+    grain = np.random.default_rng(7).normal(size=101)
+    run = rows_of(lambda t: factor * (np.cos(t) + noise * grain), 4.0 * np.pi)
+    found = [event.time for event in turns(run, "Bob.x")]
+    # 50 rows a period: degree 5 places a turn to 1e-6 of a row's spacing; noise moves it by itself
+    # over the spacing and the acceleration.
+    assert found == pytest.approx([np.pi, 2.0 * np.pi, 3.0 * np.pi], abs=1e-6)
+
+
+def test_the_pendulum_does_not_turn_where_it_starts(folder):
+    run = read_run(folder)
+    bob = run.model.bodies[0].name
+    first = turns(run, f"{bob}.x")[0].time
+    # It starts at rest, and stands again half a period later: no period of a pendulum is shorter
+    # than that of small swings.
+    assert first > np.pi * np.sqrt(5.0 / 9.80665)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_rests_for_an_instant_and_goes_on_does_not_turn(sign):
+    assert turns(rows_of(lambda t: sign * (t - 0.513) ** 3, 1.0), "Bob.x") == []
+
+
+def test_what_rests_all_along_has_no_events():
+    assert turns(rows_of(np.ones_like, 1.0), "Bob.x") == []
+    assert passages(rows_of(np.ones_like, 1.0), "Bob.x", 1.0) == []
+
+
+def test_to_begin_at_a_level_is_not_to_pass_it():
+    run = rows_of(np.sin, 7.0)
+    assert [e.time for e in passages(run, "Bob.x", 0.0)] == pytest.approx([np.pi, 2.0 * np.pi])
 
 
 def test_the_command_and_what_it_refuses(folder):

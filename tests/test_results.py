@@ -6,6 +6,7 @@ from scenes import loaded, pendulum
 
 from msahl.results.read import read_table
 from msahl.results.write import RunFolder, write_json
+from msahl.run import NO_ERRORS
 from msahl.system.build import build_system
 from msahl.system.names import describe_row, reaction_columns, state_columns, work_columns
 
@@ -36,7 +37,7 @@ def test_numbers_read_back_bit_for_bit(tmp_path):
     random = np.where(np.isfinite(random), random, 1.0)
     states = np.vstack([random, np.resize(NASTY, (20, 13))])
     with folder_of(tmp_path) as results:
-        results.write(*rows_of(states))
+        results.write(*rows_of(states), NO_ERRORS)
         results.whole = True
     table = read_table(tmp_path / "states.csv")
     assert list(table.columns) == state_columns(pendulum())
@@ -46,7 +47,7 @@ def test_numbers_read_back_bit_for_bit(tmp_path):
 def test_a_table_has_its_name_only_when_it_is_whole(tmp_path):
     rows = rows_of(np.ones((3, 13)))
     with folder_of(tmp_path) as results:
-        results.write(*rows)
+        results.write(*rows, NO_ERRORS)
         assert {p.name for p in tmp_path.iterdir()} == {
             "deck.xml",
             "states.csv.part",
@@ -61,7 +62,7 @@ def test_a_table_has_its_name_only_when_it_is_whole(tmp_path):
 def test_an_error_leaves_the_tables_partial(tmp_path):
     def fail():
         with folder_of(tmp_path) as results:
-            results.write(*rows_of(np.ones((3, 13))))
+            results.write(*rows_of(np.ones((3, 13))), NO_ERRORS)
             results.whole = True
             raise OSError("no space left")
 

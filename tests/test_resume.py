@@ -1,6 +1,7 @@
 """Runs that stop and go on: the rows are those of the run that did not stop, bit for bit."""
 
 import json
+import os
 import random
 import shlex
 import signal
@@ -15,8 +16,9 @@ from scenes import DECKS, ROOT, Rows, body, deck, pendulum, scene
 from test_overflow import push
 
 import msahl.run
-from msahl.cli import Interruption, main
+from msahl.cli import main
 from msahl.deck import read_deck
+from msahl.results.checkpoint import _check
 from msahl.run import Options, run
 from msahl.snapshot import ResumeError
 
@@ -44,10 +46,14 @@ def stop_after(chunks):
 
 def in_two_parts(monkeypatch, model, options, steps, each=1):
     """Reports and rows of a run stopped after ``steps``, chunks of ``each``, and of the rest."""
-    saved = []
+    saved, done = [], [0]
     with monkeypatch.context() as patch:
         patch.setattr(msahl.run, "CHUNK_SECONDS", 0.0)
-        parts = [advance(model, options, stopped=stop_after(steps // each), save=saved.append)]
+        stop = {
+            "progress": lambda steps, t: done.append(steps),
+            "stopped": lambda: done[-1] >= steps,
+        }
+        parts = [advance(model, options, save=saved.append, **stop)]
     assert (parts[0][0].status, parts[0][0].steps) == ("interrupted", steps)
     parts.append(advance(model, options, save=saved.append, since=saved[-1]))
     return parts
@@ -55,7 +61,7 @@ def in_two_parts(monkeypatch, model, options, steps, each=1):
 
 def bits(*runs):
     """Every table's rows, those of all ``runs`` one after the other."""
-    return [b"".join(part.tobytes() for rows in runs for part in rows[k]) for k in range(3)]
+    return [b"".join(part.tobytes() for rows in runs for part in rows[k]) for k in range(4)]
 
 
 def same_run(monkeypatch, model, options, steps):
@@ -70,7 +76,7 @@ def same_run(monkeypatch, model, options, steps):
         summed = value is not None and key in ("energyErrorRms", "localErrorSum")
         expected = pytest.approx(value, rel=1e-12) if summed else value
         assert rest.extremes[key] == expected
-    assert (rest.shadow, rest.verdict["word"]) == (whole.shadow, whole.verdict["word"])
+    assert (rest.error, rest.verdict["word"]) == (whole.error, whole.verdict["word"])
     return whole
 
 
@@ -109,7 +115,7 @@ def test_steps_of_higher_degree_go_on_bit_for_bit(monkeypatch, name, scheme):
     simulation = replace(
         model.simulation, t_final=24 * model.simulation.dt, scheme=scheme, degree=2
     )
-    same_run(monkeypatch, replace(model, simulation=simulation), Options(shadow=1e-6), 9)
+    same_run(monkeypatch, replace(model, simulation=simulation), Options(accuracy=1e-6), 9)
 
 
 @pytest.mark.parametrize("name", ["triple_pendulum_45", "friction_hinge"])
@@ -119,7 +125,7 @@ def test_rows_between_steps_go_on_bit_for_bit(monkeypatch, name):
     dt = model.simulation.dt
     given = {"scheme": "gauss", "degree": 2, "t_final": 24 * dt, "interval": 0.37 * dt}
     model = replace(model, simulation=replace(model.simulation, **given))
-    same_run(monkeypatch, model, Options(shadow=1e-6), 9)
+    same_run(monkeypatch, model, Options(accuracy=1e-6), 9)
 
 
 def test_the_run_at_half_the_step_goes_on_too(monkeypatch):
@@ -127,8 +133,8 @@ def test_the_run_at_half_the_step_goes_on_too(monkeypatch):
     model = replace(model, simulation=replace(model.simulation, t_final=10.0))
     # Stopped before and after the two come to part, it is the same time that is found.
     for steps in (150, 1500):
-        shadow = same_run(monkeypatch, model, Options(shadow=1e-3), steps).shadow
-        assert 0.75 < shadow["trustHorizon"] < 7.5
+        error = same_run(monkeypatch, model, Options(accuracy=1e-3), steps).error
+        assert 0.75 < error["trustHorizon"] < 7.5
 
 
 def test_a_step_that_failed_fails_again(monkeypatch):
@@ -161,16 +167,17 @@ def call(*words):
 
 def interrupted(monkeypatch, folder, *words, number=signal.SIGINT, after=4):
     """The run of a deck stopped by a signal after some chunks of a step each."""
-    count = iter(range(after))
+    hand_over, chunks = msahl.run._Run._hand_over, []
 
-    def ask(self):
-        if next(count) == after - 1:
-            self.note(number, None)
-        return self.signal != 0
+    def ask(self, *given):
+        hand_over(self, *given)
+        chunks.append(given)
+        if len(chunks) == after:
+            os.kill(os.getpid(), number)
 
     with monkeypatch.context() as patch:
         patch.setattr(msahl.run, "CHUNK_SECONDS", 0.0)
-        patch.setattr(Interruption, "__call__", ask)
+        patch.setattr(msahl.run._Run, "_hand_over", ask)
         result = call(*words, "-o", folder)
     assert result.exit_code == 128 + number, result.output
     return result
@@ -280,6 +287,8 @@ def _head_with(**changes):
     def change(folder):
         line, _, memory = (folder / "checkpoint").read_bytes().partition(b"\n")
         head = json.loads(line) | changes
+        del head["check"]
+        head |= {"check": _check(head, memory)}
         (folder / "checkpoint").write_bytes(json.dumps(head).encode() + b"\n" + memory)
 
     return change
@@ -301,7 +310,32 @@ def _shorten(folder):
     part.write_bytes(part.read_bytes()[:-10])
 
 
+def _head(text):
+    """Another first line, as an editor would leave it."""
+
+    def change(folder):
+        memory = (folder / "checkpoint").read_bytes().partition(b"\n")[2]
+        (folder / "checkpoint").write_bytes(text.encode() + b"\n" + memory)
+
+    return change
+
+
+def _edit(**changes):
+    def change(folder):
+        line = (folder / "checkpoint").read_bytes().partition(b"\n")[0]
+        _head(json.dumps(json.loads(line) | changes))(folder)
+
+    return change
+
+
 SPOILED = {
+    "null": (_head("null"), "not a checkpoint"),
+    "number": (_head("5"), "not a checkpoint"),
+    "list": (_head("[1]"), "not a checkpoint"),
+    "deep": (_head("[" * 10_000 + "]" * 10_000), "not a checkpoint"),
+    "ends": (_edit(ends=[1]), "damaged"),
+    "numbers": (_edit(numbers=None), "damaged"),
+    "options": (_edit(about={"options": 5}), "damaged"),
     "no checkpoint": (lambda folder: (folder / "checkpoint").unlink(), "there is no checkpoint"),
     "no JSON": (lambda folder: (folder / "checkpoint").write_bytes(b"x"), "not a checkpoint"),
     "layout": (_head_with(layout=0), "written by another version of msahl"),

@@ -13,6 +13,10 @@ from scenes import deck, simulate
 from msahl.cli import main
 from msahl.model import STATION
 from msahl.post.cli import main as post
+from msahl.solve import station
+from msahl.solve.island import Runner
+from msahl.solve.plan import Plan
+from msahl.solve.station import new_station
 from msahl.study.exact import recognise
 
 SINGLE = Path(__file__).parents[1] / "decks" / "thesis" / "single_pendulum_45.xml"
@@ -92,3 +96,19 @@ def test_the_command_says_which_they_are(tmp_path):
     assert "run the deck again without --reactions station" in told.output
     report = CliRunner().invoke(post, ["report", str(folders["station"])])
     assert report.exit_code == 0, report.output
+
+
+@pytest.mark.parametrize("name", ["friction_hinge", "friction_slide"])
+def test_friction_presses_by_the_reaction_that_it_makes(name):
+    """Asked again from its own answer the reaction stands still, up to the rounding of its sums."""
+    model = deck(name)
+    runner = Runner(model, "newton", False, 8)
+    runner.advance(model.simulation.dt, 0, 5, Plan.at_ends(np.zeros(5, dtype=bool)))
+    scene, room = runner.scene, new_station(runner.scene.system)
+    state = scene.state
+    state.reaction[:] = 0.0
+    station.accelerate(scene.system, state, scene.start, room)
+    once = state.reaction.copy()
+    station.accelerate(scene.system, state, scene.start, room)
+    assert np.abs(once).max() > 0.0
+    assert np.abs(state.reaction - once).max() <= 1e-13 * np.abs(once).max()

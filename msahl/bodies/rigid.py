@@ -37,6 +37,7 @@ from msahl.kernel import kernel
 from msahl.rotation import angle_share, matrix, turn_change, turn_tangent
 from msahl.schemes import Decay
 from msahl.vector import (
+    ZERO,
     Matrix,
     Vector,
     accumulate,
@@ -87,6 +88,7 @@ class Bodies(NamedTuple):
     length: np.ndarray  # (n+1,) l, the length that makes a turn a displacement [m]
     by_angle: bool | None  # whether h times the mean W is the turn itself; None where it is Q
     ballistic: np.ndarray  # (n+1,) whether nothing but gravity acts on it
+    moves: np.ndarray  # (2, 3) 0 for components of u and v, of Q and W, that are zero for ever; 1
     gravity: np.ndarray  # (3,) inertial axes [m/s^2]
     block: np.ndarray  # (n+1,) where the derivative of the moment by the turn starts
 
@@ -100,6 +102,20 @@ class BodyStart(NamedTuple):
     W: np.ndarray  # (n+1, 3) [rad/s]
     v_go: np.ndarray  # (n+1, 3) with which it would go on if no force acted [m/s]
     W_go: np.ndarray  # (n+1, 3) likewise [rad/s]
+    v_offset: np.ndarray  # (n+1, 3) its part by the loads' first moments, d/h [m/s]
+    W_offset: np.ndarray  # (n+1, 3) likewise [rad/s]
+
+
+@kernel
+def moving(bodies: Bodies, kind: int, a: Vector) -> Vector:
+    """A displacement or velocity ``a`` (``kind`` 0), or one of rotation (1), without the components
+    that a planar system does not have.
+
+    Nobody solves for these. Left to themselves they would start as round-off and be multiplied by
+    every extrapolation from one step to the next.
+    """
+    moves = bodies.moves
+    return (moves[kind, 0] * a[0], moves[kind, 1] * a[1], moves[kind, 2] * a[2])
 
 
 @kernel
@@ -149,14 +165,37 @@ def prepare(
         R = matrix(at(p, b))
         put_matrix(start.R, b, R)
         put_matrix(start.J, b, product(product(R, matrix_at(bodies.inertia, b)), transpose(R)))
-        put(start.v, b, at(v, b))
-        put(start.W, b, times(R, at(w, b)))
-        put(start.v_go, b, at(v, b))
+        put(start.v, b, moving(bodies, 0, at(v, b)))
+        put(start.W, b, moving(bodies, 1, times(R, at(w, b))))
+        put(start.v_go, b, at(start.v, b))
         put(start.W_go, b, at(start.W, b))
         if chi > 0.0:
-            put(start.v_go, b, axpy(-0.5 * chi, at(v_rise, b), at(v, b)))
+            v_go = axpy(-0.5 * chi, at(v_rise, b), at(v, b))
             w_go = axpy(-0.5 * chi, at(w_rise, b), at(w, b))
-            put(start.W_go, b, times(R, w_go))
+            put(start.v_go, b, moving(bodies, 0, v_go))
+            put(start.W_go, b, moving(bodies, 1, times(R, w_go)))
+        put(start.v_offset, b, ZERO)
+        put(start.W_offset, b, ZERO)
+
+
+@kernel
+def offset(start: BodyStart, b: int, dv: Vector, dW: Vector) -> None:
+    """Let body ``b`` go on by ``dv`` and ``dW`` more than without the loads' first moments."""
+    put(start.v_go, b, add(at(start.v_go, b), sub(dv, at(start.v_offset, b))))
+    put(start.W_go, b, add(at(start.W_go, b), sub(dW, at(start.W_offset, b))))
+    put(start.v_offset, b, dv)
+    put(start.W_offset, b, dW)
+
+
+@kernel
+def lost(bodies: Bodies, start: BodyStart, h: float, a: np.ndarray, alpha: np.ndarray) -> float:
+    """Work [J] that all forces together do not do in the offsets of a step: M (v1 - v0) . d/h."""
+    total = 0.0
+    for b in range(bodies.inverse_mass.size - 1):
+        spun = times(matrix_at(start.J, b), at(alpha, b))
+        total += dot(at(a, b), at(start.v_offset, b)) / bodies.inverse_mass[b]
+        total += dot(spun, at(start.W_offset, b))
+    return h * total
 
 
 @kernel

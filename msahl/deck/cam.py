@@ -119,7 +119,7 @@ def _direction(element: Element, cam: Joint, follower: Joint, reader: Reader) ->
             "must be at a right angle; turn one"
         )
         reader.faults.add(element, message)
-    same = cam.parent == follower.parent or {cam.parent, follower.parent} <= set(reader.grounds)
+    same = cam.parent == follower.parent or {cam.parent, follower.parent} <= reader.grounds.keys()
     if not same:
         message = (
             f"'{cam.name}' and '{follower.name}' must have one parent, against which the cam turns "

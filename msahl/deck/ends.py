@@ -38,7 +38,7 @@ def read_ends(element: Element, reader: Reader) -> Ends:
     if parent == child:
         message = f"parent and child are both '{parent}'; name two different bodies"
         reader.faults.add(element, message)
-    elif {parent, child} <= set(reader.grounds):
+    elif {parent, child} <= reader.grounds.keys():
         message = f"'{parent}' and '{child}' are both grounds; name a body that moves"
         reader.faults.add(element, message)
     return Ends(parent, child, parent_point, child_point)
@@ -47,9 +47,8 @@ def read_ends(element: Element, reader: Reader) -> Ends:
 def _end(element: Element, side: str, reader: Reader) -> tuple[str, Vector]:
     end = element.find(side)
     assert end is not None  # the schema requires it
-    label = end.find("name")
-    name = text(label)
-    if not reader.known(element, name, side, at=label):
+    name = text(end.find("name"))
+    if name not in reader.axes:
         return name, ZERO
     return name, reader.vector(end.find("position"), own=name, wanted=name)
 

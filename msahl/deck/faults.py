@@ -1,13 +1,14 @@
 """Faults of a deck: collected, told all at once, each with file, line, place and remedy."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from itertools import islice
 from typing import NoReturn
 
 from lxml import etree
 
+from msahl.printable import printable
 from msahl.vector import Vector
 
 Element = etree._Element
@@ -15,8 +16,12 @@ Element = etree._Element
 KINDS = {"bodies": "body", "joints": "joint", "motions": "motion", "loads": "load"}
 """What a child of these elements is called in a message."""
 
-MOST_FAULTS = 1000
-"""Told at once: a file with more is no deck with slips."""
+MOST_SHOWN = 100
+"""Messages given at once; of further faults only their number is told."""
+MOST_KEPT = 1000
+"""Faults whose messages are made; those given are the first of them in the order of lines."""
+MOST_COUNTED = 1_000_000
+"""Faults after which the search ends: each that is counted takes memory."""
 MOST_LISTED = 20
 """Names listed in a message."""
 LONGEST = 600
@@ -39,7 +44,8 @@ class Fault:
 
 
 class DeckError(Exception):
-    """A deck that cannot be run; ``faults`` holds every fault found, in the order of lines."""
+    """A deck that cannot be run; ``faults`` holds those found, in the order of lines, and of very
+    many the first ones and the number of the others."""
 
     def __init__(self, faults: tuple[Fault, ...]) -> None:
         super().__init__(faults)
@@ -55,29 +61,38 @@ class Faults:
     def __init__(self, file: str) -> None:
         self.file = file
         self._found: dict[Fault, None] = {}  # ordered, without repetitions
+        self._made = 0  # messages, those that were made twice among them
+        self._more = 0  # elements with faults whose messages are not kept
+        self._own: set[Element] = set()
         self._touched: set[Element] = set()
 
-    def add(self, element: Element, message: str, at: Element | None = None) -> None:
-        """A fault of ``element``, on the line of ``at`` if that is given.
+    def add(
+        self, element: Element, message: str | Callable[[], str], at: Element | None = None
+    ) -> None:
+        """A fault of ``element``, on the line of ``at`` if that is given. A ``message`` that takes
+        time to make may be a function, which is called only if it is kept.
 
-        Raises ``DeckError``, as ``add_line`` does, where there are too many to go on.
+        Raises ``DeckError`` where there are too many to go on.
         """
-        self._add(line_of(element if at is None else at), where(element), message)
+        if self._made < MOST_KEPT:
+            self._made += 1
+            line = line_of(element if at is None else at)
+            text = message if isinstance(message, str) else message()
+            self._found[Fault(self.file, line, where(element), text)] = None
+        elif element not in self._own:
+            self._more += 1
+            if self._more >= MOST_COUNTED:
+                self._raise("at least ")
+        self._own.add(element)
         self.doubt(element)
-
-    def add_line(self, root: Element, line: int, message: str) -> None:
-        """A fault of the tree ``root`` of which no more is known than its line."""
-        self._add(line, "", message)
-        self.doubt(root)
-
-    def _add(self, line: int, where: str, message: str) -> None:
-        self._found[Fault(self.file, line, where, message)] = None
-        if len(self._found) >= MOST_FAULTS:
-            self._raise(Fault(self.file, 0, "", f"{MOST_FAULTS} faults so far; mend these first"))
 
     def doubt(self, element: Element) -> None:
         """``element`` is not sound, through no fault of its own."""
         self._touched.update((element, *element.iterancestors()))
+
+    def own(self, element: Element) -> bool:
+        """A fault was found in ``element`` itself, not only in something inside it."""
+        return element in self._own
 
     def sound(self, element: Element) -> bool:
         """No fault was found in ``element`` or in anything inside it."""
@@ -88,13 +103,19 @@ class Faults:
         raise DeckError((Fault(self.file, line, "", message),))
 
     def raise_if_any(self) -> None:
-        """Raise ``DeckError`` with all faults, in the order of lines, if there are any."""
+        """Raise ``DeckError`` if there are any faults: with the first ones and how many more there
+        are."""
         if self._found:
             self._raise()
 
-    def _raise(self, *more: Fault) -> NoReturn:
-        """Raise ``DeckError`` with all faults, in the order of lines, and what is to be added."""
-        raise DeckError((*sorted(self._found, key=lambda fault: fault.line), *more))
+    def _raise(self, about: str = "") -> NoReturn:
+        """Raise ``DeckError``; ``about`` stands before the number of faults that are not shown."""
+        found = sorted(self._found, key=lambda fault: fault.line)
+        shown, more = found[:MOST_SHOWN], len(found[MOST_SHOWN:]) + self._more
+        if more:
+            message = f"{about}{more} more faults are not shown; correct these first"
+            shown.append(Fault(self.file, 0, "", message))
+        raise DeckError(tuple(shown))
 
 
 def line_of(element: Element) -> int:
@@ -106,7 +127,8 @@ def line_of(element: Element) -> int:
 def collapsed(given: str) -> str:
     """``given`` with white space collapsed: XML's own four characters, which the schema collapses,
     and none of those that Python counts as well."""
-    return " ".join(re.findall(r"[^ \t\r\n]+", given))
+    # Of what is ASCII XML admits no other white space, and Python's own way is ten times as quick.
+    return " ".join(given.split() if given.isascii() else re.findall(r"[^ \t\r\n]+", given))
 
 
 def text(element: Element | None) -> str:
@@ -119,14 +141,8 @@ def attribute(element: Element, name: str, default: str = "") -> str:
     return collapsed(element.get(name, default))
 
 
-def printable(given: str) -> str:
-    """``given`` with escapes in place of what does not print, which a terminal might obey."""
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in given)
-
-
-def listed(names: Iterable[str]) -> str:
+def listed(names: Collection[str]) -> str:
     """Names for a reader: the first of them, and how many more there are."""
-    names = list(names)
     more = f", and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
     return ", ".join(islice(names, MOST_LISTED)) + more
 

@@ -44,7 +44,7 @@ def read_joint(element: Element, reader: Reader) -> Joint:
 
 
 def _check_parent(element: Element, kind: Kind, ends: Ends, reader: Reader) -> None:
-    if kind.on_ground and ends.parent in reader.axes.keys() - set(reader.grounds):
+    if kind.on_ground and ends.parent in reader.axes and ends.parent not in reader.grounds:
         message = f"the parent of a {element.tag} is a ground; '{ends.parent}' is a body"
         reader.faults.add(element, message, element.find("parent/name"))
 

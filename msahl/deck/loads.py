@@ -149,7 +149,7 @@ def _basis(element: Element | None, reader: Reader) -> str:
     if element is not None and element.get("basis"):
         return reader.basis(element)
     if reader.grounds:
-        return reader.grounds[0]
+        return next(iter(reader.grounds))
     if element is not None:
         message = "without basis it is in a ground's axes, but the deck has no ground; add either"
         reader.faults.add(element, message)

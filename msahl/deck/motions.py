@@ -38,7 +38,6 @@ def moving_body(element: Element, reader: Reader) -> str:
     """Name of the rigid body an element acts on."""
     label = element.find("body")
     body = text(label)
-    reader.known(element, body, "body", at=label)
     if body in reader.grounds:
         message = f"'{body}' is a ground and never moves; name a rigid body"
         reader.faults.add(element, message, label)

@@ -1,6 +1,6 @@
 """What an element names beside bodies: a joint, and one of its free motions."""
 
-from msahl.deck.faults import Element, listed, text
+from msahl.deck.faults import Element, text
 from msahl.deck.values import Reader
 from msahl.joints.registry import KINDS
 
@@ -9,14 +9,10 @@ UNIT = {"angle": "angle", "slide": "length"}
 
 
 def named_joint(element: Element, tag: str, freedom: str, reader: Reader) -> str:
-    """Name of the joint that the child ``tag`` names; a fault unless it has the ``freedom``."""
+    """Name of the joint that the child ``tag`` names; a fault if it lacks the ``freedom``."""
     label = element.find(tag)
     name = text(label)
-    if name not in reader.kinds:
-        names = listed(reader.kinds) or "none"
-        message = f"{tag} '{name}' is not a joint of this deck (joints: {names})"
-        reader.faults.add(element, message, label)
-    elif freedom not in KINDS[reader.kinds[name]].freedoms:
+    if name in reader.kinds and freedom not in KINDS[reader.kinds[name]].freedoms:
         reader.faults.add(element, _without(name, freedom, reader.kinds[name]), label)
     return name
 

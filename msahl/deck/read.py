@@ -3,11 +3,11 @@
     bytes -> tree -> schema -> names -> axes -> bodies -> joints -> couplings, motions, loads
           -> model
 
-Only records that the schema finds sound are read further, but every name counts: a slip in one
-record does not make references to it look wrong.
+Only records that the schema finds sound are read further, but every name counts, and every
+reference: a slip in one record neither makes references to it look wrong nor hides its own.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -25,10 +25,11 @@ from msahl.deck.loads import (
 )
 from msahl.deck.motions import check_driven_once, read_drive, read_point_motion
 from msahl.deck.parse import parse, read_bytes
+from msahl.deck.references import check_references, is_complete
 from msahl.deck.schema import check_schema
 from msahl.deck.simulation import Assembly, read_assembly, read_simulation
 from msahl.deck.springs import read_bushing, read_joint_spring, read_spring_damper
-from msahl.deck.values import Reader
+from msahl.deck.values import INERTIAL, Reader
 from msahl.joints.coupling import FREEDOMS
 from msahl.joints.registry import KINDS as JOINT_KINDS
 from msahl.model import Ground, Model, RigidBody, Simulation
@@ -51,23 +52,23 @@ LOADS: Mapping[str, Read] = {
     "drag": read_drag,
     "friction": read_friction,
 }
+TAGS = frozenset((*BODIES, *JOINT_KINDS, *FREEDOMS, *MOTIONS, *LOADS))
+"""Of all records."""
 
-ONE_NAME = (("bodies",), ("joints", "motions"), ("loads",))
-"""Groups whose records share one set of names."""
+ONE_NAME = (("bodies",), ("joints", "motions", "loads"))
+"""Groups whose records share one set of names. Columns are called NAME.QUANTITY, and no quantity of
+a body is one of another element."""
 
 FORBIDDEN = frozenset(",;\"'")
 """Characters no name may hold, beside those that do not print: names become CSV columns."""
 
 
-def read_deck(path: str | PathLike[str], thorough: bool = False) -> Model:
-    """The model of the deck at ``path``; raises ``DeckError`` with every fault found.
-
-    ``thorough`` has the schema enforced by both validators (see ``deck.schema``).
-    """
+def read_deck(path: str | PathLike[str]) -> Model:
+    """The model of the deck at ``path``; raises ``DeckError`` with every fault found."""
     path = Path(path)
     faults = Faults(str(path))
     root = parse(read_bytes(path, faults), faults)
-    check_schema(root, faults, thorough)
+    check_schema(root, faults)
     model = _read_model(root, faults)
     faults.raise_if_any()
     return model
@@ -85,6 +86,7 @@ def _read_model(root: Element, faults: Faults) -> Model:
         _check_names(root, groups, faults)
     _read_axes(root, sound["bodies"], reader)
     _read_kinds(root, reader)
+    check_references(root, TAGS, reader)
     bodies = [_read_body(element, reader) for element in sound["bodies"]]
     _check_some_body(root, faults)
     joints = [read_joint(e, reader) for e in sound["joints"] if e.tag in JOINT_KINDS]
@@ -111,7 +113,7 @@ def _sound(elements: Iterable[Element], faults: Faults) -> list[Element]:
     return [element for element in elements if faults.sound(element)]
 
 
-def _check_names(root: Element, groups: Iterable[str], faults: Faults) -> None:
+def _check_names(root: Element, groups: Collection[str], faults: Faults) -> None:
     """Names are printable, fit to head a column, and unique within their groups."""
     taken: dict[str, Element] = {}
     for record in (record for group in groups for record in root.iterfind(f"system/{group}/*")):
@@ -124,8 +126,7 @@ def _check_names(root: Element, groups: Iterable[str], faults: Faults) -> None:
             faults.add(label, f"the name is taken by line {first}; choose another")
             faults.doubt(taken[name])  # which of the two others mean is not known
         taken.setdefault(name, label)
-        group = record.getparent()
-        if name == WORKER and group is not None and group.tag in ("loads", "motions"):
+        if name == WORKER and "loads" in groups:
             message = "the name is that of the scheme's own column in work.csv; choose another"
             faults.add(label, message)
         bad = sorted({c for c in name if c in FORBIDDEN or not c.isprintable()})
@@ -141,11 +142,12 @@ def _read_axes(root: Element, sound: list[Element], reader: Reader) -> None:
     """
     for element in root.iterfind("system/bodies/*/name"):
         reader.axes.setdefault(text(element), IDENTITY)
+    for element in root.iterfind("system/bodies/ground"):
+        reader.grounds[text(element.find("name"))] = None
+    if not is_complete(root, "bodies", TAGS):
+        reader.grounds.setdefault(INERTIAL)
     for element in sound:
-        name = text(element.find("name"))
-        if element.tag == "ground":
-            reader.grounds.append(name)
-        reader.axes[name] = matrix(reader.orientation(element))
+        reader.axes[text(element.find("name"))] = matrix(reader.orientation(element))
 
 
 def _read_kinds(root: Element, reader: Reader) -> None:

@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 
-from msahl.deck.faults import Element, attribute, printable, text
+from msahl.deck.faults import Element, attribute, text
 from msahl.deck.values import LARGEST, SMALLEST, Reader
 from msahl.model import MEAN, Limits, Simulation
+from msahl.printable import printable
 from msahl.schemes import AUTO, DAMPING, DEFAULT, DEGREE, HIGHER, SCHEMES, TANGENT
 
 MAX_STEPS = 10**9
@@ -27,6 +28,7 @@ def read_simulation(element: Element, reader: Reader) -> Simulation:
         degree=int(element.get("degree", DEGREE)),
         interval=_number(element.find("outputInterval"), "time", reader),
         tolerance=_number(element.find("tolerance"), "length", reader),
+        local_tolerance=_number(element.find("localTolerance"), "length", reader),
     )
     if reader.faults.sound(element):
         for tag, message in _complaints(simulation):
@@ -128,20 +130,34 @@ def _complaints(simulation: Simulation) -> list[tuple[str, str]]:
 
 
 def _complaints_of_choice(simulation: Simulation) -> list[tuple[str, str]]:
-    """What is wrong with tolerance and rows between steps, for the scheme."""
-    dt, interval, tolerance = simulation.dt, simulation.interval, simulation.tolerance
+    """What is wrong with tolerances and rows between steps, for the scheme."""
+    dt, interval = simulation.dt, simulation.interval
     higher = simulation.scheme not in SCHEMES
+    given = {"tolerance": simulation.tolerance, "localTolerance": simulation.local_tolerance}
+    tolerances = {tag: value for tag, value in given.items() if value is not None}
     wrong = []
-    if tolerance is not None and not SMALLEST <= tolerance <= LARGEST:
-        wrong.append(
-            ("tolerance", f"it is {tolerance:g} m; it must be greater than zero, as 1e-6 m is")
-        )
-    if tolerance is not None and not higher:
+    for tag, tolerance in tolerances.items():
+        if not SMALLEST <= tolerance <= LARGEST:
+            wrong.append(
+                (
+                    tag,
+                    f"it is {tolerance:g} m; it must be greater than zero, {SMALLEST:g} to "
+                    f"{LARGEST:g} m; 1e-6 m is usual",
+                )
+            )
+        elif not higher:
+            wrong.append(
+                (
+                    tag,
+                    f"the {simulation.scheme} scheme takes the steps it is given; let auto choose "
+                    f"them (scheme {AUTO}), or omit the tolerance",
+                )
+            )
+    if len(tolerances) > 1:
         wrong.append(
             (
-                "tolerance",
-                f"the {simulation.scheme} scheme takes the steps it is given; let auto choose them "
-                f"(scheme {AUTO}), or leave the tolerance out",
+                "localTolerance",
+                "steps are chosen by a tolerance or by a localTolerance; give one of them",
             )
         )
     if interval is not None and not higher and abs(interval / dt - round(interval / dt)) > 1e-9:

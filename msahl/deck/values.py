@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from msahl.bodies.rigid import RigidBody
-from msahl.deck.faults import Element, Faults, attribute, listed, text
+from msahl.deck.faults import Element, Faults, attribute, text
 from msahl.deck.frames import unit
 from msahl.deck.units import DEFAULTS, UNITS, to_si
 from msahl.joints.joint import Joint
@@ -49,7 +49,8 @@ class Reader:
 
     ``axes`` holds R (body to inertial components at t = 0) by name of body or ground; ``origins``
     the point B in inertial axes [m], of those whose place is free of faults, and ``reach`` alone
-    the distance of the farthest; ``kinds`` the kind of every joint by name. ``bodies`` and
+    the distance of the farthest; ``grounds`` the names of all grounds, faults or not, and
+    ``INERTIAL`` if there may be others; ``kinds`` the kind of every joint by name. ``bodies`` and
     ``joints`` hold the records free of faults. With ``project`` joints need not fit at t = 0.
     """
 
@@ -59,7 +60,7 @@ class Reader:
     axes: dict[str, Matrix] = field(default_factory=lambda: {INERTIAL: IDENTITY})
     origins: dict[str, Vector] = field(default_factory=dict)
     reach: list[float] = field(default_factory=lambda: [0.0])
-    grounds: list[str] = field(default_factory=list)
+    grounds: dict[str, None] = field(default_factory=dict)
     bodies: dict[str, RigidBody] = field(default_factory=dict)
     kinds: dict[str, str] = field(default_factory=dict)
     joints: dict[str, Joint] = field(default_factory=dict)
@@ -112,20 +113,9 @@ class Reader:
         return self.turned(self.components(element), basis, wanted)
 
     def basis(self, element: Element) -> str:
-        """The frame an element's ``basis`` names, "" if it names none; unknown ones are faults."""
+        """The frame an element's ``basis`` names, "" if it names none or an unknown one."""
         name = attribute(element, "basis")
-        if name and not self.known(element, name, "basis"):
-            return ""
-        return name
-
-    def known(self, element: Element, name: str, role: str, at: Element | None = None) -> bool:
-        """Whether ``name`` is a body or ground of this deck; a fault of ``element`` if not."""
-        if name in self.axes:
-            return True
-        names = listed(filter(None, self.axes)) or "none"
-        message = f"{role} '{name}' is not a body of this deck (bodies: {names})"
-        self.faults.add(element, message, at)
-        return False
+        return name if name in self.axes else ""
 
     def turned(self, a: Vector, basis: str, wanted: str) -> Vector:
         """``a`` from the axes of ``basis`` to those of ``wanted``."""

@@ -10,6 +10,9 @@ from lxml.etree import SubElement
 from msahl.deck.faults import Faults
 from msahl.deck.parse import parse, parse_with_comments, read_bytes
 
+OTHER = {"tolerance": "localTolerance", "localTolerance": "tolerance"}
+"""Elements that replace one another."""
+
 
 def effective_deck(
     path: str | PathLike[str],
@@ -22,10 +25,11 @@ def effective_deck(
     degree: int | None = None,
     interval: float | None = None,
     tolerance: float | None = None,
+    local_tolerance: float | None = None,
 ) -> bytes:
     """The deck at ``path``, which ``read_deck`` has accepted, with what is given of how it is run:
-    ``dt``, ``t_final`` and ``interval`` [s], ``tolerance`` [m], ``scheme``, ``damping``,
-    ``turn``, ``reactions`` and ``degree``.
+    ``dt``, ``t_final`` and ``interval`` [s], ``tolerance`` or ``local_tolerance`` [m], ``scheme``,
+    ``damping``, ``turn``, ``reactions`` and ``degree``.
 
     With nothing given the bytes are those of the file; otherwise the document is the same, comments
     included, but for ``<simulation>``. Raises ``DeckError`` if the file is no deck any more.
@@ -39,6 +43,7 @@ def effective_deck(
         "tFinal": (t_final, "sec"),
         "outputInterval": (interval, "sec"),
         "tolerance": (tolerance, "m"),
+        "localTolerance": (local_tolerance, "m"),
     }
     changes = {
         tag: (repr(float(value)), unit)
@@ -69,6 +74,8 @@ def _with_simulation(
         for key, word in attributes.items():
             simulation.set(key, word)
         for tag, (number, unit) in changes.items():
+            for other in simulation.findall(OTHER[tag]) if tag in OTHER else ():
+                simulation.remove(other)
             element = simulation.find(tag)
             if element is None:
                 element = SubElement(simulation, tag)

@@ -15,14 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.bodies.rigid import Bodies
-from msahl.joints.quantity import Quantities, QuantityStart, add_damper, add_spring, extent
+from msahl.joints.quantity import BLUR, Quantities, QuantityStart, add_damper, add_spring, extent
 from msahl.joints.rows import SAME
 from msahl.kernel import kernel
 from msahl.law import Laws, evaluate, mean
-
-BLUR = 2e-3
-"""Parts of its stiffness times its length that a spring's load is taken to consist of: as many
-round-offs as a residual that counts as solved (``solve.outcome``) is of it, about eight."""
 
 
 class Springs(NamedTuple):

@@ -329,6 +329,14 @@ def roll(along: Along | None, start: AlongStart, bodies: Bodies, h: float, F: np
 
 
 @kernel
+def rubs(along: Along | None) -> bool:
+    """Whether there is friction."""
+    if along is None:
+        return False
+    return along.frictions.quantity.size > 0
+
+
+@kernel
 def settle(along: Along | None, gap: np.ndarray) -> None:
     """Take from the ``gap`` (k, 3) left by a step what is of rows between rates: they have none."""
     if along is None:
@@ -348,6 +356,20 @@ def drive_work(
     if along is None:
         return
     rows.drive_work(along.rows, along.laws, bodies, t, dt, Z, along.row_column, work)
+
+
+@kernel
+def values(
+    along: Along | None, start: AlongStart, bodies: BodyStart, value: np.ndarray, rate: np.ndarray
+) -> None:
+    """Set ``value`` and ``rate`` (q,) to those of the quantities in the prepared state."""
+    if along is None:
+        return
+    q = start.quantities
+    quantity.slopes(along.quantities, q)
+    quantity.rates(along.quantities, q, bodies.v, bodies.W, rate)
+    for k in range(value.size):
+        value[k] = q.value[k]
 
 
 @kernel

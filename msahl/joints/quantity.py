@@ -28,6 +28,9 @@ from msahl.vector import ZERO, Vector, add, at, axpy, scale, sub
 PLAIN, RADIUS, ANGLE, ROUND, SKEW = range(5)
 MOST = 6
 """Most measures of one quantity."""
+BLUR = 2e-3
+"""Part of a size that stands for its round-off among the sizes that a residual is judged by: 1e-12
+of them counts as solved (``solve.outcome``), which is 2e-15 of the size, about eight round-offs."""
 SMALL_TURN = 1e-4
 """tan of the angle below which series replace quotients; their error is its fourth power."""
 
@@ -55,7 +58,7 @@ class QuantityStart(NamedTuple):
     slope: np.ndarray  # (q, 4, 3) derivative of the change by the four parts' unknowns
     load: np.ndarray  # (q,) force or moment along q, gathered from all that act on it
     size: np.ndarray  # (q,) of the loads' largest terms, which may cancel
-    pull: np.ndarray  # (nodes,) largest of such terms in the rows of a node [m]
+    pull: np.ndarray  # (nodes,) largest of such terms, or what round-off asks, in a node's rows [m]
 
 
 @kernel
@@ -97,6 +100,8 @@ def skew_gap(m: np.ndarray, k: int, L: float) -> float:
 @kernel
 def evaluate(group: Quantities, start: QuantityStart, bodies: Bodies, Z: np.ndarray) -> None:
     """Fill changes, weights and unit forces at ``Z``, and clear the loads and their sizes."""
+    for node in range(start.pull.size):
+        start.pull[node] = 0.0
     m = start.measures
     measure.evaluate(group.measures, m, bodies, Z)
     for q in range(group.kind.size):
@@ -140,8 +145,6 @@ def push(
     group: Quantities, start: QuantityStart, bodies: Bodies, reach: float, F: np.ndarray
 ) -> None:
     """Take the gathered loads from the rows of the bodies."""
-    for node in range(start.pull.size):
-        start.pull[node] = 0.0
     for q in range(group.kind.size):
         for part in range(PARTS):
             c = row_factor(group, bodies, reach, q, part)
@@ -428,13 +431,14 @@ def _weigh_radius(group: Quantities, start: QuantityStart, q: int) -> None:
 def _weigh_angle(group: Quantities, start: QuantityStart, q: int) -> None:
     """With X = c0 s1 - s0 c1 and Y = c0 c1 + s0 s1: dq = atan2(X, Y), X = mean(c) ds - mean(s) dc.
 
-    So the weights are k mean(c) and -k mean(s) with k = dq / X.
+    So the weights are k mean(c) and -k mean(s) with k = dq / X. X is computed from the changes: as
+    a difference of products it would have the round-off of a whole radian.
     """
     first = group.first[q]
     s0, c0 = start.measures.value[first], start.measures.value[first + 1]
-    s1 = s0 + start.measures.change[first]
-    c1 = c0 + start.measures.change[first + 1]
-    X, Y = c0 * s1 - s0 * c1, c0 * c1 + s0 * s1
+    ds, dc = start.measures.change[first], start.measures.change[first + 1]
+    s1, c1 = s0 + ds, c0 + dc
+    X, Y = c0 * ds - s0 * dc, c0 * c1 + s0 * s1
     turn = math.atan2(X, Y)
     square = s1 * s1 + c1 * c1
     slope_s, slope_c = c1 / square, -s1 / square

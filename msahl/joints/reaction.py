@@ -17,6 +17,10 @@ from msahl.joints.rows import coefficients, law_rate
 from msahl.kernel import kernel
 from msahl.vector import ZERO, Vector, add, at, axpy, cross, matrix_at, put, sub, times
 
+MOST_ROUNDS, STILL = 40, 1e-14
+"""Rounds for the reactions that friction presses by, at most, and the change, relative to the
+largest, that is none."""
+
 
 class Shown(NamedTuple):
     """What the results show of joints and springs."""
@@ -123,3 +127,14 @@ def publish(
         if along.rows.law[r] >= 0:
             table[row, column] = load * law_rate(along.rows, along.laws, r, t)
             column += 1
+
+
+@kernel
+def stands(reaction: np.ndarray, last: np.ndarray) -> bool:
+    """Whether the reactions (j, 6) are those of the ``last`` round, but for round-off."""
+    change, size = 0.0, 0.0
+    for j in range(reaction.shape[0]):
+        for i in range(6):
+            change = max(change, abs(reaction[j, i] - last[j, i]))
+            size = max(size, abs(reaction[j, i]))
+    return change <= STILL * size

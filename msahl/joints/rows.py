@@ -17,6 +17,7 @@ import numpy as np
 from msahl.bodies.rigid import Bodies
 from msahl.joints.measure import PARTS
 from msahl.joints.quantity import (
+    BLUR,
     Quantities,
     QuantityStart,
     add_spring,
@@ -25,7 +26,7 @@ from msahl.joints.quantity import (
     row_factor,
 )
 from msahl.kernel import kernel
-from msahl.law import Laws, evaluate
+from msahl.law import Laws, evaluate, extent
 
 SAME = 1e-7
 """Change of a quantity, relative to one unit, below which a quotient becomes a derivative."""
@@ -75,6 +76,17 @@ def law_change(rows: Rows, laws: Laws, r: int, t: float, h: float) -> float:
 
 
 @kernel
+def blur(rows: Rows, laws: Laws, start: QuantityStart, r: int, t: float, h: float) -> float:
+    """What the round-off of a row's laws counts as [m]: the row has differences of their values."""
+    size, q = 0.0, rows.quantity[r, 1]
+    if rows.law[r] >= 0 and h != 0.0:
+        size = max(extent(laws, rows.law[r], t), extent(laws, rows.law[r], t + h))
+    if rows.function[r] >= 0 and abs(start.change[q]) >= SAME:
+        size += abs(rows.coefficient[r, 1]) * extent(laws, rows.function[r], start.value[q])
+    return BLUR * rows.scale[r] * size
+
+
+@kernel
 def multiplier(rows: Rows, bodies: Bodies, reach: float, Z: np.ndarray, r: int) -> float:
     """lam [N, or N m for a row in radians]."""
     node = 2 * bodies.inverse_mass.size + rows.place[r, 0]
@@ -106,7 +118,9 @@ def residual(
                 total += change
                 start.load[q] += lam * c
                 start.size[q] += abs(lam * c)
-        F[2 * bodies.inverse_mass.size + node, slot] = gap[node, slot] + rows.scale[r] * total
+        node += 2 * bodies.inverse_mass.size
+        F[node, slot] = gap[rows.place[r, 0], slot] + rows.scale[r] * total
+        start.pull[node] = max(start.pull[node], blur(rows, laws, start, r, t, h))
 
 
 @kernel

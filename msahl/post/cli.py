@@ -14,6 +14,8 @@ import click
 
 import msahl
 from msahl.post.tolerance import ATOL, RTOL, Tolerance
+from msahl.printable import printable, shown_path
+from msahl.terminal import echo
 from msahl.verdict import FAIL, WORDS
 
 if TYPE_CHECKING:
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
     from msahl.results.read import Run
 
 DIFFERENT, BAD_INPUT = 1, 2
-KINDS = ("path", "energy", "work", "constraints", "reactions")
+KINDS = ("path", "error", "energy", "work", "constraints", "reactions")
 PLANES = ("xy", "xz", "yz", "yx", "zx", "zy")
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -42,7 +44,7 @@ class Commands(click.Group):
             message = _input_fault(error)
             if not message:
                 raise
-            click.echo(f"msahl-post: {message}", err=True)
+            echo(f"msahl-post: {printable(message)}", err=True)
             ctx.exit(BAD_INPUT)
 
 
@@ -178,7 +180,7 @@ def verdict(runs: tuple[Path, ...], form: str | None, only: tuple[str, ...]) -> 
     judged = [read_judged(folder) for folder in runs]
     shown = [run for run in judged if not only or run.word in only]
     if form == "names":
-        click.echo("".join(f"{run.folder}\n" for run in shown), nl=False)
+        echo("".join(f"{run.folder}\n" for run in shown), nl=False)
     else:
         _print(verdict_table(shown), form)
     if any(run.word == FAIL for run in judged):
@@ -202,9 +204,9 @@ def reactions(run: Path) -> None:
     if not read.model.joints:
         raise ResultError(f"{run}: the scene has no joints, so there are no reactions")
     columns, rows = in_joint_axes(read)
-    click.echo(",".join(columns))
+    echo(",".join(columns))
     for row in rows.tolist():
-        click.echo(",".join(map(repr, row)))
+        echo(",".join(map(repr, row)))
 
 
 @main.command()
@@ -245,7 +247,7 @@ def plot(
     forms: tuple[str, ...],
     output: Path | None,
 ) -> None:
-    """Draw RUN: path, energy, work, constraints, reactions (default: all there is data for).
+    """Draw RUN: path, error, energy, work, constraints, reactions (default: all there is data for).
 
     Prints the files written.
 
@@ -258,7 +260,7 @@ def plot(
     choice = Choice(plane or "", bodies, joints)
     with style():
         for path in save(figures(read, measures, choice, kinds), forms, output or run / "plots"):
-            click.echo(path)
+            echo(str(path))
 
 
 @main.command()
@@ -276,7 +278,7 @@ def report(run: Path, output: Path | None) -> None:
 
     ((_, measures),), (read,) = _measure((run,))
     for path in write_report(read, measures, output or run / "report"):
-        click.echo(path)
+        echo(str(path))
 
 
 @main.command()
@@ -317,7 +319,7 @@ def compare(
     patterns = tuple(pattern.strip() for pattern in columns.split(",") if pattern.strip())
     found = compare_tables(run, reference, Tolerance(rtol, atol), patterns, until)
     for comparison in found:
-        click.echo(_verdict(comparison))
+        echo(_verdict(comparison))
     if any(comparison.first for comparison in found):
         click.get_current_context().exit(DIFFERENT)
 
@@ -346,7 +348,7 @@ def _measure(folders: Sequence[Path]) -> tuple["Measured", list["Run"]]:
 
 def _note(run: "Run", text: str) -> None:
     if text:
-        click.echo(f"{run.folder}: {text}", err=True)
+        echo(f"{shown_path(run.folder)}: {text}", err=True)
 
 
 def _print(table: "Table", form: str | None) -> None:
@@ -354,7 +356,7 @@ def _print(table: "Table", form: str | None) -> None:
 
     write = {"csv": as_csv, "json": as_json, None: as_text}[form]
     if table.rows or form:
-        click.echo(write(table), nl=False)
+        echo(write(table), nl=False)
 
 
 if __name__ == "__main__":

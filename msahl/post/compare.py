@@ -16,7 +16,10 @@ import numpy as np
 import pandas as pd
 
 from msahl.post.tolerance import Tolerance
-from msahl.results.read import ResultError, find_table, read_table
+from msahl.printable import shown_path
+from msahl.results.info import ResultError, read_info
+from msahl.results.read import check_rows, find_table, read_table, wrong_count
+from msahl.results.write import PART
 
 SAME_TIME = 1e-9
 TABLES = ("states.csv", "reactions.csv", "work.csv")
@@ -68,7 +71,7 @@ def compare(
     Raises ``ResultError`` where the two are not comparable.
     """
     pairs = _pairs(run, reference)
-    tables = [(name, read_table(a), read_table(b)) for name, a, b in pairs]
+    tables = [(name, _read(a), _read(b)) for name, a, b in pairs]
     if columns:
         tables = [(name, _pick(a, columns), _pick(b, columns)) for name, a, b in tables]
         tables = [table for table in tables if len(table[1].columns) + len(table[2].columns) > 2]
@@ -97,14 +100,27 @@ def _pairs(run: Path, reference: Path) -> list[tuple[str, Path, Path]]:
 
 
 def _name(path: Path) -> str:
-    return path.name.removesuffix(".part")
+    return path.name.removesuffix(PART)
 
 
 def _table_of(folder: Path, name: str) -> Path:
     path = find_table(folder, name)
     if path is None:
-        raise ResultError(f"{folder}: has no {name} to compare")
+        raise ResultError(f"{shown_path(folder)}: has no {name} to compare")
     return path
+
+
+def _read(path: Path) -> pd.DataFrame:
+    """A table whose times increase, and of a run's folder with all rows that it had.
+
+    Other numbers may be anything: what is not finite differs from everything.
+    """
+    table, told = read_table(path), read_info(path.parent).get("rows")
+    if told is not None and len(table) != told and path.name.removesuffix(PART) in TABLES:
+        raise ResultError(wrong_count(path, len(table), f"run.json says {told}"))
+    if "time" in table.columns:
+        check_rows(path, table, only_times=True)
+    return table
 
 
 def _pick(table: pd.DataFrame, patterns: tuple[str, ...]) -> pd.DataFrame:

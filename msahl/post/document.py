@@ -1,11 +1,13 @@
 """A document as a list of blocks; its forms: Markdown beside its pictures, one HTML file."""
 
 import base64
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
 from msahl.post.table import Table
+from msahl.printable import printable
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,11 +93,24 @@ def _markdown(block: Block) -> str:
             return "\n".join(f"| {' | '.join(row)} |" for row in (cells[0], rule, *cells[1:]))
 
 
+_MARKS = re.compile(r"[\\`*|<>\[\]{}&~#]|(?<![^\W_])_|_(?![^\W_])")
+"""What Markdown reads as markup; of underscores those that are not within a word."""
+_BEGINNING = re.compile(r"^(\s*(?:[-+=]|\d+(?=[.)])))")
+"""What makes a paragraph a list or a heading."""
+
+
 def _plain(text: str) -> str:
-    """``text`` with what Markdown would read as markup taken at its word."""
-    for mark in "\\`*|<":
-        text = text.replace(mark, "\\" + mark)
+    """``text`` on one line, with what Markdown would read as markup taken at its word."""
+    text = _MARKS.sub(r"\\\g<0>", printable(text))
+    if begins := _BEGINNING.match(text):
+        mark = begins.end() if begins[1][-1].isdigit() else begins.end() - 1
+        text = f"{text[:mark]}\\{text[mark:]}"
     return text
+
+
+def _escaped(text: str) -> str:
+    """``text`` on one line, with what HTML would read as markup taken at its word."""
+    return escape(printable(text))
 
 
 def as_html(title: str, blocks: Sequence[Block]) -> str:
@@ -104,7 +119,7 @@ def as_html(title: str, blocks: Sequence[Block]) -> str:
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>\n{CSS}\n</style>\n</head>\n"
+        f"<title>{_escaped(title)}</title>\n<style>\n{CSS}\n</style>\n</head>\n"
         f"<body>\n{body}\n</body>\n</html>\n"
     )
 
@@ -112,14 +127,14 @@ def as_html(title: str, blocks: Sequence[Block]) -> str:
 def _html(block: Block) -> str:
     match block:
         case Heading(level, text):
-            return f"<h{level}>{escape(text)}</h{level}>"
+            return f"<h{level}>{_escaped(text)}</h{level}>"
         case Paragraph(text):
-            return f"<p>{escape(text)}</p>"
+            return f"<p>{_escaped(text)}</p>"
         case Items(items):
             lines = [
-                f"<li><b>{escape(term)}</b>: {escape(text)}</li>"
+                f"<li><b>{_escaped(term)}</b>: {_escaped(text)}</li>"
                 if term
-                else f"<li>{escape(text)}</li>"
+                else f"<li>{_escaped(text)}</li>"
                 for term, text in items
             ]
             return "\n".join(["<ul>", *lines, "</ul>"])
@@ -128,7 +143,7 @@ def _html(block: Block) -> str:
             return f"<details>\n<summary>{escape(title)}</summary>\n{body}\n</details>"
         case Picture(_, text, png):
             data = base64.b64encode(png).decode()
-            return f'<img alt="{escape(text)}" src="data:image/png;base64,{data}">'
+            return f'<img alt="{_escaped(text)}" src="data:image/png;base64,{data}">'
         case Table():
             rows = [_html_row(block, "th", block.headers())]
             rows += [_html_row(block, "td", row) for row in block.shown()]
@@ -137,5 +152,5 @@ def _html(block: Block) -> str:
 
 def _html_row(table: Table, tag: str, cells: Sequence[str]) -> str:
     kinds = [' class="number"' if right else "" for right in table.numeric()]
-    texts = (f"<{tag}{k}>{escape(c)}</{tag}>" for k, c in zip(kinds, cells, strict=True))
+    texts = (f"<{tag}{k}>{_escaped(c)}</{tag}>" for k, c in zip(kinds, cells, strict=True))
     return f"<tr>{''.join(texts)}</tr>"

@@ -1,4 +1,4 @@
-"""The pictures of a run: paths, energy, virtual work, constraints, reactions."""
+"""The pictures of a run: paths, estimated error, energy, virtual work, constraints, reactions."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -38,15 +38,17 @@ def figures(
     _pick("body", tuple(body.name for body in run.model.bodies), choice.bodies)
     _pick("joint", measures.constraints.names, choice.joints)
     for kind in kinds or tuple(KINDS):
-        lacks = _lacks(kind, measures, choice)
+        lacks = _lacks(kind, run, measures, choice)
         if lacks and kinds:
             raise ResultError(f"{run.folder}: no picture of {kind}: {lacks}")
         if not lacks:
             yield KINDS[kind](run, measures, choice)
 
 
-def _lacks(kind: str, measures: Measures, choice: Choice) -> str:
+def _lacks(kind: str, run: Run, measures: Measures, choice: Choice) -> str:
     """Why there is nothing to draw; empty if there is something."""
+    if kind == "error" and (run.errors is None or len(run.errors) < 2):
+        return "the error of the run was not estimated"
     if kind in ("constraints", "reactions") and not measures.constraints.names:
         return "the scene has no joints"
     if kind == "work" and not measures.joints:
@@ -99,6 +101,17 @@ def _widest_plane(points: np.ndarray) -> str:
     # Ties (a scene at rest, a motion along one line) go to x and z, the pendulum's plane.
     order = sorted(range(3), key=lambda axis: (-spans[axis], axis == 1))
     return "".join(AXES[axis] for axis in sorted(order[:2]))
+
+
+def _error(run: Run, measures: Measures, choice: Choice) -> tuple[str, Figure]:
+    """Estimated global errors of positions and orientations against time."""
+    assert run.errors is not None
+    figure, (axes,) = new_figure(1, 3.4, _title(run, "estimated error, largest of all bodies"))
+    names = ["positions", "orientations\n(angle times length)"]
+    sizes(axes, run.errors["time"].to_numpy(), run.errors.to_numpy()[:, 1:], names)
+    axes.set(xlabel="time [s]", ylabel="error [m]")
+    legend(figure, axes)
+    return "error", figure
 
 
 def _energy(run: Run, measures: Measures, choice: Choice) -> tuple[str, Figure]:
@@ -159,9 +172,14 @@ def _constraints(run: Run, measures: Measures, choice: Choice) -> tuple[str, Fig
     return "constraints", figure
 
 
+def _with_shared(name: str, shared: tuple[str, ...]) -> str:
+    """The name of a joint, with the components of its reaction that are not unique."""
+    return f"{name} ({', '.join(shared)} not unique)" if shared else name
+
+
 def _reactions(run: Run, measures: Measures, choice: Choice) -> tuple[str, Figure]:
     reactions, picked = measures.reactions, _elements(measures, choice)
-    names = [reactions.names[e] + " (not unique)" * reactions.shared[e] for e in picked]
+    names = [_with_shared(reactions.names[e], reactions.shared[e]) for e in picked]
     panels, zeros = [], []
     for letter, unit, vectors in (("F", "N", reactions.force), ("M", "N m", reactions.moment)):
         more, zero = _components(letter, unit, vectors[:, picked])
@@ -204,6 +222,7 @@ def _title(run: Run, what: str) -> str:
 
 KINDS: dict[str, Callable[[Run, Measures, Choice], tuple[str, Figure]]] = {
     "path": _path,
+    "error": _error,
     "energy": _energy,
     "work": _work,
     "constraints": _constraints,

@@ -168,15 +168,15 @@ class Reactions:
     element has none.
 
     ``force`` [N] and ``moment`` [N m] (m, e, 3) of the parent on the child, inertial axes, and
-    ``load`` (m, e, 2) of couplings and motions [N] and [N m]. ``shared`` (e,) marks those that are
-    not unique, as joints are redundant.
+    ``load`` (m, e, 2) of couplings and motions [N] and [N m]. ``shared`` (e,) names the columns of
+    each that are not unique, as joints are redundant.
     """
 
     names: tuple[str, ...]
     force: np.ndarray
     moment: np.ndarray
     load: np.ndarray
-    shared: tuple[bool, ...]
+    shared: tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,8 +250,8 @@ def _reactions(run: Run) -> Reactions:
         force[:, e] = run.reactions[[f"{name}.{c}" for c in FORCE_COLUMNS]]
         if KINDS[model.joints[e].kind].moment:
             moment[:, e] = run.reactions[[f"{name}.{c}" for c in MOMENT_COLUMNS]]
-    told = run.info.get("sharedReactions", ())
-    return Reactions(names, force, moment, load, tuple(name in told for name in names))
+    told = run.info.get("sharedReactions", {})
+    return Reactions(names, force, moment, load, tuple(tuple(told.get(n, ())) for n in names))
 
 
 def _turning(model: Model) -> dict[int, int]:

@@ -20,9 +20,11 @@ from msahl.post.table import Column, Table
 from msahl.post.verdict import constraints_verdict, energy_verdict, start_verdict, work_verdict
 from msahl.results.read import Run
 from msahl.results.write import write_whole
+from msahl.verdict import describe_shared
 
 CAPTIONS = {
     "path": "Paths of the bodies' reference points",
+    "error": "Estimated error, the largest of all bodies",
     "energy": "Energies, and the error of their balance",
     "work": "Virtual work of each joint over each step",
     "constraints": "Gap and gap rate of each joint, coupling and motion",
@@ -191,7 +193,7 @@ def _facts(run: Run) -> Table:
         ("deck's SHA-256", deck.get("digest")),
         ("bodies, joints, couplings, motions, loads", _counts(run)),
         ("degrees of freedom", _freedoms(run)),
-        ("reactions that are not unique", ", ".join(info.get("sharedReactions", ())) or None),
+        ("reactions that are not unique", describe_shared(info.get("sharedReactions", {})) or None),
         ("islands", _islands(run)),
         ("step dt [s]", f"{simulation.dt:.12g}"),
         ("end [s]", f"{simulation.t_final:.12g}"),

@@ -126,9 +126,10 @@ def reactions_table(reactions: Reactions) -> Table:
     )
     sizes = [np.sqrt((part * part).sum(axis=2)) for part in (reactions.force, reactions.moment)]
     sizes += [np.abs(reactions.load[:, :, unit]) for unit in range(2)]
+    unique = [f"not {', '.join(columns)}" if columns else "yes" for columns in reactions.shared]
     rows = [
-        (name, *(_peak(size[:, e])[0] for size in sizes), "no" if shared else "yes")
-        for e, (name, shared) in enumerate(zip(reactions.names, reactions.shared, strict=True))
+        (name, *(_peak(size[:, e])[0] for size in sizes), unique[e])
+        for e, name in enumerate(reactions.names)
     ]
     return Table(columns, tuple(rows))
 

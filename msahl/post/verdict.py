@@ -22,7 +22,8 @@ def energy_verdict(energy: Energy) -> str:
     error, relative = energy.absolute_error.max, energy.error_over_kinetic
     if relative is None:
         return f"Nothing moves; yet the energy balance is off by up to {error:.1e} J."
-    grade = next(words for limit, words in GRADES if not relative.max > limit)
+    # Not "greater": an error that is no number is not round-off.
+    grade = next((words for limit, words in GRADES if relative.max <= limit), GRADES[-1][1])
     return (
         f"Energy is kept to {relative.max:.1e} of the largest kinetic energy "
         f"({error:.1e} J of {energy.largest_kinetic:.4g} J): {grade}."

@@ -15,10 +15,21 @@ from typing import Any
 
 import numpy as np
 
-from msahl.results.write import CHECKPOINT, INFO, PART
+from msahl.printable import shown_path
+from msahl.results.info import ResultError, read_info
+from msahl.results.write import (
+    CHECKPOINT,
+    INFO,
+    PART,
+    REACTIONS,
+    STATES,
+    WORK,
+    create,
+    write_all,
+)
 from msahl.snapshot import ResumeError, Snapshot
 
-LAYOUT = 1
+LAYOUT = 2
 """Of the file and of what a snapshot holds; counted up when either changes."""
 ANEW = "leave --resume out to run it anew"
 DOUBLES = np.dtype("<f8")
@@ -42,13 +53,12 @@ def write_checkpoint(folder: Path, about: dict[str, Any], checkpoint: Checkpoint
         "ends": checkpoint.ends,
         "scene": snapshot.scene,
         "numbers": snapshot.numbers,
-        "check": zlib.crc32(memory),
     }
+    head |= {"check": _check(head, memory)}
     path = folder / CHECKPOINT
     part = path.with_name(path.name + PART)
-    with part.open("wb") as file:
-        file.write(json.dumps(head).encode() + b"\n" + memory)
-        file.flush()
+    with create(part) as file:
+        write_all(file, json.dumps(head).encode() + b"\n" + memory)
         os.fsync(file.fileno())
     part.replace(path)
 
@@ -69,14 +79,19 @@ def read_checkpoint(folder: Path, about: dict[str, Any]) -> Checkpoint:
         head = json.loads(line)
         if head["layout"] != LAYOUT:
             raise ResumeError(f"{path}: written by another version of msahl; {ANEW}")
-        _must_be_same(folder, head["about"], about, ("msahl", "python", "numba", "numpy", "scipy"))
-        if head["check"] != zlib.crc32(memory):
+        if head.pop("check") != _check(head, memory):
             raise ResumeError(f"{path}: damaged; {ANEW}")
+        _must_be_same(folder, head["about"], about, ("msahl", "python", "numba", "numpy", "scipy"))
         kept = Snapshot(head["scene"], head["numbers"], np.frombuffer(memory, DOUBLES))
         _must_reach(folder, head["ends"])
         return Checkpoint(head["ends"], kept)
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise ResumeError(f"{path}: not a checkpoint; {ANEW}") from error
+
+
+def _check(head: dict[str, Any], memory: bytes) -> int:
+    """A sum of all that a checkpoint holds, by which damage shows."""
+    return zlib.crc32(memory, zlib.crc32(json.dumps(head).encode()))
 
 
 def is_kept(folder: Path) -> bool:
@@ -93,15 +108,21 @@ def remove_checkpoint(folder: Path) -> None:
 def is_complete(folder: Path, about: dict[str, Any]) -> bool:
     """Whether the run that ``about`` describes has come to its end in ``folder``.
 
-    Raises ``ResumeError`` if another one has.
+    Raises ``ResumeError`` if another one has, or its ``run.json`` cannot be read.
     """
     try:
-        info = json.loads((folder / INFO).read_bytes())
-        if info["status"] != "completed":
-            return False
-    except (OSError, ValueError, KeyError, TypeError):
+        info = read_info(folder)
+    except ResultError as error:
+        raise ResumeError(f"{error}, or {ANEW}") from error
+    if info.get("status") != "completed" or not (folder / "states.csv").is_file():
         return False
-    _must_be_same(folder, info, about, ())
+    try:
+        _must_be_same(folder, info, about, ())
+    except (KeyError, TypeError) as error:
+        raise ResumeError(f"{shown_path(folder / INFO)}: not that of a run; {ANEW}") from error
+    for path in (folder / name for name in (STATES, REACTIONS, WORK)):
+        if path.is_file() and path.read_bytes().count(b"\n") - 1 != info.get("rows"):
+            raise ResumeError(f"{shown_path(path)}: has not the rows that run.json says; {ANEW}")
     return True
 
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from msahl.results.folder import INCOMPLETE
 from msahl.results.write import INFO, PART
 
 
@@ -47,8 +48,9 @@ def locked(folder: Path) -> Iterator[None]:
 
 def _owner(folder: Path) -> str:
     """The process at work in ``folder``, as it told itself."""
-    try:
-        number = json.loads((folder / (INFO + PART)).read_bytes())["pid"]
-    except (OSError, ValueError, KeyError):  # it has only begun
-        return "another process"
-    return f"process {number}"
+    for part in (folder / INCOMPLETE / (INFO + PART), folder / (INFO + PART)):
+        try:
+            return f"process {json.loads(part.read_bytes())['pid']}"
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
+            pass
+    return "another process"  # it has only begun

@@ -19,6 +19,9 @@ the angular momentum itself: R J R^T W for pi, M for dT/dc + H^T M, and no E.
 
 Elements are asked at one place at a time: a step of the lowest order that does not move has as
 discrete gradients the gradients themselves, and half their derivatives as its Jacobian.
+A law of time enters by its moments over the step (``forces.concentrated``), not by its values at
+the nodes.
+
 Source: see ``schemes.rule``; the chart of the rotation, the scaling and the treatment of equations
 between rates (at c_i, with their forces where those of the others are) are ours.
 """
@@ -61,6 +64,8 @@ def evaluate(
     What a change of place does to the normal force of friction is left out of the derivative.
     """
     _begin(system, start, stages, h)
+    laws, factors = system.laws, stages.rule.from_moments
+    concentrated.at_nodes(system.loads, laws, state.time[0], h, factors, stages.factor)
     if fresh:
         slopes.clear(system, stages)
     rule = stages.rule
@@ -119,6 +124,7 @@ def _close(system: System, state: State, start: Start, stages: Stages, h: float,
     t, dt = state.time[0], h * stages.rule.closing[k]
     coincide.close(system.coincide, start.coincide, bodies, stages.moved, gap)
     along.hold(system.along, start.along, bodies, state.gap, t, dt, stages.moved, gap)
+    along.strain(system.along, start.along, 1.0, stages.pull)
     for node in range(2 * bodies.inverse_mass.size, gap.shape[0]):
         put(stages.F[k], node, at(gap, node))
 
@@ -151,9 +157,9 @@ def _act(system: System, stages: Stages, h: float, i: int) -> None:
     for b in range(bodies.inverse_mass.size):
         put(row, 2 * b, g)
         put(row, 2 * b + 1, ZERO)
-    v, W, t, dt = node.bodies.v, node.bodies.W, stages.state.time[0], h * stages.rule.weight[i]
+    v, W, dt = node.bodies.v, node.bodies.W, h * stages.rule.weight[i]
     loads, drags, work = system.loads, system.drags, stages.work
-    concentrated.prepare(loads, system.laws, t, node.bodies.R, node.loads)
+    concentrated.prepare(loads, stages.factor[i], node.bodies.R, node.loads)
     concentrated.free_acceleration(loads, node.loads, bodies, row)
     concentrated.free_work(loads, node.loads, v, W, dt, system.load_column, work)
     drag.free_acceleration(drags, node.drag_arms, bodies, v, W, row)

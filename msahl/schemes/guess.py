@@ -2,6 +2,7 @@
 
 import math
 
+from msahl.bodies.rigid import moving
 from msahl.kernel import kernel
 from msahl.schemes import chart
 from msahl.schemes.rule import Rule
@@ -43,8 +44,8 @@ def predict(system: System, state: State, start: Start, stages: Stages, h: float
                 for j in range(s + 1):
                     v_i = axpy(stages.seen[i, j], at(stages.before[j], 2 * b), v_i)
                     W_i = axpy(stages.seen[i, j], at(stages.before[j], 2 * b + 1), W_i)
-            put(stages.rate[i], 2 * b, v_i)
-            put(stages.rate[i], 2 * b + 1, W_i)
+            put(stages.rate[i], 2 * b, moving(bodies, 0, v_i))
+            put(stages.rate[i], 2 * b + 1, moving(bodies, 1, W_i))
         _integrate(system, start, stages, h, b)
 
 

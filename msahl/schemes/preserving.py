@@ -55,10 +55,17 @@ def prepare(system: System, state: State, start: Start) -> None:
 
 
 @kernel
+def load(system: System, state: State, start: Start, h: float) -> bool:
+    """Set the loads to their means over a step ``h``; whether they have first moments, too."""
+    t, R = state.time[0], start.bodies.R
+    return concentrated.over_step(system.loads, system.laws, t, h, R, start.loads)
+
+
+@kernel
 def predict(system: System, state: State, start: Start, h: float, Z: np.ndarray) -> None:
     """First guess of the unknowns: accelerations and joint forces go on as they changed last.
 
-    Also sets the loads to their size in the middle of the step.
+    Offsets by the loads are not in it: a step is judged by how far it leads beyond its guess.
     """
     h2 = reach(system, h)
     bodies = system.bodies
@@ -66,18 +73,18 @@ def predict(system: System, state: State, start: Start, h: float, Z: np.ndarray)
     for b in range(bodies.inverse_mass.size - 1):
         # Exact where nothing but gravity acts: that displacement need not be solved for.
         a = g if bodies.ballistic[b] else add(at(state.a, b), expected(state, state.a_trend, b))
-        put(Z, 2 * b, axpy(h, at(start.bodies.v_go, b), scale(h2, a)))
+        v = sub(at(start.bodies.v_go, b), at(start.bodies.v_offset, b))
+        W = sub(at(start.bodies.W_go, b), at(start.bodies.W_offset, b))
+        put(Z, 2 * b, rigid.moving(bodies, 0, axpy(h, v, scale(h2, a))))
         alpha = add(at(state.alpha, b), expected(state, state.alpha_trend, b))
-        turn = axpy(h, at(start.bodies.W_go, b), scale(h2, alpha))
+        turn = axpy(h, W, scale(h2, alpha))
         turn = of_angle(turn) if bodies.by_angle is not None else turn
-        put(Z, 2 * b + 1, scale(bodies.length[b], turn))
+        put(Z, 2 * b + 1, scale(bodies.length[b], rigid.moving(bodies, 1, turn)))
     first = 2 * bodies.inverse_mass.size
     for k in range(state.force.shape[0]):
         guess = add(at(state.force, k), expected(state, state.force_trend, k))
         for i in range(3):
             Z[first + k, i] = guess[i] * h2 / system.unit[k, i]
-    time = state.time[0] + 0.5 * h
-    concentrated.prepare(system.loads, system.laws, time, start.bodies.R, start.loads)
 
 
 @kernel
@@ -202,6 +209,19 @@ def accept(
         keep(state.alpha_trend, b, dalpha)
         put(state.a, b, a)
         put(state.alpha, b, alpha)
+    if concentrated.has_first(start.loads):
+        lost = rigid.lost(bodies, start.bodies, h, state.a, state.alpha)
+        concentrated.work_of_first(
+            system.loads,
+            start.loads,
+            start.bodies,
+            h,
+            state.a,
+            state.alpha,
+            lost,
+            system.load_column,
+            state.work,
+        )
     state.foresight[0] = 1.0 if gained >= 0.0 else 0.0
     if decay.chi > 0.0:
         loss += along.smooth(system.along, start.along, decay.pole)
@@ -255,7 +275,8 @@ def free_acceleration(
     rigid.free_acceleration(bodies, start.bodies, F)
     coincide.free_gap_acceleration(system.coincide, start.coincide, W, F)
     along.free_acceleration(system.along, start.along, bodies, v, W, state.reaction, t, Z, F)
-    concentrated.prepare(system.loads, system.laws, t, start.bodies.R, start.loads)
+    concentrated.at_time(system.loads, system.laws, t, start.loads.factor)
+    concentrated.prepare(system.loads, start.loads.factor, start.bodies.R, start.loads)
     concentrated.free_acceleration(system.loads, start.loads, bodies, F)
     drag.free_acceleration(system.drags, start.drag_arms, bodies, v, W, F)
 

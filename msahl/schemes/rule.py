@@ -54,6 +54,7 @@ class Rule(NamedTuple):
     alpha: np.ndarray  # (s, s) of forces at c_i in the equation of z_j
     beta: np.ndarray  # (s, s) of momenta
     chi: np.ndarray  # (s, s) of joint forces
+    from_moments: np.ndarray  # (s, s) factors of loads at c_i from their laws' moments
     integral: np.ndarray  # (s, s) from 0 to t_j of the Lagrange polynomials through c_i
     pushing: np.ndarray  # (s,) where joint forces push
     late: int  # i of the last c_i before the end, -1 if there is none
@@ -92,6 +93,7 @@ def _gauss(s: int) -> Rule:
         alpha=inverse @ (weight[:, None] * value[:, :s]).T,
         beta=inverse @ (weight[:, None] * slope[:, :s]).T,
         chi=inverse * node_weight[:s],
+        from_moments=_from_moments(gauss, weight),
         integral=lagrange(gauss, lobatto[1:], -1),
         pushing=lobatto[:s],
         late=s - 1,
@@ -124,6 +126,7 @@ def _radau(s: int) -> Rule:
         alpha=twice,
         beta=integral,
         chi=twice,
+        from_moments=_from_moments(nodes, weight),
         integral=integral,
         pushing=nodes,
         late=s - 2,
@@ -137,6 +140,13 @@ def _radau(s: int) -> Rule:
         place=np.repeat(np.eye(s), 2, axis=0),
         rate=np.repeat(slope, 2, axis=0),
     )
+
+
+def _from_moments(nodes: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """(s, s) inverse of the moments, against Legendre's polynomials, that the rule with these nodes
+    and weights finds of values at the nodes.
+    """
+    return np.linalg.inv(legendre.legvander(2.0 * nodes - 1.0, len(nodes) - 1).T * weight)
 
 
 def lagrange(nodes: np.ndarray, places: np.ndarray, derivative: int = 0) -> np.ndarray:

@@ -67,6 +67,7 @@ class Stages(NamedTuple):
     rate: np.ndarray  # (s, nodes, 3) velocities at c_i, inertial axes
     before: np.ndarray  # (s + 1, nodes, 3) of the step the next guess follows, last at its start
     reaction: np.ndarray  # (s, j, 6) joints' reactions at c_i
+    factor: np.ndarray  # (s, k) of the concentrated loads at c_i
     known: np.ndarray  # (2,) start and size [s] of the step of those polynomials; no size: none
     window: np.ndarray  # (3,) the same as seen from the present step, in parts of it; and ``near``
     near: np.ndarray  # (1,) 1 if the last guess was near, else 0
@@ -126,6 +127,7 @@ def new_stages(system: System, unknowns: Unknowns, state: State, rule: Rule) -> 
         rate=np.zeros(stages),
         before=np.zeros((degree + 1, *nodes)),
         reaction=np.zeros((degree, *state.reaction.shape)),
+        factor=np.zeros((degree, system.loads.body.size)),
         known=np.zeros(2),
         window=np.zeros(3),
         near=np.zeros(1),

@@ -34,6 +34,10 @@ CLOSINGS = 2
 """Of a row's places: its gaps are those of the interpolation, and closing them is quadratic."""
 
 
+INWARDS, ROUND_OFF = 1e-12, 2e-15
+"""How far from the ends of a step laws are asked: parts of the step, and of the time."""
+
+
 class Point(NamedTuple):
     """What is known of the motion at one end of a step."""
 
@@ -194,8 +198,10 @@ def trace(between: Between, room: Station) -> None:
 @kernel
 def _stand(between: Between, point: Point) -> None:
     """Bring the rows' state to an end of the step."""
-    state, begin = between.scene.state, between.begin
-    state.time[0] = point.time[0]
+    state, begin, end = between.scene.state, between.begin, between.end
+    # A law that has a kink there is asked on this step's side of it.
+    inwards = INWARDS * (end.time[0] - begin.time[0]) + ROUND_OFF * abs(end.time[0])
+    state.time[0] = point.time[0] + (inwards if point.time[0] < end.time[0] else -inwards)
     for b in range(point.x.shape[0] - 1):
         put(state.x, b, at(point.x, b))
         put(state.p, b, at(point.p, b))

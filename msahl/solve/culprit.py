@@ -47,7 +47,7 @@ def _parts(
         yield f"body '{body.name}'", numbers
     workers = (*model.loads, *model.motions)
     for k, column in enumerate(system.load_column):
-        sized = [part[k] for part in start.loads]
+        sized = [np.ravel(part[k]) for part in start.loads]
         yield f"load '{workers[column].name}'", np.concatenate(sized)
     for k, column in enumerate(system.drag_column):
         speed = np.linalg.norm(state.v[system.drags.body[k]])

@@ -1,5 +1,7 @@
 """A step of higher degree by ``scipy.optimize.root``, as ``solve.root`` solves the others."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from msahl.compiled import compiled
@@ -7,7 +9,7 @@ from msahl.joints.along import settle
 from msahl.schemes import guess
 from msahl.solve import dense, high
 from msahl.solve.high import High
-from msahl.solve.outcome import Outcome
+from msahl.solve.outcome import EVALUATION, Outcome
 from msahl.solve.root import hunt, polish
 from msahl.solve.step import Scene
 
@@ -16,7 +18,7 @@ _guess = compiled(guess.predict)
 _advance = compiled(high.advance)
 
 
-def take(island: High, h: float) -> Outcome:
+def take(island: High, h: float, after: Callable[[int], None] = lambda work: None) -> Outcome:
     """As ``root.take``, a step of higher degree; z holds the stages of each unknown together."""
     scene, stages = island.scene, island.stages
     free, s = scene.unknowns.free, island.y.shape[1]
@@ -24,6 +26,7 @@ def take(island: High, h: float) -> Outcome:
 
     def fun(z: np.ndarray) -> np.ndarray:
         nonlocal outcome, step_length
+        after(EVALUATION + (size * s) ** 3)
         f = np.empty((size, s))
         *judged, step_length = _probe(island, h, z.reshape(size, s), f, False)
         outcome = Outcome(*judged)

@@ -6,6 +6,7 @@ so many pairs, the degrees beside the present one are tried where the scene then
 counted and not timed, so a run comes out the same on every machine.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -44,10 +45,11 @@ class Higher:
     @property
     def counters(self) -> dict[str, Any]:
         """What must be known to go on, beside the memory."""
-        return {}
+        return {"degree": self.degree}
 
     def recall(self, counters: dict[str, Any]) -> None:
         """Go back to what ``counters`` told."""
+        self.turn_to(counters["degree"])
 
     def go_like(self, other: object) -> None:
         """Turn to the degree of the ``other`` steps."""
@@ -93,11 +95,11 @@ class Higher:
         residual, worst = self.high.outcome
         return self._told(Outcome(float(residual), int(worst)))
 
-    def take_by_root(self, h: float, share: float) -> Outcome:
+    def take_by_root(self, h: float, share: float, after: Callable[[int], None]) -> Outcome:
         """Likewise by scipy."""
         from msahl.solve import high_root
 
-        return self._told(high_root.take(self.high, h))
+        return self._told(high_root.take(self.high, h, after))
 
     def _told(self, outcome: Outcome) -> Outcome:
         """The ``outcome`` of a step, after which, if it failed, the unknowns are none to follow."""
@@ -191,7 +193,7 @@ class Paced(Higher):
         """
         figures, counts = self.pace.figures, self.pace.counts
         told = {
-            "tolerance": self.tolerance,
+            "localTolerance": self.tolerance,
             "pairs": int(counts[pace.ACCEPTED]),
             "refused": int(counts[pace.REFUSED]),
             "stepMin": float(figures[pace.SMALLEST]),

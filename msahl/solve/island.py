@@ -7,19 +7,20 @@ halves, these in halves again where needed, down to 2^-10 of it.
 
 import math
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from msahl.compiled import compiled
-from msahl.model import Model, degree_of, scheme_of, tolerance_of
+from msahl.model import Model, degree_of, local_tolerance_of, scheme_of
 from msahl.schemes import AUTO, preserving
 from msahl.solve import newton, station, step
 from msahl.solve.assembly import assemble
 from msahl.solve.culprit import culprit, overflow
 from msahl.solve.freedom import constraint_rank, is_regular, shared_reactions
 from msahl.solve.initial import StartError, make_consistent, solve_accelerations
-from msahl.solve.outcome import Outcome
+from msahl.solve.outcome import EVALUATION, STEP_WORK, Outcome, Requests
 from msahl.solve.plan import Plan
 from msahl.solve.station import new_station
 from msahl.solve.step import Scene, new_scene
@@ -30,6 +31,7 @@ from msahl.system.reduce import (
     drop_rows,
     needed_unknowns,
     plane_normal,
+    stay_in_plane,
     symmetric_rows,
 )
 from msahl.system.state import build_state, settle
@@ -103,20 +105,23 @@ class Lowest:
         """A step ``h``, a ``share`` of the whole one, by the compiled solver."""
         return Outcome(*_take(self.scene, h, share))
 
-    def take_by_root(self, h: float, share: float) -> Outcome:
+    def take_by_root(self, h: float, share: float, after: Callable[[int], None]) -> Outcome:
         """Likewise by scipy, which is slow to import: only where it is called."""
         from msahl.solve import root
 
-        return root.take(self.scene, h, share)
+        return root.take(self.scene, h, share, after)
 
 
 class Runner:
     """An island with its solver; builds the scene at t = 0 and advances it chunk by chunk.
 
     ``moved`` and ``change`` tell what was done to the given positions and velocities, ``rank`` and
-    ``redundant`` how many joint equations are independent and how many not, ``shared`` whose
-    reactions are therefore not unique, ``axis`` the normal of a planar island's plane or None.
+    ``redundant`` how many joint equations are independent and how many not, ``shared`` which
+    columns of reactions are therefore not unique, by name of the joint, coupling or motion;
+    ``axis`` is the normal of a planar island's plane or None.
     ``at_rows`` asks for reactions at the rows' own times instead of means over the steps.
+    Hard steps ask ``requests`` whether to stop, and raise ``Stopped``; the scene is to be recalled
+    then.
     Raises ``StartError`` if there is no consistent start.
     """
 
@@ -125,6 +130,7 @@ class Runner:
     ) -> None:
         self.model, self.solver = model, solver
         self.root_steps = self.halvings = 0
+        self.requests = Requests()
         system = build_system(model)
         state = build_state(model, system)
         try:
@@ -146,9 +152,8 @@ class Runner:
         self.moved = assemble(system, state) if model.position == "project" else None
         self.rank = constraint_rank(system, state)
         self.redundant = multiplier_count(system) - self.rank
-        elements = (*model.joints, *model.couplings, *model.motions)
-        shared = shared_reactions(system, state) if self.redundant else []
-        self.shared = [elements[e].name for e in shared]
+        self.shared: dict[str, list[str]] = {}
+        self._add_shared(system, state)
         start = new_start(system, state)
         preserving.prepare(system, state, start)
         self.axis = None if full else plane_normal(system, start)
@@ -161,10 +166,28 @@ class Runner:
             unknowns = choose(system, free)
         solve_accelerations(system, state, unknowns)
         if self.axis is not None:
+            system = stay_in_plane(system, self.axis)
             system = drop_rows(system, symmetric_rows(system, start, self.axis))
             state = state._replace(angle=np.zeros(quantity_count(system)))
         self.scene: Scene = new_scene(system, unknowns, state, chunk)
         preserving.prepare(system, state, self.scene.start)
+
+    def _add_shared(self, system: System, state: State) -> None:
+        """Add the reactions that are not unique in this state to those that were not before."""
+        elements = (*self.model.joints, *self.model.couplings, *self.model.motions)
+        found = shared_reactions(system, state) if self.redundant else {}
+        for e, columns in found.items():
+            known = self.shared.get(elements[e].name, [])
+            self.shared[elements[e].name] = sorted({*known, *columns})
+
+    def review_reactions(self) -> None:
+        """Decide again which reactions are unique, where the island stands now.
+
+        Directions fixed in bodies have turned: a component along an inertial axis that happened to
+        be unique at the start need not be so later. In a plane nothing turns out of it.
+        """
+        if self.axis is None:
+            self._add_shared(self.scene.system, self.scene.state)
 
     def culprit(self, h: float) -> str | None:
         """Whose numbers in the step ``h`` from where the island stands are none, in words."""
@@ -223,9 +246,10 @@ class Runner:
 
     def _take_once(self, h: float, share: float) -> Outcome:
         if self.solver == "newton" or (self.solver == "auto" and self.large):
+            self.requests.after(EVALUATION + STEP_WORK * self.scene.unknowns.free.size)
             return self.steps.take(h, share)
         self.root_steps += 1
-        return self.steps.take_by_root(h, share)
+        return self.steps.take_by_root(h, share, self.requests.after)
 
 
 def _steps(model: Model, scene: Scene, at_rows: bool) -> "Lowest | Higher | Paced":
@@ -235,7 +259,7 @@ def _steps(model: Model, scene: Scene, at_rows: bool) -> "Lowest | Higher | Pace
         return Lowest(scene, at_rows)
     from msahl.solve.higher import Higher, Paced
 
-    tolerance = tolerance_of(model)
+    tolerance = local_tolerance_of(model)
     if tolerance is None:
         return Higher(scene, scheme, degree)
     degrees = tuple(range(1, degree + 1)) if simulation.scheme == AUTO else (degree,)

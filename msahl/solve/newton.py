@@ -11,7 +11,7 @@ import numpy as np
 
 from msahl.kernel import kernel
 from msahl.schemes import preserving
-from msahl.solve import dense, sparse
+from msahl.solve import dense, offset, sparse
 from msahl.solve.outcome import TARGET, TOLERANCE
 from msahl.solve.step import Scene, accept, show
 
@@ -100,6 +100,7 @@ def drop_gap(scene: Scene) -> None:
 @kernel
 def take(scene: Scene, h: float, share: float) -> tuple[float, int]:
     """Take a step of size ``h``, a ``share`` of the whole one, if it converges: residual, row."""
+    offset.load(scene, h)
     preserving.predict(scene.system, scene.state, scene.start, h, scene.Z)
     residual, worst = solve_step(scene, h)
     if scene.system.relaxation > 0.0 and residual <= TOLERANCE:

@@ -6,6 +6,13 @@ lengths. A pair is accepted if that is at most its share of the tolerance, by ti
 errors of all steps add up to the tolerance; what the motion makes of them is another matter. The
 size of the next pair is the one at which the error would be a little less than its share: over a
 pair it goes with the power p + 1, over a unit of time with p.
+
+No pair goes past a kink: where a law of time has one is known, and where a quantity comes to one of
+a spring's table or of a cam, or to the width of a friction, is found (``solve.kinks``).
+
+Where motions are prescribed, the own error of places alone says little: where all are, there is
+none. There the error counts of the rows between as well, at the middle of the whole step, and that
+of the works, by the energy of the scene over its length.
 """
 
 import math
@@ -16,20 +23,28 @@ import numpy as np
 from msahl.kernel import kernel
 from msahl.rotation import compose, inverse
 from msahl.schemes import preserving
-from msahl.solve import between, high
+from msahl.solve import between, high, kinks
 from msahl.solve.between import Point
 from msahl.solve.high import High
-from msahl.solve.watch import look
+from msahl.solve.kinks import Kinks, new_kinks
+from msahl.solve.watch import KINETIC, look
 from msahl.system.arrays import State
 from msahl.vector import at, copy, dot, sub
 
-NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST, WIDEST = range(8)
+NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST, WIDEST, STOP, ENERGY = range(10)
 """Figures: size of the next pair [s]; tolerance per second [m/s]; where the pairs end for now [s];
 sum of the own errors so far, and the largest [m]; size that the last pair should have had [s]; the
-smallest and the widest accepted step [s].
+smallest and the widest accepted step [s]; where the present pair ends at the latest, as a kink was
+found there [s]; the largest energy so far that works are compared with [J].
 """
-ACCEPTED, REFUSED, ROWS = range(3)
-"""Counts: pairs accepted and refused so far, rows of the present chunk."""
+ACCEPTED, REFUSED, ROWS, SOUGHT = range(4)
+"""Counts: pairs accepted and refused so far, rows of the present chunk, how often a kink was sought
+since the last accepted pair."""
+SEARCHES = 12
+"""At most, for one kink: each search squares the distance from it."""
+WIDEST_TURN = 1.5
+"""Of a body over a pair [rad]: between two bodies less than half a turn then, as angles are counted
+on by less than that."""
 SAFETY, SHRINK, GROW = 0.9, 0.2, 3.0
 """A pair aims at this part of the size that its error allows; limits of one change."""
 ROUND_OFF = 4e-16
@@ -41,8 +56,8 @@ TOO_SMALL = 1e-12
 class Pace(NamedTuple):
     """Where the choice of steps stands, and room for going back."""
 
-    figures: np.ndarray  # (8,) see above
-    counts: np.ndarray  # (3,)
+    figures: np.ndarray  # (10,) see above
+    counts: np.ndarray  # (4,)
     sizes: np.ndarray  # (steps,) of the present chunk's steps [s]
     ends: np.ndarray  # (steps,) where they end [s]
     kept: State  # the state that a pair starts from
@@ -50,16 +65,23 @@ class Pace(NamedTuple):
     end: Point
     x: np.ndarray  # (n+1, 3) where the whole step leads
     p: np.ndarray  # (n+1, 3)
+    x_middle: np.ndarray  # (n+1, 3) where its rows between have its middle
+    p_middle: np.ndarray  # (n+1, 3)
+    work: np.ndarray  # (w,) at its end [J]
+    driven: bool  # whether motions are prescribed
+    kinks: Kinks
 
 
 def new_pace(island: High, steps: int, dt: float, tolerance: float, t_final: float) -> Pace:
     """Room for chunks of ``steps`` steps to a ``tolerance`` [m]; ``dt`` [s] is tried first."""
     state = island.scene.state
-    figures = np.zeros(8)
+    system = island.scene.system
+    figures = np.zeros(10)
+    figures[STOP] = math.inf
     figures[NEXT], figures[SHARE], figures[SMALLEST] = dt, tolerance / t_final, math.inf
     return Pace(
         figures=figures,
-        counts=np.zeros(3, dtype=np.int64),
+        counts=np.zeros(4, dtype=np.int64),
         sizes=np.zeros(steps),
         ends=np.zeros(steps),
         kept=State(*(array.copy() for array in state)),
@@ -67,6 +89,11 @@ def new_pace(island: High, steps: int, dt: float, tolerance: float, t_final: flo
         end=between.new_point(state),
         x=np.zeros_like(state.x),
         p=np.zeros_like(state.p),
+        x_middle=np.zeros_like(state.x),
+        p_middle=np.zeros_like(state.p),
+        work=np.zeros_like(state.work),
+        driven=system.along is not None and bool((system.along.rows.law >= 0).any()),
+        kinks=new_kinks(system),
     )
 
 
@@ -75,13 +102,15 @@ def march(island: High, pace: Pace, order: int, last: int, times: np.ndarray) ->
     """Take pairs until there are ``last`` steps or all rows of the ``times``; how many steps were
     taken. Fewer than that: the next pair does not converge however small it is.
 
-    Without ``last`` one pair is tried and taken back.
+    Without ``last`` one pair is tried and taken back. Refused pairs count as well, but for those
+    before the first good one: a call ends in time, however hard the steps turn.
     """
-    done, figures = 0, pace.figures
+    done, tried, figures = 0, 0, pace.figures
     pace.counts[ROWS] = 0
     if last == 0:
         return int(attempt(island, pace, order, 0, False))
-    while done + 2 <= last and pace.counts[ROWS] < times.size:
+    while (tried + 2 <= last or done == 0) and pace.counts[ROWS] < times.size:
+        tried += 2
         if attempt(island, pace, order, done, True):
             done += 2
             fill(island, pace, times)
@@ -96,21 +125,34 @@ def attempt(island: High, pace: Pace, order: int, row: int, commit: bool) -> boo
     enough. Else, or if it is not to be kept, all is as before but for the size of the next.
     """
     scene, figures = island.scene, pace.figures
-    left = figures[END] - scene.state.time[0]
+    t = scene.state.time[0]
+    kink = kinks.next_kink(pace.kinks, scene.system, t, TOO_SMALL * figures[END])
+    left = min(figures[END], kink, figures[STOP]) - t
+    spin = largest_spin(scene.start.bodies.W)
     h = figures[NEXT]
+    if scene.system.along is not None and h * spin > WIDEST_TURN:
+        h = WIDEST_TURN / spin
     if h > left * (1.0 - 1e-9):
         h = left
     elif 2.0 * h > left:
         h = 0.5 * left
     keep(scene.state, pace.kept)
     between.mark(island.between.begin, scene)
+    kinks.note(pace.kinks, scene, 0)
     if not pair(island, pace, h, row):
         figures[NEXT] = figures[BEST] = 0.25 * h
         pace.counts[REFUSED] += 1
         go_back(island, pace)
         high.forget(island)
         return False
+    if commit and seek(island, pace, h):
+        go_back(island, pace)
+        follow(island, t, h)
+        return False
     error, known = apart(island, pace)
+    if pace.driven:
+        rest, unsure = apart_within(island, pace, row)
+        error, known = error + rest, known + unsure
     error /= 2.0**order - 1.0
     share = figures[SHARE] * h
     growth = GROW
@@ -118,12 +160,18 @@ def attempt(island: High, pace: Pace, order: int, row: int, commit: bool) -> boo
         growth = min(GROW, max(SHRINK, SAFETY * (share / error) ** (1.0 / order)))
     figures[BEST] = growth * h
     good = error <= max(share, known)
+    spin = max(largest_spin(pace.middle.W), largest_spin(pace.end.W))
+    if scene.system.along is not None and h * spin > 2.0 * WIDEST_TURN:
+        good, growth = False, WIDEST_TURN / (h * spin)
     if good:
         figures[NEXT] = max(figures[NEXT], growth * h) if h < figures[NEXT] else growth * h
     else:
         figures[NEXT] = min(growth, SAFETY) * h
     if good and commit:
         pace.counts[ACCEPTED] += 1
+        pace.counts[SOUGHT], figures[STOP] = 0, math.inf
+        if h == left and left < figures[END] - t:
+            high.forget(island)
         figures[ERROR] += error
         figures[LARGEST] = max(figures[LARGEST], error)
         figures[SMALLEST] = min(figures[SMALLEST], 0.5 * h)
@@ -133,10 +181,29 @@ def attempt(island: High, pace: Pace, order: int, row: int, commit: bool) -> boo
         return True
     if commit:
         pace.counts[REFUSED] += 1
-    t = pace.kept.time[0]
     go_back(island, pace)
     follow(island, t, h)
     return good
+
+
+@kernel
+def largest_spin(W: np.ndarray) -> float:
+    """Of all bodies [rad/s]."""
+    largest = 0.0
+    for b in range(W.shape[0]):
+        largest = max(largest, dot(at(W, b), at(W, b)))
+    return math.sqrt(largest)
+
+
+@kernel
+def seek(island: High, pace: Pace, h: float) -> bool:
+    """Whether the pair has gone past a kink of a quantity; it is to be taken again up to there."""
+    part = kinks.crossing(pace.kinks, island.scene.system, h)
+    if part == 1.0 or pace.counts[SOUGHT] == SEARCHES:
+        return False
+    pace.counts[SOUGHT] += 1
+    pace.figures[STOP] = pace.kept.time[0] + part * h
+    return True
 
 
 @kernel
@@ -148,6 +215,8 @@ def pair(island: High, pace: Pace, h: float, row: int) -> bool:
         return False
     copy(state.x, pace.x)
     copy(state.p, pace.p)
+    if pace.driven:
+        go_between(island, pace, h)
     learn(island)
     go_back(island, pace)
     for half in range(2):
@@ -156,7 +225,46 @@ def pair(island: High, pace: Pace, h: float, row: int) -> bool:
             return False
         look(system, state, start, 0.5 * h, scene.watch, row + half)
         between.mark(pace.middle if half == 0 else pace.end, scene)
+        kinks.note(pace.kinks, scene, 1 + half)
     return True
+
+
+@kernel
+def go_between(island: High, pace: Pace, h: float) -> None:
+    """Note what the rows between and the works of the whole step are."""
+    room = island.between
+    between.mark(room.end, island.scene)
+    between.trace(room, island.station)
+    between.weigh(room, room.basis.shape[0] - 1, 0.5)
+    between.move(room, h, 0.5)
+    copy(room.scene.state.x, pace.x_middle)
+    copy(room.scene.state.p, pace.p_middle)
+    for w in range(pace.work.size):
+        pace.work[w] = island.scene.state.work[w]
+
+
+@kernel
+def apart_within(island: High, pace: Pace, row: int) -> tuple[float, float]:
+    """How far rows between of the whole step are from the pair's middle, and the works from the
+    pair's, by the energy over the length of the scene [m]; how much of that is round-off.
+    """
+    scene, figures = island.scene, pace.figures
+    bodies = scene.system.bodies
+    error, length = 0.0, 0.0
+    for b in range(pace.x.shape[0] - 1):
+        way = sub(at(pace.middle.x, b), at(pace.x_middle, b))
+        turn = compose(at(pace.middle.p, b), inverse(at(pace.p_middle, b)))
+        far = math.sqrt(dot(way, way)) + bodies.length[b] * math.sqrt(dot(turn, turn))
+        error, length = max(error, far), max(length, bodies.length[b])
+    for r in range(row, row + 2):
+        figures[ENERGY] = max(figures[ENERGY], scene.watch.rows[r, KINETIC])
+    work, size = 0.0, figures[ENERGY]
+    for w in range(pace.work.size):
+        work = max(work, abs(pace.end.work[w] - pace.work[w]))
+        size = max(size, abs(pace.work[w]))
+    if not size > 0.0:
+        return error, 0.0
+    return error + length * work / size, ROUND_OFF * length
 
 
 @kernel

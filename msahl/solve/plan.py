@@ -57,3 +57,9 @@ class Plan:
         half = 2 * step + (self.share > 0.5)
         due = np.searchsorted(half, np.arange(2 * self.steps + 1))
         return Plan(due, 2.0 * self.share - (self.share > 0.5))
+
+    def both_halves(self) -> "Plan":
+        """Two rows for each row at a step's end, of twice as many steps of half the size: at the
+        middle and at the end of that step.
+        """
+        return Plan.at_ends(np.repeat(np.diff(self.due) > 0, 2))

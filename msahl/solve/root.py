@@ -10,8 +10,8 @@ import numpy as np
 from scipy.optimize import root
 
 from msahl.compiled import compiled
-from msahl.solve import dense, step
-from msahl.solve.outcome import Outcome
+from msahl.solve import dense, offset, step
+from msahl.solve.outcome import EVALUATION, Outcome
 from msahl.solve.step import Scene
 from msahl.system.arrays import System
 from msahl.system.unknowns import Unknowns
@@ -22,20 +22,26 @@ STEP_TOLERANCE = 1e-11
 REPAIRS = 3
 """Each gains at least three digits: the relaxation against the joints' compliances."""
 
+_load = compiled(offset.load)
 _guess = compiled(dense.guess)
 _residual = compiled(dense.residual)
 _jacobian = compiled(dense.jacobian)
 _accept = compiled(step.accept)
 
 
-def take(scene: Scene, h: float, share: float) -> Outcome:
-    """Take a step of size ``h``, a ``share`` of the whole one, if it converges."""
+def take(
+    scene: Scene, h: float, share: float, after: Callable[[int], None] = lambda work: None
+) -> Outcome:
+    """Take a step of size ``h``, a ``share`` of the whole one, if it converges; ``after`` is told
+    of the work done.
+    """
     system, unknowns, state, start = scene.system, scene.unknowns, scene.state, scene.start
     size = unknowns.free.size
     guess, outcome, step_length = np.empty(size), Outcome(0.0, -1), 0.0
 
     def fun(z: np.ndarray) -> np.ndarray:
         nonlocal outcome, step_length
+        after(EVALUATION + size**3)
         f = np.empty(size)
         given = (system, unknowns, state, start, h, z, scene.Z)
         *judged, step_length = _residual(*given, f, scene.F)
@@ -49,6 +55,7 @@ def take(scene: Scene, h: float, share: float) -> Outcome:
         scene.counts[1] += 1
         return A.reshape(size, size)
 
+    _load(scene, h)
     _guess(system, unknowns, state, start, h, scene.Z, guess)
     f = fun(guess)
     guessed = step_length

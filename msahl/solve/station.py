@@ -13,19 +13,18 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.joints import along
+from msahl.joints.reaction import MOST_ROUNDS, stands
 from msahl.joints.reaction import publish as publish_reactions
 from msahl.kernel import apart, kernel
 from msahl.schemes import preserving
 from msahl.solve import dense, newton, sparse
 from msahl.solve.freedom import INDEPENDENT
+from msahl.solve.offset import NO_STEP
 from msahl.solve.step import Scene
 from msahl.system.arrays import Start, State, System, node_count
 from msahl.system.reduce import all_unknowns
 from msahl.system.unknowns import Unknowns, choose
 from msahl.vector import add, at, copy, matrix_at, put, scale, times, transpose
-
-NO_STEP = 1e-100
-"""Step size for the limit; its square is still a normal number."""
 
 
 class Station(NamedTuple):
@@ -40,6 +39,7 @@ class Station(NamedTuple):
     solution: np.ndarray  # (nodes, 3)
     force: np.ndarray  # (k, 3) where the state's multipliers are kept meanwhile
     reaction: np.ndarray  # (j, 6) likewise its reactions
+    last: np.ndarray  # (j, 6) those of the round before
 
 
 def new_station(system: System, unknowns: Unknowns | None = None) -> Station:
@@ -57,6 +57,7 @@ def new_station(system: System, unknowns: Unknowns | None = None) -> Station:
         solution=np.zeros(nodes),
         force=np.zeros((system.multipliers.node.size, 3)),
         reaction=np.zeros((system.reactions.child.size, 6)),
+        last=np.zeros((system.reactions.child.size, 6)),
     )
 
 
@@ -95,12 +96,16 @@ def accelerate(system: System, state: State, start: Start, station: Station) -> 
     """Set the ``solution`` to accelerations a, l alpha and multipliers over their units, and the
     state's reactions; ``start`` is prepared.
 
-    Friction presses by the reaction, which depends on friction: two rounds.
+    Friction presses by the reaction, which depends on friction: rounds until it stands still, each
+    of which leaves about the coefficient of friction times the change before.
     """
-    for _ in range(2):
+    for _ in range(MOST_ROUNDS):
+        copy(state.reaction, station.last)
         free(system, state, start, station)
         solve(station)
         react(system, state, start, station)
+        if not along.rubs(system.along) or stands(state.reaction, station.last):
+            break
 
 
 @kernel

@@ -25,7 +25,7 @@ from msahl.vector import at, dot, sub
 
 BALANCE, KINETIC, GAP, GAP_RATE, GAP_WORK, SPEED, TURN, DISTANCE, WAY, LOCAL = range(10)
 AT_REST = 1e-12
-"""Kinetic energy, relative to the energy at the start or the weight's, that is round-off."""
+"""Kinetic energy, relative to the energy at the start or the model's scale, that is round-off."""
 
 
 class Watch(NamedTuple):
@@ -125,8 +125,8 @@ def largest_length(vectors: np.ndarray) -> float:
 class Extremes:
     """The figures of a whole run, from the rows of all its islands."""
 
-    def __init__(self, first: Sequence[np.ndarray], weight: float) -> None:
-        self.weight = weight  # work of gravity over the bodies' lengths [J]
+    def __init__(self, first: Sequence[np.ndarray], scale: float) -> None:
+        self.scale = scale  # what the model's forces do over its lengths [J]
         self.balance = sum(float(rows[0, BALANCE]) for rows in first)
         self.error = self.squares = self.kinetic = self.local = 0.0
         self.steps = 0
@@ -150,16 +150,25 @@ class Extremes:
         ]
         self.local += float(worst[:, LOCAL].sum())
 
+    def compare_with(self, energy: float) -> None:
+        """Let the scale of energies be no smaller than this ``energy`` [J]."""
+        self.scale = max(self.scale, energy)
+
+    @property
+    def way(self) -> float:
+        """Longest way [m] of a mass centre from where it began."""
+        return self.worst[WAY]
+
     @property
     def size(self) -> float:
         """The energies [J] that the balance is a difference of."""
-        return max(abs(self.balance), self.weight, self.kinetic)
+        return max(abs(self.balance), self.scale, self.kinetic)
 
     def as_json(self) -> dict[str, float | None]:
         """The figures by name; the relative energy error is over the largest kinetic energy, or
         None where that is round-off itself.
         """
-        moves = self.kinetic > AT_REST * max(abs(self.balance), self.weight)
+        moves = self.kinetic > AT_REST * max(abs(self.balance), self.scale)
         return {
             "energyAtStart": self.balance,
             "largestKineticEnergy": self.kinetic,

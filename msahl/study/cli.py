@@ -9,8 +9,18 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from msahl.cli import BAD_INPUT, NOT_CONVERGED, NOT_WRITTEN, STARTED, stoppable
+from msahl.cli import (
+    BAD_INPUT,
+    NOT_CONVERGED,
+    NOT_WRITTEN,
+    STARTED,
+    Folder,
+    Number,
+    stoppable,
+)
+from msahl.printable import shown_path
 from msahl.schemes import AUTO, choices
+from msahl.terminal import echo
 
 if TYPE_CHECKING:
     from msahl.study.study import Study
@@ -34,14 +44,14 @@ COMMANDS = 2.0
 
 @click.command()
 @click.argument("deck", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="DIR",
+@click.option("-o", "--output", type=Folder(path_type=Path), metavar="DIR",
               help="Folder of the report (default: studies/<deck's name>).")  # fmt: skip
-@click.option("--dt", "steps", type=click.FloatRange(min=0.0, min_open=True), multiple=True,
+@click.option("--dt", "steps", type=Number(min=0.0, min_open=True), multiple=True,
               metavar="S", help="Step size in seconds; repeat for more (default: chosen so that "
               "the errors span 1e-2 to 1e-10 where they can).")  # fmt: skip
 @click.option("--scheme", "schemes", type=click.Choice(choices()), multiple=True,
               help="Scheme to study; repeat for more (default: all).")  # fmt: skip
-@click.option("--budget", type=click.FloatRange(min=1.0), default=10.0, show_default=True,
+@click.option("--budget", type=Number(min=1.0), default=10.0, show_default=True,
               metavar="S", help="Time in seconds that the study may take where it chooses the "
               "steps; compiling is not counted.")  # fmt: skip
 @click.option("--reference", default="auto", show_default=True, metavar="KIND",
@@ -51,11 +61,13 @@ COMMANDS = 2.0
 @click.option("--repeat", type=click.IntRange(min=1), metavar="N",
               help="Run each case N times and take the least time (default: 3 with --dt, else as "
               "often as there is time for).")  # fmt: skip
-@click.option("--target", type=click.FloatRange(min=0.0, min_open=True), default=1e-6,
+@click.option("--target", type=Number(min=0.0, min_open=True), default=1e-6,
               show_default=True, help="Largest error allowed, in the measure's unit.")  # fmt: skip
 @click.option("--measure", type=click.Choice(MEASURE_KEYS), default="position",
               show_default=True, help="Error that the target limits.")  # fmt: skip
-@click.option("--t-final", type=float, metavar="S", help="End [s], instead of the deck's tFinal.")
+@click.option(
+    "--t-final", type=Number(), metavar="S", help="End [s], instead of the deck's tFinal."
+)
 def study(
     deck: Path,
     output: Path | None,
@@ -109,20 +121,20 @@ def study(
     except ResultError as error:
         _stop(f"msahl study: {error}")
     except StartError as error:
-        _stop(f"{deck}: {error}")
+        _stop(f"{shown_path(deck)}: {error}")
     except OSError as error:
         _stop(_unwritten(error, folder))
     if not result.points:
-        click.echo(f"{deck}: stopped before a run had ended; nothing was written", err=True)
+        echo(f"{shown_path(deck)}: stopped before a run had ended; nothing was written", err=True)
         sys.exit(128 + stopped.signal)
     try:
         for path in write_study(result, folder):
-            click.echo(path)
+            echo(str(path))
     except OSError as error:
         _stop(_unwritten(error, folder), NOT_WRITTEN)
-    click.echo(f"{deck}: {recommendation(result)}", err=True)
+    echo(f"{shown_path(deck)}: {recommendation(result)}", err=True)
     if stopped.signal:
-        click.echo(f"{deck}: stopped; the report is of the runs made until then", err=True)
+        echo(f"{shown_path(deck)}: stopped; the report is of the runs made until then", err=True)
         sys.exit(128 + stopped.signal)
     if not any(point.trial.completed for point in result.points):
         sys.exit(NOT_CONVERGED)
@@ -147,7 +159,7 @@ def _time_commands(
 
 
 def _stop(message: str, status: int = BAD_INPUT) -> NoReturn:
-    click.echo(message, err=True)
+    echo(message, err=True)
     sys.exit(status)
 
 
@@ -166,7 +178,7 @@ def _shown(
     from msahl.compiled import STOPWATCH, working_clock
 
     def tell(line: str) -> None:
-        click.echo(f"{deck}: {line}", err=True)
+        echo(f"{shown_path(deck)}: {line}", err=True)
 
     def compiling() -> None:
         if not told:

@@ -22,6 +22,7 @@ from msahl.results.read import Run
 from msahl.rotations import angles, rotations
 from msahl.study.dynamics import Dynamics
 from msahl.study.reference import Reference
+from msahl.system.names import FORCE_COLUMNS
 
 MOST_ROWS = 2000
 GUIDES = 4000
@@ -127,8 +128,9 @@ def _force_errors(
     run: Run, measures: Measures, reference: Reference, dynamics: Dynamics, rows: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Errors (m,) of the reactions in these ``rows``, by key."""
-    # Reactions that redundant joints share are not unique: no reference has the same.
-    own = ~np.array(measures.reactions.shared[: measures.joints], dtype=bool)
+    # Components that redundant joints share are not unique: no reference has the same.
+    shared = measures.reactions.shared[: measures.joints]
+    own = np.array([[column not in columns for column in FORCE_COLUMNS] for columns in shared])
     if not own.any():
         return {}
     times, shape = run.time[rows], (len(rows), -1, 3)
@@ -136,12 +138,11 @@ def _force_errors(
     if not run.at_rows:
         mids = 0.5 * (run.time[rows - 1] + times)
         published = measures.reactions.force[rows, : len(own)]
-        errors["mean_reaction"] = _length(
-            (published - reference.forces(mids).reshape(shape))[:, own]
-        )
+        mean = published - reference.forces(mids).reshape(shape)
+        errors["mean_reaction"] = _length(mean * own)
     forces = _own_forces(run.states.to_numpy()[rows, 1:], times, reference, dynamics)
     forces -= reference.forces(times)
-    errors["station_reaction"] = _length(forces.reshape(shape)[:, own])
+    errors["station_reaction"] = _length(forces.reshape(shape) * own)
     return errors
 
 

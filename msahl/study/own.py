@@ -8,7 +8,7 @@ import numpy as np
 from msahl.compiled import working_clock
 from msahl.model import Model
 from msahl.results.read import ResultError
-from msahl.run import Options
+from msahl.run import OFF, Options
 from msahl.study.dynamics import Dynamics
 from msahl.study.independent import Solution
 from msahl.study.reference import TableReference
@@ -62,7 +62,9 @@ def _refined(model: Model, dynamics: Dynamics, deadline: float) -> Iterator[Tabl
     while working_clock() + 2.5 * took < deadline:
         dt, began = rung(k), working_clock()
         report, run = run_in_memory(
-            with_step(model, dt, scheme=SCHEME), Options(), lambda: working_clock() > deadline
+            with_step(model, dt, scheme=SCHEME),
+            Options(error=OFF),
+            lambda: working_clock() > deadline,
         )
         took, k = working_clock() - began, k - 1
         if report.status == "completed":

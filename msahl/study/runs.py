@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from msahl.model import Model, order_of, scheme_of
+from msahl.model import Model, scheme_of
 from msahl.results.read import Run
-from msahl.run import Options, Report, run
+from msahl.run import ESTIMATE, OFF, Options, Report, run
 from msahl.schemes import AUTO, split
 from msahl.study.rounding import round_down
 from msahl.system.names import reaction_columns, state_columns, work_columns
@@ -33,9 +33,15 @@ class Memory:
     def __init__(self) -> None:
         self.parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
 
-    def write(self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray) -> None:
+    def write(
+        self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray, errors: np.ndarray
+    ) -> None:
         """Append rows."""
         self.parts.append((states, reactions, work))
+
+    def restart(self) -> None:
+        """Drop all rows."""
+        self.parts.clear()
 
     def tables(self) -> list[np.ndarray]:
         """States, reactions and work, the time in the first column of each."""
@@ -45,8 +51,13 @@ class Memory:
 class Nowhere:
     """A sink for runs of which only the time counts."""
 
-    def write(self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray) -> None:
+    def write(
+        self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray, errors: np.ndarray
+    ) -> None:
         """Drop rows."""
+
+    def restart(self) -> None:
+        """There are none."""
 
 
 class Case(NamedTuple):
@@ -98,7 +109,9 @@ def with_step(
     end = given.t_final if t_final is None else t_final
     name, degree = split(scheme) if scheme else (scheme_of(model), None)
     other = replace(given, dt=dt, t_final=end, scheme=name, degree=degree or given.degree)
-    return replace(model, simulation=replace(other, tolerance=None, interval=None))
+    return replace(
+        model, simulation=replace(other, tolerance=None, local_tolerance=None, interval=None)
+    )
 
 
 def variant(model: Model, case: Case) -> Model:
@@ -133,28 +146,30 @@ def run_in_memory(
     return report, kept
 
 
-def loop_seconds(model: Model, case: Case, stopped: Callable[[], bool]) -> float | None:
-    """Seconds of the loop of one more run of a ``case``; None if it was stopped."""
-    report = run(variant(model, case), Options(), Nowhere(), stopped=stopped)
-    return None if report.status == "interrupted" else report.seconds["loop"]
+def seconds_of(case: Case, report: Report) -> float:
+    """Seconds of the loop; of a scheme that chooses its steps with those of the companion runs by
+    which it judges them.
+    """
+    return report.seconds["loop"] + (report.seconds.get("companion", 0.0) if case.chooses else 0.0)
 
 
-def estimated_error(model: Model, case: Case, accuracy: float) -> float | None:
-    """The error in position [m] that a run of a ``case`` says it has."""
-    chosen = variant(model, case)
-    report = run(chosen, Options(shadow=accuracy), Nowhere())
-    told = getattr(report, "error", None)
-    if told is not None:
-        return _number(told.get("position"))
-    if report.shadow is None or report.status != "completed":
+def timing(case: Case) -> Options:
+    """The options of a run of which the time counts: no estimate where none is needed."""
+    return Options() if case.chooses else Options(error=OFF)
+
+
+def run_seconds(model: Model, case: Case, stopped: Callable[[], bool]) -> float | None:
+    """What one more run of a ``case`` takes [s]; None if it was stopped."""
+    report = run(variant(model, case), timing(case), Nowhere(), stopped=stopped)
+    return None if report.status == "interrupted" else seconds_of(case, report)
+
+
+def estimated_error(model: Model, case: Case) -> float | None:
+    """The error in position [m] that a run of a ``case`` estimates of itself."""
+    report = run(variant(model, case), Options(error=ESTIMATE), Nowhere())
+    if report.error is None or not report.error["complete"]:
         return None
-    # The companion run at half the step has 2^-p of the run's error.
-    apart = _number(report.shadow["positionApartMax"])
-    return apart and apart / (1.0 - 2.0 ** -order_of(chosen))
-
-
-def _number(value: object) -> float | None:
-    return float(value) if isinstance(value, int | float) else None
+    return float(report.error["position"])
 
 
 def warm_up(model: Model, case: Case) -> None:
@@ -163,7 +178,7 @@ def warm_up(model: Model, case: Case) -> None:
     few = WARM_STEPS * first.simulation.dt
     end = min(few, model.simulation.t_final)
     ended = replace(first, simulation=replace(first.simulation, t_final=end))
-    run(ended, Options(), Nowhere())
+    run(ended, timing(case), Nowhere())
 
 
 def try_all(
@@ -186,12 +201,12 @@ def try_all(
         if stopped():  # a short run does not ask
             break
         if repeat == 0:
-            report, rows = run_in_memory(variant(model, case), Options(), stopped)
+            report, rows = run_in_memory(variant(model, case), timing(case), stopped)
             if report.status == "interrupted":
                 break
-            kept[case], seconds[case] = (report, rows), report.seconds["loop"]
+            kept[case], seconds[case] = (report, rows), seconds_of(case, report)
         else:
-            again = loop_seconds(model, case, stopped)
+            again = run_seconds(model, case, stopped)
             if again is None:
                 break
             seconds[case] = min(seconds[case], again)

@@ -159,11 +159,15 @@ def new_start(system: System, state: State) -> Start:
     )
     return Start(
         bodies=BodyStart(
-            *(np.zeros(matrices) for _ in range(2)), *(np.zeros(vectors) for _ in range(4))
+            *(np.zeros(matrices) for _ in range(2)), *(np.zeros(vectors) for _ in range(6))
         ),
         coincide=CoincideStart(np.zeros((k, 3)), np.zeros((k, 3)), state.gap),
         along=along,  # type: ignore[arg-type]
-        loads=ConcentratedStart(*(np.zeros((n_loads, 3)) for _ in range(3))),
+        loads=ConcentratedStart(
+            *(np.zeros((n_loads, 3)) for _ in range(3)),
+            *(np.zeros(n_loads) for _ in range(2)),
+            *(np.zeros((n_loads, 3)) for _ in range(2)),
+        ),
         drag_arms=np.zeros((system.drags.body.size, 3)),
         reaction_arms=np.zeros((system.reactions.child.size, 3)),
     )

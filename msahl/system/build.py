@@ -303,6 +303,7 @@ class _Builder:
             length=np.array([*lengths, 1.0]),
             by_angle=turns_by_angle(model) or None,
             ballistic=np.array([*(not arms for arms in self.arms[:n]), True]),
+            moves=np.ones((2, 3)),
             gravity=np.array(model.gravity, dtype=float),
             block=np.array(places, dtype=np.int64),
         )

@@ -8,6 +8,7 @@ from msahl.system.arrays import System
 STATE_COLUMNS = ("x", "y", "z", "P1", "P2", "P3", "vx", "vy", "vz", "wx", "wy", "wz")
 FORCE_COLUMNS = ("Fx", "Fy", "Fz")
 MOMENT_COLUMNS = ("Mx", "My", "Mz")
+LOAD_COLUMN = "load"
 Springy = SpringDamper | JointSpring | Bushing
 
 
@@ -21,8 +22,8 @@ def reaction_columns(model: Model) -> list[str]:
     motions the load [N or N m], of motions the power [W] as well.
     """
     joints = [f"{joint.name}.{c}" for joint in model.joints for c in joint_columns(joint)]
-    couplings = [f"{coupling.name}.load" for coupling in model.couplings]
-    motions = [f"{motion.name}.{c}" for motion in model.motions for c in ("load", "power")]
+    couplings = [f"{coupling.name}.{LOAD_COLUMN}" for coupling in model.couplings]
+    motions = [f"{motion.name}.{c}" for motion in model.motions for c in (LOAD_COLUMN, "power")]
     return ["time", *joints, *couplings, *motions]
 
 

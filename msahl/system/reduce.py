@@ -7,8 +7,11 @@ which is the time element's own answer; only its turn is left to solve for.
 axes, if every spin, moment and one principal axis of each body is its normal, and every direction
 of a joint lies in the plane or along the normal, then by mirror symmetry all stays so; three
 unknowns a body are left, and those joint equations that do not hold by symmetry alone. The test
-asks for exact zeros, so nothing is neglected. (Distances between parallel planes would make
-moments; they do not count as planar.)
+allows for the round-off of rotated vectors and for nothing else, so nothing is neglected.
+(Distances between parallel planes would make moments; they do not count as planar.)
+
+What is not solved for must not depend on itself. The components that a planar system does not have
+are therefore zero, not small: every velocity and every guess passes through ``rigid.moving``.
 """
 
 import numpy as np
@@ -20,6 +23,9 @@ from msahl.system.arrays import Start, System, body_count, node_count
 
 TURNS = 1
 """Parity of the nodes that hold turns."""
+ROUND_OFF = 16 * np.finfo(float).eps
+"""Component, relative to its vector's length, that is round-off: a vector carried from one frame to
+another by two matrices of rotation loses a few machine epsilons of its length."""
 
 
 def plane_normal(system: System, start: Start) -> int | None:
@@ -40,21 +46,13 @@ def _is_planar(system: System, start: Start, axis: int) -> bool:
     forces = np.einsum("kij,kj->ki", R[loads.f_axes], loads.f)
     moments = np.einsum("kij,kj->ki", R[loads.m_axes], loads.m)
     # The ground's arms are places, not levers; a load's arm matters only where a force acts.
-    arms_a = coincide.r_a[system.coincide.a != ground, axis]
-    arms_b = coincide.r_b[system.coincide.b != ground, axis]
-    levers = arms[:, axis, None] * forces
-    along = (
-        system.bodies.gravity[axis],
-        bodies.v[:, axis],
-        arms_a,
-        arms_b,
-        forces[:, axis],
-        levers,
-        start.drag_arms[:, axis],
-    )
-    across = (bodies.W, bodies.J[:, axis], bodies.J[:, :, axis], moments)
-    lies = not any(np.any(a) for a in along)
-    lies = lies and not any(np.any(a[:, in_plane]) for a in across)
+    arms_a = coincide.r_a[system.coincide.a != ground]
+    arms_b = coincide.r_b[system.coincide.b != ground]
+    arms = arms[forces.any(axis=1)]
+    along = (system.bodies.gravity[None], bodies.v, arms_a, arms_b, forces, arms, start.drag_arms)
+    lies = all(_is_zero(a[:, [axis]], a) for a in along)
+    lies = lies and all(_is_zero(a[:, in_plane], a) for a in (bodies.W, moments))
+    lies = lies and _is_zero(bodies.J[:, axis, in_plane], bodies.J.reshape(-1, 9))
     if system.along is None or not lies:
         return lies
     group, measures = system.along.quantities, start.along.quantities.measures
@@ -65,6 +63,11 @@ def _is_planar(system: System, start: Start, axis: int) -> bool:
     active = rows.quantity[(rows.law >= 0) | (rows.quantity[:, 1] >= 0)].reshape(-1)
     acting = np.concatenate([active, springs.quantity, frictions.quantity])
     return not _held(group, measures, axis)[acting[acting >= 0]].any()
+
+
+def _is_zero(part: np.ndarray, whole: np.ndarray) -> bool:
+    """Whether ``part`` (n, k) is nothing but round-off of the vectors ``whole`` (n, m)."""
+    return bool(np.all(np.abs(part) <= ROUND_OFF * np.linalg.norm(whole, axis=1)[:, None]))
 
 
 def _fits(group: Quantities, measures: MeasureStart, ground: int, q: int, axis: int) -> bool:
@@ -85,7 +88,8 @@ def _fits(group: Quantities, measures: MeasureStart, ground: int, q: int, axis: 
             a, b = group.measures.a[k], group.measures.b[k]
             ends = ((a, measures.r_a[k]), (b, measures.r_b[k]))
             arms = [arm for body, arm in ends if body != ground]
-            if any(arm[axis] for arm in arms) or measures.D[k, axis]:
+            lengths = np.array([*arms, measures.D[k]])
+            if not _is_zero(lengths[:, axis][None], lengths.reshape(1, -1)):
                 return False
             if n_along and group.kind[q] not in (PLAIN, RADIUS):
                 return False
@@ -94,10 +98,9 @@ def _fits(group: Quantities, measures: MeasureStart, ground: int, q: int, axis: 
 
 def _along(vector: np.ndarray, axis: int) -> bool | None:
     """True along the axis, False across it, None if neither."""
-    across = np.delete(vector, axis)
-    if not np.any(across):
+    if _is_zero(np.delete(vector, axis)[None], vector[None]):
         return True
-    return None if vector[axis] else False
+    return False if _is_zero(vector[None, [axis]], vector[None]) else None
 
 
 def symmetric_rows(system: System, start: Start, axis: int) -> np.ndarray:
@@ -121,6 +124,12 @@ def _held(group: Quantities, measures: MeasureStart, axis: int) -> np.ndarray:
         else:
             held[q] = bool(n_along)
     return held
+
+
+def stay_in_plane(system: System, axis: int) -> System:
+    """The system with every motion out of the plane across ``axis`` held at zero."""
+    moves = np.array([np.arange(3) != axis, np.arange(3) == axis], dtype=float)
+    return system._replace(bodies=system.bodies._replace(moves=moves))
 
 
 def drop_rows(system: System, held: np.ndarray) -> System:

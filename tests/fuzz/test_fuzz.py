@@ -16,11 +16,17 @@ from pathlib import Path
 from guard import call, guarded
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from lxml import etree
 from scenes import ROOT
 from strategies import NUMBERS, files, gentle_mutants, mutants, scenes, trees
 
 from msahl.cli import main
 from msahl.deck import DeckError, read_deck
+from msahl.deck.diagnosis import add_faults
+from msahl.deck.faults import Faults
+from msahl.deck.parse import parse
+from msahl.deck.rules import build_rules
+from msahl.deck.schema import objection, schema_bytes
 from msahl.post.cli import main as post
 
 SECONDS = float(os.environ.get("MSAHL_FUZZ_SECONDS", "0"))
@@ -126,6 +132,21 @@ def is_judged(data) -> str:
         if model is not None:
             assert not any(map(math.isinf, numbers_of(model)))
         return "refused" if model is None else "good"
+
+
+@over(st.one_of(mutants(), gentle_mutants(), trees()), 100, 0.1)
+def test_the_readers_of_the_schema_agree(data):
+    """libxml2 as it parses, libxml2 on the tree in memory, and our own diagnosis."""
+    faults = Faults("deck")
+    try:
+        root = parse(data, faults)
+    except DeckError:
+        return "no deck"
+    schema, judged = schema_bytes(), Faults("deck")
+    add_faults(root, build_rules(schema, "data"), judged)
+    valid = etree.XMLSchema(etree.fromstring(schema)).validate(root.getroottree())
+    assert valid == (objection(root, schema) == "") == judged.sound(root)
+    return "valid" if valid else "not valid"
 
 
 @over(mutants(), 100, 0.2)

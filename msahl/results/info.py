@@ -1,0 +1,156 @@
+"""``run.json``: read, and held to the types its fields have, so that who reads on may rely on them.
+
+Fields that are not listed here may hold anything.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import orjson
+
+from msahl.printable import printable, shown_path
+from msahl.results.folder import find
+from msahl.results.write import INFO
+from msahl.verdict import WORDS
+
+AGAIN = "run the deck again: msahl run"
+"""The remedy for files that are not as a run left them."""
+
+LARGEST = 1e100
+"""As in a deck: so large a size can be divided by any other."""
+
+
+class ResultError(Exception):
+    """A folder that is not a run's; the message names file and remedy."""
+
+
+@dataclass(frozen=True, slots=True)
+class Leaf:
+    """A value without parts, by what a reader calls it and a test of it."""
+
+    name: str
+    fits: Callable[[Any], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class Many:
+    """A list, or an object of any keys (``container``), whose values have one shape."""
+
+    container: type
+    of: "Shape"
+
+
+@dataclass(frozen=True, slots=True)
+class Fields:
+    """An object: shapes of some of its keys, and those that are ``required``."""
+
+    of: Mapping[str, "Shape"]
+    required: tuple[str, ...] = ()
+
+
+Shape = Leaf | Many | Fields
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _is_count(value: Any, least: int = 0) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= least
+
+
+def _is_size(value: Any) -> bool:
+    return value is None or (_is_number(value) and 0.0 < value <= LARGEST)
+
+
+TEXT = Leaf("a text", lambda value: isinstance(value, str))
+NUMBER = Leaf("a number", _is_number)
+FIGURE = Leaf("a number or null", lambda value: value is None or _is_number(value))
+SIZE = Leaf(f"null or a number above zero, up to {LARGEST:g}", _is_size)
+FLAG = Leaf("true or false", lambda value: isinstance(value, bool))
+WHOLE = Leaf("a whole number", lambda v: isinstance(v, int) and not isinstance(v, bool))
+COUNT = Leaf("a whole number from 0", _is_count)
+FIRST = Leaf("a whole number from 1", lambda value: _is_count(value, 1))
+WORD = Leaf(f"one of {', '.join(WORDS)}", lambda value: value in WORDS)
+CHECK = Fields({"word": WORD, "text": TEXT}, ("word", "text"))
+
+SHAPE = Fields({
+    **dict.fromkeys(("msahl", "python", "numba", "numpy", "scipy", "status", "message"), TEXT),
+    **dict.fromkeys(("rows", "steps", "joints", "islands", "planar_islands", "unknowns"), COUNT),
+    **dict.fromkeys(("iterations", "factorisations", "root_steps", "halvings"), COUNT),
+    "time": NUMBER,
+    "deck": Fields({"path": TEXT, "digest": TEXT}),
+    "options": Fields({
+        **dict.fromkeys(("scheme", "solver", "reactions", "turn"), TEXT),
+        **dict.fromkeys(("dt", "tFinal", "outputInterval"), SIZE),
+        "every": FIRST,
+    }),
+    "freedoms": Many(dict, WHOLE),
+    "sharedReactions": Many(dict, Many(list, TEXT)),
+    "warnings": Many(list, TEXT),
+    "resumed": Many(list, NUMBER),
+    "seconds": Many(dict, NUMBER),
+    "extremes": Many(dict, FIGURE),
+    "verdict": Fields(
+        {"word": WORD, "reasons": Many(list, TEXT), "checks": Many(dict, CHECK)},
+        ("word", "reasons", "checks"),
+    ),
+})  # fmt: skip
+"""Of ``run.json``, as far as it is read back; ``error`` apart, which may be null."""
+ERROR = Fields({
+    **dict.fromkeys(("position", "orientation", "until"), NUMBER),
+    "trustHorizon": FIGURE,
+    "companion": TEXT,
+    "complete": FLAG,
+})  # fmt: skip
+
+
+def read_info(folder: Path) -> dict[str, Any]:
+    """What ``run.json`` says: nothing if the run was cut off by force. Raises ``ResultError``."""
+    path = find(folder, INFO)
+    if path is None or path.name != INFO:
+        return {}
+    try:
+        info: Any = orjson.loads(path.read_bytes())
+    except ValueError as error:
+        raise ResultError(f"{shown_path(path)}: not JSON: {error}; {AGAIN}") from error
+    faults = list(_faults(info, SHAPE, ""))
+    if not faults and info.get("error") is not None:
+        faults += _faults(info["error"], ERROR, "error")
+    if faults:
+        raise ResultError(f"{shown_path(path)}: {printable(faults[0])}; {AGAIN}")
+    return dict(info)
+
+
+def _faults(value: Any, shape: Shape, place: str) -> Iterator[str]:
+    """What is wrong with a value at a ``place``, and with its parts."""
+    match shape:
+        case Leaf(name, fits):
+            if not fits(value):
+                yield f"{place} is {_kind(value)}, not {name}"
+        case Many(container, of):
+            if not isinstance(value, container):
+                yield f"{place} is {_kind(value)}, not {_NAMES[container]}"
+                return
+            parts: Any = value
+            for key in parts if container is dict else range(len(parts)):
+                yield from _faults(parts[key], of, f"{place}.{key}")
+        case Fields(of, required):
+            if not isinstance(value, dict):
+                yield f"{place or 'the file'} is {_kind(value)}, not {_NAMES[dict]}"
+                return
+            yield from (f"{place} has no {key}" for key in required if key not in value)
+            for key in of.keys() & value.keys():
+                yield from _faults(value[key], of[key], f"{place}.{key}".lstrip("."))
+
+
+_NAMES = {dict: "an object", list: "a list", str: "a text", type(None): "null"}
+
+
+def _kind(value: Any) -> str:
+    """A JSON value for a reader."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return _NAMES.get(type(value)) or f"the number {value:g}"

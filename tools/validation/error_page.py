@@ -1,0 +1,231 @@
+"""docs/validation/error.md, from the cells of ``error``."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from error import (
+    CLEAR,
+    GLOBAL,
+    LOCAL,
+    ROUND_OFF,
+    SCHEMES,
+    TOLERANCES,
+    Comparison,
+    comparisons,
+)
+from error import Cell as Run
+from error_scenes import SCENES
+from measured import OUT
+
+from msahl.post.document import Block, Heading, Items, Paragraph, as_markdown
+from msahl.post.table import Cell, Column, Table
+
+LEAST, MOST = 0.3, 10.0
+"""Estimated over true error that is asked for."""
+NEVER = 0.1
+"""Estimated over true error that must not be undercut with PASS."""
+SHOWN = 40
+"""Most cells outside these bounds that are listed."""
+
+
+def write_page(cells: Sequence[Run]) -> None:
+    """Write the page."""
+    (OUT / "error.md").write_text(as_markdown(list(build(cells))))
+
+
+def build(cells: Sequence[Run]) -> Iterator[Block]:
+    """The page."""
+    yield Heading(1, "The error estimate against the truth")
+    yield Paragraph(
+        f"{len({cell.scene for cell in cells})} models, each by {len(SCHEMES)} schemes at three "
+        "fixed step sizes and by scheme auto to three tolerances. Every run estimates its own "
+        "global error; here the estimates are compared with true errors: the largest of all "
+        "bodies at all output times, of position [m], of orientation (angle times the body's "
+        "length) [m] and of velocity [m/s]. Made by make error-table; all figures: error.csv."
+    )
+    yield Paragraph(
+        "The truth is a solution from equations of motion that share no code with the engine "
+        "(tools/validation/reference.py): accelerations by least squares from the constraints' "
+        "second derivatives, orientations as quaternions, integrated by scipy's DOP853 at a "
+        "relative tolerance of 1e-13 from kink to kink of the laws. The distance from a second "
+        f"solution at 1e-12, but at least {ROUND_OFF:g} of the model's size, is the floor. A true "
+        f"error below {CLEAR:g} times the floor is not known: such a cell is marked, and its "
+        f"estimate is compared with {CLEAR:g} times the floor, as an upper bound only."
+    )
+    yield Heading(2, "Summary")
+    yield Items(tuple(summary(cells)))
+    yield Heading(2, "Fixed steps: estimated over true error of position")
+    yield Paragraph(
+        "At the largest step, a quarter and a sixteenth of it. A point stands for an error below "
+        "what the reference can tell, a dash for a run without an estimate, x for a run that did "
+        "not complete. Bodies that only rotate show the ratio of orientation."
+    )
+    yield fixed_table(cells)
+    yield Heading(2, "By tolerance: true error of position, and cost")
+    yield Paragraph(
+        "The largest true error of position [m] of runs by --tolerance; in parentheses the verdict "
+        "where it is not PASS. Cost: seconds of all runs and companions of --tolerance over "
+        "seconds of the loop of --local-tolerance of the same size."
+    )
+    yield tolerance_table(cells)
+    yield Heading(2, "Outside the bounds")
+    yield Paragraph(f"Ratios below {LEAST:g} or above {MOST:g}, farthest first, {SHOWN} at most.")
+    yield outside_table(cells)
+
+
+def summary(cells: Sequence[Run]) -> Iterator[tuple[str, str]]:
+    """The figures that are asked for."""
+    all_of = [c for c in comparisons(cells) if c.cell.kind != LOCAL]
+    for quantities in (("position", "orientation"), ("velocity",)):
+        found = [c for c in all_of if c.quantity in quantities]
+        yield (
+            f"Estimated over true {' and '.join(quantities)} error within {LEAST:g} to {MOST:g}",
+            _within(found),
+        )
+        passed = [c for c in found if c.clear and c.cell.verdict == "PASS"]
+        least = min(passed, key=lambda c: c.ratio, default=None)
+        if least:
+            below = sum(c.ratio < NEVER for c in passed)
+            yield (
+                f"Smallest ratio of {' and '.join(quantities)} with PASS",
+                f"{least.ratio:.2g}: {_place(least.cell)}; {below} of {len(passed)} are below "
+                f"{NEVER:g}",
+            )
+    ended = [cell for cell in cells if cell.status != "completed"]
+    yield "Runs that did not complete", f"{len(ended)} of {len(cells)}"
+    yield from _delivered(cells)
+
+
+def _within(found: Sequence[Comparison]) -> str:
+    clear = [c for c in found if c.clear]
+    inside = sum(LEAST <= c.ratio <= MOST for c in clear)
+    marked = [c for c in found if not c.clear]
+    low = sum(c.ratio <= MOST for c in marked)
+    share = 100.0 * inside / max(1, len(clear))
+    return (
+        f"{inside} of {len(clear)} ({share:.1f} %); of those at the floor {low} of {len(marked)} "
+        f"estimates are below {MOST:g} times the bound"
+    )
+
+
+def _delivered(cells: Sequence[Run]) -> Iterator[tuple[str, str]]:
+    for tolerance in TOLERANCES:
+        runs = [c for c in cells if c.kind == GLOBAL and c.tolerance == tolerance]
+        possible = [c for c in runs if c.position is not None and c.position_floor < tolerance]
+        kept = [c for c in possible if c.position is not None and c.position <= tolerance]
+        told = [c for c in possible if c not in kept and c.accuracy != "PASS"]
+        costs = list(_costs(cells, tolerance).values())
+        if not costs:
+            continue
+        yield (
+            f"--tolerance {tolerance:g}",
+            f"position error within the tolerance in {len(kept)} of {len(possible)} models, beyond "
+            f"it with a warning in {len(told)}; cost over --local-tolerance: median "
+            f"{np.median(costs):.1f}, largest {max(costs):.1f}",
+        )
+
+
+def _costs(cells: Sequence[Run], tolerance: float) -> dict[str, float]:
+    """Seconds by --tolerance over those by --local-tolerance, by model."""
+    seconds = {
+        (c.scene, c.kind): c.seconds
+        for c in cells
+        if c.tolerance == tolerance and c.status == "completed"
+    }
+    names = {name for name, _ in seconds}
+    return {
+        name: seconds[name, GLOBAL] / seconds[name, LOCAL]
+        for name in names
+        if (name, GLOBAL) in seconds and (name, LOCAL) in seconds
+    }
+
+
+def fixed_table(cells: Sequence[Run]) -> Table:
+    """A row a model, a column a scheme."""
+    columns = (Column("scene", "model"), *(Column(word, word) for word in SCHEMES))
+    rows: list[tuple[Cell, ...]] = []
+    for scene in SCENES:
+        own = [c for c in cells if c.scene == scene.name and c.step is not None]
+        by_scheme = [[c for c in own if c.scheme == word] for word in SCHEMES]
+        rows.append((scene.name, *(" ".join(map(_shown, runs)) for runs in by_scheme)))
+    return Table(columns, tuple(rows))
+
+
+def _shown(cell: Run) -> str:
+    if cell.status != "completed":
+        return "x"
+    found = {c.quantity: c for c in comparisons([cell])}
+    if not found:
+        return "-"
+    quantity = "orientation" if _rests(cell) else "position"
+    comparison = found[quantity]
+    return f"{comparison.ratio:.2g}" if comparison.clear else "."
+
+
+def _rests(cell: Run) -> bool:
+    """Whether the bodies' points stay where they are, as far as the reference can tell."""
+    position, orientation = cell.position or 0.0, cell.orientation or 0.0
+    return position <= CLEAR * cell.position_floor and orientation > CLEAR * cell.orientation_floor
+
+
+def tolerance_table(cells: Sequence[Run]) -> Table:
+    """A row a model; true errors and costs by tolerance."""
+    columns = [Column("scene", "model")]
+    for tolerance in TOLERANCES:
+        columns.append(Column(f"true{tolerance:g}", f"true error at {tolerance:g}"))
+        columns.append(Column(f"cost{tolerance:g}", f"cost at {tolerance:g}", form=".1f"))
+    costs = {tolerance: _costs(cells, tolerance) for tolerance in TOLERANCES}
+    rows: list[tuple[Cell, ...]] = []
+    for scene in SCENES:
+        row: list[Cell] = [scene.name]
+        for tolerance in TOLERANCES:
+            own = [c for c in cells if (c.scene, c.kind) == (scene.name, GLOBAL)]
+            row += [_delivered_cell(c) for c in own if c.tolerance == tolerance] or [None]
+            row.append(costs[tolerance].get(scene.name))
+        rows.append(tuple(row))
+    return Table(tuple(columns), tuple(rows))
+
+
+def _delivered_cell(cell: Run) -> str:
+    if cell.position is None:
+        return "x"
+    below = cell.position <= CLEAR * cell.position_floor
+    error = "." if below else f"{cell.position:.1e}"
+    return error if cell.verdict == "PASS" else f"{error} ({cell.verdict})"
+
+
+def outside_table(cells: Sequence[Run]) -> Table:
+    """The comparisons outside the bounds."""
+    found = [
+        c
+        for c in comparisons(cells)
+        if c.cell.kind != LOCAL and (c.ratio > MOST or (c.clear and c.ratio < LEAST))
+    ]
+    found.sort(key=lambda c: -abs(np.log(max(c.ratio, 1e-300))))
+    columns = (
+        Column("run", "run"),
+        Column("quantity", "quantity"),
+        Column("estimate", "estimate", form=".1e"),
+        Column("true", "true error", form=".1e"),
+        Column("ratio", "ratio", form=".2g"),
+        Column("known", "true error known"),
+        Column("verdict", "verdict"),
+    )
+    rows = [
+        (
+            _place(c.cell),
+            c.quantity,
+            c.estimate,
+            c.true,
+            c.ratio,
+            "yes" if c.clear else "no",
+            c.cell.verdict,
+        )
+        for c in found[:SHOWN]
+    ]
+    return Table(columns, tuple(rows))
+
+
+def _place(cell: Run) -> str:
+    how = f"{cell.step:.3g} s" if cell.step is not None else f"--tolerance {cell.tolerance:g}"
+    return f"{cell.scene}, {cell.scheme}, {how}"
