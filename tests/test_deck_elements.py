@@ -78,7 +78,7 @@ def test_every_element_has_a_deck():
     # What only a unit test shows: guesses, the other kinds of coefficient, joint tables, rows and
     # steps that are no deck's own affair.
     rare = {"a3", "angle", "angularDamping", "assembly", "c0", "c3", "c4", "c5", "freeSlide"}
-    rare |= {"offset", "phase", "xMoment", "outputInterval", "tolerance"}
+    rare |= {"offset", "phase", "xMoment", "outputInterval", "tolerance", "localTolerance"}
     assert declared - tags <= rare
 
 

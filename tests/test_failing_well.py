@@ -22,8 +22,9 @@ from msahl.results.read import read_run, read_table
 from msahl.results.write import ROOM, RunFolder, Table, write_beginning, write_json
 from msahl.run import NO_ERRORS
 from msahl.store import Store
+from msahl.study.plan import Plan
 from msahl.study.runs import with_step
-from msahl.study.study import Plan, study
+from msahl.study.study import study
 
 SINGLE = ROOT / "decks" / "thesis" / "single_pendulum_45.xml"
 SHORT = (SINGLE, "--dt", 0.01, "--t-final", 0.2)

@@ -17,8 +17,9 @@ from msahl.results.read import read_run
 from msahl.schemes import choices
 from msahl.schemes.rule import new_rule
 from msahl.study.exact import recognise
+from msahl.study.plan import Plan
 from msahl.study.runs import with_step
-from msahl.study.study import Plan, study
+from msahl.study.study import study
 from msahl.verdict import PASS
 
 ROOT = Path(__file__).parents[1]

@@ -1,15 +1,18 @@
 """Times at which a law of time changes its formula: no step of an integrator may pass over one."""
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
-from msahl.law import PIECES, SINE, Law, Laws, build_laws
+from msahl.law import SINE, Law, Laws, build_laws, piece_of
 from msahl.model import ConcentratedLoad, Model
 
 MOST = 10_000
-"""Breaks of periodic laws beyond which there are no more: an integrator that ends a step at each
-of so many takes steps as short anyway."""
+"""Breaks of one law beyond which no more are told: steps that end at each of so many are short
+anyway."""
+SAME = 1e-12
+"""Part of the span by which two breaks differ at least."""
 PARTS = 4.0
 """Steps to a period of the fastest sine at least: fewer may see the same phase every time."""
 
@@ -23,20 +26,17 @@ def laws_of_time(model: Model) -> list[Law]:
 def breaks(model: Model, end: float) -> np.ndarray:
     """Times between 0 and ``end`` [s] at which a law begins another piece, increasing."""
     laws = build_laws(laws_of_time(model))
-    times = [_breaks(laws, law, end) for law in range(len(laws.kind)) if laws.kind[law] == PIECES]
-    known = np.unique(np.concatenate([np.zeros(0), *times]))
-    return known[(known > 0.0) & (known < end)]
+    times = {time for law in range(len(laws.kind)) for time in _breaks(laws, law, end)}
+    return np.array(sorted(times))
 
 
-def _breaks(laws: Laws, law: int, end: float) -> np.ndarray:
-    first = laws.first[law]
-    count, period = int(laws.numbers[first]), float(laws.numbers[first + 1])
-    own = laws.numbers[first + 2 : first + 3 + count]
-    if period <= 0.0:
-        return own
-    begin, last = math.floor(-own[0] / period), math.ceil((end - own[0]) / period)
-    turns = np.arange(begin, min(last, begin + MOST // count) + 1)
-    return np.asarray((own[:-1] + period * turns[:, None]).reshape(-1))
+def _breaks(laws: Laws, law: int, end: float) -> Iterator[float]:
+    time = 0.0
+    for _ in range(MOST):
+        _, time = piece_of(laws, law, time + SAME * end)  # not the piece that ends there
+        if time >= end:
+            return
+        yield time
 
 
 def longest_step(model: Model) -> float:

@@ -138,7 +138,8 @@ def _force_errors(
     if not run.at_rows:
         mids = 0.5 * (run.time[rows - 1] + times)
         published = measures.reactions.force[rows, : len(own)]
-        errors["mean_reaction"] = _length((published - reference.forces(mids).reshape(shape)) * own)
+        mean = published - reference.forces(mids).reshape(shape)
+        errors["mean_reaction"] = _length(mean * own)
     forces = _own_forces(run.states.to_numpy()[rows, 1:], times, reference, dynamics)
     forces -= reference.forces(times)
     errors["station_reaction"] = _length(forces.reshape(shape) * own)

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from math import ceil
 from typing import Any
 
+import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -136,7 +137,8 @@ def _grid(study: Study, by_time: bool) -> Figure:
     rows = ceil(len(shown) / COLUMNS)
     height = 0.8 + 2.9 * rows
     # A layout that matplotlib finds by itself draws everything twice.
-    figure = Figure(figsize=(10.5, height), layout="none")  # type: ignore[arg-type]
+    with matplotlib.rc_context({"figure.constrained_layout.use": False}):
+        figure = Figure(figsize=(10.5, height))
     FigureCanvasAgg(figure)
     figure.subplots_adjust(0.08, 1.15 / height, 0.98, 1.0 - 0.75 / height, 0.36, 0.42)
     panels = figure.subplots(rows, COLUMNS, squeeze=False).reshape(-1)

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from msahl.model import local_tolerance_of
 from msahl.post.document import (
     Block,
     Folded,
@@ -108,7 +109,7 @@ def recommendation(study: Study) -> str:
         f"Its {_figures(study, best)}.",
         *_gain(study, best),
     ]
-    if plan.model.simulation.tolerance is not None and not best.trial.case.chooses:
+    if local_tolerance_of(plan.model) is not None and not best.trial.case.chooses:
         sentences.append("The deck gives a tolerance, which must be removed from it for this run.")
     return " ".join(sentences)
 
@@ -150,7 +151,8 @@ def _gain(study: Study, best: Point) -> list[str]:
 
 
 def _times(ratio: float, better: str, worse: str) -> str:
-    return f"{ratio:.2g} times {better}" if ratio >= 1.0 else f"{1.0 / ratio:.2g} times {worse}"
+    factor, word = (ratio, better) if ratio >= 1.0 else (1.0 / ratio, worse)
+    return f"{float(f'{factor:.2g}'):g} times {word}"
 
 
 def _options(point: Point) -> str:

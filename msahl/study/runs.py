@@ -146,30 +146,30 @@ def run_in_memory(
     return report, kept
 
 
-def loop_seconds(model: Model, case: Case, stopped: Callable[[], bool]) -> float | None:
-    """Seconds of the loop of one more run of a ``case``; None if it was stopped."""
-    report = run(variant(model, case), options_of(case), Nowhere(), stopped=stopped)
-    return None if report.status == "interrupted" else seconds_of(report, case)
+def seconds_of(case: Case, report: Report) -> float:
+    """Seconds of the loop; of a scheme that chooses its steps with those of the companion runs by
+    which it judges them.
+    """
+    return report.seconds["loop"] + (report.seconds.get("companion", 0.0) if case.chooses else 0.0)
 
 
-def options_of(case: Case) -> Options:
-    """Options of the runs of a ``case``: only a tolerance needs the estimate of the error."""
-    return Options(error=None if case.chooses else OFF)
+def timing(case: Case) -> Options:
+    """The options of a run of which the time counts: no estimate where none is needed."""
+    return Options() if case.chooses else Options(error=OFF)
 
 
-def seconds_of(report: Report, case: Case) -> float:
-    """Seconds of the loop, and of the companion runs where a tolerance cannot do without."""
-    seconds = report.seconds
-    return seconds["loop"] + (seconds.get("companion", 0.0) if case.chooses else 0.0)
+def run_seconds(model: Model, case: Case, stopped: Callable[[], bool]) -> float | None:
+    """What one more run of a ``case`` takes [s]; None if it was stopped."""
+    report = run(variant(model, case), timing(case), Nowhere(), stopped=stopped)
+    return None if report.status == "interrupted" else seconds_of(case, report)
 
 
-def estimated_error(model: Model, case: Case, accuracy: float) -> float | None:
-    """The error in position [m] that a run of a ``case`` says it has."""
-    report = run(variant(model, case), Options(error=ESTIMATE, accuracy=accuracy), Nowhere())
-    told = report.error
-    if told is None or not told["complete"] or report.status != "completed":
+def estimated_error(model: Model, case: Case) -> float | None:
+    """The error in position [m] that a run of a ``case`` estimates of itself."""
+    report = run(variant(model, case), Options(error=ESTIMATE), Nowhere())
+    if report.error is None or not report.error["complete"]:
         return None
-    return float(told["position"])
+    return float(report.error["position"])
 
 
 def warm_up(model: Model, case: Case) -> None:
@@ -178,7 +178,7 @@ def warm_up(model: Model, case: Case) -> None:
     few = WARM_STEPS * first.simulation.dt
     end = min(few, model.simulation.t_final)
     ended = replace(first, simulation=replace(first.simulation, t_final=end))
-    run(ended, options_of(case), Nowhere())
+    run(ended, timing(case), Nowhere())
 
 
 def try_all(
@@ -201,12 +201,12 @@ def try_all(
         if stopped():  # a short run does not ask
             break
         if repeat == 0:
-            report, rows = run_in_memory(variant(model, case), options_of(case), stopped)
+            report, rows = run_in_memory(variant(model, case), timing(case), stopped)
             if report.status == "interrupted":
                 break
-            kept[case], seconds[case] = (report, rows), seconds_of(report, case)
+            kept[case], seconds[case] = (report, rows), seconds_of(case, report)
         else:
-            again = loop_seconds(model, case, stopped)
+            again = run_seconds(model, case, stopped)
             if again is None:
                 break
             seconds[case] = min(seconds[case], again)

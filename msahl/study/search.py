@@ -7,7 +7,7 @@ below ``FINE``, no longer falls, or takes too long. Quick runs come first, of wh
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -24,10 +24,10 @@ from msahl.study.runs import (
     Case,
     Trial,
     estimated_error,
-    loop_seconds,
-    options_of,
     run_in_memory,
+    run_seconds,
     seconds_of,
+    timing,
     variant,
     warm_up,
 )
@@ -197,15 +197,15 @@ class Search:
             warm_up(self.plan.model, case)
             self.warm.add(case.scheme)
         compiled = STOPWATCH.seconds
-        report, run = run_in_memory(variant(self.plan.model, case), options_of(case), self._out)
+        report, run = run_in_memory(variant(self.plan.model, case), timing(case), self._out)
         if STOPWATCH.seconds > compiled:  # what only hard steps need: not of this run
-            report, run = run_in_memory(variant(self.plan.model, case), options_of(case), self._out)
+            report, run = run_in_memory(variant(self.plan.model, case), timing(case), self._out)
         if report.status == "interrupted":
             return None
-        seconds = seconds_of(report, case)
+        seconds = seconds_of(case, report)
         repeats = self.plan.repeats or (2 if seconds < SHORT else 1)
         for _ in range(repeats - 1):
-            again = loop_seconds(self.plan.model, case, self._out)
+            again = run_seconds(self.plan.model, case, self._out)
             seconds = seconds if again is None else min(seconds, again)
         point = self._measured(Trial(case, seconds, report, run), not self.plan.of_states)
         self.points.append(point)
@@ -281,7 +281,7 @@ class Search:
         for point in [p for _ in range(TURNS) for p in good[:CANDIDATES]]:
             if self.left < OVERHEAD + point.trial.seconds:
                 return
-            seconds = loop_seconds(self.plan.model, point.trial.case, self._out)
+            seconds = run_seconds(self.plan.model, point.trial.case, self._out)
             if seconds is not None:
                 self.replace(point.trial.case, seconds)
 
@@ -291,14 +291,14 @@ class Search:
             if point.trial.case == case and seconds < point.trial.seconds:
                 self.points[i] = replace(point, trial=replace(point.trial, seconds=seconds))
 
-    def estimate(self, schemes: Sequence[str]) -> None:
-        """Have the runs of these ``schemes`` say what errors in position they have themselves."""
+    def estimate(self, scheme: str) -> None:
+        """Have the runs of a ``scheme`` estimate their own errors in position."""
         for i, point in enumerate(self.points):
             trial = point.trial
-            if trial.scheme not in schemes or not trial.completed:
+            if trial.scheme != scheme or not trial.completed:
                 continue
             if self.left > 4.0 * trial.seconds + 2.0 * OVERHEAD and not self.stopped():
-                told = estimated_error(self.plan.model, trial.case, self.plan.accuracy)
+                told = estimated_error(self.plan.model, trial.case)
                 self.points[i] = replace(point, estimate=told)
 
     def complete(self) -> None:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from msahl.compiled import working_clock
-from msahl.model import tolerance_of
-from msahl.schemes import AUTO, choices
+from msahl.model import local_tolerance_of
+from msahl.schemes import AUTO, HIGHER, TOLERANCE
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import MEASURES, Measure, measure_errors
 from msahl.study.order import FLAT, Fit, fit_order
@@ -47,7 +47,7 @@ class Study:
     plan: Plan
     reference: Reference
     points: list[Point]
-    own: Case
+    own: Case | None
     stopped: bool = False
     fits: dict[tuple[str, str], Fit | None] = field(default_factory=dict)
     commands: dict[Case, Command] = field(default_factory=dict)
@@ -58,7 +58,7 @@ class Study:
     def schemes(self) -> list[str]:
         """Schemes that were run, in the order of the plan."""
         ran = {point.trial.scheme for point in self.points}
-        return [s for s in dict.fromkeys((*self.plan.studied, self.own.scheme)) if s in ran]
+        return [s for s in dict.fromkeys((*self.plan.studied, *sorted(ran))) if s in ran]
 
     def series(self, scheme: str, key: str) -> tuple[list[Point], np.ndarray]:
         """The points of a scheme that have such an error, by falling step, and largest errors."""
@@ -79,12 +79,14 @@ class Study:
         return next((p for p in self.points if p.trial.case == self.own), None)
 
 
-def own_case(plan: Plan) -> Case:
-    """The case that the deck itself asks for."""
-    simulation, tolerance = plan.model.simulation, tolerance_of(plan.model)
-    if tolerance is not None:
-        return Case(AUTO, tolerance)
-    degree = simulation.degree if simulation.scheme not in choices() else ""
+def own_case(plan: Plan) -> Case | None:
+    """The case that the deck itself asks for; None if it chooses steps in a way not studied."""
+    simulation = plan.model.simulation
+    if simulation.scheme == AUTO and simulation.local_tolerance is None:
+        return Case(AUTO, simulation.tolerance or TOLERANCE)
+    if local_tolerance_of(plan.model) is not None:
+        return None
+    degree = simulation.degree if simulation.scheme in HIGHER else ""
     return Case(f"{simulation.scheme}{degree}", simulation.dt)
 
 
@@ -148,7 +150,8 @@ def _searched(
     """Runs at steps found by a ``Search``."""
     search = Search(plan, reference, Dynamics(plan.model), until, stopped, tell, progress)
     own = own_case(plan)
-    search.run(own)
+    if own is not None:
+        search.run(own)
     search.part = OF_CURVES
     search.explore()
     search.part = OF_RUNS
@@ -156,7 +159,7 @@ def _searched(
     search.compare()
     result = Study(plan, reference, search.points, own, stopped())
     best = result.fastest
-    search.estimate([best.trial.scheme] if best else [own.scheme])
+    search.estimate(best.trial.scheme if best else plan.studied[0])
     search.part = 1.0
     search.complete()
     return _fitted(result)

@@ -19,8 +19,9 @@ from msahl.study.dynamics import Dynamics
 from msahl.study.errors import MEASURES, state_errors
 from msahl.study.exact import recognise
 from msahl.study.independent import solve
+from msahl.study.plan import Plan
 from msahl.study.runs import with_step
-from msahl.study.study import Plan, Study, study
+from msahl.study.study import Study, study
 
 LONGEST = 10.0
 """Scenes are followed this long [s]: the chaotic ones have a reference to compare with."""
