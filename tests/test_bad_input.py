@@ -152,7 +152,7 @@ def work(path):
     sys.setprofile(enter)
     with suppress(DeckError):
         try:
-            read_deck(path)
+            read_deck(path, thorough=True)
         finally:
             sys.setprofile(None)
     return count

@@ -54,7 +54,7 @@ def read(tmp_path):
         groups = {"joints": joints, "motions": motions, "loads": loads}
         rest = "".join(f"<{tag}>{text}</{tag}>" for tag, text in groups.items() if text)
         path.write_text(SCENE.format(rest=rest, more=more, units=units))
-        return read_deck(path)
+        return read_deck(path, thorough=True)
 
     return read_scene
 

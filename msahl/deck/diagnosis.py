@@ -1,8 +1,8 @@
 """Departures from the schema in the words of a deck: what is wrong, and what would be right.
 
 The rules are those of xmlschema's components. Every element is checked once, whatever is wrong with
-others, and a message is made only if it is shown, so the time is proportional to the deck; the
-errors that xmlschema itself reports take time with the square of the number of siblings.
+others, and a message is made only if it is kept, so the time is proportional to the deck. To find
+its own errors xmlschema takes time that grows with the square of the number of unknown elements.
 """
 
 import difflib

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 SCHEMA_NAME = "msaHLData.xsd"
 
 MANY = 50_000
-"""Elements that ``xmlschema`` validates in some seconds; larger decks only libxml2 validates."""
+"""Elements that xmlschema validates in a second or two; a larger deck only libxml2 validates."""
 
 
 def schema_bytes() -> bytes:
