@@ -348,7 +348,7 @@ def test_a_study_keeps_the_repeats_it_has():
     plan = Plan(model, (0.1, 0.05), ("preserving",), repeats=2)
     ran = []
     result = study(plan, ran.append, lambda: len(ran) == 3)
-    assert (result.stopped, ran) == (True, [10, 20, 10])
+    assert (result.stopped, ran) == (True, ["preserving 0.1", "preserving 0.05", "preserving 0.1"])
     assert [point.trial.dt for point in result.points] == [0.1, 0.05]
     whole = study(plan)
     errors = [[p.largest("position") for p in r.points][:2] for r in (result, whole)]

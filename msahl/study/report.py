@@ -1,6 +1,6 @@
 """What a study says: ``study.csv``, ``study.md`` with its pictures, ``study.html``."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from msahl.model import local_tolerance_of
@@ -51,7 +51,7 @@ def write_study(study: Study, folder: Path) -> list[Path]:
     """Write the study to ``folder``; the paths written, pictures not among them."""
     blocks = build(study)
     folder.mkdir(parents=True, exist_ok=True)
-    for block in blocks:
+    for block in _unfolded(blocks):
         if isinstance(block, Picture):
             write_whole(folder / block.name, block.png)
     texts = {
@@ -62,6 +62,11 @@ def write_study(study: Study, folder: Path) -> list[Path]:
     for name, text in texts.items():
         write_whole(folder / name, text.encode())
     return [folder / name for name in texts]
+
+
+def _unfolded(blocks: Sequence[Block]) -> Iterator[Block]:
+    for block in blocks:
+        yield from _unfolded(block.blocks) if isinstance(block, Folded) else (block,)
 
 
 def build(study: Study) -> list[Block]:

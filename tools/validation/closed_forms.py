@@ -15,6 +15,7 @@ from msahl.model import Model
 from msahl.post.document import Block, Heading, Items, Paragraph, as_markdown
 from msahl.post.table import Cell, Column, Table
 from msahl.results.read import ResultError
+from msahl.schemes import SCHEMES
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import MEASURES, state_errors
 from msahl.study.exact import recognise
@@ -25,7 +26,11 @@ from msahl.study.study import Study, study
 
 LONGEST = 10.0
 """Scenes are followed this long [s]: the chaotic ones have a reference to compare with."""
-NO_TARGET = 1e9
+STEPS = (0.1, 0.04, 0.01, 0.004, 0.002, 0.001, 0.0004)
+"""Hainge's sample rates (2010, table 4.2) and two finer [s]."""
+SHORT = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25, 0.125)
+"""Steps, in the deck's own, where fewer than five of these make ``COARSE`` steps or more."""
+COARSE = 20
 TRUE = [measure for measure in MEASURES if measure.true]
 
 
@@ -57,11 +62,18 @@ def study_all(paths: list[Path]) -> Iterator[Result]:
         exact = recognise(model) is not None
         print(path.stem, flush=True)
         try:
-            result = study(Plan(model, repeats=1, target=NO_TARGET))
+            result = study(Plan(model, steps_for(model), tuple(SCHEMES), repeats=1))
         except ResultError as error:
             print(f"  left out: {error}", flush=True)
             continue
         yield Result(path.stem, model, exact, result)
+
+
+def steps_for(model: Model) -> tuple[float, ...]:
+    """The steps that suit a model."""
+    t_final = model.simulation.t_final
+    listed = tuple(dt for dt in STEPS if COARSE * dt <= t_final * (1.0 + 1e-9))
+    return listed if len(listed) >= 5 else tuple(f * model.simulation.dt for f in SHORT)
 
 
 def build(results: list[Result]) -> list[Block]:
