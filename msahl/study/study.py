@@ -21,7 +21,7 @@ TIMES = 1001
 """Times at which a reference is compared with another."""
 OF_REFERENCE = 0.35
 """Part of the budget that the reference may take."""
-OF_CURVES, OF_RUNS = 0.7, 0.9
+OF_CURVES, OF_RUNS = 0.75, 0.9
 """Parts of the time left for runs until which curves are drawn, and runs are made at all."""
 
 
