@@ -61,10 +61,12 @@ class Study:
         return [s for s in dict.fromkeys((*self.plan.studied, *sorted(ran))) if s in ran]
 
     def series(self, scheme: str, key: str) -> tuple[list[Point], np.ndarray]:
-        """The points of a scheme that have such an error, by falling step, and largest errors."""
+        """The points of a scheme that have such an error, by falling step or tolerance, and largest
+        errors.
+        """
         points = [p for p in self.points if p.trial.scheme == scheme and p.trial.completed]
         points = [p for p in points if p.largest(key) is not None]
-        points.sort(key=lambda point: -point.trial.dt)
+        points.sort(key=lambda point: -point.trial.case.size)
         return points, np.array([point.largest(key) for point in points], dtype=float)
 
     @property
