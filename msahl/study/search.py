@@ -38,7 +38,7 @@ COARSE, FINE = 1e-2, 1e-10
 """Errors that a curve spans where it can, in the measure's SI unit."""
 FEWEST = 4
 """Steps to the end that a run takes at least."""
-MOST_ITERATIONS = 5.0
+MOST_ITERATIONS = 6.0
 """Iterations of a step above which no larger step is tried."""
 LARGE_TURN = 1.0
 """Rotation in a step [rad] with which a curve begins."""
@@ -171,7 +171,7 @@ class Search:
         if errors[bottom] <= floor or (chooses and curve.case(bottom).size <= FINEST_TOLERANCE):
             self._end(curve, "")
         # Steps that are chosen are the same for some neighbouring tolerances.
-        elif not chooses and self._is_flat(errors[bottom], errors.get(bottom + 1, 0.0)):
+        elif not chooses and self._is_flat(errors[bottom], errors.get(bottom + 1, math.inf)):
             self._end(curve, "round-off")
         return None if curve.ended else bottom - 1
 
