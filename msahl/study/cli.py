@@ -38,9 +38,9 @@ MEASURE_KEYS = (
 
 START = 0.2
 """Seconds that Python takes to come to the command."""
-WRITING = 2.0
+WRITING = 2.4
 """Seconds kept for drawing and writing the report, and for ending."""
-COMMANDS = 2.0
+COMMANDS = 1.6
 """Seconds kept for running the recommended command and the deck's own."""
 
 

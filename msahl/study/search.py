@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 
 from msahl.compiled import STOPWATCH, working_clock
+from msahl.results.read import Run
+from msahl.run import Report
 from msahl.schemes import AUTO, CHOSEN, DEGREE, HIGHER, split
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import measure_errors, state_figures
@@ -36,10 +38,14 @@ COARSE, FINE = 1e-2, 1e-10
 """Errors that a curve spans where it can, in the measure's SI unit."""
 FEWEST = 4
 """Steps to the end that a run takes at least."""
+MOST_ITERATIONS = 6.0
+"""Iterations of a step above which no larger step is tried."""
 LARGE_TURN = 1.0
 """Rotation in a step [rad] with which a curve begins."""
 FIRST_TOLERANCE = -4
 """Power of ten [m] with which the curve of a scheme that chooses its steps begins."""
+FINEST_TOLERANCE = 1e-12
+"""Tolerance [m] at which such a curve ends."""
 FALLS = 0.7
 """Part of an error to which a smaller step must reduce it: of order 1 it is a half or less."""
 SURE = 1e-5
@@ -48,6 +54,8 @@ LONGEST = 0.1
 """Part of the budget that a single run may take once the target is met."""
 SHORT = 0.02
 """Loops of fewer seconds are repeated at once, as a short time is easily disturbed."""
+PATIENCE = 0.5
+"""Seconds after which a run, and five times what it was expected to take, is not waited for."""
 OVERHEAD = 0.03
 """Seconds beside the loop: building the system, its errors."""
 CANDIDATES, TRIES, TURNS = 3, 4, 5
@@ -121,16 +129,25 @@ class Search:
                 break
             seconds, curve, k = min(waiting, key=lambda entry: _urgency(entry[0], entry[1].scheme))
             if seconds > self._allowed():
-                self._end(curve, "a smaller step would take too long")
+                self._end(curve, "a finer run would take too long")
                 continue
-            point = self.run(curve.case(k))
+            point = self.run(curve.case(k), PATIENCE + 5.0 * seconds)
             if point is None:
-                self._end(curve, "a smaller step would take too long")
+                self._give_up(curve, k)
             else:
                 curve.points[k] = point
         for curve in self.curves:
             if not curve.ended:
                 self._end(curve, "the time of the study was used up")
+
+    def _give_up(self, curve: Curve, k: int) -> None:
+        """Go on after a run that has taken too long."""
+        if curve.points and k < min(curve.points):
+            self._end(curve, "a finer run would take too long")
+        elif curve.points:
+            curve.coarsest = True
+        else:
+            curve.first, curve.coarsest = k - 1, True
 
     def _allowed(self) -> float:
         """Seconds that one run may take."""
@@ -146,13 +163,15 @@ class Search:
         errors = {k: self._error(point) for k, point in curve.points.items()}
         top, bottom = max(errors), min(errors)
         if not curve.coarsest:
-            if errors[top] < COARSE and self._has_steps(curve.case(top + 1)):
+            if errors[top] < COARSE and self._may_grow(curve.points[top], curve.case(top + 1)):
                 return top + 1
             curve.coarsest = True
         floor = max(FINE, 3.0 * self.reference.error)
-        if errors[bottom] <= floor:
+        chooses = curve.scheme == AUTO
+        if errors[bottom] <= floor or (chooses and curve.case(bottom).size <= FINEST_TOLERANCE):
             self._end(curve, "")
-        elif bottom + 1 in errors and self._is_flat(errors[bottom], errors[bottom + 1]):
+        # Steps that are chosen are the same for some neighbouring tolerances.
+        elif not chooses and self._is_flat(errors[bottom], errors.get(bottom + 1, math.inf)):
             self._end(curve, "round-off")
         return None if curve.ended else bottom - 1
 
@@ -165,10 +184,14 @@ class Search:
     def _is_flat(fine: float, coarse: float) -> bool:
         return FALLS * coarse < fine < SURE
 
-    def _has_steps(self, case: Case) -> bool:
-        if case.chooses:
-            return case.size <= 1.0
-        return FEWEST * case.size <= self.plan.model.simulation.t_final
+    def _may_grow(self, point: Point, larger: Case) -> bool:
+        """Whether steps larger than those of a run are worth a run."""
+        if larger.chooses:
+            return larger.size <= 1.0
+        # Steps that converge badly become a run of many seconds if they are any larger.
+        report = point.trial.report
+        eased = report.iterations <= MOST_ITERATIONS * report.steps and not report.halvings
+        return eased and FEWEST * larger.size <= self.plan.model.simulation.t_final
 
     def _end(self, curve: Curve, why: str) -> None:
         """End a curve, and tell of it."""
@@ -186,9 +209,9 @@ class Search:
         growth = 1.5 if curve.scheme == AUTO else curve.case(near).size / curve.case(k).size
         return OVERHEAD + growth * curve.points[near].trial.seconds
 
-    def run(self, case: Case) -> Point | None:
+    def run(self, case: Case, patience: float = math.inf) -> Point | None:
         """Run a ``case`` and measure its errors, unless it was run before; None if it was stopped
-        before its end.
+        before its end, as the time is used up or it takes more than ``patience`` [s].
         """
         known = next((point for point in self.points if point.trial.case == case), None)
         if known is not None:
@@ -196,10 +219,7 @@ class Search:
         if case.scheme not in self.warm:
             warm_up(self.plan.model, case)
             self.warm.add(case.scheme)
-        compiled = STOPWATCH.seconds
-        report, run = run_in_memory(variant(self.plan.model, case), timing(case), self._out)
-        if STOPWATCH.seconds > compiled:  # what only hard steps need: not of this run
-            report, run = run_in_memory(variant(self.plan.model, case), timing(case), self._out)
+        report, run = self._rows(case, patience)
         if report.status == "interrupted":
             return None
         seconds = seconds_of(case, report)
@@ -211,6 +231,18 @@ class Search:
         self.points.append(point)
         self.progress(f"{case.scheme} {case.size:g}")
         return point
+
+    def _rows(self, case: Case, patience: float) -> tuple[Report, Run]:
+        """A run of a ``case``."""
+        compiled, given_up = STOPWATCH.seconds, working_clock() + patience
+        report, run = run_in_memory(
+            variant(self.plan.model, case),
+            timing(case),
+            lambda: self._out() or working_clock() > given_up,
+        )
+        if STOPWATCH.seconds > compiled:  # what only hard steps need: not of this run
+            return self._rows(case, patience)
+        return report, run
 
     def _measured(self, trial: Trial, complete: bool) -> Point:
         if complete:

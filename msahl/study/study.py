@@ -21,7 +21,7 @@ TIMES = 1001
 """Times at which a reference is compared with another."""
 OF_REFERENCE = 0.35
 """Part of the budget that the reference may take."""
-OF_CURVES, OF_RUNS = 0.7, 0.9
+OF_CURVES, OF_RUNS = 0.75, 0.9
 """Parts of the time left for runs until which curves are drawn, and runs are made at all."""
 
 
@@ -61,10 +61,12 @@ class Study:
         return [s for s in dict.fromkeys((*self.plan.studied, *sorted(ran))) if s in ran]
 
     def series(self, scheme: str, key: str) -> tuple[list[Point], np.ndarray]:
-        """The points of a scheme that have such an error, by falling step, and largest errors."""
+        """The points of a scheme that have such an error, by falling step or tolerance, and largest
+        errors.
+        """
         points = [p for p in self.points if p.trial.scheme == scheme and p.trial.completed]
         points = [p for p in points if p.largest(key) is not None]
-        points.sort(key=lambda point: -point.trial.dt)
+        points.sort(key=lambda point: -point.trial.case.size)
         return points, np.array([point.largest(key) for point in points], dtype=float)
 
     @property
