@@ -95,7 +95,7 @@ validation: thesis error-table
 	$(BIN)/python benchmarks/convergence/experiment.py --page
 	$(BIN)/python tools/validation/stability.py --page
 
-# A quarter of an hour on two cores, compiled kernels and kept references apart.
+# About five minutes on two cores; the first time reference solutions and kernels take five more each.
 error-table: .venv/installed
 	$(BIN)/python tools/validation/error.py
 

@@ -126,7 +126,7 @@ def check(decks: tuple[Path, ...]) -> None:
     """
     faulty = False
     for deck in decks:
-        model, faults = _read(deck)
+        model, faults = _read(deck, thorough=True)
         faulty |= model is None
         echo("\n".join(faults) if faults else f"{shown_path(deck)}: good", err=bool(faults))
     if faulty:
@@ -356,11 +356,11 @@ def _open_standard_streams() -> None:
             setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115
 
 
-def _read(deck: Path) -> tuple["Model | None", list[str]]:
+def _read(deck: Path, thorough: bool = False) -> tuple["Model | None", list[str]]:
     from msahl.deck import DeckError, read_deck
 
     try:
-        return read_deck(deck), []
+        return read_deck(deck, thorough), []
     except DeckError as error:
         return None, [str(fault) for fault in error.faults]
 

@@ -10,18 +10,20 @@ of the error itself. An estimate is never below what rounding leaves of the larg
 
 A vibration that is faster than the steps may be the same at the output times of both runs while
 its true amplitude a is missed. Its half-period is shorter than the step h, so a < h/pi times the
-error of the velocity, which such a vibration reverses from step to step; the errors of positions
-are taken to be no smaller. A scheme that damps it loses its energy E in both runs alike, where the
-loss from what the steps resolve falls by 2^-p or more at half the step:
+error of the velocity, which such a vibration reverses from step to step; where that error is a
+noticeable part of the speeds, errors of positions are taken to be no smaller. A scheme that damps
+it loses its energy E in both runs alike, where the loss from what the steps resolve falls by 2^-p
+or more at half the step:
 
     a < h/2 |v|_max sqrt(E / K_max) ,    E = 2 E_companion - E_run     [J]
 
-if E is more than a tenth of what the run lost, and more than round-off. A gauss scheme of even
-degree may keep both position and velocity of such a vibration; then a body goes by h |v| in a step
-and yet is never far from where it began, and h |v|/pi is the estimate.
+if the companion lost three quarters of what the run lost, and more than round-off. A gauss scheme
+of even degree may keep both position and velocity of such a vibration; then a body goes by h |v| in
+a step and yet is never far from where it began, and h |v|/pi is the estimate.
 
 A prescribed motion that oscillates between the times at which both runs meet it is a third case:
-its own size is then the estimate (``unseen_motion``).
+its own size is then the estimate (``unseen_motion``). So is friction whose regularisation width is
+passed within a step (``unresolved_friction``).
 
 Errors are those of the published numbers: positions of the bodies' reference points [m],
 orientations as angle times the body's length [m], velocities [m/s] and angular velocities [rad/s]
@@ -35,6 +37,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from msahl.joints.quantity import ANGLE
 from msahl.law import build_laws, evaluate
 from msahl.model import Model, degree_of, local_tolerance_of, order_of, reactions_of, scheme_of
 from msahl.motion import Drive
@@ -50,9 +53,12 @@ ROUND_OFF = 4.0 * float_info.epsilon
 FARTHER = 2.0
 """A step's way, in the longest way from the start, from which a motion turns back within a step: it
 then makes a third of a turn or more in one."""
-HIDDEN = 0.1
-"""Part of the energy that a scheme took which, if lost to both runs alike, is not the error of what
-the steps resolve: that at least halves, but for terms of higher order."""
+LOST_ALIKE = 0.75
+"""Part of the energy lost by a run that its companion loses as well if that is of vibrations which
+neither resolves; of resolved motions it is a half at most, but for terms of higher order."""
+REVERSED = 0.02
+"""Part of a body's highest speed so far from which an error of its velocity may be a vibration that
+the steps reverse. Errors of resolved motions are smaller, or show in the positions."""
 ENERGY_ROUND_OFF = 1e3 * float_info.epsilon
 """Sum of the rounding errors of a run's energies, relative to the largest."""
 RISE = 1.05
@@ -74,6 +80,8 @@ PARABOLA = np.array(
     [(1 - 2 * BETWEEN) * (1 - BETWEEN), 4 * BETWEEN * (1 - BETWEEN), BETWEEN * (2 * BETWEEN - 1)]
 )
 """Weights of the values met for those between, by the parabola through them."""
+SAME = 1e-9
+"""Part of the range of a motion over the whole run that is none within a step."""
 UNFOLLOWED, OFTEN = 0.3, 0.25
 """Part of its range that a motion is off that parabola if a step does not follow it, and the part
 of all steps for which this must be so: a kink is met by one step alone."""
@@ -254,10 +262,34 @@ def unseen_motion(model: Model, length: float) -> float:
         followed = met @ PARABOLA
         off = np.abs(between - followed).max(axis=1)
         spread = np.ptp(np.hstack([met, between]), axis=1)
-        missed = off > UNFOLLOWED * spread
+        missed = off > np.maximum(UNFOLLOWED * spread, SAME * np.ptp(met))
         if np.count_nonzero(missed) > OFTEN * MOTION_SAMPLES:
             angle = isinstance(motion, Drive) and motion.freedom == "angle"
-            worst = max(worst, float(off.max()) * (length if angle else 1.0))
+            worst = max(worst, float(off[missed].max()) * (length if angle else 1.0))
+    return worst
+
+
+def unresolved_friction(runner: Runner, h: float, t_final: float) -> float:
+    """Error of positions [m] where friction changes a rate by more than its width in a step ``h``.
+
+    While the rate passes the width friction is not yet at its limit. Both runs miss that if it is
+    over within a step, which leaves a rate wrong by up to half the width until ``t_final``.
+    """
+    system, reaction = runner.scene.system, runner.scene.state.reaction
+    if system.along is None:
+        return 0.0
+    frictions, quantities, bodies = system.along.frictions, system.along.quantities, system.bodies
+    worst = 0.0
+    for f, q in enumerate(frictions.quantity):
+        first = quantities.first[q]
+        pair = [quantities.measures.a[first], quantities.measures.b[first]]
+        moving = [b for b in pair if bodies.inverse_mass[b] > 0.0]
+        angular = quantities.kind[q] == ANGLE
+        length = float(bodies.length[moving].max()) if angular else 1.0
+        press = float(np.linalg.norm(reaction[frictions.joint[f], :3])) * frictions.lever[f]
+        change = h * press * bodies.inverse_mass[moving].max() / length**2
+        if change > frictions.width[f]:
+            worst = max(worst, 0.5 * frictions.width[f] * length * t_final)
     return worst
 
 
@@ -277,6 +309,7 @@ class ErrorEstimate:
         self.compared = not isinstance(companion, HigherOrder) or reactions_of(model) == "station"
         self.largest = dict.fromkeys(FIGURES, 0.0)
         self.record: list[tuple[float, float]] = []  # last time before a larger error, and that
+        self.speeds = [np.zeros((2, len(of))) for of in self.lengths]  # highest so far
         self.until, self.stopped = 0.0, False
         if not isinstance(companion, Known) and local_tolerance_of(model) is None:
             unseen = unseen_motion(model, max(float(of.max()) for of in self.lengths))
@@ -337,9 +370,14 @@ class ErrorEstimate:
         floor = ROUND_OFF * (np.abs(a[:, :, 0]).max(axis=-1) + lengths)
         spin = factor * np.linalg.norm(a[:, :, 3] - b[:, :, 3], axis=-1)
         turn = factor * angles(a[:, :, 1], b[:, :, 1]) * lengths
+        speeds = np.linalg.norm(a[:, :, 2:], axis=-1).transpose(0, 2, 1)
+        speeds = np.maximum.accumulate(np.concatenate([self.speeds[k][None], speeds]))[1:]
+        self.speeds[k] = speeds[-1]
+        reversed_way = np.where(way[:, :, 1] > REVERSED * speeds[:, 0], way[:, :, 1], 0.0)
+        reversed_turn = np.where(spin > REVERSED * speeds[:, 1], spin * lengths, 0.0)
         hidden = h[:, None] / np.pi
-        position = np.maximum(np.maximum(way[:, :, 0], floor), hidden * way[:, :, 1])
-        turn = np.maximum(np.maximum(turn, ROUND_OFF * lengths), hidden * spin * lengths)
+        position = np.maximum(np.maximum(way[:, :, 0], floor), hidden * reversed_way)
+        turn = np.maximum(np.maximum(turn, ROUND_OFF * lengths), hidden * reversed_turn)
         errors = {
             "position": position.max(axis=1),
             "orientation": turn.max(axis=1),
@@ -371,17 +409,17 @@ class ErrorEstimate:
         """
         of_companion = -sum(float(r.scene.state.work[-1]) for r in self.companion.runners)
         hidden = 2.0 * of_companion - lost
-        counts = hidden > max(HIDDEN * lost, ENERGY_ROUND_OFF * size)
+        counts = of_companion > LOST_ALIKE * lost and hidden > ENERGY_ROUND_OFF * size
         if isinstance(self.companion, HalfStep) and kinetic > 0.0 and counts:
             amplitude = 0.5 * way * (hidden / kinetic) ** 0.5
             self.largest["position"] = max(self.largest["position"], amplitude)
 
-    def add_unresolved(self, way: float, farthest: float) -> None:
+    def add_unresolved(self, way: float, farthest: float, other: float) -> None:
         """Take in that a body would go at least a ``way`` [m] in a step, and never was more than
-        ``farthest`` [m] from where it began.
+        ``farthest`` [m] from where it began; and the ``other`` error [m] that no run shows.
         """
-        if way > FARTHER * farthest:
-            self.largest["position"] = max(self.largest["position"], way / np.pi)
+        amplitude = way / np.pi if way > FARTHER * farthest else 0.0
+        self.largest["position"] = max(self.largest["position"], amplitude, other)
 
     def known(self) -> Known:
         """The companion's rows of the whole run, which were kept."""
@@ -403,6 +441,7 @@ class ErrorEstimate:
         return {
             "largest": dict(self.largest),
             "record": list(self.record),
+            "speeds": [of.tolist() for of in self.speeds],
             "until": self.until,
             "stopped": self.stopped,
         }
@@ -411,6 +450,7 @@ class ErrorEstimate:
         """Go back to what ``figures`` told."""
         self.largest, self.stopped = dict(figures["largest"]), figures["stopped"]
         self.record = [(time, error) for time, error in figures["record"]]
+        self.speeds = [np.array(of) for of in figures["speeds"]]
         self.until = figures["until"]
         self.kept = None  # the rows before are not among them
 

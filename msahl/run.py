@@ -14,7 +14,13 @@ import numpy as np
 
 from msahl.attempts import KNOWN_NUMBERS, Attempts
 from msahl.compiled import is_kept, keep, trouble
-from msahl.error_estimate import Companion, ErrorEstimate, Steps, choose_companion
+from msahl.error_estimate import (
+    Companion,
+    ErrorEstimate,
+    Steps,
+    choose_companion,
+    unresolved_friction,
+)
 from msahl.model import (
     STATION,
     Model,
@@ -646,7 +652,8 @@ class _Run:
         if self.estimate and not self.paced:
             way = min(self.grid.h, report.time) * (report.extremes["speedMax"] or 0.0)
             way -= self._length * (report.extremes["turnPerStepMax"] or 0.0)
-            self.estimate.add_unresolved(way, self.extremes.way)
+            rubbed = [unresolved_friction(r, self.grid.h, report.time) for r in self.runners]
+            self.estimate.add_unresolved(way, self.extremes.way, max(rubbed))
         if self.options.error == OFF:
             report.extremes |= {"localErrorMax": None, "localErrorSum": None}
         if self.attempts and self.estimate:

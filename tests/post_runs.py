@@ -92,7 +92,10 @@ def write(folder, states=None, reactions=None, info=None, whole=True):
     deck.write_text(DECK)
     with RunFolder(folder, read_deck(deck), DECK.encode()) as results:
         if len(states):
-            results.write(states, reactions, np.empty((len(states), 1)), np.empty((0, 3)))
+            errors = np.empty((0, 3))
+            if info and info.get("error"):
+                errors = np.column_stack([states[:, 0], np.full((len(states), 2), 1e-9)])
+            results.write(states, reactions, np.empty((len(states), 1)), errors)
         results.whole = whole
     if info is not None:
         write_json(folder / "run.json", info)

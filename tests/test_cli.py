@@ -332,7 +332,7 @@ print(*sys.modules)
     [
         (("run", "newton"), ("matplotlib", "pandas", "scipy.optimize", "xmlschema"), ("numba",)),
         (("run", "auto"), ("matplotlib", "pandas", "xmlschema"), ("numba", "scipy.optimize")),
-        (("check",), ("matplotlib", "pandas", "scipy", "numba"), ("lxml",)),
+        (("check",), ("matplotlib", "pandas", "scipy", "numba"), ("lxml", "xmlschema")),
         (("--version",), ("matplotlib", "pandas", "scipy", "numba", "numpy", "lxml"), ("click",)),
     ],
     ids=lambda words: " ".join(words),

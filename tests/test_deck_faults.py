@@ -3,17 +3,16 @@
 import os
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from lxml import etree
-from xmlschema import XMLSchema10
 
 from msahl.deck import DeckError, check_simulation, read_deck
 from msahl.deck.diagnosis import add_faults
 from msahl.deck.faults import Faults
 from msahl.deck.parse import MAX_BYTES, parse
-from msahl.deck.rules import build_rules
-from msahl.deck.schema import schema_bytes
+from msahl.deck.schema import built, schema_bytes
 from msahl.model import Simulation
 from msahl.system.names import reaction_columns, state_columns, work_columns
 
@@ -298,10 +297,38 @@ def test_all_readers_of_the_schema_agree(tmp_path, case):
     path = changed(tmp_path, *SCHEMA_FAULTS[case][:-1])
     root = parse(path.read_bytes(), Faults("deck"))
     assert not etree.XMLSchema(etree.fromstring(schema_bytes())).validate(root.getroottree())
-    assert not XMLSchema10(schema_bytes().decode()).is_valid(root)
+    assert not built(schema_bytes()).is_valid(root)
     faults = Faults("deck")
-    add_faults(root, build_rules(schema_bytes(), "data"), faults)
+    add_faults(root, built(schema_bytes()).elements["data"], faults)
     assert not faults.sound(root)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        (">2.0<", ">2.0\u3000<"),
+        ('"kg">', '"kg\x85">'),
+        ("<simulation>", "<simulation degree='\N{FULLWIDTH DIGIT THREE}'>"),
+    ],
+)
+def test_what_only_python_takes_for_a_space_or_a_digit_is_told(tmp_path, wrong):
+    (fault,) = faults_of(changed(tmp_path, wrong))
+    assert "not valid" not in fault  # in our words, not in those of libxml2
+
+
+def test_xmlschema_validates_what_libxml2_accepts_up_to_a_size(tmp_path, monkeypatch):
+    def errors(root):
+        return [SimpleNamespace(elem=root.find("simulation"), reason="wrong")]
+
+    monkeypatch.setattr(built(schema_bytes()), "iter_errors", errors)
+    path = changed(tmp_path)
+    assert read_deck(path).bodies
+    size = len(list(parse(path.read_bytes(), Faults("deck")).iter()))
+    monkeypatch.setattr("msahl.deck.schema.MANY", size)
+    with pytest.raises(DeckError, match="simulation: not valid: wrong"):
+        read_deck(path, thorough=True)
+    monkeypatch.setattr("msahl.deck.schema.MANY", size - 1)
+    assert read_deck(path, thorough=True).bodies
 
 
 @pytest.mark.parametrize("attribute", ["type='number'", "nil='true'", "type='foo'"])

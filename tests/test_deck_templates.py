@@ -15,7 +15,7 @@ def test_a_template_is_a_good_deck_with_comments(tmp_path, name):
     result = CliRunner().invoke(new, [name, "-o", str(path)])
     assert result.exit_code == 0
     assert f"msahl run {path}" in result.stderr
-    assert read_deck(path).bodies
+    assert read_deck(path, thorough=True).bodies
     assert "Expect: " in path.read_text()
 
 

@@ -120,10 +120,10 @@ def test_reactions_that_are_not_unique_are_marked(run_of):
 @pytest.mark.parametrize(
     ("deck", "kinds"),
     [
-        ("forces/drive_sine", {"path", "energy", "work", "constraints", "reactions"}),
-        ("forces/spring_damper", {"path", "energy"}),
-        ("forces/point_motion", {"path", "energy", "constraints", "reactions"}),
-        ("joints/knife_edge", {"path", "energy", "work", "constraints", "reactions"}),
+        ("forces/drive_sine", {"path", "error", "energy", "work", "constraints", "reactions"}),
+        ("forces/spring_damper", {"path", "error", "energy"}),
+        ("forces/point_motion", {"path", "error", "energy", "constraints", "reactions"}),
+        ("joints/knife_edge", {"path", "error", "energy", "work", "constraints", "reactions"}),
     ],
 )
 def test_pictures_there_is_data_for(run_of, deck, kinds, tmp_path):

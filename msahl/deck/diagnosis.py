@@ -1,15 +1,21 @@
 """Departures from the schema in the words of a deck: what is wrong, and what would be right.
 
-Every element is looked at once, whatever is wrong with others, so the time is proportional to the
-deck and a message costs nothing until it is wanted.
+The rules are those of xmlschema's components. Every element is checked once, whatever is wrong with
+others, and a message is made only if it is kept, so the time is proportional to the deck. To find
+its own errors xmlschema takes time that grows with the square of the number of unknown elements.
 """
 
 import difflib
+import re
 from collections.abc import Callable, Iterator
-from functools import partial
+from dataclasses import dataclass
+from functools import cache, lru_cache, partial
+from typing import TYPE_CHECKING, Any, cast
 
 from msahl.deck.faults import Element, Faults, collapsed, text
-from msahl.deck.rules import Rule, Word
+
+if TYPE_CHECKING:  # a run of a valid deck does not import it
+    from xmlschema.validators import XsdElement, XsdSimpleType
 
 NAMES = ("name", "body", "joint", "first", "second")
 """Elements that hold a name."""
@@ -17,12 +23,35 @@ NAMES = ("name", "body", "joint", "first", "second")
 Departure = tuple[Element, Callable[[], str]]
 """An element that is wrong, and the message."""
 
+_PYTHONS_OWN = re.compile(r"(?![ \t\r\n0-9])[\s\d]")
+"""Spaces and digits to Python, and so to xmlschema, that are neither to XML."""
 
-def add_faults(root: Element, rule: Rule, faults: Faults) -> None:
-    """Add a fault for everything in ``root`` that its ``rule`` forbids."""
-    waiting = [(root, rule)]
+
+@dataclass(frozen=True, slots=True)
+class _Rule:
+    """What an element may hold: text of the type ``word``, or ``children`` in a group of one
+    ``model`` (empty: no children).
+
+    ``once`` says that the group is not repeated, ``needed`` that it may not be empty; ``required``
+    are the children that may not be missing. ``optional`` text may be empty, for it has a default.
+    """
+
+    word: "XsdSimpleType | None"
+    optional: bool
+    model: str
+    once: bool
+    needed: bool
+    children: "dict[str, XsdElement]"
+    required: tuple[str, ...]
+    attributes: "dict[str, XsdSimpleType]"
+
+
+def add_faults(root: Element, declaration: "XsdElement", faults: Faults) -> None:
+    """Add a fault for everything in ``root`` that its ``declaration`` in the schema forbids."""
+    waiting = [(root, declaration)]
     while waiting:
-        element, rule = waiting.pop()
+        element, declaration = waiting.pop()
+        rule = _rule(declaration)
         for place, message in _departures(element, rule):
             faults.add(place, message)
         known = rule.children
@@ -30,7 +59,35 @@ def add_faults(root: Element, rule: Rule, faults: Faults) -> None:
         waiting += reversed(inside)  # so the next is the first: faults come in the order of lines
 
 
-def _departures(element: Element, rule: Rule) -> Iterator[Departure]:
+@cache
+def _rule(declaration: "XsdElement") -> _Rule:
+    """The rule of an element, collected once: xmlschema finds the parts of it anew at each look."""
+    group = declaration.type.model_group
+    members: list[Any] = [] if group is None else list(group.iter_elements())  # no wildcards
+    attributes: dict[Any, Any] = dict(declaration.attributes.items())
+    return _Rule(
+        word=declaration.type.simple_type,
+        optional=declaration.default is not None,
+        model=group.model if group is not None and members else "",
+        once=group is not None and group.max_occurs == 1,
+        needed=group is not None and group.min_occurs > 0,
+        children={member.local_name: member for member in members},
+        required=tuple(
+            member.local_name
+            for member in members
+            if group is not None and group.model == "all" and member.min_occurs
+        ),
+        attributes={name: attribute.type for name, attribute in attributes.items()},
+    )
+
+
+@lru_cache(maxsize=10_000)  # most words of a deck recur: units, names, small numbers
+def _accepts(word: "XsdSimpleType", given: str) -> bool:
+    """Whether text is valid by xmlschema; white space is collapsed first."""
+    return word.text_is_valid(_PYTHONS_OWN.sub("\ufffd", collapsed(given)))
+
+
+def _departures(element: Element, rule: _Rule) -> Iterator[Departure]:
     """What is wrong with an element, apart from what its known children hold."""
     yield from _attributes(element, rule)
     if rule.word is None:
@@ -38,21 +95,21 @@ def _departures(element: Element, rule: Rule) -> Iterator[Departure]:
     elif len(element):
         for child in element:
             yield child, partial(_misplaced, str(child.tag), str(element.tag))
-    elif not rule.word.accepts(element.text or "") and (text(element) or not rule.optional):
+    elif not _accepts(rule.word, element.text or "") and (text(element) or not rule.optional):
         yield element, partial(_wrong_text, str(element.tag), text(element), rule.word)
 
 
-def _attributes(element: Element, rule: Rule) -> Iterator[Departure]:
+def _attributes(element: Element, rule: _Rule) -> Iterator[Departure]:
     """Attributes the element does not take, or not with this value. (None is required.)"""
     for key, value in element.attrib.items():
         name, word = str(key), rule.attributes.get(str(key))
         if word is None:
             yield element, partial(_unknown_attribute, name, tuple(rule.attributes))
-        elif not word.accepts(str(value)):
+        elif not _accepts(word, str(value)):
             yield element, partial(_wrong_attribute, name, collapsed(str(value)), word)
 
 
-def _children(element: Element, rule: Rule) -> Iterator[Departure]:
+def _children(element: Element, rule: _Rule) -> Iterator[Departure]:
     """Children that are unknown, repeated or missing, and text where children belong."""
     tag, known = str(element.tag), rule.children
     seen: set[str] = set()
@@ -98,23 +155,31 @@ def _unknown_child(name: str, tag: str, known: tuple[str, ...]) -> str:
     return f"unknown element <{name}> in <{tag}>{_choice(f'<{name}>', _tags(known))}"
 
 
-def _wrong_attribute(name: str, value: str, word: Word) -> str:
+def _wrong_attribute(name: str, value: str, word: "XsdSimpleType") -> str:
     """Why an attribute's value is refused."""
-    if word.allowed:
+    allowed = _allowed(word)
+    if allowed:
         what = "unknown unit " if name == "units" else f"unknown value {name}="
-        return f"{what}'{value}'{_choice(value, word.allowed)}"
-    if word.filled:
+        return f"{what}'{value}'{_choice(value, allowed)}"
+    if word.min_length:
         return f"the {name} is empty; give a name"
-    return f"{name}='{value}' is not a number from {word.low:g} to {word.high:g}"
+    low, high = cast(float, word.min_value), cast(float, word.max_value)
+    return f"{name}='{value}' is not a number from {low:g} to {high:g}"
 
 
-def _wrong_text(tag: str, given: str, word: Word) -> str:
+def _wrong_text(tag: str, given: str, word: "XsdSimpleType") -> str:
     """Why the text of an element is refused."""
-    if word.allowed:
-        return f"unknown value '{given}'{_choice(given, word.allowed)}"
+    allowed = _allowed(word)
+    if allowed:
+        return f"unknown value '{given}'{_choice(given, allowed)}"
     if tag in NAMES:
         return "the name is empty; give a name"
     return f"'{given}' is not a finite number such as 2, -0.5 or 1.5e-3"
+
+
+def _allowed(word: "XsdSimpleType") -> tuple[str, ...]:
+    """The only words that are valid; empty if they are not listed."""
+    return tuple(map(str, word.enumeration or ()))
 
 
 def _choice(given: str, known: tuple[str, ...]) -> str:

@@ -10,9 +10,10 @@ pair it goes with the power p + 1, over a unit of time with p.
 No pair goes past a kink: where a law of time has one is known, and where a quantity comes to one of
 a spring's table or of a cam, or to the width of a friction, is found (``solve.kinks``).
 
-Where motions are prescribed, the own error of places alone says little: where all are, there is
-none. There the error counts of the rows between as well, at the middle of the whole step, and that
-of the works, by the energy of the scene over its length.
+The error of positions at the ends of steps alone says little where motions are prescribed (where
+all are, there is none) or loads oscillate (their impulses are exact). So in all systems but those
+of coinciding points without laws of time the error of the row between, at the middle of the whole
+step, counts as well, and that of the works, by the energy of the system over its length.
 """
 
 import math
@@ -68,7 +69,7 @@ class Pace(NamedTuple):
     x_middle: np.ndarray  # (n+1, 3) where its rows between have its middle
     p_middle: np.ndarray  # (n+1, 3)
     work: np.ndarray  # (w,) at its end [J]
-    driven: bool  # whether motions are prescribed
+    checks_rows: bool  # whether errors of rows between and of works count as well
     kinks: Kinks
 
 
@@ -92,7 +93,7 @@ def new_pace(island: High, steps: int, dt: float, tolerance: float, t_final: flo
         x_middle=np.zeros_like(state.x),
         p_middle=np.zeros_like(state.p),
         work=np.zeros_like(state.work),
-        driven=system.along is not None and bool((system.along.rows.law >= 0).any()),
+        checks_rows=system.along is not None or bool((system.loads.law >= 0).any()),
         kinks=new_kinks(system),
     )
 
@@ -150,7 +151,7 @@ def attempt(island: High, pace: Pace, order: int, row: int, commit: bool) -> boo
         follow(island, t, h)
         return False
     error, known = apart(island, pace)
-    if pace.driven:
+    if pace.checks_rows:
         rest, unsure = apart_within(island, pace, row)
         error, known = error + rest, known + unsure
     error /= 2.0**order - 1.0
@@ -215,7 +216,7 @@ def pair(island: High, pace: Pace, h: float, row: int) -> bool:
         return False
     copy(state.x, pace.x)
     copy(state.p, pace.p)
-    if pace.driven:
+    if pace.checks_rows:
         go_between(island, pace, h)
     learn(island)
     go_back(island, pace)

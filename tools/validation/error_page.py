@@ -48,9 +48,10 @@ def build(cells: Sequence[Run]) -> Iterator[Block]:
         "(tools/validation/reference.py): accelerations by least squares from the constraints' "
         "second derivatives, orientations as quaternions, integrated by scipy's DOP853 at a "
         "relative tolerance of 1e-13 from kink to kink of the laws. The distance from a second "
-        f"solution at 1e-12, but at least {ROUND_OFF:g} of the model's size, is the floor. A true "
-        f"error below {CLEAR:g} times the floor is not known: such a cell is marked, and its "
-        f"estimate is compared with {CLEAR:g} times the floor, as an upper bound only."
+        "solution at 1e-12 whose start is rounded otherwise, but at least "
+        f"{ROUND_OFF:g} of the model's size and the joints' own violation at the start, is the "
+        f"floor. A true error below {CLEAR:g} times the floor is not known: such a cell is marked, "
+        f"and its estimate is compared with {CLEAR:g} times the floor, as an upper bound only."
     )
     yield Heading(2, "Summary")
     yield Items(tuple(summary(cells)))

@@ -468,6 +468,12 @@ class Equations:
             return follower - coupling.ratio * leader
         return follower - leader.through(*self.laws[id(coupling.lift)](float(leader.value)))
 
+    def violation(self) -> tuple[float, float]:
+        """Largest violation of the joints' constraints in the state read last, and its rate."""
+        found = [pair for joint in self.model.joints for pair in self.of_joint(joint)]
+        values = [abs(float(q.value)) for q, closed in found if closed]
+        return max(values, default=0.0), max((abs(float(q.rate)) for q, _ in found), default=0.0)
+
     # Loads.
 
     def _counted_from_start(self) -> list[tuple[str, Signal]]:
@@ -693,12 +699,16 @@ class Equations:
 class Truth:
     """Published states (m, 12 n) at ``times``; ``other`` is a second solution, of ``APART`` times
     the tolerance, from a start that is rounded otherwise: what separates the two is more than the
-    error of the first, and shows what the motion makes of the rounding of the start.
+    error of the first, and shows what the motion makes of the rounding of the start. The
+    constraints are violated by ``opened`` at the start [m, rad], and in velocity by
+    ``opened_rate``: what becomes of that is no property of the motion.
     """
 
     times: Array
     states: Array
     other: Array
+    opened: float
+    opened_rate: float
 
 
 def truth(model: Model, start: Array, times: Array) -> Truth:
@@ -706,13 +716,12 @@ def truth(model: Model, start: Array, times: Array) -> Truth:
     equations = Equations(model)
     signs = np.where(np.random.default_rng(0).random(start.size) < 0.5, -1.0, 1.0)
     cases = (start, FINEST), (start * (1.0 + ROUNDED * signs), APART * FINEST)
-    return Truth(
-        times,
-        *(
-            equations.publish(solve(equations, equations.first(row), times, rtol))
-            for row, rtol in cases
-        ),
-    )
+    tables = [
+        equations.publish(solve(equations, equations.first(row), times, rtol))
+        for row, rtol in cases
+    ]
+    equations.first(start)
+    return Truth(times, *tables, *equations.violation())
 
 
 def solve(equations: Equations, first: Array, times: Array, rtol: float) -> Array:
