@@ -13,6 +13,7 @@ from msahl.cli import main
 from msahl.compiled import working_clock
 from msahl.law import Law
 from msahl.model import ConcentratedLoad, Drive, Model, RigidBody, Simulation
+from msahl.post.draw import style
 from msahl.results.read import ResultError
 from msahl.run import OFF, Options
 from msahl.study import independent as independent_module
@@ -21,7 +22,9 @@ from msahl.study.cli import study as command
 from msahl.study.errors import measure_errors
 from msahl.study.independent import Solution, TooSlowError, independent
 from msahl.study.own import own_reference
+from msahl.study.pictures import pictures
 from msahl.study.plan import Plan
+from msahl.study.report import recommendation
 from msahl.study.rounding import MANTISSAS, next_round, round_down, rung, rung_below
 from msahl.study.runs import Case, run_in_memory, with_step
 from msahl.study.study import find_reference, study
@@ -245,6 +248,18 @@ def test_the_command_and_its_recommendation(tmp_path):
     assert np.sqrt((error**2).sum(axis=2)).max() <= 1e-4
     assert "whole command" in text
     assert "than the deck's own setting" in text
+
+
+def test_an_error_that_is_round_off_is_told():
+    # The wheel turns about its own reference point, which rests: positions say nothing.
+    model = with_step(deck("torsional_spring"), 0.05, 0.5)
+    found = study(Plan(model, (0.05, 0.025), ("preserving",), repeats=1))
+    assert "choose another --measure" in recommendation(found)
+    with style():
+        for _, _, figure in pictures(found):
+            figure.canvas.draw()  # warnings, of axes without a range, are errors here
+    other = study(Plan(model, (0.05, 0.025), ("preserving",), repeats=1, measure="orientation"))
+    assert "choose another --measure" not in recommendation(other)
 
 
 def test_steps_of_a_scheme_that_chooses_them_are_refused(tmp_path):

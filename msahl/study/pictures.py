@@ -21,7 +21,7 @@ COLUMNS = 3
 DECADES = 3
 """Least decades an axis of errors shows: a flat line of round-off should look flat."""
 TOP, BOTTOM = 1e2, 1e-13
-"""Errors [SI] beyond which a run is not worth the room in the first picture."""
+"""Errors [SI] beyond which runs are not shown in the first picture, if there are others."""
 
 
 def pictures(study: Study) -> Iterator[tuple[str, str, Figure]]:
@@ -65,11 +65,15 @@ def _first(study: Study) -> Figure:
     _mark_runs(study, axes)
     for scheme, look in _looks(study).items():
         points, errors = study.series(scheme, key)
-        shown = [(p, e) for p, e in zip(points, errors, strict=True) if BOTTOM < e < TOP]
+        shown = [(p, e) for p, e in zip(points, errors, strict=True) if 0.0 < e < TOP]
         if shown:
             seconds = [p.trial.seconds for p, _ in shown]
             axes.plot(seconds, [e for _, e in shown], markersize=4, label=scheme, **look)
             _estimates(axes, [p for p, _ in shown], look, key)
+    low, high = axes.get_ylim()
+    if high > 10.0 * BOTTOM > 10.0 * low:
+        axes.set_ylim(bottom=BOTTOM)
+    _widen(axes)
     _target(study, axes)
     figure.legend(loc="outside right upper")
     return figure
@@ -116,7 +120,7 @@ def _mark_runs(study: Study, axes: Axes) -> None:
         (study.of_deck, "deck's own", "s", 11, "none"),
     ):
         error = point.largest(study.plan.measure) if point and point.trial.completed else None
-        if point is None or not error or not BOTTOM < error < TOP:
+        if point is None or not error or error >= TOP:
             continue
         case = point.trial.case
         axes.plot(

@@ -19,7 +19,7 @@ from msahl.post.table import Cell, Column, Table, as_csv
 from msahl.results.write import write_whole
 from msahl.study.command import shown, words_of
 from msahl.study.errors import BY_KEY, MEASURES
-from msahl.study.order import describe
+from msahl.study.order import FLAT, describe
 from msahl.study.plan import Point
 from msahl.study.study import Study
 
@@ -114,6 +114,11 @@ def recommendation(study: Study) -> str:
         f"Its {_figures(study, best)}.",
         *_gain(study, best),
     ]
+    if all((p.largest(plan.measure) or 0.0) <= FLAT for p in study.points if p.trial.completed):
+        sentences.append(
+            "This error is round-off in every run, so it does not tell which is accurate: choose "
+            "another --measure, such as orientation."
+        )
     if local_tolerance_of(plan.model) is not None and not best.trial.case.chooses:
         sentences.append("The deck gives a tolerance, which must be removed from it for this run.")
     return " ".join(sentences)
