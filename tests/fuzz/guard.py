@@ -56,12 +56,12 @@ def _note(event: str, arguments: tuple) -> None:
     """Audit hook: what an example opens outside its folder, and whom it calls."""
     if not _watched:
         return
-    # The store opens its files in a folder that it holds open: their names are no paths of ours.
-    if sys._getframe(1).f_globals.get("__name__") == STORE:
-        return
     if event in CALLS and not str(arguments[0]).startswith("file:"):  # those show as open
         _touched.append(f"{event} {arguments[:2]}")
     elif event == "open" and isinstance(arguments[0], str | bytes):
+        # The store opens its files in a folder that it holds open: their names are no paths.
+        if sys._getframe(1).f_globals.get("__name__") == STORE:
+            return
         path = os.path.abspath(os.fsdecode(arguments[0]))  # noqa: PTH100 - of any string at all
         known = path.startswith((str(_watched[0]), *OPEN_TO_ALL))
         if not known and not any(name in path for name in CACHES):
