@@ -289,7 +289,7 @@ def unresolved_friction(runner: Runner, h: float, t_final: float) -> float:
         press = float(np.linalg.norm(reaction[frictions.joint[f], :3])) * frictions.lever[f]
         change = h * press * bodies.inverse_mass[moving].max() / length**2
         if change > frictions.width[f]:
-            worst = max(worst, 0.5 * frictions.width[f] * length * t_final)
+            worst = max(worst, 0.5 * float(frictions.width[f]) * length * t_final)
     return worst
 
 
@@ -458,7 +458,7 @@ class ErrorEstimate:
         """The figures by name, as ``run.json`` has them; the error is not known after ``until``."""
         known = [kinds for kinds in self.columns if self.compared]
         shown = {
-            name: value
+            name: float(value)
             for name, value in self.largest.items()
             if name in STATE_FIGURES or any(len(kinds[name]) for kinds in known)
         }

@@ -185,3 +185,13 @@ def test_a_pendulum_without_an_estimate_keeps_its_rows():
     estimated, off = (simulate(pendulum(), t_final=1.0, error=e) for e in (None, "off"))
     assert np.array_equal(estimated.states, off.states)
     assert np.array_equal(estimated.reactions, off.reactions)
+
+
+def test_friction_that_is_not_resolved_is_an_error(tmp_path):
+    """From rest the width of 1 mm/s is passed in 0.3 ms: by steps of 25 ms nobody sees it."""
+    run = simulate(deck("friction_slide"), dt=0.025, t_final=1.5)
+    # 0.29 mm/s at the end of the width, as integrated by itself: 0.43 mm after 1.5 s.
+    assert 4.3e-4 <= run.report.error["position"] <= 10.0 * 4.3e-4
+    assert call(tmp_path, path_of("friction_slide"), "--dt", "0.025").exit_code == 0
+    fine = simulate(deck("friction_slide"), dt=1e-4, t_final=0.2)
+    assert fine.report.error["position"] < 4.3e-4
