@@ -416,10 +416,13 @@ class ErrorEstimate:
 
     def add_unresolved(self, way: float, farthest: float, other: float) -> None:
         """Take in that a body would go at least a ``way`` [m] in a step, and never was more than
-        ``farthest`` [m] from where it began; and the ``other`` error [m] that no run shows.
+        ``farthest`` [m] from where it began; and the ``other`` error [m] that no run shows, of a
+        velocity that is wrong all the time.
         """
         amplitude = way / np.pi if way > FARTHER * farthest else 0.0
         self.largest["position"] = max(self.largest["position"], amplitude, other)
+        if self.until > 0.0:
+            self.largest["velocity"] = max(self.largest["velocity"], other / self.until)
 
     def known(self) -> Known:
         """The companion's rows of the whole run, which were kept."""
