@@ -436,7 +436,12 @@ class ErrorEstimate:
         return max(self.largest["position"], self.largest["orientation"])
 
     def horizon(self, accuracy: float) -> float:
-        """Up to which time [s] the error stays within ``accuracy`` [m]; 0 if it never does."""
+        """Up to which time [s] the error stays within ``accuracy`` [m]; 0 if it never does, or if
+        an error that no row shows is larger.
+        """
+        shown = self.record[-1][1] if self.record else 0.0
+        if self.error > max(accuracy, RISE * shown):
+            return 0.0
         return next((time for time, error in self.record if error > accuracy), self.until)
 
     def figures(self) -> dict[str, Any]:

@@ -116,6 +116,8 @@ def test_a_drive_that_moves_between_the_steps_is_not_passed(part):
     run = simulate(replace(model, motions=(replace(drive, law=law),)), t_final=0.5)
     assert run.report.error["position"] >= 0.1
     assert run.report.verdict["word"] != PASS
+    # No row shows it, so there is no time up to which the run is good.
+    assert "up to t = 0 s" in run.report.verdict["reasons"][0]
 
 
 def test_what_rotates_fast_fails_and_is_told_the_remedy():
