@@ -19,7 +19,7 @@ from benchmarks import equivalent, ours
 from benchmarks.motion import Motion
 from benchmarks.peers import PEERS
 from benchmarks.scenes import Scene
-from msahl.schemes import split
+from msahl.model.scheme import split
 
 LARGEST_ORDER = 10
 """Of our schemes."""

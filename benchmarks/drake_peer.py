@@ -16,8 +16,8 @@ from pydrake.multibody.tree import BallRpyJoint, FixedOffsetFrame, RotationalIne
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 
 from benchmarks.motion import Motion
+from msahl.algebra.rotation import matrix
 from msahl.model import Model
-from msahl.rotation import matrix
 
 VERSION = version("drake")
 

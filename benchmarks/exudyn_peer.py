@@ -17,8 +17,8 @@ from exudyn.itemInterface import SensorBody
 from exudyn.rigidBodyUtilities import RigidBodyInertia
 
 from benchmarks.motion import Motion
+from msahl.algebra.rotation import matrix
 from msahl.model import Model
-from msahl.rotation import matrix
 
 VERSION = exu.__version__
 SPARSE_FROM = 10

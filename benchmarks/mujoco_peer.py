@@ -11,8 +11,8 @@ import mujoco
 import numpy as np
 
 from benchmarks.motion import Motion
+from msahl.algebra.rotation import matrix
 from msahl.model import Model
-from msahl.rotation import matrix
 
 VERSION = mujoco.__version__
 VARIANTS = ("mujoco RK4",)

@@ -6,8 +6,8 @@ import numpy as np
 
 from benchmarks.motion import Motion
 from msahl.model import Model
-from msahl.run import OFF, Options, Report, run
-from msahl.schemes import ANGLE, choices, split
+from msahl.model.scheme import ANGLE, choices, split
+from msahl.run.loop import OFF, Options, Report, run
 
 VARIANTS = {
     "msahl newton": Options(solver="newton", error=OFF),

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.chain_deck import chain_deck
+from msahl.algebra.rotation import matrix
 from msahl.deck import read_deck
 from msahl.model import Model
-from msahl.rotation import matrix
 
 THESIS = Path(__file__).parents[1] / "decks" / "thesis"
 SMALL_STEPS = (0.01, 0.004, 0.002)

@@ -11,6 +11,8 @@ from itertools import pairwise
 import numpy as np
 from scenes import GROUND, free_bodies, jointed, loaded, random_body, random_vector, scene, tensor
 
+from msahl.algebra.rotation import from_axis_angle, matrix
+from msahl.algebra.vector import ZERO
 from msahl.model import (
     Bushing,
     ConcentratedLoad,
@@ -24,8 +26,6 @@ from msahl.model import (
     PointMotion,
     SpringDamper,
 )
-from msahl.rotation import from_axis_angle, matrix
-from msahl.vector import ZERO
 
 X, Y, Z = np.eye(3)
 HERE = np.zeros(3)

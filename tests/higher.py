@@ -2,12 +2,14 @@
 
 import numpy as np
 
-from msahl.schemes import element, preserving, split
-from msahl.schemes.rule import new_rule
-from msahl.schemes.stages import new_stages
+from msahl.model.scheme import split
+from msahl.schemes.collocation import equations
+from msahl.schemes.collocation.tableau import new_rule
+from msahl.schemes.collocation.workspace import new_stages
+from msahl.schemes.midpoint import equations as midpoint
 from msahl.system.arrays import new_start, node_count
 from msahl.system.build import build_system
-from msahl.system.reduce import all_unknowns
+from msahl.system.reductions import all_unknowns
 from msahl.system.state import build_state
 from msahl.system.unknowns import choose
 
@@ -21,7 +23,7 @@ class Step:
         self.system = build_system(model)
         self.state = build_state(model, self.system)
         self.start = new_start(self.system, self.state)
-        preserving.prepare(self.system, self.state, self.start)
+        midpoint.prepare(self.system, self.state, self.start)
         self.unknowns = choose(self.system, all_unknowns(self.system))
         rule = new_rule(scheme, self.degree)
         self.stages = new_stages(self.system, self.unknowns, self.state, rule)
@@ -33,7 +35,7 @@ class Step:
         """(s, f) rows at ``z``."""
         self.stages.Z.reshape(self.degree, -1)[:, self.unknowns.free] = z
         given = (self.system, self.state, self.start, self.stages, self.h)
-        element.evaluate(*given, fresh)
+        equations.evaluate(*given, fresh)
         return self.stages.F.reshape(self.degree, -1)[:, self.unknowns.free].copy()
 
     def derivative(self):

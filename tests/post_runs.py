@@ -9,11 +9,11 @@ import math
 
 import numpy as np
 
+from msahl.algebra.rotation import compose, from_axis_angle, matrix
+from msahl.algebra.vector import times, transpose
 from msahl.deck import read_deck
 from msahl.results.read import read_run
 from msahl.results.write import RunFolder, write_json
-from msahl.rotation import compose, from_axis_angle, matrix
-from msahl.vector import times, transpose
 
 MASS, LENGTH, INERTIA, GRAVITY, DT = 2.0, 5.0, 0.008, 9.80665, 0.01
 ALPHA = math.radians(30.0)

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
+from msahl.algebra.rotation import compose, from_axis_angle, matrix
+from msahl.algebra.vector import ZERO, add, sub, times
 from msahl.deck import read_deck
 from msahl.model import ConcentratedLoad, Ground, Joint, Model, RigidBody, Simulation
-from msahl.rotation import compose, from_axis_angle, matrix
-from msahl.run import Options, Report, run
-from msahl.schemes import split
+from msahl.model.scheme import split
+from msahl.run.loop import Options, Report, run
 from msahl.system.names import reaction_columns, work_columns
-from msahl.vector import ZERO, add, sub, times
 
 ROOT = Path(__file__).parents[1]
 THESIS = sorted((ROOT / "decks" / "thesis").glob("*.xml"))

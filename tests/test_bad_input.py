@@ -15,8 +15,8 @@ from scenes import ROOT
 from test_deck_faults import DECK, changed, faults_of
 
 import msahl.deck.faults
-import msahl.system.islands
-from msahl.cli import main
+import msahl.system.subsystems
+from msahl.cli.main import main
 from msahl.deck import DeckError, read_deck
 from msahl.deck.faults import LONGEST, MOST_KEPT, MOST_LISTED, MOST_SHOWN
 from msahl.deck.schema import objection, schema_bytes
@@ -326,7 +326,7 @@ def test_absurd_sizes_are_judged_within_bounds_of_time_and_memory(tmp_path, case
     make, status = ABSURD[case]
     path = tmp_path / "deck.xml"
     path.write_text(make())
-    code = "import sys; from msahl.cli import main; main()"
+    code = "import sys; from msahl.cli.main import main; main()"
     ran = subprocess.run(
         [sys.executable, "-c", code, "check", str(path)],
         capture_output=True,

@@ -10,11 +10,11 @@ import pytest
 from click.testing import CliRunner
 from scenes import THESIS, deck, simulate
 
-from msahl.cli import main
+from msahl.cli.main import main
 from msahl.deck import check_simulation
-from msahl.run import Grid
-from msahl.solve import between
-from msahl.solve.plan import Plan
+from msahl.run.loop import Grid
+from msahl.run.output_schedule import Plan
+from msahl.schemes.collocation import dense_output
 from msahl.study.exact import recognise
 
 TABLES = ("states", "reactions", "work")
@@ -70,7 +70,7 @@ def test_reactions_and_work_between_are_as_good(name, dt, degree, t_final):
 def test_polynomials_are_exact_up_to_their_degree():
     """Value and rate of t^k, from what is known at the ends and at the nodes within."""
     for nodes in ([], [1 / 3, 2 / 3], [0.2, 0.4, 0.6, 0.8]):
-        basis = between._basis(np.array(nodes))
+        basis = dense_output._basis(np.array(nodes))
         count, t = len(basis), 0.37
         for k in range(count):
             ends = [(0.0**k, float(k == 1), 2.0 * (k == 2)), (1.0, k, k * (k - 1))]

@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 from scenes import DECKS, ROOT
 
-from msahl.cli import main
+from msahl.cli.main import main
 from msahl.results.read import read_table
 
 THESIS = ROOT / "decks" / "thesis"
@@ -253,7 +253,7 @@ def test_a_missing_deck_is_status_2(tmp_path):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_run_keeps_its_rows_and_says_so(tmp_path, number):
-    code = "from msahl.cli import main; main()"
+    code = "from msahl.cli.main import main; main()"
     words = ["run", str(SINGLE), "-o", str(tmp_path), "--t-final", "100000", "--solver", "newton"]
     running = subprocess.Popen([sys.executable, "-c", code, *words], stderr=subprocess.PIPE)
     part = tmp_path / "states.csv.part"
@@ -318,7 +318,7 @@ def test_version():
 
 LOADED = """
 import sys
-from msahl.cli import main
+from msahl.cli.main import main
 try:
     main()
 except SystemExit as end:
@@ -377,7 +377,7 @@ def installed(tmp_path_factory):
 FROM_TARGET = """
 import sys
 import msahl
-from msahl.cli import main
+from msahl.cli.main import main
 assert msahl.__file__.startswith(sys.argv.pop(1)), msahl.__file__
 main()
 """
@@ -405,4 +405,4 @@ def test_an_installed_msahl_works_from_any_folder(installed, tmp_path):
         assert "50 steps to t = 0.1 s" in told
     tables = [(tmp_path / f"out{n}" / "states.csv").read_bytes() for n in "12"]
     assert tables[0] == tables[1]
-    assert list((tmp_path / "c").rglob("msahl.solve.newton.march-*"))
+    assert list((tmp_path / "c").rglob("msahl.schemes.midpoint.newton.march-*"))

@@ -8,6 +8,8 @@ from elements import Frame, Sample, joint_between, vector
 from scenes import GROUND, body, deck, scene, simulate
 from scipy.interpolate import CubicSpline
 
+from msahl.algebra.rotation import from_axis_angle
+from msahl.algebra.vector import ZERO
 from msahl.model import (
     ConcentratedLoad,
     Coupling,
@@ -19,8 +21,6 @@ from msahl.model import (
     PointMotion,
     SpringDamper,
 )
-from msahl.rotation import from_axis_angle
-from msahl.vector import ZERO
 
 X, Y, Z = np.eye(3)
 EARTH = GROUND.name

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scenes import GROUND, body, deck, jointed, pendulum, scene, simulate
 
+from msahl.algebra.vector import ZERO
 from msahl.model import Joint, JointSpring, Law
-from msahl.schemes import DAMPING, decaying
+from msahl.model.scheme import DAMPING, decaying
 from msahl.study.exact import recognise
-from msahl.vector import ZERO
 
 DAMPINGS = (0.2, DAMPING, 1.0)
 H = 0.01

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from lxml import etree
 
+from msahl.algebra.rotation import from_axis_angle, matrix
+from msahl.algebra.vector import ZERO, transpose
 from msahl.deck import deck_digest, effective_deck, read_deck
 from msahl.deck.schema import schema_bytes
 from msahl.deck.units import DEFAULTS, UNITS, to_si
 from msahl.model import ConcentratedLoad, Ground, Joint, Model, RigidBody, Simulation
-from msahl.rotation import from_axis_angle, matrix
-from msahl.vector import ZERO, transpose
 
 ROOT = Path(__file__).parents[1]
 DECKS = sorted(ROOT.glob("decks/*/*.xml"))

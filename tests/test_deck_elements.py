@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from lxml import etree
 
+from msahl.algebra.functions import Law
+from msahl.algebra.vector import IDENTITY, ZERO
 from msahl.deck import read_deck
 from msahl.deck.cam import lift
 from msahl.deck.diagnosis import add_faults
 from msahl.deck.faults import Faults
 from msahl.deck.parse import parse
 from msahl.deck.schema import built, schema_bytes
-from msahl.joints.coupling import FREEDOMS, Coupling
 from msahl.joints.registry import KINDS
-from msahl.law import Law
 from msahl.model import Drag, Drive, Friction, JointSpring, Model, PointMotion, SpringDamper
-from msahl.vector import IDENTITY, ZERO
+from msahl.model.couplings import FREEDOMS, Coupling
 
 ROOT = Path(__file__).parents[1]
 DECKS = sorted((*ROOT.glob("decks/*/*.xml"), *ROOT.glob("msahl/deck/templates/*.xml")))

@@ -4,9 +4,9 @@ import pytest
 from click.testing import CliRunner
 from lxml import etree
 
+from msahl.cli.templates import names, new, template
 from msahl.deck import read_deck
 from msahl.deck.schema import schema_bytes
-from msahl.templates import names, new, template
 
 
 @pytest.mark.parametrize("name", names())

@@ -7,13 +7,13 @@ import pytest
 from click.testing import CliRunner
 from scenes import DECKS, deck, pendulum, simulate
 
-from msahl import error_estimate
-from msahl.cli import main
-from msahl.error_estimate import SAFETY
+from msahl.algebra.rotation_arrays import angles
+from msahl.cli.main import main
 from msahl.model import Law
-from msahl.rotations import angles
+from msahl.run import error_estimate
+from msahl.run.error_estimate import SAFETY
+from msahl.run.verdict import DONE, FAIL, PASS, WARN
 from msahl.study.exact import recognise
-from msahl.verdict import DONE, FAIL, PASS, WARN
 
 NEAR = (0.3, 10.0)
 """Estimated over true error, at worst."""

@@ -7,10 +7,10 @@ import pytest
 from scenes import DOWN, chain, deck, pendulum, simulate, tensor
 from test_decaying import energies, oscillator
 
-from msahl.rotation import from_axis_angle, matrix
-from msahl.schemes import SCHEMES
+from msahl.algebra.rotation import from_axis_angle, matrix
+from msahl.algebra.vector import ZERO, times
+from msahl.model.scheme import SCHEMES
 from msahl.study.exact import recognise
-from msahl.vector import ZERO, times
 
 every_scheme = pytest.mark.parametrize("scheme", SCHEMES)
 HEIGHT = (0.0, 0.0, 0.2)

@@ -13,15 +13,15 @@ from scenes import ROOT, pendulum
 from test_cli import BLASTED
 from test_resume import interrupted, stop_after
 
-import msahl.run
-from msahl import cli, compiled
-from msahl.cli import Interruption, main
+import msahl.run.loop
+from msahl.cli.main import Interruption, main
 from msahl.deck import read_deck
+from msahl.jit import compiled
+from msahl.jit.kernel_store import Store
 from msahl.results.lock import locked
 from msahl.results.read import read_run, read_table
 from msahl.results.write import ROOM, RunFolder, Table, write_beginning, write_json
-from msahl.run import NO_ERRORS
-from msahl.store import Store
+from msahl.run.loop import NO_ERRORS
 from msahl.study.plan import Plan
 from msahl.study.runs import with_step
 from msahl.study.study import study
@@ -46,18 +46,18 @@ def test_the_documents_list_the_statuses():
     """The table of docs/results.md has every status of a run, and that of a bad verdict."""
     text = (ROOT / "docs" / "results.md").read_text()
     listed = dict(re.findall(r"^\| (\d+) \| `([a-z ]+)` \|", text, flags=re.MULTILINE))
-    statuses = {str(number): status for status, number in cli.STATUS.items()}
-    assert listed == statuses | {"143": "interrupted", str(cli.BAD_VERDICT): "completed"}
+    statuses = {str(number): status for status, number in main.STATUS.items()}
+    assert listed == statuses | {"143": "interrupted", str(main.BAD_VERDICT): "completed"}
 
 
 # The disk ----------------------------------------------------------------------------------------
 
 SMALL_FILES = """
 import resource, sys
-from msahl.cli import main
+from msahl.cli.main import main
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv.pop(1)), resource.RLIM_INFINITY))
-import msahl.run
-msahl.run.SAVE_SECONDS, msahl.run.SAVE_SHARE, msahl.run.CHUNK_SECONDS = 0.0, 0.1, 0.0
+import msahl.run.loop
+msahl.run.loop.SAVE_SECONDS, msahl.run.loop.SAVE_SHARE, msahl.run.loop.CHUNK_SECONDS = 0.0, 0.1, 0.0
 main()
 """
 
@@ -189,7 +189,7 @@ def test_a_second_signal_stops_at_once_with_whole_rows(tmp_path, monkeypatch):
         append(self, text)
 
     with monkeypatch.context() as patch:
-        patch.setattr(msahl.run, "CHUNK_SECONDS", 0.0)
+        patch.setattr(msahl.run.loop, "CHUNK_SECONDS", 0.0)
         patch.setattr(Table, "_append", interrupt)
         result = call("run", *SHORT, "-o", tmp_path)
     assert result.exit_code == 130
@@ -203,7 +203,7 @@ def test_a_second_signal_stops_at_once_with_whole_rows(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("scheme", ["decaying", "gauss2"])
 def test_figures_of_a_run_stopped_at_once_are_of_its_rows(tmp_path, monkeypatch, scheme):
-    publish, calls = msahl.run._Run._publish, []
+    publish, calls = msahl.run.loop._Run._publish, []
 
     def interrupt(self, times, errors):
         calls.append(times)
@@ -213,8 +213,8 @@ def test_figures_of_a_run_stopped_at_once_are_of_its_rows(tmp_path, monkeypatch,
 
     options = ("run", *SHORT, "--scheme", scheme)
     with monkeypatch.context() as patch:
-        patch.setattr(msahl.run, "CHUNK_SECONDS", 0.0)
-        patch.setattr(msahl.run._Run, "_publish", interrupt)
+        patch.setattr(msahl.run.loop, "CHUNK_SECONDS", 0.0)
+        patch.setattr(msahl.run.loop._Run, "_publish", interrupt)
         assert call(*options, "-o", tmp_path / "stopped").exit_code == 130
     assert call(*options, "--t-final", "0.02", "-o", tmp_path / "whole").exit_code == 0
     stopped, whole = info(tmp_path / "stopped"), info(tmp_path / "whole")
@@ -227,7 +227,7 @@ def test_a_second_signal_before_the_first_step_is_in_run_json(tmp_path, monkeypa
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("msahl.solve.island.Runner.show_start", interrupt)
+    monkeypatch.setattr("msahl.run.subsystem.Runner.show_start", interrupt)
     result = call("run", *SHORT, "-o", tmp_path)
     assert result.exit_code == 130
     assert "stopped before the first step; begin anew" in result.stderr
@@ -238,7 +238,7 @@ def test_a_command_that_is_interrupted_says_so_in_one_line(monkeypatch):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "_read", interrupt)
+    monkeypatch.setattr(main, "_read", interrupt)
     result = call("check", SINGLE)
     assert (result.exit_code, result.stderr) == (130, "msahl: interrupted\n")
 
@@ -273,8 +273,8 @@ GROWING = BLASTED.replace(
 
 
 def test_a_failed_run_fails_at_the_same_step_when_it_goes_on(tmp_path, monkeypatch):
-    monkeypatch.setattr(msahl.run, "CHUNK_SECONDS", 0.0)
-    monkeypatch.setattr(msahl.run, "SAVE_SECONDS", 0.0)
+    monkeypatch.setattr(msahl.run.loop, "CHUNK_SECONDS", 0.0)
+    monkeypatch.setattr(msahl.run.loop, "SAVE_SECONDS", 0.0)
     deck, out = tmp_path / "deck.xml", tmp_path / "out"
     deck.write_text(GROWING)
     first = call("run", deck, "-o", out)
@@ -314,7 +314,7 @@ def test_a_study_without_a_start_or_a_run_to_its_end_says_so(tmp_path):
 def test_a_stopped_study_reports_the_runs_it_has_made(tmp_path, monkeypatch):
     """A step a chunk: 10, 20 and 40 steps, after some to warm up, so the last is cut."""
     asked = stop_after(55)
-    monkeypatch.setattr(msahl.run, "CHUNK_SECONDS", 0.0)
+    monkeypatch.setattr(msahl.run.loop, "CHUNK_SECONDS", 0.0)
 
     def ask(self):
         if not self.signal and asked():

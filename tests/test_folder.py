@@ -13,8 +13,8 @@ from scenes import ROOT
 from test_failing_well import GROWING, OPENING
 from test_resume import interrupted
 
-import msahl.run
-from msahl.cli import main
+import msahl.run.loop
+from msahl.cli.main import main
 from msahl.results import folder as folders
 from msahl.results.read import find_table, read_info, read_run, read_table
 from msahl.results.write import RunFolder, Table
@@ -277,8 +277,8 @@ def test_links_are_replaced_and_not_followed(tmp_path, monkeypatch, before, kind
         else:
             (work / name).symlink_to(precious)
     for setting in ("SAVE_SECONDS", "CHUNK_SECONDS"):  # checkpoints are written as well
-        monkeypatch.setattr(msahl.run, setting, 0.0)
-    monkeypatch.setattr(msahl.run, "SAVE_SHARE", 1e9)
+        monkeypatch.setattr(msahl.run.loop, setting, 0.0)
+    monkeypatch.setattr(msahl.run.loop, "SAVE_SHARE", 1e9)
     run(*words, "-o", out)
     assert precious.read_bytes() == folders.HEAD
     assert precious.stat().st_nlink == 1
@@ -329,9 +329,8 @@ def test_an_empty_name_is_no_folder():
 def test_results_do_not_depend_on_who_reads_stderr(tmp_path, closed):
     """A closed stderr, and a pipe whose reader has gone: the status is the run's own."""
     words = f"run {SINGLE} --dt 0.01 --t-final 0.1 -o {tmp_path / 'out'}"
-    program = (
-        f"{sys.executable} -c 'import time; time.sleep(0.2); from msahl.cli import main; main()'"
-    )
+    code = "import time; time.sleep(0.2); from msahl.cli.main import main; main()"
+    program = f"{sys.executable} -c '{code}'"
     ended = subprocess.run(["bash", "-c", f"{program} {words} {closed}"], check=False)
     assert ended.returncode == 0
     assert json.loads((tmp_path / "out" / "run.json").read_text())["status"] == "completed"

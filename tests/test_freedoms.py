@@ -7,13 +7,13 @@ import pytest
 from elements import JOINTS, joint_between, random_frame, vector
 from scenes import GROUND, random_body, scene, simulate
 
-from msahl.joints import quantity
+from msahl.algebra.rotation import compose, from_axis_angle, from_step_turn, matrix
+from msahl.elements.constraints import coordinates
 from msahl.joints.registry import KINDS
-from msahl.rotation import compose, from_axis_angle, from_step_turn, matrix
-from msahl.schemes import preserving
-from msahl.solve.freedom import constraint_matrix, constraint_rank
-from msahl.solve.initial import StartError
-from msahl.solve.island import Runner
+from msahl.run.subsystem import Runner
+from msahl.schemes.midpoint import equations
+from msahl.start.redundancy import constraint_matrix, constraint_rank
+from msahl.start.velocities import StartError
 from msahl.system.arrays import multiplier_count, new_start
 from msahl.system.build import build_system
 from msahl.system.state import build_state
@@ -41,11 +41,11 @@ class Held:
         build_state(self.model(), system)  # the equations are those of the body where it was
         state = build_state(self.model(body), system)
         start = new_start(system, state)
-        preserving.prepare(system, state, start)
+        equations.prepare(system, state, start)
         if system.along:
-            quantity.count_turns(system.along.quantities, start.along.quantities, state.angle)
+            coordinates.count_turns(system.along.quantities, start.along.quantities, state.angle)
         gap, rate = np.zeros_like(state.gap), np.zeros_like(state.gap)
-        preserving.observe(system, state, start, gap, rate)
+        equations.observe(system, state, start, gap, rate)
         return gap, rate
 
     def moving(self, twist):

@@ -11,14 +11,15 @@ from elements import ELEMENTS, SPRING, bushing, everything, spring
 from higher import Step
 from scenes import DOWN, chain, deck, free_bodies, pendulum, random_vector, simulate
 
-from msahl.cli import main
+from msahl.algebra.rotation import matrix
+from msahl.cli.main import main
 from msahl.deck import read_deck
+from msahl.linalg import block_lu
 from msahl.model import Drag
-from msahl.rotation import matrix
-from msahl.schemes import HIGHER, chart, choices, guess, split
-from msahl.schemes.rule import new_rule
-from msahl.solve import stagewise
-from msahl.solve.island import Runner
+from msahl.model.scheme import HIGHER, choices, split
+from msahl.run.subsystem import Runner
+from msahl.schemes.collocation import local_rotation, predictor
+from msahl.schemes.collocation.tableau import new_rule
 from msahl.study.exact import recognise
 from msahl.study.runs import with_step
 
@@ -67,7 +68,7 @@ def test_a_guess_follows_the_known_polynomials(scheme, degree, begin, size, near
     stages, rule, s = step.stages, step.stages.rule, degree
     t, h = 7.0, 0.1
     stages.known[:], stages.near[0] = (t + begin * h, size * h), near
-    assert guess.look(stages, t, h)
+    assert predictor.look(stages, t, h)
     # Velocities where their step begins tell more, but where they jump there or the last guess was
     # far off. At the present place ours do, once, also where that is one of their nodes.
     follows = near > 0.0 and not rule.decays
@@ -83,9 +84,9 @@ def test_a_guess_follows_the_known_polynomials(scheme, degree, begin, size, near
 def test_a_guess_follows_nothing_far_behind():
     step = Step(pendulum(), "gauss3", 0.1, np.random.default_rng(1))
     step.stages.known[:] = 0.0, 0.1
-    assert not guess.look(step.stages, 0.1, 0.2)
+    assert not predictor.look(step.stages, 0.1, 0.2)
     step.stages.known[1] = 0.0
-    assert not guess.look(step.stages, 0.1, 0.1)
+    assert not predictor.look(step.stages, 0.1, 0.1)
 
 
 def test_the_chart_turns_as_it_says():
@@ -106,18 +107,24 @@ def test_the_chart_turns_as_it_says():
     W = (spin[2, 1], spin[0, 2], spin[1, 0])
     # Central differences: step^2, and round-off over the step.
     near = {"atol": 1e-9}
-    np.testing.assert_allclose(at(chart.tangent, 0.0) @ a, W, **near)
-    np.testing.assert_allclose(at(chart.parameter_rate, 0.0, W), a, **near)
-    np.testing.assert_allclose(at(chart.momentum, 0.0, at(chart.parameter_rate, 0.0, a)), a)
+    np.testing.assert_allclose(at(local_rotation.tangent, 0.0) @ a, W, **near)
+    np.testing.assert_allclose(at(local_rotation.parameter_rate, 0.0, W), a, **near)
     np.testing.assert_allclose(
-        at(chart.rate, 0.0, at(chart.moment, 0.0, a)),
-        np.array(at(chart.tangent, 0.0).T @ at(chart.moment, 0.0, a)),
+        at(local_rotation.momentum, 0.0, at(local_rotation.parameter_rate, 0.0, a)), a
     )
-    np.testing.assert_allclose(at(chart.momentum_slope, 0.0, z), slope(chart.momentum, z), **near)
-    np.testing.assert_allclose(at(chart.rate_slope, 0.0, z), slope(chart.rate, z), **near)
     np.testing.assert_allclose(
-        at(chart.curvature, 0.0, z, a),
-        slope(lambda c, z, a: a @ np.array(chart.momentum_slope(c, z)), z, a),
+        at(local_rotation.rate, 0.0, at(local_rotation.moment, 0.0, a)),
+        np.array(at(local_rotation.tangent, 0.0).T @ at(local_rotation.moment, 0.0, a)),
+    )
+    np.testing.assert_allclose(
+        at(local_rotation.momentum_slope, 0.0, z), slope(local_rotation.momentum, z), **near
+    )
+    np.testing.assert_allclose(
+        at(local_rotation.rate_slope, 0.0, z), slope(local_rotation.rate, z), **near
+    )
+    np.testing.assert_allclose(
+        at(local_rotation.curvature, 0.0, z, a),
+        slope(lambda c, z, a: a @ np.array(local_rotation.momentum_slope(c, z)), z, a),
         **near,
     )
 
@@ -139,8 +146,8 @@ def test_blocks_are_factored_as_the_whole_matrix():
     order = place[np.searchsorted(step.unknowns.free[place], lu.order)]
     factor, stages = np.zeros((int(lu.base[-1]), 3, 3)), step.stages
     y = np.ascontiguousarray(right[:, order].T)
-    stagewise.factor(lu, stages.source, stages.values, factor, np.zeros(3, dtype=np.int64))
-    stagewise.solve(lu, factor, y)
+    block_lu.factor(lu, stages.source, stages.values, factor, np.zeros(3, dtype=np.int64))
+    block_lu.solve(lu, factor, y)
     dense = A.reshape(size, size)
     exact = np.linalg.solve(dense, right.reshape(-1)).reshape(step.shape)
     error = np.abs(y.T - exact[:, order]).max()

@@ -5,10 +5,10 @@ import pytest
 from scenes import GROUND, body, deck, pendulum, scene, simulate
 from test_pace import paced
 
-from msahl.forces.records import Friction, JointSpring
-from msahl.law import Law
+from msahl.algebra.functions import Law
+from msahl.algebra.vector import ZERO
 from msahl.model import ConcentratedLoad, Joint
-from msahl.vector import ZERO
+from msahl.model.loads import Friction, JointSpring
 
 TOLERANCES = [1e-3, 1e-6, 1e-9]
 RAIL = Joint("Rail", "prismatic", GROUND.name, "Bob", ZERO, ZERO)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scenes import chain, deck, ring
 
-from msahl.solve import freedom, initial
-from msahl.solve.initial import jacobian_at_rest, make_consistent, solve_sparse
-from msahl.solve.island import Runner
+from msahl.run.subsystem import Runner
+from msahl.start import redundancy, velocities
+from msahl.start.velocities import jacobian_at_rest, make_consistent, solve_sparse
 from msahl.system.arrays import multiplier_count, node_count
 from msahl.system.build import build_system
-from msahl.system.reduce import all_unknowns
+from msahl.system.reductions import all_unknowns
 from msahl.system.state import build_state
 from msahl.system.unknowns import choose
 
@@ -39,15 +39,15 @@ def test_redundant_equations_are_found_by_dense_and_by_sparse_algebra(name, monk
     state = build_state(model, system)
     found = []
     for largest in (10**9, 0):
-        monkeypatch.setattr(freedom, "LARGEST_DENSE", largest)
-        G = freedom.constraint_matrix(system, state)
-        basis = freedom.null_space(G)
+        monkeypatch.setattr(redundancy, "LARGEST_DENSE", largest)
+        G = redundancy.constraint_matrix(system, state)
+        basis = redundancy.null_space(G)
         # Both answer to what defines them, to the threshold of an independent equation.
         size = abs(G).sum()
-        assert np.abs(basis.T @ G).max(initial=0.0) <= freedom.INDEPENDENT * size
+        assert np.abs(basis.T @ G).max(initial=0.0) <= redundancy.INDEPENDENT * size
         assert np.abs(basis.T @ basis - np.eye(basis.shape[1])).max(initial=0.0) < 1e-9
-        rank = freedom.constraint_rank(system, state)
-        shared = freedom.shared_reactions(system, state)
+        rank = redundancy.constraint_rank(system, state)
+        shared = redundancy.shared_reactions(system, state)
         found.append((rank, shared))
     assert found[0] == found[1]
     assert found[0][0] < multiplier_count(system)
@@ -68,8 +68,8 @@ def test_a_long_chain_is_known_to_be_regular():
     values = jacobian_at_rest(system, state)
     wanted = np.random.default_rng(0).normal(size=3 * node_count(system))
     x = solve_sparse(values, wanted, unknowns)
-    rows = np.abs(initial._times(values, x, unknowns) - wanted[unknowns.free])
-    terms = initial._times(np.abs(values), np.abs(x), unknowns) + np.abs(wanted[unknowns.free])
+    rows = np.abs(velocities._times(values, x, unknowns) - wanted[unknowns.free])
+    terms = velocities._times(np.abs(values), np.abs(x), unknowns) + np.abs(wanted[unknowns.free])
     # A few products a row, each to half an epsilon, of the solution and of its own correction.
     assert (rows <= 8 * np.finfo(float).eps * terms).all()
 
@@ -81,7 +81,7 @@ def test_velocities_of_redundant_scenes_are_mended_by_either_algebra(name, wish,
     model = MODELS[name]()
     changes = []
     for largest in (10**9, 0):
-        monkeypatch.setattr(initial, "LARGEST_DENSE", largest)
+        monkeypatch.setattr(velocities, "LARGEST_DENSE", largest)
         system = build_system(model)
         state = build_state(model, system)
         state.v[:-1] = np.random.default_rng(1).normal(size=state.v[:-1].shape)

@@ -21,21 +21,22 @@ from scenes import (
     star,
 )
 
-from msahl.bodies import rigid
-from msahl.compiled import compiled
+from msahl.algebra.rotation import from_axis_angle, matrix
 from msahl.deck import read
-from msahl.forces import concentrated
-from msahl.joints import coincide
-from msahl.joints.coupling import FREEDOMS
+from msahl.elements import rigid_body
+from msahl.elements.constraints import coincide
+from msahl.elements.forces import concentrated
+from msahl.jit.compiled import compiled
 from msahl.joints.registry import KINDS
-from msahl.rotation import from_axis_angle, matrix
-from msahl.schemes import ANGLE, SCHEMES, preserving
-from msahl.solve import dense, newton, sparse
-from msahl.solve.island import Runner
+from msahl.linalg import dense, sparse_lu
+from msahl.model.couplings import FREEDOMS
+from msahl.model.scheme import ANGLE, SCHEMES
+from msahl.run.subsystem import Runner
+from msahl.schemes.midpoint import equations, newton
 from msahl.system.arrays import new_start, node_count
 from msahl.system.build import build_system
 from msahl.system.names import joint_columns
-from msahl.system.reduce import all_unknowns
+from msahl.system.reductions import all_unknowns
 from msahl.system.state import build_state
 from msahl.system.unknowns import choose
 
@@ -61,15 +62,15 @@ class Step:
     def __init__(self, model, h=H, reaction=None):
         self.h = h
         self.system = build_system(model)
-        self.reach = preserving.reach(self.system, h)
+        self.reach = equations.reach(self.system, h)
         self.state = build_state(model, self.system)
         if reaction is not None:
             self.state.reaction[:] = reaction(self.state.reaction.shape)
         self.start = new_start(self.system, self.state)
-        preserving.prepare(self.system, self.state, self.start)
+        equations.prepare(self.system, self.state, self.start)
         self.unknowns = choose(self.system, all_unknowns(self.system))
         self.shape = (node_count(self.system), 3)
-        preserving.load(self.system, self.state, self.start, h)
+        equations.load(self.system, self.state, self.start, h)
 
     def random(self, rng):
         """Unknowns of a step of large turns; those that are not free stay where they are."""
@@ -79,7 +80,7 @@ class Step:
 
     def residual(self, Z):
         F = np.zeros(self.shape, dtype=Z.dtype)
-        preserving.residual(self.system, self.state, self.start, self.h, Z, F)
+        equations.residual(self.system, self.state, self.start, self.h, Z, F)
         return F
 
     def jacobian(self, Z):
@@ -109,7 +110,7 @@ class Step:
         """Forces and moments (n, 3) of all elements."""
         inertia = np.zeros(self.shape)
         given = (self.system.bodies, self.start.bodies, self.h, self.reach)
-        rigid.residual(*given, self.Z, inertia)
+        rigid_body.residual(*given, self.Z, inertia)
         return self.as_pushes(self.residual(self.Z) - inertia)
 
     def as_pushes(self, F):
@@ -129,7 +130,7 @@ class Step:
         if self.system.along is None:
             return 0.0
         gap = np.zeros_like(self.state.gap)
-        preserving.observe(self.system, self.state, self.start, gap, gap.copy())
+        equations.observe(self.system, self.state, self.start, gap, gap.copy())
         return float(self.start.along.elastic.sum())
 
     def multipliers(self):
@@ -300,8 +301,8 @@ def test_published_work_and_elastic_energy_are_what_the_elements_do(make, seed):
     work = step.work(*step.all_pushes())
     before = step.elastic()
     F = step.residual(step.Z)
-    preserving.accept(step.system, step.state, step.start, step.h, step.Z, F)
-    preserving.prepare(step.system, step.state, step.start)
+    equations.accept(step.system, step.state, step.start, step.h, step.Z, F)
+    equations.prepare(step.system, step.state, step.start)
     known = np.sum(lam * opened) + step.state.work.sum() - (step.elastic() - before)
     size = np.abs(lam).sum() + np.abs(step.state.work).sum() + abs(before) + abs(step.elastic())
     assert work == pytest.approx(known, abs=2e-13 * size)
@@ -418,7 +419,7 @@ def test_the_compiled_loop_is_its_plain_self(make, scheme):
 
 @every_element
 def test_the_compiled_equations_are_their_plain_selves(make):
-    from msahl.solve import root  # scipy.optimize, slow to import
+    from msahl.schemes.midpoint import scipy_root  # scipy.optimize, slow to import
 
     rng = np.random.default_rng(12)
     step = Step(make(rng))
@@ -427,13 +428,13 @@ def test_the_compiled_equations_are_their_plain_selves(make):
     room, again = ((np.zeros(step.shape), np.zeros(size), np.zeros(step.shape)) for _ in range(2))
     given = (step.system, step.unknowns, step.state, step.start, H, z)
     judged = dense.residual(*given, *room)
-    assert root._residual(*given, *again) == pytest.approx(judged, rel=1e-13)
+    assert scipy_root._residual(*given, *again) == pytest.approx(judged, rel=1e-13)
     for a, b in zip(room, again, strict=True):
         assert a == pytest.approx(b, rel=1e-13, abs=1e-13 * np.abs(a).max())
     A, B = np.zeros(size * size), np.zeros(size * size)
     values = np.zeros_like(step.system.constant)
     dense.jacobian(*given, room[0], room[2], values, A)
-    root._jacobian(*given, room[0], room[2], values, B)
+    scipy_root._jacobian(*given, room[0], room[2], values, B)
     assert pytest.approx(B, rel=1e-13, abs=1e-13 * np.abs(A).max()) == A
 
 
@@ -465,13 +466,13 @@ def test_the_sparse_solution_solves_the_dense_system(model):
     order, free = step.unknowns.elimination.order, step.unknowns.free
     values = np.zeros_like(step.system.constant)
     step.residual(Z)
-    preserving.jacobian(step.system, step.start, H, Z, values)
+    equations.jacobian(step.system, step.start, H, Z, values)
     factor = np.zeros(int(step.unknowns.elimination.base[-1]))
     right = np.zeros(Z.size)
     right[free] = rng.normal(size=free.size)
     y = right[order]
-    sparse.factor(step.unknowns.elimination, values, factor)
-    sparse.solve(step.unknowns.elimination, factor, y)
+    sparse_lu.factor(step.unknowns.elimination, values, factor)
+    sparse_lu.solve(step.unknowns.elimination, factor, y)
     solution = np.zeros(Z.size)
     solution[order] = y
     x, b = solution[free], right[free]

@@ -7,9 +7,9 @@ import pytest
 from numpy.polynomial import legendre
 from scenes import GROUND, body, pendulum, scene, simulate
 
-from msahl.law import MOMENTS, Law, build_laws, evaluate, moments
+from msahl.algebra.functions import MOMENTS, Law, build_laws, evaluate, moments
+from msahl.algebra.vector import ZERO
 from msahl.model import ConcentratedLoad
-from msahl.vector import ZERO
 
 FORCE = 1000.0
 PULSE = Law("linear", (0.1312, 0.1313, 0.1314, 0.0, 1.0, 0.0))

@@ -11,12 +11,12 @@ from click.testing import CliRunner
 from scenes import GROUND, deck, pendulum, scene, simulate
 from scenes import body as new_body
 
-from msahl.cli import main
+from msahl.algebra.rotation import compose, from_axis_angle, matrix
+from msahl.algebra.vector import ZERO
+from msahl.cli.main import main
 from msahl.model import Drive, Joint, Law
-from msahl.rotation import compose, from_axis_angle, matrix
-from msahl.solve.initial import StartError
-from msahl.solve.island import Runner
-from msahl.vector import ZERO
+from msahl.run.subsystem import Runner
+from msahl.start.velocities import StartError
 
 DECKS = Path(__file__).parents[1] / "decks"
 

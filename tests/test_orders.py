@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scenes import ROOT
 
-from msahl.schemes.rule import new_rule
+from msahl.schemes.collocation.tableau import new_rule
 
 TOOLS = ROOT / "tools" / "validation"
 LONG = np.longdouble

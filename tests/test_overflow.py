@@ -5,9 +5,9 @@ import pytest
 from scenes import DOWN, GROUND, body, pendulum, scene, simulate
 from test_decaying import oscillator
 
+from msahl.algebra.vector import ZERO
 from msahl.model import ConcentratedLoad, Drag, Drive, Joint, Law
-from msahl.solve.initial import StartError
-from msahl.vector import ZERO
+from msahl.start.velocities import StartError
 
 SOLVERS = ("newton", "auto", "root")
 every_solver = pytest.mark.parametrize("solver", SOLVERS)

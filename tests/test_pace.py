@@ -10,10 +10,10 @@ from scenes import DECKS, body, deck, scene, simulate
 from test_overflow import push
 from test_resume import advance, bits, in_two_parts
 
-import msahl.run
-from msahl.cli import main
+import msahl.run.loop
+from msahl.cli.main import main
 from msahl.deck import check_simulation
-from msahl.run import Options
+from msahl.run.loop import Options
 from msahl.study.exact import recognise
 
 SINGLE = next(path for path in DECKS if path.stem == "single_pendulum_45")
@@ -78,7 +78,7 @@ def test_steps_shrink_where_motion_is_quick_and_grow_again():
 def test_steps_do_not_depend_on_the_clock(monkeypatch):
     model = paced(deck("double_pendulum_89"), 1e-6, t_final=2.0)
     _, whole = advance(model, Options())
-    monkeypatch.setattr(msahl.run, "CHUNK_SECONDS", 0.0)
+    monkeypatch.setattr(msahl.run.loop, "CHUNK_SECONDS", 0.0)
     _, parts = advance(model, Options())
     assert bits(parts) == bits(whole)
 

@@ -8,11 +8,11 @@ import pytest
 from motions import PendulumChain, euler_motion, pendulum_path, top_path
 from scenes import DECKS, GROUND, body, deck, frame, loaded, pendulum, scene, simulate
 
+from msahl.algebra.rotation import from_axis_angle
+from msahl.algebra.vector import ZERO
 from msahl.deck import read_deck
 from msahl.model import ConcentratedLoad
-from msahl.rotation import from_axis_angle
 from msahl.system.names import work_columns
-from msahl.vector import ZERO
 
 TOPS = {1: (0.0, 0.9888, 7.5167), 2: (0.0, 0.20905, 6.2964), 3: (0.0, 0.0, 6.3794)}
 

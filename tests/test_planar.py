@@ -7,6 +7,8 @@ import pytest
 from elements import CAM, JOINTS, TABLE, Frame, joint_between, side_by_side, vector
 from scenes import GROUND, body, random_vector, scene, simulate, tensor
 
+from msahl.algebra.rotation import compose, from_axis_angle, matrix
+from msahl.algebra.vector import ZERO, sub, times, transpose
 from msahl.model import (
     Bushing,
     ConcentratedLoad,
@@ -20,10 +22,8 @@ from msahl.model import (
     PointMotion,
     SpringDamper,
 )
-from msahl.rotation import compose, from_axis_angle, matrix
-from msahl.schemes import choices
-from msahl.solve.island import Runner
-from msahl.vector import ZERO, sub, times, transpose
+from msahl.model.scheme import choices
+from msahl.run.subsystem import Runner
 
 X, Y, Z = np.eye(3)
 FRAMES = {

@@ -9,15 +9,15 @@ from post_runs import ALPHA, DT, FORCE, GRAVITY, INERTIA, LENGTH, MASS, OMEGA, R
 from post_runs import read as read_conical
 from post_runs import write as write_conical
 
-from msahl.bodies import rigid
+from msahl.algebra.rotation import matrix
+from msahl.elements import rigid_body
 from msahl.post.compare import compare
-from msahl.post.measure import Energy, Spread, measure
+from msahl.post.metrics import Energy, Spread, measure
 from msahl.post.summary import energy_table, no_work_note, partial_note, work_table
 from msahl.post.table import as_csv, as_json, as_text
 from msahl.post.tolerance import Tolerance
 from msahl.results.read import ResultError, read_run, read_table
-from msahl.rotation import matrix
-from msahl.schemes import preserving
+from msahl.schemes.midpoint import equations
 from msahl.system.arrays import new_start
 from msahl.system.build import build_system
 from msahl.system.state import build_state
@@ -98,9 +98,9 @@ def test_recall_undoes_publish(tmp_path):
     for array in (state.x, state.p, state.v, state.w):
         array[0] = rng.normal(size=3)
     start, table = new_start(system, state), np.zeros((1, 12))
-    preserving.prepare(system, state, start)
-    rigid.publish(system.bodies, state.x, state.p, start.bodies, state.w, table, 0)
-    rigid.recall(system.bodies, table, 0, found.x, found.p, found.v, found.w)
+    equations.prepare(system, state, start)
+    rigid_body.publish(system.bodies, state.x, state.p, start.bodies, state.w, table, 0)
+    rigid_body.recall(system.bodies, table, 0, found.x, found.p, found.v, found.w)
     for name in ("x", "p", "v", "w"):
         assert getattr(found, name)[0] == pytest.approx(getattr(state, name)[0], rel=1e-13)
 

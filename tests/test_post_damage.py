@@ -8,17 +8,17 @@ import pytest
 from click.testing import CliRunner
 from post_runs import DT, ROWS, conical_rows, write
 
-import msahl.post.measure
+import msahl.post.metrics
 import msahl.post.report
-import msahl.post.verdict
-from msahl.cli import main as engine
+import msahl.post.sentences
+from msahl.cli.main import main as engine
 from msahl.post.cli import main as post
-from msahl.post.judged import read_judged, verdict_table
-from msahl.post.measure import Energy
+from msahl.post.metrics import Energy
 from msahl.post.report import build_report
+from msahl.post.run_verdicts import read_judged, verdict_table
 from msahl.post.table import as_text
 from msahl.results.read import ResultError, read_run
-from msahl.verdict import FAIL, PASS
+from msahl.run.verdict import FAIL, PASS
 
 INFO = {
     "msahl": "0.1.0",

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from msahl.cli import main as msahl
+from msahl.cli.main import main as msahl
 from msahl.post.cli import main as msahl_post
-from msahl.post.measure import measure
+from msahl.post.metrics import measure
 from msahl.post.report import build_report
 from msahl.post.summary import constraints_table, energy_table, reactions_table
 from msahl.results.read import read_run

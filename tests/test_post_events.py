@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 from scenes import THESIS
 
-from msahl.cli import main as msahl
+from msahl.cli.main import main as msahl
 from msahl.deck import read_deck
 from msahl.post.cli import main as post
 from msahl.post.events import passages, turns

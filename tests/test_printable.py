@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 from post_runs import DECK, write
 
-from msahl.cli import main as engine
+from msahl.cli.main import main as engine
 from msahl.post.cli import main as post
 from msahl.post.document import Heading, Items, Paragraph, as_html, as_markdown
 from msahl.post.table import Column, Table

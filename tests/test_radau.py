@@ -11,16 +11,16 @@ from higher import Step
 from scenes import body, deck, jointed, pendulum, scene, simulate
 from test_decaying import energies, oscillator
 
-from msahl.cli import main
+from msahl.cli.main import main
 from msahl.deck import read_deck
+from msahl.model.scheme import choices
 from msahl.results.read import read_run
-from msahl.schemes import choices
-from msahl.schemes.rule import new_rule
+from msahl.run.verdict import PASS
+from msahl.schemes.collocation.tableau import new_rule
 from msahl.study.exact import recognise
 from msahl.study.plan import Plan
 from msahl.study.runs import with_step
 from msahl.study.study import study
-from msahl.verdict import PASS
 
 ROOT = Path(__file__).parents[1]
 H = 0.01

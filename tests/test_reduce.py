@@ -23,11 +23,11 @@ from scenes import (
     simulate,
 )
 
+from msahl.algebra.rotation import from_axis_angle
+from msahl.algebra.vector import ZERO
 from msahl.deck import read_deck
 from msahl.model import ConcentratedLoad, Ground, Joint, Law, PointMotion
-from msahl.rotation import from_axis_angle
-from msahl.system.islands import split
-from msahl.vector import ZERO
+from msahl.system.subsystems import split
 
 
 @pytest.mark.parametrize("path", DECKS, ids=lambda path: path.stem)

@@ -6,7 +6,7 @@ from scenes import loaded, pendulum
 
 from msahl.results.read import read_table
 from msahl.results.write import RunFolder, write_json
-from msahl.run import NO_ERRORS
+from msahl.run.loop import NO_ERRORS
 from msahl.system.build import build_system
 from msahl.system.names import describe_row, reaction_columns, state_columns, work_columns
 

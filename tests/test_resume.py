@@ -15,12 +15,12 @@ from click.testing import CliRunner
 from scenes import DECKS, ROOT, Rows, body, deck, pendulum, scene
 from test_overflow import push
 
-import msahl.run
-from msahl.cli import main
+import msahl.run.loop
+from msahl.cli.main import main
 from msahl.deck import read_deck
 from msahl.results.checkpoint import _check
-from msahl.run import Options, run
-from msahl.snapshot import ResumeError
+from msahl.run.loop import Options, run
+from msahl.run.snapshot import ResumeError
 
 THESIS = ROOT / "decks" / "thesis"
 DOUBLE = THESIS / "double_pendulum_89.xml"
@@ -48,7 +48,7 @@ def in_two_parts(monkeypatch, model, options, steps, each=1):
     """Reports and rows of a run stopped after ``steps``, chunks of ``each``, and of the rest."""
     saved, done = [], [0]
     with monkeypatch.context() as patch:
-        patch.setattr(msahl.run, "CHUNK_SECONDS", 0.0)
+        patch.setattr(msahl.run.loop, "CHUNK_SECONDS", 0.0)
         stop = {
             "progress": lambda steps, t: done.append(steps),
             "stopped": lambda: done[-1] >= steps,
@@ -151,7 +151,7 @@ def test_a_step_that_failed_fails_again(monkeypatch):
 
 def test_a_snapshot_of_another_scene_is_refused(monkeypatch):
     saved = []
-    monkeypatch.setattr(msahl.run, "CHUNK_SECONDS", 0.0)
+    monkeypatch.setattr(msahl.run.loop, "CHUNK_SECONDS", 0.0)
     advance(pendulum(), Options(), stopped=stop_after(3), save=saved.append)
     heavier = replace(pendulum(), bodies=(replace(pendulum().bodies[0], mass=2.5),))
     with pytest.raises(ResumeError, match="does not come out as it did"):
@@ -167,7 +167,7 @@ def call(*words):
 
 def interrupted(monkeypatch, folder, *words, number=signal.SIGINT, after=4):
     """The run of a deck stopped by a signal after some chunks of a step each."""
-    hand_over, chunks = msahl.run._Run._hand_over, []
+    hand_over, chunks = msahl.run.loop._Run._hand_over, []
 
     def ask(self, *given):
         hand_over(self, *given)
@@ -176,8 +176,8 @@ def interrupted(monkeypatch, folder, *words, number=signal.SIGINT, after=4):
             os.kill(os.getpid(), number)
 
     with monkeypatch.context() as patch:
-        patch.setattr(msahl.run, "CHUNK_SECONDS", 0.0)
-        patch.setattr(msahl.run._Run, "_hand_over", ask)
+        patch.setattr(msahl.run.loop, "CHUNK_SECONDS", 0.0)
+        patch.setattr(msahl.run.loop._Run, "_hand_over", ask)
         result = call(*words, "-o", folder)
     assert result.exit_code == 128 + number, result.output
     return result
@@ -229,9 +229,9 @@ def test_a_run_that_ends_at_once_makes_no_checkpoint(monkeypatch):
     saved = []
     advance(pendulum(), Options(), save=saved.append)
     assert saved == []
-    monkeypatch.setattr(msahl.run, "SAVE_SECONDS", 0.0)
-    monkeypatch.setattr(msahl.run, "SAVE_SHARE", 1e9)
-    monkeypatch.setattr(msahl.run, "CHUNK_SECONDS", 0.0)
+    monkeypatch.setattr(msahl.run.loop, "SAVE_SECONDS", 0.0)
+    monkeypatch.setattr(msahl.run.loop, "SAVE_SHARE", 1e9)
+    monkeypatch.setattr(msahl.run.loop, "CHUNK_SECONDS", 0.0)
     report, _ = advance(pendulum(), Options(), save=saved.append)
     assert len(saved) == report.steps - 1
 
@@ -365,9 +365,9 @@ def test_a_folder_that_is_not_there_is_not_made(tmp_path):
 # Killed ------------------------------------------------------------------------------------------
 
 OFTEN = """
-import msahl.run
-from msahl.cli import main
-msahl.run.CHUNK_SECONDS, msahl.run.SAVE_SECONDS, msahl.run.SAVE_SHARE = 0.005, 0.02, 1.0
+import msahl.run.loop
+from msahl.cli.main import main
+msahl.run.loop.CHUNK_SECONDS, msahl.run.loop.SAVE_SECONDS, msahl.run.loop.SAVE_SHARE = 0.005, 0.02, 1.0
 main()
 """
 """A run that saves some thirty times a second, so that kills fall before, between and within."""

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from msahl.rotation import (
+from msahl.algebra.rotation import (
     HALF_TURN,
     compose,
     from_axis_angle,
@@ -21,7 +21,7 @@ from msahl.rotation import (
     turn_change,
     turn_tangent,
 )
-from msahl.vector import skew
+from msahl.algebra.vector import skew
 
 # A product of a dozen roundings of numbers up to one.
 ROUND_OFF = 4e-15

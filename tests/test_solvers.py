@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scenes import DECKS, GROUND, body, deck, loaded, pendulum, scene, simulate
 
-import msahl.run
+import msahl.run.loop
+from msahl.algebra.vector import ZERO
 from msahl.deck import read_deck
 from msahl.model import ConcentratedLoad
-from msahl.solve import island
-from msahl.solve.island import MAX_HALVINGS, Runner
-from msahl.solve.outcome import Outcome
-from msahl.solve.plan import Plan
-from msahl.system.islands import split
-from msahl.vector import ZERO
+from msahl.run import subsystem
+from msahl.run.output_schedule import Plan
+from msahl.run.subsystem import MAX_HALVINGS, Runner
+from msahl.schemes.outcome import Outcome
+from msahl.system.subsystems import split
 
 
 @pytest.mark.parametrize("path", DECKS, ids=lambda path: path.stem)
@@ -57,7 +57,7 @@ def test_auto_starts_with_root_and_goes_on_with_newton():
 
 def test_a_step_that_newton_refuses_goes_to_root(monkeypatch):
     """Every third step is refused; root takes it, and nothing of it shows in the answer."""
-    march, refused = island._march, []
+    march, refused = subsystem._march, []
 
     def reluctant(one, h, first, last, plan):
         for k in range(first, last):
@@ -69,8 +69,8 @@ def test_a_step_that_newton_refuses_goes_to_root(monkeypatch):
         return last
 
     known = simulate(pendulum(), dt=0.01, t_final=1.0, solver="newton")
-    monkeypatch.setattr(msahl.run, "PATIENCE", np.inf)  # steps are counted by chunk
-    monkeypatch.setattr(island, "_march", reluctant)
+    monkeypatch.setattr(msahl.run.loop, "PATIENCE", np.inf)  # steps are counted by chunk
+    monkeypatch.setattr(subsystem, "_march", reluctant)
     run = simulate(pendulum(), dt=0.01, t_final=1.0)
     assert run.report.status == "completed"
     assert run.report.root_steps == 1 + len(refused)
@@ -136,7 +136,7 @@ def test_a_step_that_cannot_be_taken_ends_the_run_and_says_why(solver):
 @pytest.mark.parametrize("solver", ["auto", "newton"])
 def test_a_run_that_ends_early_keeps_all_it_had(monkeypatch, solver):
     """From step 41 on nothing converges; state, rows and extremes are those of step 40."""
-    march, steps = island._march, 40
+    march, steps = subsystem._march, 40
 
     def until(one, h, first, last, plan):
         end = min(last, first + max(0, steps - until.taken))
@@ -151,7 +151,7 @@ def test_a_run_that_ends_early_keeps_all_it_had(monkeypatch, solver):
     until.taken = 1 if solver == "auto" else 0
     model = pendulum()
     known = simulate(model, dt=0.01, t_final=0.4, solver=solver)
-    monkeypatch.setattr(island, "_march", until)
+    monkeypatch.setattr(subsystem, "_march", until)
     monkeypatch.setattr(Runner, "_take_once", never)
     run = simulate(model, dt=0.01, t_final=1.0, solver=solver)
     report = run.report
@@ -179,7 +179,7 @@ def test_a_failed_step_leaves_the_state_as_it_was(monkeypatch, solver):
         return Outcome(0.125, 3)
 
     monkeypatch.setattr(Runner, "_take_once", first_half_only)
-    monkeypatch.setattr(island, "_march", lambda one, h, first, last, plan: first)
+    monkeypatch.setattr(subsystem, "_march", lambda one, h, first, last, plan: first)
     done, outcome = runner.advance(0.01, 0, 20, no_rows(20))
     assert (done, outcome) == (0, Outcome(0.125, 3))
     assert halves[0].converged
@@ -248,7 +248,7 @@ def test_a_chunk_that_is_broken_off_changes_nothing(solver, monkeypatch):
     for model in (deck("two_pendulums"), deck("triple_pendulum_135")):
         whole = simulate(model, dt=0.1, t_final=3.0, solver=solver)
         with monkeypatch.context() as patch:
-            patch.setattr(msahl.run, "PATIENCE", 0.0)
+            patch.setattr(msahl.run.loop, "PATIENCE", 0.0)
             parts = simulate(model, dt=0.1, t_final=3.0, solver=solver)
         assert np.array_equal(whole.states, parts.states)
         assert np.array_equal(whole.reactions, parts.reactions)

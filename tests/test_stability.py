@@ -13,7 +13,7 @@ from lxml import etree
 from scenes import ROOT
 
 from msahl.deck import read_deck
-from msahl.schemes import SCHEMES
+from msahl.model.scheme import SCHEMES
 
 TOOLS = ROOT / "tools" / "validation"
 KEPT = ROOT / "docs" / "validation" / "stability.csv"

@@ -10,13 +10,13 @@ import pytest
 from click.testing import CliRunner
 from scenes import deck, simulate
 
-from msahl.cli import main
+from msahl.cli.main import main
 from msahl.model import STATION
 from msahl.post.cli import main as post
-from msahl.solve import station
-from msahl.solve.island import Runner
-from msahl.solve.plan import Plan
-from msahl.solve.station import new_station
+from msahl.run.output_schedule import Plan
+from msahl.run.subsystem import Runner
+from msahl.schemes import accelerations
+from msahl.schemes.accelerations import new_station
 from msahl.study.exact import recognise
 
 SINGLE = Path(__file__).parents[1] / "decks" / "thesis" / "single_pendulum_45.xml"
@@ -107,8 +107,8 @@ def test_friction_presses_by_the_reaction_that_it_makes(name):
     scene, room = runner.scene, new_station(runner.scene.system)
     state = scene.state
     state.reaction[:] = 0.0
-    station.accelerate(scene.system, state, scene.start, room)
+    accelerations.accelerate(scene.system, state, scene.start, room)
     once = state.reaction.copy()
-    station.accelerate(scene.system, state, scene.start, room)
+    accelerations.accelerate(scene.system, state, scene.start, room)
     assert np.abs(once).max() > 0.0
     assert np.abs(state.reaction - once).max() <= 1e-13 * np.abs(once).max()

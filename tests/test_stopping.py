@@ -11,12 +11,13 @@ import pytest
 from click.testing import CliRunner
 from scenes import ROOT, Rows, deck, pendulum
 
-import msahl.cli
-import msahl.run
-from msahl.cli import main, stoppable
-from msahl.run import Options, run
-from msahl.solve import outcome, pace
-from msahl.solve.island import Runner
+import msahl.cli.main
+import msahl.run.loop
+from msahl.cli.main import main, stoppable
+from msahl.run.loop import Options, run
+from msahl.run.subsystem import Runner
+from msahl.schemes import outcome
+from msahl.schemes.collocation import step_control
 
 SINGLE = ROOT / "decks" / "thesis" / "single_pendulum_45.xml"
 
@@ -45,13 +46,13 @@ def test_a_hard_step_that_is_stopped_is_taken_anew_when_the_run_goes_on(monkeypa
         return len(counted) == asked
 
     # One chunk for all steps: the loop itself never asks before the end.
-    monkeypatch.setattr(msahl.run, "CHUNK_SECONDS", 1e9)
-    monkeypatch.setattr(msahl.run, "PATIENCE", 1e9)
+    monkeypatch.setattr(msahl.run.loop, "CHUNK_SECONDS", 1e9)
+    monkeypatch.setattr(msahl.run.loop, "PATIENCE", 1e9)
     first, begun = advance(violent(), Options(solver), stopped=stopped, save=saved.append)
     assert first.status == "interrupted"
     assert first.steps < whole.steps
     assert first.rows == first.steps + 1
-    monkeypatch.setattr(msahl.run, "CHUNK_SECONDS", 0.1)
+    monkeypatch.setattr(msahl.run.loop, "CHUNK_SECONDS", 0.1)
     rest, gone_on = advance(violent(), Options(solver), since=saved[-1])
     assert rest.status == "completed"
     for part, other, all_rows in zip(begun, gone_on, rows, strict=True):
@@ -106,11 +107,11 @@ def test_refused_steps_count_in_a_chunk():
     counts, before, most = runner.steps.pace.counts, 0, 8
     for _ in range(6):
         done, _, _ = runner.steps.go(np.array([1.0]), 1.0, most)
-        tried = int(counts[pace.ACCEPTED] + counts[pace.REFUSED])
+        tried = int(counts[step_control.ACCEPTED] + counts[step_control.REFUSED])
         assert done == 2 or tried - before <= most // 2
         assert done >= 2
         before = tried
-    assert counts[pace.REFUSED] > 2
+    assert counts[step_control.REFUSED] > 2
 
 
 # Where no loop of steps is under way -------------------------------------------------------------
@@ -144,7 +145,8 @@ def test_a_request_that_was_answered_stops_nothing_else(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "where", ["msahl.run._energy_scale", "msahl.solve.island.build_system", "msahl.run.digest"]
+    "where",
+    ["msahl.run.loop._energy_scale", "msahl.run.subsystem.build_system", "msahl.run.loop.digest"],
 )
 def test_preparation_answers(tmp_path, monkeypatch, where):
     """Before there is a step there is nothing to keep: it stops, and the folder says so."""

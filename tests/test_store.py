@@ -5,10 +5,10 @@ import os
 import numpy as np
 import pytest
 
-from msahl import compiled
-from msahl.store import Store
+from msahl.jit import compiled
+from msahl.jit.kernel_store import Store
 
-NAME, CONTENT = "msahl.solve.newton.march-1", bytes(range(256)) * 8
+NAME, CONTENT = "msahl.schemes.midpoint.newton.march-1", bytes(range(256)) * 8
 
 
 @pytest.fixture

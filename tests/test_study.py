@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from msahl.cli import main
+from msahl.algebra.rotation_arrays import angles
+from msahl.cli.main import main
+from msahl.cli.study import study as command
 from msahl.deck import read_deck
+from msahl.model.scheme import SCHEMES, decaying
 from msahl.post.draw import style
-from msahl.rotations import angles
-from msahl.run import Options
-from msahl.schemes import SCHEMES, decaying
+from msahl.run.loop import Options
 from msahl.study import independent as independent_module
-from msahl.study.cli import study as command
 from msahl.study.dynamics import Dynamics
 from msahl.study.exact import recognise
 from msahl.study.independent import independent
@@ -216,6 +216,6 @@ def test_faults_are_told(arguments, tmp_path):
 
 
 def test_a_run_does_not_import_the_study():
-    code = "import sys, msahl.cli, msahl.run; print([m for m in sys.modules if 'study' in m])"
+    code = "import sys, msahl.cli.main, msahl.run.loop; print([m for m in sys.modules if 'study' in m])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert json.loads(done.stdout.replace("'", '"')) == []

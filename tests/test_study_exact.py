@@ -76,8 +76,8 @@ def test_no_closed_form(name):
 
 def oblique(model, axis, angle):
     """The scene of one body, turned as a whole."""
-    from msahl.rotation import compose, from_axis_angle, matrix
-    from msahl.vector import times
+    from msahl.algebra.rotation import compose, from_axis_angle, matrix
+    from msahl.algebra.vector import times
 
     turn = from_axis_angle(axis, angle)
     R = matrix(turn)

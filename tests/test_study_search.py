@@ -9,16 +9,17 @@ import pytest
 from click.testing import CliRunner
 from scenes import GROUND, deck
 
-from msahl.cli import main
-from msahl.compiled import working_clock
-from msahl.law import Law
+from msahl.algebra.functions import Law
+from msahl.algebra.vector import ZERO
+from msahl.cli.main import main
+from msahl.cli.study import study as command
+from msahl.jit.compiled import working_clock
 from msahl.model import ConcentratedLoad, Drive, Model, RigidBody, Simulation
 from msahl.post.draw import style
 from msahl.results.read import ResultError
-from msahl.run import OFF, Options
+from msahl.run.loop import OFF, Options
 from msahl.study import independent as independent_module
 from msahl.study.breaks import breaks, longest_step
-from msahl.study.cli import study as command
 from msahl.study.errors import measure_errors
 from msahl.study.independent import Solution, TooSlowError, independent
 from msahl.study.own import own_reference
@@ -28,7 +29,6 @@ from msahl.study.report import recommendation
 from msahl.study.rounding import MANTISSAS, next_round, round_down, rung, rung_below
 from msahl.study.runs import Case, run_in_memory, with_step
 from msahl.study.study import find_reference, study
-from msahl.vector import ZERO
 
 DECK = Path(__file__).parents[1] / "decks" / "thesis" / "double_pendulum_89.xml"
 AMPLE = 600.0

@@ -9,9 +9,9 @@ import pytest
 from scenes import THESIS, deck, simulate
 
 from msahl.deck import read_deck
-from msahl.schemes import preserving
-from msahl.solve import dense
-from msahl.solve.island import Runner
+from msahl.linalg import dense
+from msahl.run.subsystem import Runner
+from msahl.schemes.midpoint import equations
 
 STEPS = [0.1, 0.04, 0.01, 0.004, 0.002]
 
@@ -73,7 +73,7 @@ def test_the_jacobian_is_as_well_conditioned_at_small_steps(path):
     for h in (0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6):
         scene = Runner(read_deck(path), "newton", True, 1).scene
         size = scene.unknowns.free.size
-        preserving.predict(scene.system, scene.state, scene.start, h, scene.Z)
+        equations.predict(scene.system, scene.state, scene.start, h, scene.Z)
         z = scene.Z.reshape(-1)[scene.unknowns.free].copy()
         A = np.zeros(size * size)
         given = (scene.system, scene.unknowns, scene.state, scene.start, h, z)

@@ -9,11 +9,11 @@ from lxml import etree
 from motions import euler_motion, top_path
 from scenes import DECKS, body, chain, deck, scene, simulate
 
-from msahl.cli import main
+from msahl.algebra.rotation import angle_share, of_angle
+from msahl.cli.main import main
 from msahl.deck import read_deck
-from msahl.explain import explain
-from msahl.rotation import angle_share, of_angle
-from msahl.schemes import ANGLE
+from msahl.model.scheme import ANGLE
+from msahl.run.explain import explain
 
 (TOP,) = (path for path in DECKS if path.stem == "top_1")
 SPIN = (0.0, 0.9888, 7.5167)

@@ -10,15 +10,15 @@ from click.testing import CliRunner
 from scenes import DECKS, DOWN, ROOT, body, chain, deck, pendulum, scene, simulate
 from test_decaying import oscillator
 
-from msahl.cli import main
+from msahl.algebra.rotation_arrays import angles
+from msahl.cli.main import main
 from msahl.deck import read_deck
-from msahl.error_estimate import SAFETY
 from msahl.model import Limits, SpringDamper
+from msahl.model.scheme import SCHEMES
 from msahl.post.cli import main as post
-from msahl.rotations import angles
-from msahl.schemes import SCHEMES
+from msahl.run.error_estimate import SAFETY
+from msahl.run.verdict import BETWEEN, DONE, FAIL, PASS, WARN, WORDS, Figures, judge
 from msahl.study.exact import recognise
-from msahl.verdict import BETWEEN, DONE, FAIL, PASS, WARN, WORDS, Figures, judge
 
 GOOD = Figures(
     status="completed",

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from msahl.post.measure import Spread, measure
+from msahl.post.metrics import Spread, measure
 from msahl.results.read import read_run
 
 COLUMNS = (

@@ -7,8 +7,8 @@ import numpy as np
 from element import Chain, State, apply, jacobian, matrix, residual
 from scipy.optimize._minpack_py import _minpack
 
+from msahl.algebra.rotation import compose
 from msahl.deck import read_deck
-from msahl.rotation import compose
 from msahl.study.start import first_state
 from msahl.system.build import build_system
 from msahl.system.state import build_state

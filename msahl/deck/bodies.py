@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from msahl.bodies.ground import Ground
-from msahl.bodies.rigid import RigidBody
+from msahl.algebra.vector import Matrix, Vector
 from msahl.deck.faults import Element, attribute, text
 from msahl.deck.values import INERTIAL, Reader
-from msahl.vector import Matrix, Vector
+from msahl.model.bodies import Ground, RigidBody
 
 TRIANGLE = 1e-9
 """A principal moment may exceed the sum of the other two by this part of the largest entry given:

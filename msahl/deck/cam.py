@@ -19,12 +19,12 @@ import math
 
 import numpy as np
 
+from msahl.algebra.functions import Law
+from msahl.algebra.vector import Vector, cross, dot, sub
 from msahl.deck.ends import ROUND_OFF
 from msahl.deck.faults import Element, text
 from msahl.deck.values import INERTIAL, Reader
-from msahl.joints.joint import Joint
-from msahl.law import Law
-from msahl.vector import Vector, cross, dot, sub
+from msahl.model.joints import Joint
 
 INTERVALS = 720
 """Of the lift's table over a turn; a cubic spline through it adds 1e-11 of the lift."""

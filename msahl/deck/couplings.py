@@ -4,7 +4,7 @@ from msahl.deck.cam import read_lift
 from msahl.deck.faults import Element, text
 from msahl.deck.named import named_joint
 from msahl.deck.values import Reader
-from msahl.joints.coupling import FREEDOMS, Coupling
+from msahl.model.couplings import FREEDOMS, Coupling
 
 SCALES = {"gear": ("ratio", ""), "rackAndPinion": ("radius", "length")}
 """Tag and quantity of a coupling's one number."""

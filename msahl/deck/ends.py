@@ -4,10 +4,10 @@ import math
 import sys
 from dataclasses import dataclass
 
+from msahl.algebra.vector import ZERO, Matrix, Vector, dot, sub
 from msahl.deck.faults import Element, shown, text
 from msahl.deck.frames import PARALLEL, clean, frame, sine
 from msahl.deck.values import INERTIAL, Reader
-from msahl.vector import ZERO, Matrix, Vector, dot, sub
 
 GAP = 1e-6
 """Largest gap at t = 0, in parts of the longest arm: decks are typed with 6-7 digits."""

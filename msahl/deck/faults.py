@@ -8,8 +8,8 @@ from typing import NoReturn
 
 from lxml import etree
 
+from msahl.algebra.vector import Vector
 from msahl.printable import printable
-from msahl.vector import Vector
 
 Element = etree._Element
 

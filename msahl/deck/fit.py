@@ -5,15 +5,16 @@ The equations are those of its kind (``msahl.joints``), so a new kind is judged 
 
 import math
 
+from msahl.algebra.vector import ZERO, Vector, axpy, cross, dot, scale, sub
 from msahl.deck.ends import Ends, open_by, tolerance
 from msahl.deck.faults import shown
 from msahl.deck.frames import PARALLEL, sine
 from msahl.deck.values import INERTIAL, Reader
-from msahl.joints.joint import CHILD, PARENT, Coincide, Equation, Joint, Product, Quantity
-from msahl.joints.measure import DOT
-from msahl.joints.quantity import ANGLE, RADIUS, ROUND, SKEW
+from msahl.elements.constraints.coordinates import ANGLE, RADIUS, ROUND, SKEW
+from msahl.elements.constraints.products import DOT
+from msahl.joints.joint import CHILD, PARENT, Coincide, Equation, Product, Quantity
 from msahl.joints.registry import KINDS
-from msahl.vector import ZERO, Vector, axpy, cross, dot, scale, sub
+from msahl.model.joints import Joint
 
 
 def complaints(joint: Joint, ends: Ends, reader: Reader) -> list[str]:

@@ -7,7 +7,7 @@ along a coordinate direction has nothing but zeros and ones there: a planar scen
 import math
 import sys
 
-from msahl.vector import IDENTITY, Matrix, Vector, axpy, cross, dot, scale
+from msahl.algebra.vector import IDENTITY, Matrix, Vector, axpy, cross, dot, scale
 
 EXACT = 4 * sys.float_info.epsilon
 """A component of a unit vector below this is the round-off of a turn, and zero."""

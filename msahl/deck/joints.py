@@ -2,14 +2,15 @@
 
 import math
 
+from msahl.algebra.vector import IDENTITY, Matrix, cross, dot, sub
 from msahl.deck.ends import Ends, carried, is_placed, own_frame, read_ends, shared_frame
 from msahl.deck.faults import Element, text
 from msahl.deck.fit import complaints
 from msahl.deck.frames import turned_round
 from msahl.deck.values import Reader
-from msahl.joints.joint import Joint, Kind
+from msahl.joints.joint import Kind
 from msahl.joints.registry import KINDS
-from msahl.vector import IDENTITY, Matrix, cross, dot, sub
+from msahl.model.joints import Joint
 
 Frames = tuple[Matrix, Matrix]
 

@@ -6,9 +6,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from msahl.algebra.functions import Law, build_laws
 from msahl.deck.faults import Element, attribute
 from msahl.deck.values import Reader
-from msahl.law import Law, build_laws
 
 COEFFICIENTS = ("c0", "c1", "c2", "c3", "c4", "c5")
 

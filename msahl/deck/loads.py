@@ -2,14 +2,14 @@
 
 import math
 
+from msahl.algebra.vector import ZERO, Vector, axpy, scale, sub
 from msahl.deck.faults import Element, text
 from msahl.deck.laws import read_law
 from msahl.deck.motions import moving_body
 from msahl.deck.named import named_joint
 from msahl.deck.values import Reader
-from msahl.forces.records import ConcentratedLoad, Drag, Friction
 from msahl.joints.registry import KINDS
-from msahl.vector import ZERO, Vector, axpy, scale, sub
+from msahl.model.loads import ConcentratedLoad, Drag, Friction
 
 
 def read_concentrated(element: Element, reader: Reader) -> ConcentratedLoad:

@@ -1,12 +1,12 @@
 """Prescribed motions: elements -> records."""
 
+from msahl.algebra.functions import Law
+from msahl.algebra.vector import ZERO
 from msahl.deck.faults import Element, line_of, text
 from msahl.deck.laws import read_law
 from msahl.deck.named import UNIT, named_joint
 from msahl.deck.values import INERTIAL, Reader
-from msahl.law import Law
-from msahl.motion import Drive, PointMotion
-from msahl.vector import ZERO
+from msahl.model.motions import Drive, PointMotion
 
 NOTHING = Law("constant", (0.0,))
 """Stands for a law with faults."""

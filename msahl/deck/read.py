@@ -12,6 +12,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from msahl.algebra.rotation import matrix
+from msahl.algebra.vector import IDENTITY, ZERO, Vector
 from msahl.deck.bodies import read_ground, read_rigid_body
 from msahl.deck.couplings import read_coupling
 from msahl.deck.faults import KINDS, Element, Faults, line_of, text
@@ -30,12 +32,10 @@ from msahl.deck.schema import check_schema
 from msahl.deck.simulation import Assembly, read_assembly, read_simulation
 from msahl.deck.springs import read_bushing, read_joint_spring, read_spring_damper
 from msahl.deck.values import INERTIAL, Reader
-from msahl.joints.coupling import FREEDOMS
 from msahl.joints.registry import KINDS as JOINT_KINDS
 from msahl.model import Ground, Model, RigidBody, Simulation
-from msahl.rotation import matrix
-from msahl.schemes import WORKER
-from msahl.vector import IDENTITY, ZERO, Vector
+from msahl.model.couplings import FREEDOMS
+from msahl.model.scheme import WORKER
 
 Read = Callable[[Element, Reader], Any]
 

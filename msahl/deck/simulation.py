@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from msahl.deck.faults import Element, attribute, text
 from msahl.deck.values import LARGEST, SMALLEST, Reader
 from msahl.model import MEAN, Limits, Simulation
+from msahl.model.scheme import AUTO, DAMPING, DEFAULT, DEGREE, HIGHER, SCHEMES, TANGENT
 from msahl.printable import printable
-from msahl.schemes import AUTO, DAMPING, DEFAULT, DEGREE, HIGHER, SCHEMES, TANGENT
 
 MAX_STEPS = 10**9
 """Most steps of a run: more is a slip of the pen (a day at 10 us a step)."""

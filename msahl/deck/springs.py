@@ -2,23 +2,15 @@
 
 import math
 
-from msahl.deck.ends import (
-    Ends,
-    carried,
-    is_placed,
-    open_by,
-    read_ends,
-    shared_frame,
-    tolerance,
-)
+from msahl.algebra.functions import Law
+from msahl.algebra.vector import IDENTITY, Matrix, transpose
+from msahl.deck.ends import Ends, carried, is_placed, open_by, read_ends, shared_frame, tolerance
 from msahl.deck.faults import Element, text
 from msahl.deck.laws import read_table
 from msahl.deck.loads import not_negative
 from msahl.deck.named import named_joint
 from msahl.deck.values import Reader
-from msahl.forces.records import Bushing, JointSpring, SpringDamper
-from msahl.law import Law
-from msahl.vector import IDENTITY, Matrix, transpose
+from msahl.model.loads import Bushing, JointSpring, SpringDamper
 
 Six = tuple[float, float, float, float, float, float]
 

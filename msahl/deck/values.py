@@ -9,13 +9,13 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from msahl.bodies.rigid import RigidBody
+from msahl.algebra.rotation import from_axis_angle
+from msahl.algebra.vector import IDENTITY, ZERO, Matrix, Vector, add, times, transpose
 from msahl.deck.faults import Element, Faults, attribute, text
 from msahl.deck.frames import unit
 from msahl.deck.units import DEFAULTS, UNITS, to_si
-from msahl.joints.joint import Joint
-from msahl.rotation import from_axis_angle
-from msahl.vector import IDENTITY, ZERO, Matrix, Vector, add, times, transpose
+from msahl.model.bodies import RigidBody
+from msahl.model.joints import Joint
 
 VECTORS: Mapping[str, tuple[str, tuple[str, str, str]]] = {
     "gravity": ("acceleration", ("g1", "g2", "g3")),

@@ -7,7 +7,8 @@ D from a point of one axis a to a point of the other b. In the products D.D, D.a
 exactly.
 """
 
-from msahl.joints.joint import Equation, Equations, Joint, Kind, skew_distance
+from msahl.joints.joint import Equation, Equations, Kind, skew_distance
+from msahl.model.joints import Joint
 
 
 def equations(joint: Joint) -> Equations:

@@ -3,7 +3,8 @@
 point on axis, parallel axes            4 equations, free motions: 2 (slide, angle)
 """
 
-from msahl.joints.joint import Equations, Joint, Kind, on_axis, parallel_axes
+from msahl.joints.joint import Equations, Kind, on_axis, parallel_axes
+from msahl.model.joints import Joint
 
 
 def equations(joint: Joint) -> Equations:

@@ -3,7 +3,8 @@
 child's point at radius above the plane, normal . axis = 0      2 equations, free motions: 4
 """
 
-from msahl.joints.joint import Equations, Joint, Kind, Z, in_plane, perpendicular
+from msahl.joints.joint import Equations, Kind, Z, in_plane, perpendicular
+from msahl.model.joints import Joint
 
 
 def equations(joint: Joint) -> Equations:

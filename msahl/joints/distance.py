@@ -7,8 +7,9 @@ Without a ``length`` it is the distance at t = 0.
 
 import math
 
-from msahl.joints.joint import Equation, Equations, Joint, Kind
+from msahl.joints.joint import Equation, Equations, Kind
 from msahl.joints.joint import distance as between
+from msahl.model.joints import Joint
 
 
 def equations(joint: Joint) -> Equations:

@@ -10,34 +10,13 @@ Mechanical Systems (1988), chapter 7, for equations of this form.
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from msahl.joints.measure import DOT, ROLL, SLIDE, SLIP
-from msahl.joints.quantity import ANGLE, PLAIN, RADIUS, ROUND, SKEW
-from msahl.vector import IDENTITY, Matrix, Vector, scale
+from msahl.algebra.vector import IDENTITY, Vector, scale
+from msahl.elements.constraints.coordinates import ANGLE, PLAIN, RADIUS, ROUND, SKEW
+from msahl.elements.constraints.products import DOT, ROLL, SLIDE, SLIP
+from msahl.model.joints import Joint
 
 X, Y, Z = range(3)
 PARENT, CHILD, GROUND = "parent", "child", "ground"
-
-
-@dataclass(frozen=True, slots=True)
-class Joint:
-    """``parent_point`` and ``child_point`` [m] from each body's B, and ``parent_axes`` and
-    ``child_axes``, the rows x, y, z of the joint's frame, in that body's axes; ``parameters`` by
-    name, in SI.
-    """
-
-    name: str
-    kind: str
-    parent: str
-    child: str
-    parent_point: Vector
-    child_point: Vector
-    parent_axes: Matrix = IDENTITY
-    child_axes: Matrix = IDENTITY
-    parameters: tuple[tuple[str, float], ...] = ()
-
-    def parameter(self, name: str) -> float:
-        """Value of the parameter ``name`` [SI]."""
-        return dict(self.parameters)[name]
 
 
 @dataclass(frozen=True, slots=True)

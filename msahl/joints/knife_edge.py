@@ -5,7 +5,8 @@
 n, the child's axis, is at a right angle to the blade. Non-holonomic: the parent is a ground.
 """
 
-from msahl.joints.joint import CHILD, Equations, Joint, Kind, Z, slip
+from msahl.joints.joint import CHILD, Equations, Kind, Z, slip
+from msahl.model.joints import Joint
 
 
 def equations(joint: Joint) -> Equations:

@@ -7,7 +7,8 @@ A negative radius is a hollow cylinder: the other lies in it, at the distance r1
 
 import math
 
-from msahl.joints.joint import Equation, Equations, Joint, Kind, axis_distance, parallel_axes
+from msahl.joints.joint import Equation, Equations, Kind, axis_distance, parallel_axes
+from msahl.model.joints import Joint
 
 
 def equations(joint: Joint) -> Equations:

@@ -3,7 +3,8 @@
 child's point in plane, parallel normals        3 equations, free motions: 3
 """
 
-from msahl.joints.joint import Equations, Joint, Kind, Z, in_plane, parallel_axes
+from msahl.joints.joint import Equations, Kind, Z, in_plane, parallel_axes
+from msahl.model.joints import Joint
 
 
 def equations(joint: Joint) -> Equations:

@@ -3,7 +3,8 @@
 point on axis                                   2 equations, free motions: 4 (slide, turns)
 """
 
-from msahl.joints.joint import Equations, Joint, Kind, on_axis
+from msahl.joints.joint import Equations, Kind, on_axis
+from msahl.model.joints import Joint
 
 
 def equations(joint: Joint) -> Equations:

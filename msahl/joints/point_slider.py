@@ -3,7 +3,8 @@
 child's point in plane                          1 equation, free motions: 5
 """
 
-from msahl.joints.joint import Equations, Joint, Kind, Z, in_plane
+from msahl.joints.joint import Equations, Kind, Z, in_plane
+from msahl.model.joints import Joint
 
 
 def equations(joint: Joint) -> Equations:

@@ -3,7 +3,8 @@
 point on axis, no turn                  5 equations, free motions: 1 (slide)
 """
 
-from msahl.joints.joint import Equations, Joint, Kind, no_turn, on_axis
+from msahl.joints.joint import Equations, Kind, no_turn, on_axis
+from msahl.model.joints import Joint
 
 
 def equations(joint: Joint) -> Equations:

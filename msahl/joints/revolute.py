@@ -3,7 +3,8 @@
 coincide, parallel axes                 5 equations, free motions: 1 (angle)
 """
 
-from msahl.joints.joint import Coincide, Equations, Joint, Kind, parallel_axes
+from msahl.joints.joint import Coincide, Equations, Kind, parallel_axes
+from msahl.model.joints import Joint
 
 
 def equations(joint: Joint) -> Equations:

@@ -3,7 +3,8 @@
 coincide, no turn                       6 equations, free motions: 0
 """
 
-from msahl.joints.joint import Coincide, Equations, Joint, Kind, no_turn
+from msahl.joints.joint import Coincide, Equations, Kind, no_turn
+from msahl.model.joints import Joint
 
 
 def equations(joint: Joint) -> Equations:

@@ -7,16 +7,8 @@ Free motions: 3 (non-holonomic). The child's point is the disk's centre, its axi
 ground's axis is the plane's normal, on whose side the disk stands.
 """
 
-from msahl.joints.joint import (
-    Equation,
-    Equations,
-    Joint,
-    Kind,
-    X,
-    Y,
-    rim_height,
-    roll,
-)
+from msahl.joints.joint import Equation, Equations, Kind, X, Y, rim_height, roll
+from msahl.model.joints import Joint
 
 
 def equations(joint: Joint) -> Equations:

@@ -8,7 +8,8 @@
 import math
 
 from msahl.joints import cylindrical
-from msahl.joints.joint import Equation, Equations, Joint, Kind, angle, slide
+from msahl.joints.joint import Equation, Equations, Kind, angle, slide
+from msahl.model.joints import Joint
 
 
 def equations(joint: Joint) -> Equations:

@@ -6,7 +6,8 @@ One ``coincide``; its multiplier is the force of the parent on the child. 3 equa
 motions: 3 (all turns).
 """
 
-from msahl.joints.joint import Coincide, Equations, Joint, Kind
+from msahl.joints.joint import Coincide, Equations, Kind
+from msahl.model.joints import Joint
 
 
 def equations(joint: Joint) -> Equations:

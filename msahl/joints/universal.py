@@ -3,7 +3,8 @@
 coincide, axis of the parent . axis of the child = 0        4 equations, free motions: 2
 """
 
-from msahl.joints.joint import Coincide, Equations, Joint, Kind, Z, perpendicular
+from msahl.joints.joint import Coincide, Equations, Kind, Z, perpendicular
+from msahl.model.joints import Joint
 
 
 def equations(joint: Joint) -> Equations:

@@ -7,11 +7,11 @@ before are too far away, and the frame is that of the row itself: first order in
 
 import numpy as np
 
+from msahl.algebra.rotation import compose, inverse, matrix
+from msahl.algebra.vector import Vector, scale
 from msahl.model import Joint
 from msahl.results.read import Run
-from msahl.rotation import compose, inverse, matrix
 from msahl.system.names import STATE_COLUMNS, joint_columns
-from msahl.vector import Vector, scale
 
 P = STATE_COLUMNS.index("P1")
 

@@ -15,8 +15,8 @@ import click
 import msahl
 from msahl.post.tolerance import ATOL, RTOL, Tolerance
 from msahl.printable import printable, shown_path
+from msahl.run.verdict import FAIL, WORDS
 from msahl.terminal import echo
-from msahl.verdict import FAIL, WORDS
 
 if TYPE_CHECKING:
     from msahl.post.compare import Comparison
@@ -175,7 +175,7 @@ def verdict(runs: tuple[Path, ...], form: str | None, only: tuple[str, ...]) -> 
 
     Example: msahl-post verdict results/sweep/*/* --only FAIL
     """
-    from msahl.post.judged import read_judged, verdict_table
+    from msahl.post.run_verdicts import read_judged, verdict_table
 
     judged = [read_judged(folder) for folder in runs]
     shown = [run for run in judged if not only or run.word in only]
@@ -336,7 +336,7 @@ def _verdict(comparison: "Comparison") -> str:
 
 def _measure(folders: Sequence[Path]) -> tuple["Measured", list["Run"]]:
     """Read and measure the runs; say on stderr which of them are not whole."""
-    from msahl.post.measure import measure
+    from msahl.post.metrics import measure
     from msahl.post.summary import partial_note
     from msahl.results.read import read_run
 

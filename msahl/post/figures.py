@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from msahl.post.draw import curves, legend, looks, new_figure, plain, sizes
-from msahl.post.measure import Measures
+from msahl.post.metrics import Measures
 from msahl.results.read import ResultError, Run
 
 AXES = "xyz"

@@ -5,7 +5,8 @@ from pathlib import Path
 from msahl.post.document import Block, Heading, Items, Paragraph, Picture, as_html, as_markdown
 from msahl.post.draw import encode, style
 from msahl.post.figures import Choice, figures
-from msahl.post.measure import Measures
+from msahl.post.metrics import Measures
+from msahl.post.sentences import constraints_verdict, energy_verdict, start_verdict, work_verdict
 from msahl.post.summary import (
     body_table,
     constraints_table,
@@ -17,10 +18,9 @@ from msahl.post.summary import (
     work_table,
 )
 from msahl.post.table import Column, Table
-from msahl.post.verdict import constraints_verdict, energy_verdict, start_verdict, work_verdict
 from msahl.results.read import Run
 from msahl.results.write import write_whole
-from msahl.verdict import describe_shared
+from msahl.run.verdict import describe_shared
 
 CAPTIONS = {
     "path": "Paths of the bodies' reference points",

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from msahl.model import degree_of
-from msahl.post.measure import Energy, Loads, Measures, Reactions, Spread
+from msahl.post.metrics import Energy, Loads, Measures, Reactions, Spread
 from msahl.post.table import Cell, Column, Table
 from msahl.results.read import Run
 

@@ -21,18 +21,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.bodies.rigid import three
-from msahl.compiled import compiled
+from msahl.algebra.rotation import compose, inverse, matrix, to_step_turn, turn_change
+from msahl.algebra.vector import Vector, add, at, axpy, cross, dot, scale, sub, times
+from msahl.elements.constraints.products import rim
+from msahl.elements.rigid_body import three
+from msahl.jit.compiled import compiled
+from msahl.jit.kernel import kernel
 from msahl.joints.joint import Equation, Z
-from msahl.joints.measure import rim
 from msahl.joints.registry import KINDS
-from msahl.kernel import kernel
 from msahl.model import Joint, Model
-from msahl.post.rows import History, body_columns
+from msahl.post.replay import History, body_columns
 from msahl.results.read import Run
-from msahl.rotation import compose, inverse, matrix, to_step_turn, turn_change
 from msahl.system.build import body_index, build_system
-from msahl.vector import Vector, add, at, axpy, cross, dot, scale, sub, times
 
 
 class Joints(NamedTuple):

@@ -17,17 +17,8 @@ import numpy as np
 
 from msahl.printable import shown_path
 from msahl.results.info import ResultError, read_info
-from msahl.results.write import (
-    CHECKPOINT,
-    INFO,
-    PART,
-    REACTIONS,
-    STATES,
-    WORK,
-    create,
-    write_all,
-)
-from msahl.snapshot import ResumeError, Snapshot
+from msahl.results.write import CHECKPOINT, INFO, PART, REACTIONS, STATES, WORK, create, write_all
+from msahl.run.snapshot import ResumeError, Snapshot
 
 LAYOUT = 2
 """Of the file and of what a snapshot holds; counted up when either changes."""

@@ -13,7 +13,7 @@ import orjson
 from msahl.printable import printable, shown_path
 from msahl.results.folder import find
 from msahl.results.write import INFO
-from msahl.verdict import WORDS
+from msahl.run.verdict import WORDS
 
 AGAIN = "run the deck again: msahl run"
 """The remedy for files that are not as a run left them."""

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from msahl.law import SINE, Law, Laws, build_laws, piece_of
+from msahl.algebra.functions import SINE, Law, Laws, build_laws, piece_of
 from msahl.model import ConcentratedLoad, Model
 
 MOST = 10_000

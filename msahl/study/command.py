@@ -15,7 +15,7 @@ from msahl.study.reference import Reference
 from msahl.study.runs import Case, variant
 from msahl.study.study import Command
 
-ENTRY = "from msahl.cli import main; main()"
+ENTRY = "from msahl.cli.main import main; main()"
 
 
 def words_of(case: Case, plan: Plan, deck: str, t_final: float | None = None) -> list[str]:

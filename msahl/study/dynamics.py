@@ -9,19 +9,18 @@ A vector y holds x (3), e (4), v (3), w (3) of every body, one body after the ot
 
 import numpy as np
 
-from msahl.bodies import rigid
-from msahl.compiled import compiled
-from msahl.joints import along
-from msahl.kernel import kernel
+from msahl.algebra.rotation import compose, from_step_turn
+from msahl.algebra.vector import add, at, matrix_at, put, scale, times, transpose
+from msahl.elements import along, rigid_body
+from msahl.jit.compiled import compiled
+from msahl.jit.kernel import kernel
 from msahl.model import Model
-from msahl.rotation import compose, from_step_turn
-from msahl.schemes import preserving
-from msahl.solve import station
-from msahl.solve.freedom import is_regular
-from msahl.solve.station import Station, new_station, solve_least
+from msahl.schemes import accelerations
+from msahl.schemes.accelerations import Station, new_station, solve_least
+from msahl.schemes.midpoint import equations
+from msahl.start.redundancy import is_regular
 from msahl.study.start import first_state
 from msahl.system.arrays import Start, State, System, new_start
-from msahl.vector import add, at, matrix_at, put, scale, times, transpose
 
 SIZE = 13
 """Numbers of a body in y."""
@@ -60,7 +59,7 @@ def _pack(state: State, y: np.ndarray) -> None:
 @kernel
 def _prepare(system: System, state: State, start: Start) -> None:
     """As the scheme does, and with the angles counted on to where the state is."""
-    preserving.prepare(system, state, start)
+    equations.prepare(system, state, start)
     along.count_turns(system.along, start.along, state.angle)
 
 
@@ -68,7 +67,7 @@ def _prepare(system: System, state: State, start: Start) -> None:
 def _free(system: System, state: State, start: Start, room: Station, y: np.ndarray) -> None:
     _unpack(y, state)
     _prepare(system, state, start)
-    station.free(system, state, start, room)
+    accelerations.free(system, state, start, room)
 
 
 @kernel
@@ -96,7 +95,7 @@ def _all_rates(
 ) -> None:
     _unpack(y, state)
     _prepare(system, state, start)
-    station.accelerate(system, state, start, room)
+    accelerations.accelerate(system, state, start, room)
     _rates(system, start, room, y, dy)
 
 
@@ -113,8 +112,8 @@ def _open(
 ) -> None:
     """Set the rows to minus the gaps (``level`` 0) or their rates (1), and factor the matrix."""
     _prepare(system, state, start)
-    station.free(system, state, start, room)
-    preserving.observe(system, state, start, gap, rate)
+    accelerations.free(system, state, start, room)
+    equations.observe(system, state, start, gap, rate)
     first = 2 * system.bodies.inverse_mass.size
     for node in range(room.rows.shape[0]):
         for i in range(3):
@@ -151,8 +150,8 @@ def _publish_rows(
     """Write the states ``ys`` into the rows of ``table``, in the columns of ``states.csv``."""
     for row in range(ys.shape[0]):
         _unpack(ys[row], state)
-        preserving.prepare(system, state, start)
-        rigid.publish(system.bodies, state.x, state.p, start.bodies, state.w, table, row)
+        equations.prepare(system, state, start)
+        rigid_body.publish(system.bodies, state.x, state.p, start.bodies, state.w, table, row)
 
 
 @kernel
@@ -168,9 +167,9 @@ def _recall(
     """Set ``forces`` (m, j, 3) to the joints' forces of the published states in ``table``."""
     for row in range(times.size):
         state.time[0] = times[row]
-        rigid.recall(system.bodies, table, row, state.x, state.p, state.v, state.w)
+        rigid_body.recall(system.bodies, table, row, state.x, state.p, state.v, state.w)
         _prepare(system, state, start)
-        station.accelerate(system, state, start, room)
+        accelerations.accelerate(system, state, start, room)
         for j in range(forces.shape[1]):
             for i in range(3):
                 forces[row, j, i] = state.reaction[j, i]
@@ -275,8 +274,8 @@ class Dynamics:
 
 _compiled_unpack = compiled(_unpack)
 _compiled_pack = compiled(_pack)
-_compiled_solve = compiled(station.solve)
-_compiled_react = compiled(station.react)
+_compiled_solve = compiled(accelerations.solve)
+_compiled_react = compiled(accelerations.react)
 _compiled_rates = compiled(_all_rates)
 _compiled_free = compiled(_free)
 _compiled_open = compiled(_open)

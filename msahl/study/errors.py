@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.post.measure import Measures, Spread, measure
+from msahl.algebra.rotation_arrays import angles, rotations
+from msahl.post.metrics import Measures, Spread, measure
 from msahl.results.read import Run
-from msahl.rotations import angles, rotations
 from msahl.study.dynamics import Dynamics
 from msahl.study.reference import Reference
 from msahl.system.names import FORCE_COLUMNS

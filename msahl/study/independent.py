@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import platformdirs
 
-from msahl.compiled import working_clock
+from msahl.jit.compiled import working_clock
 from msahl.model import Model, Simulation
 from msahl.results.read import ResultError
 from msahl.study.breaks import breaks, longest_step

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from msahl.compiled import working_clock
+from msahl.jit.compiled import working_clock
 from msahl.model import Model
 from msahl.results.read import ResultError
-from msahl.run import OFF, Options
+from msahl.run.loop import OFF, Options
 from msahl.study.dynamics import Dynamics
 from msahl.study.independent import Solution
 from msahl.study.reference import TableReference

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from msahl.model import Model
-from msahl.schemes import choices
+from msahl.model.scheme import choices
 from msahl.study.errors import STATE_KEYS, Errors
 from msahl.study.runs import Trial
 

@@ -15,9 +15,9 @@ import numpy as np
 import pandas as pd
 
 from msahl.model import Model, scheme_of
+from msahl.model.scheme import AUTO, split
 from msahl.results.read import Run
-from msahl.run import ESTIMATE, OFF, Options, Report, run
-from msahl.schemes import AUTO, split
+from msahl.run.loop import ESTIMATE, OFF, Options, Report, run
 from msahl.study.rounding import round_down
 from msahl.system.names import reaction_columns, state_columns, work_columns
 

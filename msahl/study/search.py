@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from msahl.compiled import STOPWATCH, working_clock
+from msahl.jit.compiled import STOPWATCH, working_clock
+from msahl.model.scheme import AUTO, CHOSEN, DEGREE, HIGHER, split
 from msahl.results.read import Run
-from msahl.run import Report
-from msahl.schemes import AUTO, CHOSEN, DEGREE, HIGHER, split
+from msahl.run.loop import Report
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import measure_errors, state_figures
 from msahl.study.plan import Plan, Point

@@ -1,7 +1,7 @@
 """The state a run starts from, without the run."""
 
 from msahl.model import Model
-from msahl.solve.island import Runner
+from msahl.run.subsystem import Runner
 from msahl.system.arrays import State, System
 from msahl.system.build import build_system
 from msahl.system.state import build_state

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from msahl.compiled import working_clock
+from msahl.jit.compiled import working_clock
 from msahl.model import local_tolerance_of
-from msahl.schemes import AUTO, HIGHER, TOLERANCE
+from msahl.model.scheme import AUTO, HIGHER, TOLERANCE
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import MEASURES, Measure, measure_errors
 from msahl.study.order import FLAT, Fit, fit_order

@@ -10,16 +10,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.bodies.rigid import Bodies, BodyStart
-from msahl.forces.concentrated import ConcentratedLoads, ConcentratedStart
-from msahl.forces.drag import Drags
-from msahl.joints.along import Along, AlongStart
-from msahl.joints.coincide import Coincide, CoincideStart
-from msahl.joints.measure import MeasureStart
-from msahl.joints.quantity import MOST, Quantities, QuantityStart
-from msahl.joints.reaction import Reactions, Shown
-from msahl.law import Laws
-from msahl.schemes import Decay
+from msahl.algebra.functions import Laws
+from msahl.elements.along import Along, AlongStart
+from msahl.elements.constraints.coincide import Coincide, CoincideStart
+from msahl.elements.constraints.coordinates import MOST, Quantities, QuantityStart
+from msahl.elements.constraints.products import MeasureStart
+from msahl.elements.forces.concentrated import ConcentratedLoads, ConcentratedStart
+from msahl.elements.forces.drag import Drags
+from msahl.elements.reactions import Reactions, Shown
+from msahl.elements.rigid_body import Bodies, BodyStart
+from msahl.model.scheme import Decay
 
 
 class Multipliers(NamedTuple):

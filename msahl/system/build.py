@@ -5,28 +5,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msahl.bodies.rigid import Bodies, RigidBody
-from msahl.forces.concentrated import ConcentratedLoads
-from msahl.forces.drag import Drags
-from msahl.forces.friction import Frictions
-from msahl.forces.records import (
-    Bushing,
-    ConcentratedLoad,
-    Drag,
-    Friction,
-    JointSpring,
-    SpringDamper,
-)
-from msahl.forces.spring import Springs
-from msahl.joints.along import Along
-from msahl.joints.coincide import Coincide
-from msahl.joints.coupling import FREEDOMS, Coupling
+from msahl.algebra.functions import Law, build_laws
+from msahl.algebra.vector import ZERO, Vector, sub
+from msahl.elements.along import Along
+from msahl.elements.constraints.coincide import Coincide
+from msahl.elements.constraints.coordinates import Quantities
+from msahl.elements.constraints.equations import Rows
+from msahl.elements.constraints.products import DOT, PARTS, Measures
+from msahl.elements.forces.concentrated import ConcentratedLoads
+from msahl.elements.forces.drag import Drags
+from msahl.elements.forces.friction import Frictions
+from msahl.elements.forces.spring import Springs
+from msahl.elements.reactions import Reactions, Shown
+from msahl.elements.rigid_body import Bodies
 from msahl.joints.joint import (
     CHILD,
     GROUND,
     PARENT,
     Equation,
-    Joint,
     Product,
     Quantity,
     X,
@@ -39,20 +35,15 @@ from msahl.joints.joint import (
     slide,
 )
 from msahl.joints.joint import Coincide as Coinciding
-from msahl.joints.measure import DOT, PARTS, Measures
-from msahl.joints.quantity import Quantities
-from msahl.joints.reaction import Reactions, Shown
 from msahl.joints.registry import KINDS
-from msahl.joints.rows import Rows
-from msahl.law import Law, build_laws
 from msahl.model import Model, decay_of, turns_by_angle
-from msahl.motion import Drive, PointMotion
-from msahl.system.arrays import (
-    Multipliers,
-    System,
-)
+from msahl.model.bodies import RigidBody
+from msahl.model.couplings import FREEDOMS, Coupling
+from msahl.model.joints import Joint
+from msahl.model.loads import Bushing, ConcentratedLoad, Drag, Friction, JointSpring, SpringDamper
+from msahl.model.motions import Drive, PointMotion
+from msahl.system.arrays import Multipliers, System
 from msahl.system.pattern import Blocks
-from msahl.vector import ZERO, Vector, sub
 
 RELAXATION = 1e-9
 """Put on the multipliers' diagonal where joints are redundant: large against round-off, and so

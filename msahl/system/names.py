@@ -2,7 +2,7 @@
 
 from msahl.joints.registry import KINDS
 from msahl.model import Bushing, Joint, JointSpring, Model, SpringDamper, decays
-from msahl.schemes import WORKER
+from msahl.model.scheme import WORKER
 from msahl.system.arrays import System
 
 STATE_COLUMNS = ("x", "y", "z", "P1", "P2", "P3", "vx", "vy", "vz", "wx", "wy", "wz")

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from msahl.joints.quantity import prepare
-from msahl.joints.rows import left_side
+from msahl.algebra.rotation import matrix
+from msahl.algebra.vector import add, at, cross, times
+from msahl.elements.constraints.coordinates import prepare
+from msahl.elements.constraints.equations import left_side
 from msahl.model import Model, decays
-from msahl.rotation import matrix
 from msahl.system.arrays import State, System, new_quantity_start, quantity_count
-from msahl.vector import add, at, cross, times
 
 
 def build_state(model: Model, system: System) -> State:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.system.arrays import System, node_count
-from msahl.system.order import Elimination, eliminate
+from msahl.system.ordering import Elimination, eliminate
 
 
 class Unknowns(NamedTuple):

@@ -43,7 +43,7 @@ OPEN_TO_ALL = tuple(
 """Where program, libraries and fonts are read from."""
 CACHES = ("msahl", "matplotlib", "fontconfig", "numba")
 """Folders of the user's own cache that libraries keep."""
-STORE = "msahl.store"
+STORE = "msahl.jit.kernel_store"
 CALLS = ("socket.connect", "socket.getaddrinfo", "subprocess.Popen", "os.system", "os.exec",
          "os.posix_spawn", "urllib.Request", "ftplib.connect", "webbrowser.open")  # fmt: skip
 

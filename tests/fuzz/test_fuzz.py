@@ -20,7 +20,7 @@ from lxml import etree
 from scenes import ROOT
 from strategies import NUMBERS, files, gentle_mutants, mutants, scenes, trees
 
-from msahl.cli import main
+from msahl.cli.main import main
 from msahl.deck import DeckError, read_deck
 from msahl.deck.diagnosis import add_faults
 from msahl.deck.faults import Faults

@@ -22,23 +22,25 @@ from click.testing import CliRunner
 from extreme import DECKS, FAMILIES, Family
 from lxml import etree
 
-from msahl.cli import BAD_INPUT, main
+from msahl.algebra.rotation import to_axis_angle
+from msahl.algebra.rotation_arrays import angles
+from msahl.cli.main import BAD_INPUT, main
 from msahl.deck import read_deck
+from msahl.linalg import dense
 from msahl.model import Model
+from msahl.model.scheme import DEFAULT, DEGREE, HIGHER, SCHEMES
 from msahl.results.read import ResultError, read_run
-from msahl.rotation import to_axis_angle
-from msahl.rotations import angles
-from msahl.run import Options
-from msahl.schemes import DEFAULT, DEGREE, HIGHER, SCHEMES, guess, preserving
-from msahl.solve import dense, high, high_root
-from msahl.solve.high import High
-from msahl.solve.initial import StartError
-from msahl.solve.island import Runner
-from msahl.solve.step import Scene
+from msahl.run.loop import Options
+from msahl.run.subsystem import Runner
+from msahl.run.verdict import ENERGY_SPOILT
+from msahl.schemes.collocation import newton, predictor, scipy_root
+from msahl.schemes.collocation.newton import High
+from msahl.schemes.midpoint import equations
+from msahl.schemes.midpoint.workspace import Scene
+from msahl.start.velocities import StartError
 from msahl.study.reference import choose_reference
 from msahl.study.runs import run_in_memory, with_step
 from msahl.system.build import build_system
-from msahl.verdict import ENERGY_SPOILT
 
 COMPARED = (*SCHEMES, *(f"{name}{DEGREE}" for name in HIGHER))
 """Schemes of the table: those of order 2, and those of higher order with the degree they have where
@@ -347,7 +349,7 @@ def condition(model: Model, dt: float, scheme: str) -> float | None:
 def _jacobian(scene: Scene, dt: float) -> np.ndarray:
     """(f, f) at the first guess."""
     free = scene.unknowns.free
-    preserving.predict(scene.system, scene.state, scene.start, dt, scene.Z)
+    equations.predict(scene.system, scene.state, scene.start, dt, scene.Z)
     z, A = scene.Z.reshape(-1)[free].copy(), np.zeros(free.size**2)
     parts = (scene.system, scene.unknowns, scene.state, scene.start, dt, z)
     dense.jacobian(*parts, scene.Z, scene.F, scene.values, A)
@@ -357,10 +359,10 @@ def _jacobian(scene: Scene, dt: float) -> np.ndarray:
 def _high_jacobian(island: High, dt: float) -> np.ndarray:
     """(f s, f s) likewise, of higher degree s; an unknown's stages stand together."""
     scene, stages, (f, s) = island.scene, island.stages, island.y.shape
-    guess.predict(scene.system, scene.state, scene.start, stages, dt)
+    predictor.predict(scene.system, scene.state, scene.start, stages, dt)
     z = stages.Z.reshape(s, -1)[:, scene.unknowns.free].T
-    high.probe(island, dt, z, np.empty((f, s)), True)
-    return high_root.jacobian(island)
+    newton.probe(island, dt, z, np.empty((f, s)), True)
+    return scipy_root.jacobian(island)
 
 
 # References --------------------------------------------------------------------------------------

@@ -12,10 +12,10 @@ from measured import OUT, ROOT
 
 from msahl.deck import read_deck
 from msahl.model import Model
+from msahl.model.scheme import SCHEMES
 from msahl.post.document import Block, Heading, Items, Paragraph, as_markdown
 from msahl.post.table import Cell, Column, Table
 from msahl.results.read import ResultError
-from msahl.schemes import SCHEMES
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import MEASURES, state_errors
 from msahl.study.exact import recognise

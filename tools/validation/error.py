@@ -23,10 +23,10 @@ import reference
 from error_scenes import REFINEMENTS, SCENES, Scene
 from measured import OUT
 
+from msahl.algebra.rotation_arrays import angles
 from msahl.model import Model, tolerance_of
-from msahl.rotations import angles
-from msahl.run import Options, run
-from msahl.schemes import AUTO, choices, split
+from msahl.model.scheme import AUTO, choices, split
+from msahl.run.loop import Options, run
 from msahl.study.runs import Memory
 from msahl.system.build import build_system
 

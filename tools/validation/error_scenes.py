@@ -7,6 +7,8 @@ from functools import cached_property
 import numpy as np
 from measured import ROOT
 
+from msahl.algebra.rotation import from_axis_angle, matrix
+from msahl.algebra.vector import ZERO, Vector, times
 from msahl.deck import read_deck
 from msahl.model import (
     ConcentratedLoad,
@@ -22,8 +24,6 @@ from msahl.model import (
     Simulation,
     SpringDamper,
 )
-from msahl.rotation import from_axis_angle, matrix
-from msahl.vector import ZERO, Vector, times
 
 EARTH = "Earth"
 DOWN = (0.0, 0.0, 9.80665)

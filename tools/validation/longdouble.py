@@ -19,19 +19,20 @@ from unittest import mock
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from msahl.joints import along
-from msahl.kernel import MARKED
+from msahl.algebra.rotation import compose, from_step_turn
+from msahl.algebra.vector import add, at, put, scale
+from msahl.elements import along
+from msahl.jit.kernel import MARKED
 from msahl.model import Model
-from msahl.rotation import compose, from_step_turn
-from msahl.schemes import preserving
-from msahl.schemes.rule import Rule, new_rule
-from msahl.solve import high, station
-from msahl.solve.high import TARGET, High
-from msahl.solve.higher import Higher
-from msahl.solve.island import Runner
-from msahl.solve.outcome import TOLERANCE
-from msahl.solve.plan import Plan
-from msahl.vector import add, at, put, scale
+from msahl.run.output_schedule import Plan
+from msahl.run.subsystem import Runner
+from msahl.schemes import accelerations
+from msahl.schemes.collocation import newton
+from msahl.schemes.collocation.newton import TARGET, High
+from msahl.schemes.collocation.stepper import Higher
+from msahl.schemes.collocation.tableau import Rule, new_rule
+from msahl.schemes.midpoint import equations
+from msahl.schemes.outcome import TOLERANCE
 
 LONG = np.longdouble
 ROUND_OFF = float(np.finfo(LONG).eps / np.finfo(float).eps)
@@ -71,7 +72,7 @@ def run(model: Model, steps: int, rows: int) -> tuple[np.ndarray, np.ndarray] | 
     with in_long():
         settle(island)
         h = LONG(model.simulation.t_final) / steps
-        taken = high.march(island, h, 0, steps, plan.due, plan.share)
+        taken = newton.march(island, h, 0, steps, plan.due, plan.share)
     tables = island.scene.tables
     return (tables.states[:rows], tables.reactions[:rows]) if taken == steps else None
 
@@ -162,15 +163,15 @@ def settle(island: High) -> None:
     scene, room = island.scene, island.station
     system, state, start, watch = scene.system, scene.state, scene.start, scene.watch
     length = system.bodies.length
-    preserving.prepare(system, state, start)
+    equations.prepare(system, state, start)
     # What a round leaves over is quadratic: nothing, after one of round-off.
-    for _ in range(1 + station.rounds(system)):
-        preserving.observe(system, state, start, watch.gap, watch.rate)
+    for _ in range(1 + accelerations.rounds(system)):
+        equations.observe(system, state, start, watch.gap, watch.rate)
         along.in_metres(system.along, watch.gap, watch.rate)
-        station.undo(system, state, start, watch.gap, room)
+        accelerations.undo(system, state, start, watch.gap, room)
         for b in range(length.size - 1):
             turn = scale(1.0 / length[b], at(room.solution, 2 * b + 1))
             put(state.x, b, add(at(state.x, b), at(room.solution, 2 * b)))
             put(state.p, b, compose(from_step_turn(turn), at(state.p, b)))
-        preserving.prepare(system, state, start)
-    station.keep_closed(system, state, start, watch.gap, watch.rate, room)
+        equations.prepare(system, state, start)
+    accelerations.keep_closed(system, state, start, watch.gap, watch.rate, room)

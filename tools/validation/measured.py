@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from msahl.algebra.rotation_arrays import rotations
 from msahl.deck import read_deck
 from msahl.model import Model
-from msahl.post.measure import Measures, measure
+from msahl.post.metrics import Measures, measure
 from msahl.results.read import Run
-from msahl.rotations import rotations
-from msahl.run import Options, Report
+from msahl.run.loop import Options, Report
 from msahl.study.runs import run_in_memory, with_step
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -24,19 +24,12 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from msahl.forces.records import (
-    Bushing,
-    ConcentratedLoad,
-    Drag,
-    Friction,
-    JointSpring,
-    SpringDamper,
-)
-from msahl.joints.coupling import Coupling
-from msahl.joints.joint import Joint
-from msahl.law import Law
+from msahl.algebra.functions import Law
 from msahl.model import Model
-from msahl.motion import Drive
+from msahl.model.couplings import Coupling
+from msahl.model.joints import Joint
+from msahl.model.loads import Bushing, ConcentratedLoad, Drag, Friction, JointSpring, SpringDamper
+from msahl.model.motions import Drive
 
 FINEST = 1e-13
 """Relative tolerance of a step: scipy goes no lower than 100 machine epsilons, 2.2e-14."""

@@ -31,7 +31,7 @@ from measured import FIGURES
 from msahl.deck import read_deck
 from msahl.model import Model
 from msahl.post.draw import looks, style
-from msahl.run import Options
+from msahl.run.loop import Options
 from msahl.study.runs import run_in_memory, with_step
 
 LOOKS = {

@@ -31,11 +31,11 @@ from extreme import FAMILIES, FIRM, STIFF
 from measured import OUT
 from stability_maps import label_of, maps, ringing, title_of
 
+from msahl.model.scheme import SCHEMES
 from msahl.post.document import Block, Heading, Items, Paragraph, Picture, as_markdown
 from msahl.post.table import Cell as Entry
 from msahl.post.table import Column, Table
-from msahl.schemes import SCHEMES
-from msahl.verdict import FAIL, WORDS
+from msahl.run.verdict import FAIL, WORDS
 
 PAGE = OUT / "stability.md"
 PLAIN = ("mass_ratio", "point_mass", "spin", "folded_chain", "cranks")

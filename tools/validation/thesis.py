@@ -10,9 +10,9 @@ from drawing import case_figure, chaos_figure, trend_figure
 from measured import OUT, Measured, model_of, run_deck
 from printed import RUNS, STEPS, TRENDS, TRIPLES, Printed
 
+from msahl.model.scheme import DEFAULT
 from msahl.post.document import Block, Heading, Items, Paragraph, Picture, as_markdown
 from msahl.post.table import Cell, Column, Table
-from msahl.schemes import DEFAULT
 from msahl.study.runs import try_all, with_step
 
 PAIRS = (

@@ -11,7 +11,7 @@ import numpy as np
 from msahl.model import Model
 from msahl.study.exact import free, oscillator, pendulum, top
 from msahl.study.exact.motion import Form, Scene, publish, read_scene
-from msahl.system.islands import split
+from msahl.system.subsystems import split
 
 FORMS: tuple[Callable[[Scene], Form | None], ...] = (
     free.recognise,

@@ -6,9 +6,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from msahl.bodies.rigid import RigidBody
+from msahl.algebra.rotation import matrix
 from msahl.model import Joint, Load, Model
-from msahl.rotation import matrix
+from msahl.model.bodies import RigidBody
 from msahl.study.start import first_state
 
 SAME = 1e-12

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msahl.forces.records import JointSpring, SpringDamper
+from msahl.model.loads import JointSpring, SpringDamper
 from msahl.study.exact.motion import SAME, Motion, Scene, about, parallel
 
 

@@ -1,1 +1,0 @@
-"""Bodies: the records of the deck and the laws of their motion."""

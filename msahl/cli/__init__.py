@@ -1,0 +1,1 @@
+"""The command msahl: one module for each subcommand."""

@@ -1,0 +1,1 @@
+"""Laws of bodies, constraints and forces, with their derivatives and energies."""

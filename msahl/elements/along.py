@@ -1,0 +1,418 @@
+"""All that acts along quantities: rows of joints, couplings and motions, springs, friction.
+
+A scene of points and nothing else (``joints.coincide``) has none of it: ``along`` is then None, and
+the step compiled for such scenes holds none of this code.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.algebra.functions import Laws
+from msahl.elements.constraints import coordinates, equations
+from msahl.elements.constraints.coordinates import Quantities, QuantityStart
+from msahl.elements.constraints.equations import Rows
+from msahl.elements.forces import friction, spring
+from msahl.elements.forces.friction import Frictions
+from msahl.elements.forces.spring import Springs
+from msahl.elements.rigid_body import Bodies, BodyStart
+from msahl.jit.kernel import kernel
+
+
+class Along(NamedTuple):
+    """The groups that share quantities, and the columns of work they enter theirs in."""
+
+    quantities: Quantities
+    rows: Rows
+    springs: Springs
+    frictions: Frictions
+    laws: Laws
+    row_column: np.ndarray  # (r,) -1 for a row without a law
+    spring_column: np.ndarray  # (s,)
+    friction_column: np.ndarray  # (f,)
+
+
+class AlongStart(NamedTuple):
+    """Quantities at the start of the step and what of them has been computed since."""
+
+    quantities: QuantityStart
+    rate: np.ndarray  # (q,) rates at the start
+    reactions: np.ndarray  # (j, 6) joints' reactions predicted for the step
+    elastic: np.ndarray  # (s,) elastic energies at the start [J]
+    stretch: np.ndarray  # (s,) smoothed changes of the springs' quantities, the state's own
+
+
+@kernel
+def prepare(
+    along: Along | None,
+    x: np.ndarray,
+    R: np.ndarray,
+    angle: np.ndarray,
+    reaction: np.ndarray,
+    trend: np.ndarray,
+    start: AlongStart,
+) -> None:
+    """Evaluate the quantities of the accepted state and predict the joints' reactions."""
+    if along is None:
+        return
+    coordinates.prepare(along.quantities, x, R, angle, start.quantities)
+    for j in range(reaction.shape[0]):
+        for i in range(6):
+            start.reactions[j, i] = reaction[j, i] + trend[j, i]
+
+
+@kernel
+def residual(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    gap: np.ndarray,
+    t: float,
+    h: float,
+    reach: float,
+    Z: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """Set the rows and take what acts along quantities from the rows of the bodies."""
+    if along is None:
+        return
+    q = start.quantities
+    coordinates.evaluate(along.quantities, q, bodies, Z)
+    equations.residual(along.rows, along.laws, q, bodies, gap, t, h, reach, Z, F)
+    spring.residual(along.springs, along.laws, along.quantities, q, start.stretch, h)
+    friction.residual(along.frictions, start.reactions, q, h)
+    coordinates.push(along.quantities, q, bodies, reach, F)
+
+
+@kernel
+def joint_jacobian(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    reach: float,
+    Z: np.ndarray,
+    values: np.ndarray,
+) -> None:
+    """Add the blocks of the rows, after ``residual`` at ``Z``."""
+    if along is None:
+        return
+    q = start.quantities
+    coordinates.differentiate(along.quantities, q, bodies, Z)
+    equations.jacobian(along.rows, along.laws, along.quantities, q, bodies, reach, Z, values)
+
+
+@kernel
+def force_jacobian(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    h: float,
+    reach: float,
+    Z: np.ndarray,
+    values: np.ndarray,
+) -> None:
+    """Add what springs, friction and the turning of all loads contribute."""
+    if along is None:
+        return
+    q = start.quantities
+    springs, quantities = along.springs, along.quantities
+    spring.jacobian(springs, along.laws, quantities, q, bodies, h, reach, values)
+    friction.jacobian(along.frictions, start.reactions, quantities, q, bodies, h, reach, values)
+    coordinates.stiffness(quantities, q, bodies, reach, Z, values)
+
+
+@kernel
+def accept(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    t: float,
+    h: float,
+    reach: float,
+    Z: np.ndarray,
+    angle: np.ndarray,
+    work: np.ndarray,
+) -> None:
+    """Count the angles on and enter the work of dampers, friction and motions."""
+    if along is None:
+        return
+    q = start.quantities
+    spring.work(along.springs, q, h, along.spring_column, work)
+    friction.work(along.frictions, start.reactions, q, h, along.friction_column, work)
+    equations.work(along.rows, along.laws, bodies, t, h, reach, Z, along.row_column, work)
+    for k in range(angle.size):
+        angle[k] = q.value[k] + q.change[k]
+
+
+@kernel
+def count_turns(along: Along | None, start: AlongStart, angle: np.ndarray) -> None:
+    """Bring the counted angles (q,) to those of the prepared state, less than half a turn away."""
+    if along is None:
+        return
+    coordinates.count_turns(along.quantities, start.quantities, angle)
+
+
+@kernel
+def relief(along: Along | None, start: AlongStart, node: int, step: float) -> float:
+    """By how much a row of ``node`` may be worse than one of the size ``step`` [m], as a factor:
+    loads along quantities, such as stiff springs, may be larger, and no row is known better than
+    its largest part. After ``residual``.
+    """
+    if along is None:
+        return 1.0
+    return step / max(step, start.quantities.pull[node])
+
+
+@kernel
+def smooth(along: Along | None, start: AlongStart, pole: float) -> float:
+    """Energy [J] that a decaying scheme took from the springs over the accepted step."""
+    if along is None:
+        return 0.0
+    return spring.smooth(along.springs, start.quantities, pole, start.stretch)
+
+
+@kernel
+def follow(
+    along: Along | None, reaction: np.ndarray, trend: np.ndarray, old: float, new: float
+) -> None:
+    """Set the reactions' ``trend`` (j, 6) to ``old`` times itself and ``new`` times them."""
+    if along is None:
+        return
+    for j in range(reaction.shape[0]):
+        for i in range(6):
+            trend[j, i] = old * trend[j, i] + new * reaction[j, i]
+
+
+@kernel
+def free_acceleration(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
+    reaction: np.ndarray,
+    t: float,
+    Z: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """Set the rows of the acceleration problem and add its forces; ``Z`` is zero."""
+    if along is None:
+        return
+    free_load(along, start, bodies, v, W, reaction, Z, F)
+    equations.free_acceleration(
+        along.rows, along.laws, along.quantities, start.quantities, bodies, start.rate, v, W, t, F
+    )
+
+
+@kernel
+def free_load(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
+    reaction: np.ndarray,
+    Z: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """Add the forces of springs and friction at the start, by mass; ``Z`` is zero."""
+    if along is None:
+        return
+    q = start.quantities
+    coordinates.evaluate(along.quantities, q, bodies, Z)
+    coordinates.rates(along.quantities, q, v, W, start.rate)
+    spring.free_load(along.springs, along.laws, along.quantities, q, start.rate)
+    friction.free_load(along.frictions, reaction, q, start.rate)
+    coordinates.push(along.quantities, q, bodies, -1.0, F)
+
+
+@kernel
+def free_jacobian(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
+    reaction: np.ndarray,
+    Z: np.ndarray,
+    room: np.ndarray,
+    by_place: np.ndarray,
+    by_rate: np.ndarray,
+) -> None:
+    """Add half the derivative of ``free_load`` by the places, and all of it by the rates; and that
+    of ``roll``, over h.
+    """
+    if along is None:
+        return
+    q, quantities = start.quantities, along.quantities
+    coordinates.differentiate(quantities, q, bodies, Z)
+    springs, laws, frictions = along.springs, along.laws, along.frictions
+    spring.free_jacobian(springs, laws, quantities, q, bodies, v, W, Z, room, by_place, by_rate)
+    friction.free_jacobian(
+        frictions, reaction, quantities, q, start.rate, bodies, v, W, Z, room, by_place, by_rate
+    )
+    coordinates.stiffness(quantities, q, bodies, -1.0, Z, by_place)
+    equations.roll_jacobian(along.rows, quantities, q, bodies, v, W, Z, room, by_place, by_rate)
+
+
+@kernel
+def act(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
+    reaction: np.ndarray,
+    dt: float,
+    Z: np.ndarray,
+    F: np.ndarray,
+    work: np.ndarray,
+) -> None:
+    """As ``free_load``; adds the work [J] of dampers and friction over a time ``dt``."""
+    if along is None:
+        return
+    free_load(along, start, bodies, v, W, reaction, Z, F)
+    spring.free_work(along.springs, start.rate, dt, along.spring_column, work)
+    friction.free_work(along.frictions, reaction, start.rate, dt, along.friction_column, work)
+
+
+@kernel
+def hold(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    gap: np.ndarray,
+    t: float,
+    h: float,
+    Z: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """As ``residual`` of the rows alone, with a reach of -1: their forces are added, by mass."""
+    if along is None:
+        return
+    q = start.quantities
+    coordinates.evaluate(along.quantities, q, bodies, Z)
+    equations.residual(along.rows, along.laws, q, bodies, gap, t, h, -1.0, Z, F)
+    coordinates.push(along.quantities, q, bodies, -1.0, F)
+
+
+@kernel
+def hold_jacobian(
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    Z: np.ndarray,
+    values: np.ndarray,
+) -> None:
+    """Add the derivative of ``hold``, after it at the same ``Z``."""
+    if along is None:
+        return
+    joint_jacobian(along, start, bodies, -1.0, Z, values)
+    coordinates.stiffness(along.quantities, start.quantities, bodies, -1.0, Z, values)
+
+
+@kernel
+def strain(along: Along | None, start: AlongStart, c: float, pull: np.ndarray) -> None:
+    """Raise ``pull`` (nodes,) to ``c`` times the largest parts of the loads last pushed."""
+    if along is None:
+        return
+    for node in range(pull.size):
+        pull[node] = max(pull[node], c * start.quantities.pull[node])
+
+
+@kernel
+def roll(along: Along | None, start: AlongStart, bodies: Bodies, h: float, F: np.ndarray) -> None:
+    """Set the rows that are of rates alone to ``h`` times them, after ``free_load``."""
+    if along is None:
+        return
+    equations.roll(along.rows, start.rate, 2 * bodies.inverse_mass.size, h, F)
+
+
+@kernel
+def rubs(along: Along | None) -> bool:
+    """Whether there is friction."""
+    if along is None:
+        return False
+    return along.frictions.quantity.size > 0
+
+
+@kernel
+def settle(along: Along | None, gap: np.ndarray) -> None:
+    """Take from the ``gap`` (k, 3) left by a step what is of rows between rates: they have none."""
+    if along is None:
+        return
+    for r in range(along.rows.function.size):
+        if not along.rows.holonomic[r]:
+            gap[along.rows.place[r, 0], along.rows.place[r, 1]] = 0.0
+
+
+@kernel
+def drive_work(
+    along: Along | None, bodies: Bodies, t: float, dt: float, Z: np.ndarray, work: np.ndarray
+) -> None:
+    """Add the work [J] of the drives over a time ``dt`` at the rates of ``t``; the multipliers in
+    ``Z`` are by mass.
+    """
+    if along is None:
+        return
+    equations.drive_work(along.rows, along.laws, bodies, t, dt, Z, along.row_column, work)
+
+
+@kernel
+def values(
+    along: Along | None, start: AlongStart, bodies: BodyStart, value: np.ndarray, rate: np.ndarray
+) -> None:
+    """Set ``value`` and ``rate`` (q,) to those of the quantities in the prepared state."""
+    if along is None:
+        return
+    q = start.quantities
+    coordinates.slopes(along.quantities, q)
+    coordinates.rates(along.quantities, q, bodies.v, bodies.W, rate)
+    for k in range(value.size):
+        value[k] = q.value[k]
+
+
+@kernel
+def observe(
+    along: Along | None,
+    start: AlongStart,
+    bodies: BodyStart,
+    t: float,
+    gap: np.ndarray,
+    gap_rate: np.ndarray,
+) -> float:
+    """Fill in gaps and rates of the rows; the elastic energy [J]."""
+    if along is None:
+        return 0.0
+    q = start.quantities
+    coordinates.slopes(along.quantities, q)
+    coordinates.rates(along.quantities, q, bodies.v, bodies.W, start.rate)
+    equations.observe(along.rows, along.laws, q, start.rate, t, gap, gap_rate)
+    return spring.energy(along.springs, along.laws, q, start.elastic)
+
+
+@kernel
+def publish_energy(
+    along: Along | None,
+    start: AlongStart,
+    column: np.ndarray,
+    first: int,
+    table: np.ndarray,
+    row: int,
+) -> None:
+    """Add each spring's elastic energy to its ``column`` from ``first`` on."""
+    if along is None:
+        return
+    for s in range(column.size):
+        table[row, first + column[s]] += start.elastic[s]
+
+
+@kernel
+def in_metres(along: Along | None, gap: np.ndarray, gap_rate: np.ndarray) -> None:
+    """Multiply the gaps of rows in radians by their length, so that they compare with others."""
+    if along is None:
+        return
+    for r in range(along.rows.function.size):
+        node, slot = along.rows.place[r, 0], along.rows.place[r, 1]
+        gap[node, slot] *= along.rows.scale[r]
+        gap_rate[node, slot] *= along.rows.scale[r]

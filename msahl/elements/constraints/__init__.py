@@ -1,0 +1,1 @@
+"""Constraint equations: products, coordinates, equations."""

@@ -1,0 +1,157 @@
+"""Primitive ``coincide``: a point of body b stays at a point of body a (bodies may be ground).
+
+    g     = (x_b + r_b) - (x_a + r_a)                           (3,) [m], inertial axes
+    force = lam on b at the point, -lam on a                     lam (3,) [N], mean over the step
+    T_b   = mean(r_b) x lam,  T_a = -mean(r_a) x lam            [N m] about the mass centres
+
+r = R s is the arm from the mass centre to the point. With the mean arms (r0 + r1)/2 the work over
+the step is lam . (g1 - g0) exactly, so a closed joint does none, whatever h.
+
+The unknown is lam h^2/(2 m) with 1/m = 1/m_a + 1/m_b, a length. The gap is followed by increments,
+g1 = g0 + (u_b + dr_b) - (u_a + dr_a), so it carries round-off of the step's displacement, not of
+the distance from the origin; g0 is what the last solution left over.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.algebra.rotation import turn_change
+from msahl.algebra.vector import add, at, cross, matrix_at, product, put, scale, skew, sub, times
+from msahl.elements.rigid_body import Bodies, BodyStart, end_tangent, mean, push, turn_of
+from msahl.jit.kernel import kernel
+
+
+class Coincide(NamedTuple):
+    """The group of all pairs of coinciding points."""
+
+    a: np.ndarray  # (k,) parent bodies
+    b: np.ndarray  # (k,) child bodies
+    s_a: np.ndarray  # (k, 3) from the mass centre of a (ground: the origin), axes of a [m]
+    s_b: np.ndarray  # (k, 3) likewise of b [m]
+    mass: np.ndarray  # (k,) m, the mass that scales the multiplier [kg]
+    row: np.ndarray  # (k,) node of the multiplier and of the gap
+    moment_by_turn: np.ndarray  # (k, 2) starts of the blocks of a and b
+    moment_by_force: np.ndarray  # (k, 2)
+    gap_by_turn: np.ndarray  # (k, 2)
+
+
+class CoincideStart(NamedTuple):
+    """Arms at the start of the step in inertial axes (k, 3) [m], and the gap left there."""
+
+    r_a: np.ndarray
+    r_b: np.ndarray
+    gap: np.ndarray
+
+
+@kernel
+def prepare(group: Coincide, R: np.ndarray, start: CoincideStart) -> None:
+    """Carry the arms into inertial axes."""
+    for k in range(group.a.size):
+        put(start.r_a, k, times(matrix_at(R, group.a[k]), at(group.s_a, k)))
+        put(start.r_b, k, times(matrix_at(R, group.b[k]), at(group.s_b, k)))
+
+
+@kernel
+def residual(
+    group: Coincide,
+    start: CoincideStart,
+    bodies: Bodies,
+    reach: float,
+    Z: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """Take the joint force from the bodies' rows and set the gap's."""
+    hold(group, start, bodies, reach, Z, F)
+    close(group, start, bodies, Z, F)
+
+
+@kernel
+def hold(
+    group: Coincide,
+    start: CoincideStart,
+    bodies: Bodies,
+    reach: float,
+    Z: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """Take the joint force from the bodies' rows."""
+    for k in range(group.a.size):
+        a, b = group.a[k], group.b[k]
+        force = scale(group.mass[k] / reach, at(Z, group.row[k]))
+        mean_a = mean(bodies, Z, a, at(start.r_a, k))
+        mean_b = mean(bodies, Z, b, at(start.r_b, k))
+        push(bodies, reach, F, a, scale(-1.0, force), cross(force, mean_a))
+        push(bodies, reach, F, b, force, cross(mean_b, force))
+
+
+@kernel
+def close(
+    group: Coincide, start: CoincideStart, bodies: Bodies, Z: np.ndarray, F: np.ndarray
+) -> None:
+    """Set the gap's rows."""
+    for k in range(group.a.size):
+        a, b = group.a[k], group.b[k]
+        dr_a = turn_change(turn_of(bodies, Z, a), at(start.r_a, k))
+        dr_b = turn_change(turn_of(bodies, Z, b), at(start.r_b, k))
+        moved = sub(add(at(Z, 2 * b), dr_b), add(at(Z, 2 * a), dr_a))
+        put(F, group.row[k], add(at(start.gap, k), moved))
+
+
+@kernel
+def jacobian(
+    group: Coincide,
+    start: CoincideStart,
+    bodies: Bodies,
+    reach: float,
+    Z: np.ndarray,
+    values: np.ndarray,
+) -> None:
+    """Add the blocks that change with the turns and the force."""
+    for k in range(group.a.size):
+        force = scale(group.mass[k] / reach, at(Z, group.row[k]))
+        for side in range(2):
+            b = group.a[k] if side == 0 else group.b[k]
+            r0 = at(start.r_a, k) if side == 0 else at(start.r_b, k)
+            sign = -1.0 if side == 0 else 1.0
+            T = end_tangent(bodies, Z, b, r0)
+            arm = skew(mean(bodies, Z, b, r0))
+            lever = product(skew(force), T)
+            c = sign * bodies.inverse_mass[b] / bodies.length[b]
+            for i in range(3):
+                for j in range(3):
+                    ij = 3 * i + j
+                    values[group.gap_by_turn[k, side] + ij] = -sign * T[i][j]
+                    values[group.moment_by_force[k, side] + ij] = -c * group.mass[k] * arm[i][j]
+                    values[group.moment_by_turn[k, side] + ij] -= 0.5 * reach * c * lever[i][j]
+
+
+@kernel
+def gap(group: Coincide, start: CoincideStart, x: np.ndarray, out: np.ndarray) -> None:
+    """Set ``out`` (k, 3) to child point minus parent point [m], from absolute positions."""
+    for k in range(group.a.size):
+        P_a = add(at(x, group.a[k]), at(start.r_a, k))
+        P_b = add(at(x, group.b[k]), at(start.r_b, k))
+        put(out, k, sub(P_b, P_a))
+
+
+@kernel
+def gap_rate(group: Coincide, start: CoincideStart, bodies: BodyStart, out: np.ndarray) -> None:
+    """Set ``out`` (k, 3) to the velocity [m/s] of child point relative to parent point."""
+    for k in range(group.a.size):
+        a, b = group.a[k], group.b[k]
+        v_a = add(at(bodies.v, a), cross(at(bodies.W, a), at(start.r_a, k)))
+        v_b = add(at(bodies.v, b), cross(at(bodies.W, b), at(start.r_b, k)))
+        put(out, k, sub(v_b, v_a))
+
+
+@kernel
+def free_gap_acceleration(
+    group: Coincide, start: CoincideStart, W: np.ndarray, F: np.ndarray
+) -> None:
+    """Set the gap's rows to minus its acceleration [m/s^2] at zero accelerations of the bodies."""
+    for k in range(group.a.size):
+        W_a, W_b = at(W, group.a[k]), at(W, group.b[k])
+        centripetal_a = cross(W_a, cross(W_a, at(start.r_a, k)))
+        centripetal_b = cross(W_b, cross(W_b, at(start.r_b, k)))
+        put(F, group.row[k], sub(centripetal_a, centripetal_b))

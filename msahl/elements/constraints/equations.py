@@ -1,0 +1,318 @@
+"""Rows: scalar equations between quantities, the second half of most joints.
+
+    c_1 q_1 + c_2 S(q_2) = offset + law(t)      S the identity, or a function the deck gives (a cam)
+
+One multiplier lam a row: its loads along q_1, q_2 are lam c_1 and lam c_2 S' (over a step the
+quotient dS/dq_2), so what the row's forces give to the bodies over a step is exactly
+lam (change of the law): nothing for a joint, the work of the drive for a prescribed motion.
+
+A row is multiplied by ``scale``, a length for a row in radians and one for a row in metres, so that
+row and unknown, lam h^2/(2 m scale), are lengths like all others.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.algebra.functions import Laws, evaluate, extent
+from msahl.elements.constraints.coordinates import (
+    BLUR,
+    Quantities,
+    QuantityStart,
+    add_spring,
+    quantity_acceleration,
+    rate_gradient,
+    row_factor,
+)
+from msahl.elements.constraints.products import PARTS
+from msahl.elements.rigid_body import Bodies
+from msahl.jit.kernel import kernel
+
+SAME = 1e-7
+"""Change of a quantity, relative to one unit, below which a quotient becomes a derivative."""
+
+
+class Rows(NamedTuple):
+    """All rows; the second quantity is -1 where there is none, as are function and law."""
+
+    place: np.ndarray  # (r, 2) multiplier and gap: which of the multipliers' nodes, and its slot
+    quantity: np.ndarray  # (r, 2) the first is never -1
+    coefficient: np.ndarray  # (r, 2)
+    function: np.ndarray  # (r,) the law S
+    law: np.ndarray  # (r,) of time
+    offset: np.ndarray  # (r,) constant part of the right-hand side
+    holonomic: np.ndarray  # (r,) whether the row is one of position, not only of rates
+    mass: np.ndarray  # (r,) [kg]
+    scale: np.ndarray  # (r,) [m] or 1
+    force_block: np.ndarray  # (r, 2, 4) starts of the blocks of each quantity's parts by the node
+    gap_block: np.ndarray  # (r, 2, 4) and of the node by the parts
+
+
+@kernel
+def coefficients(
+    rows: Rows, laws: Laws, start: QuantityStart, r: int, side: int
+) -> tuple[float, float, float, float]:
+    """Of one side: its change, coefficient of the load, of the slope, derivative of the first."""
+    q, c = rows.quantity[r, side], rows.coefficient[r, side]
+    change = start.change[q]
+    if side == 0 or rows.function[r] < 0:
+        return c * change, c, c, 0.0
+    q0 = start.value[q]
+    if abs(change) < SAME:
+        _, slope, curve = evaluate(laws, rows.function[r], q0 + 0.5 * change)
+        return c * slope * change, c * slope, c * slope, 0.5 * c * curve
+    value0, _, _ = evaluate(laws, rows.function[r], q0)
+    value1, slope1, _ = evaluate(laws, rows.function[r], q0 + change)
+    mean = (value1 - value0) / change
+    return c * (value1 - value0), c * mean, c * slope1, c * (slope1 - mean) / change
+
+
+@kernel
+def law_change(rows: Rows, laws: Laws, r: int, t: float, h: float) -> float:
+    """What the row's right-hand side changes by over the step from ``t``."""
+    if rows.law[r] < 0:
+        return 0.0
+    return evaluate(laws, rows.law[r], t + h)[0] - evaluate(laws, rows.law[r], t)[0]
+
+
+@kernel
+def blur(rows: Rows, laws: Laws, start: QuantityStart, r: int, t: float, h: float) -> float:
+    """What the round-off of a row's laws counts as [m]: the row has differences of their values."""
+    size, q = 0.0, rows.quantity[r, 1]
+    if rows.law[r] >= 0 and h != 0.0:
+        size = max(extent(laws, rows.law[r], t), extent(laws, rows.law[r], t + h))
+    if rows.function[r] >= 0 and abs(start.change[q]) >= SAME:
+        size += abs(rows.coefficient[r, 1]) * extent(laws, rows.function[r], start.value[q])
+    return BLUR * rows.scale[r] * size
+
+
+@kernel
+def multiplier(rows: Rows, bodies: Bodies, reach: float, Z: np.ndarray, r: int) -> float:
+    """lam [N, or N m for a row in radians]."""
+    node = 2 * bodies.inverse_mass.size + rows.place[r, 0]
+    return Z[node, rows.place[r, 1]] * rows.mass[r] * rows.scale[r] / reach
+
+
+@kernel
+def residual(
+    rows: Rows,
+    laws: Laws,
+    start: QuantityStart,
+    bodies: Bodies,
+    gap: np.ndarray,
+    t: float,
+    h: float,
+    reach: float,
+    Z: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """Set the rows; add the multipliers to the quantities' loads."""
+    for r in range(rows.function.size):
+        lam = multiplier(rows, bodies, reach, Z, r)
+        node, slot = rows.place[r, 0], rows.place[r, 1]
+        total = -law_change(rows, laws, r, t, h)
+        for side in range(2):
+            q = rows.quantity[r, side]
+            if q >= 0:
+                change, c, _, _ = coefficients(rows, laws, start, r, side)
+                total += change
+                start.load[q] += lam * c
+                start.size[q] += abs(lam * c)
+        node += 2 * bodies.inverse_mass.size
+        F[node, slot] = gap[rows.place[r, 0], slot] + rows.scale[r] * total
+        start.pull[node] = max(start.pull[node], blur(rows, laws, start, r, t, h))
+
+
+@kernel
+def jacobian(
+    rows: Rows,
+    laws: Laws,
+    quantities: Quantities,
+    start: QuantityStart,
+    bodies: Bodies,
+    reach: float,
+    Z: np.ndarray,
+    values: np.ndarray,
+) -> None:
+    """Add the rows' blocks, after ``quantity.evaluate`` and ``differentiate``."""
+    for r in range(rows.function.size):
+        lam = multiplier(rows, bodies, reach, Z, r)
+        slot = rows.place[r, 1]
+        by_unknown = rows.mass[r] * rows.scale[r] / reach
+        for side in range(2):
+            q = rows.quantity[r, side]
+            if q < 0:
+                continue
+            _, c, slope, curve = coefficients(rows, laws, start, r, side)
+            for part in range(PARTS):
+                down, right = rows.force_block[r, side, part], rows.gap_block[r, side, part]
+                if down <= 0:
+                    continue
+                factor = c * by_unknown * row_factor(quantities, bodies, reach, q, part)
+                for i in range(3):
+                    values[down + 3 * i + slot] += factor * start.force[q, part, i]
+                    values[right + 3 * slot + i] += rows.scale[r] * slope * start.slope[q, part, i]
+            if curve != 0.0:
+                add_spring(quantities, start, bodies, reach, q, lam * curve, values)
+
+
+@kernel
+def observe(
+    rows: Rows,
+    laws: Laws,
+    start: QuantityStart,
+    rate: np.ndarray,
+    t: float,
+    gap: np.ndarray,
+    gap_rate: np.ndarray,
+) -> None:
+    """Set the rows' entries of ``gap`` [m or rad] and ``gap_rate`` (k, 3), by their places.
+
+    ``rate`` (q,) are the quantities' rates. A row between rates has no gap.
+    """
+    for r in range(rows.function.size):
+        total, total_rate = -rows.offset[r], 0.0
+        if rows.law[r] >= 0:
+            value, slope, _ = evaluate(laws, rows.law[r], t)
+            total, total_rate = total - value, -slope
+        for side in range(2):
+            q = rows.quantity[r, side]
+            if q >= 0:
+                value, slope = start.value[q], 1.0
+                if side == 1 and rows.function[r] >= 0:
+                    value, slope, _ = evaluate(laws, rows.function[r], value)
+                total += rows.coefficient[r, side] * value
+                total_rate += rows.coefficient[r, side] * slope * rate[q]
+        node, slot = rows.place[r, 0], rows.place[r, 1]
+        gap[node, slot] = total if rows.holonomic[r] else 0.0
+        gap_rate[node, slot] = total_rate
+
+
+def left_side(rows: Rows, laws: Laws, start: QuantityStart, r: int) -> float:
+    """The row's left-hand side at t = 0, less its law there: the offset that closes it."""
+    total = 0.0
+    for side, q in enumerate(rows.quantity[r]):
+        if q >= 0:
+            value = start.value[q]
+            if side == 1 and rows.function[r] >= 0:
+                value = evaluate(laws, rows.function[r], value)[0]
+            total += rows.coefficient[r, side] * value
+    return float(total - (evaluate(laws, rows.law[r], 0.0)[0] if rows.law[r] >= 0 else 0.0))
+
+
+@kernel
+def law_rate(rows: Rows, laws: Laws, r: int, t: float) -> float:
+    """Rate of the row's law of time."""
+    return evaluate(laws, rows.law[r], t)[1]
+
+
+@kernel
+def free_acceleration(
+    rows: Rows,
+    laws: Laws,
+    quantities: Quantities,
+    start: QuantityStart,
+    bodies: Bodies,
+    rate: np.ndarray,
+    v: np.ndarray,
+    W: np.ndarray,
+    t: float,
+    F: np.ndarray,
+) -> None:
+    """Set the rows to minus their second derivative at zero accelerations; ``rate`` of the q.
+
+    Wants ``quantity.evaluate`` at rest: there the curves are half of the second derivatives.
+    """
+    first = 2 * bodies.inverse_mass.size
+    for r in range(rows.function.size):
+        total = 0.0
+        if rows.law[r] >= 0:
+            total = -evaluate(laws, rows.law[r], t)[2]
+        for side in range(2):
+            q = rows.quantity[r, side]
+            if q < 0:
+                continue
+            second = quantity_acceleration(quantities, start, v, W, q)
+            if side == 1 and rows.function[r] >= 0:
+                _, slope, curve = evaluate(laws, rows.function[r], start.value[q])
+                second = slope * second + curve * rate[q] ** 2
+            total += rows.coefficient[r, side] * second
+        F[first + rows.place[r, 0], rows.place[r, 1]] = -rows.scale[r] * total
+
+
+@kernel
+def work(
+    rows: Rows,
+    laws: Laws,
+    bodies: Bodies,
+    t: float,
+    h: float,
+    reach: float,
+    Z: np.ndarray,
+    column: np.ndarray,
+    total: np.ndarray,
+) -> None:
+    """Add the drives' work [J] over the step to their ``column`` of ``total``."""
+    for r in range(rows.function.size):
+        if rows.law[r] >= 0:
+            lam = multiplier(rows, bodies, reach, Z, r)
+            total[column[r]] += lam * law_change(rows, laws, r, t, h)
+
+
+@kernel
+def drive_work(
+    rows: Rows,
+    laws: Laws,
+    bodies: Bodies,
+    t: float,
+    dt: float,
+    Z: np.ndarray,
+    column: np.ndarray,
+    total: np.ndarray,
+) -> None:
+    """Add the drives' work [J] over a time ``dt`` at the rates that their laws have at ``t``; the
+    unknowns ``Z`` are the multipliers over their mass and scale.
+    """
+    for r in range(rows.function.size):
+        if rows.law[r] >= 0:
+            lam = multiplier(rows, bodies, 1.0, Z, r)
+            total[column[r]] += lam * law_rate(rows, laws, r, t) * dt
+
+
+@kernel
+def roll(rows: Rows, rate: np.ndarray, first: int, h: float, F: np.ndarray) -> None:
+    """Set the rows between rates to ``h`` times those of their quantities, ``rate`` (q,)."""
+    for r in range(rows.function.size):
+        if not rows.holonomic[r]:
+            c = h * rows.scale[r] * rows.coefficient[r, 0]
+            F[first + rows.place[r, 0], rows.place[r, 1]] = c * rate[rows.quantity[r, 0]]
+
+
+@kernel
+def roll_jacobian(
+    rows: Rows,
+    quantities: Quantities,
+    start: QuantityStart,
+    bodies: Bodies,
+    v: np.ndarray,
+    W: np.ndarray,
+    Z: np.ndarray,
+    room: np.ndarray,
+    by_place: np.ndarray,
+    by_rate: np.ndarray,
+) -> None:
+    """Add the derivative of ``roll`` over h: half of it by the places, all of it by the rates."""
+    for r in range(rows.function.size):
+        if not rows.holonomic[r]:
+            c, q, slot = (
+                rows.scale[r] * rows.coefficient[r, 0],
+                rows.quantity[r, 0],
+                rows.place[r, 1],
+            )
+            half = rate_gradient(quantities, start, bodies, v, W, Z, q, room)
+            for part in range(PARTS):
+                right = rows.gap_block[r, 0, part]
+                if right > 0:
+                    for i in range(3):
+                        by_rate[right + 3 * slot + i] += c * start.slope[q, part, i]
+                        by_place[right + 3 * slot + i] += c * half[part][i]

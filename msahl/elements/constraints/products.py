@@ -1,0 +1,314 @@
+"""Measures: the products from which joints and forces between two bodies A and B are built.
+
+    DOT    m = d . e            d fixed in A, e fixed in B
+    SLIDE  m = n . D            n fixed in A, in B or in the ground (its owner),
+                                D = (x_B + r_B) - (x_A + r_A) from a point of A to one of B
+    SLIP   dm = mean(n) . dD    no position law: what slides along n, for rolling and knife edges
+    ROLL   dm = n . (dP_B + Q_B x rho(mean(e)))  the lowest point of a disk of B on a plane of the
+                                ground: rho = -(up - (up.e) e)/sqrt(1 - (up.e)^2/r^2), |up| = r
+
+Over a step a product changes by exactly  d(a.b) = mean(a) . db + mean(b) . da , and a vector fixed
+in a body by  da = Q x mean(a) . So, with u, Q of both bodies,
+
+    dm = f . (u_B - u_A) + t_A . Q_A + t_B . Q_B                   no remainder, whatever h
+
+where f, -f and t_A, t_B are the force and moments that a unit multiplier exerts. That is why a
+joint's forces do no work and a spring's give what its energy loses.
+
+    DOT     f = 0           t_B = mean(e) x mean(d) = -t_A
+    SLIDE   f = mean(n)     t_A = -mean(r_A) x f ,  t_B = mean(r_B) x f ,  owner: + f x mean(D)
+    SLIP    the same without the owner's part
+    ROLL    f = n           t_B = (mean(r_B) + rho) x n
+
+T is that of ``rigid.end_tangent``: the end of a vector fixed in a body changes by -T d(l Q), its
+mean by half of that.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.algebra.rotation import turn_change
+from msahl.algebra.vector import (
+    ZERO,
+    Matrix,
+    Vector,
+    add,
+    at,
+    axpy,
+    cross,
+    dot,
+    matrix_at,
+    product,
+    put,
+    scale,
+    skew,
+    sub,
+    times,
+    transpose,
+)
+from msahl.elements.rigid_body import Bodies, end_tangent, mean, turn_of
+from msahl.jit.kernel import kernel
+
+DOT, SLIDE, SLIP, ROLL = range(4)
+PARTS = 4
+"""Unknowns of a pair of bodies, three numbers each: u_A, l_A Q_A, u_B, l_B Q_B."""
+U_A, Q_A, U_B, Q_B = range(PARTS)
+
+
+class Measures(NamedTuple):
+    """All measures, one row each; those of one quantity stand together."""
+
+    kind: np.ndarray  # (m,)
+    a: np.ndarray  # (m,) body A
+    b: np.ndarray  # (m,) body B
+    owner: np.ndarray  # (m,) body that n or d is fixed in
+    n: np.ndarray  # (m, 3) n or d, axes of the owner
+    s_a: np.ndarray  # (m, 3) point on A from its mass centre, axes of A [m]
+    s_b: np.ndarray  # (m, 3) likewise of B
+    e: np.ndarray  # (m, 3) direction, axes of B
+
+
+class MeasureStart(NamedTuple):
+    """Vectors at the start of the step, inertial axes (m, 3), the measures' values (m,), and what
+    the equations at some Z have computed of the step."""
+
+    n: np.ndarray
+    r_a: np.ndarray
+    r_b: np.ndarray
+    e: np.ndarray
+    D: np.ndarray
+    value: np.ndarray
+    change: np.ndarray  # (m,) dm
+    f: np.ndarray  # (m, 3) discrete gradient
+    t_a: np.ndarray
+    t_b: np.ndarray
+
+
+@kernel
+def prepare(group: Measures, x: np.ndarray, R: np.ndarray, start: MeasureStart) -> None:
+    """Carry the vectors into inertial axes and evaluate the measures."""
+    for k in range(group.kind.size):
+        a, b = group.a[k], group.b[k]
+        n = times(matrix_at(R, group.owner[k]), at(group.n, k))
+        r_a = times(matrix_at(R, a), at(group.s_a, k))
+        r_b = times(matrix_at(R, b), at(group.s_b, k))
+        e = times(matrix_at(R, b), at(group.e, k))
+        D = add(sub(at(x, b), at(x, a)), sub(r_b, r_a))
+        put(start.n, k, n)
+        put(start.r_a, k, r_a)
+        put(start.r_b, k, r_b)
+        put(start.e, k, e)
+        put(start.D, k, D)
+        if group.kind[k] == DOT:
+            start.value[k] = dot(n, e)
+        else:
+            start.value[k] = dot(n, D)
+
+
+@kernel
+def moved(group: Measures, start: MeasureStart, bodies: Bodies, Z: np.ndarray, k: int) -> Vector:
+    """Change of D over the step."""
+    a, b = group.a[k], group.b[k]
+    dr_a = turn_change(turn_of(bodies, Z, a), at(start.r_a, k))
+    dr_b = turn_change(turn_of(bodies, Z, b), at(start.r_b, k))
+    return sub(add(at(Z, 2 * b), dr_b), add(at(Z, 2 * a), dr_a))
+
+
+@kernel
+def evaluate(group: Measures, start: MeasureStart, bodies: Bodies, Z: np.ndarray) -> None:
+    """Fill in every measure's change over the step and its discrete gradient."""
+    for k in range(group.kind.size):
+        start.change[k], f, t_a, t_b = gradient(group, start, bodies, Z, k)
+        put(start.f, k, f)
+        put(start.t_a, k, t_a)
+        put(start.t_b, k, t_b)
+
+
+@kernel
+def gradient(
+    group: Measures, start: MeasureStart, bodies: Bodies, Z: np.ndarray, k: int
+) -> tuple[float, Vector, Vector, Vector]:
+    """Change dm over the step and its discrete gradient f, t_A, t_B."""
+    a, b, owner = group.a[k], group.b[k], group.owner[k]
+    kind = group.kind[k]
+    n0, e0 = at(start.n, k), at(start.e, k)
+    dn = turn_change(turn_of(bodies, Z, owner), n0)
+    n = axpy(0.5, dn, n0)
+    if kind == DOT:
+        de = turn_change(turn_of(bodies, Z, b), e0)
+        e = axpy(0.5, de, e0)
+        t = cross(e, n)
+        return dot(n, de) + dot(e, dn), ZERO, scale(-1.0, t), t
+    dD = moved(group, start, bodies, Z, k)
+    r_a = mean(bodies, Z, a, at(start.r_a, k))
+    r_b = mean(bodies, Z, b, at(start.r_b, k))
+    if kind == ROLL:
+        de = turn_change(turn_of(bodies, Z, b), e0)
+        rho = rim(at(start.r_a, k), axpy(0.5, de, e0))
+        t_b = cross(add(r_b, rho), n0)
+        return dot(n0, dD) + dot(turn_of(bodies, Z, b), cross(rho, n0)), n0, ZERO, t_b
+    t_a, t_b = cross(n, r_a), cross(r_b, n)
+    change = dot(n, dD)
+    if kind == SLIDE:
+        D = axpy(0.5, dD, at(start.D, k))
+        change += dot(D, dn)
+        if owner == a:
+            t_a = add(t_a, cross(n, D))
+        elif owner == b:
+            t_b = add(t_b, cross(n, D))
+    return change, n, t_a, t_b
+
+
+@kernel
+def end_gradient(
+    group: Measures, start: MeasureStart, bodies: Bodies, Z: np.ndarray, k: int
+) -> tuple[Vector, Vector, Vector]:
+    """Derivative of dm by u_B (by u_A it is the opposite), by l_A Q_A and by l_B Q_B."""
+    a, b, owner = group.a[k], group.b[k], group.owner[k]
+    kind = group.kind[k]
+    n0, e0 = at(start.n, k), at(start.e, k)
+    T_n = transpose(end_tangent(bodies, Z, owner, n0))
+    dn = turn_change(turn_of(bodies, Z, owner), n0)
+    n1 = add(n0, dn)
+    e1 = add(e0, turn_change(turn_of(bodies, Z, b), e0))
+    if kind == DOT:
+        T_e = transpose(end_tangent(bodies, Z, b, e0))
+        return ZERO, scale(-1.0, times(T_n, e1)), scale(-1.0, times(T_e, n1))
+    T_b = transpose(end_tangent(bodies, Z, b, at(start.r_b, k)))
+    if kind == ROLL:
+        T_e = end_tangent(bodies, Z, b, e0)
+        up, mean_e = at(start.r_a, k), scale(0.5, add(e0, e1))
+        by_turn = scale(1.0 / bodies.length[b], cross(rim(up, mean_e), n0))
+        by_rim = times(
+            transpose(product(rim_slope(up, mean_e), T_e)), cross(n0, turn_of(bodies, Z, b))
+        )
+        return n0, ZERO, sub(sub(by_turn, times(T_b, n0)), scale(0.5, by_rim))
+    T_a = transpose(end_tangent(bodies, Z, a, at(start.r_a, k)))
+    dD = moved(group, start, bodies, Z, k)
+    by_n = add(at(start.D, k), dD)
+    if kind == SLIP:
+        n1, by_n = axpy(0.5, dn, n0), scale(0.5, dD)
+    j_a, j_b = times(T_a, n1), scale(-1.0, times(T_b, n1))
+    if owner == a:
+        j_a = sub(j_a, times(T_n, by_n))
+    elif owner == b:
+        j_b = sub(j_b, times(T_n, by_n))
+    return n1, j_a, j_b
+
+
+@kernel
+def rim(up: Vector, e: Vector) -> Vector:
+    """From a disk's centre to its lowest point; ``up`` is normal times radius, ``e`` its axis."""
+    r2, c = dot(up, up), dot(up, e)
+    return scale(-1.0 / math.sqrt(1.0 - c * c / r2), axpy(-c, e, up))
+
+
+@kernel
+def rim_slope(up: Vector, e: Vector) -> Matrix:
+    """Derivative of ``rim`` by ``e``."""
+    r2, c = dot(up, up), dot(up, e)
+    s = math.sqrt(1.0 - c * c / r2)
+    along = axpy(-c / (s * s * r2), axpy(-c, e, up), e)
+    return (
+        axpy(along[0] / s, up, (c / s, 0.0, 0.0)),
+        axpy(along[1] / s, up, (0.0, c / s, 0.0)),
+        axpy(along[2] / s, up, (0.0, 0.0, c / s)),
+    )
+
+
+@kernel
+def add_block(values: np.ndarray, start: int, c: float, M: Matrix) -> None:
+    """Add ``c M`` to the block at ``start``; block 0 is nobody's."""
+    if start > 0:
+        for i in range(3):
+            for j in range(3):
+                values[start + 3 * i + j] += c * M[i][j]
+
+
+@kernel
+def stiffness(
+    group: Measures,
+    start: MeasureStart,
+    bodies: Bodies,
+    Z: np.ndarray,
+    k: int,
+    block: np.ndarray,
+    pair: int,
+    c: tuple[float, float, float, float],
+    values: np.ndarray,
+) -> None:
+    """Add the derivative of c (f, t_A, t_B) by the unknowns to the 4 x 4 blocks of the ``pair``.
+
+    ``c`` has the factor of each part's rows: what ``rigid.push`` makes of a unit force.
+    """
+    a, b, owner = group.a[k], group.b[k], group.owner[k]
+    kind = group.kind[k]
+    n0, e0 = at(start.n, k), at(start.e, k)
+    n = mean(bodies, Z, owner, n0)
+    T_n = end_tangent(bodies, Z, owner, n0)
+    if kind == DOT:
+        S_a = product(skew(mean(bodies, Z, b, e0)), T_n)
+        S_b = product(skew(n), end_tangent(bodies, Z, b, e0))
+        add_block(values, block[pair, 4 * Q_A + Q_A], 0.5 * c[Q_A], S_a)
+        add_block(values, block[pair, 4 * Q_A + Q_B], -0.5 * c[Q_A], S_b)
+        add_block(values, block[pair, 4 * Q_B + Q_A], -0.5 * c[Q_B], S_a)
+        add_block(values, block[pair, 4 * Q_B + Q_B], 0.5 * c[Q_B], S_b)
+        return
+    T_a = end_tangent(bodies, Z, a, at(start.r_a, k))
+    T_b = end_tangent(bodies, Z, b, at(start.r_b, k))
+    if kind == ROLL:
+        by_e = product(
+            rim_slope(at(start.r_a, k), mean(bodies, Z, b, e0)), end_tangent(bodies, Z, b, e0)
+        )
+        add_block(values, block[pair, 4 * Q_B + Q_B], 0.5 * c[Q_B], product(skew(n0), T_b))
+        add_block(values, block[pair, 4 * Q_B + Q_B], 0.5 * c[Q_B], product(skew(n0), by_e))
+        return
+    N_a, N_b = product(skew(n), T_a), product(skew(n), T_b)
+    add_block(values, block[pair, 4 * Q_B + Q_B], 0.5 * c[Q_B], N_b)
+    add_block(values, block[pair, 4 * Q_A + Q_A], -0.5 * c[Q_A], N_a)
+    if owner != a and owner != b:
+        return
+    turned = Q_A if owner == a else Q_B
+    arm_a = product(skew(mean(bodies, Z, a, at(start.r_a, k))), T_n)
+    arm_b = product(skew(mean(bodies, Z, b, at(start.r_b, k))), T_n)
+    add_block(values, block[pair, 4 * U_B + turned], -0.5 * c[U_B], T_n)
+    add_block(values, block[pair, 4 * U_A + turned], 0.5 * c[U_A], T_n)
+    add_block(values, block[pair, 4 * Q_B + turned], -0.5 * c[Q_B], arm_b)
+    add_block(values, block[pair, 4 * Q_A + turned], 0.5 * c[Q_A], arm_a)
+    if kind == SLIDE:
+        D = axpy(0.5, moved(group, start, bodies, Z, k), at(start.D, k))
+        half = 0.5 * c[turned]
+        add_block(values, block[pair, 4 * turned + turned], half, product(skew(D), T_n))
+        add_block(values, block[pair, 4 * turned + U_B], half, skew(n))
+        add_block(values, block[pair, 4 * turned + U_A], -half, skew(n))
+        add_block(values, block[pair, 4 * turned + Q_B], -half, N_b)
+        add_block(values, block[pair, 4 * turned + Q_A], half, N_a)
+
+
+@kernel
+def free_acceleration(
+    group: Measures, start: MeasureStart, v: np.ndarray, W: np.ndarray, k: int
+) -> tuple[float, float]:
+    """Rate of the measure, and its second derivative at zero accelerations of the bodies."""
+    a, b, owner = group.a[k], group.b[k], group.owner[k]
+    kind = group.kind[k]
+    n, e, D = at(start.n, k), at(start.e, k), at(start.D, k)
+    n_dot, e_dot = cross(at(W, owner), n), cross(at(W, b), e)
+    n_ddot, e_ddot = cross(at(W, owner), n_dot), cross(at(W, b), e_dot)
+    r_a_dot, r_b_dot = cross(at(W, a), at(start.r_a, k)), cross(at(W, b), at(start.r_b, k))
+    D_dot = sub(add(at(v, b), r_b_dot), add(at(v, a), r_a_dot))
+    D_ddot = sub(cross(at(W, b), r_b_dot), cross(at(W, a), r_a_dot))
+    if kind == DOT:
+        rate = dot(n_dot, e) + dot(n, e_dot)
+        return rate, dot(n_ddot, e) + 2.0 * dot(n_dot, e_dot) + dot(n, e_ddot)
+    if kind == SLIP:
+        return dot(n, D_dot), dot(n_dot, D_dot) + dot(n, D_ddot)
+    if kind == ROLL:
+        rho = rim(at(start.r_a, k), e)
+        rho_dot = times(rim_slope(at(start.r_a, k), e), e_dot)
+        rate = dot(n, add(D_dot, cross(at(W, b), rho)))
+        return rate, dot(n, add(D_ddot, cross(at(W, b), rho_dot)))
+    rate = dot(n_dot, D) + dot(n, D_dot)
+    return rate, dot(n_ddot, D) + 2.0 * dot(n_dot, D_dot) + dot(n, D_ddot)

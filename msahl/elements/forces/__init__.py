@@ -1,0 +1,1 @@
+"""Force laws: loads, springs, drag, friction."""

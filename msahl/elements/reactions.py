@@ -1,0 +1,140 @@
+"""Reactions: what the multipliers of a joint add up to, and the loads of couplings and drives.
+
+The reaction is the force of the parent on the child and the moment about the joint's point on the
+child, in inertial axes, mean over the step. A drive's load along its motion times the rate of its
+law is its power.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.algebra.vector import ZERO, Vector, add, at, axpy, cross, matrix_at, put, sub, times
+from msahl.elements.along import Along, AlongStart
+from msahl.elements.constraints.coordinates import QuantityStart
+from msahl.elements.constraints.equations import coefficients, law_rate
+from msahl.elements.constraints.products import Q_B, U_B
+from msahl.elements.rigid_body import Bodies, mean
+from msahl.jit.kernel import kernel
+
+MOST_ROUNDS, STILL = 40, 1e-14
+"""Rounds for the reactions that friction presses by, at most, and the change, relative to the
+largest, that is none."""
+
+
+class Shown(NamedTuple):
+    """What the results show of joints and springs."""
+
+    moment: np.ndarray  # (j,) whether a joint's moment is shown beside its force
+    load_row: np.ndarray  # (e,) rows whose multiplier is shown: couplings and motions
+    elastic: np.ndarray  # (s,) column, behind those of the work, of each spring's energy
+
+
+class Reactions(NamedTuple):
+    """All joints; their rows stand together, in order."""
+
+    child: np.ndarray  # (j,) body
+    s: np.ndarray  # (j, 3) the joint's point on the child from its mass centre, its axes [m]
+    coincide: np.ndarray  # (j,) or -1
+    first_row: np.ndarray  # (j + 1,)
+
+
+@kernel
+def prepare(group: Reactions, along: Along | None, R: np.ndarray, r: np.ndarray) -> None:
+    """Carry the arms into inertial axes (j, 3); points alone exert no moments."""
+    if along is None:
+        return
+    for j in range(group.child.size):
+        put(r, j, times(matrix_at(R, group.child[j]), at(group.s, j)))
+
+
+@kernel
+def gather(
+    group: Reactions,
+    along: Along | None,
+    start: AlongStart,
+    bodies: Bodies,
+    arms: np.ndarray,
+    Z: np.ndarray,
+    multipliers: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Set ``out`` (j, 6) from the ``multipliers`` (k, 3), by their nodes, of the step solved by
+    ``Z``; ``arms`` (j, 3) are those of the joints' points at its start.
+    """
+    if along is None:
+        for j in range(group.child.size):
+            for i in range(3):
+                out[j, i] = multipliers[group.coincide[j], i]
+        return
+    for j in range(group.child.size):
+        force, moment = _of_rows(group, along, start, multipliers, j)
+        arm = mean(bodies, Z, group.child[j], at(arms, j))
+        moment = sub(moment, cross(arm, force))
+        if group.coincide[j] >= 0:
+            force = add(force, at(multipliers, group.coincide[j]))
+        for i in range(3):
+            out[j, i] = force[i]
+            out[j, 3 + i] = moment[i]
+
+
+@kernel
+def _of_rows(
+    group: Reactions, along: Along, start: AlongStart, multipliers: np.ndarray, j: int
+) -> tuple[Vector, Vector]:
+    """Force of joint ``j``'s rows on the child, and their moment about its mass centre."""
+    force, moment = ZERO, ZERO
+    for r in range(group.first_row[j], group.first_row[j + 1]):
+        lam = multipliers[along.rows.place[r, 0], along.rows.place[r, 1]]
+        for side in range(2):
+            q = along.rows.quantity[r, side]
+            if q >= 0:
+                c = lam * coefficients(along.rows, along.laws, start.quantities, r, side)[1]
+                force = axpy(c, _part_force(start.quantities, q, U_B), force)
+                moment = axpy(c, _part_force(start.quantities, q, Q_B), moment)
+    return force, moment
+
+
+@kernel
+def _part_force(start: QuantityStart, q: int, part: int) -> Vector:
+    """Unit force of a quantity on one part."""
+    return (start.force[q, part, 0], start.force[q, part, 1], start.force[q, part, 2])
+
+
+@kernel
+def publish(
+    shown: Shown,
+    along: Along | None,
+    reaction: np.ndarray,
+    force: np.ndarray,
+    t: float,
+    table: np.ndarray,
+    row: int,
+) -> None:
+    """Write reactions (j, 6), then loads, and powers at time ``t``, of couplings and motions."""
+    column = 0
+    for j in range(reaction.shape[0]):
+        for i in range(6 if shown.moment[j] else 3):
+            table[row, column] = reaction[j, i]
+            column += 1
+    if along is None:
+        return
+    for e in range(shown.load_row.size):
+        r = shown.load_row[e]
+        load = force[along.rows.place[r, 0], along.rows.place[r, 1]]
+        table[row, column] = load
+        column += 1
+        if along.rows.law[r] >= 0:
+            table[row, column] = load * law_rate(along.rows, along.laws, r, t)
+            column += 1
+
+
+@kernel
+def stands(reaction: np.ndarray, last: np.ndarray) -> bool:
+    """Whether the reactions (j, 6) are those of the ``last`` round, but for round-off."""
+    change, size = 0.0, 0.0
+    for j in range(reaction.shape[0]):
+        for i in range(6):
+            change = max(change, abs(reaction[j, i] - last[j, i]))
+            size = max(size, abs(reaction[j, i]))
+    return change <= STILL * size

@@ -1,0 +1,56 @@
+"""Sparse LU of the Jacobian by the program of ``system.order``."""
+
+import math
+
+import numpy as np
+
+from msahl.jit.kernel import kernel
+from msahl.system.ordering import Elimination
+
+
+@kernel
+def factor(lu: Elimination, values: np.ndarray, W: np.ndarray) -> None:
+    """Factor the block ``values`` into ``W``; a vanishing pivot leaves infinities there."""
+    for e in range(W.size):
+        W[e] = 0.0
+    for e in range(lu.source.size):
+        W[lu.place[e]] = values[lu.source[e]]
+    operation = 0
+    for k in range(lu.order.size):
+        pivot = lu.base[k]
+        inverse = 1.0 / W[pivot]
+        W[pivot] = inverse
+        first_upper = pivot + 1 + lu.lower[k]
+        for left in range(pivot + 1, first_upper):
+            W[left] *= inverse
+            multiple = W[left]
+            for right in range(first_upper, lu.base[k + 1]):
+                W[lu.target[operation]] -= multiple * W[right]
+                operation += 1
+
+
+@kernel
+def spread(lu: Elimination, W: np.ndarray) -> float:
+    """Largest pivot over the smallest, of a matrix just factored into ``W``: a lower estimate of
+    its condition, for nothing.
+    """
+    smallest, largest = math.inf, 0.0
+    for k in range(lu.order.size):
+        inverse = abs(W[lu.base[k]])
+        smallest, largest = min(smallest, inverse), max(largest, inverse)
+    return largest / smallest
+
+
+@kernel
+def solve(lu: Elimination, W: np.ndarray, y: np.ndarray) -> None:
+    """Solve in place; ``y`` (f,) is in the order of elimination."""
+    n = lu.order.size
+    for k in range(n):
+        y_k = y[k]
+        for left in range(lu.base[k] + 1, lu.base[k] + 1 + lu.lower[k]):
+            y[lu.other[left]] -= W[left] * y_k
+    for k in range(n - 1, -1, -1):
+        y_k = y[k]
+        for right in range(lu.base[k] + 1 + lu.lower[k], lu.base[k + 1]):
+            y_k -= W[right] * y[lu.other[right]]
+        y[k] = y_k * W[lu.base[k]]

@@ -1,0 +1,32 @@
+"""Bodies and grounds as the deck gives them, in SI units."""
+
+from dataclasses import dataclass
+
+from msahl.algebra.vector import Matrix, Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """A name for the inertial frame; a deck may have several."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class RigidBody:
+    """A rigid body as the deck gives it.
+
+    ``mass`` [kg]; ``r_BG`` [m] from B to the mass centre G, in B; ``inertia`` [kg m^2] about G, in
+    B, a symmetric tensor; ``position`` [m] of point B, in I; ``orientation``, Wiener-Milenkovic
+    parameters of B relative to I, rescaled; ``velocity`` [m/s] of point B and ``angular_velocity``
+    [rad/s], both relative to I and in B.
+    """
+
+    name: str
+    mass: float
+    r_BG: Vector
+    inertia: Matrix
+    position: Vector
+    orientation: Vector
+    velocity: Vector
+    angular_velocity: Vector

@@ -1,0 +1,34 @@
+"""Couplings: equations between the free motions of two joints.
+
+    gear            angle_2 = ratio angle_1                    ratio < 0 for external teeth
+    rackAndPinion   slide_2 = radius angle_1
+    camFollower     slide_2 = lift(angle_1)                    a planar cam on a revolute joint
+
+Motions count from t = 0. The bodies between the two joints need not be ground. Their one multiplier
+is the load along the second joint's motion.
+"""
+
+from dataclasses import dataclass
+
+from msahl.algebra.functions import Law
+
+
+@dataclass(frozen=True, slots=True)
+class Coupling:
+    """``first`` and ``second`` name joints; ``ratio`` is a gear's ratio or a pinion's radius [m],
+    ``lift`` a cam's lift [m] over its angle [rad], periodic."""
+
+    name: str
+    kind: str
+    first: str
+    second: str
+    ratio: float = 0.0
+    lift: Law | None = None
+
+
+FREEDOMS = {
+    "gear": ("angle", "angle"),
+    "rackAndPinion": ("angle", "slide"),
+    "camFollower": ("angle", "slide"),
+}
+"""Which free motion of its two joints each kind couples."""

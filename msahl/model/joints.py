@@ -1,0 +1,27 @@
+"""Joints as the deck gives them, in SI units; the laws of the kinds stand in ``msahl.joints``."""
+
+from dataclasses import dataclass
+
+from msahl.algebra.vector import IDENTITY, Matrix, Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """``parent_point`` and ``child_point`` [m] from each body's B, and ``parent_axes`` and
+    ``child_axes``, the rows x, y, z of the joint's frame, in that body's axes; ``parameters`` by
+    name, in SI.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    parent_point: Vector
+    child_point: Vector
+    parent_axes: Matrix = IDENTITY
+    child_axes: Matrix = IDENTITY
+    parameters: tuple[tuple[str, float], ...] = ()
+
+    def parameter(self, name: str) -> float:
+        """Value of the parameter ``name`` [SI]."""
+        return dict(self.parameters)[name]

@@ -1,0 +1,99 @@
+"""Loads as the deck gives them; their laws stand in the modules named after them."""
+
+from dataclasses import dataclass
+
+from msahl.algebra.functions import Law
+from msahl.algebra.vector import Matrix, Vector
+
+
+@dataclass(frozen=True, slots=True)
+class ConcentratedLoad:
+    """``point`` [m] from B in the body's axes; ``force`` [N] and ``moment`` [N m] have constant
+    components in the axes of the bodies (or grounds) named by ``force_basis`` and
+    ``moment_basis``, and turn with them; ``law`` of time multiplies both. Body forces and
+    distributed loads are read as their resultant.
+    """
+
+    name: str
+    body: str
+    point: Vector
+    force: Vector
+    force_basis: str
+    moment: Vector
+    moment_basis: str
+    law: Law | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SpringDamper:
+    """Between two points [m] (from each body's B, its axes): tension ``preload`` + ``stiffness``
+    (length - ``free_length``) [N], or ``table`` over length, and ``damping`` [N s/m] times the
+    rate. Without ``free_length`` it is the distance at t = 0."""
+
+    name: str
+    parent: str
+    child: str
+    parent_point: Vector
+    child_point: Vector
+    stiffness: float
+    damping: float
+    free_length: float | None = None
+    preload: float = 0.0
+    table: Law | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class JointSpring:
+    """Spring-damper along the ``freedom`` of ``joint``: units of N, m or N m, rad; ``free`` counts
+    from the configuration at t = 0."""
+
+    name: str
+    joint: str
+    freedom: str
+    stiffness: float
+    damping: float
+    free: float = 0.0
+    preload: float = 0.0
+    table: Law | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Bushing:
+    """Three slides of the child's point along the parent's frame and three small turns about it,
+    each with a stiffness and a damping, zero at t = 0: N/m and N m/rad in that order."""
+
+    name: str
+    parent: str
+    child: str
+    parent_point: Vector
+    child_point: Vector
+    parent_axes: Matrix
+    child_axes: Matrix
+    stiffness: tuple[float, float, float, float, float, float]
+    damping: tuple[float, float, float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Drag:
+    """``coefficient`` [N s^2/m^2] at ``point`` [m] from B, body axes."""
+
+    name: str
+    body: str
+    point: Vector
+    coefficient: float
+
+
+@dataclass(frozen=True, slots=True)
+class Friction:
+    """Along the ``freedom`` of ``joint``: ``coefficient`` times ``radius`` [m] (1 for a slide)
+    times the joint's reaction, risen at a rate of about ``width`` [m/s or rad/s]."""
+
+    name: str
+    joint: str
+    freedom: str
+    coefficient: float
+    radius: float
+    width: float
+
+
+Load = ConcentratedLoad | SpringDamper | JointSpring | Bushing | Drag | Friction

@@ -1,0 +1,192 @@
+"""Published rows -> states, and what the element laws say of each.
+
+    x_G = x_B + R r_BG          v_G = R (v_B + w x r_BG)          the inverse of ``rigid.publish``
+
+Everything measured here is measured by the kernels the time loop runs, one row after the other.
+"""
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from msahl.algebra.vector import at, put
+from msahl.elements.along import Along, AlongStart
+from msahl.elements.constraints import coordinates
+from msahl.elements.rigid_body import Bodies, BodyStart, energy, recall
+from msahl.jit.compiled import compiled
+from msahl.jit.kernel import kernel
+from msahl.model import Model
+from msahl.results.read import Run
+from msahl.schemes.midpoint import equations
+from msahl.system.arrays import Start, State, System, new_start
+from msahl.system.build import build_system
+from msahl.system.state import build_state
+
+
+class History(NamedTuple):
+    """States of m rows, the ground last: mass centres and orientations, inertial axes, velocities
+    of mass centres, inertial axes, and angular velocities, body axes; each (m, n+1, 3).
+    """
+
+    x: np.ndarray
+    p: np.ndarray
+    v: np.ndarray
+    w: np.ndarray
+
+
+class Rows(NamedTuple):
+    """What every row shows; m rows, n bodies, e joints, couplings and motions."""
+
+    linear: np.ndarray  # (m, n) kinetic energy of translation [J]
+    rotational: np.ndarray  # (m, n) kinetic energy of rotation about G [J]
+    potential: np.ndarray  # (m, n) -m g.x_G [J]
+    elastic: np.ndarray  # (m,) energy of all springs [J]
+    gap: np.ndarray  # (m, e, 2) size of the gap [m] and [rad]; nan where an element has none
+    rate: np.ndarray  # (m, e, 2) size of its rate [m/s] and [rad/s]; likewise
+    length: float  # longest arm or radius of gyration in the scene [m]
+    history: History
+
+
+def observe(run: Run) -> Rows:
+    """What every row of ``run`` shows."""
+    system = build_system(run.model)
+    state = build_state(run.model, system)
+    table = body_columns(run)
+    m, n = len(table), len(run.model.bodies)
+    history = History(*(np.zeros((m, n + 1, 3)) for _ in History._fields))
+    gap, rate = np.zeros((2, m, *state.gap.shape))
+    elastic = np.zeros(m)
+    start = new_start(system, state)
+    _observe(system, state, start, run.time, table, history, gap, rate, elastic)
+    energies = [_energies_of(run.model, b, history) for b in range(n)]
+    linear, rotational, potential = np.moveaxis(np.array(energies), 0, 2)
+    used, holonomic = _slots(system)
+    elements = len(run.model.joints) + len(run.model.couplings) + len(run.model.motions)
+    return Rows(
+        linear,
+        rotational,
+        potential,
+        elastic,
+        _sizes(system, gap, holonomic, elements),
+        _sizes(system, rate, used, elements),
+        float(system.bodies.length[:n].max()),
+        history,
+    )
+
+
+def _slots(system: System) -> tuple[np.ndarray, np.ndarray]:
+    """(k, 3) whether there is an equation at a multipliers' node, and one of position."""
+    used, holonomic = np.zeros((2, system.multipliers.node.size, 3), dtype=bool)
+    points = system.coincide.a.size
+    used[:points] = holonomic[:points] = True
+    if system.along:
+        rows = system.along.rows
+        used[rows.place[:, 0], rows.place[:, 1]] = True
+        holonomic[rows.place[:, 0], rows.place[:, 1]] = rows.holonomic
+    return used, holonomic
+
+
+def _sizes(system: System, values: np.ndarray, kept: np.ndarray, elements: int) -> np.ndarray:
+    """(m, e, 2) lengths of the ``kept`` (k, 3) of ``values`` (m, k, 3), in m and in rad apart."""
+    squares = (values * values).sum(axis=2, where=kept)
+    total, seen = np.zeros((len(values), elements, 2)), np.zeros((elements, 2), dtype=bool)
+    places = zip(system.multipliers.element, system.multipliers.turning.astype(int), strict=True)
+    for k, place in enumerate(places):
+        total[:, *place] += squares[:, k]
+        seen[place] |= kept[k].any()
+    total[:, ~seen] = np.nan
+    return np.sqrt(total)
+
+
+def _energies_of(model: Model, b: int, history: History) -> np.ndarray:
+    """(3, m) energies of body ``b``: those of a scene that holds nothing else."""
+    nothing: dict[str, Any] = dict.fromkeys(("joints", "couplings", "motions", "loads"), ())
+    alone = build_system(replace(model, bodies=(model.bodies[b],), **nothing)).bodies
+    of_b = History(*(np.ascontiguousarray(series[:, [b, -1]]) for series in history))
+    energies = np.zeros((3, len(of_b.x)))
+    _sum_energies(alone, of_b, np.zeros((2, 3)), energies)
+    return energies
+
+
+def body_columns(run: Run) -> np.ndarray:
+    """(m, 12 n) the states without their times."""
+    return np.ascontiguousarray(run.states.to_numpy()[:, 1:])
+
+
+@kernel
+def _observe_rows(
+    system: System,
+    state: State,
+    start: Start,
+    time: np.ndarray,
+    table: np.ndarray,
+    history: History,
+    gap: np.ndarray,
+    rate: np.ndarray,
+    elastic: np.ndarray,
+) -> None:
+    for row in range(table.shape[0]):
+        recall(system.bodies, table, row, state.x, state.p, state.v, state.w)
+        h = time[row] - state.time[0] if row else 0.0
+        state.time[0] = time[row]
+        # The rates of the row before are in ``start`` until they are observed anew.
+        _expect(system.along, start.along, state.angle, 0.5 * h)
+        equations.prepare(system, state, start)
+        _count(system.along, start.along, start.bodies, state.angle, 0.5 * h)
+        equations.observe(system, state, start, gap[row], rate[row])
+        elastic[row] = _elastic(system.along, start.along)
+        for b in range(state.x.shape[0]):
+            put(history.x[row], b, at(state.x, b))
+            put(history.p[row], b, at(state.p, b))
+            put(history.v[row], b, at(state.v, b))
+            put(history.w[row], b, at(state.w, b))
+
+
+@kernel
+def _expect(along: Along | None, start: AlongStart, angle: np.ndarray, h: float) -> None:
+    """Carry the angles on by the quantities' rates of ``start``, over ``h`` [s]."""
+    if along is None:
+        return
+    for q in range(angle.size):
+        angle[q] += h * start.rate[q]
+
+
+@kernel
+def _count(
+    along: Along | None, start: AlongStart, bodies: BodyStart, angle: np.ndarray, h: float
+) -> None:
+    """Count the angles on to those of the prepared row.
+
+    Thinned rows may be turns apart: the mean of both rows' rates tells how many.
+    """
+    if along is None:
+        return
+    coordinates.slopes(along.quantities, start.quantities)
+    coordinates.rates(along.quantities, start.quantities, bodies.v, bodies.W, start.rate)
+    _expect(along, start, angle, h)
+    coordinates.count_turns(along.quantities, start.quantities, angle)
+
+
+@kernel
+def _elastic(along: Along | None, start: AlongStart) -> float:
+    """Energy of all springs of the observed row [J]."""
+    total = 0.0
+    if along is None:
+        return total
+    for s in range(start.elastic.size):
+        total += start.elastic[s]
+    return total
+
+
+@kernel
+def _energies(bodies: Bodies, history: History, rest: np.ndarray, energies: np.ndarray) -> None:
+    # One law, asked twice: of the body as if it did not turn, and as if it did not move.
+    for row in range(history.x.shape[0]):
+        x, v, w = history.x[row], history.v[row], history.w[row]
+        energies[0, row], energies[2, row] = energy(bodies, x, v, rest)
+        energies[1, row], _ = energy(bodies, x, rest, w)
+
+
+_observe = compiled(_observe_rows)
+_sum_energies = compiled(_energies)

@@ -1,0 +1,1 @@
+"""Runs: the time loop, step schedule, error estimate and verdict."""

@@ -1,0 +1,1 @@
+"""The schemes of higher order: Gauss and Radau collocation."""

@@ -1,0 +1,275 @@
+"""The derivative of the rows of ``schemes.element`` by the stages."""
+
+import numpy as np
+
+from msahl.algebra.vector import (
+    IDENTITY,
+    ZERO,
+    Matrix,
+    at,
+    axpy,
+    combine,
+    matrix_at,
+    multiple,
+    product,
+    put,
+    put_matrix,
+    scale,
+    skew,
+    times,
+    transpose,
+)
+from msahl.elements import along
+from msahl.elements.constraints import coincide
+from msahl.elements.constraints.products import add_block
+from msahl.elements.forces import concentrated, drag
+from msahl.elements.rigid_body import Bodies
+from msahl.jit.kernel import kernel
+from msahl.schemes.collocation import local_rotation
+from msahl.schemes.collocation.workspace import BODY, GAP, Stages, moment_in_chart
+from msahl.system.arrays import Start, System
+
+
+@kernel
+def clear(system: System, stages: Stages) -> None:
+    """Set the Jacobian to what does not change: a displacement is its own row's."""
+    values = stages.values
+    for e in range(values.shape[0]):
+        for k in range(values.shape[1]):
+            for j in range(values.shape[2]):
+                values[e, k, j] = 0.0
+            if stages.sort[e] == BODY:
+                values[e, k, k] = system.constant[stages.needed[e]]
+
+
+@kernel
+def hold(system: System, stages: Stages, h: float, row: int, k: int) -> None:
+    """Add what the joints' ``row``-th gaps and ``k``-th forces contribute."""
+    _hold(system, stages)
+    _into_chart(system, stages, False)
+    _enter_held(stages, h, row, k)
+
+
+@kernel
+def act(system: System, start: Start, stages: Stages, h: float, i: int) -> None:
+    """Add what the inertia of the turns and the loads at c_i contribute."""
+    _add_turning(system.bodies, start, stages, h, i)
+    if not stages.idle:
+        _act(system, stages, i)
+        _into_chart(system, stages, True)
+        _enter_acting(system, stages, h, i)
+
+
+@kernel
+def _hold(system: System, stages: Stages) -> None:
+    """Set ``by_place`` to the derivative of ``element._hold``, halved where bodies meet bodies, and
+    of the gaps.
+    """
+    values, node, bodies = stages.by_place, stages.start, system.bodies
+    for e in range(values.size):
+        values[e] = stages.linear[e]
+    coincide.jacobian(system.coincide, node.coincide, bodies, -1.0, stages.still, values)
+    along.hold_jacobian(system.along, node.along, bodies, stages.still, values)
+
+
+@kernel
+def _act(system: System, stages: Stages, i: int) -> None:
+    """Set ``by_place`` to half the derivative of ``element._act``, ``by_rate`` to that by the
+    rates.
+    """
+    place, rate, node, bodies = stages.by_place, stages.by_rate, stages.start, system.bodies
+    for e in range(place.size):
+        place[e], rate[e] = 0.0, 0.0
+    v, W = node.bodies.v, node.bodies.W
+    concentrated.jacobian(system.loads, node.loads, bodies, -1.0, stages.still, place)
+    drag.free_jacobian(system.drags, node.drag_arms, bodies, v, W, place, rate)
+    along.free_jacobian(
+        system.along,
+        node.along,
+        bodies,
+        v,
+        W,
+        stages.reaction[i],
+        stages.still,
+        stages.room,
+        place,
+        rate,
+    )
+
+
+@kernel
+def _into_chart(system: System, stages: Stages, rated: bool) -> None:
+    """Bring the derivatives by and of turns from inertial axes into the chart: H^T (.) H, and half
+    of what the change of H does to the moments of ``stages.row`` and, where ``rated``, to the
+    rates.
+    """
+    first = 2 * system.bodies.inverse_mass.size
+    for m in range(1, system.blocks.shape[0]):
+        row, column = system.blocks[m, 0], system.blocks[m, 1]
+        turned_row, turned_column = row < first and row % 2 == 1, column < first and column % 2 == 1
+        if not (turned_row or turned_column):
+            continue
+        turned_row = turned_row and stages.rule.varied
+        H_row = matrix_at(stages.tangent, row // 2) if turned_row else IDENTITY
+        H_column = matrix_at(stages.tangent, column // 2) if turned_column else IDENTITY
+        place = product(product(transpose(H_row), block_at(stages.by_place, m)), H_column)
+        if rated:
+            rate = product(transpose(H_row), block_at(stages.by_rate, m))
+            if turned_column:
+                c, c_dot = at(stages.turn, column // 2), at(stages.turning, column // 2)
+                place = combine(0.5, product(rate, local_rotation.momentum_slope(c, c_dot)), place)
+            put_block(stages.by_rate, m, product(rate, H_column))
+        put_block(stages.by_place, m, place)
+    if not stages.rule.varied:
+        return
+    for b in range(system.bodies.inverse_mass.size - 1):
+        slope = local_rotation.rate_slope(at(stages.turn, b), at(stages.row, 2 * b + 1))
+        block = system.bodies.block[b]
+        add_block(stages.by_place, block, 0.5 / system.bodies.length[b], slope)
+
+
+@kernel
+def block_at(values: np.ndarray, m: int) -> Matrix:
+    """Block ``m``."""
+    e = 9 * m
+    return (
+        (values[e], values[e + 1], values[e + 2]),
+        (values[e + 3], values[e + 4], values[e + 5]),
+        (values[e + 6], values[e + 7], values[e + 8]),
+    )
+
+
+@kernel
+def put_block(values: np.ndarray, m: int, M: Matrix) -> None:
+    """Set block ``m``."""
+    for i in range(3):
+        for j in range(3):
+            values[9 * m + 3 * i + j] = M[i][j]
+
+
+@kernel
+def _enter_held(stages: Stages, h: float, row: int, k: int) -> None:
+    """Take the derivatives of the joints' ``row``-th gaps and ``k``-th forces into the Jacobian."""
+    values, chi = stages.values, stages.rule.chi
+    for e in range(values.shape[0]):
+        sort, value = stages.sort[e], stages.by_place[stages.needed[e]]
+        if value == 0.0:
+            continue
+        if sort == GAP:
+            if row >= 0 and not stages.rolling[e]:
+                values[e, row, row] = value
+        elif k >= 0 and (sort != BODY or row >= 0):
+            column, share = (row, h * h) if sort == BODY else (k, -1.0)
+            for j in range(chi.shape[0]):
+                values[e, column, j] += 2.0 * share * chi[j, k] * value
+
+
+@kernel
+def _enter_acting(system: System, stages: Stages, h: float, i: int) -> None:
+    """Take the derivatives of the loads at c_i into the Jacobian."""
+    values, rule, place, rate = stages.values, stages.rule, stages.by_place, stages.by_rate
+    s = rule.weight.size
+    for e in range(values.shape[0]):
+        entry = stages.needed[e]
+        m, p, q = entry // 9, entry % 9 // 3, entry % 3
+        by_place, by_rate, bent_place, bent_rate = place[entry], rate[entry], 0.0, 0.0
+        if rule.varied and stages.sort[e] == BODY and system.blocks[m, 0] % 2 == 1:
+            for r in range(3):
+                bow = stages.bow[system.blocks[m, 0] // 2, p, r]
+                bent_place += bow * place[9 * m + 3 * r + q]
+                bent_rate += bow * rate[9 * m + 3 * r + q]
+        if by_place == by_rate == bent_place == bent_rate == 0.0:
+            continue
+        for k in range(s):
+            phi, slope = 2.0 * h * h * rule.value[i, k], h * rule.slope[i, k]
+            total, bent = phi * by_place + slope * by_rate, phi * bent_place + slope * bent_rate
+            if stages.sort[e] == GAP:
+                values[e, k, i] += total / h
+            else:
+                for j in range(s):
+                    values[e, k, j] += rule.alpha[j, i] * total
+                    values[e, k, j] -= rule.closing[j] * rule.weight[i] * bent
+
+
+@kernel
+def _add_turning(bodies: Bodies, start: Start, stages: Stages, h: float, i: int) -> None:
+    """Take the derivatives of the inertia of the turns at c_i into the Jacobian."""
+    rule = stages.rule
+    if not rule.varied:
+        _add_spinning(bodies, stages, h, i)
+        return
+    for b in range(bodies.inverse_mass.size - 1):
+        c, c_dot = at(stages.turn, b), at(stages.turning, b)
+        J, H = matrix_at(start.bodies.J, b), matrix_at(stages.tangent, b)
+        z = times(J, local_rotation.rate(c, c_dot))
+        by_c = local_rotation.rate_slope(c, c_dot)
+        mass = product(H, product(J, transpose(H)))
+        pi_c = combine(1.0, product(H, product(J, by_c)), local_rotation.momentum_slope(c, z))
+        force_c = product(transpose(by_c), product(J, by_c))
+        force_c = combine(1.0, local_rotation.curvature(c, z, c_dot), force_c)
+        bow, bow_rate = matrix_at(stages.bow, b), matrix_at(stages.bow_rate, b)
+        pi, force = local_rotation.momentum(c, z), times(transpose(by_c), z)
+        moment = moment_in_chart(stages, b)
+        force = axpy(bodies.length[b] / bodies.inverse_mass[b], moment, force)
+        # What the bow moves, by c(t) and by c_dot; by c_k in ``_enter_turning``.
+        moved_c = combine(
+            1.0, product(bow_rate, pi_c), local_rotation.square_slope(c_dot, scale(2 * h, pi))
+        )
+        moved_c = combine(h, product(bow, force_c), moved_c)
+        moved_c = combine(2.0 * h, local_rotation.square_slope(c, force), moved_c)
+        moved = combine(
+            1.0, product(bow_rate, mass), local_rotation.square_slope(c, scale(2.0 * h, pi))
+        )
+        moved = combine(h, product(bow, transpose(pi_c)), moved)
+        put_matrix(stages.slope, 0, pi_c)
+        put_matrix(stages.slope, 1, mass)
+        put_matrix(stages.slope, 2, multiple(h, force_c))
+        put_matrix(stages.slope, 3, multiple(h, transpose(pi_c)))
+        put_matrix(stages.slope, 4, moved_c)
+        put_matrix(stages.slope, 5, moved)
+        put(stages.push, 0, force)
+        put(stages.push, 1, pi)
+        _enter_turning(bodies, stages, h, i, b)
+
+
+@kernel
+def _enter_turning(bodies: Bodies, stages: Stages, h: float, i: int, b: int) -> None:
+    """Add to the Jacobian what ``stages.slope`` and ``stages.push`` say of body ``b`` at c_i."""
+    values, rule, slope, Z = stages.values, stages.rule, stages.slope, stages.Z
+    force, pi = at(stages.push, 0), at(stages.push, 1)
+    scaled = h * bodies.inverse_mass[b] / bodies.length[b] ** 2
+    for p in range(3):
+        for q in range(3):
+            e = stages.slot[bodies.block[b] + 3 * p + q]
+            if e < 0:
+                continue
+            for k in range(rule.weight.size):
+                phi, rate = scaled * rule.value[i, k], scaled * rule.slope[i, k] / h
+                by_pi = phi * slope[0, p, q] + rate * slope[1, p, q]
+                by_force = phi * slope[2, p, q] + rate * slope[3, p, q]
+                bent = phi * slope[4, p, q] + rate * slope[5, p, q]
+                if rule.varied:
+                    bend = axpy(rate, pi, scale(phi, force))
+                    at_k = scale(-2.0 * h / bodies.length[b], at(Z[k], 2 * b + 1))
+                    bent += local_rotation.square_slope(at_k, bend)[p][q]
+                for j in range(rule.weight.size):
+                    total = rule.beta[j, i] * by_pi + rule.alpha[j, i] * by_force
+                    total -= rule.closing[j] * rule.weight[i] * bent
+                    values[e, k, j] += total
+
+
+@kernel
+def _add_spinning(bodies: Bodies, stages: Stages, h: float, i: int) -> None:
+    """As ``_add_turning`` where the parameters are not varied: of the angular momentum J W."""
+    node = stages.start.bodies
+    for k in range(stages.slope.shape[0]):
+        put_matrix(stages.slope, k, skew(ZERO))
+    for b in range(bodies.inverse_mass.size - 1):
+        J, H, W = matrix_at(node.J, b), matrix_at(stages.tangent, b), at(node.W, b)
+        c, c_dot = at(stages.turn, b), at(stages.turning, b)
+        # J turns with the body, W is H c_dot.
+        turned = combine(1.0, product(J, skew(W)), skew(scale(-1.0, times(J, W))))
+        by_c = combine(1.0, product(turned, H), product(J, local_rotation.momentum_slope(c, c_dot)))
+        put_matrix(stages.slope, 0, by_c)
+        put_matrix(stages.slope, 1, product(J, H))
+        _enter_turning(bodies, stages, h, i, b)

@@ -1,0 +1,349 @@
+"""Steps of higher degree whose size follows from a tolerance.
+
+Steps go in pairs of two halves. One step of the whole size from the same start says what the pair's
+own error is, by order p: |pair - whole| / (2^p - 1), of places and of turns times the bodies'
+lengths. A pair is accepted if that is at most its share of the tolerance, by time, so that the own
+errors of all steps add up to the tolerance; what the motion makes of them is another matter. The
+size of the next pair is the one at which the error would be a little less than its share: over a
+pair it goes with the power p + 1, over a unit of time with p.
+
+No pair goes past a kink: where a law of time has one is known, and where a quantity comes to one of
+a spring's table or of a cam, or to the width of a friction, is found (``solve.kinks``).
+
+The error of positions at the ends of steps alone says little where motions are prescribed (where
+all are, there is none) or loads oscillate (their impulses are exact). So in all systems but those
+of coinciding points without laws of time the error of the row between, at the middle of the whole
+step, counts as well, and that of the works, by the energy of the system over its length.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.algebra.rotation import compose, inverse
+from msahl.algebra.vector import at, copy, dot, sub
+from msahl.jit.kernel import kernel
+from msahl.schemes.collocation import breakpoints, dense_output, newton
+from msahl.schemes.collocation.breakpoints import Kinks, new_kinks
+from msahl.schemes.collocation.dense_output import Point
+from msahl.schemes.collocation.newton import High
+from msahl.schemes.midpoint import equations
+from msahl.system.arrays import State
+from msahl.system.diagnostics import KINETIC, look
+
+NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST, WIDEST, STOP, ENERGY = range(10)
+"""Figures: size of the next pair [s]; tolerance per second [m/s]; where the pairs end for now [s];
+sum of the own errors so far, and the largest [m]; size that the last pair should have had [s]; the
+smallest and the widest accepted step [s]; where the present pair ends at the latest, as a kink was
+found there [s]; the largest energy so far that works are compared with [J].
+"""
+ACCEPTED, REFUSED, ROWS, SOUGHT = range(4)
+"""Counts: pairs accepted and refused so far, rows of the present chunk, how often a kink was sought
+since the last accepted pair."""
+SEARCHES = 12
+"""At most, for one kink: each search squares the distance from it."""
+WIDEST_TURN = 1.5
+"""Of a body over a pair [rad]: between two bodies less than half a turn then, as angles are counted
+on by less than that."""
+SAFETY, SHRINK, GROW = 0.9, 0.2, 3.0
+"""A pair aims at this part of the size that its error allows; limits of one change."""
+ROUND_OFF = 4e-16
+"""Part of the places and lengths that no smaller step makes more certain."""
+TOO_SMALL = 1e-12
+"""Part of the run that no pair is shorter than."""
+
+
+class Pace(NamedTuple):
+    """Where the choice of steps stands, and room for going back."""
+
+    figures: np.ndarray  # (10,) see above
+    counts: np.ndarray  # (4,)
+    sizes: np.ndarray  # (steps,) of the present chunk's steps [s]
+    ends: np.ndarray  # (steps,) where they end [s]
+    kept: State  # the state that a pair starts from
+    middle: Point
+    end: Point
+    x: np.ndarray  # (n+1, 3) where the whole step leads
+    p: np.ndarray  # (n+1, 3)
+    x_middle: np.ndarray  # (n+1, 3) where its rows between have its middle
+    p_middle: np.ndarray  # (n+1, 3)
+    work: np.ndarray  # (w,) at its end [J]
+    checks_rows: bool  # whether errors of rows between and of works count as well
+    kinks: Kinks
+
+
+def new_pace(island: High, steps: int, dt: float, tolerance: float, t_final: float) -> Pace:
+    """Room for chunks of ``steps`` steps to a ``tolerance`` [m]; ``dt`` [s] is tried first."""
+    state = island.scene.state
+    system = island.scene.system
+    figures = np.zeros(10)
+    figures[STOP] = math.inf
+    figures[NEXT], figures[SHARE], figures[SMALLEST] = dt, tolerance / t_final, math.inf
+    return Pace(
+        figures=figures,
+        counts=np.zeros(4, dtype=np.int64),
+        sizes=np.zeros(steps),
+        ends=np.zeros(steps),
+        kept=State(*(array.copy() for array in state)),
+        middle=dense_output.new_point(state),
+        end=dense_output.new_point(state),
+        x=np.zeros_like(state.x),
+        p=np.zeros_like(state.p),
+        x_middle=np.zeros_like(state.x),
+        p_middle=np.zeros_like(state.p),
+        work=np.zeros_like(state.work),
+        checks_rows=system.along is not None or bool((system.loads.law >= 0).any()),
+        kinks=new_kinks(system),
+    )
+
+
+@kernel
+def march(island: High, pace: Pace, order: int, last: int, times: np.ndarray) -> int:
+    """Take pairs until there are ``last`` steps or all rows of the ``times``; how many steps were
+    taken. Fewer than that: the next pair does not converge however small it is.
+
+    Without ``last`` one pair is tried and taken back. Refused pairs count as well, but for those
+    before the first good one: a call ends in time, however hard the steps turn.
+    """
+    done, tried, figures = 0, 0, pace.figures
+    pace.counts[ROWS] = 0
+    if last == 0:
+        return int(attempt(island, pace, order, 0, False))
+    while (tried + 2 <= last or done == 0) and pace.counts[ROWS] < times.size:
+        tried += 2
+        if attempt(island, pace, order, done, True):
+            done += 2
+            fill(island, pace, times)
+        elif figures[NEXT] < TOO_SMALL * figures[END]:
+            break
+    return done
+
+
+@kernel
+def attempt(island: High, pace: Pace, order: int, row: int, commit: bool) -> bool:
+    """Take a pair, into rows ``row`` and ``row + 1`` of the watch; whether its error is small
+    enough. Else, or if it is not to be kept, all is as before but for the size of the next.
+    """
+    scene, figures = island.scene, pace.figures
+    t = scene.state.time[0]
+    kink = breakpoints.next_kink(pace.kinks, scene.system, t, TOO_SMALL * figures[END])
+    left = min(figures[END], kink, figures[STOP]) - t
+    spin = largest_spin(scene.start.bodies.W)
+    h = figures[NEXT]
+    if scene.system.along is not None and h * spin > WIDEST_TURN:
+        h = WIDEST_TURN / spin
+    if h > left * (1.0 - 1e-9):
+        h = left
+    elif 2.0 * h > left:
+        h = 0.5 * left
+    keep(scene.state, pace.kept)
+    dense_output.mark(island.between.begin, scene)
+    breakpoints.note(pace.kinks, scene, 0)
+    if not pair(island, pace, h, row):
+        figures[NEXT] = figures[BEST] = 0.25 * h
+        pace.counts[REFUSED] += 1
+        go_back(island, pace)
+        newton.forget(island)
+        return False
+    if commit and seek(island, pace, h):
+        go_back(island, pace)
+        follow(island, t, h)
+        return False
+    error, known = apart(island, pace)
+    if pace.checks_rows:
+        rest, unsure = apart_within(island, pace, row)
+        error, known = error + rest, known + unsure
+    error /= 2.0**order - 1.0
+    share = figures[SHARE] * h
+    growth = GROW
+    if error > known:
+        growth = min(GROW, max(SHRINK, SAFETY * (share / error) ** (1.0 / order)))
+    figures[BEST] = growth * h
+    good = error <= max(share, known)
+    spin = max(largest_spin(pace.middle.W), largest_spin(pace.end.W))
+    if scene.system.along is not None and h * spin > 2.0 * WIDEST_TURN:
+        good, growth = False, WIDEST_TURN / (h * spin)
+    if good:
+        figures[NEXT] = max(figures[NEXT], growth * h) if h < figures[NEXT] else growth * h
+    else:
+        figures[NEXT] = min(growth, SAFETY) * h
+    if good and commit:
+        pace.counts[ACCEPTED] += 1
+        pace.counts[SOUGHT], figures[STOP] = 0, math.inf
+        if h == left and left < figures[END] - t:
+            newton.forget(island)
+        figures[ERROR] += error
+        figures[LARGEST] = max(figures[LARGEST], error)
+        figures[SMALLEST] = min(figures[SMALLEST], 0.5 * h)
+        figures[WIDEST] = max(figures[WIDEST], 0.5 * h)
+        pace.sizes[row] = pace.sizes[row + 1] = 0.5 * h
+        pace.ends[row], pace.ends[row + 1] = pace.middle.time[0], pace.end.time[0]
+        return True
+    if commit:
+        pace.counts[REFUSED] += 1
+    go_back(island, pace)
+    follow(island, t, h)
+    return good
+
+
+@kernel
+def largest_spin(W: np.ndarray) -> float:
+    """Of all bodies [rad/s]."""
+    largest = 0.0
+    for b in range(W.shape[0]):
+        largest = max(largest, dot(at(W, b), at(W, b)))
+    return math.sqrt(largest)
+
+
+@kernel
+def seek(island: High, pace: Pace, h: float) -> bool:
+    """Whether the pair has gone past a kink of a quantity; it is to be taken again up to there."""
+    part = breakpoints.crossing(pace.kinks, island.scene.system, h)
+    if part == 1.0 or pace.counts[SOUGHT] == SEARCHES:
+        return False
+    pace.counts[SOUGHT] += 1
+    pace.figures[STOP] = pace.kept.time[0] + part * h
+    return True
+
+
+@kernel
+def pair(island: High, pace: Pace, h: float, row: int) -> bool:
+    """Take a step of size ``h``, note where it leads, and go there in two halves."""
+    scene = island.scene
+    system, state, start = scene.system, scene.state, scene.start
+    if not newton.take(island, h):
+        return False
+    copy(state.x, pace.x)
+    copy(state.p, pace.p)
+    if pace.checks_rows:
+        go_between(island, pace, h)
+    learn(island)
+    go_back(island, pace)
+    for half in range(2):
+        follow(island, pace.kept.time[0], h)
+        if not newton.take(island, 0.5 * h):
+            return False
+        look(system, state, start, 0.5 * h, scene.watch, row + half)
+        dense_output.mark(pace.middle if half == 0 else pace.end, scene)
+        breakpoints.note(pace.kinks, scene, 1 + half)
+    return True
+
+
+@kernel
+def go_between(island: High, pace: Pace, h: float) -> None:
+    """Note what the rows between and the works of the whole step are."""
+    room = island.between
+    dense_output.mark(room.end, island.scene)
+    dense_output.trace(room, island.station)
+    dense_output.weigh(room, room.basis.shape[0] - 1, 0.5)
+    dense_output.move(room, h, 0.5)
+    copy(room.scene.state.x, pace.x_middle)
+    copy(room.scene.state.p, pace.p_middle)
+    for w in range(pace.work.size):
+        pace.work[w] = island.scene.state.work[w]
+
+
+@kernel
+def apart_within(island: High, pace: Pace, row: int) -> tuple[float, float]:
+    """How far rows between of the whole step are from the pair's middle, and the works from the
+    pair's, by the energy over the length of the scene [m]; how much of that is round-off.
+    """
+    scene, figures = island.scene, pace.figures
+    bodies = scene.system.bodies
+    error, length = 0.0, 0.0
+    for b in range(pace.x.shape[0] - 1):
+        way = sub(at(pace.middle.x, b), at(pace.x_middle, b))
+        turn = compose(at(pace.middle.p, b), inverse(at(pace.p_middle, b)))
+        far = math.sqrt(dot(way, way)) + bodies.length[b] * math.sqrt(dot(turn, turn))
+        error, length = max(error, far), max(length, bodies.length[b])
+    for r in range(row, row + 2):
+        figures[ENERGY] = max(figures[ENERGY], scene.watch.rows[r, KINETIC])
+    work, size = 0.0, figures[ENERGY]
+    for w in range(pace.work.size):
+        work = max(work, abs(pace.end.work[w] - pace.work[w]))
+        size = max(size, abs(pace.work[w]))
+    if not size > 0.0:
+        return error, 0.0
+    return error + length * work / size, ROUND_OFF * length
+
+
+@kernel
+def apart(island: High, pace: Pace) -> tuple[float, float]:
+    """How far the pair and the whole step are apart [m], and how much of that is round-off."""
+    state, bodies = island.scene.state, island.scene.system.bodies
+    error, size = 0.0, 0.0
+    for b in range(state.x.shape[0] - 1):
+        way = sub(at(state.x, b), at(pace.x, b))
+        turn = compose(at(state.p, b), inverse(at(pace.p, b)))
+        length = bodies.length[b]
+        error = max(error, math.sqrt(dot(way, way)) + length * math.sqrt(dot(turn, turn)))
+        size = max(size, math.sqrt(dot(at(state.x, b), at(state.x, b))) + length)
+    return error, ROUND_OFF * size
+
+
+@kernel
+def keep(state: State, kept: State) -> None:
+    """Copy what a step of higher degree changes of the state."""
+    kept.time[0] = state.time[0]
+    copy(state.x, kept.x)
+    copy(state.x_low, kept.x_low)
+    copy(state.p, kept.p)
+    copy(state.v, kept.v)
+    copy(state.w, kept.w)
+    copy(state.a, kept.a)
+    copy(state.alpha, kept.alpha)
+    copy(state.force, kept.force)
+    copy(state.gap, kept.gap)
+    copy(state.reaction, kept.reaction)
+    for source, target in ((state.angle, kept.angle), (state.work, kept.work)):
+        for i in range(source.size):
+            target[i] = source[i]
+
+
+@kernel
+def go_back(island: High, pace: Pace) -> None:
+    """Go back to where the pair starts."""
+    scene = island.scene
+    keep(pace.kept, scene.state)
+    equations.prepare(scene.system, scene.state, scene.start)
+
+
+@kernel
+def learn(island: High) -> None:
+    """Keep the polynomials of the step just taken."""
+    for k in range(island.whole.shape[0]):
+        copy(island.stages.before[k], island.whole[k])
+    for k in range(island.held.shape[0]):
+        copy(island.stages.Z[k], island.held[k])
+
+
+@kernel
+def follow(island: High, t: float, h: float) -> None:
+    """Let the next step follow the polynomials kept, of a step ``h`` from ``t``."""
+    for k in range(island.whole.shape[0]):
+        copy(island.whole[k], island.stages.before[k])
+    for k in range(island.held.shape[0]):
+        copy(island.held[k], island.stages.Z[k])
+    island.stages.known[0], island.stages.known[1] = t, h
+
+
+@kernel
+def fill(island: High, pace: Pace, times: np.ndarray) -> None:
+    """Enter the rows of the ``times`` that the accepted pair has passed."""
+    room = island.between
+    for half in range(2):
+        end = pace.middle if half == 0 else pace.end
+        t, h = room.begin.time[0], end.time[0] - room.begin.time[0]
+        dense_output.copy_point(end, room.end)
+        traced = False
+        while pace.counts[ROWS] < times.size:
+            row = pace.counts[ROWS]
+            if times[row] > t + h * (1.0 + 1e-9):
+                break
+            if not traced:
+                dense_output.trace(room, island.station)
+                traced = True
+            dense_output.publish(room, island.station, (times[row] - t) / h, row)
+            pace.counts[ROWS] += 1
+        dense_output.copy_point(end, room.begin)

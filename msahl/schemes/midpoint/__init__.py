@@ -1,0 +1,1 @@
+"""The schemes of order 2: energy-preserving and decaying."""

@@ -1,0 +1,340 @@
+"""The time element: Hamilton's weak principle at lowest order.
+
+    x1 - x0 = h (v0 + v1)/2                    (a)   used up: v1 = 2 u/h - v0
+    Q       = h (W0 + W1)/2  in body axes      (b)   used up: w1 = 2 R0^T Q/h - w0
+    momentum balances of every body            (c), (d)   ``bodies.rigid``
+    joints closed at the end of the step       (e)        ``joints.coincide``, ``joints.rows``
+
+Unknowns of a step are lengths [m]: the displacements u, the turns l Q, the multipliers lam h^2/2m;
+rows are lengths too. So the Jacobian tends to a limit as h -> 0, and a residual is judged against
+the size of the step's own motion. Forces are discrete gradients: a conservative scene keeps its
+energy to the residual, at any h. With a ``Decay`` (a), (b) and the springs take energy from what is
+quick against the step (``bodies.rigid``, ``forces.spring``), h^2/2 becomes ``reach``, and what has
+been taken is the last of the state's work. Source: Hainge 2010, chapter II; Borri, Mello, Atluri
+1991; Bottasso, Dopico, Trainelli, On the optimal scaling of index three DAEs, Multibody Syst. Dyn.
+19 (2008), for the scaling; the decay is ours.
+"""
+
+import numpy as np
+
+from msahl.algebra.rotation import angle_share, compose, from_step_turn, of_angle
+from msahl.algebra.vector import (
+    Vector,
+    add,
+    at,
+    axpy,
+    dot,
+    matrix_at,
+    put,
+    scale,
+    sub,
+    times,
+    transpose,
+)
+from msahl.elements import along, reactions, rigid_body
+from msahl.elements.constraints import coincide
+from msahl.elements.forces import concentrated, drag
+from msahl.jit.kernel import kernel
+from msahl.system.arrays import Start, State, System, Tables
+
+
+@kernel
+def reach(system: System, h: float) -> float:
+    """What an acceleration over the step moves, in s^2: h^2/2, more with a decaying scheme."""
+    return system.decay.share * h * h
+
+
+@kernel
+def prepare(system: System, state: State, start: Start) -> None:
+    """Fill ``start`` from the accepted ``state``."""
+    rigid_body.prepare(
+        system.bodies,
+        state.p,
+        state.v,
+        state.w,
+        state.v_rise,
+        state.w_rise,
+        system.decay.chi,
+        start.bodies,
+    )
+    R = start.bodies.R
+    coincide.prepare(system.coincide, R, start.coincide)
+    along.prepare(
+        system.along, state.x, R, state.angle, state.reaction, state.reaction_trend, start.along
+    )
+    reactions.prepare(system.reactions, system.along, R, start.reaction_arms)
+    drag.prepare(system.drags, R, start.drag_arms)
+
+
+@kernel
+def load(system: System, state: State, start: Start, h: float) -> bool:
+    """Set the loads to their means over a step ``h``; whether they have first moments, too."""
+    t, R = state.time[0], start.bodies.R
+    return concentrated.over_step(system.loads, system.laws, t, h, R, start.loads)
+
+
+@kernel
+def predict(system: System, state: State, start: Start, h: float, Z: np.ndarray) -> None:
+    """First guess of the unknowns: accelerations and joint forces go on as they changed last.
+
+    Offsets by the loads are not in it: a step is judged by how far it leads beyond its guess.
+    """
+    h2 = reach(system, h)
+    bodies = system.bodies
+    g = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
+    for b in range(bodies.inverse_mass.size - 1):
+        # Exact where nothing but gravity acts: that displacement need not be solved for.
+        a = g if bodies.ballistic[b] else add(at(state.a, b), expected(state, state.a_trend, b))
+        v = sub(at(start.bodies.v_go, b), at(start.bodies.v_offset, b))
+        W = sub(at(start.bodies.W_go, b), at(start.bodies.W_offset, b))
+        put(Z, 2 * b, rigid_body.moving(bodies, 0, axpy(h, v, scale(h2, a))))
+        alpha = add(at(state.alpha, b), expected(state, state.alpha_trend, b))
+        turn = axpy(h, W, scale(h2, alpha))
+        turn = of_angle(turn) if bodies.by_angle is not None else turn
+        put(Z, 2 * b + 1, scale(bodies.length[b], rigid_body.moving(bodies, 1, turn)))
+    first = 2 * bodies.inverse_mass.size
+    for k in range(state.force.shape[0]):
+        guess = add(at(state.force, k), expected(state, state.force_trend, k))
+        for i in range(3):
+            Z[first + k, i] = guess[i] * h2 / system.unit[k, i]
+
+
+@kernel
+def expected(state: State, trend: np.ndarray, k: int) -> Vector:
+    """The next change of a quantity: by its last three, unless the last one tells better."""
+    return by_three(trend, k) if state.foresight[0] > 0.0 else at(trend[0], k)
+
+
+@kernel
+def by_three(trend: np.ndarray, k: int) -> Vector:
+    """The next change of what goes on as a parabola, and of what alternates from step to step, as
+    means over a step do where the scheme keeps all that is quicker than it.
+    """
+    return sub(add(at(trend[0], k), at(trend[1], k)), at(trend[2], k))
+
+
+@kernel
+def gain(trend: np.ndarray, k: int, change: Vector) -> float:
+    """By how much (squared) the last three changes tell this one better than the last does."""
+    by_last, rest = sub(change, at(trend[0], k)), sub(change, by_three(trend, k))
+    return dot(by_last, by_last) - dot(rest, rest)
+
+
+@kernel
+def keep(trend: np.ndarray, k: int, change: Vector) -> None:
+    """Make ``change`` the last of the quantity ``k``."""
+    put(trend[2], k, at(trend[1], k))
+    put(trend[1], k, at(trend[0], k))
+    put(trend[0], k, change)
+
+
+@kernel
+def residual(
+    system: System, state: State, start: Start, h: float, Z: np.ndarray, F: np.ndarray
+) -> None:
+    """Set ``F`` (nodes, 3) to the rows of the step's equations at ``Z`` [m]."""
+    h2 = reach(system, h)
+    bodies, t = system.bodies, state.time[0]
+    rigid_body.residual(bodies, start.bodies, h, h2, Z, F)
+    coincide.residual(system.coincide, start.coincide, bodies, h2, Z, F)
+    along.residual(system.along, start.along, bodies, state.gap, t, h, h2, Z, F)
+    concentrated.residual(system.loads, start.loads, bodies, h2, Z, F)
+    drag.residual(system.drags, start.drag_arms, bodies, h, h2, Z, F)
+
+
+@kernel
+def joint_jacobian(
+    system: System, start: Start, h: float, Z: np.ndarray, values: np.ndarray
+) -> None:
+    """Set the block ``values`` to the derivative of inertia and joints, after ``residual``."""
+    h2 = reach(system, h)
+    for i in range(values.size):
+        values[i] = system.constant[i]
+    rigid_body.jacobian(system.bodies, start.bodies, h, h2, Z, values)
+    coincide.jacobian(system.coincide, start.coincide, system.bodies, h2, Z, values)
+    along.joint_jacobian(system.along, start.along, system.bodies, h2, Z, values)
+
+
+@kernel
+def jacobian(system: System, start: Start, h: float, Z: np.ndarray, values: np.ndarray) -> None:
+    """Set the block ``values`` to the derivative of the rows by the unknowns, after ``residual``
+    at the same ``Z``.
+    """
+    joint_jacobian(system, start, h, Z, values)
+    h2 = reach(system, h)
+    along.force_jacobian(system.along, start.along, system.bodies, h, h2, Z, values)
+    concentrated.jacobian(system.loads, start.loads, system.bodies, h2, Z, values)
+    drag.jacobian(system.drags, start.drag_arms, system.bodies, h, h2, Z, values)
+
+
+@kernel
+def step_size(system: System, start: Start, h: float, Z: np.ndarray) -> float:
+    """The step's own length [m], by which a residual is judged: its largest term."""
+    largest = 0.0
+    for i in range(3):
+        largest = max(largest, reach(system, h) * abs(system.bodies.gravity[i]))
+    for b in range(system.bodies.inverse_mass.size - 1):
+        for i in range(3):
+            largest = max(largest, h * abs(start.bodies.v[b, i]))
+            largest = max(largest, h * abs(start.bodies.W[b, i]) * system.bodies.length[b])
+    for node in range(Z.shape[0]):
+        for i in range(3):
+            largest = max(largest, abs(Z[node, i]))
+    return largest
+
+
+@kernel
+def accept(
+    system: System, state: State, start: Start, h: float, Z: np.ndarray, F: np.ndarray
+) -> None:
+    """Advance ``state`` by the solved step; ``F`` is the residual at ``Z``, evaluated last."""
+    bodies, t, h2 = system.bodies, state.time[0], reach(system, h)
+    decay, per_step = system.decay, h / reach(system, h)
+    loss, gained = 0.0, 0.0
+    concentrated.work(system.loads, start.loads, bodies, Z, system.load_column, state.work)
+    drag.work(system.drags, start.drag_arms, bodies, h, Z, system.drag_column, state.work)
+    along.accept(system.along, start.along, bodies, t, h, h2, Z, state.angle, state.work)
+    for b in range(bodies.inverse_mass.size - 1):
+        u = at(Z, 2 * b)
+        Q = rigid_body.turn_of(bodies, Z, b)
+        v0 = at(start.bodies.v, b)
+        v1 = add(v0, scale(per_step, axpy(-h, at(start.bodies.v_go, b), u)))
+        turn = scale(angle_share(Q)[0], Q) if bodies.by_angle is not None else Q
+        turned = axpy(-h, at(start.bodies.W_go, b), turn)
+        dw = scale(per_step, times(transpose(matrix_at(start.bodies.R, b)), turned))
+        for i in range(3):
+            total = state.x[b, i] + (u[i] + state.x_low[b, i])
+            state.x_low[b, i] += u[i] - (total - state.x[b, i])
+            state.x[b, i] = total
+        put(state.p, b, compose(from_step_turn(Q), at(state.p, b)))
+        put(state.v, b, v1)
+        put(state.w, b, add(at(state.w, b), dw))
+        if decay.chi > 0.0:
+            dv = sub(v1, v0)
+            loss += rigid_body.smooth(bodies, decay, b, dv, dw, state.v_rise, state.w_rise)
+        # As the guess has it: the change of W that is not the body's own turning.
+        a, alpha = scale(1.0 / h, sub(v1, v0)), scale(1.0 / h2, turned)
+        da, dalpha = sub(a, at(state.a, b)), sub(alpha, at(state.alpha, b))
+        gained += gain(state.a_trend, b, da)
+        gained += bodies.length[b] ** 2 * gain(state.alpha_trend, b, dalpha)
+        keep(state.a_trend, b, da)
+        keep(state.alpha_trend, b, dalpha)
+        put(state.a, b, a)
+        put(state.alpha, b, alpha)
+    if concentrated.has_first(start.loads):
+        lost = rigid_body.lost(bodies, start.bodies, h, state.a, state.alpha)
+        concentrated.work_of_first(
+            system.loads,
+            start.loads,
+            start.bodies,
+            h,
+            state.a,
+            state.alpha,
+            lost,
+            system.load_column,
+            state.work,
+        )
+    state.foresight[0] = 1.0 if gained >= 0.0 else 0.0
+    if decay.chi > 0.0:
+        loss += along.smooth(system.along, start.along, decay.pole)
+        state.work[state.work.size - 1] -= loss
+    _enter_multipliers(system, state, start, h, Z, F)
+    state.time[0] += h
+
+
+@kernel
+def _enter_multipliers(
+    system: System, state: State, start: Start, h: float, Z: np.ndarray, F: np.ndarray
+) -> None:
+    """Set joint forces, reactions and gaps of the state from the solution."""
+    first = 2 * system.bodies.inverse_mass.size
+    for k in range(state.force.shape[0]):
+        before = at(state.force, k)
+        for i in range(3):
+            state.force[k, i] = Z[first + k, i] * system.unit[k, i] / reach(system, h)
+            state.gap[k, i] = F[first + k, i]
+        keep(state.force_trend, k, sub(at(state.force, k), before))
+    along.follow(system.along, state.reaction, state.reaction_trend, 0.0, -1.0)
+    react(system, state, start, Z)
+    along.follow(system.along, state.reaction, state.reaction_trend, 1.0, 1.0)
+
+
+@kernel
+def react(system: System, state: State, start: Start, Z: np.ndarray) -> None:
+    """Set the state's reactions from its multipliers, after ``residual`` at ``Z``."""
+    reactions.gather(
+        system.reactions,
+        system.along,
+        start.along,
+        system.bodies,
+        start.reaction_arms,
+        Z,
+        state.force,
+        state.reaction,
+    )
+
+
+@kernel
+def free_acceleration(
+    system: System, state: State, start: Start, Z: np.ndarray, F: np.ndarray
+) -> None:
+    """Set the rows to what the accelerations must balance: forces, and minus the joints' parts.
+
+    For ``joint_jacobian`` of the scene at rest with h^2 = 2. ``Z`` is zero.
+    """
+    bodies, t = system.bodies, state.time[0]
+    v, W = start.bodies.v, start.bodies.W
+    rigid_body.free_acceleration(bodies, start.bodies, F)
+    coincide.free_gap_acceleration(system.coincide, start.coincide, W, F)
+    along.free_acceleration(system.along, start.along, bodies, v, W, state.reaction, t, Z, F)
+    concentrated.at_time(system.loads, system.laws, t, start.loads.factor)
+    concentrated.prepare(system.loads, start.loads.factor, start.bodies.R, start.loads)
+    concentrated.free_acceleration(system.loads, start.loads, bodies, F)
+    drag.free_acceleration(system.drags, start.drag_arms, bodies, v, W, F)
+
+
+@kernel
+def publish(
+    system: System,
+    state: State,
+    start: Start,
+    h: float,
+    mean_reaction: np.ndarray,
+    mean_force: np.ndarray,
+    tables: Tables,
+    row: int,
+) -> None:
+    """Write a row of results: the accepted, observed state, joints over the step ``h`` before."""
+    rigid_body.publish(system.bodies, state.x, state.p, start.bodies, state.w, tables.states, row)
+    reactions.publish(
+        system.shown,
+        system.along,
+        mean_reaction,
+        mean_force,
+        state.time[0] - 0.5 * h,
+        tables.reactions,
+        row,
+    )
+    for k in range(state.work.size):
+        tables.work[row, k] = state.work[k]
+    for k in range(state.work.size, tables.work.shape[1]):
+        tables.work[row, k] = 0.0
+    along.publish_energy(
+        system.along, start.along, system.shown.elastic, state.work.size, tables.work, row
+    )
+
+
+@kernel
+def observe(
+    system: System, state: State, start: Start, gap: np.ndarray, rate: np.ndarray
+) -> tuple[float, float]:
+    """Kinetic and potential energy [J] of the prepared state; elastic energy is part of the second.
+
+    Fills ``gap`` and ``rate`` (k, 3), by the multipliers' nodes, with the joints' gaps [m or rad]
+    and their rates, from absolute positions.
+    """
+    coincide.gap(system.coincide, start.coincide, state.x, gap)
+    coincide.gap_rate(system.coincide, start.coincide, start.bodies, rate)
+    elastic = along.observe(system.along, start.along, start.bodies, state.time[0], gap, rate)
+    kinetic, potential = rigid_body.energy(system.bodies, state.x, state.v, state.w)
+    return kinetic, potential + elastic

@@ -1,1 +1,0 @@
-"""Solving: the nonlinear equations of a step, and many steps of an island."""

@@ -1,0 +1,1 @@
+"""Consistent initial positions, velocities and accelerations."""

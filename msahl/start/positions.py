@@ -1,0 +1,78 @@
+"""Assembly: a scene whose joints are given approximately is closed by Newton's method.
+
+    G (u, Q) = -gap ,   smallest by mass                  repeated until the gaps are round-off
+
+The change of every body is reported. Turns are step turns: exact for any size.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.algebra.rotation import compose, from_step_turn
+from msahl.algebra.vector import at, scale
+from msahl.elements import along
+from msahl.schemes.midpoint import equations
+from msahl.start.velocities import StartError, solve_at_rest
+from msahl.system.arrays import State, System, body_count, new_start, node_count
+from msahl.system.reductions import all_unknowns
+from msahl.system.unknowns import choose
+
+MAX_ITERATIONS = 50
+CLOSED = 1e-13
+"""Gap, relative to the scene's largest length, at which the joints count as closed."""
+
+
+class Assembled(NamedTuple):
+    """Largest gap as given [m], and the way [m] and turn [rad] of every body."""
+
+    gap: float
+    ways: np.ndarray  # (n,)
+    turns: np.ndarray  # (n,)
+
+
+def assemble(system: System, state: State) -> Assembled:
+    """Change ``state.x`` and ``state.p`` until no joint has a gap; raises ``StartError``."""
+    n = body_count(system)
+    unknowns = choose(system, all_unknowns(system))
+    x0, p0 = state.x.copy(), state.p.copy()
+    length = max(float(system.bodies.length.max()), float(np.abs(state.x).max()))
+    given = gap = _largest_gap(system, state)
+    for _ in range(MAX_ITERATIONS):
+        if gap <= CLOSED * length:
+            break
+        rows = np.zeros((node_count(system), 3))
+        rows[2 * n :] = -_gaps(system, state)
+        step = solve_at_rest(system, state, rows, unknowns)
+        state.x[:] += step[0 : 2 * n : 2]
+        for b in range(n):
+            Q = scale(1.0 / system.bodies.length[b], at(step, 2 * b + 1))
+            state.p[b] = compose(from_step_turn(Q), at(state.p, b))
+        gap = _largest_gap(system, state)
+    if not gap <= 1e3 * CLOSED * length:
+        raise StartError(
+            f"the joints cannot be closed: a gap of {gap:.3g} m is left of {given:.3g} m; give "
+            "positions nearer to a closed scene, or check lengths and axes"
+        )
+    turns = [_turn(at(p0, b), at(state.p, b)) for b in range(n - 1)]
+    return Assembled(given, np.linalg.norm(state.x - x0, axis=1)[: n - 1], np.array(turns))
+
+
+def _gaps(system: System, state: State) -> np.ndarray:
+    """(k, 3) gaps [m], rows in radians times their length."""
+    start = new_start(system, state)
+    equations.prepare(system, state, start)
+    gap, rate = np.zeros_like(state.gap), np.zeros_like(state.gap)
+    equations.observe(system, state, start, gap, rate)
+    along.in_metres(system.along, gap, rate)
+    return gap
+
+
+def _largest_gap(system: System, state: State) -> float:
+    return float(np.linalg.norm(_gaps(system, state), axis=1).max(initial=0.0))
+
+
+def _turn(p0: tuple[float, float, float], p1: tuple[float, float, float]) -> float:
+    """Angle [rad] between two orientations."""
+    c = compose((-p0[0], -p0[1], -p0[2]), p1)
+    return float(4.0 * np.arctan(0.25 * np.linalg.norm(c)))

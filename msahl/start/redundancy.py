@@ -1,0 +1,171 @@
+"""Degrees of freedom: how many of the joints' equations are independent, and which components of
+reactions are unique.
+
+Multipliers lam with G^T lam = 0 move nothing: any amount of them can be added to a solution. They
+form the null space of G^T. A component of a reaction is a linear function of the multipliers, so it
+is unique if that function is zero in the whole null space. Source: Wojtyra, Joint reactions in
+rigid body mechanisms with dependent constraints, Mech. Mach. Theory 44 (2009), who decides by
+joint; the functions are those by which the reactions are published.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from msahl.elements.constraints import coordinates
+from msahl.schemes.midpoint import equations
+from msahl.start.velocities import jacobian_at_rest, solve_sparse
+from msahl.system.arrays import State, System, body_count, multiplier_count, new_start, node_count
+from msahl.system.names import FORCE_COLUMNS, LOAD_COLUMN, MOMENT_COLUMNS
+from msahl.system.reductions import all_unknowns
+from msahl.system.unknowns import Unknowns, choose
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+INDEPENDENT = 1e-9
+"""Singular value, relative to the largest, below which an equation follows from the others."""
+PART = 1e-6
+"""Component, in a null space of unit vectors, that is not round-off: a singular value that counts
+as zero leaves 1e-9 at most, and a joint placed by the six digits of a deck some 1e-7."""
+LARGEST_DENSE = 600
+"""Most rows of a constraint matrix that is decomposed as a dense one, in half a second or so: time
+grows with the third power of the rows, and memory with the second."""
+SHIFT = 1e-13
+"""Put on the diagonal of G G^T, relative to its largest entries, so that it has factors: above the
+round-off of its null space, below what belongs to the smallest other singular value."""
+INVERSE_ITERATIONS = 4
+"""Each enlarges the null space against the rest by the ratio of their eigenvalues, 1e4 and more."""
+
+
+def constraint_matrix(system: System, state: State) -> "csr_array":
+    """(3 k, 6 (n+1)) derivative of the gaps by displacements and turns l Q, dimensionless."""
+    from scipy.sparse import coo_array
+
+    values = jacobian_at_rest(system, state).reshape(-1, 3, 3)
+    first = 2 * body_count(system)
+    row, column = system.blocks.T
+    chosen = np.flatnonzero((row >= first) & (column < first))
+    i, j = np.broadcast_arrays(
+        3 * (row[chosen, None, None] - first) + np.arange(3)[:, None],
+        3 * column[chosen, None, None] + np.arange(3),
+    )
+    shape = (3 * (node_count(system) - first), 3 * first)
+    return coo_array((values[chosen].ravel(), (i.ravel(), j.ravel())), shape).tocsr()
+
+
+def constraint_rank(system: System, state: State) -> int:
+    """Number of independent joint equations in the state's configuration."""
+    # A regular matrix of the whole scene proves them independent, and is cheap where it is large.
+    if is_regular(system, state, choose(system, all_unknowns(system))):
+        return multiplier_count(system)
+    G = constraint_matrix(system, state)
+    equations = _equations(G)
+    return int(equations.sum()) - null_space(G[equations]).shape[1]
+
+
+def is_regular(system: System, state: State, unknowns: Unknowns) -> bool:
+    """Whether the scene's matrix at rest is regular in the ``unknowns``."""
+    probe = np.random.default_rng(0).normal(size=3 * node_count(system))
+    return solve_sparse(jacobian_at_rest(system, state), probe, unknowns) is not None
+
+
+def shared_reactions(system: System, state: State) -> dict[int, list[str]]:
+    """By number of the joint, coupling or motion, the columns of its reaction that are not unique
+    in the state's configuration; those that are unique throughout have no entry.
+    """
+    null = _null_space(system, state)
+    joints = _components(system, state, null)
+    columns = (*FORCE_COLUMNS, *MOMENT_COLUMNS)
+    shared = {
+        j: [column for column, size in zip(columns, sizes, strict=True) if size > PART]
+        for j, sizes in enumerate(joints)
+    }
+    if system.along:
+        places = system.along.rows.place[system.shown.load_row]
+        loads = np.linalg.norm(null[:, places[:, 0], places[:, 1]], axis=0)
+        for e, load in enumerate(loads, start=len(joints)):
+            shared[e] = [LOAD_COLUMN] if load > PART else []
+    return {e: columns for e, columns in shared.items() if columns}
+
+
+def _null_space(system: System, state: State) -> np.ndarray:
+    """(n, k, 3) unit vectors, by the multipliers' nodes, that hold each other; all are forces, as
+    rows in radians count by their length.
+    """
+    G = constraint_matrix(system, state)
+    equations = _equations(G)
+    idle = null_space(G[equations])
+    null = np.zeros((idle.shape[1], G.shape[0]))
+    null[:, equations] = idle.T
+    return null.reshape(len(null), -1, 3)
+
+
+def _components(system: System, state: State, null: np.ndarray) -> np.ndarray:
+    """(j, 6) the largest forces, and moments over a body's length, that unit vectors of the null
+    space give to each joint's reaction, by its columns; those not shown are zero.
+    """
+    unit, rest = np.ones_like(state.force), state._replace(reaction=np.zeros_like(state.reaction))
+    start, Z = new_start(system, rest), np.zeros((node_count(system), 3))
+    equations.prepare(system, rest, start)
+    if system.along:
+        rows = system.along.rows
+        unit[rows.place[:, 0], rows.place[:, 1]] = rows.scale
+        coordinates.evaluate(system.along.quantities, start.along.quantities, system.bodies, Z)
+    squares = np.zeros_like(state.reaction)
+    for vector in null:
+        held = rest._replace(force=vector * unit)
+        equations.react(system, held, start, Z)
+        squares += held.reaction**2
+    sizes = np.sqrt(squares)
+    sizes[:, 3:] /= system.bodies.length[system.reactions.child, None]
+    sizes[~system.shown.moment, 3:] = 0.0
+    return sizes
+
+
+def _equations(G: "csr_array") -> np.ndarray:
+    """(3 k,) which rows are equations: the last node of an element may have fewer than three."""
+    equations: np.ndarray = abs(G).sum(axis=1) > 0.0
+    return equations
+
+
+def null_space(G: "csr_array") -> np.ndarray:
+    """(m, d) orthonormal basis of the vectors y with y^T G = 0."""
+    if not G.shape[0]:
+        return np.zeros((0, 0))
+    if G.shape[0] <= LARGEST_DENSE:
+        left, values, _ = np.linalg.svd(G.toarray())
+        dense: np.ndarray = left[:, np.count_nonzero(values > INDEPENDENT * values[0]) :]
+        return dense
+    return _null_space_by_inverse_iteration(G)
+
+
+def _null_space_by_inverse_iteration(G: "csr_array") -> np.ndarray:
+    """As ``null_space``: memory grows with the rows times the dimension of the null space."""
+    from scipy.sparse import eye_array
+    from scipy.sparse.linalg import splu
+
+    m = G.shape[0]
+    S = G @ G.T
+    size = float(abs(S).sum(axis=0).max())  # an upper bound of the largest eigenvalue
+    shifted: Any = (S + SHIFT * size * eye_array(m)).tocsc()
+    factors = splu(
+        shifted,
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
+    )
+    draw = np.random.default_rng(0)
+    wanted = 8
+    while True:
+        wanted = min(wanted, m)
+        Y = draw.normal(size=(m, wanted))
+        for _ in range(INVERSE_ITERATIONS):
+            Y = np.linalg.qr(factors.solve(Y))[0]
+        # G itself says which of them are null: in G G^T a small singular value is lost.
+        _, values, turned = np.linalg.svd(np.linalg.qr(G.T @ Y)[1])
+        null = values <= INDEPENDENT * np.sqrt(size)
+        if not null.all() or wanted == m:
+            basis: np.ndarray = Y @ turned[null].T
+            return basis
+        wanted *= 2

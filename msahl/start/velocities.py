@@ -1,0 +1,236 @@
+"""The state at t = 0 made consistent: velocities that keep the joints closed, first reactions.
+
+    G v = 0                                       hidden velocity constraint of every joint
+    [ M  -G^T ] [ dv ]   [   0  ]                 smallest change by mass
+    [ G    0  ] [ mu ] = [ -G v ]
+
+    [ M  -G^T ] [ a   ]   [ forces          ]     index-1 problem of the accelerations and
+    [ G    0  ] [ lam ] = [ -dG/dt v        ]     the initial reactions
+
+Both matrices are the step's own Jacobian for a scene at rest with h^2 = 2. By default the angular
+velocities are kept and only the translational ones change (the thesis's top decks give v = 0 with a
+spin that moves the mass centre); where that cannot close the joints, all may change. Velocities
+that break a joint would alternate with its multiplier for ever, at conserved energy.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.elements import along, reactions
+from msahl.elements.constraints import coordinates
+from msahl.elements.reactions import MOST_ROUNDS
+from msahl.linalg import sparse_lu
+from msahl.schemes.midpoint import equations
+from msahl.system.arrays import Start, State, System, body_count, new_start, node_count
+from msahl.system.reductions import TURNS
+from msahl.system.unknowns import Unknowns, choose
+
+CONSISTENT = 1e-12
+"""Gap rate, relative to the fastest speed in the scene, that is taken for round-off."""
+ROUND_OFF = 1e-10
+"""Residual of a linear solution, relative to its right-hand side, above which pivots failed."""
+
+REFINEMENTS = 1
+"""Solutions for the residual that the first left: the round-off of pivots in a fixed order adds up
+along a chain, to 1e-10 of 20,000 bodies, which is that of a matrix without an inverse."""
+
+LARGEST_DENSE = 600
+"""Most unknowns of a singular matrix for which least squares are taken of the dense matrix."""
+RELAXED = 1e-9
+"""Compliance put on multipliers that redundant equations leave open, against those of order 1."""
+REPETITIONS = 4
+"""Each leaves a share of RELAXED over the joints' own compliance."""
+
+
+class VelocityChange(NamedTuple):
+    """What was done to the velocities of the deck."""
+
+    method: str  # "none", "keepAngular", "massWeighted" or "asGiven"
+    rate: float  # largest gap rate as given [m/s]
+    dv: np.ndarray  # (n, 3) change of the mass centres' velocities, inertial axes [m/s]
+    dw: np.ndarray  # (n, 3) change of the angular velocities, inertial axes [rad/s]
+
+
+class StartError(Exception):
+    """There is no consistent start, or the deck refuses to have it made; the message says more."""
+
+
+def make_consistent(
+    system: System, state: State, free: np.ndarray, wish: str = "keepAngular"
+) -> VelocityChange:
+    """Change the velocities of the ``free`` unknowns so that no joint opens; say how.
+
+    ``wish`` is "keepAngular", "massWeighted", "asGiven", which changes nothing, or "refuse": then
+    inconsistent velocities raise ``StartError``, as do those that cannot be mended (two motions at
+    odds).
+    """
+    n = system.bodies.inverse_mass.size - 1
+    start = new_start(system, state)
+    v0, w0 = state.v.copy(), state.w.copy()
+    given = _largest(_gap_rate(system, state, start))
+    speed = max(np.abs(v0).max(), (np.abs(start.bodies.W) * system.bodies.length[:, None]).max())
+    near = CONSISTENT * max(speed, given)
+    method = "none"
+    if given > near and wish == "asGiven":
+        return VelocityChange(wish, given, np.zeros((n, 3)), np.zeros((n, 3)))
+    if given > near:
+        if wish == "refuse":
+            raise StartError(
+                f"the initial velocities open a joint at {given:.3g} m/s, and the deck says "
+                'velocity="refuse"; mend them, or let them be changed: velocity="keepAngular"'
+            )
+        method = wish
+        if wish == "keepAngular":
+            _project(system, state, start, choose(system, _translations(system, free)))
+            if _largest(_gap_rate(system, state, start)) > 1e3 * near:
+                method = "massWeighted"
+                state.v[:], state.w[:] = v0, w0
+        if method == "massWeighted":
+            _project(system, state, start, choose(system, free))
+        left = _largest(_gap_rate(system, state, start))
+        if left > 1e3 * near:
+            raise StartError(
+                f"no velocities satisfy all joints and motions: {left:.3g} m/s are left over; "
+                "look for motions that contradict each other or the joints at t = 0"
+            )
+    R = start.bodies.R
+    dw = np.einsum("bij,bj->bi", R, state.w - w0)
+    return VelocityChange(method, given, (state.v - v0)[:n], dw[:n])
+
+
+def solve_accelerations(system: System, state: State, unknowns: Unknowns) -> None:
+    """Set accelerations, multipliers and reactions of ``state`` to their values at t = 0.
+
+    Friction presses by the reaction, which depends on friction: rounds until it stands still.
+    """
+    start = new_start(system, state)
+    rows, Z = np.zeros((2, node_count(system), 3))
+    n = body_count(system)
+    for _ in range(MOST_ROUNDS):
+        last = state.reaction.copy()
+        equations.prepare(system, state, start)
+        equations.free_acceleration(system, state, start, Z, rows)
+        solution = solve_at_rest(system, state, rows, unknowns)
+        state.a[:] = solution[0 : 2 * n : 2]
+        state.alpha[:] = solution[1 : 2 * n : 2] / system.bodies.length[:, None]
+        state.force[:] = solution[2 * n :] * system.unit
+        equations.react(system, state, start, Z)
+        if not along.rubs(system.along) or reactions.stands(state.reaction, last):
+            break
+
+
+def _largest(vectors: np.ndarray) -> float:
+    """Length of the longest of ``vectors`` (k, 3)."""
+    return float(np.linalg.norm(vectors, axis=1).max(initial=0.0))
+
+
+def _gap_rate(system: System, state: State, start: Start) -> np.ndarray:
+    """(k, 3) gap rates of the state [m/s], radians times their length; prepares ``start``."""
+    equations.prepare(system, state, start)
+    gap, rate = np.zeros_like(state.gap), np.zeros_like(state.gap)
+    equations.observe(system, state, start, gap, rate)
+    along.in_metres(system.along, gap, rate)
+    return rate
+
+
+def _translations(system: System, free: np.ndarray) -> np.ndarray:
+    """The free unknowns without the bodies' turns."""
+    node = free // 3
+    turns = (node < 2 * system.bodies.inverse_mass.size) & (node % 2 == TURNS)
+    translations: np.ndarray = free[~turns]
+    return translations
+
+
+def _project(system: System, state: State, start: Start, unknowns: Unknowns) -> None:
+    """Change the velocities among ``unknowns``, least by mass, so that the gap rate is 0."""
+    rows = np.zeros((node_count(system), 3))
+    n = system.bodies.inverse_mass.size
+    rows[2 * n :] = -_gap_rate(system, state, start)
+    change = solve_at_rest(system, state, rows, unknowns)
+    state.v[:] += change[0 : 2 * n : 2]
+    dW = change[1 : 2 * n : 2] / system.bodies.length[:, None]
+    state.w[:] += np.einsum("bji,bj->bi", start.bodies.R, dW)
+
+
+def jacobian_at_rest(system: System, state: State) -> np.ndarray:
+    """Block values of the Jacobian in the state's configuration without motion, h^2 = 2."""
+    rest = state._replace(v=np.zeros_like(state.v), w=np.zeros_like(state.w))
+    start = new_start(system, rest)
+    equations.prepare(system, rest, start)
+    values, Z = np.zeros_like(system.constant), np.zeros((node_count(system), 3))
+    if system.along:
+        coordinates.evaluate(system.along.quantities, start.along.quantities, system.bodies, Z)
+    equations.joint_jacobian(system, start, np.sqrt(2.0), Z, values)
+    return values
+
+
+def solve_at_rest(system: System, state: State, rows: np.ndarray, unknowns: Unknowns) -> np.ndarray:
+    """Solve with the Jacobian at rest in the ``unknowns``; (nodes, 3), zero elsewhere."""
+    values, first = jacobian_at_rest(system, state), 6 * body_count(system)
+    solution = np.zeros_like(rows)
+    solution.reshape(-1)[unknowns.free] = _solve(values, rows.reshape(-1), unknowns, first)
+    return solution
+
+
+def _solve(values: np.ndarray, rows: np.ndarray, unknowns: Unknowns, first: int) -> np.ndarray:
+    """The free unknowns by the sparse factors, or, where joints are redundant, by least squares;
+    multipliers begin at the flat unknown ``first``.
+    """
+    x = solve_sparse(values, rows, unknowns)
+    if x is not None:
+        return x
+    size = unknowns.free.size
+    if size > LARGEST_DENSE:
+        return _solve_relaxed(values, rows, unknowns, first)
+    A = np.zeros(size * size)
+    A[unknowns.dense_to] = values[unknowns.dense_from]
+    least: np.ndarray = np.linalg.lstsq(A.reshape(size, size), rows[unknowns.free], rcond=None)[0]
+    return least
+
+
+def _solve_relaxed(
+    values: np.ndarray, rows: np.ndarray, unknowns: Unknowns, first: int
+) -> np.ndarray:
+    """A solution (f,) for many unknowns, of which redundant equations leave multipliers open:
+    these are relaxed, and what that changes in the others is taken back by repetition.
+    """
+    from scipy.sparse import coo_array, diags_array
+    from scipy.sparse.linalg import splu
+
+    size = unknowns.free.size
+    places = np.divmod(unknowns.dense_to, size)
+    A = coo_array((values[unknowns.dense_from], places), shape=(size, size)).tocsc()
+    factors = splu((A - diags_array(np.where(unknowns.free >= first, RELAXED, 0.0))).tocsc())
+    wanted, x = rows[unknowns.free], np.zeros(size)
+    for _ in range(REPETITIONS):
+        x += factors.solve(wanted - A @ x)
+    return x
+
+
+def solve_sparse(values: np.ndarray, rows: np.ndarray, unknowns: Unknowns) -> np.ndarray | None:
+    """The free unknowns (f,) by the sparse factors, or None if the matrix is (nearly) singular."""
+    order = unknowns.elimination.order
+    factor = np.zeros(int(unknowns.elimination.base[-1]))
+    solution, left, y = np.zeros_like(rows), np.zeros_like(rows), rows[order]
+    wanted = rows[unknowns.free]
+    largest = np.abs(wanted).max(initial=0.0)
+    with np.errstate(all="ignore"):
+        sparse_lu.factor(unknowns.elimination, values, factor)
+        sparse_lu.solve(unknowns.elimination, factor, y)
+        solution[order] = y
+        for _ in range(REFINEMENTS):
+            left[unknowns.free] = wanted - _times(values, solution[unknowns.free], unknowns)
+            y = left[order]
+            sparse_lu.solve(unknowns.elimination, factor, y)
+            solution[order] += y
+        x = solution[unknowns.free]
+        good = np.abs(_times(values, x, unknowns) - wanted).max(initial=0.0) <= ROUND_OFF * largest
+        bounded = np.abs(x).max(initial=0.0) <= largest / ROUND_OFF
+    return x if good and bounded else None
+
+
+def _times(values: np.ndarray, x: np.ndarray, unknowns: Unknowns) -> np.ndarray:
+    """(f,) the matrix of the free unknowns times ``x``."""
+    rows, columns = np.divmod(unknowns.dense_to, max(x.size, 1))
+    return np.bincount(rows, values[unknowns.dense_from] * x[columns], x.size)

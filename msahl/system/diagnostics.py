@@ -1,0 +1,187 @@
+"""What is known of a run over all its steps, thinned in the output or not.
+
+Every accepted step leaves a row of figures; chunk by chunk they are folded into the extremes of the
+run. The energy balance is E - work of the loads: it stays what it was, exactly, for the exact
+motion. The local error is what one step adds to a body's place,
+
+    h^2/12 |change of a| + l (h^2/12 |change of alpha| + (h W)^3/12)
+
+the trapezoidal rule's for the way and for the turn, and the discrete turn's own (2 tan(h W/2) is
+taken for h W). Their sum is an estimate of a regular motion's error, from above or near it; what
+chaos makes of it, only a second run can tell.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.algebra.vector import at, dot, sub
+from msahl.elements import along
+from msahl.jit.kernel import apart, kernel
+from msahl.schemes.midpoint import equations
+from msahl.system.arrays import Start, State, System
+
+BALANCE, KINETIC, GAP, GAP_RATE, GAP_WORK, SPEED, TURN, DISTANCE, WAY, LOCAL = range(10)
+AT_REST = 1e-12
+"""Kinetic energy, relative to the energy at the start or the model's scale, that is round-off."""
+
+
+class Watch(NamedTuple):
+    """Rows of one chunk, and room for the joints' gaps.
+
+    A row is: balance, kinetic energy [J]; largest gap [m] and gap rate [m/s]; work that the joints'
+    forces have in their gaps [J]; of the bodies the highest speed [m/s], of the mass centre and the
+    turning at l, the fastest turn a step [rad], the farthest from the origin and from where they
+    began, and the largest local error [m].
+    """
+
+    rows: np.ndarray  # (steps, 10)
+    began: np.ndarray  # (n+1, 3) mass centres at t = 0 [m]
+    gap: np.ndarray  # (k, 3) by the multipliers' nodes
+    rate: np.ndarray  # (k, 3)
+
+
+def new_watch(state: State, steps: int) -> Watch:
+    """Room for ``steps`` rows."""
+    return Watch(
+        rows=np.zeros((steps, LOCAL + 1)),
+        began=state.x.copy(),
+        gap=np.zeros_like(state.gap),
+        rate=np.zeros_like(state.gap),
+    )
+
+
+@kernel
+def look(system: System, state: State, start: Start, h: float, watch: Watch, row: int) -> None:
+    """Fill a row with the figures of the accepted, prepared state after a step ``h``."""
+    kinetic, potential = equations.observe(system, state, start, watch.gap, watch.rate)
+    work = 0.0
+    for k in range(state.force.shape[0]):
+        for i in range(3):
+            work += abs(state.force[k, i] * watch.gap[k, i])
+    along.in_metres(system.along, watch.gap, watch.rate)
+    watch.rows[row, BALANCE] = balanced(kinetic + potential, state)
+    watch.rows[row, KINETIC] = kinetic
+    watch.rows[row, GAP] = largest_length(watch.gap)
+    watch.rows[row, GAP_RATE] = largest_length(watch.rate)
+    watch.rows[row, GAP_WORK] = work
+    look_at_bodies(system, state, start, h, watch, row)
+
+
+@kernel
+def balanced(energy: float, state: State) -> float:
+    """``energy`` less all work [J]."""
+    for k in range(state.work.size):
+        energy -= state.work[k]
+    return energy
+
+
+@apart
+def energy_balance(
+    system: System, state: State, start: Start, gap: np.ndarray, rate: np.ndarray
+) -> float:
+    """Energy balance [J] of the prepared state; ``gap`` and ``rate`` (k, 3) are room."""
+    kinetic, potential = equations.observe(system, state, start, gap, rate)
+    return balanced(kinetic + potential, state)
+
+
+@kernel
+def look_at_bodies(
+    system: System, state: State, start: Start, h: float, watch: Watch, row: int
+) -> None:
+    """Fill in speed, turn, distance, way and local error, each of the body where it is largest."""
+    speed, turn, distance, way, local = 0.0, 0.0, 0.0, 0.0, 0.0
+    for b in range(system.bodies.inverse_mass.size - 1):
+        v, W, x = at(start.bodies.v, b), at(start.bodies.W, b), at(state.x, b)
+        a, alpha = at(state.a_trend[0], b), at(state.alpha_trend[0], b)
+        length = system.bodies.length[b]
+        spin = math.sqrt(dot(W, W))
+        angle = h * spin
+        bend = math.sqrt(dot(a, a)) + length * math.sqrt(dot(alpha, alpha))
+        speed = max(speed, math.sqrt(dot(v, v)) + length * spin)
+        turn = max(turn, angle)
+        distance = max(distance, dot(x, x))
+        gone = sub(x, at(watch.began, b))
+        way = max(way, dot(gone, gone))
+        local = max(local, h * h * bend + length * angle * angle * angle)
+    watch.rows[row, SPEED] = speed
+    watch.rows[row, TURN] = turn
+    watch.rows[row, DISTANCE] = math.sqrt(distance)
+    watch.rows[row, WAY] = math.sqrt(way)
+    watch.rows[row, LOCAL] = local / 12.0
+
+
+@kernel
+def largest_length(vectors: np.ndarray) -> float:
+    """Length of the longest of ``vectors`` (k, 3)."""
+    square = 0.0
+    for k in range(vectors.shape[0]):
+        square = max(square, vectors[k, 0] ** 2 + vectors[k, 1] ** 2 + vectors[k, 2] ** 2)
+    return math.sqrt(square)
+
+
+class Extremes:
+    """The figures of a whole run, from the rows of all its islands."""
+
+    def __init__(self, first: Sequence[np.ndarray], scale: float) -> None:
+        self.scale = scale  # what the model's forces do over its lengths [J]
+        self.balance = sum(float(rows[0, BALANCE]) for rows in first)
+        self.error = self.squares = self.kinetic = self.local = 0.0
+        self.steps = 0
+        self.worst = [0.0] * (LOCAL + 1)  # from GAP on
+        self.fold(first)
+        self.steps = 0
+
+    def fold(self, islands: Sequence[np.ndarray]) -> None:
+        """Take in the rows of a chunk, one array (steps, 10) an island."""
+        if not len(islands[0]):
+            return
+        total = np.sum([rows[:, :GAP] for rows in islands], axis=0)
+        worst = np.max(islands, axis=0)
+        error = np.abs(total[:, BALANCE] - self.balance)
+        self.error = max(self.error, float(error.max()))
+        self.squares += float(error @ error)
+        self.steps += len(error)
+        self.kinetic = max(self.kinetic, float(total[:, KINETIC].max()))
+        self.worst = [
+            max(w, float(new)) for w, new in zip(self.worst, worst.max(axis=0), strict=True)
+        ]
+        self.local += float(worst[:, LOCAL].sum())
+
+    def compare_with(self, energy: float) -> None:
+        """Let the scale of energies be no smaller than this ``energy`` [J]."""
+        self.scale = max(self.scale, energy)
+
+    @property
+    def way(self) -> float:
+        """Longest way [m] of a mass centre from where it began."""
+        return self.worst[WAY]
+
+    @property
+    def size(self) -> float:
+        """The energies [J] that the balance is a difference of."""
+        return max(abs(self.balance), self.scale, self.kinetic)
+
+    def as_json(self) -> dict[str, float | None]:
+        """The figures by name; the relative energy error is over the largest kinetic energy, or
+        None where that is round-off itself.
+        """
+        moves = self.kinetic > AT_REST * max(abs(self.balance), self.scale)
+        return {
+            "energyAtStart": self.balance,
+            "largestKineticEnergy": self.kinetic,
+            "energyErrorMax": self.error,
+            "energyErrorMaxRelative": self.error / self.kinetic if moves else None,
+            "energyErrorRms": (self.squares / max(self.steps, 1)) ** 0.5,
+            "gapMax": self.worst[GAP],
+            "gapRateMax": self.worst[GAP_RATE],
+            "gapWorkMax": self.worst[GAP_WORK],
+            "speedMax": self.worst[SPEED],
+            "turnPerStepMax": self.worst[TURN],
+            "distanceMax": self.worst[DISTANCE],
+            "wayMax": self.worst[WAY],
+            "localErrorMax": self.worst[LOCAL],
+            "localErrorSum": self.local,
+        }

@@ -1,0 +1,73 @@
+"""Whose numbers are none: the element that made a nan or an overflow, by name.
+
+Asked once, when a run ends on one; so it looks at what the kernels left behind, in plain Python.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from msahl.algebra.functions import evaluate
+from msahl.model import Model
+from msahl.system.arrays import Start, State, System
+
+
+def culprit(model: Model, system: System, state: State, start: Start, h: float) -> str | None:
+    """The first element of the island ``model`` whose part of the step ``h`` from its prepared
+    ``state`` is not finite, in words; None if there is none.
+    """
+    with np.errstate(all="ignore"):
+        for name, numbers in _parts(model, system, state, start, h):
+            if not np.isfinite(numbers).all():
+                return name
+    return None
+
+
+def overflow(t: float, name: str) -> str:
+    """The numbers of the element ``name`` are none at the time ``t`` [s], in a sentence."""
+    return (
+        f"t = {t:g} s: the numbers of {name} went beyond what a computer holds. Look at the last "
+        "rows for forces or speeds that grow without bound, and at its figures in the deck for a "
+        "slip of the pen or of units."
+    )
+
+
+def _parts(
+    model: Model, system: System, state: State, start: Start, h: float
+) -> Iterator[tuple[str, np.ndarray]]:
+    """Names and numbers of all elements: bodies first, then what acts on them."""
+    t = float(state.time[0])
+    for b, body in enumerate(model.bodies):
+        motion = np.stack([state.x[b], state.v[b], state.w[b], state.p[b]])
+        weight = body.mass * system.bodies.gravity * state.x[b]
+        # What moments are divided by.
+        inertia = body.mass * system.bodies.length[b] ** 2
+        size = np.array([inertia, 1.0 / inertia, 0.0])
+        numbers = np.concatenate([motion, motion**2 * body.mass, np.stack([weight, size])])
+        yield f"body '{body.name}'", numbers
+    workers = (*model.loads, *model.motions)
+    for k, column in enumerate(system.load_column):
+        sized = [np.ravel(part[k]) for part in start.loads]
+        yield f"load '{workers[column].name}'", np.concatenate(sized)
+    for k, column in enumerate(system.drag_column):
+        speed = np.linalg.norm(state.v[system.drags.body[k]])
+        yield f"load '{workers[column].name}'", np.array(system.drags.coefficient[k] * speed**2)
+    if system.along is None:
+        return
+    quantities, springs, rows = start.along.quantities, system.along.springs, system.along.rows
+    elements = [*model.joints, *model.couplings, *model.motions]
+    for r, (node, _) in enumerate(rows.place):
+        element = elements[int(system.multipliers.element[node])]
+        parts = [quantities.value[q] for q in rows.quantity[r] if q >= 0]
+        if rows.law[r] >= 0:
+            parts += evaluate(system.laws, rows.law[r], t)
+            parts += evaluate(system.laws, rows.law[r], t + h)
+        yield f"{type(element).__name__.lower()} '{element.name}'", np.array(parts)
+    for s, column in enumerate(system.along.spring_column):
+        q = springs.quantity[s]
+        stretch = quantities.value[q] - springs.origin[s]
+        if springs.table[s] >= 0:
+            parts = [*evaluate(system.laws, springs.table[s], stretch)]
+        else:
+            parts = [springs.stiffness[s] * stretch * stretch, springs.preload[s] * stretch]
+        yield f"load '{workers[column].name}'", np.array(parts)

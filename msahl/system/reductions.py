@@ -1,0 +1,203 @@
+"""Which unknowns a scene needs: exact reductions, read off the first state.
+
+*Ballistic*: the mass centre of a body that nothing but gravity touches moves by u = h v + h^2 g/2,
+which is the time element's own answer; only its turn is left to solve for.
+
+*Planar*: if every mass centre, arm, force and velocity lies in one coordinate plane of the inertial
+axes, if every spin, moment and one principal axis of each body is its normal, and every direction
+of a joint lies in the plane or along the normal, then by mirror symmetry all stays so; three
+unknowns a body are left, and those joint equations that do not hold by symmetry alone. The test
+allows for the round-off of rotated vectors and for nothing else, so nothing is neglected.
+(Distances between parallel planes would make moments; they do not count as planar.)
+
+What is not solved for must not depend on itself. The components that a planar system does not have
+are therefore zero, not small: every velocity and every guess passes through ``rigid.moving``.
+"""
+
+import numpy as np
+
+from msahl.elements.constraints.coordinates import PLAIN, RADIUS, Quantities
+from msahl.elements.constraints.equations import Rows
+from msahl.elements.constraints.products import DOT, SLIDE, SLIP, Measures, MeasureStart
+from msahl.system.arrays import Start, System, body_count, node_count
+
+TURNS = 1
+"""Parity of the nodes that hold turns."""
+ROUND_OFF = 16 * np.finfo(float).eps
+"""Component, relative to its vector's length, that is round-off: a vector carried from one frame to
+another by two matrices of rotation loses a few machine epsilons of its length."""
+
+
+def plane_normal(system: System, start: Start) -> int | None:
+    """Index of the inertial axis along which nothing ever happens, or None; ``start`` prepared."""
+    for axis in (1, 2, 0):
+        if _is_planar(system, start, axis):
+            return axis
+    return None
+
+
+def _is_planar(system: System, start: Start, axis: int) -> bool:
+    in_plane = [i for i in range(3) if i != axis]
+    ground = body_count(system) - 1
+    bodies, coincide = start.bodies, start.coincide
+    # The loads' own size: a law may have let them vanish at t = 0.
+    R, loads = bodies.R, system.loads
+    arms = np.einsum("kij,kj->ki", R[loads.body], loads.s)
+    forces = np.einsum("kij,kj->ki", R[loads.f_axes], loads.f)
+    moments = np.einsum("kij,kj->ki", R[loads.m_axes], loads.m)
+    # The ground's arms are places, not levers; a load's arm matters only where a force acts.
+    arms_a = coincide.r_a[system.coincide.a != ground]
+    arms_b = coincide.r_b[system.coincide.b != ground]
+    arms = arms[forces.any(axis=1)]
+    along = (system.bodies.gravity[None], bodies.v, arms_a, arms_b, forces, arms, start.drag_arms)
+    lies = all(_is_zero(a[:, [axis]], a) for a in along)
+    lies = lies and all(_is_zero(a[:, in_plane], a) for a in (bodies.W, moments))
+    lies = lies and _is_zero(bodies.J[:, axis, in_plane], bodies.J.reshape(-1, 9))
+    if system.along is None or not lies:
+        return lies
+    group, measures = system.along.quantities, start.along.quantities.measures
+    if not all(_fits(group, measures, ground, q, axis) for q in range(group.kind.size)):
+        return False
+    # What pushes or drives across the plane breaks the symmetry.
+    rows, springs, frictions = system.along.rows, system.along.springs, system.along.frictions
+    active = rows.quantity[(rows.law >= 0) | (rows.quantity[:, 1] >= 0)].reshape(-1)
+    acting = np.concatenate([active, springs.quantity, frictions.quantity])
+    return not _held(group, measures, axis)[acting[acting >= 0]].any()
+
+
+def _is_zero(part: np.ndarray, whole: np.ndarray) -> bool:
+    """Whether ``part`` (n, k) is nothing but round-off of the vectors ``whole`` (n, m)."""
+    return bool(np.all(np.abs(part) <= ROUND_OFF * np.linalg.norm(whole, axis=1)[:, None]))
+
+
+def _fits(group: Quantities, measures: MeasureStart, ground: int, q: int, axis: int) -> bool:
+    """Whether a quantity is its own mirror image: its vectors along or across the normal."""
+    for k in range(group.first[q], group.first[q + 1]):
+        kind = group.measures.kind[k]
+        if kind not in (DOT, SLIDE, SLIP):
+            return False
+        n_along = _along(measures.n[k], axis)
+        if n_along is None:
+            return False
+        if kind == DOT:
+            e_along = _along(measures.e[k], axis)
+            mixed = n_along != e_along
+            if e_along is None or (n_along and e_along) or (mixed and group.kind[q] != PLAIN):
+                return False
+        else:
+            a, b = group.measures.a[k], group.measures.b[k]
+            ends = ((a, measures.r_a[k]), (b, measures.r_b[k]))
+            arms = [arm for body, arm in ends if body != ground]
+            lengths = np.array([*arms, measures.D[k]])
+            if not _is_zero(lengths[:, axis][None], lengths.reshape(1, -1)):
+                return False
+            if n_along and group.kind[q] not in (PLAIN, RADIUS):
+                return False
+    return True
+
+
+def _along(vector: np.ndarray, axis: int) -> bool | None:
+    """True along the axis, False across it, None if neither."""
+    if _is_zero(np.delete(vector, axis)[None], vector[None]):
+        return True
+    return False if _is_zero(vector[None, [axis]], vector[None]) else None
+
+
+def symmetric_rows(system: System, start: Start, axis: int) -> np.ndarray:
+    """(r,) rows that hold by symmetry in a planar scene, whatever its motion in the plane."""
+    if system.along is None:
+        return np.zeros(0, dtype=bool)
+    rows = system.along.rows
+    held = _held(system.along.quantities, start.along.quantities.measures, axis)
+    symmetric: np.ndarray = held[rows.quantity[:, 0]] & (rows.quantity[:, 1] < 0)
+    return symmetric
+
+
+def _held(group: Quantities, measures: MeasureStart, axis: int) -> np.ndarray:
+    """(q,) quantities that a motion in the plane cannot change."""
+    held = np.zeros(group.kind.size, dtype=bool)
+    for q in np.flatnonzero(group.kind == PLAIN):
+        k = group.first[q]
+        n_along = _along(measures.n[k], axis)
+        if group.measures.kind[k] == DOT:
+            held[q] = n_along != _along(measures.e[k], axis)
+        else:
+            held[q] = bool(n_along)
+    return held
+
+
+def stay_in_plane(system: System, axis: int) -> System:
+    """The system with every motion out of the plane across ``axis`` held at zero."""
+    moves = np.array([np.arange(3) != axis, np.arange(3) == axis], dtype=float)
+    return system._replace(bodies=system.bodies._replace(moves=moves))
+
+
+def drop_rows(system: System, held: np.ndarray) -> System:
+    """The system without the ``held`` rows (r,), and without the quantities only they needed.
+
+    Nodes and blocks stay where they are.
+    """
+    along = system.along
+    if along is None or not held.any():
+        return system
+    rows, group = along.rows, along.quantities
+    kept = np.flatnonzero(~held)
+    acting = (rows.quantity[kept].reshape(-1), along.springs.quantity, along.frictions.quantity)
+    used = np.unique(np.concatenate(acting))
+    used = used[used >= 0]
+    number = np.full(group.kind.size + 1, -1)  # the last entry serves -1
+    number[used] = np.arange(used.size)
+    spans = [np.arange(group.first[q], group.first[q + 1]) for q in used]
+    measures = np.concatenate([*spans, np.zeros(0, dtype=np.int64)]).astype(np.int64)
+    quantities = Quantities(
+        measures=Measures(*(array[measures] for array in group.measures)),
+        kind=group.kind[used],
+        first=np.concatenate([[0], np.cumsum([s.size for s in spans])]).astype(np.int64),
+        radius=group.radius[used],
+        block=group.block[used],
+    )
+    fewer = Rows(*(array[kept] for array in rows))
+    left = np.concatenate([[0], np.cumsum(~held)])
+    return system._replace(
+        along=along._replace(
+            quantities=quantities,
+            rows=fewer._replace(quantity=number[fewer.quantity]),
+            springs=along.springs._replace(quantity=number[along.springs.quantity]),
+            frictions=along.frictions._replace(quantity=number[along.frictions.quantity]),
+            row_column=along.row_column[kept],
+        ),
+        reactions=system.reactions._replace(first_row=left[system.reactions.first_row]),
+        shown=system.shown._replace(load_row=left[system.shown.load_row]),
+    )
+
+
+def all_unknowns(system: System) -> np.ndarray:
+    """(f,) every flat unknown but the ground's six."""
+    return np.flatnonzero(_all(system))
+
+
+def _all(system: System) -> np.ndarray:
+    needed = np.zeros((node_count(system), 3), dtype=bool)
+    n = body_count(system)
+    needed[: 2 * n - 2] = True
+    needed[2 * n : 2 * n + system.coincide.a.size] = True
+    if system.along:
+        place = system.along.rows.place
+        needed[2 * n + place[:, 0], place[:, 1]] = True
+    return needed
+
+
+def needed_unknowns(system: System, start: Start, axis: int | None) -> np.ndarray:
+    """(f,) the flat unknowns left to solve for; ``axis`` is the normal of a planar scene."""
+    n, k = body_count(system), int(system.coincide.a.size)
+    needed = _all(system)
+    needed[0 : 2 * n : 2][system.bodies.ballistic] = False
+    if axis is not None:
+        normal = np.arange(3) == axis
+        needed[TURNS : 2 * n : 2] &= normal
+        needed[0 : 2 * n : 2] &= ~normal
+        needed[2 * n : 2 * n + k] &= ~normal
+        if system.along:
+            place = system.along.rows.place[symmetric_rows(system, start, axis)]
+            needed[2 * n + place[:, 0], place[:, 1]] = False
+    return np.flatnonzero(needed)
