@@ -30,8 +30,8 @@ def refine(
 ) -> Refined:
     """Halve the step, from ``grid`` on, until that moves no mass centre by ``accuracy`` [m]."""
     x, apart = places(_solution(rate, start, grid, rows, 1)), np.inf
-    for halvings in range(1, MOST_HALVINGS + 1):
-        finer = places(_solution(rate, start, grid, rows, 2**halvings))
+    for subdivisions in range(1, MOST_HALVINGS + 1):
+        finer = places(_solution(rate, start, grid, rows, 2**subdivisions))
         apart = float(np.linalg.norm((finer - x).astype(float), axis=-1).max())
         x = finer
         if apart < accuracy:

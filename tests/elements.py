@@ -18,9 +18,9 @@ from msahl.model import (
     ConcentratedLoad,
     Coupling,
     Drag,
-    Drive,
     Friction,
     Joint,
+    JointMotion,
     JointSpring,
     Law,
     PointMotion,
@@ -222,10 +222,10 @@ def coupled(kind, first, second, **numbers):
     return make
 
 
-def driven(kind, freedom, law):
+def driven(kind, coordinate, law):
     def make(rng, gravity=True):
         model = jointed_bodies(rng, gravity, kind)
-        return replace(model, motions=(Drive("D", "J0", freedom, law),))
+        return replace(model, motions=(JointMotion("D", "J0", coordinate, law),))
 
     return make
 

@@ -235,12 +235,16 @@ def test_islands_are_split_in_one_look_at_every_element(tmp_path, monkeypatch):
     path.write_text(_bodies(bodies, loads))
     model = read_deck(path)
     looked = []
-    touched = msahl.system.islands._touched
+    touched = msahl.system.subsystems._touched
     monkeypatch.setattr(
-        msahl.system.islands, "_touched", lambda *given: looked.append(given[0]) or touched(*given)
+        msahl.system.subsystems,
+        "_touched",
+        lambda *given: looked.append(given[0]) or touched(*given),
     )
-    islands = msahl.system.islands.split(model)
-    assert [(len(island.bodies), len(island.loads)) for island in islands] == [(1, 1)] * 50
+    subsystems = msahl.system.subsystems.split(model)
+    assert [(len(subsystem.bodies), len(subsystem.loads)) for subsystem in subsystems] == [
+        (1, 1)
+    ] * 50
     assert looked == list(model.loads)
 
 

@@ -50,23 +50,23 @@ def test_seconds_are_read_off_between_two_runs(curve):
     target = 1.7 * curve.points[5].error
     worse, good = curve.bracket(target)
     assert (worse.rung, good.rung) == (4, 5)
-    seconds, how, _ = curve.reach(target)
+    seconds, how, _ = curve.dt2(target)
     assert how == ""
     assert seconds == pytest.approx(target**-0.25, rel=1e-12)
 
 
 def test_what_was_not_reached_is_a_lower_bound_by_the_order(curve):
     finest = curve.points[8].error
-    seconds, how, _ = curve.reach(1e-3 * finest)
+    seconds, how, _ = curve.dt2(1e-3 * finest)
     assert how == ">="
     assert seconds == pytest.approx(curve.points[8].seconds * 1e3**0.25)
-    assert curve.reach(0.6 * finest).how == ""
+    assert curve.dt2(0.6 * finest).how == ""
 
 
 def test_a_coarsest_run_that_is_better_is_an_upper_bound(curve):
-    assert curve.reach(1.0).how == "<="
+    assert curve.dt2(1.0).how == "<="
     curve.points[1] = curves.Point(1, math.inf)
-    assert curve.reach(1.0).seconds == curve.points[2].seconds
+    assert curve.dt2(1.0).seconds == curve.points[2].seconds
 
 
 def test_a_ladder_climbs():

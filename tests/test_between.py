@@ -13,7 +13,7 @@ from scenes import THESIS, deck, simulate
 from msahl.cli.main import main
 from msahl.deck import check_simulation
 from msahl.run.loop import Grid
-from msahl.run.output_schedule import Plan
+from msahl.run.output_schedule import OutputSchedule
 from msahl.schemes.collocation import dense_output
 from msahl.study.exact import recognise
 
@@ -81,13 +81,15 @@ def test_polynomials_are_exact_up_to_their_degree():
 
 
 def test_a_plan_says_where_rows_stand():
-    plan = Plan.passed(np.array([0.4, 1.0, 1.0 + 1e-12, 2.75]), 0.0, np.array([1.0, 2.0, 3.0]))
-    np.testing.assert_array_equal(plan.due, [0, 3, 3, 4])
-    np.testing.assert_allclose(plan.share, [0.4, 1.0, 1.0, 0.75])
-    halves = plan.halves()
+    schedule = OutputSchedule.passed(
+        np.array([0.4, 1.0, 1.0 + 1e-12, 2.75]), 0.0, np.array([1.0, 2.0, 3.0])
+    )
+    np.testing.assert_array_equal(schedule.due, [0, 3, 3, 4])
+    np.testing.assert_allclose(schedule.share, [0.4, 1.0, 1.0, 0.75])
+    halves = schedule.halves()
     np.testing.assert_array_equal(halves.due, [0, 1, 3, 3, 3, 3, 4])
     np.testing.assert_allclose(halves.share, [0.8, 1.0, 1.0, 0.5])
-    np.testing.assert_array_equal(plan.ends(), [2, -1, -1])
+    np.testing.assert_array_equal(schedule.ends(), [2, -1, -1])
 
 
 def test_thinned_rows_and_a_last_row_of_its_own():

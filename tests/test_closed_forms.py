@@ -14,8 +14,8 @@ from msahl.model import (
     ConcentratedLoad,
     Coupling,
     Drag,
-    Drive,
     Friction,
+    JointMotion,
     JointSpring,
     Law,
     PointMotion,
@@ -220,7 +220,7 @@ def test_a_cam_lifts_along_its_spline():
         joints,
         gravity=(0.0, -G, 0.0),
         couplings=(Coupling("Lift", "camFollower", "Shaft", "Guide", lift=lift),),
-        motions=(Drive("Motor", "Shaft", "angle", Law("polynomial", (0.0, 5.0, 1.0))),),
+        motions=(JointMotion("Motor", "Shaft", "angle", Law("polynomial", (0.0, 5.0, 1.0))),),
     )
     run = simulate(model, dt=0.01, t_final=3.0)
     spline = CubicSpline(angles, heights, bc_type="periodic")
@@ -265,16 +265,16 @@ def test_a_driven_slider_crank_follows_its_formula(h):
         join(all3, "revolute", "Wrist", "Rod", "Slider", (r + length, 0.0, 0.0)),
         join(all3, "prismatic", "Way", EARTH, "Slider", (r + length, 0.0, 0.0), X),
     ]
-    motor = Drive("Motor", "Main", "angle", Law("polynomial", (0.0, w)))
+    motor = JointMotion("Motor", "Main", "angle", Law("polynomial", (0.0, w)))
     model = scene(all3, joints, gravity=(0.0, -G, 0.0), motions=(motor,))
     run = simulate(model, dt=h, t_final=4.0)
     phi = w * run.time
     known = r * np.cos(phi) + np.sqrt(length**2 - (r * np.sin(phi)) ** 2)
     # Closed at every step whatever its size.
     assert run.of("position")[:, 0] == pytest.approx(known, abs=1e-11)
-    assert run.report.freedoms == {"byCount": -3, "byRank": 0}
+    assert run.report.coordinates == {"byCount": -3, "byRank": 0}
     # In space the hinges' reactions are not unique; the motor's moment is.
-    assert "Motor" not in run.report.sharedReactions
+    assert "Motor" not in run.report.nonUniqueReactions
 
 
 @pytest.mark.parametrize("degrees", [20.0, 45.0])
@@ -294,7 +294,7 @@ def test_a_universal_joint_does_not_turn_evenly(degrees):
         join(pair, "revolute", "Out", EARTH, "Second", second.position, b),
         joint_between(pair, "universal", "Cross", "First", "Second", middle, cross),
     ]
-    motor = Drive("Motor", "In", "angle", Law("polynomial", (0.0, w)))
+    motor = JointMotion("Motor", "In", "angle", Law("polynomial", (0.0, w)))
     run = simulate(scene(pair, joints, motions=(motor,)), dt=0.01, t_final=4.0)
     theta = w * run.time
     R = np.einsum("ji,tjk->tik", np.array(across(b)), run.matrices(1) @ run.matrices(1)[0].T)
@@ -310,7 +310,7 @@ def test_a_driven_pendulum_takes_the_torque_that_inverse_dynamics_gives():
     bob = body("Bob", mass=m, inertia=SIZES, position=(0.0, -L, 0.0))
     pivot = join([bob], "revolute", "Pivot", EARTH, "Bob", ZERO)
     amplitude, omega = 0.8, 3.0
-    motor = Drive("Motor", "Pivot", "angle", Law("sine", (amplitude, omega, 0.0, 0.0)))
+    motor = JointMotion("Motor", "Pivot", "angle", Law("sine", (amplitude, omega, 0.0, 0.0)))
     model = scene([bob], [pivot], gravity=(0.0, -G, 0.0), motions=(motor,))
     errors = []
     for h in (0.02, 0.01, 0.005):

@@ -271,7 +271,7 @@ COUPLINGS = {
 }
 
 
-def drive(law: str, **changes: object) -> str:
+def joint_motion(law: str, **changes: object) -> str:
     fields = {"name": "M", "joint": "H", "freedom": "angle", "law": law} | changes
     return tags("drive", **fields)
 
@@ -281,7 +281,7 @@ def table(pairs: str, interpolation: str = "linear") -> str:
         "<entry><t>{}</t><value>{}</value></entry>\n".format(*pair.split())
         for pair in pairs.split(",")
     )
-    return drive(f'<table interpolation="{interpolation}">{entries}</table>')
+    return joint_motion(f'<table interpolation="{interpolation}">{entries}</table>')
 
 
 SINE = "<sine><amplitude>1</amplitude><frequency>{}</frequency></sine>"
@@ -289,35 +289,41 @@ RAMP = "<ramp><to>1</to><start>{}</start><end>{}</end></ramp>"
 
 MOTIONS = {
     "unknown joint": (
-        drive("<constant>1</constant>", joint="K"),
+        joint_motion("<constant>1</constant>", joint="K"),
         ":25: motion 'M': joint 'K' is not a joint of this deck (joints: H, R)",
     ),
     "no such freedom": (
-        drive("<constant>1</constant>", freedom="slide"),
+        joint_motion("<constant>1</constant>", coordinate="slide"),
         ":25: motion 'M': joint 'H', a revolute, has no free slide to act along (it has: angle)",
     ),
     "unknown freedom": (
-        drive("<constant>1</constant>", freedom="turn"),
+        joint_motion("<constant>1</constant>", coordinate="turn"),
         ":26: motion 'M', freedom: unknown value 'turn'; expected one of angle, slide",
     ),
     "unit of the other freedom": (
-        drive('<constant units="m">1</constant>'),
+        joint_motion('<constant units="m">1</constant>'),
         ":27: motion 'M', law/constant: 'm' does not fit here; expected one of rad, deg",
     ),
     "no law": (
-        drive(""),
+        joint_motion(""),
         ":27: motion 'M', law: <law> is empty; add one of <constant>, <polynomial>",
     ),
     "two laws": (
-        drive("<constant>1</constant><polynomial><c1>1</c1></polynomial>"),
+        joint_motion("<constant>1</constant><polynomial><c1>1</c1></polynomial>"),
         ":27: motion 'M', law/polynomial: <polynomial> stands beside <constant>; keep one",
     ),
-    "polynomial of nothing": (drive("<polynomial/>"), "it has no coefficient; add <c0> to <c5>"),
+    "polynomial of nothing": (
+        joint_motion("<polynomial/>"),
+        "it has no coefficient; add <c0> to <c5>",
+    ),
     "sine without frequency": (
-        drive(SINE.format(0)),
+        joint_motion(SINE.format(0)),
         "law/sine/frequency: it is zero; give one, or",
     ),
-    "ramp backward": (drive(RAMP.format(1, 1)), "it ends at 1 s, not after its start at 1 s"),
+    "ramp backward": (
+        joint_motion(RAMP.format(1, 1)),
+        "it ends at 1 s, not after its start at 1 s",
+    ),
     "short table": (
         table("0 1"),
         ":27: motion 'M', law/table: a linear table needs 2 entries or more",
@@ -338,15 +344,17 @@ MOTIONS = {
     ),
     "unknown interpolation": (table("0 1,1 1", "smooth"), "unknown value interpolation='smooth'"),
     "the scheme's name": (
-        drive("<constant>1</constant>", name="scheme"),
+        joint_motion("<constant>1</constant>", name="scheme"),
         ":24: motion 'scheme', name: the name is that of the scheme's own column",
     ),
     "driven twice": (
-        drive("<constant>1</constant>") + "\n" + drive("<constant>2</constant>", name="N"),
+        joint_motion("<constant>1</constant>")
+        + "\n"
+        + joint_motion("<constant>2</constant>", name="N"),
         ":29: motion 'N': the angle of 'H' is driven already (line 24); keep one",
     ),
     "a joint's name": (
-        drive("<constant>1</constant>", name="R"),
+        joint_motion("<constant>1</constant>", name="R"),
         ":24: motion 'R', name: the name is taken by line 20; choose another",
     ),
     "point of a ground": (
@@ -557,7 +565,7 @@ def test_what_no_motion_mends_is_a_fault_even_when_joints_are_closed(tmp_path):
 
 def test_a_joint_with_a_fault_is_still_known_by_name(tmp_path):
     bad = joint("revolute", axis("0 0 0"))
-    motion = drive("<constant>1</constant>", joint="J")
+    motion = joint_motion("<constant>1</constant>", joint="J")
     found = faults_of(written(tmp_path, joints=bad, motions=motion))
     assert len(found) == 1
     assert "the axis is zero" in found[0]

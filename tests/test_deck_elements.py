@@ -18,7 +18,7 @@ from msahl.deck.faults import Faults
 from msahl.deck.parse import parse
 from msahl.deck.schema import built, schema_bytes
 from msahl.joints.registry import KINDS
-from msahl.model import Drag, Drive, Friction, JointSpring, Model, PointMotion, SpringDamper
+from msahl.model import Drag, Friction, JointMotion, JointSpring, Model, PointMotion, SpringDamper
 from msahl.model.couplings import FREEDOMS, Coupling
 
 ROOT = Path(__file__).parents[1]
@@ -242,10 +242,10 @@ LAWS = {
 @pytest.mark.parametrize("kind", LAWS)
 def test_laws(read, kind):
     text, law = LAWS[kind]
-    drive = (
+    joint_motion = (
         f"<drive><name>M</name><joint>H</joint><freedom>angle</freedom><law>{text}</law></drive>"
     )
-    assert read(motions=drive).motions == (Drive("M", "H", "angle", law),)
+    assert read(motions=joint_motion).motions == (JointMotion("M", "H", "angle", law),)
 
 
 def test_a_slide_is_driven_in_lengths_and_a_point_along_a_direction(read):
@@ -255,8 +255,8 @@ def test_a_slide_is_driven_in_lengths_and_a_point_along_a_direction(read):
         "<pointMotion><name>P</name><body>A</body><position><x>1</x></position>"
         f"<direction basis='A'><x>3</x></direction>{law.format('ft')}</pointMotion>"
     )
-    drive, point = read(motions=motions).motions
-    assert drive == Drive("M", "R", "slide", Law("constant", (0.002,)))
+    joint_motion, point = read(motions=motions).motions
+    assert joint_motion == JointMotion("M", "R", "slide", Law("constant", (0.002,)))
     law = Law("constant", (0.6096,))
     assert point == PointMotion("P", "A", (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), law)
 

@@ -86,7 +86,7 @@ def test_a_motion_that_magnifies_errors_is_run_again():
     model = deck("triple_pendulum_135")
     run = simulate(by_tolerance(model, 1e-5), dt=0.05, t_final=8.0)
     truth = simulate(by_tolerance(model, None, local_tolerance=1e-11), dt=0.05, t_final=8.0)
-    made = run.report.pace["runs"]
+    made = run.report.control["runs"]
     assert len(made) > 1
     assert made[0]["error"] > 1e-5 >= made[-1]["error"]
     error = max(
@@ -111,9 +111,9 @@ def test_beyond_double_precision_the_time_is_told():
 def test_a_drive_that_moves_between_the_steps_is_not_passed(part):
     """A sine whose period is the step, or a part of it: both runs see it at rest."""
     model = deck("drive_sine")
-    (drive,) = model.motions
+    (joint_motion,) = model.motions
     law = Law("sine", (0.1, 2.0 * np.pi / (part * model.simulation.dt), 0.0, 0.0))
-    run = simulate(replace(model, motions=(replace(drive, law=law),)), t_final=0.5)
+    run = simulate(replace(model, motions=(replace(joint_motion, law=law),)), t_final=0.5)
     assert run.report.error["position"] >= 0.1
     assert run.report.verdict["word"] != PASS
     # No row shows it, so there is no time up to which the run is good.

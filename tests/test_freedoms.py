@@ -10,7 +10,7 @@ from scenes import GROUND, random_body, scene, simulate
 from msahl.algebra.rotation import compose, from_axis_angle, from_step_turn, matrix
 from msahl.elements.constraints import coordinates
 from msahl.joints.registry import KINDS
-from msahl.run.subsystem import Runner
+from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.midpoint import equations
 from msahl.start.redundancy import constraint_matrix, constraint_rank
 from msahl.start.velocities import StartError
@@ -44,9 +44,9 @@ class Held:
         equations.prepare(system, state, start)
         if system.along:
             coordinates.count_turns(system.along.quantities, start.along.quantities, state.angle)
-        gap, rate = np.zeros_like(state.gap), np.zeros_like(state.gap)
-        equations.observe(system, state, start, gap, rate)
-        return gap, rate
+        violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
+        equations.observe(system, state, start, violation, rate)
+        return violation, rate
 
     def moving(self, twist):
         """The body with the velocity field of a (6,) twist in the axes of the joint's frame."""
@@ -92,8 +92,8 @@ def test_a_joint_between_two_bodies_takes_away_what_it_should(kind):
     model = scene(ends, [joint])
     system = build_system(model)
     state = build_state(model, system)
-    freedoms = 6 * len(ends) - constraint_rank(system, state)
-    assert freedoms == free + 6 * (len(ends) - 1)
+    coordinates = 6 * len(ends) - constraint_rank(system, state)
+    assert coordinates == free + 6 * (len(ends) - 1)
     assert multiplier_count(system) == 6 - free
     G = constraint_matrix(system, state).toarray()[:, : 6 * len(ends)]
     values = np.linalg.svd(G, compute_uv=False)
@@ -110,13 +110,18 @@ def test_free_velocities_open_nothing_and_the_rest_do(kind, seed):
         body = held.moving(twist)
         assert np.abs(held.opened(body)[1]).max(initial=0.0) < 1e-13
         assert (
-            Runner(held.model(body, velocity="refuse"), "newton", True, 1).change.method == "none"
+            SubsystemIntegrator(
+                held.model(body, velocity="refuse"), "newton", True, 1
+            ).change.method
+            == "none"
         )
     rates = np.array([held.opened(held.moving(twist))[1].ravel() for twist in locked])
     # Any mixture of them as well: their rates are independent.
     assert np.linalg.svd(rates, compute_uv=False).min() > 1e-2
     with pytest.raises(StartError, match="initial velocities open a joint"):
-        Runner(held.model(held.moving(locked[0]), velocity="refuse"), "newton", True, 1)
+        SubsystemIntegrator(
+            held.model(held.moving(locked[0]), velocity="refuse"), "newton", True, 1
+        )
 
 
 @pytest.mark.parametrize("kind", [kind for kind in JOINTS if not JOINTS[kind].of_rates])
@@ -125,13 +130,13 @@ def test_free_motions_open_nothing_and_the_rest_do(kind, seed):
     held = Held(kind, seed)
     for screw in held.sample.free:
         for amount in (0.6, -0.5):
-            gap, _ = held.opened(held.moved(*screw.displacement(amount)))
-            assert np.abs(gap).max(initial=0.0) < 1e-13
+            violation, _ = held.opened(held.moved(*screw.displacement(amount)))
+            assert np.abs(violation).max(initial=0.0) < 1e-13
     for twist in held.twists()[1]:
         small = 1e-3 * twist
         A = np.array(matrix(from_step_turn(vector(small[3:]))))
-        gap, _ = held.opened(held.moved(A, small[:3]))
-        assert np.abs(gap).max() > 1e-5
+        violation, _ = held.opened(held.moved(A, small[:3]))
+        assert np.abs(violation).max() > 1e-5
 
 
 @every_joint
@@ -148,7 +153,7 @@ def test_a_body_set_going_along_its_freedom_goes_on(kind, seed):
     run = simulate(held.model(held.moving(mixture)), dt=0.01, t_final=0.5, solver="newton")
     extremes = run.report.extremes
     assert run.report.status == "completed"
-    assert (run.report.warnings, run.report.halvings) == ([], 0)
+    assert (run.report.warnings, run.report.subdivisions) == ([], 0)
     # Fifty steps, each solved to 1e-14 of its motion.
     assert extremes["energyErrorMaxRelative"] < 1e-11
     assert extremes["gapMax"] < 1e-12

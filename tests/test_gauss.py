@@ -17,7 +17,7 @@ from msahl.deck import read_deck
 from msahl.linalg import block_lu
 from msahl.model import Drag
 from msahl.model.scheme import HIGHER, choices, split
-from msahl.run.subsystem import Runner
+from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.collocation import local_rotation, predictor
 from msahl.schemes.collocation.tableau import new_rule
 from msahl.study.exact import recognise
@@ -262,11 +262,11 @@ def test_both_solvers_find_the_same_motion(name):
     newton, root = (
         simulate(model, dt=0.02, t_final=0.2, solver=solver) for solver in ("newton", "root")
     )
-    assert (root.report.root_steps, newton.report.root_steps) == (10, 0)
+    assert (root.report.scipy_steps, newton.report.scipy_steps) == (10, 0)
     scale = np.abs(newton.states).max()
     # Both to residuals of 1e-12 of a step.
     np.testing.assert_allclose(newton.states, root.states, atol=1e-10 * scale)
-    if not newton.report.sharedReactions:
+    if not newton.report.nonUniqueReactions:
         # Those of redundant joints are not unique.
         near = 1e-8 * np.abs(newton.reactions).max()
         np.testing.assert_allclose(newton.reactions, root.reactions, atol=near)
@@ -289,7 +289,7 @@ def test_a_hard_step_is_taken_in_parts_and_the_last_is_short():
     model = of_degree(deck("triple_pendulum_135"), 3)
     run = simulate(model, dt=0.4, t_final=9.5)
     assert run.report.status == "completed"
-    assert run.report.halvings + run.report.root_steps > 0
+    assert run.report.subdivisions + run.report.scipy_steps > 0
     assert run.time[-1] == 9.5
     assert run.report.extremes["gapMax"] <= 1e-12
     # A step of another size begins from the accelerations alone and ends on the same curve.
@@ -300,7 +300,7 @@ def test_a_hard_step_is_taken_in_parts_and_the_last_is_short():
 
 def test_one_derivative_and_few_iterations_a_step():
     report = simulate(of_degree(deck("double_pendulum_89"), 3), dt=0.02, t_final=10.0).report
-    assert report.root_steps == report.halvings == 0
+    assert report.scipy_steps == report.subdivisions == 0
     assert report.factorisations <= 1.05 * report.steps
     assert report.iterations <= 2.0 * report.steps
 
@@ -328,12 +328,12 @@ def test_a_step_that_failed_leaves_nothing_to_follow():
     states = []
     for fails in (False, True):
         model = with_step(replace(chain(5), gravity=DOWN), 0.25, scheme="gauss3")
-        runner = Runner(model, "newton", False, 1)
-        assert runner.steps.take(0.25, 1.0).converged
+        integrator = SubsystemIntegrator(model, "newton", False, 1)
+        assert integrator.steps.take(0.25, 1.0).converged
         if fails:
-            assert not runner.steps.take(8.0, 1.0).converged
+            assert not integrator.steps.take(8.0, 1.0).converged
         else:
-            runner.steps.forget()
-        assert runner.steps.take(0.05, 1.0).converged
-        states.append(runner.scene.state.x.copy())
+            integrator.steps.forget()
+        assert integrator.steps.take(0.05, 1.0).converged
+        states.append(integrator.workspace.state.x.copy())
     assert np.array_equal(*states)

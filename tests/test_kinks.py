@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scenes import GROUND, body, deck, pendulum, scene, simulate
-from test_pace import paced
+from test_pace import adaptive
 
 from msahl.algebra.functions import Law
 from msahl.algebra.vector import ZERO
@@ -33,7 +33,7 @@ def test_a_pulse_is_met_however_long_the_steps_before(name):
     # Fixed steps of order 4 with the exact impulse: within 1e-10 m of ten times as many.
     known = simulate(model, dt=5e-4, t_final=6.0, scheme="gauss2", every=20).of("position")
     for tolerance in TOLERANCES:
-        run = simulate(paced(model, tolerance), dt=0.01, t_final=6.0)
+        run = simulate(adaptive(model, tolerance), dt=0.01, t_final=6.0)
         # A pendulum lets an error grow with time, to a few times what was added.
         assert np.abs(run.of("position") - known).max() <= 5.0 * tolerance
         assert run.report.steps < 200
@@ -52,10 +52,10 @@ def test_a_ball_meets_the_spring_it_falls_on():
     so the ball comes back to where it began, and energy tells its lowest place.
     """
     model = falling(-4.5, -4.2, -4.0, -2400.0, -600.0, 0.0)
-    known = simulate(paced(model, 1e-12), dt=0.01, t_final=6.0).of("position")[:, 2]
+    known = simulate(adaptive(model, 1e-12), dt=0.01, t_final=6.0).of("position")[:, 2]
     assert known.max() <= 1e-12  # never above the start
     for tolerance in TOLERANCES:
-        run = simulate(paced(model, tolerance), dt=0.01, t_final=6.0)
+        run = simulate(adaptive(model, tolerance), dt=0.01, t_final=6.0)
         # An error in speed is one of time at the next bounce, and twice the speed times it then.
         assert np.abs(run.of("position")[:, 2] - known).max() <= 10.0 * tolerance
         # The spring gives back what it took, as no step goes past a kink.
@@ -75,7 +75,7 @@ def test_friction_stops_where_it_should():
                   parent_axes=AXES, child_axes=AXES)  # fmt: skip
     rub = Friction("Rub", "Rail", "slide", 0.3, 1.0, 1e-4)
     model = scene([body(velocity=(1.0, 0.0, 0.0))], [slide], [rub], gravity=(0.0, 0.0, -9.81))
-    run = simulate(paced(model, 1e-6), dt=0.01, t_final=1.0)
+    run = simulate(adaptive(model, 1e-6), dt=0.01, t_final=1.0)
     assert run.report.status == "completed"
     # Friction is less than whole below a few widths: 1e-4 m/s for 1e-4 s, and creeps on no more.
     assert run.of("position")[-1, 0] == pytest.approx(1.0 / (2 * 0.3 * 9.81), abs=2e-6)
@@ -91,7 +91,7 @@ def test_driven_shafts_turn_as_they_must(scheme):
     model = deck("universal")
     known = simulate(model, dt=1e-3, scheme="gauss4", every=2)
     for tolerance in TOLERANCES:
-        run = simulate(paced(model, tolerance, scheme), every=1)
+        run = simulate(adaptive(model, tolerance, scheme), every=1)
         assert run.report.verdict["word"] == "PASS", run.report.verdict["reasons"]
         # Turns are errors of lengths of a quarter of a metre; rows between are put on the joints.
         wrong = np.abs(run.matrices() - known.matrices()).max()

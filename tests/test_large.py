@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scenes import chain, deck, ring
 
-from msahl.run.subsystem import Runner
+from msahl.run.subsystem import SubsystemIntegrator
 from msahl.start import redundancy, velocities
 from msahl.start.velocities import jacobian_at_rest, make_consistent, solve_sparse
 from msahl.system.arrays import multiplier_count, node_count
@@ -47,7 +47,7 @@ def test_redundant_equations_are_found_by_dense_and_by_sparse_algebra(name, monk
         assert np.abs(basis.T @ G).max(initial=0.0) <= redundancy.INDEPENDENT * size
         assert np.abs(basis.T @ basis - np.eye(basis.shape[1])).max(initial=0.0) < 1e-9
         rank = redundancy.constraint_rank(system, state)
-        shared = redundancy.shared_reactions(system, state)
+        shared = redundancy.non_unique_reactions(system, state)
         found.append((rank, shared))
     assert found[0] == found[1]
     assert found[0][0] < multiplier_count(system)
@@ -106,7 +106,7 @@ def test_a_chain_needs_memory_in_proportion_to_its_links(monkeypatch):
         monkeypatch.setattr(np.linalg, name, refuse)
     sizes = []
     for n in (250, 500):
-        scene = Runner(chain(n), "newton", False, 4).scene
+        scene = SubsystemIntegrator(chain(n), "newton", False, 4).workspace
         arrays = [leaf for leaf in _leaves(scene) if isinstance(leaf, np.ndarray)]
         sizes.append(sum(array.nbytes for array in arrays))
     assert sizes[1] == pytest.approx(2 * sizes[0], rel=0.01)

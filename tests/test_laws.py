@@ -31,7 +31,7 @@ from msahl.joints.registry import KINDS
 from msahl.linalg import dense, sparse_lu
 from msahl.model.couplings import FREEDOMS
 from msahl.model.scheme import ANGLE, SCHEMES
-from msahl.run.subsystem import Runner
+from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.midpoint import equations, newton
 from msahl.system.arrays import new_start, node_count
 from msahl.system.build import build_system
@@ -62,7 +62,7 @@ class Step:
     def __init__(self, model, h=H, reaction=None):
         self.h = h
         self.system = build_system(model)
-        self.reach = equations.reach(self.system, h)
+        self.dt2 = equations.dt2(self.system, h)
         self.state = build_state(model, self.system)
         if reaction is not None:
             self.state.reaction[:] = reaction(self.state.reaction.shape)
@@ -103,19 +103,19 @@ class Step:
     def pushes(self, element, *group):
         """Forces and moments (n, 3) that one kind of element puts on the bodies."""
         F = np.zeros(self.shape)
-        element.residual(*group, self.system.bodies, self.reach, self.Z, F)
+        element.residual(*group, self.system.bodies, self.dt2, self.Z, F)
         return self.as_pushes(F)
 
     def all_pushes(self):
         """Forces and moments (n, 3) of all elements."""
         inertia = np.zeros(self.shape)
-        given = (self.system.bodies, self.start.bodies, self.h, self.reach)
+        given = (self.system.bodies, self.start.bodies, self.h, self.dt2)
         rigid_body.residual(*given, self.Z, inertia)
         return self.as_pushes(self.residual(self.Z) - inertia)
 
     def as_pushes(self, F):
         bodies = self.system.bodies
-        c = self.reach * bodies.inverse_mass[:-1, None]
+        c = self.dt2 * bodies.inverse_mass[:-1, None]
         n = len(c)
         return -F[0 : 2 * n : 2] / c, -F[1 : 2 * n : 2] * bodies.length[:-1, None] / c
 
@@ -129,8 +129,8 @@ class Step:
         """Energy of all springs in the prepared state [J]."""
         if self.system.along is None:
             return 0.0
-        gap = np.zeros_like(self.state.gap)
-        equations.observe(self.system, self.state, self.start, gap, gap.copy())
+        violation = np.zeros_like(self.state.violation)
+        equations.observe(self.system, self.state, self.start, violation, violation.copy())
         return float(self.start.along.elastic.sum())
 
     def multipliers(self):
@@ -140,7 +140,7 @@ class Step:
         if self.system.along:
             rows = self.system.along.rows
             scale[rows.place[:, 0], rows.place[:, 1]] = rows.scale
-        lam = self.Z[nodes] * self.system.unit / self.reach
+        lam = self.Z[nodes] * self.system.unit / self.dt2
         return lam, self.residual(self.Z)[nodes] / scale
 
 
@@ -317,8 +317,8 @@ def test_joint_forces_work_on_the_gap_alone(seed, grounded):
     group, start = step.system.coincide, step.start.coincide
     work = step.work(*step.pushes(coincide, group, start))
     F = np.zeros(step.shape)
-    coincide.residual(group, start, step.system.bodies, step.reach, step.Z, F)
-    lam = group.mass[:, None] * step.Z[group.row] / step.reach
+    coincide.residual(group, start, step.system.bodies, step.dt2, step.Z, F)
+    lam = group.mass[:, None] * step.Z[group.row] / step.dt2
     sharp = np.sum(lam * F[group.row])
     # Some hundred terms of this size; exact in any step, however large.
     assert work == pytest.approx(sharp, abs=1e-13 * np.abs(lam).sum())
@@ -340,16 +340,16 @@ def test_the_published_work_of_loads_is_what_they_do(seed):
 @every_seed
 def test_joints_do_no_work_over_a_run(seed):
     run = simulate(jointed(np.random.default_rng(seed), 4), dt=0.02, t_final=1.0)
-    gaps = []
+    violations = []
     for joint in run.model.joints:
         points = []
         for name, s in ((joint.parent, joint.parent_point), (joint.child, joint.child_point)):
             at = [b.name for b in run.model.bodies].index(name) if name != "Earth" else None
             fixed = np.broadcast_to(s, run.of("position").shape)
             points.append(fixed if at is None else run.of("position", at) + run.matrices(at) @ s)
-        gaps.append(points[1] - points[0])
-    force = run.reactions[1:, 1:].reshape(-1, len(gaps), 3)
-    work = np.sum(force * np.diff(np.stack(gaps, axis=1), axis=0), axis=2)
+        violations.append(points[1] - points[0])
+    force = run.reactions[1:, 1:].reshape(-1, len(violations), 3)
+    work = np.sum(force * np.diff(np.stack(violations, axis=1), axis=0), axis=2)
     # The force times the round-off of places some metres out.
     assert np.abs(work).max() <= 2e-14 * np.abs(force).max()
 
@@ -378,7 +378,7 @@ def test_a_scene_of_all_elements_keeps_its_balance(h, scheme):
     model = with_scheme(everything(np.random.default_rng(4)), scheme)
     run = simulate(model, dt=h, t_final=1.0, solver="newton")
     report, extremes = run.report, run.report.extremes
-    assert (report.status, report.islands) == ("completed", 1)
+    assert (report.status, report.subsystems) == ("completed", 1)
     assert extremes["energyErrorMaxRelative"] < 1e-11
     assert extremes["gapMax"] < 1e-11
     # Loads and motions do matter.
@@ -406,7 +406,7 @@ def test_the_compiled_loop_is_its_plain_self(make, scheme):
     """The same marked functions run as Python are the oracle of the whole compiled loop."""
     model = with_scheme(make(np.random.default_rng(11)), scheme)
     steps = 5
-    plain, fast = (Runner(model, "newton", True, steps).scene for _ in range(2))
+    plain, fast = (SubsystemIntegrator(model, "newton", True, steps).workspace for _ in range(2))
     plan = np.arange(steps)
     assert newton.march(plain, H / 10, 0, steps, plan) == steps
     assert compiled(newton.march)(fast, H / 10, 0, steps, plan) == steps
@@ -507,7 +507,7 @@ def test_a_chain_is_solved_wherever_it_hangs_and_however_it_is_listed(hung, grou
     if not grounded_last:
         model = replace(model, joints=(model.joints[-1], *model.joints[:-1]))
     report = simulate(model, dt=0.01, t_final=0.5, solver="newton").report
-    assert (report.status, report.halvings) == ("completed", 0)
+    assert (report.status, report.subdivisions) == ("completed", 0)
     assert report.factorisations <= 1.1 * report.steps
 
 

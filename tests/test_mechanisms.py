@@ -14,8 +14,8 @@ from scenes import body as new_body
 from msahl.algebra.rotation import compose, from_axis_angle, matrix
 from msahl.algebra.vector import ZERO
 from msahl.cli.main import main
-from msahl.model import Drive, Joint, Law
-from msahl.run.subsystem import Runner
+from msahl.model import Joint, JointMotion, Law
+from msahl.run.subsystem import SubsystemIntegrator
 from msahl.start.velocities import StartError
 
 DECKS = Path(__file__).parents[1] / "decks"
@@ -57,8 +57,8 @@ def test_bricards_mechanism_keeps_its_energy_and_its_joints():
     run = simulate(deck("bricard"), dt=0.01, t_final=10.0)
     report, extremes = run.report, run.report.extremes
     assert report.status == "completed"
-    assert report.freedoms == {"byCount": 0, "byRank": 1}
-    assert list(report.sharedReactions) == [joint.name for joint in run.model.joints]
+    assert report.coordinates == {"byCount": 0, "byRank": 1}
+    assert list(report.nonUniqueReactions) == [joint.name for joint in run.model.joints]
     assert "P1: Fx, Fy, Fz" in report.verdict["checks"]["reactions"]["text"]
     assert report.verdict["checks"]["reactions"]["word"] == "PASS"
     # It falls and comes back: the kinetic energy is what is exchanged.
@@ -69,10 +69,10 @@ def test_bricards_mechanism_keeps_its_energy_and_its_joints():
 
 def test_the_stiff_governor_runs_at_large_steps():
     run = simulate(deck("flyball_governor"), dt=0.01, t_final=10.0)
-    assert (run.report.status, run.report.halvings) == ("completed", 0)
+    assert (run.report.status, run.report.subdivisions) == ("completed", 0)
     assert run.report.extremes["energyErrorMaxRelative"] < 1e-9
     assert run.report.extremes["gapMax"] < 1e-10
-    assert run.report.freedoms["byCount"] == run.report.freedoms["byRank"]
+    assert run.report.coordinates["byCount"] == run.report.coordinates["byRank"]
 
 
 def test_forces_of_a_four_bar_are_unique_in_its_plane():
@@ -81,13 +81,13 @@ def test_forces_of_a_four_bar_are_unique_in_its_plane():
     """
     model = deck("four_bar")
     run = simulate(model, dt=0.01, t_final=1.0)
-    assert run.report.freedoms == {"byCount": -3, "byRank": run.report.freedoms["byRank"]}
-    assert run.report.sharedReactions == {j.name: ["Fy", "Mx", "Mz"] for j in model.joints}
+    assert run.report.coordinates == {"byCount": -3, "byRank": run.report.coordinates["byRank"]}
+    assert run.report.nonUniqueReactions == {j.name: ["Fy", "Mx", "Mz"] for j in model.joints}
     assert run.report.extremes["energyErrorMaxRelative"] < 1e-10
     kinds = ("revolute", "pointOnLine", "spherical", "revolute")
     joints = tuple(replace(j, kind=kind) for j, kind in zip(model.joints, kinds, strict=True))
     simple = simulate(replace(model, joints=joints), dt=0.01, t_final=1.0, full=True)
-    assert simple.report.sharedReactions == {}
+    assert simple.report.nonUniqueReactions == {}
     for j in range(4):
         known = simple.force(j)[:, ::2]
         # Forces carry the round-off of a step's places, 1e-16 m, times 2 m/h^2.
@@ -106,11 +106,11 @@ def test_reactions_that_cease_to_be_unique_on_the_way():
     for name, x in (("H1", -0.4), ("H2", 0.4)):
         ends = ((x, 0.0, 0.0), (x, -0.5, 0.0))
         joints.append(Joint(name, "revolute", "Frame", "Door", *ends, (Y, Z, X), (Y, Z, X)))
-    turn = Drive("Turn", "Post", "angle", Law("polynomial", (0.0, 1.0)))
+    turn = JointMotion("Turn", "Post", "angle", Law("polynomial", (0.0, 1.0)))
     model = scene([frame, door], joints, gravity=(0.0, 0.0, -9.8), motions=(turn,))
-    at_first = Runner(model, "newton", full=False, chunk=1).shared
+    at_first = SubsystemIntegrator(model, "newton", full=False, chunk=1).shared
     assert at_first == {name: ["Fx", "Fy", "Fz", "My", "Mz"] for name in ("H1", "H2")}
-    later = simulate(model, dt=0.01, t_final=0.5).report.sharedReactions
+    later = simulate(model, dt=0.01, t_final=0.5).report.nonUniqueReactions
     assert later == {name: ["Fx", "Fy", "Fz", "Mx", "My", "Mz"] for name in ("H1", "H2")}
 
 

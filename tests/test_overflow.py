@@ -6,7 +6,7 @@ from scenes import DOWN, GROUND, body, pendulum, scene, simulate
 from test_decaying import oscillator
 
 from msahl.algebra.vector import ZERO
-from msahl.model import ConcentratedLoad, Drag, Drive, Joint, Law
+from msahl.model import ConcentratedLoad, Drag, Joint, JointMotion, Law
 from msahl.start.velocities import StartError
 
 SOLVERS = ("newton", "auto", "root")
@@ -46,7 +46,7 @@ GROWING = {
     "drive 'Motor'": scene(
         [body()],
         [Joint("Hinge", "revolute", GROUND.name, "Bob", ZERO, ZERO)],
-        motions=(Drive("Motor", "Hinge", "angle", Law("polynomial", (*[0.0] * 400, 1.0))),),
+        motions=(JointMotion("Motor", "Hinge", "angle", Law("polynomial", (*[0.0] * 400, 1.0))),),
         t_final=30.0,
         dt=6.0,
     ),

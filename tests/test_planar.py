@@ -14,16 +14,16 @@ from msahl.model import (
     ConcentratedLoad,
     Coupling,
     Drag,
-    Drive,
     Friction,
     Joint,
+    JointMotion,
     JointSpring,
     Law,
     PointMotion,
     SpringDamper,
 )
 from msahl.model.scheme import choices
-from msahl.run.subsystem import Runner
+from msahl.run.subsystem import SubsystemIntegrator
 
 X, Y, Z = np.eye(3)
 FRAMES = {
@@ -102,8 +102,10 @@ ELEMENTS = {
         "revolute", "prismatic", Coupling("C", "rackAndPinion", "J0", "J1", ratio=0.4)
     ),
     "cam": branched("revolute", "prismatic", Coupling("C", "camFollower", "J0", "J1", lift=CAM)),
-    "drive": joined("revolute", "axis across", motions=(Drive("D", "J", "angle", TURN),)),
-    "drive, slide": joined("prismatic", "axis within", motions=(Drive("D", "J", "slide", SLIDE),)),
+    "drive": joined("revolute", "axis across", motions=(JointMotion("D", "J", "angle", TURN),)),
+    "drive, slide": joined(
+        "prismatic", "axis within", motions=(JointMotion("D", "J", "slide", SLIDE),)
+    ),
     "pointMotion": hung(links(), motions=(PointMotion("P", "B", AT, vector(X), SLIDE),)),
     "springDamper": loaded(),
     "springDamper, table": hung(
@@ -179,7 +181,7 @@ def test_the_elements_lie_in_the_plane():
     assert {kind for kind, _ in JOINED} == set(JOINTS) - cannot
     for seed, model in enumerate(ELEMENTS.values()):
         part = reframed(model, np.random.default_rng(seed))
-        assert Runner(part, "newton", full=False, chunk=1).axis == 1
+        assert SubsystemIntegrator(part, "newton", full=False, chunk=1).axis == 1
 
 
 def apart(names, scheme):
@@ -190,8 +192,8 @@ def apart(names, scheme):
     model, _ = side_by_side([reframed(ELEMENTS[name], rng) for name in names])
     planar, spatial = (simulate(model, H, STEPS * H, scheme, full=f) for f in (False, True))
     assert planar.report.status == spatial.report.status == "completed"
-    assert planar.report.planar_islands == planar.report.islands
-    assert spatial.report.planar_islands == 0
+    assert planar.report.planar_subsystems == planar.report.subsystems
+    assert spatial.report.planar_subsystems == 0
     far, off, spin = 0.0, 0.0, 0.0
     for b in range(len(model.bodies)):
         far = max(far, np.abs(planar.of("position", b) - spatial.of("position", b)).max())

@@ -30,7 +30,7 @@ def test_the_conical_pendulum_has_no_error(tmp_path):
     measures = measure(read_conical(tmp_path))
     energy, joints = measures.energy, measures.constraints
     assert energy.absolute_error.max < ROUND_OFF * abs(energy.total[0])
-    assert np.nanmax(joints.gap) < ROUND_OFF * LENGTH
+    assert np.nanmax(joints.violation) < ROUND_OFF * LENGTH
     assert np.nanmax(joints.rate) < ROUND_OFF * joints.speed
     assert np.abs(measures.work.sharp).max() < ROUND_OFF * LENGTH * MASS * GRAVITY
     assert joints.speed == pytest.approx(OMEGA * RADIUS, rel=ROUND_OFF)
@@ -50,9 +50,11 @@ def test_a_moved_row_shows_its_gap_its_energy_and_its_work(tmp_path):
     move = np.array([1e-3, -2e-3, 4e-3])
     states[3, 1:4] += move
     measures = measure(read_conical(tmp_path, states, reactions))
-    gap = measures.constraints.gap[:, 0, 0]
-    assert gap[3] == pytest.approx(np.linalg.norm(move), rel=1e-11)  # cancelled from lengths of 5 m
-    assert np.delete(gap, 3).max() < ROUND_OFF * LENGTH
+    violation = measures.constraints.violation[:, 0, 0]
+    assert violation[3] == pytest.approx(
+        np.linalg.norm(move), rel=1e-11
+    )  # cancelled from lengths of 5 m
+    assert np.delete(violation, 3).max() < ROUND_OFF * LENGTH
     assert measures.energy.error[3] == pytest.approx(-MASS * GRAVITY * move[2], rel=1e-11)
     # The joint opens over step 3 and closes over step 4.
     force, sharp = reactions[:, 1:], measures.work.sharp[:, 0]
@@ -170,7 +172,7 @@ def test_a_run_cut_off_is_read_to_its_last_whole_row(tmp_path):
     assert run.partial
     assert len(run.time) == len(run.reactions) == text.count("\n") - 2
     assert "not whole" in partial_note(run)
-    assert measure(run).constraints.gap[:, 0, 0].max() < ROUND_OFF * LENGTH
+    assert measure(run).constraints.violation[:, 0, 0].max() < ROUND_OFF * LENGTH
 
 
 def test_a_run_without_rows_is_no_run(tmp_path):

@@ -52,8 +52,8 @@ def test_ideal_joints_do_no_work_and_stay_closed(run_of, deck):
     size = measures.energy.largest_kinetic
     assert np.abs(measures.work.sharp).max() < ROUND_OFF * size
     assert measures.energy.error_over_kinetic.max < 10 * ROUND_OFF
-    gap = measures.constraints.gap
-    assert gap[~np.isnan(gap)].max(initial=0.0) < ROUND_OFF
+    violation = measures.constraints.violation
+    assert violation[~np.isnan(violation)].max(initial=0.0) < ROUND_OFF
 
 
 def test_the_work_of_the_reaction_sees_forces_and_moments(run_of):
@@ -70,9 +70,9 @@ def test_a_drive_has_load_work_and_a_gap_in_radians(run_of):
     measures = measure(run)
     found = measures.constraints
     assert found.names == ("Hinge", "Motor")
-    assert np.isnan(found.gap[:, 1, 0]).all()
-    assert not np.isnan(found.gap[:, 0]).any()
-    assert not np.isnan(found.gap[:, 1, 1]).any()
+    assert np.isnan(found.violation[:, 1, 0]).all()
+    assert not np.isnan(found.violation[:, 0]).any()
+    assert not np.isnan(found.violation[:, 1, 1]).any()
     assert measures.energy.work == pytest.approx(run.work["Motor.work"])
     assert measures.reactions.load[:, 1, 1] == pytest.approx(run.reactions["Motor.load"])
     assert np.isnan(measures.reactions.load[:, 1, 0]).all()
@@ -85,7 +85,7 @@ def test_a_drive_has_load_work_and_a_gap_in_radians(run_of):
 def test_turns_are_counted_in_thinned_runs(run_of, deck):
     found = measure(run_of(deck, "--every", "37")).constraints
     motor = found.names.index("Motor")
-    assert found.gap[:, motor, 1].max() < ROUND_OFF
+    assert found.violation[:, motor, 1].max() < ROUND_OFF
 
 
 @pytest.mark.parametrize(

@@ -42,7 +42,7 @@ def test_the_reduced_equations_give_the_full_ones_answer(path, solver):
     points = path.parent.name in ("thesis", "basics")
     # Rows along directions round a little more than points that coincide.
     tolerance = {"newton": 1e-13 if points else 1e-12, "root": 1e-10}[solver]
-    if runs[1].report.sharedReactions:
+    if runs[1].report.nonUniqueReactions:
         tolerance = 1e-10  # redundant joints are relaxed, and full scenes have more of them
     for what in ("position", "orientation", "velocity", "spin"):
         for b in range(len(model.bodies)):
@@ -61,7 +61,7 @@ def _size(values):
 def reduction(model):
     """Islands, planar islands, unknowns."""
     report = simulate(model, dt=0.01, t_final=0.01).report
-    return report.islands, report.planar_islands, report.unknowns
+    return report.subsystems, report.planar_subsystems, report.unknowns
 
 
 UNKNOWNS = {
@@ -222,7 +222,7 @@ def test_a_hard_island_does_not_disturb_an_easy_one():
     both = replace(wild, bodies=(bob, *wild.bodies), joints=(*wild.joints, joint))
     runs = [simulate(m, dt=0.15, t_final=15.0) for m in (both, calm, wild)]
     together, alone, rest = runs
-    assert together.report.halvings == rest.report.halvings > 0
+    assert together.report.subdivisions == rest.report.subdivisions > 0
     assert together.report.iterations == rest.report.iterations + alone.report.iterations
     assert together.of("position", 0) - away == pytest.approx(alone.of("position"), abs=1e-11)
     assert np.array_equal(together.of("position", 3), rest.of("position", 2))
@@ -237,7 +237,7 @@ def test_several_grounds_are_one():
         model, grounds=(GROUND, Ground("Moon")), bodies=(*model.bodies, second), joints=joints
     )
     run = simulate(two, dt=0.01, t_final=1.0)
-    assert (run.report.islands, run.report.planar_islands) == (2, 2)
+    assert (run.report.subsystems, run.report.planar_subsystems) == (2, 2)
     assert np.array_equal(run.of("position", 0), run.of("position", 1))
     assert np.array_equal(run.force(0), run.force(1))
 

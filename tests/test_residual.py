@@ -5,7 +5,7 @@ import pytest
 from elements import Frame, joint_between
 from scenes import GROUND, body, scene, simulate
 
-from msahl.model import Drive, Law
+from msahl.model import JointMotion, Law
 
 ACROSS = np.column_stack([(0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)])
 STOP = 1.2
@@ -21,8 +21,8 @@ def halted(pendulum):
     tip = Frame(np.array([1.0, 0.0, 0.0]), ACROSS)
     pin = joint_between(bodies, "revolute", "P", "Arm", "Bob", tip)
     n = 2 if pendulum else 1
-    drive = Drive("D", "H", "angle", Law("ramp", (0.0, 1.0, 0.0, STOP)))
-    return scene(bodies[:n], [hinge, pin][:n], gravity=(0.0, 0.0, -9.81), motions=(drive,))
+    joint_motion = JointMotion("D", "H", "angle", Law("ramp", (0.0, 1.0, 0.0, STOP)))
+    return scene(bodies[:n], [hinge, pin][:n], gravity=(0.0, 0.0, -9.81), motions=(joint_motion,))
 
 
 @pytest.mark.parametrize(
@@ -43,7 +43,7 @@ def test_an_arm_that_a_drive_brings_to_a_halt(pendulum, scheme, h):
     """
     run = simulate(halted(pendulum), h, 1.3 if pendulum else 1.5, scheme)
     assert run.report.status == "completed"
-    assert run.report.halvings == 0
+    assert run.report.subdivisions == 0
     # A guess that is good to round-off takes no more than its check.
     assert run.report.iterations <= 2.0 * len(run.time)
     # Thousands of steps each close the arm's angle to a few round-offs: at random 1e-14 in all.

@@ -105,7 +105,7 @@ def test_every_solver_goes_on_bit_for_bit(monkeypatch, name, options):
 def test_a_run_of_violent_steps_goes_on_bit_for_bit(monkeypatch, steps):
     model = deck("triple_pendulum_135")
     model = replace(model, simulation=replace(model.simulation, dt=0.15, t_final=15.0))
-    assert same_run(monkeypatch, model, Options(), steps).halvings >= 5
+    assert same_run(monkeypatch, model, Options(), steps).subdivisions >= 5
 
 
 @pytest.mark.parametrize("scheme", ["gauss", "radau"])
@@ -367,7 +367,8 @@ def test_a_folder_that_is_not_there_is_not_made(tmp_path):
 OFTEN = """
 import msahl.run.loop
 from msahl.cli.main import main
-msahl.run.loop.CHUNK_SECONDS, msahl.run.loop.SAVE_SECONDS, msahl.run.loop.SAVE_SHARE = 0.005, 0.02, 1.0
+from msahl.run import loop
+loop.CHUNK_SECONDS, loop.SAVE_SECONDS, loop.SAVE_SHARE = 0.005, 0.02, 1.0
 main()
 """
 """A run that saves some thirty times a second, so that kills fall before, between and within."""

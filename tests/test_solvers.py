@@ -11,8 +11,8 @@ from msahl.algebra.vector import ZERO
 from msahl.deck import read_deck
 from msahl.model import ConcentratedLoad
 from msahl.run import subsystem
-from msahl.run.output_schedule import Plan
-from msahl.run.subsystem import MAX_HALVINGS, Runner
+from msahl.run.output_schedule import OutputSchedule
+from msahl.run.subsystem import MAX_SUBDIVISIONS, SubsystemIntegrator
 from msahl.schemes.outcome import Outcome
 from msahl.system.subsystems import split
 
@@ -26,10 +26,10 @@ def test_newton_root_and_auto_go_the_same_way(path):
     solvers = ("newton", "root", "auto")
     runs = {s: simulate(model, dt=h, t_final=n * h, solver=s) for s in solvers}
     assert {runs[s].report.status for s in runs} == {"completed"}
-    assert {runs[s].report.halvings for s in runs} == {0}
+    assert {runs[s].report.subdivisions for s in runs} == {0}
     known = next(iter(runs.values()))
     # Redundant joints are relaxed, by 1e-9 of their compliance.
-    tolerance = 1e-8 if known.report.sharedReactions else 1e-10
+    tolerance = 1e-8 if known.report.nonUniqueReactions else 1e-10
     for run in runs.values():
         for b in range(len(model.bodies)):
             assert np.abs(run.of("position", b) - known.of("position", b)).max() < tolerance
@@ -37,34 +37,34 @@ def test_newton_root_and_auto_go_the_same_way(path):
         force = np.abs(known.reactions[:, 1:]).max(initial=1.0)
         # Which of many equally good reactions shared joints show is left to the relaxation against
         # the round-off of a solver's last iterations: some 2e-4 of the force, so 1e-3.
-        allowed = 1e-3 if known.report.sharedReactions else 1e2 * tolerance
+        allowed = 1e-3 if known.report.nonUniqueReactions else 1e2 * tolerance
         assert np.abs(run.reactions - known.reactions).max() < allowed * force
-    islands = known.report.islands
-    steps = {"newton": 0, "root": n * islands, "auto": islands}
+    subsystems = known.report.subsystems
+    steps = {"newton": 0, "root": n * subsystems, "auto": subsystems}
     if path.stem != "spring_table":
-        assert {s: runs[s].report.root_steps for s in runs} == steps
+        assert {s: runs[s].report.scipy_steps for s in runs} == steps
 
 
 def no_rows(steps):
     """A chunk of which no row is wanted."""
-    return Plan.at_ends(np.zeros(steps, dtype=bool))
+    return OutputSchedule.at_ends(np.zeros(steps, dtype=bool))
 
 
 def test_auto_starts_with_root_and_goes_on_with_newton():
     run = simulate(pendulum(), dt=0.01, t_final=1.0)
-    assert (run.report.root_steps, run.report.steps) == (1, 100)
+    assert (run.report.scipy_steps, run.report.steps) == (1, 100)
 
 
 def test_a_step_that_newton_refuses_goes_to_root(monkeypatch):
     """Every third step is refused; root takes it, and nothing of it shows in the answer."""
     march, refused = subsystem._march, []
 
-    def reluctant(one, h, first, last, plan):
+    def reluctant(one, h, first, last, schedule):
         for k in range(first, last):
             if len(refused) < 33 and (k + 1) % 3 == 0 and k not in refused:
                 refused.append(k)
                 return k
-            if march(one, h, k, k + 1, plan) == k:
+            if march(one, h, k, k + 1, schedule) == k:
                 return k
         return last
 
@@ -73,7 +73,7 @@ def test_a_step_that_newton_refuses_goes_to_root(monkeypatch):
     monkeypatch.setattr(subsystem, "_march", reluctant)
     run = simulate(pendulum(), dt=0.01, t_final=1.0)
     assert run.report.status == "completed"
-    assert run.report.root_steps == 1 + len(refused)
+    assert run.report.scipy_steps == 1 + len(refused)
     assert len(refused) >= 10
     assert run.of("position") == pytest.approx(known.of("position"), abs=1e-12)
     assert run.force() == pytest.approx(known.force(), abs=1e-9)
@@ -85,26 +85,26 @@ def test_violent_steps_are_halved_and_lose_nothing(solver):
     run = simulate(deck("triple_pendulum_135"), dt=0.15, t_final=15.0, solver=solver)
     report = run.report
     assert (report.status, report.steps, len(run.states)) == ("completed", 100, 101)
-    assert 5 <= report.halvings <= 100
+    assert 5 <= report.subdivisions <= 100
     assert report.extremes["energyErrorMaxRelative"] < 1e-11
     assert report.extremes["gapMax"] < 1e-11
     if solver == "auto":
         # Newton takes the easy steps, root the first one and the pieces of the hard ones.
-        assert 1 < report.root_steps < 100 + report.halvings
+        assert 1 < report.scipy_steps < 100 + report.subdivisions
     if solver == "newton":
-        assert report.root_steps == 0
+        assert report.scipy_steps == 0
 
 
 def test_the_force_of_a_halved_step_is_the_mean_over_the_whole(monkeypatch):
     """Impulse and momentum say the same, whatever pieces the step was taken in."""
-    once = Runner._take_once
+    once = SubsystemIntegrator._take_once
 
     def only_quarters(self, h, share):
         return once(self, h, share) if share <= 0.25 else Outcome(1.0, 0)
 
-    monkeypatch.setattr(Runner, "_take_once", only_quarters)
+    monkeypatch.setattr(SubsystemIntegrator, "_take_once", only_quarters)
     run = simulate(pendulum(), dt=0.1, t_final=2.0, solver="root")
-    assert run.report.halvings == 3 * run.report.steps
+    assert run.report.subdivisions == 3 * run.report.steps
     R = run.matrices()
     v = np.einsum("tij,tj->ti", R, run.of("velocity"))
     impulse = 2.0 * np.diff(v, axis=0) - 0.1 * 2.0 * np.array([0.0, 0.0, 9.80665])
@@ -124,10 +124,10 @@ def test_a_step_that_cannot_be_taken_ends_the_run_and_says_why(solver):
     report = run.report
     assert (report.status, report.steps, report.time) == ("not converged", 0, 0.0)
     # One piece of each size, from the whole step to the 2^-10 of it.
-    assert report.halvings == MAX_HALVINGS
+    assert report.subdivisions == MAX_SUBDIVISIONS
     assert len(run.states) == 1
     assert "step 1 from t = 0 s did not converge" in report.message
-    assert f"down to {0.01 / 2**MAX_HALVINGS:.3g} s" in report.message
+    assert f"down to {0.01 / 2**MAX_SUBDIVISIONS:.3g} s" in report.message
     assert "worst in body 'Bob', " in report.message
     assert "Try a smaller --dt" in report.message
     assert np.isfinite(run.states).all()
@@ -138,21 +138,21 @@ def test_a_run_that_ends_early_keeps_all_it_had(monkeypatch, solver):
     """From step 41 on nothing converges; state, rows and extremes are those of step 40."""
     march, steps = subsystem._march, 40
 
-    def until(one, h, first, last, plan):
+    def until(one, h, first, last, schedule):
         end = min(last, first + max(0, steps - until.taken))
         until.taken += end - first
-        return march(one, h, first, end, plan)
+        return march(one, h, first, end, schedule)
 
     def never(self, h, share):
         begun = self.begun or self.solver == "newton"
         return Outcome(0.125, 3) if begun else once(self, h, share)
 
-    once = Runner._take_once
+    once = SubsystemIntegrator._take_once
     until.taken = 1 if solver == "auto" else 0
     model = pendulum()
     known = simulate(model, dt=0.01, t_final=0.4, solver=solver)
     monkeypatch.setattr(subsystem, "_march", until)
-    monkeypatch.setattr(Runner, "_take_once", never)
+    monkeypatch.setattr(SubsystemIntegrator, "_take_once", never)
     run = simulate(model, dt=0.01, t_final=1.0, solver=solver)
     report = run.report
     assert (report.status, report.steps, report.time) == ("not converged", 40, 0.4)
@@ -167,10 +167,13 @@ def test_a_run_that_ends_early_keeps_all_it_had(monkeypatch, solver):
 def test_a_failed_step_leaves_the_state_as_it_was(monkeypatch, solver):
     """Its first half is taken, and undone when the second half fails in all its pieces."""
     model = deck("double_pendulum_89")
-    runner = Runner(model, solver, False, 20)
-    assert runner.advance(0.01, 0, 20, no_rows(20))[0] == 20
-    before = [np.array(array) for array in (*runner.scene.state, *_flat(runner.scene.start))]
-    once, halves = Runner._take_once, []
+    integrator = SubsystemIntegrator(model, solver, False, 20)
+    assert integrator.advance(0.01, 0, 20, no_rows(20))[0] == 20
+    before = [
+        np.array(array)
+        for array in (*integrator.workspace.state, *_flat(integrator.workspace.start))
+    ]
+    once, halves = SubsystemIntegrator._take_once, []
 
     def first_half_only(self, h, share):
         if share == 0.5 and not halves:
@@ -178,12 +181,12 @@ def test_a_failed_step_leaves_the_state_as_it_was(monkeypatch, solver):
             return halves[0]
         return Outcome(0.125, 3)
 
-    monkeypatch.setattr(Runner, "_take_once", first_half_only)
-    monkeypatch.setattr(subsystem, "_march", lambda one, h, first, last, plan: first)
-    done, outcome = runner.advance(0.01, 0, 20, no_rows(20))
+    monkeypatch.setattr(SubsystemIntegrator, "_take_once", first_half_only)
+    monkeypatch.setattr(subsystem, "_march", lambda one, h, first, last, schedule: first)
+    done, outcome = integrator.advance(0.01, 0, 20, no_rows(20))
     assert (done, outcome) == (0, Outcome(0.125, 3))
     assert halves[0].converged
-    after = (*runner.scene.state, *_flat(runner.scene.start))
+    after = (*integrator.workspace.state, *_flat(integrator.workspace.start))
     for array, value in zip(after, before, strict=True):
         assert np.array_equal(array, value)
 
@@ -223,14 +226,14 @@ def test_unrelated_elements_elsewhere_cost_a_scene_nothing():
 
 def _counts(model):
     """Unknowns, blocks, operations, iterations and factorisations of the first island."""
-    runner = Runner(split(model)[0], "newton", False, 100)
-    runner.advance(0.01, 0, 100, no_rows(100))
-    system, unknowns = runner.scene.system, runner.scene.unknowns
+    integrator = SubsystemIntegrator(split(model)[0], "newton", False, 100)
+    integrator.advance(0.01, 0, 100, no_rows(100))
+    system, unknowns = integrator.workspace.system, integrator.workspace.unknowns
     return (
         unknowns.free.size,
         len(system.blocks),
         unknowns.elimination.target.size,
-        *runner.scene.counts.tolist(),
+        *integrator.workspace.counts.tolist(),
     )
 
 

@@ -160,7 +160,13 @@ def test_extreme_cells_hold(name, value, steps, scheme, cells, extreme, monkeypa
         assert (cell.outcome, cell.message) == (outcome, "")
         assert cell.steps == min(100, max(10, round(10.0 / cell.dt)))
         assert cell.rows == cell.rows_found
-        figures = (cell.iterations, cell.energy, cell.gap, cell.gap_rate, cell.condition)
+        figures = (
+            cell.iterations,
+            cell.energy,
+            cell.violation,
+            cell.violation_rate,
+            cell.condition,
+        )
         assert np.isfinite([0.0 if figure is None else figure for figure in figures]).all()
 
 

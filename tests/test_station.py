@@ -11,19 +11,19 @@ from click.testing import CliRunner
 from scenes import deck, simulate
 
 from msahl.cli.main import main
-from msahl.model import STATION
+from msahl.model import INSTANTANEOUS
 from msahl.post.cli import main as post
-from msahl.run.output_schedule import Plan
-from msahl.run.subsystem import Runner
+from msahl.run.output_schedule import OutputSchedule
+from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes import accelerations
-from msahl.schemes.accelerations import new_station
+from msahl.schemes.accelerations import new_instant
 from msahl.study.exact import recognise
 
 SINGLE = Path(__file__).parents[1] / "decks" / "thesis" / "single_pendulum_45.xml"
 
 
-def at_rows(model):
-    return replace(model, simulation=replace(model.simulation, reactions=STATION))
+def instantaneous(model):
+    return replace(model, simulation=replace(model.simulation, reactions=INSTANTANEOUS))
 
 
 @pytest.mark.parametrize("name", ["single_pendulum_45", "top_1", "top_3"])
@@ -32,7 +32,7 @@ def test_they_are_true_to_order_two_at_their_rows(name, solver):
     model, errors = deck(name), []
     exact = recognise(model)
     for h in (0.004, 0.002, 0.001):
-        run = simulate(at_rows(model), dt=h, t_final=2.0, solver=solver)
+        run = simulate(instantaneous(model), dt=h, t_final=2.0, solver=solver)
         errors.append(np.abs(run.force() - exact.forces(run.time)).max())
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(2.0, abs=0.1)
 
@@ -52,7 +52,7 @@ def test_they_are_true_to_order_two_at_their_rows(name, solver):
 def test_the_motion_is_the_same_to_the_last_bit(name, every):
     model = deck(name)
     given = {"dt": 0.01, "t_final": 1.0, "solver": "newton", "every": every}
-    plain, run = simulate(model, **given), simulate(at_rows(model), **given)
+    plain, run = simulate(model, **given), simulate(instantaneous(model), **given)
     assert (run.states == plain.states).all()
     assert (run.work == plain.work).all()
     assert run.report.iterations == plain.report.iterations
@@ -65,7 +65,7 @@ def test_loads_and_moments_agree_with_the_means_in_the_limit(name):
     for h in (0.002, 0.001, 0.0005):
         model = deck(name)
         means = simulate(model, dt=h, t_final=0.2, solver="newton").reactions[:, 1:]
-        rows = simulate(at_rows(model), dt=h, t_final=0.2, solver="newton").reactions[:, 1:]
+        rows = simulate(instantaneous(model), dt=h, t_final=0.2, solver="newton").reactions[:, 1:]
         both = 0.5 * (means[1:-1] + means[2:]) - rows[1:-1]
         # A drive's power is its mean load times the rate at the row: of order 1 in the means.
         steady = [i for i, c in enumerate(columns(model)) if not c.endswith(".power")]
@@ -102,9 +102,9 @@ def test_the_command_says_which_they_are(tmp_path):
 def test_friction_presses_by_the_reaction_that_it_makes(name):
     """Asked again from its own answer the reaction stands still, up to the rounding of its sums."""
     model = deck(name)
-    runner = Runner(model, "newton", False, 8)
-    runner.advance(model.simulation.dt, 0, 5, Plan.at_ends(np.zeros(5, dtype=bool)))
-    scene, room = runner.scene, new_station(runner.scene.system)
+    integrator = SubsystemIntegrator(model, "newton", False, 8)
+    integrator.advance(model.simulation.dt, 0, 5, OutputSchedule.at_ends(np.zeros(5, dtype=bool)))
+    scene, room = integrator.workspace, new_instant(integrator.workspace.system)
     state = scene.state
     state.reaction[:] = 0.0
     accelerations.accelerate(scene.system, state, scene.start, room)

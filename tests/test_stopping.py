@@ -15,7 +15,7 @@ import msahl.cli.main
 import msahl.run.loop
 from msahl.cli.main import main, stoppable
 from msahl.run.loop import Options, run
-from msahl.run.subsystem import Runner
+from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes import outcome
 from msahl.schemes.collocation import step_control
 
@@ -66,9 +66,9 @@ def test_every_part_of_a_step_counts_as_work(monkeypatch, solver, degree):
     asked, parts = [], []
     monkeypatch.setattr(outcome, "ASKED_AFTER", 300_000)
     given = {"scheme": "gauss", "degree": degree} if degree else {}
-    runner = Runner(violent(**given), solver, False, 4)
-    runner.requests.stopped = lambda: asked.append(len(parts)) or len(asked) == 3
-    steps = runner.steps
+    integrator = SubsystemIntegrator(violent(**given), solver, False, 4)
+    integrator.requests.stopped = lambda: asked.append(len(parts)) or len(asked) == 3
+    steps = integrator.steps
 
     def result(h):
         return outcome.Outcome(1.0 if h > 0.15 / 256 else 0.0, 0)
@@ -90,7 +90,7 @@ def test_every_part_of_a_step_counts_as_work(monkeypatch, solver, degree):
 
         monkeypatch.setattr(type(steps), "take_by_root", take_by_root)
     with pytest.raises(outcome.Stopped):
-        runner._take_hard(0.15)
+        integrator._take_hard(0.15)
     most = 300_000 // outcome.EVALUATION + 1
     assert len(asked) == 3
     assert max(np.diff([0, *asked])) <= most
@@ -102,11 +102,11 @@ def test_refused_steps_count_in_a_chunk():
     """
     given = {"scheme": "gauss", "degree": 2, "tolerance": 1e-10, "t_final": 1.0, "dt": 0.5}
     model = replace(pendulum(), simulation=replace(pendulum().simulation, **given))
-    runner = Runner(model, "auto", False, 64)
-    runner.show_start()
-    counts, before, most = runner.steps.pace.counts, 0, 8
+    integrator = SubsystemIntegrator(model, "auto", False, 64)
+    integrator.show_start()
+    counts, before, most = integrator.steps.control.counts, 0, 8
     for _ in range(6):
-        done, _, _ = runner.steps.go(np.array([1.0]), 1.0, most)
+        done, _, _ = integrator.steps.go(np.array([1.0]), 1.0, most)
         tried = int(counts[step_control.ACCEPTED] + counts[step_control.REFUSED])
         assert done == 2 or tried - before <= most // 2
         assert done >= 2

@@ -216,6 +216,9 @@ def test_faults_are_told(arguments, tmp_path):
 
 
 def test_a_run_does_not_import_the_study():
-    code = "import sys, msahl.cli.main, msahl.run.loop; print([m for m in sys.modules if 'study' in m])"
+    code = (
+        "import sys, msahl.cli.main, msahl.run.loop\n"
+        "print([m for m in sys.modules if 'study' in m])"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert json.loads(done.stdout.replace("'", '"')) == []

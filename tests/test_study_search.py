@@ -14,7 +14,7 @@ from msahl.algebra.vector import ZERO
 from msahl.cli.main import main
 from msahl.cli.study import study as command
 from msahl.jit.compiled import working_clock
-from msahl.model import ConcentratedLoad, Drive, Model, RigidBody, Simulation
+from msahl.model import ConcentratedLoad, JointMotion, Model, RigidBody, Simulation
 from msahl.post.draw import style
 from msahl.results.read import ResultError
 from msahl.run.loop import OFF, Options
@@ -218,7 +218,7 @@ def test_what_takes_too_long_is_not_waited_for():
 
 
 def test_a_prescribed_motion_has_breaks():
-    motion = Drive("Turn", "Axle", "angle", Law("ramp", (0.0, 1.0, 0.5, 1.5)))
+    motion = JointMotion("Turn", "Axle", "angle", Law("ramp", (0.0, 1.0, 0.5, 1.5)))
     model = replace(deck("torsional_spring"), motions=(motion,))
     np.testing.assert_allclose(breaks(model, 5.0), [0.5, 1.5], rtol=1e-12)
 

@@ -10,7 +10,7 @@ from scenes import THESIS, deck, simulate
 
 from msahl.deck import read_deck
 from msahl.linalg import dense
-from msahl.run.subsystem import Runner
+from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.midpoint import equations
 
 STEPS = [0.1, 0.04, 0.01, 0.004, 0.002]
@@ -47,7 +47,7 @@ def test_where_the_thesis_stopped_the_double_pendulum_goes_on(degrees):
     model = deck(f"double_pendulum_{degrees}")
     run = simulate(model, dt=0.002, t_final=30.0, solver="newton", every=1000)
     check(run, 30.0, 0.002)
-    assert (run.report.halvings, run.report.root_steps) == (0, 0)
+    assert (run.report.subdivisions, run.report.scipy_steps) == (0, 0)
     # A Newton step or two each; nothing is near failing.
     assert run.report.iterations < 2.2 * run.report.steps
 
@@ -58,7 +58,7 @@ def test_where_the_thesis_stopped_the_double_pendulum_goes_on(degrees):
 def test_the_first_step_of_the_triple_pendulum_converges(degrees, solver, h):
     run = simulate(deck(f"triple_pendulum_{degrees}"), dt=h, t_final=h, solver=solver)
     report, extremes = run.report, run.report.extremes
-    assert (report.status, report.halvings) == ("completed", 0)
+    assert (report.status, report.subdivisions) == ("completed", 0)
     assert extremes["gapMax"] < 1e-12
     # Hardly anything moves yet: round-off of the potential energy, not of the kinetic.
     assert extremes["energyErrorMax"] < 1e-13 * abs(extremes["energyAtStart"])
@@ -71,7 +71,7 @@ def test_the_jacobian_is_as_well_conditioned_at_small_steps(path):
     """Unscaled, its condition number would grow as h^-2: by 1e10 from the first to the last."""
     conditions = []
     for h in (0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6):
-        scene = Runner(read_deck(path), "newton", True, 1).scene
+        scene = SubsystemIntegrator(read_deck(path), "newton", True, 1).workspace
         size = scene.unknowns.free.size
         equations.predict(scene.system, scene.state, scene.start, h, scene.Z)
         z = scene.Z.reshape(-1)[scene.unknowns.free].copy()

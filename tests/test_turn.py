@@ -19,7 +19,7 @@ from msahl.run.explain import explain
 SPIN = (0.0, 0.9888, 7.5167)
 
 
-def by_angle(model):
+def exponential(model):
     return replace(model, simulation=replace(model.simulation, turn=ANGLE))
 
 
@@ -49,9 +49,9 @@ def test_a_guess_of_half_a_turn_stays_finite():
 def test_a_top_is_six_times_nearer_at_the_same_step(solver):
     known = top_path(10.0, np.radians(10.0), SPIN)
     errors = []
-    for model in (deck("top_1"), by_angle(deck("top_1"))):
+    for model in (deck("top_1"), exponential(deck("top_1"))):
         run = simulate(model, dt=0.01, t_final=10.0, solver=solver)
-        assert (run.report.status, run.report.halvings) == ("completed", 0)
+        assert (run.report.status, run.report.subdivisions) == ("completed", 0)
         # A hundred times its round-off; without psi in (d) it would be 1e-7.
         assert run.report.extremes["energyErrorMaxRelative"] < 1e-13
         errors.append(np.linalg.norm(run.of("position", -1)[-1] - known))
@@ -63,7 +63,7 @@ def test_the_top_is_approached_with_order_two():
     known = top_path(10.0, np.radians(10.0), SPIN)
     steps, errors = [0.02, 0.01, 0.005, 0.0025], []
     for h in steps:
-        run = simulate(by_angle(deck("top_1")), dt=h, t_final=10.0)
+        run = simulate(exponential(deck("top_1")), dt=h, t_final=10.0)
         errors.append(np.linalg.norm(run.of("position", -1)[-1] - known))
     assert np.diff(np.log(errors)) / np.diff(np.log(steps)) == pytest.approx(2.0, abs=0.1)
 
@@ -72,7 +72,7 @@ def test_it_takes_no_more_iterations():
     """The derivative is that of the residual, and the guess is one of angles."""
     counts = [
         simulate(model, dt=0.01, t_final=5.0, solver="newton").report.iterations
-        for model in (deck("top_1"), by_angle(deck("top_1")))
+        for model in (deck("top_1"), exponential(deck("top_1")))
     ]
     assert counts[1] <= 1.05 * counts[0]
 
@@ -83,7 +83,7 @@ def test_the_orientation_of_a_free_body_is_nearer():
     free = scene([body(inertia=inertia, angular_velocity=w)], t_final=5.0)
     known = euler_motion(np.diag(inertia), w, np.eye(3), [0.0, 5.0])[1][-1]
     errors = []
-    for model in (free, by_angle(free)):
+    for model in (free, exponential(free)):
         run = simulate(model, dt=0.01, t_final=5.0)
         # Twice what is left of a step, 3e-15, in 500 of them.
         assert run.report.extremes["energyErrorMaxRelative"] < 3e-12
@@ -102,7 +102,7 @@ def test_of_a_free_chain_no_angular_momentum_is_asked():
         bodies=(replace(first, angular_velocity=(1.0, 4.0, 2.0)), *rest),
     )
     asked = []
-    for model in (free, by_angle(free)):
+    for model in (free, exponential(free)):
         checks = simulate(model, dt=0.01, t_final=1.0).report.verdict["checks"]
         asked.append({name: of["word"] for name, of in checks.items() if "momentum" in name})
     linear = {"linear momentum": "PASS"}
@@ -110,7 +110,7 @@ def test_of_a_free_chain_no_angular_momentum_is_asked():
 
 
 def test_the_decaying_scheme_has_it_too():
-    model = by_angle(deck("top_3"))
+    model = exponential(deck("top_3"))
     run = simulate(model, dt=0.01, t_final=5.0, scheme="decaying")
     # Twice what is left of a step, 3e-15, in 500 of them.
     assert run.report.extremes["energyErrorMaxRelative"] < 3e-12
@@ -120,10 +120,10 @@ def test_the_decaying_scheme_has_it_too():
 def test_more_than_half_a_turn_in_a_step_is_taken_in_parts():
     """No step turn is as large by its angle; by its tangent any spin is some turn."""
     spinning = scene([body(angular_velocity=(0.0, 0.0, 400.0))], t_final=0.1)
-    assert simulate(spinning, dt=0.01, full=True).report.halvings == 0
-    report = simulate(by_angle(spinning), dt=0.01, full=True).report
+    assert simulate(spinning, dt=0.01, full=True).report.subdivisions == 0
+    report = simulate(exponential(spinning), dt=0.01, full=True).report
     assert report.status == "completed"
-    assert report.halvings > 0
+    assert report.subdivisions > 0
 
 
 def test_the_deck_and_the_command_line_choose_it(tmp_path):

@@ -25,7 +25,7 @@ import click
 from click.core import ParameterSource
 
 import msahl
-from msahl.model.scheme import ANGLE, DAMPING, TANGENT, choices, split
+from msahl.model.scheme import ANGLE, CAYLEY, DAMPING, choices, split
 from msahl.printable import printable, shown_path
 from msahl.terminal import echo
 
@@ -167,7 +167,7 @@ def explain(deck: Path) -> None:
 @click.option("--damping", type=Number(0.0, 1.0), metavar="D",
               help="Of 'decaying', how much of such a vibration a step takes, 0 to 1; instead of "
               f"the deck's; else {DAMPING:g}.")  # fmt: skip
-@click.option("--turn", type=click.Choice([TANGENT, ANGLE]),
+@click.option("--turn", type=click.Choice([CAYLEY, ANGLE]),
               help="Of the schemes of order 2: h times the mean angular velocity is the 'tangent' "
               "of a step's turn, which keeps the angular momentum of joined bodies to round-off, "
               "or its 'angle', which is nearer the truth where bodies spin. Instead of the deck's; "
@@ -395,7 +395,7 @@ class Job:
     def about(self) -> dict[str, Any]:
         """The head of ``run.json``: all that its rows depend on."""
         from msahl.deck import deck_digest
-        from msahl.model import decay_of, degree_of, reactions_of, tolerance_of, turns_by_angle
+        from msahl.model import decay_of, degree_of, is_exponential, reactions_of, tolerance_of
         from msahl.results.folder import relative
 
         simulation = self.model.simulation
@@ -412,7 +412,7 @@ class Job:
                 "tFinal": simulation.t_final,
                 "scheme": simulation.scheme,
                 "damping": simulation.damping if decay_of(self.model).chi > 0.0 else 0.0,
-                **({"turn": ANGLE} if turns_by_angle(self.model) else {}),
+                **({"turn": ANGLE} if is_exponential(self.model) else {}),
                 "solver": self.options.solver,
                 "every": self.options.every,
                 "full": self.options.full,
@@ -597,9 +597,9 @@ def _tell(deck: Path, folder: Path, report: "Report", quiet: bool, verbose: bool
     if verbose:
         lines += [f"{phase}: {seconds:.3f} s" for phase, seconds in report.seconds.items()]
         lines.append(
-            f"{report.unknowns} unknowns in {report.islands} islands ({report.planar_islands} "
-            f"planar), {report.iterations} iterations, {report.factorisations} factorisations, "
-            f"{report.root_steps} steps by scipy, {report.halvings} halvings"
+            f"{report.unknowns} unknowns in {report.subsystems} subsystems "
+            f"({report.planar_subsystems} planar), {report.iterations} iterations, {report.factorisations} factorisations, "
+            f"{report.scipy_steps} steps by scipy, {report.subdivisions} halvings"
         )
     if not quiet or report.verdict["word"] == FAIL:
         lines.append(f"{shown_path(deck)}: {_judgement(report.verdict)} -> {shown_path(folder)}")

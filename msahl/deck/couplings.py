@@ -15,8 +15,8 @@ def read_coupling(element: Element, reader: Reader) -> Coupling:
     kind = str(element.tag)
     tags = ("first", "second")
     first, second = (
-        named_joint(element, tag, freedom, reader)
-        for tag, freedom in zip(tags, FREEDOMS[kind], strict=True)
+        named_joint(element, tag, coordinate, reader)
+        for tag, coordinate in zip(tags, FREEDOMS[kind], strict=True)
     )
     if first == second and reader.faults.sound(element):
         reader.faults.add(element, f"first and second are both '{first}'; couple two joints")

@@ -63,18 +63,18 @@ def tolerance(ends: Ends, arm: float, reader: Reader) -> float:
     """Gap between the two points that is forgiven [m]."""
     here = reader.placed(ends.parent, ends.parent_point)
     there = reader.placed(ends.child, ends.child_point)
-    return max(GAP * arm, ROUND_OFF * max(math.hypot(*here), math.hypot(*there), reader.reach[0]))
+    return max(GAP * arm, ROUND_OFF * max(math.hypot(*here), math.hypot(*there), reader.dt2[0]))
 
 
 def open_by(ends: Ends, reader: Reader) -> str:
     """Why the two points are not one at t = 0; "" if they are, as far as a deck can say so."""
     here = reader.placed(ends.parent, ends.parent_point)
     there = reader.placed(ends.child, ends.child_point)
-    gap = math.dist(here, there)
-    if gap <= tolerance(ends, ends.arm(), reader):
+    violation = math.dist(here, there)
+    if violation <= tolerance(ends, ends.arm(), reader):
         return ""
     return (
-        f"open by {gap:.4g} m at t = 0: its point is at {shown(here)} m on parent "
+        f"open by {violation:.4g} m at t = 0: its point is at {shown(here)} m on parent "
         f"'{ends.parent}' but at {shown(there)} m on child '{ends.child}' (inertial axes); "
         f"move the child by {shown(sub(here, there))} m"
     )

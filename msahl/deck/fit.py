@@ -130,15 +130,15 @@ def _contact_fault(equation: Equation, here: Stance) -> str:
         normal = cross(*(here.direction(product) for product in quantity.products[3:5]))
         length = math.hypot(*normal)
         normal = scale(math.copysign(1.0, dot(here.D, normal)), normal)
-        gap = dot(here.D, normal) / length - quantity.radius
+        violation = dot(here.D, normal) / length - quantity.radius
     else:
         normal, length = here.direction(quantity.products[0]), 1.0
-        gap = here.value(quantity)
-    if abs(gap) <= here.tolerance:
+        violation = here.value(quantity)
+    if abs(violation) <= here.tolerance:
         return ""
     return (
-        f"the surfaces are {gap:.4g} m apart at t = 0 (less than zero: one is in the other); "
-        f"move the child by {shown(scale(-gap / length, normal))} m (inertial axes)"
+        f"the surfaces are {violation:.4g} m apart at t = 0 (less than zero: one is in the other); "
+        f"move the child by {shown(scale(-violation / length, normal))} m (inertial axes)"
     )
 
 
@@ -152,11 +152,11 @@ def _angle_fault(equation: Equation, here: Stance) -> str:
 
 def _shift_fault(shift: Vector, normals: int, here: Stance) -> str:
     """The child's point is in the parent's plane (one normal) or on its axis (two)."""
-    gap = math.hypot(*shift)
-    if gap <= here.tolerance:
+    violation = math.hypot(*shift)
+    if violation <= here.tolerance:
         return ""
     place = "on the parent's axis" if normals == 2 else "where the parent's plane wants it"
     return (
-        f"open by {gap:.4g} m at t = 0: the child's point is not {place}; move the child by "
+        f"open by {violation:.4g} m at t = 0: the child's point is not {place}; move the child by "
         f"{shown(shift)} m (inertial axes)"
     )

@@ -82,32 +82,32 @@ def read_drag(element: Element, reader: Reader) -> Drag:
 
 def read_friction(element: Element, reader: Reader) -> Friction:
     """Record of a ``<friction>``."""
-    freedom = text(element.find("freedom"))
-    joint = named_joint(element, "joint", freedom, reader)
+    coordinate = text(element.find("freedom"))
+    joint = named_joint(element, "joint", coordinate, reader)
     kind = KINDS.get(reader.kinds.get(joint, ""))
     if kind is not None and not kind.bearing:
         known = ", ".join(name for name, other in KINDS.items() if other.bearing)
         message = f"friction in a {kind.name} is not known; name one of {known}"
         reader.faults.add(element, message, element.find("joint"))
     width = element.find("width")
-    speed = reader.number(width, "angularVelocity" if freedom == "angle" else "velocity")
+    speed = reader.number(width, "angularVelocity" if coordinate == "angle" else "velocity")
     if width is not None and speed <= 0.0 and reader.faults.sound(width):
         message = f"it is {speed:g}; it must be greater than zero, a small part of usual speeds"
         reader.faults.add(width, message)
     return Friction(
         name=text(element.find("name")),
         joint=joint,
-        freedom=freedom,
+        coordinate=coordinate,
         coefficient=not_negative(element, "coefficient", "", reader),
-        radius=_bearing_radius(element, freedom, reader),
+        radius=_bearing_radius(element, coordinate, reader),
         width=speed,
     )
 
 
-def _bearing_radius(element: Element, freedom: str, reader: Reader) -> float:
+def _bearing_radius(element: Element, coordinate: str, reader: Reader) -> float:
     """Arm of the friction about an axis [m]; 1 along it."""
     place = element.find("radius")
-    if freedom == "slide":
+    if coordinate == "slide":
         if place is not None:
             reader.faults.add(place, "friction along a slide has no radius; delete it")
         return 1.0

@@ -6,18 +6,18 @@ from msahl.deck.faults import Element, line_of, text
 from msahl.deck.laws import read_law
 from msahl.deck.named import UNIT, named_joint
 from msahl.deck.values import INERTIAL, Reader
-from msahl.model.motions import Drive, PointMotion
+from msahl.model.motions import JointMotion, PointMotion
 
 NOTHING = Law("constant", (0.0,))
 """Stands for a law with faults."""
 
 
-def read_drive(element: Element, reader: Reader) -> Drive:
+def read_drive(element: Element, reader: Reader) -> JointMotion:
     """Record of a ``<drive>``."""
-    freedom = text(element.find("freedom"))
-    joint = named_joint(element, "joint", freedom, reader)
-    law = read_law(element.find("law"), UNIT[freedom], reader) or NOTHING
-    return Drive(text(element.find("name")), joint, freedom, law)
+    coordinate = text(element.find("freedom"))
+    joint = named_joint(element, "joint", coordinate, reader)
+    law = read_law(element.find("law"), UNIT[coordinate], reader) or NOTHING
+    return JointMotion(text(element.find("name")), joint, coordinate, law)
 
 
 def read_point_motion(element: Element, reader: Reader) -> PointMotion:
@@ -50,9 +50,9 @@ def check_driven_once(elements: list[Element], reader: Reader) -> None:
     for element in elements:
         if element.tag != "drive":
             continue
-        joint, freedom = text(element.find("joint")), text(element.find("freedom"))
-        first = taken.setdefault((joint, freedom), element)
+        joint, coordinate = text(element.find("joint")), text(element.find("freedom"))
+        first = taken.setdefault((joint, coordinate), element)
         if first is not element:
             line = line_of(first)
-            message = f"the {freedom} of '{joint}' is driven already (line {line}); keep one"
+            message = f"the {coordinate} of '{joint}' is driven already (line {line}); keep one"
             reader.faults.add(element, message)

@@ -8,20 +8,20 @@ UNIT = {"angle": "angle", "slide": "length"}
 """Quantity of each free motion."""
 
 
-def named_joint(element: Element, tag: str, freedom: str, reader: Reader) -> str:
+def named_joint(element: Element, tag: str, coordinate: str, reader: Reader) -> str:
     """Name of the joint that the child ``tag`` names; a fault if it lacks the ``freedom``."""
     label = element.find(tag)
     name = text(label)
-    if name in reader.kinds and freedom not in KINDS[reader.kinds[name]].freedoms:
-        reader.faults.add(element, _without(name, freedom, reader.kinds[name]), label)
+    if name in reader.kinds and coordinate not in KINDS[reader.kinds[name]].coordinates:
+        reader.faults.add(element, _without(name, coordinate, reader.kinds[name]), label)
     return name
 
 
-def _without(name: str, freedom: str, kind: str) -> str:
+def _without(name: str, coordinate: str, kind: str) -> str:
     """The joint has no such free motion."""
-    others = [kind for kind, record in KINDS.items() if freedom in record.freedoms]
-    has = " and ".join(KINDS[kind].freedoms) or "none"
+    others = [kind for kind, record in KINDS.items() if coordinate in record.coordinates]
+    has = " and ".join(KINDS[kind].coordinates) or "none"
     return (
-        f"joint '{name}', a {kind}, has no free {freedom} to act along (it has: {has}); "
+        f"joint '{name}', a {kind}, has no free {coordinate} to act along (it has: {has}); "
         f"name one of {', '.join(others)}"
     )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from msahl.deck.faults import Element, attribute, text
 from msahl.deck.values import LARGEST, SMALLEST, Reader
 from msahl.model import MEAN, Limits, Simulation
-from msahl.model.scheme import AUTO, DAMPING, DEFAULT, DEGREE, HIGHER, SCHEMES, TANGENT
+from msahl.model.scheme import AUTO, CAYLEY, DAMPING, DEFAULT, DEGREE, HIGHER, SCHEMES
 from msahl.printable import printable
 
 MAX_STEPS = 10**9
@@ -22,7 +22,7 @@ def read_simulation(element: Element, reader: Reader) -> Simulation:
         t_final=reader.number(element.find("tFinal"), "time"),
         scheme=attribute(element, "scheme", DEFAULT),
         damping=float(element.get("damping", DAMPING)),
-        turn=attribute(element, "turn", TANGENT),
+        turn=attribute(element, "turn", CAYLEY),
         reactions=attribute(element, "reactions", MEAN),
         limits=_limits(element.find("verdict"), reader),
         degree=int(element.get("degree", DEGREE)),
@@ -46,7 +46,7 @@ def _limits(verdict: Element | None, reader: Reader) -> Limits:
     return Limits(
         accuracy=_limit(verdict, "accuracy", "length", reader),
         energy=_limit(verdict, "energy", "", reader),
-        gap=_limit(verdict, "gap", "length", reader),
+        violation=_limit(verdict, "gap", "length", reader),
     )
 
 

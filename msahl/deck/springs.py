@@ -48,13 +48,13 @@ def read_spring_damper(element: Element, reader: Reader) -> SpringDamper:
 
 def read_joint_spring(element: Element, reader: Reader) -> JointSpring:
     """Record of a ``<torsionalSpringDamper>`` or ``<slideSpringDamper>``."""
-    freedom, free, motion, load = ALONG[str(element.tag)]
+    coordinate, free, motion, load = ALONG[str(element.tag)]
     table = _table(element, free, (motion, load), reader)
-    stiffness, damping = QUANTITIES[freedom]
+    stiffness, damping = QUANTITIES[coordinate]
     return JointSpring(
         name=text(element.find("name")),
-        joint=named_joint(element, "joint", freedom, reader),
-        freedom=freedom,
+        joint=named_joint(element, "joint", coordinate, reader),
+        coordinate=coordinate,
         stiffness=reader.number(element.find("stiffness"), stiffness),
         damping=not_negative(element, "damping", damping, reader),
         free=reader.number(element.find(free), motion),
@@ -72,9 +72,9 @@ def read_bushing(element: Element, reader: Reader) -> Bushing:
         if element.find("*/reference") is not None:
             reader.faults.add(element, "<reference> says nothing without <axis>; add one")
     if is_placed(element, ends, reader) and not reader.project:
-        gap = open_by(ends, reader)
-        if gap:
-            reader.faults.add(element, gap)
+        violation = open_by(ends, reader)
+        if violation:
+            reader.faults.add(element, violation)
     stiffness = _six(element, ("stiffness", "angularStiffness"), reader)
     damping = _six(element, ("damping", "angularDamping"), reader)
     if min(damping) < 0.0:

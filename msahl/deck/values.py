@@ -59,7 +59,7 @@ class Reader:
     project: bool = False
     axes: dict[str, Matrix] = field(default_factory=lambda: {INERTIAL: IDENTITY})
     origins: dict[str, Vector] = field(default_factory=dict)
-    reach: list[float] = field(default_factory=lambda: [0.0])
+    dt2: list[float] = field(default_factory=lambda: [0.0])
     grounds: dict[str, None] = field(default_factory=dict)
     bodies: dict[str, RigidBody] = field(default_factory=dict)
     kinds: dict[str, str] = field(default_factory=dict)
@@ -136,7 +136,7 @@ class Reader:
     def place(self, body: str, origin: Vector) -> None:
         """Put a body's point B at ``origin``, inertial axes [m]."""
         self.origins[body] = origin
-        self.reach[0] = max(self.reach[0], math.hypot(*origin))
+        self.dt2[0] = max(self.dt2[0], math.hypot(*origin))
 
     def placed(self, body: str, point: Vector) -> Vector:
         """A point of a body from the inertial origin, inertial axes [m]."""

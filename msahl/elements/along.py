@@ -66,10 +66,10 @@ def residual(
     along: Along | None,
     start: AlongStart,
     bodies: Bodies,
-    gap: np.ndarray,
+    violation: np.ndarray,
     t: float,
     h: float,
-    reach: float,
+    dt2: float,
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
@@ -78,10 +78,10 @@ def residual(
         return
     q = start.quantities
     coordinates.evaluate(along.quantities, q, bodies, Z)
-    equations.residual(along.rows, along.laws, q, bodies, gap, t, h, reach, Z, F)
+    equations.residual(along.rows, along.laws, q, bodies, violation, t, h, dt2, Z, F)
     spring.residual(along.springs, along.laws, along.quantities, q, start.stretch, h)
     friction.residual(along.frictions, start.reactions, q, h)
-    coordinates.push(along.quantities, q, bodies, reach, F)
+    coordinates.push(along.quantities, q, bodies, dt2, F)
 
 
 @kernel
@@ -89,7 +89,7 @@ def joint_jacobian(
     along: Along | None,
     start: AlongStart,
     bodies: Bodies,
-    reach: float,
+    dt2: float,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
@@ -98,7 +98,7 @@ def joint_jacobian(
         return
     q = start.quantities
     coordinates.differentiate(along.quantities, q, bodies, Z)
-    equations.jacobian(along.rows, along.laws, along.quantities, q, bodies, reach, Z, values)
+    equations.jacobian(along.rows, along.laws, along.quantities, q, bodies, dt2, Z, values)
 
 
 @kernel
@@ -107,7 +107,7 @@ def force_jacobian(
     start: AlongStart,
     bodies: Bodies,
     h: float,
-    reach: float,
+    dt2: float,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
@@ -116,9 +116,9 @@ def force_jacobian(
         return
     q = start.quantities
     springs, quantities = along.springs, along.quantities
-    spring.jacobian(springs, along.laws, quantities, q, bodies, h, reach, values)
-    friction.jacobian(along.frictions, start.reactions, quantities, q, bodies, h, reach, values)
-    coordinates.stiffness(quantities, q, bodies, reach, Z, values)
+    spring.jacobian(springs, along.laws, quantities, q, bodies, h, dt2, values)
+    friction.jacobian(along.frictions, start.reactions, quantities, q, bodies, h, dt2, values)
+    coordinates.stiffness(quantities, q, bodies, dt2, Z, values)
 
 
 @kernel
@@ -128,7 +128,7 @@ def accept(
     bodies: Bodies,
     t: float,
     h: float,
-    reach: float,
+    dt2: float,
     Z: np.ndarray,
     angle: np.ndarray,
     work: np.ndarray,
@@ -139,7 +139,7 @@ def accept(
     q = start.quantities
     spring.work(along.springs, q, h, along.spring_column, work)
     friction.work(along.frictions, start.reactions, q, h, along.friction_column, work)
-    equations.work(along.rows, along.laws, bodies, t, h, reach, Z, along.row_column, work)
+    equations.work(along.rows, along.laws, bodies, t, h, dt2, Z, along.row_column, work)
     for k in range(angle.size):
         angle[k] = q.value[k] + q.change[k]
 
@@ -281,7 +281,7 @@ def hold(
     along: Along | None,
     start: AlongStart,
     bodies: Bodies,
-    gap: np.ndarray,
+    violation: np.ndarray,
     t: float,
     h: float,
     Z: np.ndarray,
@@ -292,7 +292,7 @@ def hold(
         return
     q = start.quantities
     coordinates.evaluate(along.quantities, q, bodies, Z)
-    equations.residual(along.rows, along.laws, q, bodies, gap, t, h, -1.0, Z, F)
+    equations.residual(along.rows, along.laws, q, bodies, violation, t, h, -1.0, Z, F)
     coordinates.push(along.quantities, q, bodies, -1.0, F)
 
 
@@ -337,17 +337,17 @@ def rubs(along: Along | None) -> bool:
 
 
 @kernel
-def settle(along: Along | None, gap: np.ndarray) -> None:
+def settle(along: Along | None, violation: np.ndarray) -> None:
     """Take from the ``gap`` (k, 3) left by a step what is of rows between rates: they have none."""
     if along is None:
         return
     for r in range(along.rows.function.size):
         if not along.rows.holonomic[r]:
-            gap[along.rows.place[r, 0], along.rows.place[r, 1]] = 0.0
+            violation[along.rows.place[r, 0], along.rows.place[r, 1]] = 0.0
 
 
 @kernel
-def drive_work(
+def motion_work(
     along: Along | None, bodies: Bodies, t: float, dt: float, Z: np.ndarray, work: np.ndarray
 ) -> None:
     """Add the work [J] of the drives over a time ``dt`` at the rates of ``t``; the multipliers in
@@ -355,7 +355,7 @@ def drive_work(
     """
     if along is None:
         return
-    equations.drive_work(along.rows, along.laws, bodies, t, dt, Z, along.row_column, work)
+    equations.motion_work(along.rows, along.laws, bodies, t, dt, Z, along.row_column, work)
 
 
 @kernel
@@ -378,8 +378,8 @@ def observe(
     start: AlongStart,
     bodies: BodyStart,
     t: float,
-    gap: np.ndarray,
-    gap_rate: np.ndarray,
+    violation: np.ndarray,
+    violation_rate: np.ndarray,
 ) -> float:
     """Fill in gaps and rates of the rows; the elastic energy [J]."""
     if along is None:
@@ -387,7 +387,7 @@ def observe(
     q = start.quantities
     coordinates.slopes(along.quantities, q)
     coordinates.rates(along.quantities, q, bodies.v, bodies.W, start.rate)
-    equations.observe(along.rows, along.laws, q, start.rate, t, gap, gap_rate)
+    equations.observe(along.rows, along.laws, q, start.rate, t, violation, violation_rate)
     return spring.energy(along.springs, along.laws, q, start.elastic)
 
 
@@ -408,11 +408,11 @@ def publish_energy(
 
 
 @kernel
-def in_metres(along: Along | None, gap: np.ndarray, gap_rate: np.ndarray) -> None:
+def in_metres(along: Along | None, violation: np.ndarray, violation_rate: np.ndarray) -> None:
     """Multiply the gaps of rows in radians by their length, so that they compare with others."""
     if along is None:
         return
     for r in range(along.rows.function.size):
         node, slot = along.rows.place[r, 0], along.rows.place[r, 1]
-        gap[node, slot] *= along.rows.scale[r]
-        gap_rate[node, slot] *= along.rows.scale[r]
+        violation[node, slot] *= along.rows.scale[r]
+        violation_rate[node, slot] *= along.rows.scale[r]

@@ -65,7 +65,7 @@ class Bodies(NamedTuple):
     inertia: np.ndarray  # (n+1, 3, 3) about G, body axes [kg m^2]
     r_BG: np.ndarray  # (n+1, 3) from the reference point B to the mass centre G, body axes [m]
     length: np.ndarray  # (n+1,) l, the length that makes a turn a displacement [m]
-    by_angle: bool | None  # whether h times the mean W is the turn itself; None where it is Q
+    exponential: bool | None  # whether h times the mean W is the turn itself; None where it is Q
     ballistic: np.ndarray  # (n+1,) whether nothing but gravity acts on it
     moves: np.ndarray  # (2, 3) 0 for components of u and v, of Q and W, that are zero for ever; 1
     gravity: np.ndarray  # (3,) inertial axes [m/s^2]
@@ -119,11 +119,9 @@ def end_tangent(bodies: Bodies, Z: np.ndarray, b: int, a: Vector) -> Matrix:
 
 
 @kernel
-def push(
-    bodies: Bodies, reach: float, F: np.ndarray, b: int, force: Vector, moment: Vector
-) -> None:
+def push(bodies: Bodies, dt2: float, F: np.ndarray, b: int, force: Vector, moment: Vector) -> None:
     """Take a mean ``force`` and a mean ``moment`` about G from the rows of body ``b``."""
-    c = reach * bodies.inverse_mass[b]
+    c = dt2 * bodies.inverse_mass[b]
     accumulate(F, 2 * b, scale(-c, force))
     accumulate(F, 2 * b + 1, scale(-c / bodies.length[b], moment))
 
@@ -179,32 +177,32 @@ def lost(bodies: Bodies, start: BodyStart, h: float, a: np.ndarray, alpha: np.nd
 
 @kernel
 def residual(
-    bodies: Bodies, start: BodyStart, h: float, reach: float, Z: np.ndarray, F: np.ndarray
+    bodies: Bodies, start: BodyStart, h: float, dt2: float, Z: np.ndarray, F: np.ndarray
 ) -> None:
     """Set the rows of every body to inertia minus gravity [m]; ``reach`` is share h^2."""
     g = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
     for b in range(bodies.inverse_mass.size - 1):
-        put(F, 2 * b, sub(at(Z, 2 * b), axpy(h, at(start.v_go, b), scale(reach, g))))
+        put(F, 2 * b, sub(at(Z, 2 * b), axpy(h, at(start.v_go, b), scale(dt2, g))))
         Q = turn_of(bodies, Z, b)
         J = matrix_at(start.J, b)
-        psi = angle_share(Q)[0] if bodies.by_angle is not None else 1.0
+        psi = angle_share(Q)[0] if bodies.exponential is not None else 1.0
         forced = axpy(-h, at(start.W_go, b), scale(psi, Q))
-        L = times(J, axpy(reach / h, at(start.W, b), forced))
+        L = times(J, axpy(dt2 / h, at(start.W, b), forced))
         change = scale(psi, add(times(J, forced), turn_change(Q, L)))
         put(F, 2 * b + 1, scale(bodies.inverse_mass[b] / bodies.length[b], change))
 
 
 @kernel
 def jacobian(
-    bodies: Bodies, start: BodyStart, h: float, reach: float, Z: np.ndarray, values: np.ndarray
+    bodies: Bodies, start: BodyStart, h: float, dt2: float, Z: np.ndarray, values: np.ndarray
 ) -> None:
     """Add the derivative of the moment rows by l Q; that of the force rows is constant."""
     for b in range(bodies.inverse_mass.size - 1):
         Q = turn_of(bodies, Z, b)
         J = matrix_at(start.J, b)
-        psi, g = angle_share(Q) if bodies.by_angle is not None else (1.0, 0.0)
+        psi, g = angle_share(Q) if bodies.exponential is not None else (1.0, 0.0)
         forced = axpy(-h, at(start.W_go, b), scale(psi, Q))
-        L = times(J, axpy(reach / h, at(start.W, b), forced))
+        L = times(J, axpy(dt2 / h, at(start.W, b), forced))
         K = skew(add(L, turn_change(Q, L)))
         JQ, change = times(J, Q), add(times(J, forced), turn_change(Q, L))
         D = turn_tangent(Q)
@@ -212,10 +210,10 @@ def jacobian(
         for j in range(3):
             Jj = (J[0][j], J[1][j], J[2][j])
             Dj = (D[0][j], D[1][j], D[2][j])
-            if bodies.by_angle is not None:
+            if bodies.exponential is not None:
                 Jj = axpy(g * Q[j], JQ, scale(psi, Jj))
             column = sub(add(Jj, turn_change(Q, Jj)), times(K, Dj))
-            if bodies.by_angle is not None:
+            if bodies.exponential is not None:
                 column = axpy(g * Q[j], change, scale(psi, column))
             for i in range(3):
                 values[bodies.block[b] + 3 * i + j] += c * column[i]

@@ -12,4 +12,4 @@ def equations(joint: Joint) -> Equations:
     return [*on_axis(joint), *parallel_axes(joint)]
 
 
-KIND = Kind("cylindrical", equations, axes=1, freedoms=("slide", "angle"), bearing=True)
+KIND = Kind("cylindrical", equations, axes=1, coordinates=("slide", "angle"), bearing=True)

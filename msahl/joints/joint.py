@@ -81,7 +81,7 @@ class Kind:
     equations: Callable[[Joint], Equations]
     axes: int = 0
     parameters: tuple[tuple[str, str, float | None, float], ...] = ()
-    freedoms: tuple[str, ...] = ()
+    coordinates: tuple[str, ...] = ()
     moment: bool = True
     on_ground: bool = False
     faces: bool = False

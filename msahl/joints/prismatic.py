@@ -12,4 +12,4 @@ def equations(joint: Joint) -> Equations:
     return [*on_axis(joint), *no_turn(joint)]
 
 
-KIND = Kind("prismatic", equations, axes=1, freedoms=("slide",), bearing=True)
+KIND = Kind("prismatic", equations, axes=1, coordinates=("slide",), bearing=True)

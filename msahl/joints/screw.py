@@ -24,5 +24,5 @@ KIND = Kind(
     equations,
     axes=1,
     parameters=(("pitch", "length", None, -math.inf),),
-    freedoms=("angle", "slide"),
+    coordinates=("angle", "slide"),
 )

@@ -14,34 +14,34 @@ from msahl.model.loads import (
     SpringDamper,
 )
 from msahl.model.model import (
+    INSTANTANEOUS,
     MEAN,
-    STATION,
     Limits,
     Model,
     Simulation,
     decay_of,
     decays,
     degree_of,
+    is_exponential,
     local_tolerance_of,
     order_of,
     reactions_of,
     scheme_of,
     tolerance_of,
-    turns_by_angle,
 )
-from msahl.model.motions import Drive, PointMotion
+from msahl.model.motions import JointMotion, PointMotion
 
 __all__ = [
+    "INSTANTANEOUS",
     "MEAN",
-    "STATION",
     "Bushing",
     "ConcentratedLoad",
     "Coupling",
     "Drag",
-    "Drive",
     "Friction",
     "Ground",
     "Joint",
+    "JointMotion",
     "JointSpring",
     "Law",
     "Limits",
@@ -54,10 +54,10 @@ __all__ = [
     "decay_of",
     "decays",
     "degree_of",
+    "is_exponential",
     "local_tolerance_of",
     "order_of",
     "reactions_of",
     "scheme_of",
     "tolerance_of",
-    "turns_by_angle",
 ]

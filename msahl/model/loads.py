@@ -49,7 +49,7 @@ class JointSpring:
 
     name: str
     joint: str
-    freedom: str
+    coordinate: str
     stiffness: float
     damping: float
     free: float = 0.0
@@ -90,7 +90,7 @@ class Friction:
 
     name: str
     joint: str
-    freedom: str
+    coordinate: str
     coefficient: float
     radius: float
     width: float

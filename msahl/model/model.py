@@ -14,23 +14,23 @@ from msahl.model.joints import Joint
 from msahl.model.loads import (
     Load,
 )
-from msahl.model.motions import Drive, PointMotion
+from msahl.model.motions import JointMotion, PointMotion
 from msahl.model.scheme import (
     ANGLE,
     AUTO,
+    CAYLEY,
     CHOSEN,
     DAMPING,
     DEFAULT,
     DEGREE,
     HIGHER,
     SCHEMES,
-    TANGENT,
     TOLERANCE,
     Decay,
     decaying,
 )
 
-MEAN, STATION = "mean", "station"
+MEAN, INSTANTANEOUS = "mean", "station"
 """What published reactions are: means over the steps, or those at the rows' own times."""
 
 
@@ -44,7 +44,7 @@ class Limits:
 
     accuracy: float | None = None
     energy: float | None = None
-    gap: float | None = None
+    violation: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ class Simulation:
     t_final: float
     scheme: str = DEFAULT
     damping: float = DAMPING
-    turn: str = TANGENT
+    turn: str = CAYLEY
     reactions: str = MEAN
     limits: Limits = Limits()
     degree: int = DEGREE
@@ -87,7 +87,7 @@ class Model:
     simulation: Simulation
     unit_system: str = "SI"
     couplings: tuple[Coupling, ...] = ()
-    motions: tuple[Drive | PointMotion, ...] = ()
+    motions: tuple[JointMotion | PointMotion, ...] = ()
     position: str = "check"  # or "project": close the joints by Newton's method
     velocity: str = "keepAngular"  # or "massWeighted", "asGiven", "refuse"
 
@@ -99,14 +99,14 @@ def decay_of(model: Model) -> Decay:
     return SCHEMES[model.simulation.scheme](model.simulation.damping)
 
 
-def turns_by_angle(model: Model) -> bool:
+def is_exponential(model: Model) -> bool:
     """Whether the mean angular velocity of a step tells the angle of its turn, not its tangent."""
     return model.simulation.turn == ANGLE and not degree_of(model)
 
 
 def reactions_of(model: Model) -> str:
     """What published reactions are: those of a scheme of higher degree have no means."""
-    return STATION if degree_of(model) else model.simulation.reactions
+    return INSTANTANEOUS if degree_of(model) else model.simulation.reactions
 
 
 def scheme_of(model: Model) -> str:

@@ -7,13 +7,13 @@ from msahl.algebra.vector import Vector
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class JointMotion:
     """The ``freedom`` ("angle" [rad] or "slide" [m]) of ``joint`` moves from where it is at t = 0
     by what ``law`` has changed since."""
 
     name: str
     joint: str
-    freedom: str
+    coordinate: str
     law: Law
 
 

@@ -157,7 +157,7 @@ def _constraints(run: Run, measures: Measures, choice: Choice) -> tuple[str, Fig
     panels = [
         (f"{words} [{unit}]", series)
         for words, values, units in (
-            ("gap", found.gap, ("m", "rad")),
+            ("gap", found.violation, ("m", "rad")),
             ("gap rate", found.rate, ("m/s", "rad/s")),
         )
         for unit, series in zip(units, np.moveaxis(values[:, picked], 2, 0), strict=True)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from msahl.joints.registry import KINDS
-from msahl.model import Drive, Model
+from msahl.model import JointMotion, Model
 from msahl.model.couplings import FREEDOMS
 from msahl.post.replay import Rows, observe
 from msahl.post.virtual import child_work, reaction_work
@@ -156,7 +156,7 @@ class Constraints:
 
     time: np.ndarray
     names: tuple[str, ...]
-    gap: np.ndarray
+    violation: np.ndarray
     rate: np.ndarray
     length: float
     speed: float
@@ -209,7 +209,7 @@ def measure(run: Run) -> Measures:
     )
     names = element_names(run.model)
     speed = _speed(run, energy)
-    constraints = Constraints(run.time, names, rows.gap, rows.rate, rows.length, speed)
+    constraints = Constraints(run.time, names, rows.violation, rows.rate, rows.length, speed)
     reactions = _reactions(run)
     work = _joint_work(run, rows, reactions) if run.has_means else None
     return Measures(energy, loads, constraints, work, reactions, len(run.model.joints))
@@ -257,7 +257,7 @@ def _reactions(run: Run) -> Reactions:
 def _turning(model: Model) -> dict[int, int]:
     """By number of the element: 1 if its load is along an angle [N m], 0 if along a way [N]."""
     freedoms = [FREEDOMS[coupling.kind][1] for coupling in model.couplings]
-    freedoms += [m.freedom if isinstance(m, Drive) else "slide" for m in model.motions]
+    freedoms += [m.coordinate if isinstance(m, JointMotion) else "slide" for m in model.motions]
     return {e: int(f == "angle") for e, f in enumerate(freedoms, start=len(model.joints))}
 
 

@@ -42,7 +42,7 @@ class Rows(NamedTuple):
     rotational: np.ndarray  # (m, n) kinetic energy of rotation about G [J]
     potential: np.ndarray  # (m, n) -m g.x_G [J]
     elastic: np.ndarray  # (m,) energy of all springs [J]
-    gap: np.ndarray  # (m, e, 2) size of the gap [m] and [rad]; nan where an element has none
+    violation: np.ndarray  # (m, e, 2) size of the gap [m] and [rad]; nan where an element has none
     rate: np.ndarray  # (m, e, 2) size of its rate [m/s] and [rad/s]; likewise
     length: float  # longest arm or radius of gyration in the scene [m]
     history: History
@@ -55,10 +55,10 @@ def observe(run: Run) -> Rows:
     table = body_columns(run)
     m, n = len(table), len(run.model.bodies)
     history = History(*(np.zeros((m, n + 1, 3)) for _ in History._fields))
-    gap, rate = np.zeros((2, m, *state.gap.shape))
+    violation, rate = np.zeros((2, m, *state.violation.shape))
     elastic = np.zeros(m)
     start = new_start(system, state)
-    _observe(system, state, start, run.time, table, history, gap, rate, elastic)
+    _observe(system, state, start, run.time, table, history, violation, rate, elastic)
     energies = [_energies_of(run.model, b, history) for b in range(n)]
     linear, rotational, potential = np.moveaxis(np.array(energies), 0, 2)
     used, holonomic = _slots(system)
@@ -68,7 +68,7 @@ def observe(run: Run) -> Rows:
         rotational,
         potential,
         elastic,
-        _sizes(system, gap, holonomic, elements),
+        _sizes(system, violation, holonomic, elements),
         _sizes(system, rate, used, elements),
         float(system.bodies.length[:n].max()),
         history,
@@ -122,7 +122,7 @@ def _observe_rows(
     time: np.ndarray,
     table: np.ndarray,
     history: History,
-    gap: np.ndarray,
+    violation: np.ndarray,
     rate: np.ndarray,
     elastic: np.ndarray,
 ) -> None:
@@ -134,7 +134,7 @@ def _observe_rows(
         _expect(system.along, start.along, state.angle, 0.5 * h)
         equations.prepare(system, state, start)
         _count(system.along, start.along, start.bodies, state.angle, 0.5 * h)
-        equations.observe(system, state, start, gap[row], rate[row])
+        equations.observe(system, state, start, violation[row], rate[row])
         elastic[row] = _elastic(system.along, start.along)
         for b in range(state.x.shape[0]):
             put(history.x[row], b, at(state.x, b))

@@ -61,11 +61,11 @@ def constraints_verdict(found: Constraints) -> list[str]:
 
 def _closed(found: Constraints, kind: int, unit: str) -> str:
     """Widest gap of one ``kind`` and whose it is; empty if no element has such gaps."""
-    gap = found.gap[:, :, kind]
-    if np.isnan(gap).all():
+    violation = found.violation[:, :, kind]
+    if np.isnan(violation).all():
         return ""
-    widest = np.nanmax(gap)
-    name = found.names[int(np.nanargmax(gap) % len(found.names))]
+    widest = np.nanmax(violation)
+    name = found.names[int(np.nanargmax(violation) % len(found.names))]
     part = f", {widest / found.length:.1e} of the longest arm" if unit == "m" else ""
     return f"{widest:.1e} {unit} (the widest: {name}{part})"
 

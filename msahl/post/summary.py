@@ -101,7 +101,9 @@ def constraints_table(measured: Measured) -> Table:
     for name, measures in measured:
         found = measures.constraints
         for e, element in enumerate(found.names):
-            series = [part[:, e, unit] for part in (found.gap, found.rate) for unit in range(2)]
+            series = [
+                part[:, e, unit] for part in (found.violation, found.rate) for unit in range(2)
+            ]
             rows.append((name, element, *(cell for values in series for cell in _peak(values))))
     return Table(columns, tuple(rows))
 
@@ -158,13 +160,13 @@ def body_table(energy: Energy) -> Table:
         Column("potential_min", "least potential [J]", form=".6g"),
         Column("potential_max", "largest potential [J]", form=".6g"),
     )
-    reach = (
+    dt2 = (
         energy.linear.max(axis=0),
         energy.rotational.max(axis=0),
         energy.potential.min(axis=0),
         energy.potential.max(axis=0),
     )
-    figures = zip(energy.bodies, *(map(float, values) for values in reach), strict=True)
+    figures = zip(energy.bodies, *(map(float, values) for values in dt2), strict=True)
     return Table(columns, tuple(figures))
 
 
@@ -172,7 +174,7 @@ def no_work_note(run: Run) -> str:
     """Why a run has no virtual work; empty for one with every step's row and mean reactions."""
     if run.has_means:
         return ""
-    if run.at_rows:
+    if run.instantaneous:
         again = (
             "with --scheme preserving" if degree_of(run.model) else "without --reactions station"
         )

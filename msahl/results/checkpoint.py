@@ -42,7 +42,7 @@ def write_checkpoint(folder: Path, about: dict[str, Any], checkpoint: Checkpoint
         "layout": LAYOUT,
         "about": about,
         "ends": checkpoint.ends,
-        "scene": snapshot.scene,
+        "scene": snapshot.workspace,
         "numbers": snapshot.numbers,
     }
     head |= {"check": _check(head, memory)}

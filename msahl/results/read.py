@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from msahl.deck import read_deck
-from msahl.model import STATION, Model, degree_of, reactions_of
+from msahl.model import INSTANTANEOUS, Model, degree_of, reactions_of
 from msahl.printable import printable, shown_path
 from msahl.results.folder import find
 from msahl.results.info import AGAIN, ResultError, read_info
@@ -58,14 +58,14 @@ class Run:
         return max(1, round(spacing / dt))
 
     @property
-    def at_rows(self) -> bool:
+    def instantaneous(self) -> bool:
         """Whether reactions are those at the rows' own times, not means over the steps before."""
-        return reactions_of(self.model) == STATION
+        return reactions_of(self.model) == INSTANTANEOUS
 
     @property
     def has_means(self) -> bool:
         """Whether the mean reaction of every step is on file."""
-        return self.every == 1 and not self.at_rows
+        return self.every == 1 and not self.instantaneous
 
 
 def read_run(folder: Path) -> Run:

@@ -41,9 +41,9 @@ from msahl.algebra.functions import build_laws, evaluate
 from msahl.algebra.rotation_arrays import angles
 from msahl.elements.constraints.coordinates import ANGLE
 from msahl.model import Model, degree_of, local_tolerance_of, order_of, reactions_of, scheme_of
-from msahl.model.motions import Drive
-from msahl.run.output_schedule import Plan
-from msahl.run.subsystem import Runner
+from msahl.model.motions import JointMotion
+from msahl.run.output_schedule import OutputSchedule
+from msahl.run.subsystem import SubsystemIntegrator
 from msahl.system.names import reaction_columns
 
 SAFETY = 1.5
@@ -130,10 +130,14 @@ class Companion(Protocol):
     name: str
     factor: float  # of the difference, for the estimate
     stride: int  # steps of the run that make one of its own
-    runners: list[Runner]  # what advances with the run
+    integrators: list[SubsystemIntegrator]  # what advances with the run
 
     def follow(
-        self, runners: Sequence[Runner], steps: Steps, plan: Plan, times: np.ndarray
+        self,
+        integrators: Sequence[SubsystemIntegrator],
+        steps: Steps,
+        schedule: OutputSchedule,
+        times: np.ndarray,
     ) -> list[Rows] | None:
         """Take the time of these ``steps``; the rows of ``plan``, at ``times``, by
         subsystem, or None if a step did not converge.
@@ -145,22 +149,29 @@ class HalfStep:
 
     name, stride = "half the step", 1
 
-    def __init__(self, model: Model, runners: Sequence[Runner], full: bool, chunk: int) -> None:
-        at_rows = reactions_of(model) == "station"
-        self.means = degree_of(model) == 0 and not at_rows
+    def __init__(
+        self, model: Model, integrators: Sequence[SubsystemIntegrator], full: bool, chunk: int
+    ) -> None:
+        instantaneous = reactions_of(model) == "station"
+        self.means = degree_of(model) == 0 and not instantaneous
         # Mean reactions need a row for either half of a step.
-        self.runners = [
-            Runner(_at_given_steps(r.model), r.solver, full, 2 * chunk, at_rows) for r in runners
+        self.integrators = [
+            SubsystemIntegrator(_at_given_steps(r.model), r.solver, full, 2 * chunk, instantaneous)
+            for r in integrators
         ]
         self.factor = SAFETY / (1.0 - 0.5 ** order_of(model))
 
     def follow(
-        self, runners: Sequence[Runner], steps: Steps, plan: Plan, times: np.ndarray
+        self,
+        integrators: Sequence[SubsystemIntegrator],
+        steps: Steps,
+        schedule: OutputSchedule,
+        times: np.ndarray,
     ) -> list[Rows] | None:
         """See ``Companion``."""
-        halves, rows = plan.both_halves() if self.means else plan.halves(), []
-        for runner, own in zip(runners, self.runners, strict=True):
-            own.steps.go_like(runner.steps)
+        halves, rows = schedule.both_halves() if self.means else schedule.halves(), []
+        for integrator, own in zip(integrators, self.integrators, strict=True):
+            own.steps.go_like(integrator.steps)
             if not _advance(own, np.repeat(0.5 * steps.sizes, 2), halves):
                 return None
             if self.means:
@@ -178,23 +189,34 @@ class HigherOrder:
     factor = SAFETY
 
     def __init__(
-        self, model: Model, runners: Sequence[Runner], full: bool, chunk: int, coarser: Coarser
+        self,
+        model: Model,
+        integrators: Sequence[SubsystemIntegrator],
+        full: bool,
+        chunk: int,
+        coarser: Coarser,
     ) -> None:
         self.stride = coarser.stride
         self.name = f"{coarser.scheme}{coarser.degree} at {coarser.stride} steps in one"
-        self.runners = [Runner(_by(r.model, coarser), r.solver, full, chunk) for r in runners]
+        self.integrators = [
+            SubsystemIntegrator(_by(r.model, coarser), r.solver, full, chunk) for r in integrators
+        ]
 
     def follow(
-        self, runners: Sequence[Runner], steps: Steps, plan: Plan, times: np.ndarray
+        self,
+        integrators: Sequence[SubsystemIntegrator],
+        steps: Steps,
+        schedule: OutputSchedule,
+        times: np.ndarray,
     ) -> list[Rows] | None:
         """See ``Companion``."""
         first = range(0, len(steps.sizes), self.stride)
         groups = [steps.sizes[k : k + self.stride].sum() for k in first]
         ends = [steps.ends[min(k + self.stride, len(steps.ends)) - 1] for k in first]
-        plan = Plan.passed(times, steps.begin, np.array(ends))
+        schedule = OutputSchedule.passed(times, steps.begin, np.array(ends))
         rows = []
-        for own in self.runners:
-            if not _advance(own, np.array(groups), plan):
+        for own in self.integrators:
+            if not _advance(own, np.array(groups), schedule):
                 return None
             rows.append(_rows(own, len(times)))
         return rows
@@ -207,10 +229,14 @@ class Known:
 
     def __init__(self, rows: list[Rows]) -> None:
         self.rows, self.first = rows, 0  # of all rows, the next to give out
-        self.runners: list[Runner] = []
+        self.integrators: list[SubsystemIntegrator] = []
 
     def follow(
-        self, runners: Sequence[Runner], steps: Steps, plan: Plan, times: np.ndarray
+        self,
+        integrators: Sequence[SubsystemIntegrator],
+        steps: Steps,
+        schedule: OutputSchedule,
+        times: np.ndarray,
     ) -> list[Rows] | None:
         """See ``Companion``."""
         return self.next_rows(len(times))
@@ -222,27 +248,32 @@ class Known:
         return [Rows(*(table[span] for table in rows)) for rows in self.rows]
 
 
-def _rows(runner: Runner, count: int) -> Rows:
+def _rows(integrator: SubsystemIntegrator, count: int) -> Rows:
     """The first rows of the present chunk."""
-    tables = runner.scene.tables
+    tables = integrator.workspace.tables
     return Rows(tables.states[:count], tables.reactions[:count])
 
 
 def choose_companion(
-    model: Model, runners: Sequence[Runner], full: bool, chunk: int, steps: int, asked: bool
+    model: Model,
+    integrators: Sequence[SubsystemIntegrator],
+    full: bool,
+    chunk: int,
+    steps: int,
+    asked: bool,
 ) -> Companion | None:
     """The companion of a run of so many ``steps``; None where it would cost more than a second and
     more than the run itself, unless it is ``asked`` for.
     """
-    degree, unknowns = degree_of(model), sum(r.scene.unknowns.free.size for r in runners)
+    degree, unknowns = degree_of(model), sum(r.workspace.unknowns.free.size for r in integrators)
     own = steps * unknowns * SECONDS_PER_UNKNOWN * DEGREE_COST[degree]
     if asked or local_tolerance_of(model) is not None or 2.0 * own <= WORTH:
-        return HalfStep(model, runners, full, chunk)
+        return HalfStep(model, integrators, full, chunk)
     coarser = COARSER.get((scheme_of(model), degree))
     if coarser is None:
         return None
     cost = DEGREE_COST[coarser.degree] / (DEGREE_COST[degree] * coarser.stride)
-    return HigherOrder(model, runners, full, chunk, coarser) if cost < 1.0 else None
+    return HigherOrder(model, integrators, full, chunk, coarser) if cost < 1.0 else None
 
 
 def unseen_motion(model: Model, length: float) -> float:
@@ -264,18 +295,18 @@ def unseen_motion(model: Model, length: float) -> float:
         spread = np.ptp(np.hstack([met, between]), axis=1)
         missed = off > np.maximum(UNFOLLOWED * spread, SAME * np.ptp(met))
         if np.count_nonzero(missed) > OFTEN * MOTION_SAMPLES:
-            angle = isinstance(motion, Drive) and motion.freedom == "angle"
+            angle = isinstance(motion, JointMotion) and motion.coordinate == "angle"
             worst = max(worst, float(off[missed].max()) * (length if angle else 1.0))
     return worst
 
 
-def unresolved_friction(runner: Runner, h: float, t_final: float) -> float:
+def unresolved_friction(integrator: SubsystemIntegrator, h: float, t_final: float) -> float:
     """Error of positions [m] where friction changes a rate by more than its width in a step ``h``.
 
     While the rate passes the width friction is not yet at its limit. Both runs miss that if it is
     over within a step, which leaves a rate wrong by up to half the width until ``t_final``.
     """
-    system, reaction = runner.scene.system, runner.scene.state.reaction
+    system, reaction = integrator.workspace.system, integrator.workspace.state.reaction
     if system.along is None:
         return 0.0
     frictions, quantities, bodies = system.along.frictions, system.along.quantities, system.bodies
@@ -300,11 +331,15 @@ class ErrorEstimate:
     """
 
     def __init__(
-        self, model: Model, runners: Sequence[Runner], companion: Companion, accuracy: float | None
+        self,
+        model: Model,
+        integrators: Sequence[SubsystemIntegrator],
+        companion: Companion,
+        accuracy: float | None,
     ) -> None:
         self.companion, self.accuracy = companion, accuracy
-        self.lengths = [r.scene.system.bodies.length[:-1] for r in runners]
-        self.columns = [_reaction_kinds(r.model) for r in runners]
+        self.lengths = [r.workspace.system.bodies.length[:-1] for r in integrators]
+        self.columns = [_reaction_kinds(r.model) for r in integrators]
         # Means over steps have nothing to be compared with in a scheme of higher order.
         self.compared = not isinstance(companion, HigherOrder) or reactions_of(model) == "station"
         self.largest = dict.fromkeys(FIGURES, 0.0)
@@ -315,12 +350,14 @@ class ErrorEstimate:
             unseen = unseen_motion(model, max(float(of.max()) for of in self.lengths))
             self.largest["position"] = SAFETY * unseen
         self.kept: list[list[Rows]] | None = None  # chunks of rows of all subsystems
-        for runner in companion.runners:
-            runner.show_start()
+        for integrator in companion.integrators:
+            integrator.show_start()
 
-    def begin(self, runners: Sequence[Runner]) -> np.ndarray:
+    def begin(self, integrators: Sequence[SubsystemIntegrator]) -> np.ndarray:
         """Compare the rows at t = 0; the row of ``follow``."""
-        mine, other = ([_rows(r, 1) for r in of] for of in (runners, self.companion.runners))
+        mine, other = (
+            [_rows(r, 1) for r in of] for of in (integrators, self.companion.integrators)
+        )
         if isinstance(self.companion, Known):
             other = self.companion.next_rows(1)
         return self.compare(mine, other, np.zeros(1), np.zeros(1))
@@ -330,7 +367,11 @@ class ErrorEstimate:
         self.kept = []
 
     def follow(
-        self, runners: Sequence[Runner], steps: Steps, plan: Plan, times: np.ndarray
+        self,
+        integrators: Sequence[SubsystemIntegrator],
+        steps: Steps,
+        schedule: OutputSchedule,
+        times: np.ndarray,
     ) -> np.ndarray:
         """Let the companion follow the ``steps`` that the run has taken, and compare
         the rows of ``plan``, at ``times``: (m, 3) time, estimated error of positions and of
@@ -338,12 +379,12 @@ class ErrorEstimate:
         """
         if self.stopped or not len(steps.sizes):
             return np.zeros((0, 3))
-        others = self.companion.follow(runners, steps, plan, times)
+        others = self.companion.follow(integrators, steps, schedule, times)
         if others is None or not all(np.isfinite(rows.states).all() for rows in others):
             self.stopped = True
             return np.zeros((0, 3))
-        mine = [_rows(r, len(times)) for r in runners]
-        return self.compare(mine, others, times, np.repeat(steps.sizes, np.diff(plan.due)))
+        mine = [_rows(r, len(times)) for r in integrators]
+        return self.compare(mine, others, times, np.repeat(steps.sizes, np.diff(schedule.due)))
 
     def compare(
         self, own: Sequence[Rows], others: Sequence[Rows], times: np.ndarray, h: np.ndarray
@@ -407,7 +448,7 @@ class ErrorEstimate:
         [J], the largest kinetic energy is ``kinetic`` [J], and whose bodies go no farther than
         ``way`` [m] in a step.
         """
-        of_companion = -sum(float(r.scene.state.work[-1]) for r in self.companion.runners)
+        of_companion = -sum(float(r.workspace.state.work[-1]) for r in self.companion.integrators)
         hidden = 2.0 * of_companion - lost
         counts = of_companion > LOST_ALIKE * lost and hidden > ENERGY_ROUND_OFF * size
         if isinstance(self.companion, HalfStep) and kinetic > 0.0 and counts:
@@ -513,11 +554,11 @@ def _by(model: Model, coarser: Coarser) -> Model:
     return replace(model, simulation=simulation)
 
 
-def _advance(runner: Runner, sizes: np.ndarray, plan: Plan) -> bool:
+def _advance(integrator: SubsystemIntegrator, sizes: np.ndarray, schedule: OutputSchedule) -> bool:
     """Take steps of these ``sizes``; whether all were solved."""
     first = 0
     for last in [*(np.flatnonzero(np.diff(sizes)) + 1), len(sizes)]:
-        done, _ = runner.advance(float(sizes[first]), first, int(last), plan)
+        done, _ = integrator.advance(float(sizes[first]), first, int(last), schedule)
         if done < last:
             return False
         first = int(last)

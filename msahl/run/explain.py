@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from msahl.jit.compiled import is_kept
-from msahl.model import Model, decays, degree_of, order_of, turns_by_angle
+from msahl.model import Model, decays, degree_of, is_exponential, order_of
 from msahl.run.loop import Grid
-from msahl.run.subsystem import Runner
+from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.verdict import describe_shared
 from msahl.system.arrays import multiplier_count
 from msahl.system.reductions import all_unknowns
@@ -19,7 +19,10 @@ AXES = "xyz"
 def explain(model: Model) -> list[str]:
     """Lines about bodies, freedoms, unknowns, what is left out, and what will be loaded."""
     with np.errstate(all="ignore"):  # as in a run
-        runners = [Runner(island, "newton", full=False, chunk=1) for island in split(model)]
+        integrators = [
+            SubsystemIntegrator(subsystem, "newton", full=False, chunk=1)
+            for subsystem in split(model)
+        ]
     grid = Grid.of(model.simulation)
     return [
         model.simulation.title or "(no title)",
@@ -28,11 +31,15 @@ def explain(model: Model) -> list[str]:
         f"{_count(len(model.loads), 'load')}, {_count(len(model.grounds), 'ground')}; "
         f"{grid.n} steps of {grid.h:g} s",
         f"scheme: {_scheme(model)}",
-        *_freedoms(model, runners),
-        *_unknowns(model, runners),
-        *(line for runner in runners for line in _island(runner, alone=len(runners) == 1)),
-        *_left_out(model, runners),
-        *_loaded(runners),
+        *_freedoms(model, integrators),
+        *_unknowns(model, integrators),
+        *(
+            line
+            for integrator in integrators
+            for line in _island(integrator, alone=len(integrators) == 1)
+        ),
+        *_left_out(model, integrators),
+        *_loaded(integrators),
     ]
 
 
@@ -47,20 +54,22 @@ def _scheme(model: Model) -> str:
         energy = "takes energy from what is quicker than the step"
     else:
         energy = "keeps the energy nearly" if degree else "keeps the energy"
-    if turns_by_angle(model):
+    if is_exponential(model):
         energy += "; a step's turn is by its angle"
     named = f"{name} of degree {degree}" if degree else name
     return f"{named}, of order {order_of(model)}; {energy}"
 
 
-def _freedoms(model: Model, runners: list[Runner]) -> Iterator[str]:
+def _freedoms(model: Model, integrators: list[SubsystemIntegrator]) -> Iterator[str]:
     bodies = 6 * len(model.bodies)
-    rank = sum(runner.rank for runner in runners)
-    equations = rank + sum(runner.redundant for runner in runners)
+    rank = sum(integrator.rank for integrator in integrators)
+    equations = rank + sum(integrator.redundant for integrator in integrators)
     yield f"degrees of freedom: by count {bodies} - {equations} = {bodies - equations}, " + (
         f"by rank {bodies} - {rank} = {bodies - rank}"
     )
-    shared = {name: columns for runner in runners for name, columns in runner.shared.items()}
+    shared = {
+        name: columns for integrator in integrators for name, columns in integrator.shared.items()
+    }
     if shared:
         yield (
             f"  {equations - rank} joint equations follow from the others: motion and energy are "
@@ -72,29 +81,31 @@ def _freedoms(model: Model, runners: list[Runner]) -> Iterator[str]:
         yield f"  all components unique: {', '.join(unique)}"
 
 
-def _unknowns(model: Model, runners: list[Runner]) -> Iterator[str]:
+def _unknowns(model: Model, integrators: list[SubsystemIntegrator]) -> Iterator[str]:
     bodies = len(model.bodies)
-    equations = sum(multiplier_count(runner.scene.system) for runner in runners)
-    solved = sum(runner.scene.unknowns.free.size for runner in runners)
-    full = sum(all_unknowns(runner.scene.system).size for runner in runners)
+    equations = sum(multiplier_count(integrator.workspace.system) for integrator in integrators)
+    solved = sum(integrator.workspace.unknowns.free.size for integrator in integrators)
+    full = sum(all_unknowns(integrator.workspace.system).size for integrator in integrators)
     yield (
         f"unknowns of a step: {12 * bodies + equations} (displacements, turns and their rates, "
         f"multipliers), {full} after using up the rates, {solved} solved for"
     )
 
 
-def _island(runner: Runner, alone: bool) -> Iterator[str]:
-    scene = runner.scene
-    head = "" if alone else f"island of {_members(runner.model)}: "
+def _island(integrator: SubsystemIntegrator, alone: bool) -> Iterator[str]:
+    scene = integrator.workspace
+    head = "" if alone else f"island of {_members(integrator.model)}: "
     lu = scene.unknowns.elimination
-    if runner.axis is not None:
+    if integrator.axis is not None:
         yield (
-            f"{head}planar: nothing ever happens along {AXES[runner.axis]}, so each body has "
+            f"{head}planar: nothing ever happens along {AXES[integrator.axis]}, so each body has "
             "three unknowns, and equations that hold by symmetry are left out"
         )
     flying = [
         body.name
-        for body, ballistic in zip(runner.model.bodies, scene.system.bodies.ballistic, strict=False)
+        for body, ballistic in zip(
+            integrator.model.bodies, scene.system.bodies.ballistic, strict=False
+        )
         if ballistic
     ]
     if flying:
@@ -105,19 +116,19 @@ def _island(runner: Runner, alone: bool) -> Iterator[str]:
     yield f"{head}elimination: {lu.order.size} pivots, {lu.target.size} multiplications"
 
 
-def _members(island: Model) -> str:
-    names = [body.name for body in island.bodies]
+def _members(subsystem: Model) -> str:
+    names = [body.name for body in subsystem.bodies]
     return ", ".join(names if len(names) <= 4 else [*names[:3], f"... ({len(names)} bodies)"])
 
 
-def _left_out(model: Model, runners: list[Runner]) -> Iterator[str]:
-    if len(runners) > 1:
-        yield f"{len(runners)} islands, solved apart: no joint and no load couples them"
+def _left_out(model: Model, integrators: list[SubsystemIntegrator]) -> Iterator[str]:
+    if len(integrators) > 1:
+        yield f"{len(integrators)} islands, solved apart: no joint and no load couples them"
     absent = {
         "gravity (zero)": not np.any(model.gravity),
         "joints (none)": not model.joints,
         "equations along quantities: axes, slides, springs (none)": all(
-            runner.scene.system.along is None for runner in runners
+            integrator.workspace.system.along is None for integrator in integrators
         ),
         "loads (none)": not model.loads,
     }
@@ -126,12 +137,12 @@ def _left_out(model: Model, runners: list[Runner]) -> Iterator[str]:
         yield f"not in this scene, and without cost: {', '.join(names)}"
 
 
-def _loaded(runners: list[Runner]) -> Iterator[str]:
+def _loaded(integrators: list[SubsystemIntegrator]) -> Iterator[str]:
     yield (
         "a run loads numpy, lxml, orjson and numba; scipy.optimize for the first step and hard "
         "ones (--solver auto), never with --solver newton; neither pandas nor matplotlib"
     )
-    kept = all(is_kept(f"{runner.steps.kind}-auto") for runner in runners)
+    kept = all(is_kept(f"{integrator.steps.kind}-auto") for integrator in integrators)
     yield (
         "the step is compiled and kept on disk"
         if kept

@@ -15,16 +15,16 @@ import numpy as np
 from msahl.jit.compiled import is_kept, keep, trouble
 from msahl.linalg.dense import FAR
 from msahl.model import (
-    STATION,
+    INSTANTANEOUS,
     Model,
     Simulation,
     decays,
     degree_of,
+    is_exponential,
     local_tolerance_of,
     order_of,
     reactions_of,
     tolerance_of,
-    turns_by_angle,
 )
 from msahl.run.attempts import KNOWN_NUMBERS, Attempts
 from msahl.run.error_estimate import (
@@ -34,7 +34,7 @@ from msahl.run.error_estimate import (
     choose_companion,
     unresolved_friction,
 )
-from msahl.run.output_schedule import Plan
+from msahl.run.output_schedule import OutputSchedule
 from msahl.run.snapshot import (
     ResumeError,
     Snapshot,
@@ -44,7 +44,7 @@ from msahl.run.snapshot import (
     remember,
     set_counters,
 )
-from msahl.run.subsystem import MAX_HALVINGS, Runner
+from msahl.run.subsystem import MAX_SUBDIVISIONS, SubsystemIntegrator
 from msahl.run.verdict import Figures, judge, never_begun
 from msahl.schemes.outcome import TOLERANCE, Outcome, Stopped
 from msahl.start.velocities import StartError
@@ -55,7 +55,7 @@ from msahl.system.nonfinite import overflow
 from msahl.system.subsystems import split
 
 if TYPE_CHECKING:
-    from msahl.schemes.collocation.stepper import Paced
+    from msahl.schemes.collocation.stepper import AdaptiveStepper
 
 CHUNK_SECONDS = 0.1
 """About how long the loop goes on between output, progress and a look at interruptions: less than
@@ -123,20 +123,20 @@ class Report:
     steps: int = 0
     time: float = 0.0
     joints: int = 0
-    islands: int = 0
-    planar_islands: int = 0
+    subsystems: int = 0
+    planar_subsystems: int = 0
     unknowns: int = 0
     freedoms: dict[str, int] = field(default_factory=dict)
-    sharedReactions: dict[str, list[str]] = field(default_factory=dict)
+    nonUniqueReactions: dict[str, list[str]] = field(default_factory=dict)
     iterations: int = 0
     factorisations: int = 0
-    root_steps: int = 0
-    halvings: int = 0
+    scipy_steps: int = 0
+    subdivisions: int = 0
     warnings: list[str] = field(default_factory=list)
     resumed: list[float] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=dict)
     extremes: dict[str, float | None] = field(default_factory=dict)
-    pace: dict[str, Any] | None = None
+    control: dict[str, Any] | None = None
     error: dict[str, Any] | None = None
     verdict: dict[str, Any] = field(default_factory=dict)
 
@@ -277,30 +277,35 @@ class _Run:
         self.chunk = max(a_step, min(4096, rows, CHUNK_NUMBERS // numbers))
         # Islands whose steps follow from a tolerance go together: their figures are added up.
         together = options.full or local_tolerance_of(model) is not None
-        islands = [model] if together else split(model)
-        at_rows = reactions_of(model) == STATION
-        self.runners = [
-            Runner(i, options.solver, options.full, self.chunk, at_rows) for i in islands
+        subsystems = [model] if together else split(model)
+        instantaneous = reactions_of(model) == INSTANTANEOUS
+        self.integrators = [
+            SubsystemIntegrator(i, options.solver, options.full, self.chunk, instantaneous)
+            for i in subsystems
         ]
-        steps = self.runners[0].steps
-        self.paced = cast("Paced", steps) if local_tolerance_of(model) is not None else None
+        steps = self.integrators[0].steps
+        self.adaptive = (
+            cast("AdaptiveStepper", steps) if local_tolerance_of(model) is not None else None
+        )
         self.reached = 0.0  # end of the last good step of these [s]
         self.estimate = self._estimate()
         place = [{name: i for i, name in enumerate(columns)} for columns in self.columns]
         self.places = [
             [
-                [whole[c] for c in names(runner.model)[1:]]
+                [whole[c] for c in names(integrator.model)[1:]]
                 for whole, names in zip(place, COLUMNS, strict=True)
             ]
-            for runner in self.runners
+            for integrator in self.integrators
         ]
         self.report = Report(
             joints=len(model.joints) + len(model.couplings),
-            islands=len(islands),
-            planar_islands=sum(runner.axis is not None for runner in self.runners),
-            unknowns=sum(runner.scene.unknowns.free.size for runner in self.runners),
-            freedoms=_freedoms(model, self.runners),
-            warnings=[w for runner in self.runners for w in _warnings(runner)],
+            subsystems=len(subsystems),
+            planar_subsystems=sum(integrator.axis is not None for integrator in self.integrators),
+            unknowns=sum(
+                integrator.workspace.unknowns.free.size for integrator in self.integrators
+            ),
+            freedoms=_freedoms(model, self.integrators),
+            warnings=[w for integrator in self.integrators for w in _warnings(integrator)],
             seconds={
                 "prepare": time.perf_counter() - began,
                 "loop": 0.0,
@@ -319,11 +324,11 @@ class _Run:
         if companion is None:
             asked = options.error == ESTIMATE or accuracy is not None or attempts is not None
             companion = choose_companion(
-                model, self.runners, options.full, self.chunk, self.grid.n, asked
+                model, self.integrators, options.full, self.chunk, self.grid.n, asked
             )
         if companion is None:
             return None
-        estimate = ErrorEstimate(model, self.runners, companion, accuracy)
+        estimate = ErrorEstimate(model, self.integrators, companion, accuracy)
         if attempts and self.shown.n * sum(map(len, self.columns)) <= KNOWN_NUMBERS:
             estimate.keep_rows()
         return estimate
@@ -337,29 +342,38 @@ class _Run:
     ) -> Report:
         """Take all steps, or those ``since`` a snapshot."""
         report = self.report
-        kinds = {f"{runner.steps.kind}-{self.options.solver}" for runner in self.runners}
+        kinds = {
+            f"{integrator.steps.kind}-{self.options.solver}" for integrator in self.integrators
+        }
         compiles = not all(is_kept(kind) for kind in kinds)
         if compiles:
             tell("compiling the step for this kind of scene, once")
-        self.scene = digest(self._all_runners) if self.save or since else ""
-        for runner in self.runners:
-            runner.show_start()
-        if min(self._finite_steps(1, Plan.at_ends(np.ones(1, dtype=bool)), self.grid.time)) < 1:
+        self.workspace = digest(self._all_runners) if self.save or since else ""
+        for integrator in self.integrators:
+            integrator.show_start()
+        if (
+            min(
+                self._finite_steps(
+                    1, OutputSchedule.at_ends(np.ones(1, dtype=bool)), self.grid.time
+                )
+            )
+            < 1
+        ):
             raise StartError(self.report.message)
-        first = [runner.scene.watch.rows[:1] for runner in self.runners]
+        first = [integrator.workspace.monitor.rows[:1] for integrator in self.integrators]
         t_final = self.grid.t_final
-        self.extremes = Extremes(first, sum(_energy_scale(r, t_final) for r in self.runners))
-        self.extremes.compare_with(sum(map(_work_of_reactions, self.runners)))
-        self.momenta = [_momentum(runner) for runner in self.runners]
+        self.extremes = Extremes(first, sum(_energy_scale(r, t_final) for r in self.integrators))
+        self.extremes.compare_with(sum(map(_work_of_reactions, self.integrators)))
+        self.momenta = [_momentum(integrator) for integrator in self.integrators]
         report.status = "completed"
         if since:
             self._recall(since)
         else:
-            errors = self.estimate.begin(self.runners) if self.estimate else NO_ERRORS
+            errors = self.estimate.begin(self.integrators) if self.estimate else NO_ERRORS
             self._publish(np.zeros(1), errors)
         self.handed = self._standing()
-        for runner in self._all_runners:
-            runner.requests.stopped = stopped
+        for integrator in self._all_runners:
+            integrator.requests.stopped = stopped
         try:
             self._take_all(progress, stopped, 1 if compiles else self._first_steps())
         except Stopped:  # in the middle of a hard step
@@ -386,7 +400,7 @@ class _Run:
         """Chunks of steps to the end, or as far as they go, the first of so many ``steps``."""
         report = self.report
         saved, pause = time.perf_counter(), SAVE_SECONDS
-        take = self._take if self.paced is None else self._take_paced
+        take = self._take if self.adaptive is None else self._take_paced
         while not self.ended and report.status == "completed":
             began = time.perf_counter()
             take(max(1, min(steps, self.chunk)))
@@ -410,14 +424,14 @@ class _Run:
     @property
     def now(self) -> float:
         """Time that the run has come to [s]."""
-        if self.paced is None:
+        if self.adaptive is None:
             return self.grid.time(self.report.steps)
         return min(self.reached, self.grid.t_final)
 
     @property
     def ended(self) -> bool:
         """Whether all steps are taken."""
-        if self.paced is None:
+        if self.adaptive is None:
             return self.report.steps == self.grid.n
         return self.report.rows == 1 + math.ceil(self.shown.n / self.options.every)
 
@@ -433,7 +447,7 @@ class _Run:
             "resumed": report.resumed,
             "seconds": dict(report.seconds),
             "extremes": dict(vars(self.extremes)),
-            "islands": [counters(runner) for runner in self._all_runners],
+            "islands": [counters(integrator) for integrator in self._all_runners],
             "error": self.estimate and self.estimate.figures(),
             "attempts": self.attempts and self.attempts.as_numbers(),
         }
@@ -441,7 +455,7 @@ class _Run:
         if self.attempts:
             memory = np.append(memory, self.attempts.memory())
         try:
-            self.save(Snapshot(self.scene, numbers, memory))
+            self.save(Snapshot(self.workspace, numbers, memory))
         except OSError as error:
             self._not_written(error)
         seconds = time.perf_counter() - began
@@ -451,15 +465,15 @@ class _Run:
     def _recall(self, since: Snapshot) -> None:
         """Go back to where the run stood."""
         report, numbers = self.report, since.numbers
-        if since.scene != self.scene:
+        if since.workspace != self.workspace:
             raise ResumeError(
                 "the scene does not come out as it did when the run began, to the last digit: "
                 "another machine, or other libraries. Leave --resume out to run it anew"
             )
-        for runner, counted in zip(self._all_runners, numbers["islands"], strict=True):
-            set_counters(runner, counted)
+        for integrator, counted in zip(self._all_runners, numbers["islands"], strict=True):
+            set_counters(integrator, counted)
         recall(self._all_runners, since.memory)
-        self.reached = float(self.runners[0].scene.state.time[0])
+        self.reached = float(self.integrators[0].workspace.state.time[0])
         vars(self.extremes).update(numbers["extremes"])
         if self.estimate:
             self.estimate.recall(numbers["error"])
@@ -475,17 +489,17 @@ class _Run:
         steps = min(max(stride, steps - steps % stride), self.grid.n - first)
         if first + steps == self.grid.n and not self.grid.whole and steps > 1:
             steps -= 1  # the last step has a size of its own
-        plan, times = self._plan(first, steps)
-        taken = min(self._advance(plan))
-        done = min(self._finite_steps(taken, plan, lambda k: self.grid.time(first + k)))
+        schedule, times = self._schedule(first, steps)
+        taken = min(self._advance(schedule))
+        done = min(self._finite_steps(taken, schedule, lambda k: self.grid.time(first + k)))
         self.report.seconds["loop"] += time.perf_counter() - began
         sizes = np.full(done, self.grid.step(first + done))
         ends = self.grid.times(np.arange(first + 1, first + done + 1))
-        self._hand_over(Steps(self.grid.time(first), sizes, ends), plan, times)
+        self._hand_over(Steps(self.grid.time(first), sizes, ends), schedule, times)
 
     def _take_paced(self, steps: int) -> None:
         """One chunk of about ``steps`` steps whose sizes follow from the tolerance."""
-        assert self.paced is not None
+        assert self.adaptive is not None
         began, report, shown = time.perf_counter(), self.report, self.shown
         # No step goes past a chunk's worth of rows, counted from the first of all: so steps are the
         # same whatever the clock makes of the chunks.
@@ -493,70 +507,76 @@ class _Run:
         rows = np.minimum(np.arange(report.rows, last + 1) * self.options.every, shown.n)
         times = shown.times(np.unique(rows))
         begin = self.now
-        steps, count, outcome = self.paced.go(times, float(times[-1]), steps)
-        ends = self.paced.pace.ends[:steps].copy()
-        plan = Plan.passed(times[:count], begin, ends)
+        steps, count, outcome = self.adaptive.go(times, float(times[-1]), steps)
+        ends = self.adaptive.control.ends[:steps].copy()
+        schedule = OutputSchedule.passed(times[:count], begin, ends)
         times_of = np.append(begin, ends)
-        done = min(self._finite_steps(steps, plan, lambda k: float(times_of[k])))
+        done = min(self._finite_steps(steps, schedule, lambda k: float(times_of[k])))
         self.reached = float(ends[done - 1]) if done else begin
         report.seconds["loop"] += time.perf_counter() - began
         if steps == 0:
             report.status, report.message = "not converged", self._no_pair(outcome)
-        self._hand_over(Steps(begin, self.paced.pace.sizes[:done], ends[:done]), plan, times)
+        self._hand_over(
+            Steps(begin, self.adaptive.control.sizes[:done], ends[:done]), schedule, times
+        )
 
-    def _hand_over(self, steps: Steps, plan: Plan, times: np.ndarray) -> None:
+    def _hand_over(self, steps: Steps, schedule: OutputSchedule, times: np.ndarray) -> None:
         """Publish what good ``steps`` have left of the chunk's rows, and go on."""
         done = len(steps.sizes)
-        plan = plan.until(done)
-        times = times[: plan.due[-1]]
-        if self._publish(times, self._follow(steps, plan, times)):
+        schedule = schedule.until(done)
+        times = times[: schedule.due[-1]]
+        if self._publish(times, self._follow(steps, schedule, times)):
             self.report.steps += done
-            self.extremes.fold([runner.scene.watch.rows[:done] for runner in self.runners])
-            self.extremes.compare_with(sum(map(_work_of_reactions, self.runners)))
+            self.extremes.fold(
+                [integrator.workspace.monitor.rows[:done] for integrator in self.integrators]
+            )
+            self.extremes.compare_with(sum(map(_work_of_reactions, self.integrators)))
             self.handed = self._standing()
         else:
             self._go_back()
 
     def _standing(self) -> tuple[np.ndarray, list[tuple[bool, dict[str, Any]]]]:
         """Where the islands stand."""
-        counted = [(runner.begun, runner.steps.counters) for runner in self.runners]
-        return remember(self.runners), counted
+        counted = [(integrator.begun, integrator.steps.counters) for integrator in self.integrators]
+        return remember(self.integrators), counted
 
     def _go_back(self) -> None:
         """Bring the islands back to the last step handed over: no error of the report is to be of
         steps without rows. What these cost stays counted, for the verdict to say where it went.
         """
         memory, counted = self.handed
-        for runner, (begun, before) in zip(self.runners, counted, strict=True):
-            runner.begun = begun
-            runner.steps.recall(before)
-        recall(self.runners, memory)
+        for integrator, (begun, before) in zip(self.integrators, counted, strict=True):
+            integrator.begun = begun
+            integrator.steps.recall(before)
+        recall(self.integrators, memory)
 
-    def _plan(self, first: int, steps: int) -> tuple[Plan, np.ndarray]:
+    def _schedule(self, first: int, steps: int) -> tuple[OutputSchedule, np.ndarray]:
         """Rows of the ``steps`` equal steps after ``first``, as many as there is room for; their
         times.
         """
         grid, shown, every = self.grid, self.shown, self.options.every
         ends = np.arange(first + 1, first + steps + 1)
         if shown == grid:
-            plan = Plan.at_ends((ends % every == 0) | (ends == grid.n))
-            rows = ends[np.diff(plan.due) > 0]
+            schedule = OutputSchedule.at_ends((ends % every == 0) | (ends == grid.n))
+            rows = ends[np.diff(schedule.due) > 0]
         else:
             last = shown.count(grid.time(first + steps))
             rows = np.arange(shown.count(grid.time(first)) + 1, last + 1)
             rows = rows[(rows % every == 0) | (rows == shown.n)]
             # By the steps' own times: where chunks begin is the clock's affair.
-            plan = Plan.passed(shown.times(rows), grid.time(first), grid.times(ends))
-            plan = plan.until(max(1, int(np.searchsorted(plan.due, self.chunk, "right")) - 1))
-        return plan, shown.times(rows[: plan.due[-1]])
+            schedule = OutputSchedule.passed(shown.times(rows), grid.time(first), grid.times(ends))
+            schedule = schedule.until(
+                max(1, int(np.searchsorted(schedule.due, self.chunk, "right")) - 1)
+            )
+        return schedule, shown.times(rows[: schedule.due[-1]])
 
-    def _follow(self, steps: Steps, plan: Plan, times: np.ndarray) -> np.ndarray:
+    def _follow(self, steps: Steps, schedule: OutputSchedule, times: np.ndarray) -> np.ndarray:
         """Bring the companion, if there is one, to where the run is: the rows of errors."""
         if self.estimate is None:
             return NO_ERRORS
         began = time.perf_counter()
         try:
-            errors = self.estimate.follow(self.runners, steps, plan, times)
+            errors = self.estimate.follow(self.integrators, steps, schedule, times)
         except Stopped:  # the two stand apart now, which is nothing to go on from
             raise KeyboardInterrupt from None
         seconds = self.report.seconds
@@ -564,44 +584,46 @@ class _Run:
         return errors
 
     @property
-    def _all_runners(self) -> list[Runner]:
+    def _all_runners(self) -> list[SubsystemIntegrator]:
         """Those of the run and of its companion."""
-        return [*self.runners, *(self.estimate.companion.runners if self.estimate else ())]
+        return [*self.integrators, *(self.estimate.companion.integrators if self.estimate else ())]
 
-    def _advance(self, plan: Plan) -> list[int]:
+    def _advance(self, schedule: OutputSchedule) -> list[int]:
         """Advance every island; the steps each has taken."""
-        steps = plan.steps
+        steps = schedule.steps
         h = self.grid.step(self.report.steps + steps)
         taken = []
-        for i, runner in enumerate(self.runners):
+        for i, integrator in enumerate(self.integrators):
             # Easy steps that turn hard must not keep waiting whoever asks the run to stop. The
             # other islands go as far as the first.
             patience = math.inf if i else PATIENCE
-            done, outcome = runner.advance(h, 0, steps, plan, patience)
+            done, outcome = integrator.advance(h, 0, steps, schedule, patience)
             if outcome.converged:
                 steps = done
             taken.append(done)
             if not outcome.converged and done == min(taken):
                 self.report.status = "not converged"
-                self.report.message = self._failure(self.report.steps + done, runner, outcome)
+                self.report.message = self._failure(self.report.steps + done, integrator, outcome)
         return taken
 
-    def _finite_steps(self, done: int, plan: Plan, begin: Callable[[int], float]) -> list[int]:
+    def _finite_steps(
+        self, done: int, schedule: OutputSchedule, begin: Callable[[int], float]
+    ) -> list[int]:
         """Steps of each island before the first that left a nan or an overflow, at most ``done``;
         ``begin`` tells when each begins.
 
         A step can be solved and still be too large to be squared or multiplied.
         """
         finite = []
-        for runner in self.runners:
-            good = np.isfinite(runner.scene.watch.rows[:done]).all(axis=1)
-            steps = np.repeat(np.arange(done), np.diff(plan.due[: done + 1]))
-            for table in runner.scene.tables:
+        for integrator in self.integrators:
+            good = np.isfinite(integrator.workspace.monitor.rows[:done]).all(axis=1)
+            steps = np.repeat(np.arange(done), np.diff(schedule.due[: done + 1]))
+            for table in integrator.workspace.tables:
                 np.logical_and.at(good, steps, np.isfinite(table[: len(steps)]).all(axis=1))
             first_bad = done if good.all() else int(np.argmin(good))
             finite.append(first_bad)
             if first_bad < done and first_bad == min(finite):
-                whose = runner.culprit(self.grid.h) or "a result"
+                whose = integrator.find_nonfinite(self.grid.h) or "a result"
                 self.report.status = "not converged"
                 self.report.message = overflow(begin(first_bad), whose)
         return finite
@@ -616,8 +638,10 @@ class _Run:
         tables = [np.zeros((times.size, len(columns))) for columns in self.columns]
         for table in tables:
             table[:, 0] = times
-        for runner, places in zip(self.runners, self.places, strict=True):
-            for table, part, columns in zip(tables, runner.scene.tables, places, strict=True):
+        for integrator, places in zip(self.integrators, self.places, strict=True):
+            for table, part, columns in zip(
+                tables, integrator.workspace.tables, places, strict=True
+            ):
                 # A decaying scheme's work is of all islands.
                 table[:, columns] += part[: times.size]
         try:
@@ -637,30 +661,36 @@ class _Run:
     def _finish(self) -> Report:
         report = self.report
         report.time = self.now
-        report.iterations = sum(int(runner.scene.counts[0]) for runner in self.runners)
-        report.factorisations = sum(int(runner.scene.counts[1]) for runner in self.runners)
-        report.root_steps = sum(runner.root_steps for runner in self.runners)
-        report.halvings = sum(runner.halvings for runner in self.runners)
-        for runner in self.runners:
-            runner.review_reactions()
-            report.sharedReactions |= runner.shared
+        report.iterations = sum(
+            int(integrator.workspace.counts[0]) for integrator in self.integrators
+        )
+        report.factorisations = sum(
+            int(integrator.workspace.counts[1]) for integrator in self.integrators
+        )
+        report.scipy_steps = sum(integrator.scipy_steps for integrator in self.integrators)
+        report.subdivisions = sum(integrator.subdivisions for integrator in self.integrators)
+        for integrator in self.integrators:
+            integrator.review_reactions()
+            report.nonUniqueReactions |= integrator.shared
         report.extremes = self.extremes.as_json()
         if degree_of(self.model):
             report.extremes |= {"localErrorMax": None, "localErrorSum": None}  # of order 2
-        if self.paced:
-            report.pace, local = self.paced.as_json()
+        if self.adaptive:
+            report.control, local = self.adaptive.as_json()
             report.extremes |= local
         if decays(self.model):
-            taken = -sum(float(runner.scene.state.work[-1]) for runner in self.runners)
+            taken = -sum(
+                float(integrator.workspace.state.work[-1]) for integrator in self.integrators
+            )
             report.extremes |= {"energyTaken": taken}
             if self.estimate:
                 way = (report.extremes["speedMax"] or 0.0) * self._longest_step
                 kinetic = report.extremes["largestKineticEnergy"] or 0.0
                 self.estimate.add_damped(taken, self.extremes.size, kinetic, way)
-        if self.estimate and not self.paced:
+        if self.estimate and not self.adaptive:
             way = min(self.grid.h, report.time) * (report.extremes["speedMax"] or 0.0)
             way -= self._length * (report.extremes["turnPerStepMax"] or 0.0)
-            rubbed = [unresolved_friction(r, self.grid.h, report.time) for r in self.runners]
+            rubbed = [unresolved_friction(r, self.grid.h, report.time) for r in self.integrators]
             self.estimate.add_unresolved(way, self.extremes.way, max(rubbed))
         if self.options.error == OFF:
             report.extremes |= {"localErrorMax": None, "localErrorSum": None}
@@ -671,19 +701,23 @@ class _Run:
         return report
 
     def _figures(self) -> Figures:
-        report, runners = self.report, self.runners
-        pivots = [float(r.scene.pivots[0]) for r in runners if r.scene.system.relaxation == 0.0]
+        report, integrators = self.report, self.integrators
+        pivots = [
+            float(r.workspace.pivots[0])
+            for r in integrators
+            if r.workspace.system.relaxation == 0.0
+        ]
         return Figures(
             status=report.status,
             time=report.time,
             steps=report.steps,
             iterations=report.iterations,
-            halvings=report.halvings,
-            root_steps=report.root_steps,
+            subdivisions=report.subdivisions,
+            scipy_steps=report.scipy_steps,
             joints=report.joints,
             dt=self._longest_step,
             order=order_of(self.model),
-            by_tangent=not degree_of(self.model) and not turns_by_angle(self.model),
+            by_cayley=not degree_of(self.model) and not is_exponential(self.model),
             tolerance=self.attempts.goal if self.attempts else None,
             local_tolerance=local_tolerance_of(self.model),
             length=self._length,
@@ -692,9 +726,9 @@ class _Run:
             momentum=self._momentum_lost(),
             condition=max(pivots, default=0.0) or None,
             velocity_change=max(
-                (r.change.rate for r in runners if r.change.method != "none"), default=0.0
+                (r.change.rate for r in integrators if r.change.method != "none"), default=0.0
             ),
-            shared=report.sharedReactions,
+            shared=report.nonUniqueReactions,
             error=report.error,
             horizon=self.estimate.horizon if self.estimate else None,
         )
@@ -702,12 +736,12 @@ class _Run:
     @property
     def _longest_step(self) -> float:
         """Size of the longest step [s]."""
-        return float(self.report.pace["stepMax"]) if self.report.pace else self.grid.h
+        return float(self.report.control["stepMax"]) if self.report.control else self.grid.h
 
     @property
     def _length(self) -> float:
         """Length of the longest body [m]."""
-        return max(float(r.scene.system.bodies.length[:-1].max()) for r in self.runners)
+        return max(float(r.workspace.system.bodies.length[:-1].max()) for r in self.integrators)
 
     @property
     def size(self) -> float:
@@ -719,111 +753,118 @@ class _Run:
         angular momentum exactly.
         """
         lost = [
-            drift(r.scene.system, before, now, float(r.scene.state.time[0]))
-            for r, before in zip(self.runners, self.momenta, strict=True)
+            drift(r.workspace.system, before, now, float(r.workspace.state.time[0]))
+            for r, before in zip(self.integrators, self.momenta, strict=True)
             if before is not None and (now := _momentum(r)) is not None
         ]
         linear = max((part for part, _ in lost), default=None)
         angular = max((part for _, part in lost), default=None)
-        exact = not decays(self.model) and not turns_by_angle(self.model)
+        exact = not decays(self.model) and not is_exponential(self.model)
         return linear, angular if exact else None
 
     def _no_pair(self, outcome: Outcome) -> str:
-        assert self.paced is not None
-        (runner,), tried = self.runners, self.paced.smallest_tried
-        name = runner.culprit(tried)
+        assert self.adaptive is not None
+        (integrator,), tried = self.integrators, self.adaptive.smallest_tried
+        name = integrator.find_nonfinite(tried)
         if name is not None:
             return overflow(self.now, name)
-        why = f"the steps' own errors stay above their share of {self.paced.tolerance:g} m"
+        why = f"the steps' own errors stay above their share of {self.adaptive.tolerance:g} m"
         if not outcome.converged:
             why = (
                 f"the residual stays at {outcome.residual:.1e} of the step's motion, worst in "
-                f"{_row(runner, outcome.worst)}"
+                f"{_row(integrator, outcome.worst)}"
             )
         return (
             f"no step from t = {self.now:g} s, down to {tried:.3g} s, meets the tolerance: {why}. "
             "Look at the last rows for forces or speeds that grow without bound, or jump."
         )
 
-    def _failure(self, step: int, runner: Runner, outcome: Outcome) -> str:
-        name = runner.culprit(self.grid.h)
+    def _failure(self, step: int, integrator: SubsystemIntegrator, outcome: Outcome) -> str:
+        name = integrator.find_nonfinite(self.grid.h)
         if name is not None or np.isnan(outcome.residual):
-            return overflow(self.grid.time(step), name or _row(runner, outcome.worst))
+            return overflow(self.grid.time(step), name or _row(integrator, outcome.worst))
         if np.isinf(outcome.residual):
             return (
                 f"steps from t = {self.grid.time(step):g} s, down to "
-                f"{self.grid.h / 2**MAX_HALVINGS:.3g} s, lead {FAR:g} times as far as the motion "
-                "before and the bodies' own lengths let expect. Look for forces or speeds that "
+                f"{self.grid.h / 2**MAX_SUBDIVISIONS:.3g} s, lead {FAR:g} times as far as the "
+                "motion before and the bodies' own lengths let expect. Look for forces or "
+                "speeds that "
                 "come out of nowhere, and try a smaller --dt."
             )
         return (
             f"step {step + 1} from t = {self.grid.time(step):g} s did not converge, nor did steps "
-            f"down to {self.grid.h / 2**MAX_HALVINGS:.3g} s: the residual stayed at "
+            f"down to {self.grid.h / 2**MAX_SUBDIVISIONS:.3g} s: the residual stayed at "
             f"{outcome.residual:.1e} of the step's motion (solved: {TOLERANCE:g}), worst in "
-            f"{_row(runner, outcome.worst)}. Try a smaller --dt, and look at the last rows for "
+            f"{_row(integrator, outcome.worst)}. Try a smaller --dt, and look at the last rows for "
             "forces or speeds that grow without bound."
         )
 
 
-def _row(runner: Runner, worst: int) -> str:
+def _row(integrator: SubsystemIntegrator, worst: int) -> str:
     """Row ``worst`` of an island's equations in words."""
-    return describe_row(runner.model, runner.scene.system, worst)
+    return describe_row(integrator.model, integrator.workspace.system, worst)
 
 
-def _energy_scale(runner: Runner, t_final: float) -> float:
+def _energy_scale(integrator: SubsystemIntegrator, t_final: float) -> float:
     """What energies are to be compared with [J]: the work of gravity and of the loads over the
     bodies' own lengths, and the kinetic energy of bodies that go by these within the run.
     """
-    bodies = runner.scene.system.bodies
+    bodies = integrator.workspace.system.bodies
     moving = bodies.inverse_mass > 0.0
     mass, length = 1.0 / bodies.inverse_mass[moving], bodies.length[moving]
-    loads = runner.scene.system.loads
+    loads = integrator.workspace.system.loads
     force, moment = (np.linalg.norm(of, axis=1) for of in (loads.f, loads.m))
     work = np.linalg.norm(bodies.gravity) * (mass @ length) + moment.sum()
     work += force @ bodies.length[loads.body]
     return float(work + mass @ (length / t_final) ** 2)
 
 
-def _work_of_reactions(runner: Runner) -> float:
+def _work_of_reactions(integrator: SubsystemIntegrator) -> float:
     """Work of the joints' reactions over the longest body's length and over one radian [J]."""
-    reaction, length = runner.scene.state.reaction, runner.scene.system.bodies.length[:-1].max()
+    reaction, length = (
+        integrator.workspace.state.reaction,
+        integrator.workspace.system.bodies.length[:-1].max(),
+    )
     return float(np.abs(reaction[:, :3]).sum() * length + np.abs(reaction[:, 3:]).sum())
 
 
-def _momentum(runner: Runner) -> Momentum | None:
+def _momentum(integrator: SubsystemIntegrator) -> Momentum | None:
     """Momentum of an island that keeps its own."""
-    scene = runner.scene
-    if not is_alone(scene.system):
+    workspace = integrator.workspace
+    if not is_alone(workspace.system):
         return None
-    return momentum(scene.system, scene.state, scene.start)
+    return momentum(workspace.system, workspace.state, workspace.start)
 
 
-def _freedoms(model: Model, runners: list[Runner]) -> dict[str, int]:
+def _freedoms(model: Model, integrators: list[SubsystemIntegrator]) -> dict[str, int]:
     """Degrees of freedom by count (Hainge 2010, eq. 1.1) and by rank of the joints' equations."""
     n = 6 * len(model.bodies)
-    rank = sum(runner.rank for runner in runners)
-    return {"byCount": n - rank - sum(runner.redundant for runner in runners), "byRank": n - rank}
+    rank = sum(integrator.rank for integrator in integrators)
+    return {
+        "byCount": n - rank - sum(integrator.redundant for integrator in integrators),
+        "byRank": n - rank,
+    }
 
 
-def _warnings(runner: Runner) -> list[str]:
+def _warnings(integrator: SubsystemIntegrator) -> list[str]:
     """What a reader of the results must know of their start, in sentences."""
-    return _assembly_warnings(runner) + _velocity_warnings(runner)
+    return _assembly_warnings(integrator) + _velocity_warnings(integrator)
 
 
-def _assembly_warnings(runner: Runner) -> list[str]:
-    moved = runner.moved
-    if moved is None or moved.gap == 0.0:
+def _assembly_warnings(integrator: SubsystemIntegrator) -> list[str]:
+    moved = integrator.moved
+    if moved is None or moved.violation == 0.0:
         return []
     changes = [
         f"body '{body.name}' by {way:.3g} m and {turn:.3g} rad"
-        for body, way, turn in zip(runner.model.bodies, moved.ways, moved.turns, strict=True)
+        for body, way, turn in zip(integrator.model.bodies, moved.ways, moved.turns, strict=True)
     ]
-    return [f"joints open by {moved.gap:.3g} m were closed: moved {', '.join(changes)}"]
+    return [f"joints open by {moved.violation:.3g} m were closed: moved {', '.join(changes)}"]
 
 
-def _velocity_warnings(runner: Runner) -> list[str]:
-    change, dt = runner.change, runner.model.simulation.dt
-    length = float(runner.scene.system.bodies.length.max())
+def _velocity_warnings(integrator: SubsystemIntegrator) -> list[str]:
+    change, dt = integrator.change, integrator.model.simulation.dt
+    length = float(integrator.workspace.system.bodies.length.max())
     if change.method == "none" or change.rate * dt <= WORTH_TELLING * length:
         return []
     if change.method == "asGiven":
@@ -836,7 +877,7 @@ def _velocity_warnings(runner: Runner) -> list[str]:
     changes = [
         f"body '{body.name}' by {np.linalg.norm(dv):.3g} m/s"
         + (f" and {np.linalg.norm(dw):.3g} rad/s" if dw.any() else "")
-        for body, dv, dw in zip(runner.model.bodies, change.dv, change.dw, strict=True)
+        for body, dv, dw in zip(integrator.model.bodies, change.dv, change.dw, strict=True)
         if dv.any() or dw.any()
     ]
     return [head + ", ".join(changes)]

@@ -9,7 +9,7 @@ ROUND_OFF = 1e-9
 
 
 @dataclass(frozen=True)
-class Plan:
+class OutputSchedule:
     """Rows of a chunk of equal steps, in the order of time.
 
     ``due`` (steps + 1,) counts the rows up to each step's end, from 0; ``share`` (rows,) says where
@@ -20,13 +20,13 @@ class Plan:
     share: np.ndarray
 
     @classmethod
-    def at_ends(cls, shown: np.ndarray) -> "Plan":
+    def at_ends(cls, shown: np.ndarray) -> "OutputSchedule":
         """Rows at the ends of those steps that are ``shown`` (steps,)."""
         due = np.concatenate([[0], np.cumsum(shown)])
         return cls(due, np.ones(int(due[-1])))
 
     @classmethod
-    def passed(cls, times: np.ndarray, begin: float, ends: np.ndarray) -> "Plan":
+    def passed(cls, times: np.ndarray, begin: float, ends: np.ndarray) -> "OutputSchedule":
         """Rows at the ``times`` that steps from ``begin`` to the ``ends`` (steps,) have passed."""
         sizes = np.diff(ends, prepend=begin)
         step = np.minimum(np.searchsorted(ends + ROUND_OFF * sizes, times), len(ends) - 1)
@@ -34,10 +34,10 @@ class Plan:
         share[share > 1.0 - ROUND_OFF] = 1.0
         return cls(np.searchsorted(step, np.arange(len(ends) + 1)), share)
 
-    def until(self, steps: int) -> "Plan":
+    def until(self, steps: int) -> "OutputSchedule":
         """The rows of the first ``steps``."""
         due = self.due[: steps + 1]
-        return Plan(due, self.share[: due[-1]])
+        return OutputSchedule(due, self.share[: due[-1]])
 
     @property
     def steps(self) -> int:
@@ -51,15 +51,15 @@ class Plan:
         shown[shown] = self.share[last[shown]] == 1.0
         return np.where(shown, last, -1)
 
-    def halves(self) -> "Plan":
+    def halves(self) -> "OutputSchedule":
         """The same rows, of twice as many steps of half the size."""
         step = np.repeat(np.arange(self.steps), np.diff(self.due))
         half = 2 * step + (self.share > 0.5)
         due = np.searchsorted(half, np.arange(2 * self.steps + 1))
-        return Plan(due, 2.0 * self.share - (self.share > 0.5))
+        return OutputSchedule(due, 2.0 * self.share - (self.share > 0.5))
 
-    def both_halves(self) -> "Plan":
+    def both_halves(self) -> "OutputSchedule":
         """Two rows for each row at a step's end, of twice as many steps of half the size: at the
         middle and at the end of that step.
         """
-        return Plan.at_ends(np.repeat(np.diff(self.due) > 0, 2))
+        return OutputSchedule.at_ends(np.repeat(np.diff(self.due) > 0, 2))

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from msahl.run.subsystem import Runner
+from msahl.run.subsystem import SubsystemIntegrator
 
 
 class ResumeError(Exception):
@@ -26,50 +26,53 @@ class Snapshot:
     ``numbers`` are what JSON can hold; ``memory`` (m,) is all islands' states, one after the other.
     """
 
-    scene: str
+    workspace: str
     numbers: dict[str, Any]
     memory: np.ndarray
 
 
-def remember(runners: Sequence[Runner]) -> np.ndarray:
+def remember(integrators: Sequence[SubsystemIntegrator]) -> np.ndarray:
     """(m,) a copy of all that the islands hand to their next steps."""
-    return np.concatenate([array.ravel() for array in _advancing(runners)])
+    return np.concatenate([array.ravel() for array in _advancing(integrators)])
 
 
-def recall(runners: Sequence[Runner], memory: np.ndarray) -> None:
+def recall(integrators: Sequence[SubsystemIntegrator], memory: np.ndarray) -> None:
     """Put back what ``remember`` copied from the same islands."""
     first = 0
-    for array in _advancing(runners):
+    for array in _advancing(integrators):
         array[:] = memory[first : first + array.size].reshape(array.shape)
         first += array.size
 
 
-def counters(runner: Runner) -> dict[str, Any]:
+def counters(integrator: SubsystemIntegrator) -> dict[str, Any]:
     """What an island's runner counts, and whether it has begun."""
-    iterations, factorisations = runner.scene.counts.tolist()
+    iterations, factorisations = integrator.workspace.counts.tolist()
     return {
-        "begun": runner.begun,
-        "root_steps": runner.root_steps,
-        "halvings": runner.halvings,
+        "begun": integrator.begun,
+        "root_steps": integrator.scipy_steps,
+        "halvings": integrator.subdivisions,
         "counts": [iterations, factorisations],
-        "steps": runner.steps.counters,
+        "steps": integrator.steps.counters,
     }
 
 
-def set_counters(runner: Runner, counted: dict[str, Any]) -> None:
+def set_counters(integrator: SubsystemIntegrator, counted: dict[str, Any]) -> None:
     """Put back what ``counters`` told."""
-    runner.begun = counted["begun"]
-    runner.root_steps, runner.halvings = counted["root_steps"], counted["halvings"]
-    runner.scene.counts[:] = counted["counts"]
-    runner.steps.recall(counted["steps"])
+    integrator.begun = counted["begun"]
+    integrator.scipy_steps, integrator.subdivisions = counted["root_steps"], counted["halvings"]
+    integrator.workspace.counts[:] = counted["counts"]
+    integrator.steps.recall(counted["steps"])
 
 
-def digest(runners: Sequence[Runner]) -> str:
+def digest(integrators: Sequence[SubsystemIntegrator]) -> str:
     """SHA-256, in hexadecimal, of all that is constant in the islands' scenes."""
     found = hashlib.sha256()
-    for runner in runners:
-        found.update(f"{runner.solver} {runner.steps.kind} {runner.axis} {runner.large}\n".encode())
-        for leaf in _leaves((runner.scene.system, runner.scene.unknowns)):
+    for integrator in integrators:
+        found.update(
+            f"{integrator.solver} {integrator.steps.kind} {integrator.axis} "
+            f"{integrator.large}\n".encode()
+        )
+        for leaf in _leaves((integrator.workspace.system, integrator.workspace.unknowns)):
             if isinstance(leaf, np.ndarray):
                 found.update(f"{leaf.shape}{leaf.dtype.str}\n".encode())
                 found.update(leaf.tobytes())
@@ -87,11 +90,13 @@ def _leaves(value: Any) -> Iterator[Any]:
         yield value
 
 
-def _advancing(runners: Sequence[Runner]) -> Iterator[np.ndarray]:
+def _advancing(integrators: Sequence[SubsystemIntegrator]) -> Iterator[np.ndarray]:
     """What changes from step to step and is read by the next: all of it doubles."""
-    for runner in runners:
-        scene = runner.scene
-        for leaf in _leaves((scene.state, scene.start, scene.pivots, runner.steps.memory)):
+    for integrator in integrators:
+        workspace = integrator.workspace
+        for leaf in _leaves(
+            (workspace.state, workspace.start, workspace.pivots, integrator.steps.memory)
+        ):
             # ``along`` is None in a scene of points; numbers that count are constant.
             if isinstance(leaf, np.ndarray) and leaf.dtype == float:
                 yield leaf

@@ -15,18 +15,18 @@ import numpy as np
 from msahl.jit.compiled import compiled
 from msahl.model import Model, degree_of, local_tolerance_of, scheme_of
 from msahl.model.scheme import AUTO
-from msahl.run.output_schedule import Plan
+from msahl.run.output_schedule import OutputSchedule
 from msahl.schemes import accelerations
-from msahl.schemes.accelerations import new_station
+from msahl.schemes.accelerations import new_instant
 from msahl.schemes.midpoint import equations, newton, workspace
-from msahl.schemes.midpoint.workspace import Scene, new_scene
+from msahl.schemes.midpoint.workspace import Workspace, new_workspace
 from msahl.schemes.outcome import EVALUATION, STEP_WORK, Outcome, Requests
 from msahl.start.positions import assemble
-from msahl.start.redundancy import constraint_rank, is_regular, shared_reactions
+from msahl.start.redundancy import constraint_rank, is_regular, non_unique_reactions
 from msahl.start.velocities import StartError, make_consistent, solve_accelerations
 from msahl.system.arrays import State, System, multiplier_count, new_start, quantity_count
 from msahl.system.build import build_system
-from msahl.system.nonfinite import culprit, overflow
+from msahl.system.nonfinite import find_nonfinite, overflow
 from msahl.system.reductions import (
     all_unknowns,
     drop_rows,
@@ -39,9 +39,9 @@ from msahl.system.state import build_state, settle
 from msahl.system.unknowns import choose
 
 if TYPE_CHECKING:
-    from msahl.schemes.collocation.stepper import Higher, Paced
+    from msahl.schemes.collocation.stepper import AdaptiveStepper, Higher
 
-MAX_HALVINGS = 10
+MAX_SUBDIVISIONS = 10
 LARGEST_DENSE = 300
 """Most unknowns for which ``auto`` turns to scipy, whose algebra is dense: a step of 300 takes it
 tens of milliseconds, and the time grows with the third power."""
@@ -50,41 +50,43 @@ _march = compiled(newton.march)
 _take = compiled(newton.take)
 _show = compiled(workspace.show)
 _publish = compiled(accelerations.publish)
-_march_at_rows = compiled(accelerations.march)
+_march_instantaneous = compiled(accelerations.march)
 
 
-class Lowest:
+class MidpointStepper:
     """Steps of the lowest order of one ``scene``, with the reactions of rows ``at_rows``, their own
     times, or else with means.
     """
 
-    def __init__(self, scene: Scene, at_rows: bool) -> None:
-        self.scene = scene
-        self.station = new_station(scene.system) if at_rows else None
+    def __init__(self, workspace: Workspace, instantaneous: bool) -> None:
+        self.workspace = workspace
+        self.instant = new_instant(workspace.system) if instantaneous else None
 
     @property
     def kind(self) -> str:
         """Which compiled step the scene needs."""
-        kind = "points" if self.scene.system.along is None else "along"
-        kind += "-angle" if self.scene.system.bodies.by_angle else ""
-        return kind if self.station is None else f"{kind}-station"
+        kind = "points" if self.workspace.system.along is None else "along"
+        kind += "-angle" if self.workspace.system.bodies.exponential else ""
+        return kind if self.instant is None else f"{kind}-station"
 
-    def march(self, h: float, first: int, last: int, plan: Plan) -> int:
+    def march(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:
         """As ``newton.march``, with the reactions the rows want."""
-        if self.station is None:
-            return int(_march(self.scene, h, first, last, plan.ends()))
-        return int(_march_at_rows(self.scene, self.station, h, first, last, plan.ends()))
+        if self.instant is None:
+            return int(_march(self.workspace, h, first, last, schedule.ends()))
+        return int(
+            _march_instantaneous(self.workspace, self.instant, h, first, last, schedule.ends())
+        )
 
-    def show(self, h: float, step: int, plan: Plan) -> None:
+    def show(self, h: float, step: int, schedule: OutputSchedule) -> None:
         """As ``step.show``, with the reactions the rows want."""
-        row = int(plan.ends()[step])
-        _show(self.scene, h, step, row)
-        if self.station is not None and row >= 0:
-            _publish(self.scene, self.station, row)
+        row = int(schedule.ends()[step])
+        _show(self.workspace, h, step, row)
+        if self.instant is not None and row >= 0:
+            _publish(self.workspace, self.instant, row)
 
     def forget(self) -> None:
         """Where things change fast, last step's change is a worse guess than none."""
-        state = self.scene.state
+        state = self.workspace.state
         for trend in (state.a_trend, state.alpha_trend, state.force_trend):
             trend[:] = 0.0
 
@@ -104,16 +106,16 @@ class Lowest:
 
     def take(self, h: float, share: float) -> Outcome:
         """A step ``h``, a ``share`` of the whole one, by the compiled solver."""
-        return Outcome(*_take(self.scene, h, share))
+        return Outcome(*_take(self.workspace, h, share))
 
     def take_by_root(self, h: float, share: float, after: Callable[[int], None]) -> Outcome:
         """Likewise by scipy, which is slow to import: only where it is called."""
         from msahl.schemes.midpoint import scipy_root
 
-        return scipy_root.take(self.scene, h, share, after)
+        return scipy_root.take(self.workspace, h, share, after)
 
 
-class Runner:
+class SubsystemIntegrator:
     """An island with its solver; builds the scene at t = 0 and advances it chunk by chunk.
 
     ``moved`` and ``change`` tell what was done to the given positions and velocities, ``rank`` and
@@ -127,10 +129,10 @@ class Runner:
     """
 
     def __init__(
-        self, model: Model, solver: str, full: bool, chunk: int, at_rows: bool = False
+        self, model: Model, solver: str, full: bool, chunk: int, instantaneous: bool = False
     ) -> None:
         self.model, self.solver = model, solver
-        self.root_steps = self.halvings = 0
+        self.scipy_steps = self.subdivisions = 0
         self.requests = Requests()
         system = build_system(model)
         state = build_state(model, system)
@@ -139,11 +141,11 @@ class Runner:
         except np.linalg.LinAlgError as error:  # what LAPACK says of inf and nan
             start = new_start(system, state)
             equations.prepare(system, state, start)
-            name = culprit(model, system, state, start, model.simulation.dt) or "the joints"
+            name = find_nonfinite(model, system, state, start, model.simulation.dt) or "the joints"
             raise StartError(overflow(0.0, name)) from error
         degree = degree_of(model)
-        self.steps = _steps(model, self.scene, at_rows)
-        self.large = self.scene.unknowns.free.size * max(degree, 1) > LARGEST_DENSE
+        self.steps = _steps(model, self.workspace, instantaneous)
+        self.large = self.workspace.unknowns.free.size * max(degree, 1) > LARGEST_DENSE
         # A higher degree is asked of scipy only where it must be: that would be compiled as well.
         self.begun = degree > 0
 
@@ -170,13 +172,13 @@ class Runner:
             system = stay_in_plane(system, self.axis)
             system = drop_rows(system, symmetric_rows(system, start, self.axis))
             state = state._replace(angle=np.zeros(quantity_count(system)))
-        self.scene: Scene = new_scene(system, unknowns, state, chunk)
-        equations.prepare(system, state, self.scene.start)
+        self.workspace: Workspace = new_workspace(system, unknowns, state, chunk)
+        equations.prepare(system, state, self.workspace.start)
 
     def _add_shared(self, system: System, state: State) -> None:
         """Add the reactions that are not unique in this state to those that were not before."""
         elements = (*self.model.joints, *self.model.couplings, *self.model.motions)
-        found = shared_reactions(system, state) if self.redundant else {}
+        found = non_unique_reactions(system, state) if self.redundant else {}
         for e, columns in found.items():
             known = self.shared.get(elements[e].name, [])
             self.shared[elements[e].name] = sorted({*known, *columns})
@@ -188,20 +190,22 @@ class Runner:
         be unique at the start need not be so later. In a plane nothing turns out of it.
         """
         if self.axis is None:
-            self._add_shared(self.scene.system, self.scene.state)
+            self._add_shared(self.workspace.system, self.workspace.state)
 
-    def culprit(self, h: float) -> str | None:
+    def find_nonfinite(self, h: float) -> str | None:
         """Whose numbers in the step ``h`` from where the island stands are none, in words."""
-        return culprit(self.model, self.scene.system, self.scene.state, self.scene.start, h)
+        return find_nonfinite(
+            self.model, self.workspace.system, self.workspace.state, self.workspace.start, h
+        )
 
     def show_start(self) -> None:
         """Fill the first rows of watch and tables with the state at t = 0."""
-        self.scene.mean_force[:] = self.scene.state.force
-        self.scene.mean_reaction[:] = self.scene.state.reaction
-        workspace.show(self.scene, 0.0, 0, 0)
+        self.workspace.mean_force[:] = self.workspace.state.force
+        self.workspace.mean_reaction[:] = self.workspace.state.reaction
+        workspace.show(self.workspace, 0.0, 0, 0)
 
     def advance(
-        self, h: float, first: int, last: int, plan: Plan, patience: float = math.inf
+        self, h: float, first: int, last: int, schedule: OutputSchedule, patience: float = math.inf
     ) -> tuple[int, Outcome]:
         """Take steps ``first``..``last - 1`` of a chunk as ``newton.march`` has them.
 
@@ -213,12 +217,12 @@ class Runner:
         began = time.perf_counter()
         while k < last:
             if self.solver == "newton" or (self.solver == "auto" and (self.begun or self.large)):
-                k = self.steps.march(h, k, last, plan)
+                k = self.steps.march(h, k, last, schedule)
             if k < last:
                 outcome = self._take_hard(h)
                 if not outcome.converged:
                     break
-                self.steps.show(h, k, plan)
+                self.steps.show(h, k, schedule)
                 k += 1
                 self.begun = True
                 if time.perf_counter() - began > patience:
@@ -227,41 +231,43 @@ class Runner:
 
     def _take_hard(self, h: float) -> Outcome:
         """One step by the reference solver, or all of it in smaller ones; else no step at all."""
-        before = [array.copy() for array in self.scene.state]
+        before = [array.copy() for array in self.workspace.state]
         self.steps.forget()
-        outcome = self._take(h, MAX_HALVINGS, 1.0)
+        outcome = self._take(h, MAX_SUBDIVISIONS, 1.0)
         if not outcome.converged:
             self.steps.forget()
-            for array, value in zip(self.scene.state, before, strict=True):
+            for array, value in zip(self.workspace.state, before, strict=True):
                 array[:] = value
-            equations.prepare(self.scene.system, self.scene.state, self.scene.start)
+            equations.prepare(self.workspace.system, self.workspace.state, self.workspace.start)
         return outcome
 
-    def _take(self, h: float, halvings: int, share: float) -> Outcome:
+    def _take(self, h: float, subdivisions: int, share: float) -> Outcome:
         outcome = self._take_once(h, share)
-        if outcome.converged or halvings == 0:
+        if outcome.converged or subdivisions == 0:
             return outcome
-        self.halvings += 1
-        outcome = self._take(0.5 * h, halvings - 1, 0.5 * share)
-        return self._take(0.5 * h, halvings - 1, 0.5 * share) if outcome.converged else outcome
+        self.subdivisions += 1
+        outcome = self._take(0.5 * h, subdivisions - 1, 0.5 * share)
+        return self._take(0.5 * h, subdivisions - 1, 0.5 * share) if outcome.converged else outcome
 
     def _take_once(self, h: float, share: float) -> Outcome:
         if self.solver == "newton" or (self.solver == "auto" and self.large):
-            self.requests.after(EVALUATION + STEP_WORK * self.scene.unknowns.free.size)
+            self.requests.after(EVALUATION + STEP_WORK * self.workspace.unknowns.free.size)
             return self.steps.take(h, share)
-        self.root_steps += 1
+        self.scipy_steps += 1
         return self.steps.take_by_root(h, share, self.requests.after)
 
 
-def _steps(model: Model, scene: Scene, at_rows: bool) -> "Lowest | Higher | Paced":
+def _steps(
+    model: Model, workspace: Workspace, instantaneous: bool
+) -> "MidpointStepper | Higher | AdaptiveStepper":
     """How the model's steps are taken; a higher degree's code is only loaded if asked for."""
     scheme, degree, simulation = scheme_of(model), degree_of(model), model.simulation
     if degree == 0:
-        return Lowest(scene, at_rows)
-    from msahl.schemes.collocation.stepper import Higher, Paced
+        return MidpointStepper(workspace, instantaneous)
+    from msahl.schemes.collocation.stepper import AdaptiveStepper, Higher
 
     tolerance = local_tolerance_of(model)
     if tolerance is None:
-        return Higher(scene, scheme, degree)
+        return Higher(workspace, scheme, degree)
     degrees = tuple(range(1, degree + 1)) if simulation.scheme == AUTO else (degree,)
-    return Paced(scene, scheme, degrees, tolerance, simulation.dt, simulation.t_final)
+    return AdaptiveStepper(workspace, scheme, degrees, tolerance, simulation.dt, simulation.t_final)

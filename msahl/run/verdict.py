@@ -92,12 +92,12 @@ class Figures:
     time: float
     steps: int
     iterations: int
-    halvings: int
-    root_steps: int
+    subdivisions: int
+    scipy_steps: int
     joints: int
     dt: float
     order: int  # of the scheme
-    by_tangent: bool  # whether the tangent of a step's rotation is its mean angular velocity
+    by_cayley: bool  # whether the tangent of a step's rotation is its mean angular velocity
     tolerance: float | None  # of the global error [m], by which the steps were chosen
     local_tolerance: float | None  # of the sum of local errors [m], likewise
     length: float  # of the longest body
@@ -179,12 +179,12 @@ def _momentum(of: Figures, limits: Limits) -> Iterator[Finding]:
 def _gap(of: Figures, limits: Limits) -> Iterator[Finding]:
     if not of.joints:
         return
-    gap = of.extreme("gapMax")
+    violation = of.extreme("gapMax")
     floor = ROUND_OFF * of.extreme("distanceMax")
-    limit, spoilt = _asked(limits.gap, GAP * of.length, GAP_SPOILT * of.length)
-    word = grade(gap, max(limit, floor), spoilt)
+    limit, spoilt = _asked(limits.violation, GAP * of.length, GAP_SPOILT * of.length)
+    word = grade(violation, max(limit, floor), spoilt)
     how = "closed" if word == PASS else "closed only"
-    yield Finding("gap", word, f"joints {how} to {gap:.1e} m")
+    yield Finding("gap", word, f"joints {how} to {violation:.1e} m")
 
 
 def _gap_rate(of: Figures, limits: Limits) -> Iterator[Finding]:
@@ -210,14 +210,14 @@ def _work(of: Figures, limits: Limits) -> Iterator[Finding]:
 def _newton(of: Figures, limits: Limits) -> Iterator[Finding]:
     each = of.iterations / max(of.steps, 1)
     text = f"{each:.1f} iterations a step"
-    if of.root_steps:
-        text += f", {of.root_steps} steps by scipy"
-    if of.halvings:
+    if of.scipy_steps:
+        text += f", {of.scipy_steps} steps by scipy"
+    if of.subdivisions:
         text += (
-            f"; hard steps were halved {of.halvings} times: something is too quick for the step; "
+            f"; hard steps were halved {of.subdivisions} times: a motion is too fast for the step; "
             "look there, and shorten it"
         )
-    yield Finding("solver", WARN if of.halvings else PASS, text)
+    yield Finding("solver", WARN if of.subdivisions else PASS, text)
 
 
 def _condition(of: Figures, limits: Limits) -> Iterator[Finding]:
@@ -293,7 +293,7 @@ def _advice(of: Figures, error: float, limit: float) -> str:
     if of.tolerance is not None or of.local_tolerance is not None:
         return good
     enough = of.dt * (0.5 * limit / error) ** (1.0 / of.order)
-    turns = of.by_tangent and of.extreme("turnPerStepMax") > SPINS
+    turns = of.by_cayley and of.extreme("turnPerStepMax") > SPINS
     spin = f" (bodies rotate {of.extreme('turnPerStepMax'):.2g} rad a step), --turn angle"
     try_dt = f"{good}; try --dt {enough:.1g}{spin if turns else ''}"
     return f"{try_dt} or --scheme auto --tolerance {limit:.0e}"

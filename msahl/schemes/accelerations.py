@@ -20,14 +20,14 @@ from msahl.jit.kernel import apart, kernel
 from msahl.linalg import dense, sparse_lu
 from msahl.schemes.midpoint import equations, newton
 from msahl.schemes.midpoint.load_moments import NO_STEP
-from msahl.schemes.midpoint.workspace import Scene
+from msahl.schemes.midpoint.workspace import Workspace
 from msahl.start.redundancy import INDEPENDENT
 from msahl.system.arrays import Start, State, System, node_count
 from msahl.system.reductions import all_unknowns
 from msahl.system.unknowns import Unknowns, choose
 
 
-class Station(NamedTuple):
+class Instant(NamedTuple):
     """Room for the index-1 problem of one system."""
 
     unknowns: Unknowns
@@ -42,12 +42,12 @@ class Station(NamedTuple):
     last: np.ndarray  # (j, 6) those of the round before
 
 
-def new_station(system: System, unknowns: Unknowns | None = None) -> Station:
+def new_instant(system: System, unknowns: Unknowns | None = None) -> Instant:
     """Room for any state of ``system``; of all its unknowns, unless some are known not to move."""
     if unknowns is None:
         unknowns = choose(system, all_unknowns(system))
     nodes = (node_count(system), 3)
-    return Station(
+    return Instant(
         unknowns=unknowns,
         Z=np.zeros(nodes),
         values=np.zeros_like(system.constant),
@@ -62,37 +62,37 @@ def new_station(system: System, unknowns: Unknowns | None = None) -> Station:
 
 
 @kernel
-def free(system: System, state: State, start: Start, station: Station) -> None:
+def free(system: System, state: State, start: Start, instant: Instant) -> None:
     """Set the ``rows`` to what accelerations must balance, and factor the matrix."""
-    for node in range(station.rows.shape[0]):
+    for node in range(instant.rows.shape[0]):
         for i in range(3):
-            station.rows[node, i] = 0.0
-    equations.free_acceleration(system, state, start, station.Z, station.rows)
-    equations.joint_jacobian(system, start, NO_STEP, station.Z, station.values)
-    sparse_lu.factor(station.unknowns.elimination, station.values, station.factor)
+            instant.rows[node, i] = 0.0
+    equations.free_acceleration(system, state, start, instant.Z, instant.rows)
+    equations.joint_jacobian(system, start, NO_STEP, instant.Z, instant.values)
+    sparse_lu.factor(instant.unknowns.elimination, instant.values, instant.factor)
 
 
 @kernel
-def solve(station: Station) -> None:
+def solve(instant: Instant) -> None:
     """Solve for the ``rows`` by the factors; the ``solution`` is zero at what is not free."""
-    order = station.unknowns.elimination.order
-    dense.gather(order, station.rows, station.y)
-    sparse_lu.solve(station.unknowns.elimination, station.factor, station.y)
-    dense.spread(order, station.y, station.solution)
+    order = instant.unknowns.elimination.order
+    dense.gather(order, instant.rows, instant.y)
+    sparse_lu.solve(instant.unknowns.elimination, instant.factor, instant.y)
+    dense.spread(order, instant.y, instant.solution)
 
 
 @kernel
-def react(system: System, state: State, start: Start, station: Station) -> None:
+def react(system: System, state: State, start: Start, instant: Instant) -> None:
     """Set the state's multipliers and reactions from the ``solution``."""
     first = 2 * system.bodies.inverse_mass.size
     for k in range(state.force.shape[0]):
         for i in range(3):
-            state.force[k, i] = station.solution[first + k, i] * system.unit[k, i]
-    equations.react(system, state, start, station.Z)
+            state.force[k, i] = instant.solution[first + k, i] * system.unit[k, i]
+    equations.react(system, state, start, instant.Z)
 
 
 @apart
-def accelerate(system: System, state: State, start: Start, station: Station) -> None:
+def accelerate(system: System, state: State, start: Start, instant: Instant) -> None:
     """Set the ``solution`` to accelerations a, l alpha and multipliers over their units, and the
     state's reactions; ``start`` is prepared.
 
@@ -100,11 +100,11 @@ def accelerate(system: System, state: State, start: Start, station: Station) -> 
     of which leaves about the coefficient of friction times the change before.
     """
     for _ in range(MOST_ROUNDS):
-        copy(state.reaction, station.last)
-        free(system, state, start, station)
-        solve(station)
-        react(system, state, start, station)
-        if not along.rubs(system.along) or stands(state.reaction, station.last):
+        copy(state.reaction, instant.last)
+        free(system, state, start, instant)
+        solve(instant)
+        react(system, state, start, instant)
+        if not along.rubs(system.along) or stands(state.reaction, instant.last):
             break
 
 
@@ -117,55 +117,62 @@ def rounds(system: System) -> int:
 
 
 @kernel
-def undo(system: System, state: State, start: Start, gap: np.ndarray, station: Station) -> None:
+def undo(
+    system: System, state: State, start: Start, violation: np.ndarray, instant: Instant
+) -> None:
     """Set the ``solution`` to the least change by mass that takes away the ``gap`` (k, 3) [m]."""
     first = 2 * system.bodies.inverse_mass.size
-    free(system, state, start, station)
-    for node in range(station.rows.shape[0]):
+    free(system, state, start, instant)
+    for node in range(instant.rows.shape[0]):
         for i in range(3):
-            station.rows[node, i] = 0.0 if node < first else -gap[node - first, i]
-    solve(station)
+            instant.rows[node, i] = 0.0 if node < first else -violation[node - first, i]
+    solve(instant)
 
 
 @kernel
 def keep_closed(
-    system: System, state: State, start: Start, gap: np.ndarray, rate: np.ndarray, station: Station
+    system: System,
+    state: State,
+    start: Start,
+    violation: np.ndarray,
+    rate: np.ndarray,
+    instant: Instant,
 ) -> None:
     """Change the velocities, least by mass, so that no joint opens; ``gap`` and ``rate`` (k, 3) are
     set to the gaps [m] and what is left of their rates.
     """
     bodies = system.bodies
     for _ in range(rounds(system)):
-        equations.observe(system, state, start, gap, rate)
-        along.in_metres(system.along, gap, rate)
-        undo(system, state, start, rate, station)
+        equations.observe(system, state, start, violation, rate)
+        along.in_metres(system.along, violation, rate)
+        undo(system, state, start, rate, instant)
         for b in range(bodies.inverse_mass.size - 1):
             R = matrix_at(start.bodies.R, b)
-            dW = scale(1.0 / bodies.length[b], at(station.solution, 2 * b + 1))
-            put(state.v, b, add(at(state.v, b), at(station.solution, 2 * b)))
+            dW = scale(1.0 / bodies.length[b], at(instant.solution, 2 * b + 1))
+            put(state.v, b, add(at(state.v, b), at(instant.solution, 2 * b)))
             put(state.w, b, add(at(state.w, b), times(transpose(R), dW)))
-        along.drive_work(system.along, bodies, state.time[0], 1.0, station.solution, state.work)
+        along.motion_work(system.along, bodies, state.time[0], 1.0, instant.solution, state.work)
         equations.prepare(system, state, start)
 
 
 @kernel
-def publish(scene: Scene, station: Station, row: int) -> None:
+def publish(workspace: Workspace, instant: Instant, row: int) -> None:
     """Write the reactions at the scene's own time into a ``row`` of its tables, in place of means.
 
     The state's own, from which the next step is guessed, stay what they are.
     """
-    system, state, start = scene.system, scene.state, scene.start
-    force, reaction = station.force, station.reaction
+    system, state, start = workspace.system, workspace.state, workspace.start
+    force, reaction = instant.force, instant.reaction
     copy(state.force, force)
     copy(state.reaction, reaction)
-    accelerate(system, state, start, station)
+    accelerate(system, state, start, instant)
     publish_reactions(
         system.shown,
         system.along,
         state.reaction,
         state.force,
         state.time[0],
-        scene.tables.reactions,
+        workspace.tables.reactions,
         row,
     )
     copy(force, state.force)
@@ -173,21 +180,23 @@ def publish(scene: Scene, station: Station, row: int) -> None:
 
 
 @kernel
-def march(scene: Scene, station: Station, h: float, first: int, last: int, plan: np.ndarray) -> int:
+def march(
+    workspace: Workspace, instant: Instant, h: float, first: int, last: int, schedule: np.ndarray
+) -> int:
     """``newton.march`` with the reactions of every published row at its own time."""
     for k in range(first, last):
-        if newton.march(scene, h, k, k + 1, plan) == k:
+        if newton.march(workspace, h, k, k + 1, schedule) == k:
             return k
-        if plan[k] >= 0:
-            publish(scene, station, plan[k])
+        if schedule[k] >= 0:
+            publish(workspace, instant, schedule[k])
     return last
 
 
-def solve_least(station: Station) -> None:
+def solve_least(instant: Instant) -> None:
     """As ``solve``, of a singular matrix: least forces of joints that are not independent."""
-    free, size = station.unknowns.free, station.unknowns.free.size
+    free, size = instant.unknowns.free, instant.unknowns.free.size
     A = np.zeros(size * size)
-    A[station.unknowns.dense_to] = station.values[station.unknowns.dense_from]
-    right = station.rows.reshape(-1)[free]
+    A[instant.unknowns.dense_to] = instant.values[instant.unknowns.dense_from]
+    right = instant.rows.reshape(-1)[free]
     least = np.linalg.lstsq(A.reshape(size, size), right, rcond=INDEPENDENT)[0]
-    station.solution.reshape(-1)[free] = least
+    instant.solution.reshape(-1)[free] = least

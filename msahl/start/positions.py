@@ -26,7 +26,7 @@ CLOSED = 1e-13
 class Assembled(NamedTuple):
     """Largest gap as given [m], and the way [m] and turn [rad] of every body."""
 
-    gap: float
+    violation: float
     ways: np.ndarray  # (n,)
     turns: np.ndarray  # (n,)
 
@@ -37,9 +37,9 @@ def assemble(system: System, state: State) -> Assembled:
     unknowns = choose(system, all_unknowns(system))
     x0, p0 = state.x.copy(), state.p.copy()
     length = max(float(system.bodies.length.max()), float(np.abs(state.x).max()))
-    given = gap = _largest_gap(system, state)
+    given = violation = _largest_gap(system, state)
     for _ in range(MAX_ITERATIONS):
-        if gap <= CLOSED * length:
+        if violation <= CLOSED * length:
             break
         rows = np.zeros((node_count(system), 3))
         rows[2 * n :] = -_gaps(system, state)
@@ -48,10 +48,10 @@ def assemble(system: System, state: State) -> Assembled:
         for b in range(n):
             Q = scale(1.0 / system.bodies.length[b], at(step, 2 * b + 1))
             state.p[b] = compose(from_step_turn(Q), at(state.p, b))
-        gap = _largest_gap(system, state)
-    if not gap <= 1e3 * CLOSED * length:
+        violation = _largest_gap(system, state)
+    if not violation <= 1e3 * CLOSED * length:
         raise StartError(
-            f"the joints cannot be closed: a gap of {gap:.3g} m is left of {given:.3g} m; give "
+            f"the joints cannot be closed: {violation:.3g} m of {given:.3g} m remain; give "
             "positions nearer to a closed scene, or check lengths and axes"
         )
     turns = [_turn(at(p0, b), at(state.p, b)) for b in range(n - 1)]
@@ -62,10 +62,10 @@ def _gaps(system: System, state: State) -> np.ndarray:
     """(k, 3) gaps [m], rows in radians times their length."""
     start = new_start(system, state)
     equations.prepare(system, state, start)
-    gap, rate = np.zeros_like(state.gap), np.zeros_like(state.gap)
-    equations.observe(system, state, start, gap, rate)
-    along.in_metres(system.along, gap, rate)
-    return gap
+    violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
+    equations.observe(system, state, start, violation, rate)
+    along.in_metres(system.along, violation, rate)
+    return violation
 
 
 def _largest_gap(system: System, state: State) -> float:

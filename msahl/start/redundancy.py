@@ -70,7 +70,7 @@ def is_regular(system: System, state: State, unknowns: Unknowns) -> bool:
     return solve_sparse(jacobian_at_rest(system, state), probe, unknowns) is not None
 
 
-def shared_reactions(system: System, state: State) -> dict[int, list[str]]:
+def non_unique_reactions(system: System, state: State) -> dict[int, list[str]]:
     """By number of the joint, coupling or motion, the columns of its reaction that are not unique
     in the state's configuration; those that are unique throughout have no entry.
     """

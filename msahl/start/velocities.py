@@ -128,9 +128,9 @@ def _largest(vectors: np.ndarray) -> float:
 def _gap_rate(system: System, state: State, start: Start) -> np.ndarray:
     """(k, 3) gap rates of the state [m/s], radians times their length; prepares ``start``."""
     equations.prepare(system, state, start)
-    gap, rate = np.zeros_like(state.gap), np.zeros_like(state.gap)
-    equations.observe(system, state, start, gap, rate)
-    along.in_metres(system.along, gap, rate)
+    violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
+    equations.observe(system, state, start, violation, rate)
+    along.in_metres(system.along, violation, rate)
     return rate
 
 

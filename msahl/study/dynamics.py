@@ -16,7 +16,7 @@ from msahl.jit.compiled import compiled
 from msahl.jit.kernel import kernel
 from msahl.model import Model
 from msahl.schemes import accelerations
-from msahl.schemes.accelerations import Station, new_station, solve_least
+from msahl.schemes.accelerations import Instant, new_instant, solve_least
 from msahl.schemes.midpoint import equations
 from msahl.start.redundancy import is_regular
 from msahl.study.start import first_state
@@ -64,14 +64,14 @@ def _prepare(system: System, state: State, start: Start) -> None:
 
 
 @kernel
-def _free(system: System, state: State, start: Start, room: Station, y: np.ndarray) -> None:
+def _free(system: System, state: State, start: Start, room: Instant, y: np.ndarray) -> None:
     _unpack(y, state)
     _prepare(system, state, start)
     accelerations.free(system, state, start, room)
 
 
 @kernel
-def _rates(system: System, start: Start, room: Station, y: np.ndarray, dy: np.ndarray) -> None:
+def _rates(system: System, start: Start, room: Instant, y: np.ndarray, dy: np.ndarray) -> None:
     """Read ``dy`` off the accelerations in ``room``."""
     for b in range(y.size // SIZE):
         k = SIZE * b
@@ -91,7 +91,7 @@ def _rates(system: System, start: Start, room: Station, y: np.ndarray, dy: np.nd
 
 @kernel
 def _all_rates(
-    system: System, state: State, start: Start, room: Station, y: np.ndarray, dy: np.ndarray
+    system: System, state: State, start: Start, room: Instant, y: np.ndarray, dy: np.ndarray
 ) -> None:
     _unpack(y, state)
     _prepare(system, state, start)
@@ -104,8 +104,8 @@ def _open(
     system: System,
     state: State,
     start: Start,
-    room: Station,
-    gap: np.ndarray,
+    room: Instant,
+    violation: np.ndarray,
     rate: np.ndarray,
     scale_of: np.ndarray,
     level: int,
@@ -113,19 +113,19 @@ def _open(
     """Set the rows to minus the gaps (``level`` 0) or their rates (1), and factor the matrix."""
     _prepare(system, state, start)
     accelerations.free(system, state, start, room)
-    equations.observe(system, state, start, gap, rate)
+    equations.observe(system, state, start, violation, rate)
     first = 2 * system.bodies.inverse_mass.size
     for node in range(room.rows.shape[0]):
         for i in range(3):
             if node < first:
                 room.rows[node, i] = 0.0
             else:
-                open_by = gap[node - first, i] if level == 0 else rate[node - first, i]
+                open_by = violation[node - first, i] if level == 0 else rate[node - first, i]
                 room.rows[node, i] = -open_by * scale_of[node - first, i]
 
 
 @kernel
-def _move(system: System, state: State, room: Station) -> None:
+def _move(system: System, state: State, room: Instant) -> None:
     """Displace and turn the bodies by the solution."""
     for b in range(system.bodies.inverse_mass.size - 1):
         turn = scale(1.0 / system.bodies.length[b], at(room.solution, 2 * b + 1))
@@ -134,7 +134,7 @@ def _move(system: System, state: State, room: Station) -> None:
 
 
 @kernel
-def _push(system: System, state: State, start: Start, room: Station) -> None:
+def _push(system: System, state: State, start: Start, room: Instant) -> None:
     """Change the velocities by the solution."""
     for b in range(system.bodies.inverse_mass.size - 1):
         turn = scale(1.0 / system.bodies.length[b], at(room.solution, 2 * b + 1))
@@ -159,7 +159,7 @@ def _recall(
     system: System,
     state: State,
     start: Start,
-    room: Station,
+    room: Instant,
     times: np.ndarray,
     table: np.ndarray,
     forces: np.ndarray,
@@ -182,11 +182,14 @@ class Dynamics:
         self.model = model
         self.system, self.state = first_state(model)
         self.start = new_start(self.system, self.state)
-        self.room = new_station(self.system)
+        self.room = new_instant(self.system)
         self.joints = len(model.joints)
         self.regular = is_regular(self.system, self.state, self.room.unknowns)
-        self.gap, self.rate = np.zeros_like(self.state.gap), np.zeros_like(self.state.gap)
-        self.scale = np.ones_like(self.state.gap)
+        self.violation, self.rate = (
+            np.zeros_like(self.state.violation),
+            np.zeros_like(self.state.violation),
+        )
+        self.scale = np.ones_like(self.state.violation)
         if self.system.along:
             # Rows in radians are metres in the matrix.
             rows = self.system.along.rows
@@ -198,7 +201,7 @@ class Dynamics:
         self.table = self.publish(self.first[None, :])
 
     @property
-    def parts(self) -> tuple[System, State, Start, Station]:
+    def parts(self) -> tuple[System, State, Start, Instant]:
         """What the kernels take first."""
         return self.system, self.state, self.start, self.room
 
@@ -228,7 +231,7 @@ class Dynamics:
         y = y.copy()
         self.state.time[0] = t
         _compiled_unpack(y, self.state)
-        if self.gap.size:
+        if self.violation.size:
             self._close(0)
             _compiled_move(self.system, self.state, self.room)
             self._close(1)
@@ -238,7 +241,7 @@ class Dynamics:
 
     def _close(self, level: int) -> None:
         with np.errstate(all="ignore"):
-            _compiled_open(*self.parts, self.gap, self.rate, self.scale, level)
+            _compiled_open(*self.parts, self.violation, self.rate, self.scale, level)
         if self.regular:
             _compiled_solve(self.room)
         else:

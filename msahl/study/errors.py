@@ -97,7 +97,7 @@ def measure_errors(run: Run, reference: Reference, dynamics: Dynamics | None = N
         "energy_over_first": energy.error_over_first,
         "work_hainge": _widest(work.hainge) if work else None,
         "work_sharp": _widest(work.sharp) if work else None,
-        "gap": _widest(joints.gap[:, :, METRES]),
+        "gap": _widest(joints.violation[:, :, METRES]),
         "gap_rate": _widest(joints.rate[:, :, METRES]),
     }
     return Errors({m.key: figures.get(m.key) for m in MEASURES}, time, series)
@@ -135,7 +135,7 @@ def _force_errors(
         return {}
     times, shape = run.time[rows], (len(rows), -1, 3)
     errors = {}
-    if not run.at_rows:
+    if not run.instantaneous:
         mids = 0.5 * (run.time[rows - 1] + times)
         published = measures.reactions.force[rows, : len(own)]
         mean = published - reference.forces(mids).reshape(shape)

@@ -70,9 +70,9 @@ def _fit(points: np.ndarray) -> Fit | None:
         return None
     shift = float(y.mean() - order * x.mean())
     rest = y - shift - order * x
-    freedom = len(x) - 2
-    spread = np.sqrt(rest @ rest / freedom / (centred @ centred))
-    uncertainty = float(stdtrit(freedom, 0.975) * spread)
+    coordinate = len(x) - 2
+    spread = np.sqrt(rest @ rest / coordinate / (centred @ centred))
+    uncertainty = float(stdtrit(coordinate, 0.975) * spread)
     return Fit(order, uncertainty, float(np.exp(shift)), float(points[-1, 0]), float(points[0, 0]))
 
 

@@ -190,7 +190,7 @@ class Search:
             return larger.size <= 1.0
         # Steps that converge badly become a run of many seconds if they are any larger.
         report = point.trial.report
-        eased = report.iterations <= MOST_ITERATIONS * report.steps and not report.halvings
+        eased = report.iterations <= MOST_ITERATIONS * report.steps and not report.subdivisions
         return eased and FEWEST * larger.size <= self.plan.model.simulation.t_final
 
     def _end(self, curve: Curve, why: str) -> None:

@@ -69,7 +69,7 @@ class State(NamedTuple):
     alpha_trend: np.ndarray  # likewise of alpha
     force_trend: np.ndarray  # (3, k, 3) likewise of force
     foresight: np.ndarray  # (1,) 1 if three changes would have told the last one better than one
-    gap: np.ndarray  # (k, 3) gap the last solution left over, by increments [m]
+    violation: np.ndarray  # (k, 3) gap the last solution left over, by increments [m]
     angle: np.ndarray  # (q,) quantities' values; angles are counted here [m or rad]
     reaction: np.ndarray  # (j, 6) of the joints over the last step, inertial axes [N, N m]
     reaction_trend: np.ndarray  # likewise its change
@@ -161,7 +161,7 @@ def new_start(system: System, state: State) -> Start:
         bodies=BodyStart(
             *(np.zeros(matrices) for _ in range(2)), *(np.zeros(vectors) for _ in range(6))
         ),
-        coincide=CoincideStart(np.zeros((k, 3)), np.zeros((k, 3)), state.gap),
+        coincide=CoincideStart(np.zeros((k, 3)), np.zeros((k, 3)), state.violation),
         along=along,  # type: ignore[arg-type]
         loads=ConcentratedStart(
             *(np.zeros((n_loads, 3)) for _ in range(3)),

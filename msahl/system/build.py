@@ -36,12 +36,12 @@ from msahl.joints.joint import (
 )
 from msahl.joints.joint import Coincide as Coinciding
 from msahl.joints.registry import KINDS
-from msahl.model import Model, decay_of, turns_by_angle
+from msahl.model import Model, decay_of, is_exponential
 from msahl.model.bodies import RigidBody
 from msahl.model.couplings import FREEDOMS, Coupling
 from msahl.model.joints import Joint
 from msahl.model.loads import Bushing, ConcentratedLoad, Drag, Friction, JointSpring, SpringDamper
-from msahl.model.motions import Drive, PointMotion
+from msahl.model.motions import JointMotion, PointMotion
 from msahl.system.arrays import Multipliers, System
 from msahl.system.pattern import Blocks
 
@@ -163,12 +163,12 @@ class _Builder:
         self.measures += [_measure(product, pair, self.ground) for product in quantity.products]
         return len(self.quantities) - 1
 
-    def _freedom(self, joint_name: str, freedom: str) -> int:
+    def _freedom(self, joint_name: str, coordinate: str) -> int:
         """The quantity of a joint's free motion, the same for all that act along it."""
-        key = (joint_name, freedom)
+        key = (joint_name, coordinate)
         if key not in self.freedoms:
             joint = self.joints[joint_name]
-            self.freedoms[key] = self._quantity(FREE_MOTIONS[freedom](joint), self._pair(joint))
+            self.freedoms[key] = self._quantity(FREE_MOTIONS[coordinate](joint), self._pair(joint))
         return self.freedoms[key]
 
     def _joint(self, element: int, joint: Joint) -> None:
@@ -193,9 +193,9 @@ class _Builder:
         self.load_rows.append(len(self.rows))
         self._row(element, follower, leader, factor, equation, function=self._law(coupling.lift))
 
-    def _motion(self, element: int, column: int, motion: Drive | PointMotion) -> None:
-        if isinstance(motion, Drive):
-            quantity = self._freedom(motion.joint, motion.freedom)
+    def _motion(self, element: int, column: int, motion: JointMotion | PointMotion) -> None:
+        if isinstance(motion, JointMotion):
+            quantity = self._freedom(motion.joint, motion.coordinate)
         else:
             b = self.index[motion.body]
             pair = _Pair(self.ground, b, ZERO, self._point(b, motion.point))
@@ -242,7 +242,7 @@ class _Builder:
             free = np.nan if load.free_length is None else load.free_length
             self._spring(column, quantity, load.stiffness, load.damping, free, load)
         elif isinstance(load, JointSpring):
-            quantity = self._freedom(load.joint, load.freedom)
+            quantity = self._freedom(load.joint, load.coordinate)
             self._spring(column, quantity, load.stiffness, load.damping, load.free, load)
         elif isinstance(load, Bushing):
             pair = self._pair(load)
@@ -250,7 +250,7 @@ class _Builder:
                 if k or c:
                     self._spring(column, self._quantity(product, pair), k, c, np.nan, None)
         elif isinstance(load, Friction):
-            quantity = self._freedom(load.joint, load.freedom)
+            quantity = self._freedom(load.joint, load.coordinate)
             number = [joint.name for joint in self.model.joints].index(load.joint)
             lever = load.coefficient * load.radius
             self.frictions.append((quantity, number, lever, load.width))
@@ -292,7 +292,7 @@ class _Builder:
             inertia=inertia,
             r_BG=np.array(self.r_BG),
             length=np.array([*lengths, 1.0]),
-            by_angle=turns_by_angle(model) or None,
+            exponential=is_exponential(model) or None,
             ballistic=np.array([*(not arms for arms in self.arms[:n]), True]),
             moves=np.ones((2, 3)),
             gravity=np.array(model.gravity, dtype=float),

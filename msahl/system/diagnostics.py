@@ -28,7 +28,7 @@ AT_REST = 1e-12
 """Kinetic energy, relative to the energy at the start or the model's scale, that is round-off."""
 
 
-class Watch(NamedTuple):
+class Monitor(NamedTuple):
     """Rows of one chunk, and room for the joints' gaps.
 
     A row is: balance, kinetic energy [J]; largest gap [m] and gap rate [m/s]; work that the joints'
@@ -39,35 +39,35 @@ class Watch(NamedTuple):
 
     rows: np.ndarray  # (steps, 10)
     began: np.ndarray  # (n+1, 3) mass centres at t = 0 [m]
-    gap: np.ndarray  # (k, 3) by the multipliers' nodes
+    violation: np.ndarray  # (k, 3) by the multipliers' nodes
     rate: np.ndarray  # (k, 3)
 
 
-def new_watch(state: State, steps: int) -> Watch:
+def new_monitor(state: State, steps: int) -> Monitor:
     """Room for ``steps`` rows."""
-    return Watch(
+    return Monitor(
         rows=np.zeros((steps, LOCAL + 1)),
         began=state.x.copy(),
-        gap=np.zeros_like(state.gap),
-        rate=np.zeros_like(state.gap),
+        violation=np.zeros_like(state.violation),
+        rate=np.zeros_like(state.violation),
     )
 
 
 @kernel
-def look(system: System, state: State, start: Start, h: float, watch: Watch, row: int) -> None:
+def look(system: System, state: State, start: Start, h: float, monitor: Monitor, row: int) -> None:
     """Fill a row with the figures of the accepted, prepared state after a step ``h``."""
-    kinetic, potential = equations.observe(system, state, start, watch.gap, watch.rate)
+    kinetic, potential = equations.observe(system, state, start, monitor.violation, monitor.rate)
     work = 0.0
     for k in range(state.force.shape[0]):
         for i in range(3):
-            work += abs(state.force[k, i] * watch.gap[k, i])
-    along.in_metres(system.along, watch.gap, watch.rate)
-    watch.rows[row, BALANCE] = balanced(kinetic + potential, state)
-    watch.rows[row, KINETIC] = kinetic
-    watch.rows[row, GAP] = largest_length(watch.gap)
-    watch.rows[row, GAP_RATE] = largest_length(watch.rate)
-    watch.rows[row, GAP_WORK] = work
-    look_at_bodies(system, state, start, h, watch, row)
+            work += abs(state.force[k, i] * monitor.violation[k, i])
+    along.in_metres(system.along, monitor.violation, monitor.rate)
+    monitor.rows[row, BALANCE] = balanced(kinetic + potential, state)
+    monitor.rows[row, KINETIC] = kinetic
+    monitor.rows[row, GAP] = largest_length(monitor.violation)
+    monitor.rows[row, GAP_RATE] = largest_length(monitor.rate)
+    monitor.rows[row, GAP_WORK] = work
+    look_at_bodies(system, state, start, h, monitor, row)
 
 
 @kernel
@@ -80,16 +80,16 @@ def balanced(energy: float, state: State) -> float:
 
 @apart
 def energy_balance(
-    system: System, state: State, start: Start, gap: np.ndarray, rate: np.ndarray
+    system: System, state: State, start: Start, violation: np.ndarray, rate: np.ndarray
 ) -> float:
     """Energy balance [J] of the prepared state; ``gap`` and ``rate`` (k, 3) are room."""
-    kinetic, potential = equations.observe(system, state, start, gap, rate)
+    kinetic, potential = equations.observe(system, state, start, violation, rate)
     return balanced(kinetic + potential, state)
 
 
 @kernel
 def look_at_bodies(
-    system: System, state: State, start: Start, h: float, watch: Watch, row: int
+    system: System, state: State, start: Start, h: float, monitor: Monitor, row: int
 ) -> None:
     """Fill in speed, turn, distance, way and local error, each of the body where it is largest."""
     speed, turn, distance, way, local = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -103,14 +103,14 @@ def look_at_bodies(
         speed = max(speed, math.sqrt(dot(v, v)) + length * spin)
         turn = max(turn, angle)
         distance = max(distance, dot(x, x))
-        gone = sub(x, at(watch.began, b))
+        gone = sub(x, at(monitor.began, b))
         way = max(way, dot(gone, gone))
         local = max(local, h * h * bend + length * angle * angle * angle)
-    watch.rows[row, SPEED] = speed
-    watch.rows[row, TURN] = turn
-    watch.rows[row, DISTANCE] = math.sqrt(distance)
-    watch.rows[row, WAY] = math.sqrt(way)
-    watch.rows[row, LOCAL] = local / 12.0
+    monitor.rows[row, SPEED] = speed
+    monitor.rows[row, TURN] = turn
+    monitor.rows[row, DISTANCE] = math.sqrt(distance)
+    monitor.rows[row, WAY] = math.sqrt(way)
+    monitor.rows[row, LOCAL] = local / 12.0
 
 
 @kernel
@@ -134,12 +134,12 @@ class Extremes:
         self.fold(first)
         self.steps = 0
 
-    def fold(self, islands: Sequence[np.ndarray]) -> None:
+    def fold(self, subsystems: Sequence[np.ndarray]) -> None:
         """Take in the rows of a chunk, one array (steps, 10) an island."""
-        if not len(islands[0]):
+        if not len(subsystems[0]):
             return
-        total = np.sum([rows[:, :GAP] for rows in islands], axis=0)
-        worst = np.max(islands, axis=0)
+        total = np.sum([rows[:, :GAP] for rows in subsystems], axis=0)
+        worst = np.max(subsystems, axis=0)
         error = np.abs(total[:, BALANCE] - self.balance)
         self.error = max(self.error, float(error.max()))
         self.squares += float(error @ error)

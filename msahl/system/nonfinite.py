@@ -12,7 +12,9 @@ from msahl.model import Model
 from msahl.system.arrays import Start, State, System
 
 
-def culprit(model: Model, system: System, state: State, start: Start, h: float) -> str | None:
+def find_nonfinite(
+    model: Model, system: System, state: State, start: Start, h: float
+) -> str | None:
     """The first element of the island ``model`` whose part of the step ``h`` from its prepared
     ``state`` is not finite, in words; None if there is none.
     """

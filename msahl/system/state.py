@@ -36,7 +36,7 @@ def build_state(model: Model, system: System) -> State:
         alpha_trend=np.zeros((3, *x.shape)),
         force_trend=np.zeros((3, *multipliers)),
         foresight=np.ones(1),
-        gap=np.zeros(multipliers),
+        violation=np.zeros(multipliers),
         angle=np.zeros(quantity_count(system)),
         reaction=np.zeros(joints),
         reaction_trend=np.zeros(joints),

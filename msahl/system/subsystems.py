@@ -35,15 +35,18 @@ def split(model: Model) -> list[Model]:
     for names in (names for lists in touched.values() for names in lists):
         for name in names[1:]:
             leader[find(name)] = find(names[0])
-    islands: dict[str, dict[str, list[Any]]] = {}
+    subsystems: dict[str, dict[str, list[Any]]] = {}
     for body in model.bodies:
-        island = islands.setdefault(find(body.name), {kind: [] for kind in ("bodies", *KINDS)})
-        island["bodies"].append(body)
+        subsystem = subsystems.setdefault(
+            find(body.name), {kind: [] for kind in ("bodies", *KINDS)}
+        )
+        subsystem["bodies"].append(body)
     for kind, lists in touched.items():
         for element, names in zip(getattr(model, kind), lists, strict=True):
-            islands[find(names[0])][kind].append(element)
+            subsystems[find(names[0])][kind].append(element)
     parts: list[dict[str, Any]] = [
-        {kind: tuple(elements) for kind, elements in island.items()} for island in islands.values()
+        {kind: tuple(elements) for kind, elements in subsystem.items()}
+        for subsystem in subsystems.values()
     ]
     return [replace(model, **part) for part in parts]
 

@@ -392,10 +392,10 @@ def _table(draw, argument, value):
 
 def _motion(draw, name, bodies, joints):
     if joints and draw(st.booleans()):
-        freedom = _of(draw, ("angle", "slide"))
+        coordinate = _of(draw, ("angle", "slide"))
         return (
             f"<drive><name>{name}</name><joint>{_of(draw, joints)}</joint>"
-            f"<freedom>{freedom}</freedom>{_law(draw)}</drive>"
+            f"<freedom>{coordinate}</freedom>{_law(draw)}</drive>"
         )
     return (
         f"<pointMotion><name>{name}</name><body>{_of(draw, bodies)}</body>"
@@ -429,9 +429,9 @@ def _load(draw, name, names, joints):
         rates = "".join(_vector(draw, tag) for tag in ("stiffness", "damping", "angularStiffness"))
         inside = f"<name>{name}</name>{_ends(draw, names)}{rates}"
     elif kind == "friction":
-        freedom, radius = _of(draw, (("angle", _number(draw, "radius", sizes)), ("slide", "")))
+        coordinate, radius = _of(draw, (("angle", _number(draw, "radius", sizes)), ("slide", "")))
         rest = _number(draw, "coefficient", sizes) + radius + _number(draw, "width", sizes)
-        joint = f"<joint>{_of(draw, joints)}</joint><freedom>{freedom}</freedom>"
+        joint = f"<joint>{_of(draw, joints)}</joint><freedom>{coordinate}</freedom>"
         inside = f"<name>{name}</name>{joint}{rest}"
     else:
         tags = ("angle", "moment") if kind[0] == "t" else ("length", "force")

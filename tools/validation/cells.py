@@ -31,12 +31,12 @@ from msahl.model import Model
 from msahl.model.scheme import DEFAULT, DEGREE, HIGHER, SCHEMES
 from msahl.results.read import ResultError, read_run
 from msahl.run.loop import Options
-from msahl.run.subsystem import Runner
+from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.verdict import ENERGY_SPOILT
 from msahl.schemes.collocation import newton, predictor, scipy_root
-from msahl.schemes.collocation.newton import High
+from msahl.schemes.collocation.newton import CollocationWorkspace
 from msahl.schemes.midpoint import equations
-from msahl.schemes.midpoint.workspace import Scene
+from msahl.schemes.midpoint.workspace import Workspace
 from msahl.start.velocities import StartError
 from msahl.study.reference import choose_reference
 from msahl.study.runs import run_in_memory, with_step
@@ -90,11 +90,11 @@ class Cell:
     steps: int
     time: float
     iterations: float | None
-    halvings: int | None
+    subdivisions: int | None
     rescues: int | None
     energy: float | None
     gap: float | None
-    gap_rate: float | None
+    violation_rate: float | None
     condition: float | None
     seconds: float | None
     reference: str
@@ -278,12 +278,12 @@ def cell(
         steps=steps,
         time=info.get("time", 0.0),
         iterations=info["iterations"] / steps if steps else None,
-        halvings=info.get("halvings"),
+        subdivisions=info.get("halvings"),
         # Every island's first step is taken by root as a matter of course.
         rescues=None if rescues is None else max(0, rescues - info["islands"]),
         energy=_finite(extremes.get("energyErrorMaxRelative")),
         gap=_finite(extremes.get("gapMax")),
-        gap_rate=_finite(extremes.get("gapRateMax")),
+        violation_rate=_finite(extremes.get("gapRateMax")),
         condition=condition,
         seconds=seconds.get("loop"),
         reference="" if found.position is None else truth.kind,
@@ -334,10 +334,10 @@ def condition(model: Model, dt: float, scheme: str) -> float | None:
     island; None where that is too large or there is no start.
     """
     try:
-        runner = Runner(with_step(model, dt, scheme=scheme), "newton", False, 1)
+        integrator = SubsystemIntegrator(with_step(model, dt, scheme=scheme), "newton", False, 1)
     except StartError:
         return None
-    scene, high_steps = runner.scene, getattr(runner.steps, "high", None)
+    scene, high_steps = integrator.scene, getattr(integrator.steps, "high", None)
     free = scene.unknowns.free
     if free.size * (high_steps.y.shape[1] if high_steps else 1) > LARGEST:
         return None
@@ -346,7 +346,7 @@ def condition(model: Model, dt: float, scheme: str) -> float | None:
         return _finite(float(np.linalg.cond(A)))
 
 
-def _jacobian(scene: Scene, dt: float) -> np.ndarray:
+def _jacobian(scene: Workspace, dt: float) -> np.ndarray:
     """(f, f) at the first guess."""
     free = scene.unknowns.free
     equations.predict(scene.system, scene.state, scene.start, dt, scene.Z)
@@ -356,7 +356,7 @@ def _jacobian(scene: Scene, dt: float) -> np.ndarray:
     return A.reshape(free.size, free.size)
 
 
-def _high_jacobian(island: High, dt: float) -> np.ndarray:
+def _high_jacobian(island: CollocationWorkspace, dt: float) -> np.ndarray:
     """(f s, f s) likewise, of higher degree s; an unknown's stages stand together."""
     scene, stages, (f, s) = island.scene, island.stages, island.y.shape
     predictor.predict(scene.system, scene.state, scene.start, stages, dt)

@@ -13,9 +13,9 @@ from msahl.deck import read_deck
 from msahl.model import (
     ConcentratedLoad,
     Coupling,
-    Drive,
     Ground,
     Joint,
+    JointMotion,
     JointSpring,
     Law,
     Load,
@@ -65,7 +65,7 @@ def model_of(
     joints: list[Joint] | None = None,
     loads: list[Load] | None = None,
     gravity: Vector = ZERO,
-    motions: list[Drive] | None = None,
+    motions: list[JointMotion] | None = None,
     couplings: list[Coupling] | None = None,
 ) -> Model:
     """A model of these records."""
@@ -199,7 +199,7 @@ def halted_arm() -> Model:
         Joint("Axle", "revolute", EARTH, "Arm", ZERO, (-0.5, 0.0, 0.0)),
         Joint("Hinge", "spherical", "Arm", "Bob", (0.5, 0.0, 0.0), (0.0, 0.0, 0.8)),
     ]
-    drive = Drive("Motor", "Axle", "angle", Law("ramp", (0.0, 0.5 * np.pi, 0.2, 0.9)))
+    drive = JointMotion("Motor", "Axle", "angle", Law("ramp", (0.0, 0.5 * np.pi, 0.2, 0.9)))
     return model_of([arm, bob], joints, gravity=UP, motions=[drive])
 
 

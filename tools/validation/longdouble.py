@@ -24,11 +24,11 @@ from msahl.algebra.vector import add, at, put, scale
 from msahl.elements import along
 from msahl.jit.kernel import MARKED
 from msahl.model import Model
-from msahl.run.output_schedule import Plan
-from msahl.run.subsystem import Runner
+from msahl.run.output_schedule import OutputSchedule
+from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes import accelerations
 from msahl.schemes.collocation import newton
-from msahl.schemes.collocation.newton import TARGET, High
+from msahl.schemes.collocation.newton import TARGET, CollocationWorkspace
 from msahl.schemes.collocation.stepper import Higher
 from msahl.schemes.collocation.tableau import Rule, new_rule
 from msahl.schemes.midpoint import equations
@@ -60,15 +60,15 @@ def run(model: Model, steps: int, rows: int) -> tuple[np.ndarray, np.ndarray] | 
     """States (rows, 12 n) and reactions (rows, k) of a scene of one island by its gauss scheme,
     ``steps`` equal steps to the end; None if one of them does not converge.
     """
-    runner = Runner(model, "newton", full=False, chunk=steps)
-    assert isinstance(runner.steps, Higher)
-    assert runner.steps.scheme == "gauss"
-    island = widened(runner.steps.high)
+    integrator = SubsystemIntegrator(model, "newton", full=False, chunk=steps)
+    assert isinstance(integrator.steps, Higher)
+    assert integrator.steps.scheme == "gauss"
+    island = widened(integrator.steps.high)
     mobility = np.zeros_like(island.stages.mobility)
     mobility[:-1] = inverse(island.scene.system.bodies.inertia[:-1])
-    stages = island.stages._replace(rule=gauss(runner.steps.degree), mobility=mobility)
+    stages = island.stages._replace(rule=gauss(integrator.steps.degree), mobility=mobility)
     island = island._replace(stages=stages)
-    plan = Plan.at_ends(np.arange(1, steps + 1) % (steps // rows) == 0)
+    plan = OutputSchedule.at_ends(np.arange(1, steps + 1) % (steps // rows) == 0)
     with in_long():
         settle(island)
         h = LONG(model.simulation.t_final) / steps
@@ -158,7 +158,7 @@ def _lagrange(nodes: np.ndarray) -> list[Polynomial]:
     ]
 
 
-def settle(island: High) -> None:
+def settle(island: CollocationWorkspace) -> None:
     """Put places and velocities back on the joints, by the least change by mass."""
     scene, room = island.scene, island.station
     system, state, start, watch = scene.system, scene.state, scene.start, scene.watch

@@ -145,7 +145,7 @@ def run_rows(scene: Scene, word: str, number: type, per_row: int) -> Rows | None
         found = longdouble.run(model, scene.rows * per_row, scene.rows)
         return Rows(*found) if found else None
     report, run = run_in_memory(model, Options(solver="newton", every=per_row))
-    if report.status != "completed" or report.halvings:
+    if report.status != "completed" or report.subdivisions:
         return None
     forces = (
         np.zeros((scene.rows, 0)) if run.reactions is None else run.reactions.to_numpy()[1:, 1:]

@@ -29,7 +29,7 @@ from msahl.model import Model
 from msahl.model.couplings import Coupling
 from msahl.model.joints import Joint
 from msahl.model.loads import Bushing, ConcentratedLoad, Drag, Friction, JointSpring, SpringDamper
-from msahl.model.motions import Drive
+from msahl.model.motions import JointMotion
 
 FINEST = 1e-13
 """Relative tolerance of a step: scipy goes no lower than 100 machine epsilons, 2.2e-14."""
@@ -442,7 +442,7 @@ class Equations:
         for coupling in self.model.couplings:
             found.append((self._coupled(coupling), none))
         for motion in self.model.motions:
-            if isinstance(motion, Drive):
+            if isinstance(motion, JointMotion):
                 q = self.freedom(motion.joint, motion.freedom)
             else:
                 ground = self.model.grounds[0].name

@@ -384,9 +384,9 @@ def _glance_row(name: str, scheme: str, own: Sequence[Cell]) -> tuple[Entry, ...
         f"{len(held)} of {len(own)}",
         worst(lambda c: c.energy),
         worst(lambda c: c.gap),
-        worst(lambda c: c.gap_rate),
+        worst(lambda c: c.violation_rate),
         worst(lambda c: c.iterations),
-        worst(lambda c: (c.halvings or 0) / max(c.steps, 1)),
+        worst(lambda c: (c.subdivisions or 0) / max(c.steps, 1)),
         worst(lambda c: (c.rescues or 0) / max(c.steps, 1)),
         worst(lambda c: c.condition),
     )

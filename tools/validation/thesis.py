@@ -111,7 +111,7 @@ def explanations() -> Iterator[tuple[str, str]]:
     worst = max(spread.rms for spread in energy if spread)
     reports = [run_deck(r.deck, r.dt, r.t_final).report for r in RUNS]
     whole = [report for report in reports if report.status == "completed"]
-    uncut = [report for report in whole if not report.halvings]
+    uncut = [report for report in whole if not report.subdivisions]
     yield (
         "Failures",
         f"The thesis stopped where a step did not converge. Here {len(whole)} of {len(RUNS)} runs "
@@ -229,7 +229,7 @@ def triple_text() -> str:
         run_deck(deck, dt, t).report for deck in TRIPLES for dt in STEPS for t in (10.0, 100.0)
     ]
     whole = sum(report.status == "completed" for report in reports)
-    halved = sum(report.halvings > 0 for report in reports)
+    halved = sum(report.subdivisions > 0 for report in reports)
     return (
         "The thesis: no step converged, at any step size. Here, of the runs of 10 s and of 100 s "
         f"at all of the thesis's steps, {whole} of {len(reports)} are whole; {halved} of them took "

@@ -41,7 +41,7 @@ class CoincideStart(NamedTuple):
 
     r_a: np.ndarray
     r_b: np.ndarray
-    gap: np.ndarray
+    violation: np.ndarray
 
 
 @kernel
@@ -57,12 +57,12 @@ def residual(
     group: Coincide,
     start: CoincideStart,
     bodies: Bodies,
-    reach: float,
+    dt2: float,
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
     """Take the joint force from the bodies' rows and set the gap's."""
-    hold(group, start, bodies, reach, Z, F)
+    hold(group, start, bodies, dt2, Z, F)
     close(group, start, bodies, Z, F)
 
 
@@ -71,18 +71,18 @@ def hold(
     group: Coincide,
     start: CoincideStart,
     bodies: Bodies,
-    reach: float,
+    dt2: float,
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
     """Take the joint force from the bodies' rows."""
     for k in range(group.a.size):
         a, b = group.a[k], group.b[k]
-        force = scale(group.mass[k] / reach, at(Z, group.row[k]))
+        force = scale(group.mass[k] / dt2, at(Z, group.row[k]))
         mean_a = mean(bodies, Z, a, at(start.r_a, k))
         mean_b = mean(bodies, Z, b, at(start.r_b, k))
-        push(bodies, reach, F, a, scale(-1.0, force), cross(force, mean_a))
-        push(bodies, reach, F, b, force, cross(mean_b, force))
+        push(bodies, dt2, F, a, scale(-1.0, force), cross(force, mean_a))
+        push(bodies, dt2, F, b, force, cross(mean_b, force))
 
 
 @kernel
@@ -95,7 +95,7 @@ def close(
         dr_a = turn_change(turn_of(bodies, Z, a), at(start.r_a, k))
         dr_b = turn_change(turn_of(bodies, Z, b), at(start.r_b, k))
         moved = sub(add(at(Z, 2 * b), dr_b), add(at(Z, 2 * a), dr_a))
-        put(F, group.row[k], add(at(start.gap, k), moved))
+        put(F, group.row[k], add(at(start.violation, k), moved))
 
 
 @kernel
@@ -103,13 +103,13 @@ def jacobian(
     group: Coincide,
     start: CoincideStart,
     bodies: Bodies,
-    reach: float,
+    dt2: float,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
     """Add the blocks that change with the turns and the force."""
     for k in range(group.a.size):
-        force = scale(group.mass[k] / reach, at(Z, group.row[k]))
+        force = scale(group.mass[k] / dt2, at(Z, group.row[k]))
         for side in range(2):
             b = group.a[k] if side == 0 else group.b[k]
             r0 = at(start.r_a, k) if side == 0 else at(start.r_b, k)
@@ -123,11 +123,11 @@ def jacobian(
                     ij = 3 * i + j
                     values[group.gap_by_turn[k, side] + ij] = -sign * T[i][j]
                     values[group.moment_by_force[k, side] + ij] = -c * group.mass[k] * arm[i][j]
-                    values[group.moment_by_turn[k, side] + ij] -= 0.5 * reach * c * lever[i][j]
+                    values[group.moment_by_turn[k, side] + ij] -= 0.5 * dt2 * c * lever[i][j]
 
 
 @kernel
-def gap(group: Coincide, start: CoincideStart, x: np.ndarray, out: np.ndarray) -> None:
+def violation(group: Coincide, start: CoincideStart, x: np.ndarray, out: np.ndarray) -> None:
     """Set ``out`` (k, 3) to child point minus parent point [m], from absolute positions."""
     for k in range(group.a.size):
         P_a = add(at(x, group.a[k]), at(start.r_a, k))
@@ -136,7 +136,9 @@ def gap(group: Coincide, start: CoincideStart, x: np.ndarray, out: np.ndarray) -
 
 
 @kernel
-def gap_rate(group: Coincide, start: CoincideStart, bodies: BodyStart, out: np.ndarray) -> None:
+def violation_rate(
+    group: Coincide, start: CoincideStart, bodies: BodyStart, out: np.ndarray
+) -> None:
     """Set ``out`` (k, 3) to the velocity [m/s] of child point relative to parent point."""
     for k in range(group.a.size):
         a, b = group.a[k], group.b[k]

@@ -142,12 +142,12 @@ def differentiate(group: Quantities, start: QuantityStart, bodies: Bodies, Z: np
 
 @kernel
 def push(
-    group: Quantities, start: QuantityStart, bodies: Bodies, reach: float, F: np.ndarray
+    group: Quantities, start: QuantityStart, bodies: Bodies, dt2: float, F: np.ndarray
 ) -> None:
     """Take the gathered loads from the rows of the bodies."""
     for q in range(group.kind.size):
         for part in range(PARTS):
-            c = row_factor(group, bodies, reach, q, part)
+            c = row_factor(group, bodies, dt2, q, part)
             node = part_node(group, q, part)
             for i in range(3):
                 arm = c * start.force[q, part, i]
@@ -170,11 +170,11 @@ def extent(group: Quantities, start: QuantityStart, q: int) -> float:
 
 
 @kernel
-def row_factor(group: Quantities, bodies: Bodies, reach: float, q: int, part: int) -> float:
+def row_factor(group: Quantities, bodies: Bodies, dt2: float, q: int, part: int) -> float:
     """What a unit force on a ``part`` takes from its rows (see ``rigid.push``)."""
     first = group.first[q]
     body = group.measures.a[first] if part < U_B else group.measures.b[first]
-    c = -reach * bodies.inverse_mass[body]
+    c = -dt2 * bodies.inverse_mass[body]
     return c if part % 2 == U_A else c / bodies.length[body]
 
 
@@ -191,7 +191,7 @@ def stiffness(
     group: Quantities,
     start: QuantityStart,
     bodies: Bodies,
-    reach: float,
+    dt2: float,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
@@ -201,10 +201,10 @@ def stiffness(
         if load == 0.0:
             continue
         c = (
-            load * row_factor(group, bodies, reach, q, U_A),
-            load * row_factor(group, bodies, reach, q, Q_A),
-            load * row_factor(group, bodies, reach, q, U_B),
-            load * row_factor(group, bodies, reach, q, Q_B),
+            load * row_factor(group, bodies, dt2, q, U_A),
+            load * row_factor(group, bodies, dt2, q, Q_A),
+            load * row_factor(group, bodies, dt2, q, U_B),
+            load * row_factor(group, bodies, dt2, q, Q_B),
         )
         _stiffen(group, start, bodies, Z, q, c, values)
 
@@ -336,7 +336,7 @@ def add_spring(
     group: Quantities,
     start: QuantityStart,
     bodies: Bodies,
-    reach: float,
+    dt2: float,
     q: int,
     slope: float,
     values: np.ndarray,
@@ -344,7 +344,7 @@ def add_spring(
     """Add what a load with the derivative ``slope`` by q's end value contributes."""
     force, row = start.force, start.slope
     for p in range(PARTS):
-        c = slope * row_factor(group, bodies, reach, q, p)
+        c = slope * row_factor(group, bodies, dt2, q, p)
         for r in range(PARTS):
             at_block = group.block[q, 4 * p + r]
             if at_block > 0:

@@ -87,10 +87,10 @@ def blur(rows: Rows, laws: Laws, start: QuantityStart, r: int, t: float, h: floa
 
 
 @kernel
-def multiplier(rows: Rows, bodies: Bodies, reach: float, Z: np.ndarray, r: int) -> float:
+def multiplier(rows: Rows, bodies: Bodies, dt2: float, Z: np.ndarray, r: int) -> float:
     """lam [N, or N m for a row in radians]."""
     node = 2 * bodies.inverse_mass.size + rows.place[r, 0]
-    return Z[node, rows.place[r, 1]] * rows.mass[r] * rows.scale[r] / reach
+    return Z[node, rows.place[r, 1]] * rows.mass[r] * rows.scale[r] / dt2
 
 
 @kernel
@@ -99,16 +99,16 @@ def residual(
     laws: Laws,
     start: QuantityStart,
     bodies: Bodies,
-    gap: np.ndarray,
+    violation: np.ndarray,
     t: float,
     h: float,
-    reach: float,
+    dt2: float,
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
     """Set the rows; add the multipliers to the quantities' loads."""
     for r in range(rows.function.size):
-        lam = multiplier(rows, bodies, reach, Z, r)
+        lam = multiplier(rows, bodies, dt2, Z, r)
         node, slot = rows.place[r, 0], rows.place[r, 1]
         total = -law_change(rows, laws, r, t, h)
         for side in range(2):
@@ -119,7 +119,7 @@ def residual(
                 start.load[q] += lam * c
                 start.size[q] += abs(lam * c)
         node += 2 * bodies.inverse_mass.size
-        F[node, slot] = gap[rows.place[r, 0], slot] + rows.scale[r] * total
+        F[node, slot] = violation[rows.place[r, 0], slot] + rows.scale[r] * total
         start.pull[node] = max(start.pull[node], blur(rows, laws, start, r, t, h))
 
 
@@ -130,15 +130,15 @@ def jacobian(
     quantities: Quantities,
     start: QuantityStart,
     bodies: Bodies,
-    reach: float,
+    dt2: float,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
     """Add the rows' blocks, after ``quantity.evaluate`` and ``differentiate``."""
     for r in range(rows.function.size):
-        lam = multiplier(rows, bodies, reach, Z, r)
+        lam = multiplier(rows, bodies, dt2, Z, r)
         slot = rows.place[r, 1]
-        by_unknown = rows.mass[r] * rows.scale[r] / reach
+        by_unknown = rows.mass[r] * rows.scale[r] / dt2
         for side in range(2):
             q = rows.quantity[r, side]
             if q < 0:
@@ -148,12 +148,12 @@ def jacobian(
                 down, right = rows.force_block[r, side, part], rows.gap_block[r, side, part]
                 if down <= 0:
                     continue
-                factor = c * by_unknown * row_factor(quantities, bodies, reach, q, part)
+                factor = c * by_unknown * row_factor(quantities, bodies, dt2, q, part)
                 for i in range(3):
                     values[down + 3 * i + slot] += factor * start.force[q, part, i]
                     values[right + 3 * slot + i] += rows.scale[r] * slope * start.slope[q, part, i]
             if curve != 0.0:
-                add_spring(quantities, start, bodies, reach, q, lam * curve, values)
+                add_spring(quantities, start, bodies, dt2, q, lam * curve, values)
 
 
 @kernel
@@ -163,8 +163,8 @@ def observe(
     start: QuantityStart,
     rate: np.ndarray,
     t: float,
-    gap: np.ndarray,
-    gap_rate: np.ndarray,
+    violation: np.ndarray,
+    violation_rate: np.ndarray,
 ) -> None:
     """Set the rows' entries of ``gap`` [m or rad] and ``gap_rate`` (k, 3), by their places.
 
@@ -184,8 +184,8 @@ def observe(
                 total += rows.coefficient[r, side] * value
                 total_rate += rows.coefficient[r, side] * slope * rate[q]
         node, slot = rows.place[r, 0], rows.place[r, 1]
-        gap[node, slot] = total if rows.holonomic[r] else 0.0
-        gap_rate[node, slot] = total_rate
+        violation[node, slot] = total if rows.holonomic[r] else 0.0
+        violation_rate[node, slot] = total_rate
 
 
 def left_side(rows: Rows, laws: Laws, start: QuantityStart, r: int) -> float:
@@ -247,7 +247,7 @@ def work(
     bodies: Bodies,
     t: float,
     h: float,
-    reach: float,
+    dt2: float,
     Z: np.ndarray,
     column: np.ndarray,
     total: np.ndarray,
@@ -255,12 +255,12 @@ def work(
     """Add the drives' work [J] over the step to their ``column`` of ``total``."""
     for r in range(rows.function.size):
         if rows.law[r] >= 0:
-            lam = multiplier(rows, bodies, reach, Z, r)
+            lam = multiplier(rows, bodies, dt2, Z, r)
             total[column[r]] += lam * law_change(rows, laws, r, t, h)
 
 
 @kernel
-def drive_work(
+def motion_work(
     rows: Rows,
     laws: Laws,
     bodies: Bodies,

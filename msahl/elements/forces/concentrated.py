@@ -150,7 +150,7 @@ def residual(
     group: ConcentratedLoads,
     start: ConcentratedStart,
     bodies: Bodies,
-    reach: float,
+    dt2: float,
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
@@ -160,7 +160,7 @@ def residual(
         r = mean(bodies, Z, b, at(start.r, k))
         f = mean(bodies, Z, group.f_axes[k], at(start.f, k))
         m = mean(bodies, Z, group.m_axes[k], at(start.m, k))
-        push(bodies, reach, F, b, f, add(cross(r, f), m))
+        push(bodies, dt2, F, b, f, add(cross(r, f), m))
 
 
 @kernel
@@ -168,7 +168,7 @@ def jacobian(
     group: ConcentratedLoads,
     start: ConcentratedStart,
     bodies: Bodies,
-    reach: float,
+    dt2: float,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
@@ -182,7 +182,7 @@ def jacobian(
         by_lever = product(skew(r), by_force)
         by_moment = end_tangent(bodies, Z, axes_m, at(start.m, k))
         # The mean moves by half of the end, and push takes c F from the rows: + c/2.
-        c = 0.5 * reach * bodies.inverse_mass[b]
+        c = 0.5 * dt2 * bodies.inverse_mass[b]
         c_turn = c / bodies.length[b]
         for i in range(3):
             for j in range(3):

@@ -66,7 +66,7 @@ def residual(
     arm: np.ndarray,
     bodies: Bodies,
     h: float,
-    reach: float,
+    dt2: float,
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
@@ -74,7 +74,7 @@ def residual(
     for k in range(drags.body.size):
         b = drags.body[k]
         f = drag(drags.coefficient[k], scale(1.0 / h, displacement(drags, arm, bodies, Z, k)))
-        push(bodies, reach, F, b, f, cross(mean(bodies, Z, b, at(arm, k)), f))
+        push(bodies, dt2, F, b, f, cross(mean(bodies, Z, b, at(arm, k)), f))
 
 
 @kernel
@@ -97,7 +97,7 @@ def jacobian(
     arm: np.ndarray,
     bodies: Bodies,
     h: float,
-    reach: float,
+    dt2: float,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
@@ -109,7 +109,7 @@ def jacobian(
         T = end_tangent(bodies, Z, b, at(arm, k))
         r = skew(mean(bodies, Z, b, at(arm, k)))
         by_Q = product(by_V, T)
-        c = reach * bodies.inverse_mass[b]
+        c = dt2 * bodies.inverse_mass[b]
         c_turn = c / bodies.length[b]
         lever = product(skew(drag(drags.coefficient[k], V)), T)
         add_block(values, drags.block[k, 0], -c / h, by_V)

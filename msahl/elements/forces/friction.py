@@ -102,14 +102,14 @@ def jacobian(
     start: QuantityStart,
     bodies: Bodies,
     h: float,
-    reach: float,
+    dt2: float,
     values: np.ndarray,
 ) -> None:
     """Add the derivatives of the loads."""
     for f in range(frictions.quantity.size):
         q = frictions.quantity[f]
         slope = load(frictions, reactions, f, start.change[q] / h)[1] / h
-        add_spring(quantities, start, bodies, reach, q, slope, values)
+        add_spring(quantities, start, bodies, dt2, q, slope, values)
 
 
 @kernel

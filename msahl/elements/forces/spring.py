@@ -97,7 +97,7 @@ def jacobian(
     start: QuantityStart,
     bodies: Bodies,
     h: float,
-    reach: float,
+    dt2: float,
     values: np.ndarray,
 ) -> None:
     """Add the derivatives of the loads."""
@@ -106,7 +106,7 @@ def jacobian(
         q0 = start.value[q] - springs.origin[s]
         _, slope = tension(springs, laws, s, q0, start.change[q])
         slope = -slope - springs.damping[s] / h - springs.decay[s]
-        add_spring(quantities, start, bodies, reach, q, slope, values)
+        add_spring(quantities, start, bodies, dt2, q, slope, values)
 
 
 @kernel

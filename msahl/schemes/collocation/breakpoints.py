@@ -15,7 +15,7 @@ import numpy as np
 from msahl.algebra.functions import PIECES, Laws, piece_of
 from msahl.elements import along
 from msahl.jit.kernel import apart, kernel
-from msahl.schemes.midpoint.workspace import Scene
+from msahl.schemes.midpoint.workspace import Workspace
 from msahl.system.arrays import System
 
 SAMPLES = 8
@@ -29,7 +29,7 @@ AT_ENDS = 1e-6
 BISECTIONS = 50
 
 
-class Kinks(NamedTuple):
+class Breakpoints(NamedTuple):
     """What has kinks in a scene."""
 
     timed: np.ndarray  # (l,) laws of time with pieces
@@ -42,7 +42,7 @@ class Kinks(NamedTuple):
     rate: np.ndarray  # (3, q) likewise their rates
 
 
-def new_kinks(system: System) -> Kinks:
+def new_kinks(system: System) -> Breakpoints:
     """Those of a ``system``."""
     laws, group = system.laws, system.along
     timed = set(system.loads.law.tolist())
@@ -55,7 +55,7 @@ def new_kinks(system: System) -> Kinks:
     tables = [entry for entry in tables if entry[0] >= 0 and laws.kind[entry[0]] == PIECES]
     wanted = [law for law in sorted(timed) if law >= 0 and laws.kind[law] == PIECES]
     places = (3, group.quantities.kind.size if group else 0)
-    return Kinks(
+    return Breakpoints(
         timed=np.array(wanted, dtype=np.int64),
         table=np.array([table for table, _, _ in tables], dtype=np.int64),
         quantity=np.array([quantity for _, quantity, _ in tables], dtype=np.int64),
@@ -68,7 +68,7 @@ def new_kinks(system: System) -> Kinks:
 
 
 @kernel
-def next_kink(kinks: Kinks, system: System, t: float, near: float) -> float:
+def next_kink(kinks: Breakpoints, system: System, t: float, near: float) -> float:
     """Time of the first kink of a law of time that is later than ``t`` by more than ``near``."""
     first = math.inf
     for k in range(kinks.timed.size):
@@ -78,17 +78,17 @@ def next_kink(kinks: Kinks, system: System, t: float, near: float) -> float:
 
 
 @kernel
-def note(kinks: Kinks, scene: Scene, place: int) -> None:
+def note(kinks: Breakpoints, workspace: Workspace, place: int) -> None:
     """Note the quantities of the prepared state, as those at the ``place`` 0, 1, 2 of a pair."""
     if kinks.table.size + kinks.rubbing.size > 0:
-        start = scene.start
+        start = workspace.start
         value, rate = kinks.value[place], kinks.rate[place]
-        along.values(scene.system.along, start.along, start.bodies, value, rate)
+        along.values(workspace.system.along, start.along, start.bodies, value, rate)
 
 
 @apart
 def crossing(
-    kinks: Kinks,
+    kinks: Breakpoints,
     system: System,
     h: float,
 ) -> float:

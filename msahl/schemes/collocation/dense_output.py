@@ -35,10 +35,10 @@ from msahl.elements import along
 from msahl.elements.forces import concentrated, drag
 from msahl.jit.kernel import apart, kernel
 from msahl.schemes import accelerations
-from msahl.schemes.accelerations import Station
+from msahl.schemes.accelerations import Instant
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.midpoint import equations
-from msahl.schemes.midpoint.workspace import Scene
+from msahl.schemes.midpoint.workspace import Workspace
 from msahl.system.arrays import State, body_count, new_start
 
 ENDS = 6
@@ -63,10 +63,10 @@ class Point(NamedTuple):
     work: np.ndarray  # (w,)
 
 
-class Between(NamedTuple):
+class DenseOutput(NamedTuple):
     """Room for rows within a step."""
 
-    scene: Scene  # the rows' own, with a state of its own
+    workspace: Workspace  # the rows' own, with a state of its own
     begin: Point
     end: Point
     curve: np.ndarray  # (c, 2 (n+1), 3) u and c: values, rates, second rates by t/h; c = ENDS + 2 l
@@ -86,11 +86,11 @@ def levels(order: int) -> int:
     return max(0, (order - 4) // 2)
 
 
-def new_between(scene: Scene, order: int, decays: bool) -> Between:
+def new_dense_output(workspace: Workspace, order: int, decays: bool) -> DenseOutput:
     """Room for the rows between of steps whose ends are of this ``order``; what a scheme that
     ``decays`` takes is shared out evenly over its step.
     """
-    state, n = scene.state, body_count(scene.system)
+    state, n = workspace.state, body_count(workspace.system)
     own = State(*(array.copy() for array in state))
     most = levels(order)
     conditions = ENDS + 2 * most
@@ -101,8 +101,8 @@ def new_between(scene: Scene, order: int, decays: bool) -> Between:
         nodes[level, : 2 * level] = (np.arange(2 * level) + 1.0) / (2 * level + 1.0)
         basis[level, :count, :count] = _basis(nodes[level, : 2 * level])
     x, b = legendre.leggauss((order + 1) // 2)
-    return Between(
-        scene=scene._replace(state=own, start=new_start(scene.system, own)),
+    return DenseOutput(
+        workspace=workspace._replace(state=own, start=new_start(workspace.system, own)),
         begin=new_point(state),
         end=new_point(state),
         curve=np.zeros((conditions, 2 * n, 3)),
@@ -114,7 +114,7 @@ def new_between(scene: Scene, order: int, decays: bool) -> Between:
         gauss=0.5 * (x + 1.0),
         weight=0.5 * b,
         own=state.work.size - 1 if decays else -1,
-        force=np.zeros((scene.Z.shape[0], 3)),
+        force=np.zeros((workspace.Z.shape[0], 3)),
     )
 
 
@@ -148,9 +148,9 @@ def _basis(nodes: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def mark(point: Point, scene: Scene) -> None:
+def mark(point: Point, workspace: Workspace) -> None:
     """Note the scene's accepted state as an end of the step."""
-    state, start = scene.state, scene.start
+    state, start = workspace.state, workspace.start
     point.time[0] = state.time[0]
     copy(state.x, point.x)
     copy(state.p, point.p)
@@ -177,7 +177,7 @@ def copy_point(point: Point, other: Point) -> None:
 
 
 @kernel
-def trace(between: Between, room: Station) -> None:
+def trace(between: DenseOutput, room: Instant) -> None:
     """Set the curves from ``begin`` to ``end``."""
     begin, end, curve = between.begin, between.end, between.curve
     h = end.time[0] - begin.time[0]
@@ -209,9 +209,9 @@ def trace(between: Between, room: Station) -> None:
 
 
 @kernel
-def _stand(between: Between, point: Point) -> None:
+def _stand(between: DenseOutput, point: Point) -> None:
     """Bring the rows' state to an end of the step."""
-    state, begin, end = between.scene.state, between.begin, between.end
+    state, begin, end = between.workspace.state, between.begin, between.end
     # A law that has a kink there is asked on this step's side of it.
     inwards = INWARDS * (end.time[0] - begin.time[0]) + ROUND_OFF * abs(end.time[0])
     state.time[0] = point.time[0] + (inwards if point.time[0] < end.time[0] else -inwards)
@@ -224,17 +224,17 @@ def _stand(between: Between, point: Point) -> None:
 
 
 @apart
-def _prepare(between: Between, angle: np.ndarray) -> None:
+def _prepare(between: DenseOutput, angle: np.ndarray) -> None:
     """Prepare the rows' state; angles are counted from those given."""
-    scene = between.scene
+    workspace = between.workspace
     for q in range(angle.size):
-        scene.state.angle[q] = angle[q]
-    equations.prepare(scene.system, scene.state, scene.start)
-    along.count_turns(scene.system.along, scene.start.along, scene.state.angle)
+        workspace.state.angle[q] = angle[q]
+    equations.prepare(workspace.system, workspace.state, workspace.start)
+    along.count_turns(workspace.system.along, workspace.start.along, workspace.state.angle)
 
 
 @kernel
-def weigh(between: Between, level: int, tau: float) -> None:
+def weigh(between: DenseOutput, level: int, tau: float) -> None:
     """Set the weights of the conditions at ``tau``, in parts of the step."""
     count, x = ENDS + 2 * level, 2.0 * tau - 1.0
     for i in range(between.value.size):
@@ -256,9 +256,9 @@ def _sum(curve: np.ndarray, weights: np.ndarray, node: int) -> Vector:
 
 
 @apart
-def move(between: Between, h: float, tau: float) -> None:
+def move(between: DenseOutput, h: float, tau: float) -> None:
     """Bring the rows' state to ``tau``, by the weights there."""
-    state, begin, curve = between.scene.state, between.begin, between.curve
+    state, begin, curve = between.workspace.state, between.begin, between.curve
     state.time[0] = begin.time[0] + h * tau
     for b in range(begin.x.shape[0] - 1):
         c = _sum(curve, between.value, 2 * b + 1)
@@ -272,11 +272,11 @@ def move(between: Between, h: float, tau: float) -> None:
 
 
 @apart
-def accelerate(between: Between, room: Station, h: float, m: int) -> None:
+def accelerate(between: DenseOutput, room: Instant, h: float, m: int) -> None:
     """Set ``bent`` of node ``m`` to the accelerations of the rows' state."""
-    scene, begin = between.scene, between.begin
-    bodies, state, start = scene.system.bodies, scene.state, scene.start
-    accelerations.accelerate(scene.system, state, start, room)
+    workspace, begin = between.workspace, between.begin
+    bodies, state, start = workspace.system.bodies, workspace.state, workspace.start
+    accelerations.accelerate(workspace.system, state, start, room)
     for b in range(begin.x.shape[0] - 1):
         a = at(room.solution, 2 * b)
         if bodies.ballistic[b]:
@@ -291,46 +291,55 @@ def accelerate(between: Between, room: Station, h: float, m: int) -> None:
 
 
 @apart
-def publish(between: Between, room: Station, tau: float, row: int) -> None:
+def publish(between: DenseOutput, room: Instant, tau: float, row: int) -> None:
     """Enter the state at ``tau`` of the traced step in a ``row`` of the tables."""
-    scene, begin, end = between.scene, between.begin, between.end
+    workspace, begin, end = between.workspace, between.begin, between.end
     h, last = end.time[0] - begin.time[0], between.basis.shape[0] - 1
     for w in range(begin.work.size):
-        scene.state.work[w] = begin.work[w]
+        workspace.state.work[w] = begin.work[w]
     if begin.work.size > 0:
         for i in range(between.gauss.size):
             weigh(between, last, tau * between.gauss[i])
             move(between, h, tau * between.gauss[i])
-            accelerations.accelerate(scene.system, scene.state, scene.start, room)
+            accelerations.accelerate(workspace.system, workspace.state, workspace.start, room)
             _add_work(between, room, h * tau * between.weight[i])
     if between.own >= 0:
         taken = end.work[between.own] - begin.work[between.own]
-        scene.state.work[between.own] += tau * taken
+        workspace.state.work[between.own] += tau * taken
     weigh(between, last, tau)
     move(between, h, tau)
-    for _ in range(max(CLOSINGS, accelerations.rounds(scene.system))):
+    for _ in range(max(CLOSINGS, accelerations.rounds(workspace.system))):
         _close(between, room)
         _prepare(between, begin.angle)
     accelerations.keep_closed(
-        scene.system, scene.state, scene.start, scene.watch.gap, scene.watch.rate, room
+        workspace.system,
+        workspace.state,
+        workspace.start,
+        workspace.monitor.violation,
+        workspace.monitor.rate,
+        room,
     )
     equations.publish(
-        scene.system,
-        scene.state,
-        scene.start,
+        workspace.system,
+        workspace.state,
+        workspace.start,
         0.0,
-        scene.mean_reaction,
-        scene.mean_force,
-        scene.tables,
+        workspace.mean_reaction,
+        workspace.mean_force,
+        workspace.tables,
         row,
     )
-    accelerations.publish(scene, room, row)
+    accelerations.publish(workspace, room, row)
 
 
 @kernel
-def _add_work(between: Between, room: Station, dt: float) -> None:
+def _add_work(between: DenseOutput, room: Instant, dt: float) -> None:
     """Add to the rows' work what loads and drives do over a time ``dt``."""
-    system, state, start = between.scene.system, between.scene.state, between.scene.start
+    system, state, start = (
+        between.workspace.system,
+        between.workspace.state,
+        between.workspace.start,
+    )
     v, W, bodies = start.bodies.v, start.bodies.W, system.bodies
     concentrated.free_work(system.loads, start.loads, v, W, dt, system.load_column, state.work)
     drag.free_work(system.drags, start.drag_arms, v, W, dt, system.drag_column, state.work)
@@ -346,18 +355,23 @@ def _add_work(between: Between, room: Station, dt: float) -> None:
         between.force,
         state.work,
     )
-    along.drive_work(system.along, bodies, state.time[0], dt, room.solution, state.work)
+    along.motion_work(system.along, bodies, state.time[0], dt, room.solution, state.work)
 
 
 @kernel
-def _close(between: Between, room: Station) -> None:
+def _close(between: DenseOutput, room: Instant) -> None:
     """Move the rows' state onto the joints, by the least change by mass."""
-    scene = between.scene
-    system, state, start, watch = scene.system, scene.state, scene.start, scene.watch
+    workspace = between.workspace
+    system, state, start, monitor = (
+        workspace.system,
+        workspace.state,
+        workspace.start,
+        workspace.monitor,
+    )
     bodies = system.bodies
-    equations.observe(system, state, start, watch.gap, watch.rate)
-    along.in_metres(system.along, watch.gap, watch.rate)
-    accelerations.undo(system, state, start, watch.gap, room)
+    equations.observe(system, state, start, monitor.violation, monitor.rate)
+    along.in_metres(system.along, monitor.violation, monitor.rate)
+    accelerations.undo(system, state, start, monitor.violation, room)
     for b in range(bodies.inverse_mass.size - 1):
         turn = scale(1.0 / bodies.length[b], at(room.solution, 2 * b + 1))
         put(state.x, b, add(at(state.x, b), at(room.solution, 2 * b)))

@@ -122,13 +122,13 @@ def _close(system: System, state: State, start: Start, stages: Stages, h: float,
     """Set the rows of the joints, the ``k``-th, to their gaps, by increments from the start."""
     if k < 0:
         return
-    bodies, gap = system.bodies, stages.gap
+    bodies, violation = system.bodies, stages.violation
     t, dt = state.time[0], h * stages.rule.closing[k]
-    coincide.close(system.coincide, start.coincide, bodies, stages.moved, gap)
-    along.hold(system.along, start.along, bodies, state.gap, t, dt, stages.moved, gap)
+    coincide.close(system.coincide, start.coincide, bodies, stages.moved, violation)
+    along.hold(system.along, start.along, bodies, state.violation, t, dt, stages.moved, violation)
     along.strain(system.along, start.along, 1.0, stages.pull)
-    for node in range(2 * bodies.inverse_mass.size, gap.shape[0]):
-        put(stages.F[k], node, at(gap, node))
+    for node in range(2 * bodies.inverse_mass.size, violation.shape[0]):
+        put(stages.F[k], node, at(violation, node))
 
 
 @kernel
@@ -144,9 +144,9 @@ def _hold(system: System, stages: Stages, h: float, k: int, weight: float) -> No
         # The kernels of the lowest order make a force of an unknown by unit/reach; here reach = -1.
         put(stages.still, n, scale(-2.0 / (h * h), at(stages.Z[k], n)))
     coincide.hold(system.coincide, node.coincide, bodies, -1.0, stages.still, row)
-    gap, t = stages.state.gap, stages.state.time[0]
-    along.hold(system.along, node.along, bodies, gap, 0.0, 0.0, stages.still, row)
-    along.drive_work(system.along, bodies, t, -h * weight, stages.still, stages.work)
+    violation, t = stages.state.violation, stages.state.time[0]
+    along.hold(system.along, node.along, bodies, violation, 0.0, 0.0, stages.still, row)
+    along.motion_work(system.along, bodies, t, -h * weight, stages.still, stages.work)
 
 
 @kernel
@@ -270,12 +270,12 @@ def accept(system: System, state: State, start: Start, stages: Stages, h: float)
         put(stages.before[s], 2 * b, at(start.bodies.v, b))
         put(stages.before[s], 2 * b + 1, at(start.bodies.W, b))
     first = 2 * bodies.inverse_mass.size
-    for k in range(state.gap.shape[0]):
-        put(state.gap, k, at(stages.F[s - 1], first + k))
+    for k in range(state.violation.shape[0]):
+        put(state.violation, k, at(stages.F[s - 1], first + k))
         for i in range(3):
             force = stages.Z[s - 1, first + k, i] * system.unit[k, i]
             state.force[k, i] = 2.0 / (h * h) * force
-    along.settle(system.along, state.gap)
+    along.settle(system.along, state.violation)
     # From the last velocities before the end, for a step of another size.
     late = stages.rule.late
     rest = 1.0 / (h * (1.0 - (stages.rule.acting[late] if late >= 0 else 0.0)))

@@ -18,16 +18,16 @@ from msahl.jit.kernel import apart, kernel
 from msahl.linalg import block_lu, dense
 from msahl.model.scheme import HIGHER
 from msahl.schemes import accelerations
-from msahl.schemes.accelerations import Station, new_station
+from msahl.schemes.accelerations import Instant, new_instant
 from msahl.schemes.collocation import dense_output, equations, predictor
-from msahl.schemes.collocation.dense_output import Between, new_between
+from msahl.schemes.collocation.dense_output import DenseOutput, new_dense_output
 from msahl.schemes.collocation.tableau import new_rule
 from msahl.schemes.collocation.workspace import Stages, go, new_stages
 from msahl.schemes.midpoint.newton import DIVERGED, MAX_ITERATIONS, STUCK
-from msahl.schemes.midpoint.workspace import Scene, show
+from msahl.schemes.midpoint.workspace import Workspace, show
 from msahl.schemes.outcome import TOLERANCE
 from msahl.system.arrays import Start, State, System
-from msahl.system.diagnostics import Watch, energy_balance
+from msahl.system.diagnostics import Monitor, energy_balance
 from msahl.system.ordering import Elimination
 
 TARGET = 1e-14
@@ -44,37 +44,43 @@ Gaps followed by increments wander by round-off as turns are composed: 1e-11 m i
 A share this small carries little of the round-off of positions into the velocities."""
 
 
-class High(NamedTuple):
+class CollocationWorkspace(NamedTuple):
     """An island on its way by steps of higher degree."""
 
-    scene: Scene
+    workspace: Workspace
     rubbing: Along | None  # the system's if there is friction: else none of its code is compiled
     stages: Stages
-    station: Station
+    instant: Instant
     factor: np.ndarray  # (entries, s, s) sparse factors, blocks transposed
     y: np.ndarray  # (f, s) right-hand side, in the order of elimination
     taken: np.ndarray  # (s,) room of the factors
-    between: Between
+    between: DenseOutput
     whole: np.ndarray  # (s + 1, nodes, 3) velocities of a step to be gone through again
     held: np.ndarray  # (s, nodes, 3) its solution
     outcome: np.ndarray  # (2,) residual and worst row of the last step
 
 
-def new_high(scene: Scene, scheme: str, degree: int) -> High:
+def new_collocation_workspace(
+    workspace: Workspace, scheme: str, degree: int
+) -> CollocationWorkspace:
     """Room for steps by the ``scheme`` of a ``degree`` from the scene's prepared state."""
-    lu, group, higher = scene.unknowns.elimination, scene.system.along, HIGHER[scheme]
-    stages = new_stages(scene.system, scene.unknowns, scene.state, new_rule(scheme, degree))
-    gap, rate = scene.watch.gap, scene.watch.rate
-    stages.level[0] = energy_balance(scene.system, scene.state, scene.start, gap, rate)
-    return High(
-        scene=scene,
+    lu, group, higher = workspace.unknowns.elimination, workspace.system.along, HIGHER[scheme]
+    stages = new_stages(
+        workspace.system, workspace.unknowns, workspace.state, new_rule(scheme, degree)
+    )
+    violation, rate = workspace.monitor.violation, workspace.monitor.rate
+    stages.level[0] = energy_balance(
+        workspace.system, workspace.state, workspace.start, violation, rate
+    )
+    return CollocationWorkspace(
+        workspace=workspace,
         rubbing=group if group is not None and group.frictions.quantity.size else None,
         stages=stages,
-        station=new_station(scene.system, scene.unknowns),
+        instant=new_instant(workspace.system, workspace.unknowns),
         factor=np.zeros((int(lu.base[-1]), degree, degree)),
         y=np.zeros((lu.order.size, degree)),
         taken=np.zeros(degree, dtype=np.int64),
-        between=new_between(scene, higher.order(degree), higher.decays),
+        between=new_dense_output(workspace, higher.order(degree), higher.decays),
         whole=np.zeros_like(stages.before),
         held=np.zeros_like(stages.Z),
         outcome=np.zeros(2),
@@ -82,7 +88,7 @@ def new_high(scene: Scene, scheme: str, degree: int) -> High:
 
 
 @kernel
-def forget(high: High) -> None:
+def forget(high: CollocationWorkspace) -> None:
     """Let the next step be guessed from the accelerations of its start."""
     high.stages.known[1] = 0.0
 
@@ -114,7 +120,7 @@ def judge(free: np.ndarray, F: np.ndarray, pull: np.ndarray, length: float) -> t
 
 @apart
 def press(
-    rubbing: Along | None, system: System, state: State, stages: Stages, room: Station, h: float
+    rubbing: Along | None, system: System, state: State, stages: Stages, room: Instant, h: float
 ) -> None:
     """Set the reactions where forces act, if there is friction, which presses by them."""
     if rubbing is None:
@@ -157,25 +163,29 @@ def drop_null(
 
 
 @kernel
-def drop_gap(high: High) -> None:
+def drop_gap(high: CollocationWorkspace) -> None:
     """As ``newton.drop_gap``: take from the gaps handed to the next step what no motion can close,
     left over from this one or seen in absolute positions.
     """
-    scene, y, chi = high.scene, high.y, high.stages.rule.chi
-    system, lu, gap = scene.system, scene.unknowns.elimination, scene.state.gap
+    workspace, y, chi = high.workspace, high.y, high.stages.rule.chi
+    system, lu, violation = (
+        workspace.system,
+        workspace.unknowns.elimination,
+        workspace.state.violation,
+    )
     s = y.shape[1]
     first = 2 * system.bodies.inverse_mass.size
     for k in range(y.shape[0]):
         node, i = lu.order[k] // 3, lu.order[k] % 3
         for j in range(s):
-            y[k, j] = gap[node - first, i] if node >= first and j == s - 1 else 0.0
+            y[k, j] = violation[node - first, i] if node >= first and j == s - 1 else 0.0
     block_lu.solve(lu, high.factor, y)
     for k in range(y.shape[0]):
         node, i = lu.order[k] // 3, lu.order[k] % 3
         if node >= first:
             for n in range(s):
-                gap[node - first, i] -= 2.0 * system.relaxation * chi[s - 1, n] * y[k, n]
-    settle(system.along, gap)
+                violation[node - first, i] -= 2.0 * system.relaxation * chi[s - 1, n] * y[k, n]
+    settle(system.along, violation)
 
 
 @kernel
@@ -192,29 +202,33 @@ def advance(
     state: State,
     start: Start,
     stages: Stages,
-    watch: Watch,
-    room: Station,
+    monitor: Monitor,
+    room: Instant,
     h: float,
 ) -> None:
     """Take over the solved step."""
     equations.accept(system, state, start, stages, h)
-    accelerations.keep_closed(system, state, start, watch.gap, watch.rate, room)
-    for k in range(state.gap.shape[0]):
+    accelerations.keep_closed(system, state, start, monitor.violation, monitor.rate, room)
+    for k in range(state.violation.shape[0]):
         for i in range(3):
-            state.gap[k, i] += RECALLED * (watch.gap[k, i] - state.gap[k, i])
+            state.violation[k, i] += RECALLED * (monitor.violation[k, i] - state.violation[k, i])
     if stages.rule.decays:
-        lost = stages.level[0] - energy_balance(system, state, start, watch.gap, watch.rate)
+        lost = stages.level[0] - energy_balance(
+            system, state, start, monitor.violation, monitor.rate
+        )
         state.work[state.work.size - 1] -= max(0.0, lost)
 
 
 @kernel
-def march(high: High, h: float, first: int, last: int, due: np.ndarray, share: np.ndarray) -> int:
+def march(
+    high: CollocationWorkspace, h: float, first: int, last: int, due: np.ndarray, share: np.ndarray
+) -> int:
     """As ``newton.march``, with rows as in ``solve.plan``, their reactions those of their own
     times; without rows where ``due`` is empty.
     """
     for step in range(first, last):
         if due.size > 0:
-            dense_output.mark(high.between.begin, high.scene)
+            dense_output.mark(high.between.begin, high.workspace)
         if not take(high, h):
             return step
         if due.size > 0:
@@ -223,30 +237,37 @@ def march(high: High, h: float, first: int, last: int, due: np.ndarray, share: n
 
 
 @kernel
-def publish(high: High, h: float, step: int, due: np.ndarray, share: np.ndarray) -> None:
+def publish(
+    high: CollocationWorkspace, h: float, step: int, due: np.ndarray, share: np.ndarray
+) -> None:
     """Enter the accepted state in row ``step`` of the watch, and the rows of the tables that are
     due; the step's begin is marked.
     """
-    scene, room = high.scene, high.station
+    workspace, room = high.workspace, high.instant
     first, last = due[step], due[step + 1]
     end = -1
     if last > first and share[last - 1] == 1.0:
         end, last = last - 1, last - 1
-    show(scene, h, step, end)
+    show(workspace, h, step, end)
     if end >= 0:
-        accelerations.publish(scene, room, end)
+        accelerations.publish(workspace, room, end)
     if last > first:
-        dense_output.mark(high.between.end, scene)
+        dense_output.mark(high.between.end, workspace)
         dense_output.trace(high.between, room)
         for row in range(first, last):
             dense_output.publish(high.between, room, share[row], row)
 
 
 @apart
-def take(high: High, h: float) -> bool:
+def take(high: CollocationWorkspace, h: float) -> bool:
     """Take a step of size ``h``, if it converges; ``high.outcome`` says how it went."""
-    scene, stages, station_room = high.scene, high.stages, high.station
-    system, state, start, unknowns = scene.system, scene.state, scene.start, scene.unknowns
+    workspace, stages, station_room = high.workspace, high.stages, high.instant
+    system, state, start, unknowns = (
+        workspace.system,
+        workspace.state,
+        workspace.start,
+        workspace.unknowns,
+    )
     lu, factor, y = unknowns.elimination, high.factor, high.y
     multipliers, relaxation = 2 * system.bodies.inverse_mass.size, system.relaxation
     before, smallest, way, length, first = math.inf, math.inf, 0.0, 0.0, math.inf
@@ -277,9 +298,9 @@ def take(high: High, h: float) -> bool:
             continue
         if fresh:
             block_lu.factor(lu, stages.source, stages.values, factor, high.taken)
-            scene.counts[1] += 1
+            workspace.counts[1] += 1
         correct(lu, factor, stages.F, stages.Z, y)
-        scene.counts[0] += 1
+        workspace.counts[0] += 1
         iteration += 1
         before, fresh = residual, False
     if dense.is_astray(system, way, length):
@@ -288,7 +309,7 @@ def take(high: High, h: float) -> bool:
     if not residual <= TOLERANCE:
         return False
     stages.near[0] = 1.0 if first <= NEAR else 0.0
-    advance(system, state, start, stages, scene.watch, station_room, h)
+    advance(system, state, start, stages, workspace.monitor, station_room, h)
     if relaxation > 0.0:
         drop_gap(high)
     return True
@@ -312,18 +333,18 @@ def correct(
 
 @kernel
 def probe(
-    high: High, h: float, z: np.ndarray, f: np.ndarray, fresh: bool
+    high: CollocationWorkspace, h: float, z: np.ndarray, f: np.ndarray, fresh: bool
 ) -> tuple[float, int, float]:
     """Set the free rows ``f`` (f, s) at the free unknowns ``z``, and where ``fresh`` their
     derivative; what ``judge`` says of them, and the step's length [m].
     """
-    scene, stages, free = high.scene, high.stages, high.scene.unknowns.free
-    system, state = scene.system, scene.state
+    workspace, stages, free = high.workspace, high.stages, high.workspace.unknowns.free
+    system, state = workspace.system, workspace.state
     for i in range(free.size):
         for j in range(z.shape[1]):
             stages.Z[j, free[i] // 3, free[i] % 3] = z[i, j]
-    press(high.rubbing, system, state, stages, high.station, h)
-    length = equations.evaluate(system, state, scene.start, stages, h, fresh)
+    press(high.rubbing, system, state, stages, high.instant, h)
+    length = equations.evaluate(system, state, workspace.start, stages, h, fresh)
     length = max(length, dense.AT_REST)
     for i in range(free.size):
         for j in range(f.shape[1]):

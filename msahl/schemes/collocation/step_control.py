@@ -25,9 +25,9 @@ from msahl.algebra.rotation import compose, inverse
 from msahl.algebra.vector import at, copy, dot, sub
 from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import breakpoints, dense_output, newton
-from msahl.schemes.collocation.breakpoints import Kinks, new_kinks
+from msahl.schemes.collocation.breakpoints import Breakpoints, new_kinks
 from msahl.schemes.collocation.dense_output import Point
-from msahl.schemes.collocation.newton import High
+from msahl.schemes.collocation.newton import CollocationWorkspace
 from msahl.schemes.midpoint import equations
 from msahl.system.arrays import State
 from msahl.system.diagnostics import KINETIC, look
@@ -54,7 +54,7 @@ TOO_SMALL = 1e-12
 """Part of the run that no pair is shorter than."""
 
 
-class Pace(NamedTuple):
+class StepControl(NamedTuple):
     """Where the choice of steps stands, and room for going back."""
 
     figures: np.ndarray  # (10,) see above
@@ -70,17 +70,19 @@ class Pace(NamedTuple):
     p_middle: np.ndarray  # (n+1, 3)
     work: np.ndarray  # (w,) at its end [J]
     checks_rows: bool  # whether errors of rows between and of works count as well
-    kinks: Kinks
+    kinks: Breakpoints
 
 
-def new_pace(island: High, steps: int, dt: float, tolerance: float, t_final: float) -> Pace:
+def new_step_control(
+    subsystem: CollocationWorkspace, steps: int, dt: float, tolerance: float, t_final: float
+) -> StepControl:
     """Room for chunks of ``steps`` steps to a ``tolerance`` [m]; ``dt`` [s] is tried first."""
-    state = island.scene.state
-    system = island.scene.system
+    state = subsystem.workspace.state
+    system = subsystem.workspace.system
     figures = np.zeros(10)
     figures[STOP] = math.inf
     figures[NEXT], figures[SHARE], figures[SMALLEST] = dt, tolerance / t_final, math.inf
-    return Pace(
+    return StepControl(
         figures=figures,
         counts=np.zeros(4, dtype=np.int64),
         sizes=np.zeros(steps),
@@ -99,60 +101,64 @@ def new_pace(island: High, steps: int, dt: float, tolerance: float, t_final: flo
 
 
 @kernel
-def march(island: High, pace: Pace, order: int, last: int, times: np.ndarray) -> int:
+def march(
+    subsystem: CollocationWorkspace, control: StepControl, order: int, last: int, times: np.ndarray
+) -> int:
     """Take pairs until there are ``last`` steps or all rows of the ``times``; how many steps were
     taken. Fewer than that: the next pair does not converge however small it is.
 
     Without ``last`` one pair is tried and taken back. Refused pairs count as well, but for those
     before the first good one: a call ends in time, however hard the steps turn.
     """
-    done, tried, figures = 0, 0, pace.figures
-    pace.counts[ROWS] = 0
+    done, tried, figures = 0, 0, control.figures
+    control.counts[ROWS] = 0
     if last == 0:
-        return int(attempt(island, pace, order, 0, False))
-    while (tried + 2 <= last or done == 0) and pace.counts[ROWS] < times.size:
+        return int(attempt(subsystem, control, order, 0, False))
+    while (tried + 2 <= last or done == 0) and control.counts[ROWS] < times.size:
         tried += 2
-        if attempt(island, pace, order, done, True):
+        if attempt(subsystem, control, order, done, True):
             done += 2
-            fill(island, pace, times)
+            fill(subsystem, control, times)
         elif figures[NEXT] < TOO_SMALL * figures[END]:
             break
     return done
 
 
 @kernel
-def attempt(island: High, pace: Pace, order: int, row: int, commit: bool) -> bool:
+def attempt(
+    subsystem: CollocationWorkspace, control: StepControl, order: int, row: int, commit: bool
+) -> bool:
     """Take a pair, into rows ``row`` and ``row + 1`` of the watch; whether its error is small
     enough. Else, or if it is not to be kept, all is as before but for the size of the next.
     """
-    scene, figures = island.scene, pace.figures
-    t = scene.state.time[0]
-    kink = breakpoints.next_kink(pace.kinks, scene.system, t, TOO_SMALL * figures[END])
+    workspace, figures = subsystem.workspace, control.figures
+    t = workspace.state.time[0]
+    kink = breakpoints.next_kink(control.kinks, workspace.system, t, TOO_SMALL * figures[END])
     left = min(figures[END], kink, figures[STOP]) - t
-    spin = largest_spin(scene.start.bodies.W)
+    spin = largest_spin(workspace.start.bodies.W)
     h = figures[NEXT]
-    if scene.system.along is not None and h * spin > WIDEST_TURN:
+    if workspace.system.along is not None and h * spin > WIDEST_TURN:
         h = WIDEST_TURN / spin
     if h > left * (1.0 - 1e-9):
         h = left
     elif 2.0 * h > left:
         h = 0.5 * left
-    keep(scene.state, pace.kept)
-    dense_output.mark(island.between.begin, scene)
-    breakpoints.note(pace.kinks, scene, 0)
-    if not pair(island, pace, h, row):
+    keep(workspace.state, control.kept)
+    dense_output.mark(subsystem.between.begin, workspace)
+    breakpoints.note(control.kinks, workspace, 0)
+    if not pair(subsystem, control, h, row):
         figures[NEXT] = figures[BEST] = 0.25 * h
-        pace.counts[REFUSED] += 1
-        go_back(island, pace)
-        newton.forget(island)
+        control.counts[REFUSED] += 1
+        go_back(subsystem, control)
+        newton.forget(subsystem)
         return False
-    if commit and seek(island, pace, h):
-        go_back(island, pace)
-        follow(island, t, h)
+    if commit and seek(subsystem, control, h):
+        go_back(subsystem, control)
+        follow(subsystem, t, h)
         return False
-    error, known = apart(island, pace)
-    if pace.checks_rows:
-        rest, unsure = apart_within(island, pace, row)
+    error, known = apart(subsystem, control)
+    if control.checks_rows:
+        rest, unsure = apart_within(subsystem, control, row)
         error, known = error + rest, known + unsure
     error /= 2.0**order - 1.0
     share = figures[SHARE] * h
@@ -161,29 +167,29 @@ def attempt(island: High, pace: Pace, order: int, row: int, commit: bool) -> boo
         growth = min(GROW, max(SHRINK, SAFETY * (share / error) ** (1.0 / order)))
     figures[BEST] = growth * h
     good = error <= max(share, known)
-    spin = max(largest_spin(pace.middle.W), largest_spin(pace.end.W))
-    if scene.system.along is not None and h * spin > 2.0 * WIDEST_TURN:
+    spin = max(largest_spin(control.middle.W), largest_spin(control.end.W))
+    if workspace.system.along is not None and h * spin > 2.0 * WIDEST_TURN:
         good, growth = False, WIDEST_TURN / (h * spin)
     if good:
         figures[NEXT] = max(figures[NEXT], growth * h) if h < figures[NEXT] else growth * h
     else:
         figures[NEXT] = min(growth, SAFETY) * h
     if good and commit:
-        pace.counts[ACCEPTED] += 1
-        pace.counts[SOUGHT], figures[STOP] = 0, math.inf
+        control.counts[ACCEPTED] += 1
+        control.counts[SOUGHT], figures[STOP] = 0, math.inf
         if h == left and left < figures[END] - t:
-            newton.forget(island)
+            newton.forget(subsystem)
         figures[ERROR] += error
         figures[LARGEST] = max(figures[LARGEST], error)
         figures[SMALLEST] = min(figures[SMALLEST], 0.5 * h)
         figures[WIDEST] = max(figures[WIDEST], 0.5 * h)
-        pace.sizes[row] = pace.sizes[row + 1] = 0.5 * h
-        pace.ends[row], pace.ends[row + 1] = pace.middle.time[0], pace.end.time[0]
+        control.sizes[row] = control.sizes[row + 1] = 0.5 * h
+        control.ends[row], control.ends[row + 1] = control.middle.time[0], control.end.time[0]
         return True
     if commit:
-        pace.counts[REFUSED] += 1
-    go_back(island, pace)
-    follow(island, t, h)
+        control.counts[REFUSED] += 1
+    go_back(subsystem, control)
+    follow(subsystem, t, h)
     return good
 
 
@@ -197,85 +203,87 @@ def largest_spin(W: np.ndarray) -> float:
 
 
 @kernel
-def seek(island: High, pace: Pace, h: float) -> bool:
+def seek(subsystem: CollocationWorkspace, control: StepControl, h: float) -> bool:
     """Whether the pair has gone past a kink of a quantity; it is to be taken again up to there."""
-    part = breakpoints.crossing(pace.kinks, island.scene.system, h)
-    if part == 1.0 or pace.counts[SOUGHT] == SEARCHES:
+    part = breakpoints.crossing(control.kinks, subsystem.workspace.system, h)
+    if part == 1.0 or control.counts[SOUGHT] == SEARCHES:
         return False
-    pace.counts[SOUGHT] += 1
-    pace.figures[STOP] = pace.kept.time[0] + part * h
+    control.counts[SOUGHT] += 1
+    control.figures[STOP] = control.kept.time[0] + part * h
     return True
 
 
 @kernel
-def pair(island: High, pace: Pace, h: float, row: int) -> bool:
+def pair(subsystem: CollocationWorkspace, control: StepControl, h: float, row: int) -> bool:
     """Take a step of size ``h``, note where it leads, and go there in two halves."""
-    scene = island.scene
-    system, state, start = scene.system, scene.state, scene.start
-    if not newton.take(island, h):
+    workspace = subsystem.workspace
+    system, state, start = workspace.system, workspace.state, workspace.start
+    if not newton.take(subsystem, h):
         return False
-    copy(state.x, pace.x)
-    copy(state.p, pace.p)
-    if pace.checks_rows:
-        go_between(island, pace, h)
-    learn(island)
-    go_back(island, pace)
+    copy(state.x, control.x)
+    copy(state.p, control.p)
+    if control.checks_rows:
+        go_between(subsystem, control, h)
+    learn(subsystem)
+    go_back(subsystem, control)
     for half in range(2):
-        follow(island, pace.kept.time[0], h)
-        if not newton.take(island, 0.5 * h):
+        follow(subsystem, control.kept.time[0], h)
+        if not newton.take(subsystem, 0.5 * h):
             return False
-        look(system, state, start, 0.5 * h, scene.watch, row + half)
-        dense_output.mark(pace.middle if half == 0 else pace.end, scene)
-        breakpoints.note(pace.kinks, scene, 1 + half)
+        look(system, state, start, 0.5 * h, workspace.monitor, row + half)
+        dense_output.mark(control.middle if half == 0 else control.end, workspace)
+        breakpoints.note(control.kinks, workspace, 1 + half)
     return True
 
 
 @kernel
-def go_between(island: High, pace: Pace, h: float) -> None:
+def go_between(subsystem: CollocationWorkspace, control: StepControl, h: float) -> None:
     """Note what the rows between and the works of the whole step are."""
-    room = island.between
-    dense_output.mark(room.end, island.scene)
-    dense_output.trace(room, island.station)
+    room = subsystem.between
+    dense_output.mark(room.end, subsystem.workspace)
+    dense_output.trace(room, subsystem.instant)
     dense_output.weigh(room, room.basis.shape[0] - 1, 0.5)
     dense_output.move(room, h, 0.5)
-    copy(room.scene.state.x, pace.x_middle)
-    copy(room.scene.state.p, pace.p_middle)
-    for w in range(pace.work.size):
-        pace.work[w] = island.scene.state.work[w]
+    copy(room.workspace.state.x, control.x_middle)
+    copy(room.workspace.state.p, control.p_middle)
+    for w in range(control.work.size):
+        control.work[w] = subsystem.workspace.state.work[w]
 
 
 @kernel
-def apart_within(island: High, pace: Pace, row: int) -> tuple[float, float]:
+def apart_within(
+    subsystem: CollocationWorkspace, control: StepControl, row: int
+) -> tuple[float, float]:
     """How far rows between of the whole step are from the pair's middle, and the works from the
     pair's, by the energy over the length of the scene [m]; how much of that is round-off.
     """
-    scene, figures = island.scene, pace.figures
-    bodies = scene.system.bodies
+    workspace, figures = subsystem.workspace, control.figures
+    bodies = workspace.system.bodies
     error, length = 0.0, 0.0
-    for b in range(pace.x.shape[0] - 1):
-        way = sub(at(pace.middle.x, b), at(pace.x_middle, b))
-        turn = compose(at(pace.middle.p, b), inverse(at(pace.p_middle, b)))
+    for b in range(control.x.shape[0] - 1):
+        way = sub(at(control.middle.x, b), at(control.x_middle, b))
+        turn = compose(at(control.middle.p, b), inverse(at(control.p_middle, b)))
         far = math.sqrt(dot(way, way)) + bodies.length[b] * math.sqrt(dot(turn, turn))
         error, length = max(error, far), max(length, bodies.length[b])
     for r in range(row, row + 2):
-        figures[ENERGY] = max(figures[ENERGY], scene.watch.rows[r, KINETIC])
+        figures[ENERGY] = max(figures[ENERGY], workspace.monitor.rows[r, KINETIC])
     work, size = 0.0, figures[ENERGY]
-    for w in range(pace.work.size):
-        work = max(work, abs(pace.end.work[w] - pace.work[w]))
-        size = max(size, abs(pace.work[w]))
+    for w in range(control.work.size):
+        work = max(work, abs(control.end.work[w] - control.work[w]))
+        size = max(size, abs(control.work[w]))
     if not size > 0.0:
         return error, 0.0
     return error + length * work / size, ROUND_OFF * length
 
 
 @kernel
-def apart(island: High, pace: Pace) -> tuple[float, float]:
+def apart(subsystem: CollocationWorkspace, control: StepControl) -> tuple[float, float]:
     """How far the pair and the whole step are apart [m], and how much of that is round-off."""
-    state, bodies = island.scene.state, island.scene.system.bodies
+    state, bodies = subsystem.workspace.state, subsystem.workspace.system.bodies
     error, size = 0.0, 0.0
     for b in range(state.x.shape[0] - 1):
-        way = sub(at(state.x, b), at(pace.x, b))
-        turn = compose(at(state.p, b), inverse(at(pace.p, b)))
+        way = sub(at(state.x, b), at(control.x, b))
+        turn = compose(at(state.p, b), inverse(at(control.p, b)))
         length = bodies.length[b]
         error = max(error, math.sqrt(dot(way, way)) + length * math.sqrt(dot(turn, turn)))
         size = max(size, math.sqrt(dot(at(state.x, b), at(state.x, b))) + length)
@@ -294,7 +302,7 @@ def keep(state: State, kept: State) -> None:
     copy(state.a, kept.a)
     copy(state.alpha, kept.alpha)
     copy(state.force, kept.force)
-    copy(state.gap, kept.gap)
+    copy(state.violation, kept.violation)
     copy(state.reaction, kept.reaction)
     for source, target in ((state.angle, kept.angle), (state.work, kept.work)):
         for i in range(source.size):
@@ -302,48 +310,48 @@ def keep(state: State, kept: State) -> None:
 
 
 @kernel
-def go_back(island: High, pace: Pace) -> None:
+def go_back(subsystem: CollocationWorkspace, control: StepControl) -> None:
     """Go back to where the pair starts."""
-    scene = island.scene
-    keep(pace.kept, scene.state)
-    equations.prepare(scene.system, scene.state, scene.start)
+    workspace = subsystem.workspace
+    keep(control.kept, workspace.state)
+    equations.prepare(workspace.system, workspace.state, workspace.start)
 
 
 @kernel
-def learn(island: High) -> None:
+def learn(subsystem: CollocationWorkspace) -> None:
     """Keep the polynomials of the step just taken."""
-    for k in range(island.whole.shape[0]):
-        copy(island.stages.before[k], island.whole[k])
-    for k in range(island.held.shape[0]):
-        copy(island.stages.Z[k], island.held[k])
+    for k in range(subsystem.whole.shape[0]):
+        copy(subsystem.stages.before[k], subsystem.whole[k])
+    for k in range(subsystem.held.shape[0]):
+        copy(subsystem.stages.Z[k], subsystem.held[k])
 
 
 @kernel
-def follow(island: High, t: float, h: float) -> None:
+def follow(subsystem: CollocationWorkspace, t: float, h: float) -> None:
     """Let the next step follow the polynomials kept, of a step ``h`` from ``t``."""
-    for k in range(island.whole.shape[0]):
-        copy(island.whole[k], island.stages.before[k])
-    for k in range(island.held.shape[0]):
-        copy(island.held[k], island.stages.Z[k])
-    island.stages.known[0], island.stages.known[1] = t, h
+    for k in range(subsystem.whole.shape[0]):
+        copy(subsystem.whole[k], subsystem.stages.before[k])
+    for k in range(subsystem.held.shape[0]):
+        copy(subsystem.held[k], subsystem.stages.Z[k])
+    subsystem.stages.known[0], subsystem.stages.known[1] = t, h
 
 
 @kernel
-def fill(island: High, pace: Pace, times: np.ndarray) -> None:
+def fill(subsystem: CollocationWorkspace, control: StepControl, times: np.ndarray) -> None:
     """Enter the rows of the ``times`` that the accepted pair has passed."""
-    room = island.between
+    room = subsystem.between
     for half in range(2):
-        end = pace.middle if half == 0 else pace.end
+        end = control.middle if half == 0 else control.end
         t, h = room.begin.time[0], end.time[0] - room.begin.time[0]
         dense_output.copy_point(end, room.end)
         traced = False
-        while pace.counts[ROWS] < times.size:
-            row = pace.counts[ROWS]
+        while control.counts[ROWS] < times.size:
+            row = control.counts[ROWS]
             if times[row] > t + h * (1.0 + 1e-9):
                 break
             if not traced:
-                dense_output.trace(room, island.station)
+                dense_output.trace(room, subsystem.instant)
                 traced = True
-            dense_output.publish(room, island.station, (times[row] - t) / h, row)
-            pace.counts[ROWS] += 1
+            dense_output.publish(room, subsystem.instant, (times[row] - t) / h, row)
+            control.counts[ROWS] += 1
         dense_output.copy_point(end, room.begin)

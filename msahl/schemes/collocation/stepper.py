@@ -13,16 +13,16 @@ import numpy as np
 
 from msahl.jit.compiled import compiled
 from msahl.model.scheme import HIGHER
-from msahl.run.output_schedule import Plan
+from msahl.run.output_schedule import OutputSchedule
 from msahl.schemes.collocation import dense_output, newton, step_control
-from msahl.schemes.collocation.newton import High, new_high
+from msahl.schemes.collocation.newton import CollocationWorkspace, new_collocation_workspace
 from msahl.schemes.collocation.workspace import Stages
-from msahl.schemes.midpoint.workspace import Scene
+from msahl.schemes.midpoint.workspace import Workspace
 from msahl.schemes.outcome import Outcome
 
 _march = compiled(newton.march)
 _publish = compiled(newton.publish)
-_march_pace = compiled(step_control.march)
+_march_adaptive = compiled(step_control.march)
 
 NO_ROWS = (np.zeros(0, dtype=np.int64), np.zeros(0))
 
@@ -37,9 +37,9 @@ WORTH = 0.9
 class Higher:
     """Steps by the ``scheme`` of a ``degree`` of one ``scene``."""
 
-    def __init__(self, scene: Scene, scheme: str, degree: int) -> None:
-        self.scene, self.scheme = scene, scheme
-        self.highs: dict[int, High] = {}
+    def __init__(self, workspace: Workspace, scheme: str, degree: int) -> None:
+        self.workspace, self.scheme = workspace, scheme
+        self.highs: dict[int, CollocationWorkspace] = {}
         self.turn_to(degree)
 
     @property
@@ -60,29 +60,29 @@ class Higher:
         """Go on with steps of this ``degree``."""
         self.degree = degree
         if degree not in self.highs:
-            self.highs[degree] = new_high(self.scene, self.scheme, degree)
+            self.highs[degree] = new_collocation_workspace(self.workspace, self.scheme, degree)
         self.high = self.highs[degree]
         newton.forget(self.high)
 
     @property
     def kind(self) -> str:
         """Which compiled step the scene needs."""
-        kind = "points" if self.high.scene.system.along is None else "along"
+        kind = "points" if self.high.workspace.system.along is None else "along"
         rubs = "" if self.high.rubbing is None else "-friction"
         return f"{kind}{rubs}-high"
 
-    def march(self, h: float, first: int, last: int, plan: Plan) -> int:
+    def march(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:
         """As ``high.march``."""
-        return int(_march(self.high, h, first, last, plan.due, plan.share))
+        return int(_march(self.high, h, first, last, schedule.due, schedule.share))
 
-    def show(self, h: float, step: int, plan: Plan) -> None:
+    def show(self, h: float, step: int, schedule: OutputSchedule) -> None:
         """As ``high.publish``."""
-        _publish(self.high, h, step, plan.due, plan.share)
+        _publish(self.high, h, step, schedule.due, schedule.share)
 
     def forget(self) -> None:
         """Let the next step, from where the scene stands, be guessed from its accelerations."""
         newton.forget(self.high)
-        dense_output.mark(self.high.between.begin, self.high.scene)
+        dense_output.mark(self.high.between.begin, self.high.workspace)
 
     @property
     def memory(self) -> Stages:
@@ -108,7 +108,7 @@ class Higher:
         return outcome
 
 
-class Paced(Higher):
+class AdaptiveStepper(Higher):
     """Steps whose sizes follow from a ``tolerance`` [m], of those ``degrees`` that may be chosen.
 
     ``chosen`` tells the degrees, each with the time since when and the work, in iterations of the
@@ -117,7 +117,7 @@ class Paced(Higher):
 
     def __init__(
         self,
-        scene: Scene,
+        workspace: Workspace,
         scheme: str,
         degrees: tuple[int, ...],
         tolerance: float,
@@ -125,10 +125,10 @@ class Paced(Higher):
         t_final: float,
     ) -> None:
         # The first review begins in the middle of the degrees.
-        super().__init__(scene, scheme, degrees[len(degrees) // 2])
+        super().__init__(workspace, scheme, degrees[len(degrees) // 2])
         self.degrees, self.tolerance = degrees, tolerance
-        steps = len(scene.watch.rows)
-        self.pace = step_control.new_pace(self.high, steps, dt, tolerance, t_final)
+        steps = len(workspace.monitor.rows)
+        self.control = step_control.new_step_control(self.high, steps, dt, tolerance, t_final)
         self.sizes: dict[int, float] = {}
         self.chosen: list[dict[str, Any]] = []
         self.review, self.pause = 0, FIRST_REVIEW
@@ -141,7 +141,7 @@ class Paced(Higher):
     @property
     def memory(self) -> Any:
         """What advances beside the scene."""
-        return self.high.stages, self.pace.figures
+        return self.high.stages, self.control.figures
 
     @property
     def counters(self) -> dict[str, Any]:
@@ -150,7 +150,7 @@ class Paced(Higher):
             "degree": self.degree,
             "chosen": self.chosen,
             "review": [self.review, self.pause],
-            "pairs": self.pace.counts.tolist(),
+            "pairs": self.control.counts.tolist(),
         }
 
     def recall(self, counters: dict[str, Any]) -> None:
@@ -158,29 +158,33 @@ class Paced(Higher):
         self.turn_to(counters["degree"])
         self.chosen = counters["chosen"]
         self.review, self.pause = counters["review"]
-        self.pace.counts[:] = counters["pairs"]
+        self.control.counts[:] = counters["pairs"]
 
     def go(self, times: np.ndarray, end: float, most: int) -> tuple[int, int, Outcome]:
         """Take about ``most`` steps, until the ``times`` of all rows, and never past the ``end``
         [s]: how many steps and rows that made. No step: the outcome says why.
         """
-        self.pace.figures[step_control.END] = end
-        accepted = int(self.pace.counts[step_control.ACCEPTED])
-        most = min(most, len(self.pace.sizes))
+        self.control.figures[step_control.END] = end
+        accepted = int(self.control.counts[step_control.ACCEPTED])
+        most = min(most, len(self.control.sizes))
         if len(self.degrees) > 1:
             if accepted >= self.review:
                 self._review()
                 self.review = accepted + self.pause
                 self.pause = min(2 * self.pause, LONGEST_PAUSE)
             most = min(most, 2 * (self.review - accepted))
-        done = int(_march_pace(self.high, self.pace, self.order, max(2, most), times))
+        done = int(_march_adaptive(self.high, self.control, self.order, max(2, most), times))
         residual, worst = self.high.outcome
-        return done, int(self.pace.counts[step_control.ROWS]), Outcome(float(residual), int(worst))
+        return (
+            done,
+            int(self.control.counts[step_control.ROWS]),
+            Outcome(float(residual), int(worst)),
+        )
 
     @property
     def smallest_tried(self) -> float:
         """Size of the steps [s] that were tried last."""
-        return 0.5 * float(self.pace.figures[step_control.NEXT])
+        return 0.5 * float(self.control.figures[step_control.NEXT])
 
     @property
     def order(self) -> int:
@@ -191,7 +195,7 @@ class Paced(Higher):
         """How the steps were chosen, as ``run.json`` tells it [m, s], and the extremes of their own
         errors.
         """
-        figures, counts = self.pace.figures, self.pace.counts
+        figures, counts = self.control.figures, self.control.counts
         told = {
             "localTolerance": self.tolerance,
             "pairs": int(counts[step_control.ACCEPTED]),
@@ -209,7 +213,7 @@ class Paced(Higher):
     def _review(self) -> None:
         """Turn to the degree that takes the least work, if that is worth it."""
         present = self.degree
-        self.sizes[present] = float(self.pace.figures[step_control.NEXT])
+        self.sizes[present] = float(self.control.figures[step_control.NEXT])
         work = {present: self._work(present, present)}
         for way in (1, -1):
             degree = present + way
@@ -223,23 +227,23 @@ class Paced(Higher):
             best = present
         if best != self.degree:
             self.turn_to(best)
-        self.pace.figures[step_control.NEXT] = self.sizes[best]
+        self.control.figures[step_control.NEXT] = self.sizes[best]
         if not self.chosen or self.chosen[-1]["degree"] != best:
             told = {str(degree): work[degree] for degree in sorted(work)}
-            since = float(self.scene.state.time[0])
+            since = float(self.workspace.state.time[0])
             self.chosen.append({"degree": best, "since": since, "work": told})
 
     def _work(self, degree: int, like: int) -> float:
         """Work for a second by steps of this ``degree``, first tried at the size of those ``like``
         it.
         """
-        figures, counts = self.pace.figures, self.scene.counts
+        figures, counts = self.control.figures, self.workspace.counts
         size, spent = self.sizes[like], counts.copy()
         if degree != self.degree:
             self.turn_to(degree)
         for _ in range(TRIES):
             spent, figures[step_control.NEXT] = counts.copy(), size
-            _march_pace(self.high, self.pace, self.order, 0, NO_ROWS[1])
+            _march_adaptive(self.high, self.control, self.order, 0, NO_ROWS[1])
             tried, size = size, float(figures[step_control.BEST])
             if 0.5 <= size / tried <= 2.0:
                 break

@@ -52,7 +52,7 @@ class Stages(NamedTuple):
     still: np.ndarray  # (nodes, 3) no displacement, the node's multipliers
     moved: np.ndarray  # (nodes, 3) u and l Q up to the node, no multipliers
     row: np.ndarray  # (nodes, 3) what acts at the node
-    gap: np.ndarray  # (nodes, 3) how open the joints are there
+    violation: np.ndarray  # (nodes, 3) how open the joints are there
     by_place: np.ndarray  # (9 m,) derivatives at the node
     by_rate: np.ndarray  # (9 m,)
     room: np.ndarray  # (9 m,)
@@ -112,7 +112,7 @@ def new_stages(system: System, unknowns: Unknowns, state: State, rule: Rule) -> 
         still=np.zeros(nodes),
         moved=np.zeros(nodes),
         row=np.zeros(nodes),
-        gap=np.zeros(nodes),
+        violation=np.zeros(nodes),
         by_place=np.zeros_like(system.constant),
         by_rate=np.zeros_like(system.constant),
         room=np.zeros_like(system.constant),

@@ -39,7 +39,7 @@ from msahl.system.arrays import Start, State, System, Tables
 
 
 @kernel
-def reach(system: System, h: float) -> float:
+def dt2(system: System, h: float) -> float:
     """What an acceleration over the step moves, in s^2: h^2/2, more with a decaying scheme."""
     return system.decay.share * h * h
 
@@ -79,7 +79,7 @@ def predict(system: System, state: State, start: Start, h: float, Z: np.ndarray)
 
     Offsets by the loads are not in it: a step is judged by how far it leads beyond its guess.
     """
-    h2 = reach(system, h)
+    h2 = dt2(system, h)
     bodies = system.bodies
     g = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
     for b in range(bodies.inverse_mass.size - 1):
@@ -90,7 +90,7 @@ def predict(system: System, state: State, start: Start, h: float, Z: np.ndarray)
         put(Z, 2 * b, rigid_body.moving(bodies, 0, axpy(h, v, scale(h2, a))))
         alpha = add(at(state.alpha, b), expected(state, state.alpha_trend, b))
         turn = axpy(h, W, scale(h2, alpha))
-        turn = of_angle(turn) if bodies.by_angle is not None else turn
+        turn = of_angle(turn) if bodies.exponential is not None else turn
         put(Z, 2 * b + 1, scale(bodies.length[b], rigid_body.moving(bodies, 1, turn)))
     first = 2 * bodies.inverse_mass.size
     for k in range(state.force.shape[0]):
@@ -133,11 +133,11 @@ def residual(
     system: System, state: State, start: Start, h: float, Z: np.ndarray, F: np.ndarray
 ) -> None:
     """Set ``F`` (nodes, 3) to the rows of the step's equations at ``Z`` [m]."""
-    h2 = reach(system, h)
+    h2 = dt2(system, h)
     bodies, t = system.bodies, state.time[0]
     rigid_body.residual(bodies, start.bodies, h, h2, Z, F)
     coincide.residual(system.coincide, start.coincide, bodies, h2, Z, F)
-    along.residual(system.along, start.along, bodies, state.gap, t, h, h2, Z, F)
+    along.residual(system.along, start.along, bodies, state.violation, t, h, h2, Z, F)
     concentrated.residual(system.loads, start.loads, bodies, h2, Z, F)
     drag.residual(system.drags, start.drag_arms, bodies, h, h2, Z, F)
 
@@ -147,7 +147,7 @@ def joint_jacobian(
     system: System, start: Start, h: float, Z: np.ndarray, values: np.ndarray
 ) -> None:
     """Set the block ``values`` to the derivative of inertia and joints, after ``residual``."""
-    h2 = reach(system, h)
+    h2 = dt2(system, h)
     for i in range(values.size):
         values[i] = system.constant[i]
     rigid_body.jacobian(system.bodies, start.bodies, h, h2, Z, values)
@@ -161,7 +161,7 @@ def jacobian(system: System, start: Start, h: float, Z: np.ndarray, values: np.n
     at the same ``Z``.
     """
     joint_jacobian(system, start, h, Z, values)
-    h2 = reach(system, h)
+    h2 = dt2(system, h)
     along.force_jacobian(system.along, start.along, system.bodies, h, h2, Z, values)
     concentrated.jacobian(system.loads, start.loads, system.bodies, h2, Z, values)
     drag.jacobian(system.drags, start.drag_arms, system.bodies, h, h2, Z, values)
@@ -172,7 +172,7 @@ def step_size(system: System, start: Start, h: float, Z: np.ndarray) -> float:
     """The step's own length [m], by which a residual is judged: its largest term."""
     largest = 0.0
     for i in range(3):
-        largest = max(largest, reach(system, h) * abs(system.bodies.gravity[i]))
+        largest = max(largest, dt2(system, h) * abs(system.bodies.gravity[i]))
     for b in range(system.bodies.inverse_mass.size - 1):
         for i in range(3):
             largest = max(largest, h * abs(start.bodies.v[b, i]))
@@ -188,8 +188,8 @@ def accept(
     system: System, state: State, start: Start, h: float, Z: np.ndarray, F: np.ndarray
 ) -> None:
     """Advance ``state`` by the solved step; ``F`` is the residual at ``Z``, evaluated last."""
-    bodies, t, h2 = system.bodies, state.time[0], reach(system, h)
-    decay, per_step = system.decay, h / reach(system, h)
+    bodies, t, h2 = system.bodies, state.time[0], dt2(system, h)
+    decay, per_step = system.decay, h / dt2(system, h)
     loss, gained = 0.0, 0.0
     concentrated.work(system.loads, start.loads, bodies, Z, system.load_column, state.work)
     drag.work(system.drags, start.drag_arms, bodies, h, Z, system.drag_column, state.work)
@@ -199,7 +199,7 @@ def accept(
         Q = rigid_body.turn_of(bodies, Z, b)
         v0 = at(start.bodies.v, b)
         v1 = add(v0, scale(per_step, axpy(-h, at(start.bodies.v_go, b), u)))
-        turn = scale(angle_share(Q)[0], Q) if bodies.by_angle is not None else Q
+        turn = scale(angle_share(Q)[0], Q) if bodies.exponential is not None else Q
         turned = axpy(-h, at(start.bodies.W_go, b), turn)
         dw = scale(per_step, times(transpose(matrix_at(start.bodies.R, b)), turned))
         for i in range(3):
@@ -251,8 +251,8 @@ def _enter_multipliers(
     for k in range(state.force.shape[0]):
         before = at(state.force, k)
         for i in range(3):
-            state.force[k, i] = Z[first + k, i] * system.unit[k, i] / reach(system, h)
-            state.gap[k, i] = F[first + k, i]
+            state.force[k, i] = Z[first + k, i] * system.unit[k, i] / dt2(system, h)
+            state.violation[k, i] = F[first + k, i]
         keep(state.force_trend, k, sub(at(state.force, k), before))
     along.follow(system.along, state.reaction, state.reaction_trend, 0.0, -1.0)
     react(system, state, start, Z)
@@ -326,15 +326,15 @@ def publish(
 
 @kernel
 def observe(
-    system: System, state: State, start: Start, gap: np.ndarray, rate: np.ndarray
+    system: System, state: State, start: Start, violation: np.ndarray, rate: np.ndarray
 ) -> tuple[float, float]:
     """Kinetic and potential energy [J] of the prepared state; elastic energy is part of the second.
 
     Fills ``gap`` and ``rate`` (k, 3), by the multipliers' nodes, with the joints' gaps [m or rad]
     and their rates, from absolute positions.
     """
-    coincide.gap(system.coincide, start.coincide, state.x, gap)
-    coincide.gap_rate(system.coincide, start.coincide, start.bodies, rate)
-    elastic = along.observe(system.along, start.along, start.bodies, state.time[0], gap, rate)
+    coincide.violation(system.coincide, start.coincide, state.x, violation)
+    coincide.violation_rate(system.coincide, start.coincide, start.bodies, rate)
+    elastic = along.observe(system.along, start.along, start.bodies, state.time[0], violation, rate)
     kinetic, potential = rigid_body.energy(system.bodies, state.x, state.v, state.w)
     return kinetic, potential + elastic

@@ -12,7 +12,7 @@ import numpy as np
 from msahl.jit.kernel import kernel
 from msahl.linalg import dense, sparse_lu
 from msahl.schemes.midpoint import equations, load_moments
-from msahl.schemes.midpoint.workspace import Scene, accept, show
+from msahl.schemes.midpoint.workspace import Workspace, accept, show
 from msahl.schemes.outcome import TARGET, TOLERANCE
 
 MAX_ITERATIONS = 25
@@ -25,10 +25,16 @@ DIVERGED = 1e3
 
 
 @kernel
-def solve_step(scene: Scene, h: float) -> tuple[float, int]:
+def solve_step(workspace: Workspace, h: float) -> tuple[float, int]:
     """Solve one step from the guess in ``Z``; its residual (relative) and worst row."""
-    system, state, start, Z, F = scene.system, scene.state, scene.start, scene.Z, scene.F
-    unknowns, y = scene.unknowns, scene.y
+    system, state, start, Z, F = (
+        workspace.system,
+        workspace.state,
+        workspace.start,
+        workspace.Z,
+        workspace.F,
+    )
+    unknowns, y = workspace.unknowns, workspace.y
     order = unknowns.elimination.order
     equations.residual(system, state, start, h, Z, F)
     residual, worst, guess = dense.judge(system, unknowns, start, h, Z, F)
@@ -38,17 +44,17 @@ def solve_step(scene: Scene, h: float) -> tuple[float, int]:
         if residual <= TARGET or stuck or not residual <= DIVERGED * smallest:
             break
         if slow:
-            equations.jacobian(system, start, h, Z, scene.values)
-            sparse_lu.factor(unknowns.elimination, scene.values, scene.factor)
-            scene.pivots[0] = max(
-                scene.pivots[0], sparse_lu.spread(unknowns.elimination, scene.factor)
+            equations.jacobian(system, start, h, Z, workspace.values)
+            sparse_lu.factor(unknowns.elimination, workspace.values, workspace.factor)
+            workspace.pivots[0] = max(
+                workspace.pivots[0], sparse_lu.spread(unknowns.elimination, workspace.factor)
             )
-            scene.counts[1] += 1
+            workspace.counts[1] += 1
         dense.gather(order, F, y)
-        sparse_lu.solve(unknowns.elimination, scene.factor, y)
+        sparse_lu.solve(unknowns.elimination, workspace.factor, y)
         for k in range(y.size):
             Z[order[k] // 3, order[k] % 3] -= y[k]
-        scene.counts[0] += 1
+        workspace.counts[0] += 1
         before = residual
         equations.residual(system, state, start, h, Z, F)
         residual, worst, step = dense.judge(system, unknowns, start, h, Z, F)
@@ -61,18 +67,18 @@ def solve_step(scene: Scene, h: float) -> tuple[float, int]:
 
 
 @kernel
-def drop_null(scene: Scene) -> None:
+def drop_null(workspace: Workspace) -> None:
     """Take from the multipliers what the joints' redundancy leaves open.
 
     With G^T n = 0 the relaxed Jacobian maps (0, n) to (0, -relaxation n), so its factors pick
     n out. What is left is the multipliers' smallest, weighted by mass as the unknowns are.
     """
-    lu, Z, y = scene.unknowns.elimination, scene.Z, scene.y
-    first = 2 * scene.system.bodies.inverse_mass.size
+    lu, Z, y = workspace.unknowns.elimination, workspace.Z, workspace.y
+    first = 2 * workspace.system.bodies.inverse_mass.size
     for k in range(y.size):
         node = lu.order[k] // 3
-        y[k] = -scene.system.relaxation * Z[node, lu.order[k] % 3] if node >= first else 0.0
-    sparse_lu.solve(lu, scene.factor, y)
+        y[k] = -workspace.system.relaxation * Z[node, lu.order[k] % 3] if node >= first else 0.0
+    sparse_lu.solve(lu, workspace.factor, y)
     for k in range(y.size):
         node = lu.order[k] // 3
         if node >= first:
@@ -80,50 +86,50 @@ def drop_null(scene: Scene) -> None:
 
 
 @kernel
-def drop_gap(scene: Scene) -> None:
+def drop_gap(workspace: Workspace) -> None:
     """Take from the solved step's gaps what no motion can close: round-off of redundant rows, which
     would add up from step to step.
 
     With n^T G = 0 the relaxed system answers the rows F by multipliers of which n^T takes
     -n^T F / relaxation.
     """
-    lu, F, y = scene.unknowns.elimination, scene.F, scene.y
-    first = 2 * scene.system.bodies.inverse_mass.size
+    lu, F, y = workspace.unknowns.elimination, workspace.F, workspace.y
+    first = 2 * workspace.system.bodies.inverse_mass.size
     dense.gather(lu.order, F, y)
-    sparse_lu.solve(lu, scene.factor, y)
+    sparse_lu.solve(lu, workspace.factor, y)
     for k in range(y.size):
         node = lu.order[k] // 3
         if node >= first:
-            F[node, lu.order[k] % 3] += scene.system.relaxation * y[k]
+            F[node, lu.order[k] % 3] += workspace.system.relaxation * y[k]
 
 
 @kernel
-def take(scene: Scene, h: float, share: float) -> tuple[float, int]:
+def take(workspace: Workspace, h: float, share: float) -> tuple[float, int]:
     """Take a step of size ``h``, a ``share`` of the whole one, if it converges: residual, row."""
-    load_moments.load(scene, h)
-    equations.predict(scene.system, scene.state, scene.start, h, scene.Z)
-    residual, worst = solve_step(scene, h)
-    if scene.system.relaxation > 0.0 and residual <= TOLERANCE:
-        equations.jacobian(scene.system, scene.start, h, scene.Z, scene.values)
-        sparse_lu.factor(scene.unknowns.elimination, scene.values, scene.factor)
-        drop_null(scene)
-        residual, worst = solve_step(scene, h)
-        drop_gap(scene)
+    load_moments.load(workspace, h)
+    equations.predict(workspace.system, workspace.state, workspace.start, h, workspace.Z)
+    residual, worst = solve_step(workspace, h)
+    if workspace.system.relaxation > 0.0 and residual <= TOLERANCE:
+        equations.jacobian(workspace.system, workspace.start, h, workspace.Z, workspace.values)
+        sparse_lu.factor(workspace.unknowns.elimination, workspace.values, workspace.factor)
+        drop_null(workspace)
+        residual, worst = solve_step(workspace, h)
+        drop_gap(workspace)
     if residual <= TOLERANCE:
-        accept(scene, h, share)
+        accept(workspace, h, share)
     return residual, worst
 
 
 @kernel
-def march(scene: Scene, h: float, first: int, last: int, plan: np.ndarray) -> int:
+def march(workspace: Workspace, h: float, first: int, last: int, schedule: np.ndarray) -> int:
     """Take steps ``first``..``last - 1`` of a chunk; the one that would not converge, or ``last``.
 
     Step k fills row k of the watch and is published in row ``plan[k]`` of the tables unless that
     is negative.
     """
     for k in range(first, last):
-        residual, _ = take(scene, h, 1.0)
+        residual, _ = take(workspace, h, 1.0)
         if not residual <= TOLERANCE:
             return k
-        show(scene, h, k, plan[k])
+        show(workspace, h, k, schedule[k])
     return last

@@ -12,7 +12,7 @@ from scipy.optimize import root
 from msahl.jit.compiled import compiled
 from msahl.linalg import dense
 from msahl.schemes.midpoint import load_moments, workspace
-from msahl.schemes.midpoint.workspace import Scene
+from msahl.schemes.midpoint.workspace import Workspace
 from msahl.schemes.outcome import EVALUATION, Outcome
 from msahl.system.arrays import System
 from msahl.system.unknowns import Unknowns
@@ -31,12 +31,17 @@ _accept = compiled(workspace.accept)
 
 
 def take(
-    scene: Scene, h: float, share: float, after: Callable[[int], None] = lambda work: None
+    workspace: Workspace, h: float, share: float, after: Callable[[int], None] = lambda work: None
 ) -> Outcome:
     """Take a step of size ``h``, a ``share`` of the whole one, if it converges; ``after`` is told
     of the work done.
     """
-    system, unknowns, state, start = scene.system, scene.unknowns, scene.state, scene.start
+    system, unknowns, state, start = (
+        workspace.system,
+        workspace.unknowns,
+        workspace.state,
+        workspace.start,
+    )
     size = unknowns.free.size
     guess, outcome, step_length = np.empty(size), Outcome(0.0, -1), 0.0
 
@@ -44,20 +49,22 @@ def take(
         nonlocal outcome, step_length
         after(EVALUATION + size**3)
         f = np.empty(size)
-        given = (system, unknowns, state, start, h, z, scene.Z)
-        *judged, step_length = _residual(*given, f, scene.F)
+        given = (system, unknowns, state, start, h, z, workspace.Z)
+        *judged, step_length = _residual(*given, f, workspace.F)
         outcome = Outcome(*judged)
-        scene.counts[0] += 1
+        workspace.counts[0] += 1
         return f
 
     def jac(z: np.ndarray) -> np.ndarray:
         A = np.empty(size * size)
-        _jacobian(system, unknowns, state, start, h, z, scene.Z, scene.F, scene.values, A)
-        scene.counts[1] += 1
+        _jacobian(
+            system, unknowns, state, start, h, z, workspace.Z, workspace.F, workspace.values, A
+        )
+        workspace.counts[1] += 1
         return A.reshape(size, size)
 
-    _load(scene, h)
-    _guess(system, unknowns, state, start, h, scene.Z, guess)
+    _load(workspace, h)
+    _guess(system, unknowns, state, start, h, workspace.Z, guess)
     f = fun(guess)
     guessed = step_length
     # An infinite residual is that of a guess at rest: any force is large against no motion.
@@ -75,11 +82,11 @@ def take(
             # As ``newton.drop_gap``.
             multipliers = unknowns.free[unknowns.free >= 6 * system.bodies.inverse_mass.size]
             open_part = np.linalg.solve(A, f)[-multipliers.size :]
-            scene.F.reshape(-1)[multipliers] += system.relaxation * open_part
+            workspace.F.reshape(-1)[multipliers] += system.relaxation * open_part
     if dense.is_astray(system, guessed, step_length):
         return Outcome(np.inf, outcome.worst)
     if outcome.converged:
-        _accept(scene, h, share)
+        _accept(workspace, h, share)
     return outcome
 
 

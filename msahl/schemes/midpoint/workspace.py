@@ -7,11 +7,11 @@ import numpy as np
 from msahl.jit.kernel import kernel
 from msahl.schemes.midpoint import equations
 from msahl.system.arrays import Start, State, System, Tables, new_start, new_tables, node_count
-from msahl.system.diagnostics import Watch, look, new_watch
+from msahl.system.diagnostics import Monitor, look, new_monitor
 from msahl.system.unknowns import Unknowns
 
 
-class Scene(NamedTuple):
+class Workspace(NamedTuple):
     """One island on its way: constant data, what advances, and room to work in."""
 
     system: System
@@ -28,13 +28,13 @@ class Scene(NamedTuple):
     counts: np.ndarray  # (2,) iterations and factorisations so far
     pivots: np.ndarray  # (1,) widest spread of a Jacobian's pivots so far
     tables: Tables
-    watch: Watch
+    monitor: Monitor
 
 
-def new_scene(system: System, unknowns: Unknowns, state: State, chunk: int) -> Scene:
+def new_workspace(system: System, unknowns: Unknowns, state: State, chunk: int) -> Workspace:
     """Room for chunks of up to ``chunk`` steps."""
     nodes = (node_count(system), 3)
-    return Scene(
+    return Workspace(
         system=system,
         unknowns=unknowns,
         state=state,
@@ -49,43 +49,45 @@ def new_scene(system: System, unknowns: Unknowns, state: State, chunk: int) -> S
         counts=np.zeros(2, dtype=np.int64),
         pivots=np.zeros(1),
         tables=new_tables(system, state, chunk),
-        watch=new_watch(state, chunk),
+        monitor=new_monitor(state, chunk),
     )
 
 
 @kernel
-def accept(scene: Scene, h: float, share: float) -> None:
+def accept(workspace: Workspace, h: float, share: float) -> None:
     """Take over the solved step of size ``h``, a ``share`` of the whole one; prepare the next."""
-    equations.accept(scene.system, scene.state, scene.start, h, scene.Z, scene.F)
-    equations.prepare(scene.system, scene.state, scene.start)
-    for k in range(scene.mean_force.shape[0]):
+    equations.accept(
+        workspace.system, workspace.state, workspace.start, h, workspace.Z, workspace.F
+    )
+    equations.prepare(workspace.system, workspace.state, workspace.start)
+    for k in range(workspace.mean_force.shape[0]):
         for i in range(3):
-            scene.mean_force[k, i] += share * scene.state.force[k, i]
-    for k in range(scene.mean_reaction.shape[0]):
+            workspace.mean_force[k, i] += share * workspace.state.force[k, i]
+    for k in range(workspace.mean_reaction.shape[0]):
         for i in range(6):
-            scene.mean_reaction[k, i] += share * scene.state.reaction[k, i]
+            workspace.mean_reaction[k, i] += share * workspace.state.reaction[k, i]
 
 
 @kernel
-def show(scene: Scene, h: float, step: int, row: int) -> None:
+def show(workspace: Workspace, h: float, step: int, row: int) -> None:
     """Enter the state accepted after a step ``h`` in row ``step`` of the watch; publish it in
     ``row`` unless that is negative.
     """
-    look(scene.system, scene.state, scene.start, h, scene.watch, step)
+    look(workspace.system, workspace.state, workspace.start, h, workspace.monitor, step)
     if row >= 0:
         equations.publish(
-            scene.system,
-            scene.state,
-            scene.start,
+            workspace.system,
+            workspace.state,
+            workspace.start,
             h,
-            scene.mean_reaction,
-            scene.mean_force,
-            scene.tables,
+            workspace.mean_reaction,
+            workspace.mean_force,
+            workspace.tables,
             row,
         )
-    for k in range(scene.mean_force.shape[0]):
+    for k in range(workspace.mean_force.shape[0]):
         for i in range(3):
-            scene.mean_force[k, i] = 0.0
-    for k in range(scene.mean_reaction.shape[0]):
+            workspace.mean_force[k, i] = 0.0
+    for k in range(workspace.mean_reaction.shape[0]):
         for i in range(6):
-            scene.mean_reaction[k, i] = 0.0
+            workspace.mean_reaction[k, i] = 0.0

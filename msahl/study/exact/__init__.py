@@ -56,8 +56,8 @@ class ExactReference:
 def recognise(model: Model) -> ExactReference | None:
     """The closed form of ``model``, or None if there is none for some island."""
     forms = {}
-    for island in split(model):
-        scene = read_scene(island)
+    for subsystem in split(model):
+        scene = read_scene(subsystem)
         form = next((f for f in (make(scene) for make in FORMS) if f), None) if scene else None
         if scene is None or form is None:
             return None

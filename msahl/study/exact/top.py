@@ -42,9 +42,9 @@ class Top:
 
     def motion(self, t: np.ndarray) -> Motion:
         """The body at the times ``t``."""
-        span, reach = self.high - self.low, self.far - self.low
-        m, m1 = span / reach, (self.far - self.high) / reach
-        rate = 0.5 * np.sqrt(self.beta * reach)
+        span, dt2 = self.high - self.low, self.far - self.low
+        m, m1 = span / dt2, (self.far - self.high) / dt2
+        rate = 0.5 * np.sqrt(self.beta * dt2)
         phase = np.arctan2(np.sqrt(-self.low), np.sqrt(self.high)) if span else 0.0
         f = jacobi(rate * t + first_kind(phase if self.climbing else -phase, m1), m, m1)
         bottom = self.cosine + self.low
