@@ -7,8 +7,8 @@ CSV table) is compared with ``TERMS``: prose, comments, docstrings, messages and
 Identifiers are split into words first, so ``gapRateMax`` and ``gap_rate`` both read "gap rate".
 Each finding is printed as file:line with the term to write instead. Exit status 1 if there is one.
 
-The terms are those of Exudyn, Chrono, Drake, MuJoCo, MBSim and SciPy, where these agree. What a term
-means stands in docs/glossary.md.
+The terms are those of Exudyn, Chrono, Drake, MuJoCo, MBSim and SciPy, where these agree.
+docs/glossary.md says what each term means.
 """
 
 import argparse
@@ -73,7 +73,8 @@ TERMS = (
     Term(
         r"(its|the|their|longest|largest|whole|of the|s) ways?|ways? max|way max",
         "displacement",
-        allowed=r"the (same |only |other |usual |best )?way (to|that|it|they|in which)\b|the same way",
+        allowed=r"the (same |only |other |usual |best )?way (to|that|it|they|in which)\b"
+        r"|the same way",
     ),
     Term(r"free motions?", "degrees of freedom"),
     Term(r"joints? keeps?|keeps? open", "constrains"),
