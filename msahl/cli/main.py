@@ -598,7 +598,8 @@ def _tell(deck: Path, folder: Path, report: "Report", quiet: bool, verbose: bool
         lines += [f"{phase}: {seconds:.3f} s" for phase, seconds in report.seconds.items()]
         lines.append(
             f"{report.unknowns} unknowns in {report.subsystems} subsystems "
-            f"({report.planar_subsystems} planar), {report.iterations} iterations, {report.factorisations} factorisations, "
+            f"({report.planar_subsystems} planar), {report.iterations} iterations, "
+            f"{report.factorisations} factorisations, "
             f"{report.scipy_steps} steps by scipy, {report.subdivisions} halvings"
         )
     if not quiet or report.verdict["word"] == FAIL:

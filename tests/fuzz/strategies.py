@@ -5,14 +5,14 @@ and bytes that are no deck at all.
 import copy
 from functools import cache
 
-from guard import TRAPS
 from hypothesis import strategies as st
 from lxml import etree
-from scenes import DECKS
 
 from msahl.deck.schema import schema_bytes
 from msahl.deck.units import UNITS
 from msahl.joints.registry import KINDS
+from tests.fuzz.guard import TRAPS
+from tests.support.models import DECKS
 
 NUMBERS = (
     "0", "-0", "1", "-1", "2", "0.5", "1e-7", "1e-50", "1e-99", "-1e-100", "1e-101", "1e-300",
