@@ -81,7 +81,7 @@ def columns(model):
 
 def test_the_command_says_which_they_are(tmp_path):
     folders = {}
-    for kind in ("mean", "station"):
+    for kind in ("mean", "instantaneous"):
         out = folders[kind] = tmp_path / kind
         words = ["run", str(SINGLE), "--t-final", "1", "--reactions", kind, "-o", str(out)]
         result = CliRunner().invoke(main, words)
@@ -91,10 +91,10 @@ def test_the_command_says_which_they_are(tmp_path):
     assert list(a.columns) == list(b.columns)
     assert (a.iloc[0] == b.iloc[0]).all()
     assert not (a.iloc[1:] == b.iloc[1:])["Pivot.Fz"].any()
-    told = CliRunner().invoke(post, ["work", str(folders["station"])])
+    told = CliRunner().invoke(post, ["work", str(folders["instantaneous"])])
     assert told.exit_code == 0
-    assert "run the deck again without --reactions station" in told.output
-    report = CliRunner().invoke(post, ["report", str(folders["station"])])
+    assert "run the deck again without --reactions instantaneous" in told.output
+    report = CliRunner().invoke(post, ["report", str(folders["instantaneous"])])
     assert report.exit_code == 0, report.output
 
 

@@ -40,7 +40,15 @@ import numpy as np
 from msahl.algebra.functions import build_laws, evaluate
 from msahl.algebra.rotation_arrays import angles
 from msahl.elements.constraints.coordinates import ANGLE
-from msahl.model import Model, degree_of, local_tolerance_of, order_of, reactions_of, scheme_of
+from msahl.model import (
+    INSTANTANEOUS,
+    Model,
+    degree_of,
+    local_tolerance_of,
+    order_of,
+    reactions_of,
+    scheme_of,
+)
 from msahl.model.motions import JointMotion
 from msahl.run.output_schedule import OutputSchedule
 from msahl.run.subsystem import SubsystemIntegrator
@@ -152,7 +160,7 @@ class HalfStep:
     def __init__(
         self, model: Model, integrators: Sequence[SubsystemIntegrator], full: bool, chunk: int
     ) -> None:
-        instantaneous = reactions_of(model) == "station"
+        instantaneous = reactions_of(model) == INSTANTANEOUS
         self.means = degree_of(model) == 0 and not instantaneous
         # Mean reactions need a row for either half of a step.
         self.integrators = [
@@ -341,7 +349,9 @@ class ErrorEstimate:
         self.lengths = [r.workspace.system.bodies.length[:-1] for r in integrators]
         self.columns = [_reaction_kinds(r.model) for r in integrators]
         # Means over steps have nothing to be compared with in a scheme of higher order.
-        self.compared = not isinstance(companion, HigherOrder) or reactions_of(model) == "station"
+        self.compared = (
+            not isinstance(companion, HigherOrder) or reactions_of(model) == INSTANTANEOUS
+        )
         self.largest = dict.fromkeys(FIGURES, 0.0)
         self.record: list[tuple[float, float]] = []  # last time before a larger error, and that
         self.speeds = [np.zeros((2, len(of))) for of in self.lengths]  # highest so far

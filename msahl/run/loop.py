@@ -119,15 +119,15 @@ class Report:
 
     status: str = "running"
     message: str = ""
-    rows: int = 0
+    output_times: int = 0
     steps: int = 0
     time: float = 0.0
     joints: int = 0
     subsystems: int = 0
     planar_subsystems: int = 0
     unknowns: int = 0
-    freedoms: dict[str, int] = field(default_factory=dict)
-    nonUniqueReactions: dict[str, list[str]] = field(default_factory=dict)
+    degrees_of_freedom: dict[str, int] = field(default_factory=dict)
+    non_unique_reactions: dict[str, list[str]] = field(default_factory=dict)
     iterations: int = 0
     factorisations: int = 0
     scipy_steps: int = 0
@@ -136,13 +136,19 @@ class Report:
     resumed: list[float] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=dict)
     extremes: dict[str, float | None] = field(default_factory=dict)
-    control: dict[str, Any] | None = None
+    step_control: dict[str, Any] | None = None
     error: dict[str, Any] | None = None
     verdict: dict[str, Any] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
         """The fields by name, as ``run.json`` shows them."""
-        return asdict(self)
+        return {camel(name): value for name, value in asdict(self).items()}
+
+
+def camel(name: str) -> str:
+    """The name in camelCase, as ``run.json`` has it."""
+    first, *rest = name.split("_")
+    return first + "".join(word.capitalize() for word in rest)
 
 
 @dataclass(frozen=True, slots=True)
@@ -304,7 +310,7 @@ class _Run:
             unknowns=sum(
                 integrator.workspace.unknowns.free.size for integrator in self.integrators
             ),
-            freedoms=_freedoms(model, self.integrators),
+            degrees_of_freedom=_degrees_of_freedom(model, self.integrators),
             warnings=[w for integrator in self.integrators for w in _warnings(integrator)],
             seconds={
                 "prepare": time.perf_counter() - began,
@@ -433,7 +439,7 @@ class _Run:
         """Whether all steps are taken."""
         if self.adaptive is None:
             return self.report.steps == self.grid.n
-        return self.report.rows == 1 + math.ceil(self.shown.n / self.options.every)
+        return self.report.output_times == 1 + math.ceil(self.shown.n / self.options.every)
 
     def _save(self) -> float:
         """Have a snapshot of this moment kept; the seconds it took."""
@@ -443,11 +449,11 @@ class _Run:
         report = self.report
         numbers = {
             "steps": report.steps,
-            "rows": report.rows,
+            "outputTimes": report.output_times,
             "resumed": report.resumed,
             "seconds": dict(report.seconds),
             "extremes": dict(vars(self.extremes)),
-            "islands": [counters(integrator) for integrator in self._all_runners],
+            "subsystems": [counters(integrator) for integrator in self._all_runners],
             "error": self.estimate and self.estimate.figures(),
             "attempts": self.attempts and self.attempts.as_numbers(),
         }
@@ -470,14 +476,14 @@ class _Run:
                 "the scene does not come out as it did when the run began, to the last digit: "
                 "another machine, or other libraries. Leave --resume out to run it anew"
             )
-        for integrator, counted in zip(self._all_runners, numbers["islands"], strict=True):
+        for integrator, counted in zip(self._all_runners, numbers["subsystems"], strict=True):
             set_counters(integrator, counted)
         recall(self._all_runners, since.memory)
         self.reached = float(self.integrators[0].workspace.state.time[0])
         vars(self.extremes).update(numbers["extremes"])
         if self.estimate:
             self.estimate.recall(numbers["error"])
-        report.steps, report.rows = numbers["steps"], numbers["rows"]
+        report.steps, report.output_times = numbers["steps"], numbers["outputTimes"]
         report.resumed = [*numbers["resumed"], self.now]
         for phase, seconds in numbers["seconds"].items():
             report.seconds[phase] = report.seconds.get(phase, 0.0) + seconds
@@ -503,8 +509,8 @@ class _Run:
         began, report, shown = time.perf_counter(), self.report, self.shown
         # No step goes past a chunk's worth of rows, counted from the first of all: so steps are the
         # same whatever the clock makes of the chunks.
-        last = -(-report.rows // self.chunk) * self.chunk
-        rows = np.minimum(np.arange(report.rows, last + 1) * self.options.every, shown.n)
+        last = -(-report.output_times // self.chunk) * self.chunk
+        rows = np.minimum(np.arange(report.output_times, last + 1) * self.options.every, shown.n)
         times = shown.times(np.unique(rows))
         begin = self.now
         steps, count, outcome = self.adaptive.go(times, float(times[-1]), steps)
@@ -650,7 +656,7 @@ class _Run:
         except OSError as error:
             self._not_written(error)
             return False
-        self.report.rows += times.size
+        self.report.output_times += times.size
         self.report.seconds["output"] += time.perf_counter() - began
         return True
 
@@ -671,12 +677,12 @@ class _Run:
         report.subdivisions = sum(integrator.subdivisions for integrator in self.integrators)
         for integrator in self.integrators:
             integrator.review_reactions()
-            report.nonUniqueReactions |= integrator.shared
+            report.non_unique_reactions |= integrator.shared
         report.extremes = self.extremes.as_json()
         if degree_of(self.model):
             report.extremes |= {"localErrorMax": None, "localErrorSum": None}  # of order 2
         if self.adaptive:
-            report.control, local = self.adaptive.as_json()
+            report.step_control, local = self.adaptive.as_json()
             report.extremes |= local
         if decays(self.model):
             taken = -sum(
@@ -689,7 +695,7 @@ class _Run:
                 self.estimate.add_damped(taken, self.extremes.size, kinetic, way)
         if self.estimate and not self.adaptive:
             way = min(self.grid.h, report.time) * (report.extremes["speedMax"] or 0.0)
-            way -= self._length * (report.extremes["turnPerStepMax"] or 0.0)
+            way -= self._length * (report.extremes["rotationPerStepMax"] or 0.0)
             rubbed = [unresolved_friction(r, self.grid.h, report.time) for r in self.integrators]
             self.estimate.add_unresolved(way, self.extremes.way, max(rubbed))
         if self.options.error == OFF:
@@ -728,7 +734,7 @@ class _Run:
             velocity_change=max(
                 (r.change.rate for r in integrators if r.change.method != "none"), default=0.0
             ),
-            shared=report.nonUniqueReactions,
+            shared=report.non_unique_reactions,
             error=report.error,
             horizon=self.estimate.horizon if self.estimate else None,
         )
@@ -736,7 +742,9 @@ class _Run:
     @property
     def _longest_step(self) -> float:
         """Size of the longest step [s]."""
-        return float(self.report.control["stepMax"]) if self.report.control else self.grid.h
+        return (
+            float(self.report.step_control["stepMax"]) if self.report.step_control else self.grid.h
+        )
 
     @property
     def _length(self) -> float:
@@ -836,7 +844,7 @@ def _momentum(integrator: SubsystemIntegrator) -> Momentum | None:
     return momentum(workspace.system, workspace.state, workspace.start)
 
 
-def _freedoms(model: Model, integrators: list[SubsystemIntegrator]) -> dict[str, int]:
+def _degrees_of_freedom(model: Model, integrators: list[SubsystemIntegrator]) -> dict[str, int]:
     """Degrees of freedom by count (Hainge 2010, eq. 1.1) and by rank of the joints' equations."""
     n = 6 * len(model.bodies)
     rank = sum(integrator.rank for integrator in integrators)

@@ -49,8 +49,8 @@ def counters(integrator: SubsystemIntegrator) -> dict[str, Any]:
     iterations, factorisations = integrator.workspace.counts.tolist()
     return {
         "begun": integrator.begun,
-        "root_steps": integrator.scipy_steps,
-        "halvings": integrator.subdivisions,
+        "scipySteps": integrator.scipy_steps,
+        "subdivisions": integrator.subdivisions,
         "counts": [iterations, factorisations],
         "steps": integrator.steps.counters,
     }
@@ -59,7 +59,7 @@ def counters(integrator: SubsystemIntegrator) -> dict[str, Any]:
 def set_counters(integrator: SubsystemIntegrator, counted: dict[str, Any]) -> None:
     """Put back what ``counters`` told."""
     integrator.begun = counted["begun"]
-    integrator.scipy_steps, integrator.subdivisions = counted["root_steps"], counted["halvings"]
+    integrator.scipy_steps, integrator.subdivisions = counted["scipySteps"], counted["subdivisions"]
     integrator.workspace.counts[:] = counted["counts"]
     integrator.steps.recall(counted["steps"])
 

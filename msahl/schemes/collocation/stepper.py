@@ -198,8 +198,8 @@ class AdaptiveStepper(Higher):
         figures, counts = self.control.figures, self.control.counts
         told = {
             "localTolerance": self.tolerance,
-            "pairs": int(counts[step_control.ACCEPTED]),
-            "refused": int(counts[step_control.REFUSED]),
+            "acceptedPairs": int(counts[step_control.ACCEPTED]),
+            "rejectedPairs": int(counts[step_control.REFUSED]),
             "stepMin": float(figures[step_control.SMALLEST]),
             "stepMax": float(figures[step_control.WIDEST]),
             "degrees": self.chosen,
