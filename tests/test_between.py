@@ -13,8 +13,8 @@ from scenes import THESIS, deck, simulate
 from msahl.cli.main import main
 from msahl.deck import check_simulation
 from msahl.run.loop import Grid
-from msahl.run.output_schedule import OutputSchedule
 from msahl.schemes.collocation import dense_output
+from msahl.schemes.output_schedule import OutputSchedule
 from msahl.study.exact import recognise
 
 TABLES = ("states", "reactions", "work")

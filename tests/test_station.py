@@ -13,10 +13,11 @@ from scenes import deck, simulate
 from msahl.cli.main import main
 from msahl.model import INSTANTANEOUS
 from msahl.post.cli import main as post
-from msahl.run.output_schedule import OutputSchedule
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes import accelerations
 from msahl.schemes.accelerations import new_instant
+from msahl.schemes.output_schedule import OutputSchedule
+from msahl.schemes.stepper import Chunk
 from msahl.study.exact import recognise
 
 SINGLE = Path(__file__).parents[1] / "decks" / "thesis" / "single_pendulum_45.xml"
@@ -103,7 +104,8 @@ def test_friction_presses_by_the_reaction_that_it_makes(name):
     """Asked again from its own answer the reaction stands still, up to the rounding of its sums."""
     model = deck(name)
     integrator = SubsystemIntegrator(model, "newton", False, 8)
-    integrator.advance(model.simulation.dt, 0, 5, OutputSchedule.at_ends(np.zeros(5, dtype=bool)))
+    schedule = OutputSchedule.at_ends(np.zeros(5, dtype=bool))
+    integrator.advance(Chunk(5, h=model.simulation.dt, schedule=schedule))
     scene, room = integrator.workspace, new_instant(integrator.workspace.system)
     state = scene.state
     state.reaction[:] = 0.0

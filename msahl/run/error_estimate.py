@@ -50,8 +50,9 @@ from msahl.model import (
     scheme_of,
 )
 from msahl.model.motions import JointMotion
-from msahl.run.output_schedule import OutputSchedule
 from msahl.run.subsystem import SubsystemIntegrator
+from msahl.schemes.output_schedule import OutputSchedule
+from msahl.schemes.stepper import Chunk
 from msahl.system.names import reaction_columns
 
 SAFETY = 1.5
@@ -179,7 +180,7 @@ class HalfStep:
         """See ``Companion``."""
         halves, rows = schedule.both_halves() if self.means else schedule.halves(), []
         for integrator, own in zip(integrators, self.integrators, strict=True):
-            own.steps.go_like(integrator.steps)
+            own.stepper.follow_degree(integrator.stepper)
             if not _advance(own, np.repeat(0.5 * steps.sizes, 2), halves):
                 return None
             if self.means:
@@ -568,8 +569,8 @@ def _advance(integrator: SubsystemIntegrator, sizes: np.ndarray, schedule: Outpu
     """Take steps of these ``sizes``; whether all were solved."""
     first = 0
     for last in [*(np.flatnonzero(np.diff(sizes)) + 1), len(sizes)]:
-        done, _ = integrator.advance(float(sizes[first]), first, int(last), schedule)
-        if done < last:
+        chunk = Chunk(int(last), first, float(sizes[first]), schedule=schedule)
+        if integrator.advance(chunk).steps < last:
             return False
         first = int(last)
     return True

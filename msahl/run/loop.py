@@ -34,7 +34,6 @@ from msahl.run.error_estimate import (
     choose_companion,
     unresolved_friction,
 )
-from msahl.run.output_schedule import OutputSchedule
 from msahl.run.snapshot import (
     ResumeError,
     Snapshot,
@@ -44,9 +43,12 @@ from msahl.run.snapshot import (
     remember,
     set_counters,
 )
-from msahl.run.subsystem import MAX_SUBDIVISIONS, SubsystemIntegrator
+from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.verdict import Figures, judge, never_begun
+from msahl.schemes.fixed_stepper import MAX_SUBDIVISIONS
 from msahl.schemes.outcome import TOLERANCE, Outcome, Stopped
+from msahl.schemes.output_schedule import OutputSchedule
+from msahl.schemes.stepper import Chunk
 from msahl.start.velocities import StartError
 from msahl.system.diagnostics import Extremes
 from msahl.system.momentum import Momentum, drift, is_alone, momentum
@@ -289,9 +291,9 @@ class _Run:
             SubsystemIntegrator(i, options.solver, options.full, self.chunk, instantaneous)
             for i in subsystems
         ]
-        steps = self.integrators[0].steps
+        stepper = self.integrators[0].stepper
         self.adaptive = (
-            cast("AdaptiveStepper", steps) if local_tolerance_of(model) is not None else None
+            cast("AdaptiveStepper", stepper) if local_tolerance_of(model) is not None else None
         )
         self.reached = 0.0  # end of the last good step of these [s]
         self.estimate = self._estimate()
@@ -349,7 +351,7 @@ class _Run:
         """Take all steps, or those ``since`` a snapshot."""
         report = self.report
         kinds = {
-            f"{integrator.steps.kind}-{self.options.solver}" for integrator in self.integrators
+            f"{integrator.stepper.kind}-{self.options.solver}" for integrator in self.integrators
         }
         compiles = not all(is_kept(kind) for kind in kinds)
         if compiles:
@@ -379,7 +381,7 @@ class _Run:
             self._publish(np.zeros(1), errors)
         self.handed = self._standing()
         for integrator in self._all_runners:
-            integrator.requests.stopped = stopped
+            integrator.stepper.requests.stopped = stopped
         try:
             self._take_all(progress, stopped, 1 if compiles else self._first_steps())
         except Stopped:  # in the middle of a hard step
@@ -513,18 +515,15 @@ class _Run:
         rows = np.minimum(np.arange(report.output_times, last + 1) * self.options.every, shown.n)
         times = shown.times(np.unique(rows))
         begin = self.now
-        steps, count, outcome = self.adaptive.go(times, float(times[-1]), steps)
-        ends = self.adaptive.control.ends[:steps].copy()
-        schedule = OutputSchedule.passed(times[:count], begin, ends)
+        chunk = Chunk(steps, begin=begin, times=times)
+        steps, outcome, schedule, sizes, ends = self.adaptive.advance(chunk)
         times_of = np.append(begin, ends)
         done = min(self._finite_steps(steps, schedule, lambda k: float(times_of[k])))
         self.reached = float(ends[done - 1]) if done else begin
         report.seconds["loop"] += time.perf_counter() - began
         if steps == 0:
             report.status, report.message = "not converged", self._no_pair(outcome)
-        self._hand_over(
-            Steps(begin, self.adaptive.control.sizes[:done], ends[:done]), schedule, times
-        )
+        self._hand_over(Steps(begin, sizes[:done], ends[:done]), schedule, times)
 
     def _hand_over(self, steps: Steps, schedule: OutputSchedule, times: np.ndarray) -> None:
         """Publish what good ``steps`` have left of the chunk's rows, and go on."""
@@ -541,9 +540,9 @@ class _Run:
         else:
             self._go_back()
 
-    def _standing(self) -> tuple[np.ndarray, list[tuple[bool, dict[str, Any]]]]:
+    def _standing(self) -> tuple[np.ndarray, list[dict[str, Any]]]:
         """Where the islands stand."""
-        counted = [(integrator.begun, integrator.steps.counters) for integrator in self.integrators]
+        counted = [integrator.stepper.counters for integrator in self.integrators]
         return remember(self.integrators), counted
 
     def _go_back(self) -> None:
@@ -551,9 +550,8 @@ class _Run:
         steps without rows. What these cost stays counted, for the verdict to say where it went.
         """
         memory, counted = self.handed
-        for integrator, (begun, before) in zip(self.integrators, counted, strict=True):
-            integrator.begun = begun
-            integrator.steps.recall(before)
+        for integrator, before in zip(self.integrators, counted, strict=True):
+            integrator.stepper.restore(before)
         recall(self.integrators, memory)
 
     def _schedule(self, first: int, steps: int) -> tuple[OutputSchedule, np.ndarray]:
@@ -603,7 +601,8 @@ class _Run:
             # Easy steps that turn hard must not keep waiting whoever asks the run to stop. The
             # other islands go as far as the first.
             patience = math.inf if i else PATIENCE
-            done, outcome = integrator.advance(h, 0, steps, schedule, patience)
+            chunk = Chunk(steps, h=h, schedule=schedule)
+            done, outcome, *_ = integrator.advance(chunk, patience)
             if outcome.converged:
                 steps = done
             taken.append(done)
@@ -673,8 +672,8 @@ class _Run:
         report.factorisations = sum(
             int(integrator.workspace.counts[1]) for integrator in self.integrators
         )
-        report.scipy_steps = sum(integrator.scipy_steps for integrator in self.integrators)
-        report.subdivisions = sum(integrator.subdivisions for integrator in self.integrators)
+        report.scipy_steps = sum(r.stepper.scipy_steps for r in self.integrators)
+        report.subdivisions = sum(r.stepper.subdivisions for r in self.integrators)
         for integrator in self.integrators:
             integrator.review_reactions()
             report.non_unique_reactions |= integrator.shared
@@ -772,7 +771,7 @@ class _Run:
 
     def _no_pair(self, outcome: Outcome) -> str:
         assert self.adaptive is not None
-        (integrator,), tried = self.integrators, self.adaptive.smallest_tried
+        (integrator,), tried = self.integrators, self.adaptive.smallest_tried(self.grid.h)
         name = integrator.find_nonfinite(tried)
         if name is not None:
             return overflow(self.now, name)

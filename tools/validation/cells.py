@@ -35,6 +35,7 @@ from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.verdict import ENERGY_SPOILT
 from msahl.schemes.collocation import newton, predictor, scipy_root
 from msahl.schemes.collocation.newton import CollocationWorkspace
+from msahl.schemes.fixed_stepper import FixedStepper
 from msahl.schemes.midpoint import equations
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.start.velocities import StartError
@@ -337,7 +338,9 @@ def condition(model: Model, dt: float, scheme: str) -> float | None:
         integrator = SubsystemIntegrator(with_step(model, dt, scheme=scheme), "newton", False, 1)
     except StartError:
         return None
-    scene, high_steps = integrator.scene, getattr(integrator.steps, "high", None)
+    scene, stepper = integrator.workspace, integrator.stepper
+    assert isinstance(stepper, FixedStepper)
+    high_steps = getattr(stepper.method, "subsystem", None)
     free = scene.unknowns.free
     if free.size * (high_steps.y.shape[1] if high_steps else 1) > LARGEST:
         return None
