@@ -64,7 +64,7 @@ def attributes() -> dict[str, tuple[str, ...]]:
         "interpolation": ("linear", "cubic", "periodic", "spline"),
         "scheme": ("preserving", "decaying", "magic"),
         "damping": NUMBERS,
-        "reactions": ("mean", "station", "none"),
+        "reactions": ("mean", "instantaneous", "none"),
         "position": ("check", "project", ""),
         "velocity": ("keepAngular", "massWeighted", "asGiven", "refuse", "x"),
         "href": (str(TRAPS.pipe), TRAPS.address),
@@ -294,7 +294,7 @@ def scenes(draw) -> bytes:
     ]
     loads = [_load(draw, f"L{i}", names, tuple(kinds)) for i in range(draw(st.integers(0, 3)))]
     scheme = _of(draw, ("preserving", "decaying"))
-    reactions = _of(draw, ("mean", "station"))
+    reactions = _of(draw, ("mean", "instantaneous"))
     position = _of(draw, ("project", "project", "check"))
     velocity = _of(draw, ("keepAngular", "massWeighted", "asGiven", "refuse"))
     return (

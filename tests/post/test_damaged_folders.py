@@ -35,20 +35,24 @@ INFO = {
     },
     "status": "completed",
     "message": "",
-    "rows": ROWS,
+    "outputTimes": ROWS,
     "steps": ROWS - 1,
     "time": DT * (ROWS - 1),
     "joints": 1,
-    "islands": 1,
-    "planar_islands": 0,
+    "subsystems": 1,
+    "planarSubsystems": 0,
     "unknowns": 9,
-    "freedoms": {"byCount": 3, "byRank": 3},
-    "sharedReactions": {"Pivot": ["Fz"]},
+    "degreesOfFreedom": {"byCount": 3, "byRank": 3},
+    "nonUniqueReactions": {"Pivot": ["Fz"]},
     "iterations": 40,
-    "halvings": 0,
+    "subdivisions": 0,
     "warnings": ["a warning"],
     "seconds": {"loop": 0.25},
-    "extremes": {"energyErrorMaxRelative": 1e-15, "gapMax": 1e-15, "localErrorSum": None},
+    "extremes": {
+        "energyErrorMaxRelative": 1e-15,
+        "constraintViolationMax": 1e-15,
+        "localErrorSum": None,
+    },
     "error": {"position": 1e-9, "orientation": 1e-9, "trustHorizon": 0.4, "complete": True},
     "verdict": {
         "word": PASS,
@@ -61,8 +65,9 @@ INFO = {
 DEEP = "[" * 10_000 + "]" * 10_000
 VALUES = ("null", "true", "5", "-1", "1e308", "1.5", '"x"', "[]", "[1]", "[[]]", "{}", '{"a": [1]}')
 FILES = (
-    *VALUES, DEEP, '{"verdict": ' + DEEP + "}", "", "{", '{"rows": 1e999}', '{"rows": NaN}',
-    '{"rows": ' + "9" * 5000 + "}", '"\ud800"', "\x00", "{}{}",
+    *VALUES, DEEP, '{"verdict": ' + DEEP + "}", "", "{", '{"outputTimes": 1e999}',
+    '{"outputTimes": NaN}',
+    '{"outputTimes": ' + "9" * 5000 + "}", '"\ud800"', "\x00", "{}{}",
 )  # fmt: skip
 COMMANDS = (
     ("energy",), ("work",), ("events", "Bob.x"), ("constraints",), ("verdict",), ("reactions",),

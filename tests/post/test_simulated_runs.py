@@ -106,8 +106,8 @@ def test_elastic_energy_is_part_of_the_balance(run_of, deck, spring):
 def test_reactions_that_are_not_unique_are_marked(run_of):
     run = run_of("mechanisms/bricard")
     measures = measure(run)
-    assert run.info["sharedReactions"]
-    shared = run.info["sharedReactions"]
+    assert run.info["nonUniqueReactions"]
+    shared = run.info["nonUniqueReactions"]
     assert [row[-1] for row in reactions_table(measures.reactions).rows] == [
         f"not {', '.join(shared[name])}" if name in shared else "yes"
         for name in measures.reactions.names

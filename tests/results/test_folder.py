@@ -145,7 +145,7 @@ def test_at_any_kill_the_folder_holds_the_old_or_the_new_run(tmp_path):
         expected = old if is_old else new
         assert folders.find(out, "deck.xml").read_bytes() == expected["deck.xml"]
         assert (reactions is not None) == is_old
-        assert read_info(out)["rows"] == 11
+        assert read_info(out)["outputTimes"] == 11
         assert read_run(out).partial is False
         found.append(is_old)
         if not os.WIFSIGNALED(ended):

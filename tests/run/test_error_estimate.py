@@ -86,7 +86,7 @@ def test_a_motion_that_magnifies_errors_is_run_again():
     model = deck("triple_pendulum_135")
     run = simulate(by_tolerance(model, 1e-5), dt=0.05, t_final=8.0)
     truth = simulate(by_tolerance(model, None, local_tolerance=1e-11), dt=0.05, t_final=8.0)
-    made = run.report.control["runs"]
+    made = run.report.step_control["runs"]
     assert len(made) > 1
     assert made[0]["error"] > 1e-5 >= made[-1]["error"]
     error = max(
@@ -127,7 +127,7 @@ def test_what_rotates_fast_fails_and_is_told_the_remedy():
     length = np.linalg.norm(run.model.joints[0].child_point)
     assert run.report.error["orientation"] >= length * turn.max()
     assert run.report.verdict["word"] == FAIL
-    assert "--turn angle" in run.report.verdict["reasons"][0]
+    assert "--rotation-update exponential" in run.report.verdict["reasons"][0]
 
 
 def path_of(name):

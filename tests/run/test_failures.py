@@ -76,7 +76,7 @@ def test_rows_before_a_full_disk_are_whole_and_the_run_can_go_on(tmp_path):
     assert "Make room there; go on with: msahl run " in told["message"]
     assert "Traceback" not in ran.stderr
     run = read_run(tmp_path / "out")
-    assert len(run.states) == len(run.reactions) == told["rows"] == told["steps"] + 1 > 50
+    assert len(run.states) == len(run.reactions) == told["outputTimes"] == told["steps"] + 1 > 50
     for name in ("states.csv", "reactions.csv"):
         whole = (tmp_path / "whole" / name).read_bytes()
         part = (tmp_path / "out" / f"{name}.part").read_bytes()
@@ -195,7 +195,7 @@ def test_a_second_signal_stops_at_once_with_whole_rows(tmp_path, monkeypatch):
     assert result.exit_code == 130
     assert "stopped at once, after t = 0.02 s" in result.stderr
     told = info(tmp_path)
-    assert (told["status"], told["rows"], told["steps"]) == ("interrupted", 3, 2)
+    assert (told["status"], told["outputTimes"], told["steps"]) == ("interrupted", 3, 2)
     states = (tmp_path / "states.csv.part").read_text()
     assert states.endswith("\n")
     assert states.count("\n") == 4
@@ -258,7 +258,7 @@ def test_a_start_that_cannot_be_is_in_run_json(tmp_path):
     result = call("run", deck, "-o", tmp_path / "out")
     assert result.exit_code == 2
     told = info(tmp_path / "out")
-    assert (told["status"], told["rows"]) == ("not started", 0)
+    assert (told["status"], told["outputTimes"]) == ("not started", 0)
     assert told["message"] in result.stderr
     assert "initial velocities open a joint" in told["message"]
 
@@ -286,7 +286,7 @@ def test_a_failed_run_fails_at_the_same_step_when_it_goes_on(tmp_path, monkeypat
     assert again.exit_code == 3
     after = info(out)
     assert len(after["resumed"]) == 1
-    for key in ("status", "message", "steps", "rows", "halvings"):
+    for key in ("status", "message", "steps", "outputTimes", "subdivisions"):
         assert after[key] == before[key]
     assert (out / "states.csv.part").read_bytes() == rows
     finer = call("run", deck, "-o", out, "--resume", "--dt", 0.005)

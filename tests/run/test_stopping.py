@@ -17,6 +17,7 @@ from msahl.run.loop import Options, run
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes import outcome
 from msahl.schemes.collocation import step_control
+from msahl.schemes.stepper import Chunk
 from tests.support.models import ROOT, Rows, deck, pendulum
 
 SINGLE = ROOT / "decks" / "thesis" / "single_pendulum_45.xml"
@@ -67,8 +68,9 @@ def test_every_part_of_a_step_counts_as_work(monkeypatch, solver, degree):
     monkeypatch.setattr(outcome, "ASKED_AFTER", 300_000)
     given = {"scheme": "gauss", "degree": degree} if degree else {}
     integrator = SubsystemIntegrator(violent(**given), solver, False, 4)
-    integrator.requests.stopped = lambda: asked.append(len(parts)) or len(asked) == 3
-    steps = integrator.steps
+    stepper = integrator.stepper
+    stepper.requests.stopped = lambda: asked.append(len(parts)) or len(asked) == 3
+    method = type(stepper.method)
 
     def result(h):
         return outcome.Outcome(1.0 if h > 0.15 / 256 else 0.0, 0)
@@ -79,7 +81,7 @@ def test_every_part_of_a_step_counts_as_work(monkeypatch, solver, degree):
             parts.append(h)
             return result(h)
 
-        monkeypatch.setattr(type(steps), "take", lambda self, h, share: take(h, share))
+        monkeypatch.setattr(method, "take_step", lambda self, h, share: take(h, share))
     else:
 
         def take_by_root(self, h, share, after):
@@ -88,9 +90,9 @@ def test_every_part_of_a_step_counts_as_work(monkeypatch, solver, degree):
                 after(outcome.EVALUATION)
             return outcome.Outcome(1.0, 0)
 
-        monkeypatch.setattr(type(steps), "take_by_root", take_by_root)
+        monkeypatch.setattr(method, "take_step_by_scipy", take_by_root)
     with pytest.raises(outcome.Stopped):
-        integrator._take_hard(0.15)
+        stepper._solve_hard_step(0.15)
     most = 300_000 // outcome.EVALUATION + 1
     assert len(asked) == 3
     assert max(np.diff([0, *asked])) <= most
@@ -104,9 +106,9 @@ def test_refused_steps_count_in_a_chunk():
     model = replace(pendulum(), simulation=replace(pendulum().simulation, **given))
     integrator = SubsystemIntegrator(model, "auto", False, 64)
     integrator.show_start()
-    counts, before, most = integrator.steps.control.counts, 0, 8
+    counts, before, most = integrator.stepper.control.counts, 0, 8
     for _ in range(6):
-        done, _, _ = integrator.steps.go(np.array([1.0]), 1.0, most)
+        done = integrator.advance(Chunk(most, times=np.array([1.0]))).steps
         tried = int(counts[step_control.ACCEPTED] + counts[step_control.REFUSED])
         assert done == 2 or tried - before <= most // 2
         assert done >= 2

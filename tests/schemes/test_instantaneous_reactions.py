@@ -12,10 +12,11 @@ from click.testing import CliRunner
 from msahl.cli.main import main
 from msahl.model import INSTANTANEOUS
 from msahl.post.cli import main as post
-from msahl.run.output_schedule import OutputSchedule
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes import accelerations
 from msahl.schemes.accelerations import new_instant
+from msahl.schemes.output_schedule import OutputSchedule
+from msahl.schemes.stepper import Chunk
 from msahl.study.exact import recognise
 from tests.support.models import deck, simulate
 
@@ -81,7 +82,7 @@ def columns(model):
 
 def test_the_command_says_which_they_are(tmp_path):
     folders = {}
-    for kind in ("mean", "station"):
+    for kind in ("mean", "instantaneous"):
         out = folders[kind] = tmp_path / kind
         words = ["run", str(SINGLE), "--t-final", "1", "--reactions", kind, "-o", str(out)]
         result = CliRunner().invoke(main, words)
@@ -91,10 +92,10 @@ def test_the_command_says_which_they_are(tmp_path):
     assert list(a.columns) == list(b.columns)
     assert (a.iloc[0] == b.iloc[0]).all()
     assert not (a.iloc[1:] == b.iloc[1:])["Pivot.Fz"].any()
-    told = CliRunner().invoke(post, ["work", str(folders["station"])])
+    told = CliRunner().invoke(post, ["work", str(folders["instantaneous"])])
     assert told.exit_code == 0
-    assert "run the deck again without --reactions station" in told.output
-    report = CliRunner().invoke(post, ["report", str(folders["station"])])
+    assert "run the deck again without --reactions instantaneous" in told.output
+    report = CliRunner().invoke(post, ["report", str(folders["instantaneous"])])
     assert report.exit_code == 0, report.output
 
 
@@ -103,7 +104,8 @@ def test_friction_presses_by_the_reaction_that_it_makes(name):
     """Asked again from its own answer the reaction stands still, up to the rounding of its sums."""
     model = deck(name)
     integrator = SubsystemIntegrator(model, "newton", False, 8)
-    integrator.advance(model.simulation.dt, 0, 5, OutputSchedule.at_ends(np.zeros(5, dtype=bool)))
+    schedule = OutputSchedule.at_ends(np.zeros(5, dtype=bool))
+    integrator.advance(Chunk(5, h=model.simulation.dt, schedule=schedule))
     scene, room = integrator.workspace, new_instant(integrator.workspace.system)
     state = scene.state
     state.reaction[:] = 0.0

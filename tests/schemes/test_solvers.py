@@ -9,10 +9,12 @@ import msahl.run.loop
 from msahl.algebra.vector import ZERO
 from msahl.deck import read_deck
 from msahl.model import ConcentratedLoad
-from msahl.run import subsystem
-from msahl.run.output_schedule import OutputSchedule
-from msahl.run.subsystem import MAX_SUBDIVISIONS, SubsystemIntegrator
+from msahl.run.subsystem import SubsystemIntegrator
+from msahl.schemes.fixed_stepper import MAX_SUBDIVISIONS, FixedStepper
+from msahl.schemes.midpoint import stepper
 from msahl.schemes.outcome import Outcome
+from msahl.schemes.output_schedule import OutputSchedule
+from msahl.schemes.stepper import Chunk
 from msahl.system.subsystems import split
 from tests.support.models import DECKS, GROUND, body, deck, loaded, pendulum, scene, simulate
 
@@ -57,7 +59,7 @@ def test_auto_starts_with_root_and_goes_on_with_newton():
 
 def test_a_step_that_newton_refuses_goes_to_root(monkeypatch):
     """Every third step is refused; root takes it, and nothing of it shows in the answer."""
-    march, refused = subsystem._march, []
+    march, refused = stepper._take_steps, []
 
     def reluctant(one, h, first, last, schedule):
         for k in range(first, last):
@@ -70,7 +72,7 @@ def test_a_step_that_newton_refuses_goes_to_root(monkeypatch):
 
     known = simulate(pendulum(), dt=0.01, t_final=1.0, solver="newton")
     monkeypatch.setattr(msahl.run.loop, "PATIENCE", np.inf)  # steps are counted by chunk
-    monkeypatch.setattr(subsystem, "_march", reluctant)
+    monkeypatch.setattr(stepper, "_take_steps", reluctant)
     run = simulate(pendulum(), dt=0.01, t_final=1.0)
     assert run.report.status == "completed"
     assert run.report.scipy_steps == 1 + len(refused)
@@ -87,7 +89,7 @@ def test_violent_steps_are_halved_and_lose_nothing(solver):
     assert (report.status, report.steps, len(run.states)) == ("completed", 100, 101)
     assert 5 <= report.subdivisions <= 100
     assert report.extremes["energyErrorMaxRelative"] < 1e-11
-    assert report.extremes["gapMax"] < 1e-11
+    assert report.extremes["constraintViolationMax"] < 1e-11
     if solver == "auto":
         # Newton takes the easy steps, root the first one and the pieces of the hard ones.
         assert 1 < report.scipy_steps < 100 + report.subdivisions
@@ -97,12 +99,12 @@ def test_violent_steps_are_halved_and_lose_nothing(solver):
 
 def test_the_force_of_a_halved_step_is_the_mean_over_the_whole(monkeypatch):
     """Impulse and momentum say the same, whatever pieces the step was taken in."""
-    once = SubsystemIntegrator._take_once
+    once = FixedStepper._solve_once
 
     def only_quarters(self, h, share):
         return once(self, h, share) if share <= 0.25 else Outcome(1.0, 0)
 
-    monkeypatch.setattr(SubsystemIntegrator, "_take_once", only_quarters)
+    monkeypatch.setattr(FixedStepper, "_solve_once", only_quarters)
     run = simulate(pendulum(), dt=0.1, t_final=2.0, solver="root")
     assert run.report.subdivisions == 3 * run.report.steps
     R = run.matrices()
@@ -136,7 +138,7 @@ def test_a_step_that_cannot_be_taken_ends_the_run_and_says_why(solver):
 @pytest.mark.parametrize("solver", ["auto", "newton"])
 def test_a_run_that_ends_early_keeps_all_it_had(monkeypatch, solver):
     """From step 41 on nothing converges; state, rows and extremes are those of step 40."""
-    march, steps = subsystem._march, 40
+    march, steps = stepper._take_steps, 40
 
     def until(one, h, first, last, schedule):
         end = min(last, first + max(0, steps - until.taken))
@@ -147,12 +149,12 @@ def test_a_run_that_ends_early_keeps_all_it_had(monkeypatch, solver):
         begun = self.begun or self.solver == "newton"
         return Outcome(0.125, 3) if begun else once(self, h, share)
 
-    once = SubsystemIntegrator._take_once
+    once = FixedStepper._solve_once
     until.taken = 1 if solver == "auto" else 0
     model = pendulum()
     known = simulate(model, dt=0.01, t_final=0.4, solver=solver)
-    monkeypatch.setattr(subsystem, "_march", until)
-    monkeypatch.setattr(SubsystemIntegrator, "_take_once", never)
+    monkeypatch.setattr(stepper, "_take_steps", until)
+    monkeypatch.setattr(FixedStepper, "_solve_once", never)
     run = simulate(model, dt=0.01, t_final=1.0, solver=solver)
     report = run.report
     assert (report.status, report.steps, report.time) == ("not converged", 40, 0.4)
@@ -168,12 +170,12 @@ def test_a_failed_step_leaves_the_state_as_it_was(monkeypatch, solver):
     """Its first half is taken, and undone when the second half fails in all its pieces."""
     model = deck("double_pendulum_89")
     integrator = SubsystemIntegrator(model, solver, False, 20)
-    assert integrator.advance(0.01, 0, 20, no_rows(20))[0] == 20
+    assert integrator.advance(Chunk(20, h=0.01, schedule=no_rows(20))).steps == 20
     before = [
         np.array(array)
         for array in (*integrator.workspace.state, *_flat(integrator.workspace.start))
     ]
-    once, halves = SubsystemIntegrator._take_once, []
+    once, halves = FixedStepper._solve_once, []
 
     def first_half_only(self, h, share):
         if share == 0.5 and not halves:
@@ -181,9 +183,9 @@ def test_a_failed_step_leaves_the_state_as_it_was(monkeypatch, solver):
             return halves[0]
         return Outcome(0.125, 3)
 
-    monkeypatch.setattr(SubsystemIntegrator, "_take_once", first_half_only)
-    monkeypatch.setattr(subsystem, "_march", lambda one, h, first, last, schedule: first)
-    done, outcome = integrator.advance(0.01, 0, 20, no_rows(20))
+    monkeypatch.setattr(FixedStepper, "_solve_once", first_half_only)
+    monkeypatch.setattr(stepper, "_take_steps", lambda one, h, first, last, schedule: first)
+    done, outcome, *_ = integrator.advance(Chunk(20, h=0.01, schedule=no_rows(20)))
     assert (done, outcome) == (0, Outcome(0.125, 3))
     assert halves[0].converged
     after = (*integrator.workspace.state, *_flat(integrator.workspace.start))
@@ -227,7 +229,7 @@ def test_unrelated_elements_elsewhere_cost_a_scene_nothing():
 def _counts(model):
     """Unknowns, blocks, operations, iterations and factorisations of the first island."""
     integrator = SubsystemIntegrator(split(model)[0], "newton", False, 100)
-    integrator.advance(0.01, 0, 100, no_rows(100))
+    integrator.advance(Chunk(100, h=0.01, schedule=no_rows(100)))
     system, unknowns = integrator.workspace.system, integrator.workspace.unknowns
     return (
         unknowns.free.size,

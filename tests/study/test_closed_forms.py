@@ -48,7 +48,9 @@ def compare(model, t_final=10.0):
     true = exact.states(times)
     # Frame by frame: lengths over the longest, speeds over the fastest; angles as they are.
     size = np.abs(true.reshape(len(times), -1, 4, 3)).max(axis=(0, 1, 3))
-    sizes = dict(zip(("position", "orientation", "velocity", "spin"), size, strict=True))
+    sizes = dict(
+        zip(("position", "orientation", "velocity", "angular_velocity"), size, strict=True)
+    )
     sizes["orientation"] = 1.0
     apart = {k: e.max() / max(sizes[k], 1.0) for k, e in state_errors(table, true).items()}
     forces, expected = dynamics.forces(times, table), exact.forces(times)

@@ -192,7 +192,7 @@ def test_forces_of_a_spring_that_turns_fast_between_rows():
     errors = measure_errors(run, independent(model, np.linspace(0.0, 5.0, 501), 1e-6))
     # A turn too few is a moment of 2 pi 0.05 N m, and 1 N at the axle; errors of the states are
     # 1e-9 m and less.
-    assert errors.figures["station_reaction"].max < 1e-6
+    assert errors.figures["instantaneous_reaction"].max < 1e-6
 
 
 def test_own_runs_as_the_reference():

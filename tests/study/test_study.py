@@ -44,22 +44,22 @@ def deck(name, t_final=2.0):
     return with_step(model, model.simulation.dt, t_final)
 
 
-STATE = ("position", "orientation", "velocity", "spin")
-FORCES = ("mean_reaction", "station_reaction")
+STATE = ("position", "orientation", "velocity", "angular_velocity")
+FORCES = ("mean_reaction", "instantaneous_reaction")
 ORDERS = {
     "thesis/single_pendulum_45": (*STATE, *FORCES),
     "thesis/single_pendulum_135": (*STATE, *FORCES),
     "thesis/double_pendulum_89": (*STATE, *FORCES),
     "basics/conical_pendulum": (*STATE[:3], *FORCES),  # its spin is kept to round-off
-    "thesis/top_1": (*STATE, "station_reaction"),
-    "thesis/top_2": (*STATE, "station_reaction"),
-    "thesis/top_3": (*STATE, "station_reaction"),
-    "basics/ballistic_cylinder": ("orientation", "spin"),
+    "thesis/top_1": (*STATE, "instantaneous_reaction"),
+    "thesis/top_2": (*STATE, "instantaneous_reaction"),
+    "thesis/top_3": (*STATE, "instantaneous_reaction"),
+    "basics/ballistic_cylinder": ("orientation", "angular_velocity"),
     "basics/ballistic_sphere": ("orientation",),
-    "basics/torque_free": ("orientation", "spin"),
+    "basics/torque_free": ("orientation", "angular_velocity"),
     "forces/slide_spring": ("position", "velocity"),
     "forces/spring_damper": ("position", "velocity"),
-    "forces/torsional_spring": ("orientation", "spin"),
+    "forces/torsional_spring": ("orientation", "angular_velocity"),
 }
 
 

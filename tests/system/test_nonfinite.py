@@ -60,7 +60,7 @@ def test_what_grows_beyond_all_numbers_is_named_and_never_written(name, solver):
     assert run.report.status == "not converged"
     assert name in run.report.message
     for table in (run.states, run.reactions, run.work):
-        assert len(table) == run.report.rows
+        assert len(table) == run.report.output_times
         assert np.isfinite(table).all()
     assert all(value is None or np.isfinite(value) for value in run.report.extremes.values())
 
@@ -68,7 +68,7 @@ def test_what_grows_beyond_all_numbers_is_named_and_never_written(name, solver):
 @every_solver
 def test_a_step_beyond_all_expectation_is_refused_with_its_reason(solver):
     run = simulate(scene([body()], loads=[push(1e200, 0.0, 1.0)]), dt=1.0, solver=solver)
-    assert (run.report.status, run.report.rows) == ("not converged", 1)
+    assert (run.report.status, run.report.output_times) == ("not converged", 1)
     assert "times as far" in run.report.message
 
 

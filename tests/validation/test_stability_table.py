@@ -178,7 +178,7 @@ def test_a_run_that_fails_keeps_its_rows_and_says_why(cells, extreme, tmp_path):
     deck.write_bytes(etree.tostring(root))
     info = cells.run_deck(deck, tmp_path / "run", "preserving", cells.Run(1e-5, 1000, 10, 1))
     assert info["status"] == "not converged"
-    assert 100 < info["rows"] == info["rows_found"] < 1000
+    assert 100 < info["outputTimes"] == info["rows_found"] < 1000
     assert cells.judge(info, None, 1.0, 1.0) == cells.FAILED
     assert "beyond what a computer holds" in info["message"]
 
@@ -189,7 +189,7 @@ def test_a_run_that_takes_too_long_is_stopped_and_keeps_its_rows(cells, extreme,
     info = cells.run_deck(deck, tmp_path / "run", "preserving", run, bound=2.0)
     assert info["status"] == "interrupted"
     assert 0 < info["steps"] < run.n
-    assert info["rows"] == info["rows_found"] > 1
+    assert info["outputTimes"] == info["rows_found"] > 1
     assert cells.judge(info, None, 1.0, 1.0) == cells.LATE
 
 
@@ -198,13 +198,13 @@ def test_rows_that_are_lost_are_a_failure(cells):
         "energyAtStart": 1e4,
         "largestKineticEnergy": 1.0,
         "energyErrorMax": 1e-10,
-        "gapMax": 1e-10,
+        "constraintViolationMax": 1e-10,
     }
-    info = {"status": "completed", "rows": 5, "rows_found": 5, "extremes": extremes}
+    info = {"status": "completed", "outputTimes": 5, "rows_found": 5, "extremes": extremes}
     assert cells.judge(info, 0.5, 1.0, 1.0) == cells.GOOD
     assert cells.judge(info, 2.0, 1.0, 1.0) == cells.COARSE
     assert cells.judge({**info, "rows_found": 4}, 0.5, 1.0, 1.0) == cells.FAILED
-    for figure in ("energyErrorMax", "gapMax"):
+    for figure in ("energyErrorMax", "constraintViolationMax"):
         worse = {**info, "extremes": {**extremes, figure: 1e-8}}
         assert cells.judge(worse, 0.5, 1.0, 1.0) == cells.DOUBTFUL
 
@@ -218,9 +218,9 @@ def test_energy_is_asked_of_a_scheme_as_it_keeps_it(scheme, kept, cells):
             "energyAtStart": 1.0,
             "largestKineticEnergy": 1.0,
             "energyErrorMax": part * kept,
-            "gapMax": 0.0,
+            "constraintViolationMax": 0.0,
         }
-        info = {"status": "completed", "rows": 5, "rows_found": 5, "extremes": extremes}
+        info = {"status": "completed", "outputTimes": 5, "rows_found": 5, "extremes": extremes}
         assert cells.judge(info, 0.5, 1.0, 1.0, kept) == outcome
 
 
@@ -278,18 +278,18 @@ def test_schemes_can_be_run_alone(stability, tmp_path, monkeypatch):
 def test_the_verdict_of_a_run_is_taken_up(cells):
     info = {
         "status": "completed",
-        "rows": 1,
+        "outputTimes": 1,
         "rows_found": 1,
         "extremes": {
             "energyAtStart": 0.0,
             "largestKineticEnergy": 0.0,
             "energyErrorMax": 0.0,
             "energyErrorMaxRelative": None,
-            "gapMax": 0.0,
-            "gapRateMax": 0.0,
+            "constraintViolationMax": 0.0,
+            "constraintViolationRateMax": 0.0,
         },
         "iterations": 3,
-        "islands": 1,
+        "subsystems": 1,
         "steps": 1,
         "verdict": {"word": "WARN", "reasons": ["step too large", "half a turn a step"]},
     }
@@ -328,4 +328,4 @@ def test_the_kept_table_is_whole():
     assert sorted(places) == sorted((*v, s, dt) for v in values for s in TOLD for dt in steps)
     for row in rows:
         if row["outcome"] != "out of time":
-            assert row["rows"] == row["rows_found"], row
+            assert row["outputTimes"] == row["rows_found"], row

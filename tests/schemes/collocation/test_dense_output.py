@@ -12,8 +12,8 @@ from click.testing import CliRunner
 from msahl.cli.main import main
 from msahl.deck import check_simulation
 from msahl.run.loop import Grid
-from msahl.run.output_schedule import OutputSchedule
 from msahl.schemes.collocation import dense_output
+from msahl.schemes.output_schedule import OutputSchedule
 from msahl.study.exact import recognise
 from tests.support.models import THESIS, deck, simulate
 

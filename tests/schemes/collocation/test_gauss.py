@@ -177,8 +177,8 @@ def test_orders_against_closed_forms(name, degree):
         run = simulate(model, dt=h, t_final=2.0 if coarse > 0.2 else 1.0)
         end = run.time[-1:]
         found.append(errors(run, exact.states(end)[0], exact.forces(end).reshape(-1)))
-        assert run.report.extremes["gapMax"] <= 1e-13
-        assert run.report.extremes["gapRateMax"] <= 1e-13
+        assert run.report.extremes["constraintViolationMax"] <= 1e-13
+        assert run.report.extremes["constraintViolationRateMax"] <= 1e-13
     assert np.log2(found[0] / found[1]) == pytest.approx(2.0 * degree, abs=0.15)
 
 
@@ -186,8 +186,8 @@ def test_orders_against_closed_forms(name, degree):
 def test_mechanisms_stay_closed(name):
     model = of_degree(deck(name), 2)
     run = simulate(model, t_final=100 * model.simulation.dt, solver="newton")
-    assert run.report.extremes["gapMax"] <= 1e-13
-    assert run.report.extremes["gapRateMax"] <= 1e-13
+    assert run.report.extremes["constraintViolationMax"] <= 1e-13
+    assert run.report.extremes["constraintViolationRateMax"] <= 1e-13
 
 
 def test_every_element_together_has_order_four():
@@ -270,7 +270,7 @@ def test_both_solvers_find_the_same_motion(name):
         # Those of redundant joints are not unique.
         near = 1e-8 * np.abs(newton.reactions).max()
         np.testing.assert_allclose(newton.reactions, root.reactions, atol=near)
-    assert max(run.report.extremes["gapMax"] for run in (newton, root)) <= 1e-13
+    assert max(run.report.extremes["constraintViolationMax"] for run in (newton, root)) <= 1e-13
 
 
 @pytest.mark.parametrize(
@@ -291,7 +291,7 @@ def test_a_hard_step_is_taken_in_parts_and_the_last_is_short():
     assert run.report.status == "completed"
     assert run.report.subdivisions + run.report.scipy_steps > 0
     assert run.time[-1] == 9.5
-    assert run.report.extremes["gapMax"] <= 1e-12
+    assert run.report.extremes["constraintViolationMax"] <= 1e-12
     # A step of another size begins from the accelerations alone and ends on the same curve.
     short = simulate(of_degree(deck("single_pendulum_45"), 4), dt=0.3, t_final=1.0)
     exact = recognise(short.model).states(short.time)
@@ -315,7 +315,11 @@ def test_the_command_and_the_deck_ask_for_it(tmp_path):
     result = CliRunner().invoke(main, [*words, "--scheme", "gauss2"])
     assert result.exit_code == 0, result.output
     options = json.loads((tmp_path / "a" / "run.json").read_text())["options"]
-    assert (options["scheme"], options["degree"], options["reactions"]) == ("gauss", 2, "station")
+    assert (options["scheme"], options["degree"], options["reactions"]) == (
+        "gauss",
+        2,
+        "instantaneous",
+    )
     again = read_deck(tmp_path / "a" / "deck.xml").simulation
     assert (again.scheme, again.degree) == ("gauss", 2)
     result = CliRunner().invoke(main, ["run", str(SINGLE), "--scheme", "gauss9"])
@@ -329,11 +333,11 @@ def test_a_step_that_failed_leaves_nothing_to_follow():
     for fails in (False, True):
         model = with_step(replace(chain(5), gravity=DOWN), 0.25, scheme="gauss3")
         integrator = SubsystemIntegrator(model, "newton", False, 1)
-        assert integrator.steps.take(0.25, 1.0).converged
+        assert integrator.stepper.method.take_step(0.25, 1.0).converged
         if fails:
-            assert not integrator.steps.take(8.0, 1.0).converged
+            assert not integrator.stepper.method.take_step(8.0, 1.0).converged
         else:
-            integrator.steps.forget()
-        assert integrator.steps.take(0.05, 1.0).converged
+            integrator.stepper.reset_prediction()
+        assert integrator.stepper.method.take_step(0.05, 1.0).converged
         states.append(integrator.workspace.state.x.copy())
     assert np.array_equal(*states)

@@ -73,8 +73,8 @@ def test_orders_against_closed_forms(name, degree):
         parts = np.abs(run.states[-1, 1:] - exact.states(end)[0]).reshape(-1, 4, 3)
         force = np.abs(run.reactions[-1, 1:] - exact.forces(end).reshape(-1)).max()
         found.append(np.append(parts.max(axis=(0, 2)), force))
-        assert run.report.extremes["gapMax"] <= 1e-13
-        assert run.report.extremes["gapRateMax"] <= 1e-13
+        assert run.report.extremes["constraintViolationMax"] <= 1e-13
+        assert run.report.extremes["constraintViolationRateMax"] <= 1e-13
     assert np.log2(found[0] / found[1]) == pytest.approx(2.0 * degree - 1.0, abs=0.15)
 
 
@@ -129,7 +129,7 @@ def test_a_step_of_a_thousand_turns_is_not_taken_for_solved(scheme):
     joint of a pendulum under a million times its weight stood open by metres, at once."""
     model = replace(pendulum(), gravity=(0.0, 0.0, 1e7))
     run = simulate(model, dt=1.0, t_final=2.0, scheme=scheme)
-    assert run.report.extremes["gapMax"] <= 1e-12
+    assert run.report.extremes["constraintViolationMax"] <= 1e-12
     assert run.report.status == "not converged" or run.report.iterations > 0
 
 
@@ -162,8 +162,8 @@ def test_spins_and_momenta(degree):
     lost = []
     for h in ANGULAR[degree]:
         run = simulate(model, dt=h, t_final=0.4, scheme=f"radau{degree}", solver="newton")
-        assert run.report.verdict["checks"]["linear momentum"]["word"] == PASS
-        assert "angular momentum" not in run.report.verdict["checks"]
+        assert run.report.verdict["checks"]["linearMomentum"]["word"] == PASS
+        assert "angularMomentum" not in run.report.verdict["checks"]
         angular = 0.0
         for b, given in enumerate(model.bodies):
             R, w = run.matrices(b), run.of("spin", b)
@@ -185,7 +185,7 @@ def test_both_solvers_find_the_same_motion(name):
     scale = np.abs(newton.states).max()
     # Both to residuals of 1e-12 of a step.
     np.testing.assert_allclose(newton.states, root.states, atol=1e-10 * scale)
-    assert max(run.report.extremes["gapMax"] for run in (newton, root)) <= 1e-13
+    assert max(run.report.extremes["constraintViolationMax"] for run in (newton, root)) <= 1e-13
 
 
 @pytest.mark.parametrize("name", ["double_pendulum_89", "two_pendulums", "four_bar"])
@@ -206,7 +206,7 @@ def test_a_rolling_disk_rolls():
     for h in (0.04, 0.02):
         run = simulate(model, dt=h, t_final=0.4, scheme="radau2", solver="newton")
         found.append(np.abs(run.states[-1] - best.states[-1]).max())
-        assert run.report.extremes["gapRateMax"] <= 1e-13
+        assert run.report.extremes["constraintViolationRateMax"] <= 1e-13
     assert np.log2(found[0] / found[1]) == pytest.approx(3.0, abs=0.25)
 
 

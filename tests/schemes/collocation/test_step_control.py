@@ -58,9 +58,9 @@ def test_degrees_are_chosen_and_told():
         report = simulate(
             adaptive(deck("double_pendulum_89"), tolerance), dt=0.02, t_final=3.0
         ).report
-        control = report.control
+        control = report.step_control
         assert control["localTolerance"] == tolerance
-        assert 2 * control["pairs"] == report.steps
+        assert 2 * control["acceptedPairs"] == report.steps
         assert control["stepMin"] <= control["stepMax"]
         for choice in control["degrees"]:
             assert min(choice["work"], key=choice["work"].get) == str(choice["degree"])
@@ -72,9 +72,9 @@ def test_steps_shrink_where_motion_is_quick_and_grow_again():
     """The triple pendulum's violent moments."""
     report = simulate(adaptive(deck("triple_pendulum_135"), 1e-6), dt=0.02, t_final=4.0).report
     assert report.status == "completed"
-    assert report.control["refused"] > 0
-    assert report.control["stepMin"] < 0.3 * report.control["stepMax"]
-    assert report.extremes["gapMax"] <= 1e-12
+    assert report.step_control["rejectedPairs"] > 0
+    assert report.step_control["stepMin"] < 0.3 * report.step_control["stepMax"]
+    assert report.extremes["constraintViolationMax"] <= 1e-12
 
 
 def test_steps_do_not_depend_on_the_clock(monkeypatch):
@@ -128,7 +128,7 @@ def test_the_command_asks_for_it(tmp_path):
     words = ["run", str(SINGLE), "--t-final", "1", "-o", str(tmp_path), "--scheme", "auto"]
     assert CliRunner().invoke(main, [*words, "--tolerance", "1e-5"]).exit_code == 0
     about = json.loads((tmp_path / "run.json").read_text())
-    assert (about["options"]["tolerance"], about["pace"]["tolerance"]) == (1e-5, 1e-5)
+    assert (about["options"]["tolerance"], about["stepControl"]["tolerance"]) == (1e-5, 1e-5)
     (fault,) = check_simulation(replace(deck("single_pendulum_45").simulation, tolerance=1e-6))
     assert fault.startswith("tolerance: the preserving scheme takes the steps it is given")
     result = CliRunner().invoke(main, [*words, "--tolerance", "0"])

@@ -10,7 +10,7 @@ from lxml import etree
 from msahl.algebra.rotation import angle_share, of_angle
 from msahl.cli.main import main
 from msahl.deck import read_deck
-from msahl.model.scheme import ANGLE
+from msahl.model.scheme import EXPONENTIAL
 from msahl.run.explain import explain
 from tests.support.models import DECKS, body, chain, deck, scene, simulate
 from tests.support.reference_motions import euler_motion, top_path
@@ -20,7 +20,7 @@ SPIN = (0.0, 0.9888, 7.5167)
 
 
 def exponential(model):
-    return replace(model, simulation=replace(model.simulation, turn=ANGLE))
+    return replace(model, simulation=replace(model.simulation, rotation_update=EXPONENTIAL))
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-9, 0.05, 0.0999999, 0.1, 0.7, 5.0, 1e3])
@@ -105,8 +105,8 @@ def test_of_a_free_chain_no_angular_momentum_is_asked():
     for model in (free, exponential(free)):
         checks = simulate(model, dt=0.01, t_final=1.0).report.verdict["checks"]
         asked.append({name: of["word"] for name, of in checks.items() if "momentum" in name})
-    linear = {"linear momentum": "PASS"}
-    assert asked == [linear | {"angular momentum": "PASS"}, linear]
+    linear = {"linearMomentum": "PASS"}
+    assert asked == [linear | {"angularMomentum": "PASS"}, linear]
 
 
 def test_the_decaying_scheme_has_it_too():
@@ -129,17 +129,17 @@ def test_more_than_half_a_turn_in_a_step_is_taken_in_parts():
 def test_the_deck_and_the_command_line_choose_it(tmp_path):
     own = tmp_path / "deck.xml"
     tree = etree.parse(TOP)
-    tree.find("simulation").set("turn", "angle")
+    tree.find("simulation").set("rotationUpdate", "exponential")
     tree.write(own)
     model = read_deck(own)
-    assert model.simulation.turn == ANGLE
+    assert model.simulation.rotation_update == EXPONENTIAL
     assert "a step's turn is by its angle" in "\n".join(explain(model))
-    runs = (own, "deck"), (TOP, "option", "--turn", "angle"), (TOP, "tangent")
+    runs = (own, "deck"), (TOP, "option", "--rotation-update", "exponential"), (TOP, "cayley")
     for path, name, *options in runs:
         words = ["run", path, "--dt", 0.01, "--t-final", 0.1, "-q", "-o", tmp_path / name, *options]
         assert CliRunner().invoke(main, [str(word) for word in words]).exit_code == 0
     made = {name: (tmp_path / name / "states.csv").read_bytes() for _, name, *_ in runs}
-    assert made["deck"] == made["option"] != made["tangent"]
-    assert '"turn": "angle"' in (tmp_path / "option" / "run.json").read_text()
-    assert read_deck(tmp_path / "option" / "deck.xml").simulation.turn == ANGLE
-    assert '"turn"' not in (tmp_path / "tangent" / "run.json").read_text()
+    assert made["deck"] == made["option"] != made["cayley"]
+    assert '"rotationUpdate": "exponential"' in (tmp_path / "option" / "run.json").read_text()
+    assert read_deck(tmp_path / "option" / "deck.xml").simulation.rotation_update == EXPONENTIAL
+    assert '"rotationUpdate"' not in (tmp_path / "cayley" / "run.json").read_text()
