@@ -16,7 +16,7 @@ from msahl.elements.forces import concentrated
 from msahl.jit.compiled import compiled
 from msahl.joints.registry import KINDS
 from msahl.linalg import dense, sparse_lu
-from msahl.model.couplings import FREEDOMS
+from msahl.model.couplings import COORDINATES
 from msahl.model.scheme import EXPONENTIAL, SCHEMES
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.midpoint import equations, newton
@@ -156,7 +156,7 @@ def test_every_element_of_the_deck_is_here():
     """And nothing else: the part of a name before a comma is the element's."""
     resultants = {"bodyForce", "distributed"}  # read as concentrated loads
     assert {*JOINTS} == {*KINDS}
-    assert _elements(COUPLINGS) == {*FREEDOMS}
+    assert _elements(COUPLINGS) == {*COORDINATES}
     assert _elements(MOTIONS) == {*read.MOTIONS}
     assert _elements(LOADS) == {*read.LOADS} - resultants
 
