@@ -66,7 +66,7 @@ class MidpointStepper:
     def kind(self) -> str:
         """Which compiled step the scene needs."""
         kind = "points" if self.workspace.system.along is None else "along"
-        kind += "-angle" if self.workspace.system.bodies.exponential else ""
+        kind += "-angle" if self.workspace.system.frames.exponential else ""
         return kind if self.instant is None else f"{kind}-station"
 
     def march(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:

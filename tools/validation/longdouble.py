@@ -64,8 +64,7 @@ def run(model: Model, steps: int, rows: int) -> tuple[np.ndarray, np.ndarray] | 
     assert isinstance(integrator.steps, Higher)
     assert integrator.steps.scheme == "gauss"
     island = widened(integrator.steps.high)
-    mobility = np.zeros_like(island.stages.mobility)
-    mobility[:-1] = inverse(island.scene.system.bodies.inertia[:-1])
+    mobility = inverse(island.scene.system.bodies.inertia)
     stages = island.stages._replace(rule=gauss(integrator.steps.degree), mobility=mobility)
     island = island._replace(stages=stages)
     plan = OutputSchedule.at_ends(np.arange(1, steps + 1) % (steps // rows) == 0)
@@ -162,7 +161,7 @@ def settle(island: CollocationWorkspace) -> None:
     """Put places and velocities back on the joints, by the least change by mass."""
     scene, room = island.scene, island.station
     system, state, start, watch = scene.system, scene.state, scene.start, scene.watch
-    length = system.bodies.length
+    length = system.frames.length
     equations.prepare(system, state, start)
     # What a round leaves over is quadratic: nothing, after one of round-off.
     for _ in range(1 + accelerations.rounds(system)):
