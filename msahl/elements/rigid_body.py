@@ -127,6 +127,16 @@ def push(bodies: Bodies, dt2: float, F: np.ndarray, b: int, force: Vector, momen
 
 
 @kernel
+def add_force_by_mass(bodies: Bodies, F: np.ndarray, b: int, force: Vector, moment: Vector) -> None:
+    """Add a ``force`` by mass and a ``moment`` about G by mass and length to the rows of body ``b``
+    [m/s^2].
+    """
+    c = bodies.inverse_mass[b]
+    accumulate(F, 2 * b, scale(c, force))
+    accumulate(F, 2 * b + 1, scale(c / bodies.length[b], moment))
+
+
+@kernel
 def prepare(
     bodies: Bodies,
     p: np.ndarray,

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 
+from msahl.elements import forces
 from msahl.jit.compiled import is_kept, keep, trouble
 from msahl.linalg.dense import FAR
 from msahl.model import (
@@ -812,10 +813,9 @@ def _energy_scale(integrator: SubsystemIntegrator, t_final: float) -> float:
     bodies = integrator.workspace.system.bodies
     moving = bodies.inverse_mass > 0.0
     mass, length = 1.0 / bodies.inverse_mass[moving], bodies.length[moving]
-    loads = integrator.workspace.system.loads
-    force, moment = (np.linalg.norm(of, axis=1) for of in (loads.f, loads.m))
-    work = np.linalg.norm(bodies.gravity) * (mass @ length) + moment.sum()
-    work += force @ bodies.length[loads.body]
+    work = np.linalg.norm(bodies.gravity) * (mass @ length)
+    for scale in forces.work_scales(integrator.workspace.system.forces, bodies.length):
+        work += scale
     return float(work + mass @ (length / t_final) ** 2)
 
 

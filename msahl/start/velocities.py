@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements import along, reactions
+from msahl.elements import along, forces, reactions
 from msahl.elements.constraints import coordinates
 from msahl.elements.reactions import MOST_ROUNDS
 from msahl.linalg import sparse_lu
@@ -116,7 +116,7 @@ def solve_accelerations(system: System, state: State, unknowns: Unknowns) -> Non
         state.alpha[:] = solution[1 : 2 * n : 2] / system.bodies.length[:, None]
         state.force[:] = solution[2 * n :] * system.unit
         equations.react(system, state, start, Z)
-        if not along.rubs(system.along) or reactions.stands(state.reaction, last):
+        if not forces.depend_on_reactions(system.forces) or reactions.stands(state.reaction, last):
             break
 
 

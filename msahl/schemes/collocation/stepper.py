@@ -68,7 +68,7 @@ class Higher:
     def kind(self) -> str:
         """Which compiled step the scene needs."""
         kind = "points" if self.high.workspace.system.along is None else "along"
-        rubs = "" if self.high.rubbing is None else "-friction"
+        rubs = "" if self.high.pressed is None else "-friction"
         return f"{kind}{rubs}-high"
 
     def march(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:

@@ -31,9 +31,8 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import along, reactions, rigid_body
+from msahl.elements import along, forces, reactions, rigid_body
 from msahl.elements.constraints import coincide
-from msahl.elements.forces import concentrated, drag
 from msahl.jit.kernel import kernel
 from msahl.system.arrays import Start, State, System, Tables
 
@@ -59,18 +58,18 @@ def prepare(system: System, state: State, start: Start) -> None:
     )
     R = start.bodies.R
     coincide.prepare(system.coincide, R, start.coincide)
-    along.prepare(
-        system.along, state.x, R, state.angle, state.reaction, state.reaction_trend, start.along
-    )
+    along.prepare(system.along, state.x, R, state.angle, start.along)
     reactions.prepare(system.reactions, system.along, R, start.reaction_arms)
-    drag.prepare(system.drags, R, start.drag_arms)
+    forces.prepare(
+        system.forces, start.forces, system.along, R, state.reaction, state.reaction_trend
+    )
 
 
 @kernel
 def load(system: System, state: State, start: Start, h: float) -> bool:
     """Set the loads to their means over a step ``h``; whether they have first moments, too."""
     t, R = state.time[0], start.bodies.R
-    return concentrated.over_step(system.loads, system.laws, t, h, R, start.loads)
+    return forces.over_step(system.forces, start.forces, t, h, R)
 
 
 @kernel
@@ -138,8 +137,9 @@ def residual(
     rigid_body.residual(bodies, start.bodies, h, h2, Z, F)
     coincide.residual(system.coincide, start.coincide, bodies, h2, Z, F)
     along.residual(system.along, start.along, bodies, state.violation, t, h, h2, Z, F)
-    concentrated.residual(system.loads, start.loads, bodies, h2, Z, F)
-    drag.residual(system.drags, start.drag_arms, bodies, h, h2, Z, F)
+    forces.mean_residual(
+        system.forces, start.forces, system.along, start.along, bodies, h, h2, Z, F
+    )
 
 
 @kernel
@@ -162,9 +162,9 @@ def jacobian(system: System, start: Start, h: float, Z: np.ndarray, values: np.n
     """
     joint_jacobian(system, start, h, Z, values)
     h2 = dt2(system, h)
-    along.force_jacobian(system.along, start.along, system.bodies, h, h2, Z, values)
-    concentrated.jacobian(system.loads, start.loads, system.bodies, h2, Z, values)
-    drag.jacobian(system.drags, start.drag_arms, system.bodies, h, h2, Z, values)
+    forces.mean_jacobian(
+        system.forces, start.forces, system.along, start.along, system.bodies, h, h2, Z, values
+    )
 
 
 @kernel
@@ -191,8 +191,9 @@ def accept(
     bodies, t, h2 = system.bodies, state.time[0], dt2(system, h)
     decay, per_step = system.decay, h / dt2(system, h)
     loss, gained = 0.0, 0.0
-    concentrated.work(system.loads, start.loads, bodies, Z, system.load_column, state.work)
-    drag.work(system.drags, start.drag_arms, bodies, h, Z, system.drag_column, state.work)
+    forces.mean_work(
+        system.forces, start.forces, system.along, start.along, bodies, h, Z, state.work
+    )
     along.accept(system.along, start.along, bodies, t, h, h2, Z, state.angle, state.work)
     for b in range(bodies.inverse_mass.size - 1):
         u = at(Z, 2 * b)
@@ -221,22 +222,12 @@ def accept(
         keep(state.alpha_trend, b, dalpha)
         put(state.a, b, a)
         put(state.alpha, b, alpha)
-    if concentrated.has_first(start.loads):
+    if forces.has_first(start.forces):
         lost = rigid_body.lost(bodies, start.bodies, h, state.a, state.alpha)
-        concentrated.work_of_first(
-            system.loads,
-            start.loads,
-            start.bodies,
-            h,
-            state.a,
-            state.alpha,
-            lost,
-            system.load_column,
-            state.work,
-        )
+        forces.work_of_first(system.forces, start.forces, h, state.a, state.alpha, lost, state.work)
     state.foresight[0] = 1.0 if gained >= 0.0 else 0.0
     if decay.chi > 0.0:
-        loss += along.smooth(system.along, start.along, decay.pole)
+        loss += forces.smooth(system.forces, start.forces, system.along, start.along, decay.pole)
         state.work[state.work.size - 1] -= loss
     _enter_multipliers(system, state, start, h, Z, F)
     state.time[0] += h
@@ -286,11 +277,19 @@ def free_acceleration(
     v, W = start.bodies.v, start.bodies.W
     rigid_body.free_acceleration(bodies, start.bodies, F)
     coincide.free_gap_acceleration(system.coincide, start.coincide, W, F)
-    along.free_acceleration(system.along, start.along, bodies, v, W, state.reaction, t, Z, F)
-    concentrated.at_time(system.loads, system.laws, t, start.loads.factor)
-    concentrated.prepare(system.loads, start.loads.factor, start.bodies.R, start.loads)
-    concentrated.free_acceleration(system.loads, start.loads, bodies, F)
-    drag.free_acceleration(system.drags, start.drag_arms, bodies, v, W, F)
+    along.rates(system.along, start.along, bodies, v, W, Z)
+    along.free_acceleration(system.along, start.along, bodies, v, W, t, F)
+    forces.set_time(system.forces, start.forces, t, start.bodies.R)
+    forces.add_forces(
+        system.forces,
+        start.forces,
+        system.along,
+        start.along,
+        bodies,
+        start.bodies,
+        state.reaction,
+        F,
+    )
 
 
 @kernel
@@ -319,9 +318,7 @@ def publish(
         tables.work[row, k] = state.work[k]
     for k in range(state.work.size, tables.work.shape[1]):
         tables.work[row, k] = 0.0
-    along.publish_energy(
-        system.along, start.along, system.shown.elastic, state.work.size, tables.work, row
-    )
+    forces.publish_energy(system.forces, start.forces, state.work.size, tables.work, row)
 
 
 @kernel
@@ -335,6 +332,7 @@ def observe(
     """
     coincide.violation(system.coincide, start.coincide, state.x, violation)
     coincide.violation_rate(system.coincide, start.coincide, start.bodies, rate)
-    elastic = along.observe(system.along, start.along, start.bodies, state.time[0], violation, rate)
+    along.observe(system.along, start.along, start.bodies, state.time[0], violation, rate)
+    elastic = forces.elastic_energy(system.forces, start.forces, system.along, start.along)
     kinetic, potential = rigid_body.energy(system.bodies, state.x, state.v, state.w)
     return kinetic, potential + elastic

@@ -1,8 +1,10 @@
-"""What a load of the lowest order's step does beyond its mean: see ``forces.concentrated``."""
+"""The effect of the first moments of forces over a step of the midpoint element.
+
+The law is in ``elements.forces.concentrated``.
+"""
 
 from msahl.algebra.vector import ZERO, at, put, scale
-from msahl.elements import rigid_body
-from msahl.elements.forces import concentrated
+from msahl.elements import forces, rigid_body
 from msahl.jit.kernel import apart, kernel
 from msahl.linalg import dense, sparse_lu
 from msahl.schemes.midpoint import equations
@@ -36,8 +38,7 @@ def _solve(workspace: Workspace) -> None:
     sparse_lu.factor(workspace.unknowns.elimination, workspace.values, workspace.factor)
     for node in range(F.shape[0]):
         put(F, node, ZERO)
-    for k in range(system.loads.body.size):
-        concentrated.enter_first(system.loads, start.loads, system.bodies, k, F)
+    forces.add_first(system.forces, start.forces, system.bodies, F)
     dense.gather(order, F, workspace.y)
     sparse_lu.solve(workspace.unknowns.elimination, workspace.factor, workspace.y)
     dense.spread(order, workspace.y, Z)
