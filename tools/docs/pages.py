@@ -99,9 +99,9 @@ compares the result with that. Run one, and write a report with pictures:
     msahl run decks/mechanisms/four_bar.xml
     msahl-post report results/four_bar
 
-The pictures show the bodies at equal intervals of time (light to dark: early to late), as lines from
-the mass centre to the points where joints and loads act, and the paths of their reference points.
-Where no point moves, they show angular velocities against time.
+The pictures show the bodies at equal intervals of time (light to dark: early to late), as lines
+from the mass centre to the points where joints and loads act, and the paths of their reference
+points. Where no point moves, they show angular velocities against time.
 """
 
 

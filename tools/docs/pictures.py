@@ -3,10 +3,10 @@
 Usage: python tools/docs/pictures.py [--results FOLDER] [DECK...]
 
 Runs each deck (or reads its results from FOLDER/<family>/<deck>) and writes
-docs/examples/pictures/<family>/<deck>.png. A picture shows the bodies at equal intervals of time, as
-lines from the mass centre to the attachment points, light to dark, and the paths of their reference
-points. Where no point moves it shows the angular velocities against time. The same results give the
-same bytes.
+docs/examples/pictures/<family>/<deck>.png. A picture shows the bodies at equal intervals of time,
+as lines from the mass centre to the attachment points, light to dark, and the paths of their
+reference points. Where no point moves it shows the angular velocities against
+time. The same results give the same bytes.
 """
 
 import argparse
