@@ -34,7 +34,7 @@ def test_every_element_has_a_template():
         for group in ("joints", "motions", "loads")
         for element in schema.iterfind(f"xs:complexType[@name='{group}']//xs:element", schema.nsmap)
     }
-    assert kinds > {"universal", "camFollower", "drive", "bushing"}
+    assert kinds > {"universal", "camFollower", "jointMotion", "bushing"}
     shown = {
         element.tag
         for name in names()
@@ -44,7 +44,7 @@ def test_every_element_has_a_template():
 
 
 def test_the_terminal_gets_the_deck_itself():
-    assert CliRunner().invoke(new, ["drive", "-o", "-"]).stdout == template("drive")
+    assert CliRunner().invoke(new, ["joint-motion", "-o", "-"]).stdout == template("joint-motion")
 
 
 def test_without_a_file_it_is_named_after_the_template(tmp_path, monkeypatch):
@@ -56,13 +56,13 @@ def test_without_a_file_it_is_named_after_the_template(tmp_path, monkeypatch):
 def test_nothing_is_overwritten(tmp_path):
     path = tmp_path / "deck.xml"
     path.write_text("mine")
-    result = CliRunner().invoke(new, ["drive", "-o", str(path)])
+    result = CliRunner().invoke(new, ["joint-motion", "-o", str(path)])
     assert (result.exit_code, path.read_text()) == (2, "mine")
     assert result.stderr == f"{path} exists; choose another file with -o\n"
 
 
 def test_a_folder_that_is_not_there(tmp_path):
-    result = CliRunner().invoke(new, ["drive", "-o", str(tmp_path / "no/deck.xml")])
+    result = CliRunner().invoke(new, ["joint-motion", "-o", str(tmp_path / "no/deck.xml")])
     assert result.exit_code == 2
     assert "No such file or directory; choose another file with -o" in result.stderr
 

@@ -78,7 +78,10 @@ CURVES = {
 
 def test_a_ramp_too_short_for_its_slopes_is_a_fault(tmp_path):
     law = CURVES["ramp of no time"]
-    motion = "<drive><name>M</name><joint>H</joint><freedom>angle</freedom><law>{}</law></drive>"
+    motion = (
+        "<jointMotion><name>M</name><joint>H</joint><coordinate>angle</coordinate>"
+        "<law>{}</law></jointMotion>"
+    )
     (fault,) = faults_of(hinge(tmp_path, motion.format(law)))
     assert ": motion 'M', law/ramp: no curve can be computed through it; space its" in fault
     slow = hinge(tmp_path, motion.format(CURVES["ramp of all time"]))

@@ -272,8 +272,8 @@ COUPLINGS = {
 
 
 def joint_motion(law: str, **changes: object) -> str:
-    fields = {"name": "M", "joint": "H", "freedom": "angle", "law": law} | changes
-    return tags("drive", **fields)
+    fields = {"name": "M", "joint": "H", "coordinate": "angle", "law": law} | changes
+    return tags("jointMotion", **fields)
 
 
 def table(pairs: str, interpolation: str = "linear") -> str:
@@ -292,15 +292,15 @@ MOTIONS = {
         joint_motion("<constant>1</constant>", joint="K"),
         ":25: motion 'M': joint 'K' is not a joint of this deck (joints: H, R)",
     ),
-    "no such freedom": (
+    "no such coordinate": (
         joint_motion("<constant>1</constant>", coordinate="slide"),
         ":25: motion 'M': joint 'H', a revolute, has no free slide to act along (it has: angle)",
     ),
-    "unknown freedom": (
+    "unknown coordinate": (
         joint_motion("<constant>1</constant>", coordinate="turn"),
-        ":26: motion 'M', freedom: unknown value 'turn'; expected one of angle, slide",
+        ":26: motion 'M', coordinate: unknown value 'turn'; expected one of angle, slide",
     ),
-    "unit of the other freedom": (
+    "unit of the other coordinate": (
         joint_motion('<constant units="m">1</constant>'),
         ":27: motion 'M', law/constant: 'm' does not fit here; expected one of rad, deg",
     ),
@@ -347,11 +347,11 @@ MOTIONS = {
         joint_motion("<constant>1</constant>", name="scheme"),
         ":24: motion 'scheme', name: the name is that of the scheme's own column",
     ),
-    "driven twice": (
+    "two motions of one coordinate": (
         joint_motion("<constant>1</constant>")
         + "\n"
         + joint_motion("<constant>2</constant>", name="N"),
-        ":29: motion 'N': the angle of 'H' is driven already (line 24); keep one",
+        ":29: motion 'N': the angle of 'H' already has a prescribed motion (line 24); keep one",
     ),
     "a joint's name": (
         joint_motion("<constant>1</constant>", name="R"),
@@ -372,7 +372,7 @@ SHORT = {"parent": "<name>G</name>", "child": "<name>A</name>"}
 FRICTION = {
     "name": "F",
     "joint": "H",
-    "freedom": "angle",
+    "coordinate": "angle",
     "coefficient": 1,
     "radius": 1,
     "width": 1,
@@ -479,7 +479,7 @@ LOADS = {
         tags("friction", **(FRICTION | {"coefficient": -1})),
         ":29: load 'F', coefficient: it is -1; it must not be less than zero",
     ),
-    "width of the other freedom": (
+    "width of the other coordinate": (
         tags("friction", **FRICTION).replace("<width>", '<width units="m/s">'),
         ":31: load 'F', width: 'm/s' does not fit here; expected one of rad/sec",
     ),
@@ -488,7 +488,7 @@ LOADS = {
         ":26: load 'F': <radius> is missing; add that of the bearing",
     ),
     "friction with a needless radius": (
-        tags("friction", **(FRICTION | {"joint": "R", "freedom": "slide"})),
+        tags("friction", **(FRICTION | {"joint": "R", "coordinate": "slide"})),
         ":30: load 'F', radius: friction along a slide has no radius; delete it",
     ),
     "friction of no joint": (

@@ -19,7 +19,7 @@ from msahl.deck.parse import parse
 from msahl.deck.schema import built, schema_bytes
 from msahl.joints.registry import KINDS
 from msahl.model import Drag, Friction, JointMotion, JointSpring, Model, PointMotion, SpringDamper
-from msahl.model.couplings import FREEDOMS, Coupling
+from msahl.model.couplings import COORDINATES, Coupling
 
 ROOT = Path(__file__).parents[2]
 DECKS = sorted((*ROOT.glob("decks/*/*.xml"), *ROOT.glob("msahl/deck/templates/*.xml")))
@@ -72,7 +72,7 @@ def test_all_readers_of_the_schema_accept_every_deck(path):
 def test_every_element_has_a_deck():
     decks = [read_deck(path) for path in DECKS]
     assert {joint.kind for deck in decks for joint in deck.joints} == KINDS.keys()
-    assert {c.kind for deck in decks for c in deck.couplings} == FREEDOMS.keys()
+    assert {c.kind for deck in decks for c in deck.couplings} == COORDINATES.keys()
     tags = {e.tag for path in DECKS for e in etree.parse(path).iter(etree.Element)}
     declared = set(re.findall(r'<xs:element name="(\w+)"', schema_bytes().decode()))
     # What only a unit test shows: guesses, the other kinds of coefficient, joint tables, rows and
@@ -100,7 +100,7 @@ def test_the_schema_has_every_kind_and_its_parameters():
 
     path = "xs:complexType[@name='joints']/xs:choice/xs:element"
     types = {e.get("name"): e.get("type") for e in schema.iterfind(path, ns)}
-    assert types.keys() == KINDS.keys() | FREEDOMS.keys()
+    assert types.keys() == KINDS.keys() | COORDINATES.keys()
     for name, kind in KINDS.items():
         given = fields(types[name])
         assert {key: given[key] for key, *_ in kind.parameters} == {
@@ -243,7 +243,8 @@ LAWS = {
 def test_laws(read, kind):
     text, law = LAWS[kind]
     joint_motion = (
-        f"<drive><name>M</name><joint>H</joint><freedom>angle</freedom><law>{text}</law></drive>"
+        "<jointMotion><name>M</name><joint>H</joint><coordinate>angle</coordinate>"
+        f"<law>{text}</law></jointMotion>"
     )
     assert read(motions=joint_motion).motions == (JointMotion("M", "H", "angle", law),)
 
@@ -251,7 +252,7 @@ def test_laws(read, kind):
 def test_a_slide_is_driven_in_lengths_and_a_point_along_a_direction(read):
     law = "<law><constant units='{}'>2</constant></law>"
     motions = (
-        f"<drive><name>M</name><joint>R</joint><freedom>slide</freedom>{law.format('mm')}</drive>"
+        f"<jointMotion><name>M</name><joint>R</joint><coordinate>slide</coordinate>{law.format('mm')}</jointMotion>"
         "<pointMotion><name>P</name><body>A</body><position><x>1</x></position>"
         f"<direction basis='A'><x>3</x></direction>{law.format('ft')}</pointMotion>"
     )
@@ -330,9 +331,9 @@ def test_a_bushing_has_its_parents_axes_unless_it_has_an_axis(read):
 
 def test_drag_and_friction(read):
     loads = """<drag><name>D</name><body>B</body><coefficient>0.5</coefficient></drag>
-    <friction><name>F</name><joint>H</joint><freedom>angle</freedom><coefficient>0.2</coefficient>
+    <friction><name>F</name><joint>H</joint><coordinate>angle</coordinate><coefficient>0.2</coefficient>
     <radius units="mm">20</radius><width units="rpm">60</width></friction>
-    <friction><name>E</name><joint>R</joint><freedom>slide</freedom><coefficient>0.3</coefficient>
+    <friction><name>E</name><joint>R</joint><coordinate>slide</coordinate><coefficient>0.3</coefficient>
     <width units="mm/s">1</width></friction>"""
     assert read(loads=loads).loads == (
         Drag("D", "B", ZERO, 0.5),
@@ -374,8 +375,8 @@ def test_every_deck_in_the_guide_is_valid(tmp_path, read):
 
 
 def _group(tag: str) -> str:
-    if tag in KINDS.keys() | FREEDOMS.keys():
+    if tag in KINDS.keys() | COORDINATES.keys():
         return "joints"
-    return {"drive": "motions", "pointMotion": "motions", "assembly": "simulation"}.get(
+    return {"jointMotion": "motions", "pointMotion": "motions", "assembly": "simulation"}.get(
         tag, "loads"
     )

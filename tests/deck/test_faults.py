@@ -381,14 +381,23 @@ DRIVEN = (
     "</joints>",
     "<revolute><name>Hinge</name><parent><name>Base</name><axis><z>1</z></axis></parent>"
     "<child><name>Arm</name></child></revolute></joints>"
-    "<motions><drive><name>Motor</name><joint>Hinge</joint><freedom>angle</freedom>"
-    "<law><constant>0</constant></law></drive></motions>",
+    "<motions><jointMotion><name>Motor</name><joint>Hinge</joint><coordinate>angle</coordinate>"
+    "<law><constant>0</constant></law></jointMotion></motions>",
 )
 ARM = (
     "</bodies>",
     "<rigidBody><name>Arm</name><mass>1</mass><moi><Ixx>1</Ixx><Iyy>1</Iyy><Izz>1</Izz></moi>"
     "</rigidBody></bodies>",
 )
+
+
+def test_an_old_name_is_answered_with_the_new_one(tmp_path):
+    there = changed(tmp_path, ARM, DRIVEN)
+    text = there.read_text().replace("jointMotion>", "drive>").replace("coordinate>", "freedom>")
+    there.write_text(text)
+    element, child = faults_of(there)
+    assert element.endswith("unknown element <drive> in <motions>; it is called <jointMotion> now")
+    assert child.endswith("unknown element <freedom> in <drive>; it is called <coordinate> now")
 
 
 @pytest.mark.parametrize(

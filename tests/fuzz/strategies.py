@@ -394,8 +394,8 @@ def _motion(draw, name, bodies, joints):
     if joints and draw(st.booleans()):
         coordinate = _of(draw, ("angle", "slide"))
         return (
-            f"<drive><name>{name}</name><joint>{_of(draw, joints)}</joint>"
-            f"<freedom>{coordinate}</freedom>{_law(draw)}</drive>"
+            f"<jointMotion><name>{name}</name><joint>{_of(draw, joints)}</joint>"
+            f"<coordinate>{coordinate}</coordinate>{_law(draw)}</jointMotion>"
         )
     return (
         f"<pointMotion><name>{name}</name><body>{_of(draw, bodies)}</body>"
@@ -431,7 +431,7 @@ def _load(draw, name, names, joints):
     elif kind == "friction":
         coordinate, radius = _of(draw, (("angle", _number(draw, "radius", sizes)), ("slide", "")))
         rest = _number(draw, "coefficient", sizes) + radius + _number(draw, "width", sizes)
-        joint = f"<joint>{_of(draw, joints)}</joint><freedom>{coordinate}</freedom>"
+        joint = f"<joint>{_of(draw, joints)}</joint><coordinate>{coordinate}</coordinate>"
         inside = f"<name>{name}</name>{joint}{rest}"
     else:
         tags = ("angle", "moment") if kind[0] == "t" else ("length", "force")

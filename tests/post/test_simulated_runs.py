@@ -38,7 +38,7 @@ def run_of(tmp_path_factory):
 @pytest.mark.parametrize(
     "deck",
     [
-        "forces/drive_sine",
+        "forces/joint_motion_sine",
         "forces/torsional_spring",
         "joints/revolute",
         "joints/parallel_cylinders",
@@ -66,7 +66,7 @@ def test_the_work_of_the_reaction_sees_forces_and_moments(run_of):
 
 
 def test_a_drive_has_load_work_and_a_gap_in_radians(run_of):
-    run = run_of("forces/drive_sine")
+    run = run_of("forces/joint_motion_sine")
     measures = measure(run)
     found = measures.constraints
     assert found.names == ("Hinge", "Motor")
@@ -81,7 +81,7 @@ def test_a_drive_has_load_work_and_a_gap_in_radians(run_of):
     assert "" not in hinge
 
 
-@pytest.mark.parametrize("deck", ["forces/drive_constant", "mechanisms/four_bar"])
+@pytest.mark.parametrize("deck", ["forces/joint_motion_constant", "mechanisms/four_bar"])
 def test_turns_are_counted_in_thinned_runs(run_of, deck):
     found = measure(run_of(deck, "--every", "37")).constraints
     motor = found.names.index("Motor")
@@ -120,7 +120,10 @@ def test_reactions_that_are_not_unique_are_marked(run_of):
 @pytest.mark.parametrize(
     ("deck", "kinds"),
     [
-        ("forces/drive_sine", {"path", "error", "energy", "work", "constraints", "reactions"}),
+        (
+            "forces/joint_motion_sine",
+            {"path", "error", "energy", "work", "constraints", "reactions"},
+        ),
         ("forces/spring_damper", {"path", "error", "energy"}),
         ("forces/point_motion", {"path", "error", "energy", "constraints", "reactions"}),
         ("joints/knife_edge", {"path", "error", "energy", "work", "constraints", "reactions"}),

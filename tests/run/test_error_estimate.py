@@ -110,7 +110,7 @@ def test_beyond_double_precision_the_time_is_told():
 @pytest.mark.parametrize("part", [1.0, 0.5, 0.25])
 def test_a_drive_that_moves_between_the_steps_is_not_passed(part):
     """A sine whose period is the step, or a part of it: both runs see it at rest."""
-    model = deck("drive_sine")
+    model = deck("joint_motion_sine")
     (joint_motion,) = model.motions
     law = Law("sine", (0.1, 2.0 * np.pi / (part * model.simulation.dt), 0.0, 0.0))
     run = simulate(replace(model, motions=(replace(joint_motion, law=law),)), t_final=0.5)

@@ -97,7 +97,7 @@ def test_every_deck_goes_on_bit_for_bit(monkeypatch, path):
     same_run(monkeypatch, model, Options(every=3), 20)
 
 
-SCENES = ("triple_pendulum_45", "spring_damper", "friction_hinge", "drive_table", "bricard",
+SCENES = ("triple_pendulum_45", "spring_damper", "friction_hinge", "joint_motion_table", "bricard",
           "two_pendulums", "knife_edge")  # fmt: skip
 
 

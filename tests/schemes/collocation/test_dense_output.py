@@ -49,7 +49,11 @@ def test_rows_between_are_of_the_order_of_the_ends(degree):
 
 @pytest.mark.parametrize(
     ("name", "dt", "degree", "t_final"),
-    [("spring_damper", 0.05, 3, 0.4), ("drive_sine", 0.1, 3, 0.4), ("knife_edge", 0.05, 3, 0.4)],
+    [
+        ("spring_damper", 0.05, 3, 0.4),
+        ("joint_motion_sine", 0.1, 3, 0.4),
+        ("knife_edge", 0.05, 3, 0.4),
+    ],
 )
 def test_reactions_and_work_between_are_as_good(name, dt, degree, t_final):
     """Of a damper, a drive and a joint between rates, against steps so small that none is between.
