@@ -108,7 +108,7 @@ compares the result with that. Run one, and write a report with pictures:
 
 The pictures show the bodies at equal intervals of time (light to dark: early to late), as lines
 from the mass centre to the points where joints and loads act, and the paths of their reference
-points. Where no point moves, they show angular velocities against time.
+points. Where nothing moves off a line, they show angular velocities or displacements against time.
 """
 
 
