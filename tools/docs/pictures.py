@@ -49,7 +49,7 @@ def attachment_points(model: Model) -> tuple[Points, np.ndarray]:
     points: dict[str, list[tuple[float, ...]]] = {
         body.name: [body.r_BG] for body in model.bodies if isinstance(body, RigidBody)
     }
-    ground = []
+    ground: list[tuple[float, ...]] = []
     for part in [*model.joints, *model.loads]:
         for end, place in (("parent", "parent_point"), ("child", "child_point"), ("body", "point")):
             name, point = getattr(part, end, None), getattr(part, place, None)
@@ -150,10 +150,14 @@ def draw_against_time(axes: Axes, states: pd.DataFrame) -> None:
     axes.legend(frameon=False)
 
 
-def draw(deck: Path, results: Path) -> bytes:
-    """Return the picture of a deck from the tables of its run, as a PNG of few colours."""
+def draw(deck: Path, results: Path) -> bytes | None:
+    """Return the picture of a deck from the tables of its run, as a PNG of few colours; None if
+    nothing moves.
+    """
     states = pd.read_csv(results / "states.csv")
     states = states.iloc[:: max(1, len(states) // 1000)]
+    if np.ptp(states.drop(columns="time").to_numpy(), axis=0).max() < 1e-9:
+        return None
     with mpl.rc_context({"font.size": 7, "axes.spines.top": False, "axes.spines.right": False}):
         figure = Figure(figsize=SIZE, dpi=DPI, layout="tight")
         axes = figure.add_subplot()
@@ -186,7 +190,9 @@ def main(arguments: Iterable[str] | None = None) -> None:
             results = given or run(deck, Path(temporary) / name)
             picture = PICTURES / family / f"{name}.png"
             picture.parent.mkdir(parents=True, exist_ok=True)
-            picture.write_bytes(draw(deck, results))
+            picture.unlink(missing_ok=True)
+            if drawn := draw(deck, results):
+                picture.write_bytes(drawn)
 
 
 if __name__ == "__main__":
