@@ -12,7 +12,7 @@ from msahl.algebra.functions import Laws
 from msahl.elements.constraints import coordinates, equations
 from msahl.elements.constraints.coordinates import Quantities, QuantityStart
 from msahl.elements.constraints.equations import Rows
-from msahl.elements.rigid_body import Bodies, BodyStart
+from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.jit.kernel import kernel
 
 
@@ -50,7 +50,7 @@ def prepare(
 def residual(
     along: Along | None,
     start: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     violation: np.ndarray,
     t: float,
     h: float,
@@ -64,15 +64,15 @@ def residual(
     if along is None:
         return
     q = start.quantities
-    coordinates.evaluate(along.quantities, q, bodies, Z)
-    equations.residual(along.rows, along.laws, q, bodies, violation, t, h, dt2, Z, F)
+    coordinates.evaluate(along.quantities, q, frames, Z)
+    equations.residual(along.rows, along.laws, q, frames, violation, t, h, dt2, Z, F)
 
 
 @kernel
 def joint_jacobian(
     along: Along | None,
     start: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     dt2: float,
     Z: np.ndarray,
     values: np.ndarray,
@@ -81,15 +81,15 @@ def joint_jacobian(
     if along is None:
         return
     q = start.quantities
-    coordinates.differentiate(along.quantities, q, bodies, Z)
-    equations.jacobian(along.rows, along.laws, along.quantities, q, bodies, dt2, Z, values)
+    coordinates.differentiate(along.quantities, q, frames, Z)
+    equations.jacobian(along.rows, along.laws, along.quantities, q, frames, dt2, Z, values)
 
 
 @kernel
 def accept(
     along: Along | None,
     start: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     t: float,
     h: float,
     dt2: float,
@@ -101,7 +101,7 @@ def accept(
     if along is None:
         return
     q = start.quantities
-    equations.work(along.rows, along.laws, bodies, t, h, dt2, Z, along.row_column, work)
+    equations.work(along.rows, along.laws, frames, t, h, dt2, Z, along.row_column, work)
     for k in range(angle.size):
         angle[k] = q.value[k] + q.change[k]
 
@@ -141,7 +141,7 @@ def follow(
 def free_acceleration(
     along: Along | None,
     start: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
     t: float,
@@ -151,7 +151,7 @@ def free_acceleration(
     if along is None:
         return
     equations.free_acceleration(
-        along.rows, along.laws, along.quantities, start.quantities, bodies, start.rate, v, W, t, F
+        along.rows, along.laws, along.quantities, start.quantities, frames, start.rate, v, W, t, F
     )
 
 
@@ -159,7 +159,7 @@ def free_acceleration(
 def rates(
     along: Along | None,
     start: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
     Z: np.ndarray,
@@ -167,23 +167,23 @@ def rates(
     """Evaluate the coordinates and their rates at one configuration; ``Z`` is zero."""
     if along is None:
         return
-    coordinates.evaluate(along.quantities, start.quantities, bodies, Z)
+    coordinates.evaluate(along.quantities, start.quantities, frames, Z)
     coordinates.rates(along.quantities, start.quantities, v, W, start.rate)
 
 
 @kernel
-def differentiate(along: Along | None, start: AlongStart, bodies: Bodies, Z: np.ndarray) -> None:
+def differentiate(along: Along | None, start: AlongStart, frames: Frames, Z: np.ndarray) -> None:
     """Fill the derivatives of the coordinates, after ``rates``; ``Z`` is zero."""
     if along is None:
         return
-    coordinates.differentiate(along.quantities, start.quantities, bodies, Z)
+    coordinates.differentiate(along.quantities, start.quantities, frames, Z)
 
 
 @kernel
 def roll_jacobian(
     along: Along | None,
     start: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
     Z: np.ndarray,
@@ -195,7 +195,7 @@ def roll_jacobian(
     if along is None:
         return
     equations.roll_jacobian(
-        along.rows, along.quantities, start.quantities, bodies, v, W, Z, room, by_place, by_rate
+        along.rows, along.quantities, start.quantities, frames, v, W, Z, room, by_place, by_rate
     )
 
 
@@ -203,7 +203,7 @@ def roll_jacobian(
 def hold(
     along: Along | None,
     start: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     violation: np.ndarray,
     t: float,
     h: float,
@@ -214,24 +214,24 @@ def hold(
     if along is None:
         return
     q = start.quantities
-    coordinates.evaluate(along.quantities, q, bodies, Z)
-    equations.residual(along.rows, along.laws, q, bodies, violation, t, h, -1.0, Z, F)
-    coordinates.push(along.quantities, q, bodies, 1.0, F)
+    coordinates.evaluate(along.quantities, q, frames, Z)
+    equations.residual(along.rows, along.laws, q, frames, violation, t, h, -1.0, Z, F)
+    coordinates.push(along.quantities, q, frames, 1.0, F)
 
 
 @kernel
 def hold_jacobian(
     along: Along | None,
     start: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
     """Add the derivative of ``hold``, after it at the same ``Z``."""
     if along is None:
         return
-    joint_jacobian(along, start, bodies, -1.0, Z, values)
-    coordinates.stiffness(along.quantities, start.quantities, bodies, 1.0, Z, values)
+    joint_jacobian(along, start, frames, -1.0, Z, values)
+    coordinates.stiffness(along.quantities, start.quantities, frames, 1.0, Z, values)
 
 
 @kernel
@@ -244,11 +244,11 @@ def strain(along: Along | None, start: AlongStart, c: float, pull: np.ndarray) -
 
 
 @kernel
-def roll(along: Along | None, start: AlongStart, bodies: Bodies, h: float, F: np.ndarray) -> None:
+def roll(along: Along | None, start: AlongStart, frames: Frames, h: float, F: np.ndarray) -> None:
     """Set the rows that are of rates alone to ``h`` times them, after ``rates``."""
     if along is None:
         return
-    equations.roll(along.rows, start.rate, 2 * bodies.inverse_mass.size, h, F)
+    equations.roll(along.rows, start.rate, first_multiplier(frames), h, F)
 
 
 @kernel
@@ -263,26 +263,30 @@ def settle(along: Along | None, violation: np.ndarray) -> None:
 
 @kernel
 def motion_work(
-    along: Along | None, bodies: Bodies, t: float, dt: float, Z: np.ndarray, work: np.ndarray
+    along: Along | None, frames: Frames, t: float, dt: float, Z: np.ndarray, work: np.ndarray
 ) -> None:
     """Add the work [J] of the drives over a time ``dt`` at the rates of ``t``; the multipliers in
     ``Z`` are by mass.
     """
     if along is None:
         return
-    equations.motion_work(along.rows, along.laws, bodies, t, dt, Z, along.row_column, work)
+    equations.motion_work(along.rows, along.laws, frames, t, dt, Z, along.row_column, work)
 
 
 @kernel
 def values(
-    along: Along | None, start: AlongStart, bodies: BodyStart, value: np.ndarray, rate: np.ndarray
+    along: Along | None,
+    start: AlongStart,
+    frames: FramesWorkspace,
+    value: np.ndarray,
+    rate: np.ndarray,
 ) -> None:
     """Set ``value`` and ``rate`` (q,) to those of the quantities in the prepared state."""
     if along is None:
         return
     q = start.quantities
     coordinates.slopes(along.quantities, q)
-    coordinates.rates(along.quantities, q, bodies.v, bodies.W, rate)
+    coordinates.rates(along.quantities, q, frames.v, frames.W, rate)
     for k in range(value.size):
         value[k] = q.value[k]
 
@@ -291,7 +295,7 @@ def values(
 def observe(
     along: Along | None,
     start: AlongStart,
-    bodies: BodyStart,
+    frames: FramesWorkspace,
     t: float,
     violation: np.ndarray,
     violation_rate: np.ndarray,
@@ -301,7 +305,7 @@ def observe(
         return
     q = start.quantities
     coordinates.slopes(along.quantities, q)
-    coordinates.rates(along.quantities, q, bodies.v, bodies.W, start.rate)
+    coordinates.rates(along.quantities, q, frames.v, frames.W, start.rate)
     equations.observe(along.rows, along.laws, q, start.rate, t, violation, violation_rate)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from msahl.joints.registry import KINDS
 from msahl.model import JointMotion, Model
-from msahl.model.couplings import FREEDOMS
+from msahl.model.couplings import COORDINATES
 from msahl.post.replay import Rows, observe
 from msahl.post.virtual import child_work, reaction_work
 from msahl.results.read import Run
@@ -250,13 +250,13 @@ def _reactions(run: Run) -> Reactions:
         force[:, e] = run.reactions[[f"{name}.{c}" for c in FORCE_COLUMNS]]
         if KINDS[model.joints[e].kind].moment:
             moment[:, e] = run.reactions[[f"{name}.{c}" for c in MOMENT_COLUMNS]]
-    told = run.info.get("sharedReactions", {})
+    told = run.info.get("nonUniqueReactions", {})
     return Reactions(names, force, moment, load, tuple(tuple(told.get(n, ())) for n in names))
 
 
 def _turning(model: Model) -> dict[int, int]:
     """By number of the element: 1 if its load is along an angle [N m], 0 if along a way [N]."""
-    freedoms = [FREEDOMS[coupling.kind][1] for coupling in model.couplings]
+    freedoms = [COORDINATES[coupling.kind][1] for coupling in model.couplings]
     freedoms += [m.coordinate if isinstance(m, JointMotion) else "slide" for m in model.motions]
     return {e: int(f == "angle") for e, f in enumerate(freedoms, start=len(model.joints))}
 

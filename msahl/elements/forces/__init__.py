@@ -36,7 +36,7 @@ from msahl.elements.forces.concentrated import ConcentratedLoads, ConcentratedSt
 from msahl.elements.forces.drag import Drags
 from msahl.elements.forces.friction import Frictions
 from msahl.elements.forces.spring import Springs
-from msahl.elements.rigid_body import Bodies, BodyStart
+from msahl.elements.frames import Frames, FramesWorkspace
 from msahl.jit.kernel import kernel
 
 
@@ -106,7 +106,7 @@ def set_time(forces: Forces, start: ForceStart, t: float, R: np.ndarray) -> None
 
 def new_node_factors(forces: Forces, degree: int) -> np.ndarray:
     """Return the array that ``node_factors`` fills."""
-    return np.zeros((degree, forces.concentrated.body.size))
+    return np.zeros((degree, forces.concentrated.frame.size))
 
 
 @kernel
@@ -131,8 +131,8 @@ def add_forces(
     start: ForceStart,
     along: Along | None,
     place: AlongStart,
-    bodies: Bodies,
-    motion: BodyStart,
+    frames: Frames,
+    motion: FramesWorkspace,
     reaction: np.ndarray,
     F: np.ndarray,
 ) -> None:
@@ -145,9 +145,9 @@ def add_forces(
         q = place.quantities
         spring.add_load(forces.spring, forces.laws, along.quantities, q, place.rate)
         friction.add_load(forces.friction, reaction, q, place.rate)
-        coordinates.push(along.quantities, q, bodies, 1.0, F)
-    concentrated.add_force(forces.concentrated, start.concentrated, bodies, F)
-    drag.add_force(forces.drag, start.drag, bodies, motion.v, motion.W, F)
+        coordinates.push(along.quantities, q, frames, 1.0, F)
+    concentrated.add_force(forces.concentrated, start.concentrated, frames, F)
+    drag.add_force(forces.drag, start.drag, frames, motion.v, motion.W, F)
 
 
 @kernel
@@ -156,8 +156,8 @@ def add_derivatives(
     start: ForceStart,
     along: Along | None,
     place: AlongStart,
-    bodies: Bodies,
-    motion: BodyStart,
+    frames: Frames,
+    motion: FramesWorkspace,
     reaction: np.ndarray,
     Z: np.ndarray,
     room: np.ndarray,
@@ -170,13 +170,13 @@ def add_derivatives(
     values.
     """
     v, W = motion.v, motion.W
-    concentrated.add_derivatives(forces.concentrated, start.concentrated, bodies, by_place)
-    drag.add_derivatives(forces.drag, start.drag, bodies, v, W, by_place, by_rate)
+    concentrated.add_derivatives(forces.concentrated, start.concentrated, frames, by_place)
+    drag.add_derivatives(forces.drag, start.drag, frames, v, W, by_place, by_rate)
     if along is None:
         return
     q, quantities, laws = place.quantities, along.quantities, forces.laws
     spring.add_derivatives(
-        forces.spring, laws, quantities, q, bodies, v, W, Z, room, by_place, by_rate
+        forces.spring, laws, quantities, q, frames, v, W, Z, room, by_place, by_rate
     )
     friction.add_derivatives(
         forces.friction,
@@ -184,7 +184,7 @@ def add_derivatives(
         quantities,
         q,
         place.rate,
-        bodies,
+        frames,
         v,
         W,
         Z,
@@ -193,7 +193,7 @@ def add_derivatives(
         by_rate,
     )
     # At rest the unit forces' mean over a step changes by half as much as the forces themselves.
-    coordinates.stiffness(quantities, q, bodies, 2.0, Z, by_place)
+    coordinates.stiffness(quantities, q, frames, 2.0, Z, by_place)
 
 
 @kernel
@@ -202,7 +202,7 @@ def add_power(
     start: ForceStart,
     along: Along | None,
     place: AlongStart,
-    motion: BodyStart,
+    motion: FramesWorkspace,
     reaction: np.ndarray,
     dt: float,
     work: np.ndarray,
@@ -234,7 +234,7 @@ def mean_residual(
     start: ForceStart,
     along: Along | None,
     place: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     h: float,
     dt2: float,
     Z: np.ndarray,
@@ -247,9 +247,9 @@ def mean_residual(
         q = place.quantities
         spring.add_mean_load(forces.spring, forces.laws, along.quantities, q, start.stretch, h)
         friction.add_mean_load(forces.friction, start.reactions, q, h)
-        coordinates.push(along.quantities, q, bodies, -dt2, F)
-    concentrated.mean_residual(forces.concentrated, start.concentrated, bodies, dt2, Z, F)
-    drag.mean_residual(forces.drag, start.drag, bodies, h, dt2, Z, F)
+        coordinates.push(along.quantities, q, frames, -dt2, F)
+    concentrated.mean_residual(forces.concentrated, start.concentrated, frames, dt2, Z, F)
+    drag.mean_residual(forces.drag, start.drag, frames, h, dt2, Z, F)
 
 
 @kernel
@@ -258,7 +258,7 @@ def mean_jacobian(
     start: ForceStart,
     along: Along | None,
     place: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     h: float,
     dt2: float,
     Z: np.ndarray,
@@ -269,13 +269,13 @@ def mean_jacobian(
     """
     if along is not None:
         q, quantities = place.quantities, along.quantities
-        spring.mean_jacobian(forces.spring, forces.laws, quantities, q, bodies, h, dt2, values)
+        spring.mean_jacobian(forces.spring, forces.laws, quantities, q, frames, h, dt2, values)
         friction.mean_jacobian(
-            forces.friction, start.reactions, quantities, q, bodies, h, dt2, values
+            forces.friction, start.reactions, quantities, q, frames, h, dt2, values
         )
-        coordinates.stiffness(quantities, q, bodies, -dt2, Z, values)
-    concentrated.mean_jacobian(forces.concentrated, start.concentrated, bodies, dt2, Z, values)
-    drag.mean_jacobian(forces.drag, start.drag, bodies, h, dt2, Z, values)
+        coordinates.stiffness(quantities, q, frames, -dt2, Z, values)
+    concentrated.mean_jacobian(forces.concentrated, start.concentrated, frames, dt2, Z, values)
+    drag.mean_jacobian(forces.drag, start.drag, frames, h, dt2, Z, values)
 
 
 @kernel
@@ -284,14 +284,14 @@ def mean_work(
     start: ForceStart,
     along: Along | None,
     place: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     h: float,
     Z: np.ndarray,
     work: np.ndarray,
 ) -> None:
     """Add the work of all mean forces over the solved step to ``work`` (w,) [J]."""
-    concentrated.mean_work(forces.concentrated, start.concentrated, bodies, Z, work)
-    drag.mean_work(forces.drag, start.drag, bodies, h, Z, work)
+    concentrated.mean_work(forces.concentrated, start.concentrated, frames, Z, work)
+    drag.mean_work(forces.drag, start.drag, frames, h, Z, work)
     if along is None:
         return
     spring.mean_work(forces.spring, place.quantities, h, work)
@@ -305,9 +305,9 @@ def has_first(start: ForceStart) -> bool:
 
 
 @kernel
-def add_first(forces: Forces, start: ForceStart, bodies: Bodies, F: np.ndarray) -> None:
+def add_first(forces: Forces, start: ForceStart, frames: Frames, F: np.ndarray) -> None:
     """Add the forces' first moments over the step by mass to the rows ``F`` (nodes, 3)."""
-    concentrated.add_first(forces.concentrated, start.concentrated, bodies, F)
+    concentrated.add_first(forces.concentrated, start.concentrated, frames, F)
 
 
 @kernel
@@ -378,7 +378,7 @@ def energy_columns(forces: Forces) -> int:
 
 def acts_at_points(forces: Forces) -> bool:
     """Return whether a force acts on a body from outside the system."""
-    return bool(forces.concentrated.body.size or forces.drag.body.size)
+    return bool(forces.concentrated.frame.size or forces.drag.frame.size)
 
 
 def pressed_by_reactions(forces: Forces) -> ReactionForces | None:
@@ -416,7 +416,7 @@ def vectors(
     time, which may vanish at t = 0.
     """
     group = forces.concentrated
-    arms = np.einsum("kij,kj->ki", R[group.body], group.s)
+    arms = np.einsum("kij,kj->ki", R[group.frame], group.s)
     of_forces = np.einsum("kij,kj->ki", R[group.f_axes], group.f)
     moments = np.einsum("kij,kj->ki", R[group.m_axes], group.m)
     # The arm matters only where a force acts.
@@ -429,7 +429,7 @@ def work_scales(forces: Forces, length: np.ndarray) -> tuple[float, float]:
     """
     group = forces.concentrated
     force, moment = (np.linalg.norm(of, axis=1) for of in (group.f, group.m))
-    return float(moment.sum()), float(force @ length[group.body])
+    return float(moment.sum()), float(force @ length[group.frame])
 
 
 def laws_of_time(forces: Forces) -> list[int]:
@@ -456,14 +456,14 @@ def rate_breakpoints(forces: Forces) -> tuple[np.ndarray, np.ndarray]:
 
 
 def unresolved_speed(
-    forces: Forces, along: Along | None, bodies: Bodies, reaction: np.ndarray, h: float
+    forces: Forces, along: Along | None, frames: Frames, reaction: np.ndarray, h: float
 ) -> float:
     """Return half the largest speed [m/s] within which a force changes fast and which the system
     passes within one step ``h`` under the joints' ``reaction`` (j, 6).
     """
     if along is None:
         return 0.0
-    return friction.unresolved_speed(forces.friction, along.quantities, bodies, reaction, h)
+    return friction.unresolved_speed(forces.friction, along.quantities, frames, reaction, h)
 
 
 def numbers_at_points(
@@ -475,7 +475,7 @@ def numbers_at_points(
     for k, column in enumerate(forces.concentrated.column):
         yield column, np.concatenate([np.ravel(part[k]) for part in start.concentrated])
     for k, column in enumerate(forces.drag.column):
-        speed = np.linalg.norm(v[forces.drag.body[k]])
+        speed = np.linalg.norm(v[forces.drag.frame[k]])
         yield column, np.array(forces.drag.coefficient[k] * speed**2)
 
 

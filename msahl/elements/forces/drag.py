@@ -40,13 +40,14 @@ from msahl.algebra.vector import (
     times,
 )
 from msahl.elements.constraints.products import add_block
-from msahl.elements.rigid_body import (
-    Bodies,
+from msahl.elements.frames import (
+    Frames,
     add_force_by_mass,
+    displacement,
     end_tangent,
     mean,
     push,
-    turn_of,
+    rotation_increment,
 )
 from msahl.jit.kernel import kernel
 
@@ -54,7 +55,7 @@ from msahl.jit.kernel import kernel
 class Drags(NamedTuple):
     """The group of all drags."""
 
-    body: np.ndarray  # (d,)
+    frame: np.ndarray  # (d,)
     s: np.ndarray  # (d, 3) point from the mass centre, axes of the body [m]
     coefficient: np.ndarray  # (d,) c
     block: np.ndarray  # (d, 4) starts of (u, u), (u, Q), (Q, u), (Q, Q) of the body
@@ -84,44 +85,44 @@ def force_slope(c: float, V: Vector) -> Matrix:
 @kernel
 def prepare(group: Drags, R: np.ndarray, arm: np.ndarray) -> None:
     """Set the arms r (d, 3) in inertial axes."""
-    for k in range(group.body.size):
-        put(arm, k, times(matrix_at(R, group.body[k]), at(group.s, k)))
+    for k in range(group.frame.size):
+        put(arm, k, times(matrix_at(R, group.frame[k]), at(group.s, k)))
 
 
 @kernel
 def velocity(group: Drags, arm: np.ndarray, v: np.ndarray, W: np.ndarray, k: int) -> Vector:
     """Return the velocity V of the point at one configuration."""
-    b = group.body[k]
+    b = group.frame[k]
     return add(at(v, b), cross(at(W, b), at(arm, k)))
 
 
 @kernel
 def add_force(
-    group: Drags, arm: np.ndarray, bodies: Bodies, v: np.ndarray, W: np.ndarray, F: np.ndarray
+    group: Drags, arm: np.ndarray, frames: Frames, v: np.ndarray, W: np.ndarray, F: np.ndarray
 ) -> None:
     """Add the drags by mass to the rows of their bodies."""
-    for k in range(group.body.size):
+    for k in range(group.frame.size):
         f = force(group.coefficient[k], velocity(group, arm, v, W, k))
-        add_force_by_mass(bodies, F, group.body[k], f, cross(at(arm, k), f))
+        add_force_by_mass(frames, F, group.frame[k], f, cross(at(arm, k), f))
 
 
 @kernel
 def add_derivatives(
     group: Drags,
     arm: np.ndarray,
-    bodies: Bodies,
+    frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
     by_place: np.ndarray,
     by_rate: np.ndarray,
 ) -> None:
     """Add the derivatives of the drags by mass by the places and by the rates."""
-    for k in range(group.body.size):
-        b = group.body[k]
-        length, r = bodies.length[b], skew(at(arm, k))
+    for k in range(group.frame.size):
+        b = group.frame[k]
+        length, r = frames.length[b], skew(at(arm, k))
         V = velocity(group, arm, v, W, k)
         by_V, f = force_slope(group.coefficient[k], V), skew(force(group.coefficient[k], V))
-        c = bodies.inverse_mass[b]
+        c = frames.inverse_mass[b]
         by_W, lever = product(by_V, r), product(r, by_V)
         add_block(by_rate, group.block[k, 0], c, by_V)
         add_block(by_rate, group.block[k, 1], -c / length, by_W)
@@ -143,55 +144,61 @@ def add_power(
     total: np.ndarray,
 ) -> None:
     """Add ``dt`` times the power [W] of each drag to its column of ``total`` [J]."""
-    for k in range(group.body.size):
+    for k in range(group.frame.size):
         V = velocity(group, arm, v, W, k)
         total[group.column[k]] += dot(force(group.coefficient[k], V), V) * dt
 
 
 @kernel
-def displacement(group: Drags, arm: np.ndarray, bodies: Bodies, Z: np.ndarray, k: int) -> Vector:
+def point_displacement(
+    group: Drags, arm: np.ndarray, frames: Frames, Z: np.ndarray, k: int
+) -> Vector:
     """Return the displacement u + dr of the point over the step."""
-    b = group.body[k]
-    return add(at(Z, 2 * b), turn_change(turn_of(bodies, Z, b), at(arm, k)))
+    b = group.frame[k]
+    return add(
+        displacement(frames, Z, b), turn_change(rotation_increment(frames, Z, b), at(arm, k))
+    )
 
 
 @kernel
 def mean_residual(
     group: Drags,
     arm: np.ndarray,
-    bodies: Bodies,
+    frames: Frames,
     h: float,
     dt2: float,
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
     """Take the mean drags from the rows of their bodies."""
-    for k in range(group.body.size):
-        b = group.body[k]
-        f = force(group.coefficient[k], scale(1.0 / h, displacement(group, arm, bodies, Z, k)))
-        push(bodies, dt2, F, b, f, cross(mean(bodies, Z, b, at(arm, k)), f))
+    for k in range(group.frame.size):
+        b = group.frame[k]
+        f = force(
+            group.coefficient[k], scale(1.0 / h, point_displacement(group, arm, frames, Z, k))
+        )
+        push(frames, dt2, F, b, f, cross(mean(frames, Z, b, at(arm, k)), f))
 
 
 @kernel
 def mean_jacobian(
     group: Drags,
     arm: np.ndarray,
-    bodies: Bodies,
+    frames: Frames,
     h: float,
     dt2: float,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
     """Add the derivatives of ``mean_residual`` by the unknowns."""
-    for k in range(group.body.size):
-        b = group.body[k]
-        V = scale(1.0 / h, displacement(group, arm, bodies, Z, k))
+    for k in range(group.frame.size):
+        b = group.frame[k]
+        V = scale(1.0 / h, point_displacement(group, arm, frames, Z, k))
         by_V = force_slope(group.coefficient[k], V)
-        T = end_tangent(bodies, Z, b, at(arm, k))
-        r = skew(mean(bodies, Z, b, at(arm, k)))
+        T = end_tangent(frames, Z, b, at(arm, k))
+        r = skew(mean(frames, Z, b, at(arm, k)))
         by_Q = product(by_V, T)
-        c = dt2 * bodies.inverse_mass[b]
-        c_turn = c / bodies.length[b]
+        c = dt2 * frames.inverse_mass[b]
+        c_turn = c / frames.length[b]
         lever = product(skew(force(group.coefficient[k], V)), T)
         add_block(values, group.block[k, 0], -c / h, by_V)
         add_block(values, group.block[k, 1], c / h, by_Q)
@@ -202,10 +209,10 @@ def mean_jacobian(
 
 @kernel
 def mean_work(
-    group: Drags, arm: np.ndarray, bodies: Bodies, h: float, Z: np.ndarray, total: np.ndarray
+    group: Drags, arm: np.ndarray, frames: Frames, h: float, Z: np.ndarray, total: np.ndarray
 ) -> None:
     """Add the work [J] of each mean drag over the step to its column of ``total``."""
-    for k in range(group.body.size):
-        moved = displacement(group, arm, bodies, Z, k)
+    for k in range(group.frame.size):
+        moved = point_displacement(group, arm, frames, Z, k)
         f = force(group.coefficient[k], scale(1.0 / h, moved))
         total[group.column[k]] += dot(f, moved)

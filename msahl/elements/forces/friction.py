@@ -30,7 +30,7 @@ from msahl.elements.constraints.coordinates import (
     add_damper,
     add_spring,
 )
-from msahl.elements.rigid_body import Bodies
+from msahl.elements.frames import Frames
 from msahl.jit.kernel import kernel
 
 
@@ -76,7 +76,7 @@ def add_derivatives(
     quantities: Quantities,
     start: QuantityStart,
     rate: np.ndarray,
-    bodies: Bodies,
+    frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
     Z: np.ndarray,
@@ -88,7 +88,7 @@ def add_derivatives(
     for f in range(group.coordinate.size):
         q = group.coordinate[f]
         slope = load(group, reactions, f, rate[q])[1]
-        add_damper(quantities, start, bodies, v, W, Z, q, slope, room, by_place, by_rate)
+        add_damper(quantities, start, frames, v, W, Z, q, slope, room, by_place, by_rate)
 
 
 @kernel
@@ -117,7 +117,7 @@ def mean_jacobian(
     reactions: np.ndarray,
     quantities: Quantities,
     start: QuantityStart,
-    bodies: Bodies,
+    frames: Frames,
     h: float,
     dt2: float,
     values: np.ndarray,
@@ -126,7 +126,7 @@ def mean_jacobian(
     for f in range(group.coordinate.size):
         q = group.coordinate[f]
         slope = load(group, reactions, f, start.change[q] / h)[1] / h
-        add_spring(quantities, start, bodies, -dt2, q, slope, values)
+        add_spring(quantities, start, frames, -dt2, q, slope, values)
 
 
 @kernel
@@ -142,7 +142,7 @@ def mean_work(
 def unresolved_speed(
     group: Frictions,
     quantities: Quantities,
-    bodies: Bodies,
+    frames: Frames,
     reactions: np.ndarray,
     h: float,
 ) -> float:
@@ -153,11 +153,11 @@ def unresolved_speed(
     for f, q in enumerate(group.coordinate):
         first = quantities.first[q]
         pair = [quantities.measures.a[first], quantities.measures.b[first]]
-        moving = [b for b in pair if bodies.inverse_mass[b] > 0.0]
+        moving = [b for b in pair if frames.inverse_mass[b] > 0.0]
         angular = quantities.kind[q] == ANGLE
-        length = float(bodies.length[moving].max()) if angular else 1.0
+        length = float(frames.length[moving].max()) if angular else 1.0
         limit = float(np.linalg.norm(reactions[group.joint[f], :3])) * group.lever[f]
-        change = h * limit * bodies.inverse_mass[moving].max() / length**2
+        change = h * limit * frames.inverse_mass[moving].max() / length**2
         if change > group.width[f]:
             worst = max(worst, 0.5 * float(group.width[f]) * length)
     return worst

@@ -39,7 +39,7 @@ from msahl.elements.constraints.coordinates import (
     extent,
 )
 from msahl.elements.constraints.equations import SAME
-from msahl.elements.rigid_body import Bodies
+from msahl.elements.frames import Frames
 from msahl.jit.kernel import kernel
 
 
@@ -106,7 +106,7 @@ def add_derivatives(
     laws: Laws,
     quantities: Quantities,
     start: QuantityStart,
-    bodies: Bodies,
+    frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
     Z: np.ndarray,
@@ -118,9 +118,9 @@ def add_derivatives(
     for s in range(group.coordinate.size):
         q = group.coordinate[s]
         _, slope = tension(group, laws, s, elongation(group, start, s))
-        add_spring(quantities, start, bodies, 1.0, q, -slope, by_place)
+        add_spring(quantities, start, frames, 1.0, q, -slope, by_place)
         slope = -group.damping[s]
-        add_damper(quantities, start, bodies, v, W, Z, q, slope, room, by_place, by_rate)
+        add_damper(quantities, start, frames, v, W, Z, q, slope, room, by_place, by_rate)
 
 
 @kernel
@@ -169,7 +169,7 @@ def mean_jacobian(
     laws: Laws,
     quantities: Quantities,
     start: QuantityStart,
-    bodies: Bodies,
+    frames: Frames,
     h: float,
     dt2: float,
     values: np.ndarray,
@@ -179,7 +179,7 @@ def mean_jacobian(
         q = group.coordinate[s]
         _, slope = mean_tension(group, laws, s, elongation(group, start, s), start.change[q])
         slope = -slope - group.damping[s] / h - group.decay[s]
-        add_spring(quantities, start, bodies, -dt2, q, slope, values)
+        add_spring(quantities, start, frames, -dt2, q, slope, values)
 
 
 @kernel
