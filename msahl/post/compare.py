@@ -115,7 +115,7 @@ def _read(path: Path) -> pd.DataFrame:
 
     Other numbers may be anything: what is not finite differs from everything.
     """
-    table, told = read_table(path), read_info(path.parent).get("rows")
+    table, told = read_table(path), read_info(path.parent).get("outputTimes")
     if told is not None and len(table) != told and path.name.removesuffix(PART) in TABLES:
         raise ResultError(wrong_count(path, len(table), f"run.json says {told}"))
     if "time" in table.columns:

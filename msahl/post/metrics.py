@@ -250,7 +250,7 @@ def _reactions(run: Run) -> Reactions:
         force[:, e] = run.reactions[[f"{name}.{c}" for c in FORCE_COLUMNS]]
         if KINDS[model.joints[e].kind].moment:
             moment[:, e] = run.reactions[[f"{name}.{c}" for c in MOMENT_COLUMNS]]
-    told = run.info.get("sharedReactions", {})
+    told = run.info.get("nonUniqueReactions", {})
     return Reactions(names, force, moment, load, tuple(tuple(told.get(n, ())) for n in names))
 
 

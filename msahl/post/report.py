@@ -193,8 +193,11 @@ def _facts(run: Run) -> Table:
         ("deck's SHA-256", deck.get("digest")),
         ("bodies, joints, couplings, motions, loads", _counts(run)),
         ("degrees of freedom", _freedoms(run)),
-        ("reactions that are not unique", describe_shared(info.get("sharedReactions", {})) or None),
-        ("islands", _islands(run)),
+        (
+            "reactions that are not unique",
+            describe_shared(info.get("nonUniqueReactions", {})) or None,
+        ),
+        ("subsystems", _subsystems(run)),
         ("step dt [s]", f"{simulation.dt:.12g}"),
         ("end [s]", f"{simulation.t_final:.12g}"),
         ("scheme, solver", ", ".join(options.get(key, "?") for key in ("scheme", "solver"))),
@@ -202,7 +205,7 @@ def _facts(run: Run) -> Table:
         ("rows on file", str(len(run.time)) if run.every == 1 else None),
         ("unknowns", info.get("unknowns")),
         ("iterations", info.get("iterations")),
-        ("steps cut in halves", info.get("halvings")),
+        ("steps cut in halves", info.get("subdivisions")),
         ("seconds", seconds or None),
         (
             "versions",
@@ -221,14 +224,14 @@ def _counts(run: Run) -> str:
 
 def _freedoms(run: Run) -> str | None:
     """Degrees of freedom, by both ways to count them where they differ."""
-    told = run.info.get("freedoms")
+    told = run.info.get("degreesOfFreedom")
     if not told:
         return None
     count, rank = told.get("byCount"), told.get("byRank")
     return str(rank) if count == rank else f"{rank} by rank, {count} by count: redundant joints"
 
 
-def _islands(run: Run) -> str | None:
+def _subsystems(run: Run) -> str | None:
     """How many parts move independently, and in how many of them all stays in parallel planes."""
-    told, planar = run.info.get("islands"), run.info.get("planar_islands")
+    told, planar = run.info.get("subsystems"), run.info.get("planarSubsystems")
     return f"{told}, {planar} of them planar" if planar else told

@@ -176,7 +176,9 @@ def no_work_note(run: Run) -> str:
         return ""
     if run.instantaneous:
         again = (
-            "with --scheme preserving" if degree_of(run.model) else "without --reactions station"
+            "with --scheme preserving"
+            if degree_of(run.model)
+            else "without --reactions instantaneous"
         )
         return (
             "virtual work is not available: it takes mean reactions over steps, and the run has "

@@ -45,9 +45,9 @@ MEASURES = (
     Measure("position", "position", "m", True),
     Measure("orientation", "orientation", "rad", True),
     Measure("velocity", "velocity", "m/s", True),
-    Measure("spin", "angular velocity", "rad/s", True),
+    Measure("angular_velocity", "angular velocity", "rad/s", True),
     Measure("mean_reaction", "reaction, mean at mid-step", "N", True),
-    Measure("station_reaction", "reaction, at the row", "N", True),
+    Measure("instantaneous_reaction", "reaction, at the row", "N", True),
     Measure("energy_over_kinetic", "energy over max KE", "1", False),
     Measure("energy_over_first", "energy over |E(1)|", "1", False),
     Measure("work_hainge", "virtual work, Hainge's measure", "J", False),
@@ -55,7 +55,7 @@ MEASURES = (
     Measure("gap", "gap of the joints", "m", False),
     Measure("gap_rate", "gap rate of the joints", "m/s", False),
 )
-STATE_KEYS = ("position", "orientation", "velocity", "spin")
+STATE_KEYS = ("position", "orientation", "velocity", "angular_velocity")
 """Those of the states alone."""
 BY_KEY = {measure.key: measure for measure in MEASURES}
 
@@ -142,7 +142,7 @@ def _force_errors(
         errors["mean_reaction"] = _length(mean * own)
     forces = _own_forces(run.states.to_numpy()[rows, 1:], times, reference, dynamics)
     forces -= reference.forces(times)
-    errors["station_reaction"] = _length(forces.reshape(shape) * own)
+    errors["instantaneous_reaction"] = _length(forces.reshape(shape) * own)
     return errors
 
 
@@ -178,7 +178,9 @@ def state_errors(table: np.ndarray, true: np.ndarray) -> dict[str, np.ndarray]:
         "position": _length(x - x0),
         "orientation": angles(p, p0).max(axis=1),
         "velocity": _length(np.einsum("mnij,mnj->mni", R, v) - np.einsum("mnij,mnj->mni", R0, v0)),
-        "spin": _length(np.einsum("mnij,mnj->mni", R, w) - np.einsum("mnij,mnj->mni", R0, w0)),
+        "angular_velocity": _length(
+            np.einsum("mnij,mnj->mni", R, w) - np.einsum("mnij,mnj->mni", R0, w0)
+        ),
     }
 
 

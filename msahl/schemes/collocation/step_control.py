@@ -54,6 +54,14 @@ TOO_SMALL = 1e-12
 """Part of the run that no pair is shorter than."""
 
 
+class ControlSettings(NamedTuple):
+    """What the user asked of the step-size control."""
+
+    tolerance: float  # of the local errors of a whole run, added up [m]
+    dt: float  # size of the steps tried first [s]
+    t_final: float  # [s]
+
+
 class StepControl(NamedTuple):
     """Where the choice of steps stands, and room for going back."""
 
@@ -74,14 +82,15 @@ class StepControl(NamedTuple):
 
 
 def new_step_control(
-    subsystem: CollocationWorkspace, steps: int, dt: float, tolerance: float, t_final: float
+    subsystem: CollocationWorkspace, steps: int, settings: ControlSettings
 ) -> StepControl:
-    """Room for chunks of ``steps`` steps to a ``tolerance`` [m]; ``dt`` [s] is tried first."""
+    """Return the step-size control for chunks of up to ``steps`` steps."""
     state = subsystem.workspace.state
     system = subsystem.workspace.system
     figures = np.zeros(10)
     figures[STOP] = math.inf
-    figures[NEXT], figures[SHARE], figures[SMALLEST] = dt, tolerance / t_final, math.inf
+    figures[NEXT], figures[SMALLEST] = settings.dt, math.inf
+    figures[SHARE] = settings.tolerance / settings.t_final
     return StepControl(
         figures=figures,
         counts=np.zeros(4, dtype=np.int64),
@@ -135,7 +144,7 @@ def attempt(
     t = workspace.state.time[0]
     kink = breakpoints.next_kink(control.kinks, workspace.system, t, TOO_SMALL * figures[END])
     left = min(figures[END], kink, figures[STOP]) - t
-    spin = largest_spin(workspace.start.bodies.W)
+    spin = largest_spin(workspace.start.frames.W)
     h = figures[NEXT]
     if workspace.system.along is not None and h * spin > WIDEST_TURN:
         h = WIDEST_TURN / spin
@@ -258,13 +267,13 @@ def apart_within(
     pair's, by the energy over the length of the scene [m]; how much of that is round-off.
     """
     workspace, figures = subsystem.workspace, control.figures
-    bodies = workspace.system.bodies
+    frames = workspace.system.frames
     error, length = 0.0, 0.0
     for b in range(control.x.shape[0] - 1):
         way = sub(at(control.middle.x, b), at(control.x_middle, b))
         turn = compose(at(control.middle.p, b), inverse(at(control.p_middle, b)))
-        far = math.sqrt(dot(way, way)) + bodies.length[b] * math.sqrt(dot(turn, turn))
-        error, length = max(error, far), max(length, bodies.length[b])
+        far = math.sqrt(dot(way, way)) + frames.length[b] * math.sqrt(dot(turn, turn))
+        error, length = max(error, far), max(length, frames.length[b])
     for r in range(row, row + 2):
         figures[ENERGY] = max(figures[ENERGY], workspace.monitor.rows[r, KINETIC])
     work, size = 0.0, figures[ENERGY]
@@ -279,12 +288,12 @@ def apart_within(
 @kernel
 def apart(subsystem: CollocationWorkspace, control: StepControl) -> tuple[float, float]:
     """How far the pair and the whole step are apart [m], and how much of that is round-off."""
-    state, bodies = subsystem.workspace.state, subsystem.workspace.system.bodies
+    state, frames = subsystem.workspace.state, subsystem.workspace.system.frames
     error, size = 0.0, 0.0
     for b in range(state.x.shape[0] - 1):
         way = sub(at(state.x, b), at(control.x, b))
         turn = compose(at(state.p, b), inverse(at(control.p, b)))
-        length = bodies.length[b]
+        length = frames.length[b]
         error = max(error, math.sqrt(dot(way, way)) + length * math.sqrt(dot(turn, turn)))
         size = max(size, math.sqrt(dot(at(state.x, b), at(state.x, b))) + length)
     return error, ROUND_OFF * size
