@@ -50,9 +50,10 @@ def check(model: Model) -> list[Fault]:
         found += _element_faults("joint", joint, context, [_kind, joint_findings, _fit])
     for coupling in model.couplings:
         found += _element_faults("joint", coupling, context, [coupling_findings, _lift])
-    for kind, elements in (("motion", model.motions), ("load", model.loads)):
-        for element in elements:
-            found += _element_faults(kind, element, context, [element_findings, placed_findings])
+    others: list[tuple[str, Any]] = [("motion", motion) for motion in model.motions]
+    others += [("load", load) for load in model.loads]
+    for kind, element in others:
+        found += _element_faults(kind, element, context, [element_findings, placed_findings])
     found += _motion_faults(model)
     run = [*simulation_findings(model.simulation), *start_findings(model)]
     return found + _faults("simulation", "", run)
@@ -73,7 +74,9 @@ def _faults(kind: str, name: str, findings: Any) -> list[Fault]:
 
 def _name_faults(model: Model) -> Iterator[Fault]:
     """Yield faults of names; bodies and grounds share one set of names, all else another."""
-    bodies = [("body", element) for element in (*model.grounds, *model.bodies)]
+    bodies: list[tuple[str, Any]] = [
+        ("body", element) for element in (*model.grounds, *model.bodies)
+    ]
     others: list[tuple[str, Any]] = [("joint", e) for e in (*model.joints, *model.couplings)]
     others += [("motion", element) for element in model.motions]
     others += [("load", element) for element in model.loads]

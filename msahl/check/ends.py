@@ -22,13 +22,20 @@ class Ends(Protocol):
     """Parent and child of a joint, spring or bushing by name, and each one's point in its axes."""
 
     @property
-    def parent(self) -> str: ...
+    def parent(self) -> str:
+        """Name of the parent."""
+
     @property
-    def child(self) -> str: ...
+    def child(self) -> str:
+        """Name of the child."""
+
     @property
-    def parent_point(self) -> Vector: ...
+    def parent_point(self) -> Vector:
+        """Point of the parent [m]."""
+
     @property
-    def child_point(self) -> Vector: ...
+    def child_point(self) -> Vector:
+        """Point of the child [m]."""
 
 
 def ends_findings(ends: Ends, context: Context) -> Iterator[Finding]:
@@ -81,9 +88,9 @@ def frame_findings(axes: Matrix, part: str) -> Iterator[Finding]:
     """Find rows of a joint's frame that are not three right-handed unit vectors."""
     x, y, z = axes
     products = (dot(x, y), dot(y, z), dot(z, x), *(math.hypot(*row) - 1.0 for row in axes))
-    volume = dot(x, (y[1] * z[2] - y[2] * z[1], y[2] * z[0] - y[0] * z[2], y[0] * z[1] - y[1] * z[0]))
+    volume = dot(
+        x, (y[1] * z[2] - y[2] * z[1], y[2] * z[0] - y[0] * z[2], y[0] * z[1] - y[1] * z[0])
+    )
     if not max(map(abs, products)) <= PARALLEL or volume < 0.0:
         message = "its rows must be three right-handed unit vectors at right angles; correct them"
         yield Finding(part, message)
-
-

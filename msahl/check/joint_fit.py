@@ -155,9 +155,9 @@ def _shift_findings(shift: Vector, normals: int, start: JointAtStart) -> Iterato
     """Find a child's point that is off the parent's plane (one normal) or axis (two)."""
     distance = math.hypot(*shift)
     if distance > start.tolerance:
-        place = "axis" if normals == 2 else "plane, at the distance that the joint prescribes"
+        place = "axis" if normals == 2 else "plane"
         message = (
-            f"the child's point is {distance:.4g} m off the parent's {place} at t = 0; move the "
-            f"child by {shown(shift)} m (inertial axes)"
+            f"the child's point is {distance:.4g} m from where the parent's {place} requires it at "
+            f"t = 0; move the child by {shown(shift)} m (inertial axes)"
         )
         yield Finding("", message)

@@ -1,4 +1,4 @@
-"""Rules about laws: arguments of tables increase, and a curve can be computed through the values."""
+"""Rules about laws: arguments of tables increase, and a curve through the values exists."""
 
 import warnings
 from collections.abc import Iterator

@@ -6,7 +6,7 @@ from msahl.check.faults import listed
 from msahl.model.scheme import WORKER
 
 FORBIDDEN = frozenset(",;\"'")
-"""Characters that no name may contain, besides those that do not print: names become CSV columns."""
+"""Characters that no name may contain, since names head CSV columns; nor any that do not print."""
 
 
 def name_messages(
