@@ -135,8 +135,8 @@ JOINTS = {
     ),
     "parallel cylinders apart": (
         joint("parallelCylinders", Z, rest=RADII.format(0.5, 0.2), ends="GB"),
-        ":22: joint 'J': the constrained distance is 1 m at t = 0, but parentRadius and childRadius "
-        "say 0.7 m; move the child",
+        ":22: joint 'J': the constrained distance is 1 m at t = 0, but parentRadius and "
+        "childRadius say 0.7 m; move the child",
     ),
     "rod too long": (
         joint("distance", rest="<length>1.5</length>", ends="GB"),
