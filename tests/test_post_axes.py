@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from msahl.cli.main import main
-from msahl.post.axes import in_joint_axes
+from msahl.post.joint_axes import in_joint_axes
 from msahl.post.cli import main as post
 from msahl.results.read import read_run
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.rotation_arrays import angles, rotations
-from msahl.post.metrics import Measures, Spread, measure
+from msahl.post.metrics import Metrics, Statistics, compute_metrics
 from msahl.results.read import Run
 from msahl.study.dynamics import Dynamics
 from msahl.study.reference import Reference
@@ -70,7 +70,7 @@ class Errors(NamedTuple):
     """Figures of every measure by key (None where there are none), and the errors against the
     reference in time: ``time`` [s] and ``series`` (m,) by key."""
 
-    figures: dict[str, Spread | None]
+    figures: dict[str, Statistics | None]
     time: np.ndarray
     series: dict[str, np.ndarray]
 
@@ -91,7 +91,7 @@ def measure_errors(run: Run, reference: Reference, dynamics: Dynamics | None = N
     series = states.series | _force_errors(
         run, measures, reference, dynamics or Dynamics(run.model), known
     )
-    figures: dict[str, Spread | None] = {
+    figures: dict[str, Statistics | None] = {
         **{key: _figures(errors) for key, errors in series.items()},
         "energy_over_kinetic": energy.error_over_kinetic,
         "energy_over_first": energy.error_over_first,
@@ -111,10 +111,10 @@ def state_figures(run: Run, reference: Reference) -> Errors:
     return Errors({m.key: figures.get(m.key) for m in MEASURES}, times, series)
 
 
-def _widest(series: np.ndarray) -> Spread | None:
+def _widest(series: np.ndarray) -> Statistics | None:
     """Figures of the largest absolute value of each row of ``series`` (m, k), of those known."""
     known = np.abs(series[:, ~np.isnan(series).all(axis=0)])
-    return Spread.of(np.nanmax(known, axis=1)) if known.size else None
+    return Statistics.of(np.nanmax(known, axis=1)) if known.size else None
 
 
 def _rows_known(run: Run, reference: Reference) -> tuple[np.ndarray, np.ndarray]:
@@ -163,10 +163,10 @@ def _own_forces(
     return np.asarray(forces[np.argsort(order)[: len(times)]])
 
 
-def _figures(series: np.ndarray) -> Spread | None:
+def _figures(series: np.ndarray) -> Statistics | None:
     """Figures of the rows that the reference knows (the others are NaN)."""
     known = series[np.isfinite(series)]
-    return Spread.of(known) if known.size else None
+    return Statistics.of(known) if known.size else None
 
 
 def state_errors(table: np.ndarray, true: np.ndarray) -> dict[str, np.ndarray]:
