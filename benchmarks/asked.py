@@ -59,7 +59,7 @@ def _small_scenes(results: Results) -> Iterable[Verdict]:
         if name.startswith("chain") or not peer:
             continue
         fastest = min(_exudyn(rows), key=lambda row: row.per_step)
-        for code in ("newton", "newton --turn angle"):
+        for code in ("newton", "newton --rotation-update exponential"):
             ours = rows.get(f"msahl {code}")
             for other in (peer, fastest) if fastest is not peer else (peer,):
                 if ours:

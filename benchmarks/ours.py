@@ -6,7 +6,7 @@ import numpy as np
 
 from benchmarks.motion import Motion
 from msahl.model import Model
-from msahl.model.scheme import ANGLE, choices, split
+from msahl.model.scheme import EXPONENTIAL, choices, split
 from msahl.run.loop import OFF, Options, Report, run
 
 VARIANTS = {
@@ -14,14 +14,15 @@ VARIANTS = {
     "msahl auto": Options(solver="auto", error=OFF),
     "msahl root": Options(solver="root", error=OFF),
     "msahl newton --full": Options(solver="newton", full=True, error=OFF),
-    "msahl newton --turn angle": Options(solver="newton", error=OFF),
+    "msahl newton --rotation-update exponential": Options(solver="newton", error=OFF),
 }
 SETTINGS = {
     "msahl newton": "the compiled loop, reductions as found",
     "msahl auto": "the default: scipy.optimize.root for the first step and for hard ones",
     "msahl root": "scipy.optimize.root (hybr) for every step; at most 10 bodies",
     "msahl newton --full": "the compiled loop with nothing left out",
-    "msahl newton --turn angle": "the compiled loop, turns by the angle (see docs/deck.md, Scheme)",
+    "msahl newton --rotation-update exponential": "the compiled loop, rotations updated by the "
+    "exponential map (see docs/deck.md, Scheme)",
 }
 AUTO = "auto"
 """The scheme that takes a tolerance and chooses its degree and its steps."""
@@ -102,8 +103,8 @@ def _options(variant: str) -> Options:
 def _of_scheme(model: Model, variant: str) -> Model:
     """The model with the scheme that a variant names, if it names one."""
     simulation = model.simulation
-    if variant.endswith("--turn angle"):
-        return replace(model, simulation=replace(simulation, turn=ANGLE))
+    if variant.endswith("--rotation-update exponential"):
+        return replace(model, simulation=replace(simulation, rotation_update=EXPONENTIAL))
     if variant not in SCHEMES:
         return model
     scheme, degree = split(variant.removeprefix("msahl "))

@@ -18,7 +18,7 @@ STYLES: dict[str, dict[str, Any]] = {
     "msahl auto": {"color": "C0", "marker": "s", "linestyle": "--"},
     "msahl root": {"color": "C0", "marker": "v", "linestyle": ":"},
     "msahl newton --full": {"color": "C9", "marker": "D", "linestyle": "-."},
-    "msahl newton --turn angle": {"color": "C9", "marker": "*", "linestyle": "--"},
+    "msahl newton --rotation-update exponential": {"color": "C9", "marker": "*", "linestyle": "--"},
     "exudyn index 3": {"color": "C1", "marker": "o"},
     "exudyn index 2": {"color": "C1", "marker": "s", "linestyle": "--"},
     "exudyn index 2 EP": {"color": "C1", "marker": "v", "linestyle": ":"},

@@ -25,7 +25,7 @@ import click
 from click.core import ParameterSource
 
 import msahl
-from msahl.model.scheme import ANGLE, CAYLEY, DAMPING, choices, split
+from msahl.model.scheme import CAYLEY, DAMPING, EXPONENTIAL, choices, split
 from msahl.printable import printable, shown_path
 from msahl.terminal import echo
 
@@ -167,11 +167,11 @@ def explain(deck: Path) -> None:
 @click.option("--damping", type=Number(0.0, 1.0), metavar="D",
               help="Of 'decaying', how much of such a vibration a step takes, 0 to 1; instead of "
               f"the deck's; else {DAMPING:g}.")  # fmt: skip
-@click.option("--turn", type=click.Choice([CAYLEY, ANGLE]),
-              help="Of the schemes of order 2: h times the mean angular velocity is the 'tangent' "
-              "of a step's turn, which keeps the angular momentum of joined bodies to round-off, "
-              "or its 'angle', which is nearer the truth where bodies spin. Instead of the deck's; "
-              "else tangent.")  # fmt: skip
+@click.option("--rotation-update", type=click.Choice([CAYLEY, EXPONENTIAL]),
+              help="Of the schemes of order 2: the rotation of a step is the 'cayley' "
+              "transform of h times the mean angular velocity, which keeps the angular momentum of "
+              "joined bodies to round-off, or its 'exponential', which is more accurate for fast "
+              "rotations. Default: the deck's, else cayley.")  # fmt: skip
 @click.option("--solver", type=click.Choice(["auto", "newton", "root"]), default="auto",
               show_default=True, help="'newton' is compiled, 'root' is scipy.optimize.root, "
               "'auto' is newton with root for the first step and every hard one.")  # fmt: skip
@@ -187,14 +187,14 @@ def explain(deck: Path) -> None:
               "steps for the others. Instead of the deck's.")  # fmt: skip
 @click.option("--every", type=click.IntRange(1, 10**9), default=1, show_default=True, metavar="N",
               help="Write every Nth row (the last one always).")  # fmt: skip
-@click.option("--reactions", type=click.Choice(["mean", "station"]),
-              help="Reactions of a row: 'mean' over the step before it, or 'station', at its own "
-              "time. Instead of the deck's; else mean.")  # fmt: skip
+@click.option("--reactions", type=click.Choice(["mean", "instantaneous"]),
+              help="Reactions in the tables: 'mean' over the step before each output time, or "
+              "'instantaneous', at the output time. Default: the deck's, else mean.")  # fmt: skip
 @click.option("--error", type=click.Choice(["estimate", "local", "off"]),
               help="'estimate' the global error by a more accurate companion run, add up the "
               "'local' errors of the steps, or 'off'. Default: estimate, unless that takes more "
               "than a second and longer than the run.")  # fmt: skip
-@click.option("--accuracy", "--shadow", "accuracy", type=Number(min=0.0, min_open=True),
+@click.option("--accuracy", type=Number(min=0.0, min_open=True),
               metavar="TOL", help="Largest error of positions [m] that passes, and up to which "
               "time the run has it. Instead of the deck's (default: 1 % of the model's size).",
               )  # fmt: skip
@@ -211,7 +211,7 @@ def run(
     t_final: float | None,
     scheme: str | None,
     damping: float | None,
-    turn: str | None,
+    rotation_update: str | None,
     solver: str,
     tolerance: float | None,
     local_tolerance: float | None,
@@ -243,7 +243,7 @@ def run(
         "scheme": name,
         "degree": degree,
         "damping": damping,
-        "turn": turn,
+        "rotation_update": rotation_update,
         "reactions": reactions,
         "tolerance": tolerance,
         "local_tolerance": local_tolerance,
@@ -412,7 +412,7 @@ class Job:
                 "tFinal": simulation.t_final,
                 "scheme": simulation.scheme,
                 "damping": simulation.damping if decay_of(self.model).chi > 0.0 else 0.0,
-                **({"turn": ANGLE} if is_exponential(self.model) else {}),
+                **({"rotationUpdate": EXPONENTIAL} if is_exponential(self.model) else {}),
                 "solver": self.options.solver,
                 "every": self.options.every,
                 "full": self.options.full,
@@ -598,8 +598,9 @@ def _tell(deck: Path, folder: Path, report: "Report", quiet: bool, verbose: bool
         lines += [f"{phase}: {seconds:.3f} s" for phase, seconds in report.seconds.items()]
         lines.append(
             f"{report.unknowns} unknowns in {report.subsystems} subsystems "
-            f"({report.planar_subsystems} planar), {report.iterations} iterations, {report.factorisations} factorisations, "
-            f"{report.scipy_steps} steps by scipy, {report.subdivisions} halvings"
+            f"({report.planar_subsystems} planar), {report.iterations} iterations, "
+            f"{report.factorisations} factorisations, "
+            f"{report.scipy_steps} steps by scipy, {report.subdivisions} subdivisions"
         )
     if not quiet or report.verdict["word"] == FAIL:
         lines.append(f"{shown_path(deck)}: {_judgement(report.verdict)} -> {shown_path(folder)}")
@@ -610,6 +611,6 @@ def _tell(deck: Path, folder: Path, report: "Report", quiet: bool, verbose: bool
 def _judgement(verdict: dict[str, Any]) -> str:
     """The verdict's word and reasons; of a good run the figures that made it pass."""
     checks = verdict["checks"]
-    names = ("end", "energy", "gap", "accuracy", "reactions")
+    names = ("completion", "energy", "constraintViolation", "accuracy", "reactions")
     told = [checks[name]["text"] for name in names if name in checks]
     return f"{verdict['word']}: {'; '.join(verdict['reasons'] or told)}"

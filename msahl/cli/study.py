@@ -22,9 +22,9 @@ MEASURE_KEYS = (
     "position",
     "orientation",
     "velocity",
-    "spin",
+    "angular_velocity",
     "mean_reaction",
-    "station_reaction",
+    "instantaneous_reaction",
     "energy_over_kinetic",
 )
 

@@ -22,7 +22,7 @@ def read_simulation(element: Element, reader: Reader) -> Simulation:
         t_final=reader.number(element.find("tFinal"), "time"),
         scheme=attribute(element, "scheme", DEFAULT),
         damping=float(element.get("damping", DAMPING)),
-        turn=attribute(element, "turn", CAYLEY),
+        rotation_update=attribute(element, "rotationUpdate", CAYLEY),
         reactions=attribute(element, "reactions", MEAN),
         limits=_limits(element.find("verdict"), reader),
         degree=int(element.get("degree", DEGREE)),
@@ -46,7 +46,7 @@ def _limits(verdict: Element | None, reader: Reader) -> Limits:
     return Limits(
         accuracy=_limit(verdict, "accuracy", "length", reader),
         energy=_limit(verdict, "energy", "", reader),
-        violation=_limit(verdict, "gap", "length", reader),
+        violation=_limit(verdict, "constraintViolation", "length", reader),
     )
 
 

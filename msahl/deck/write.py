@@ -20,7 +20,7 @@ def effective_deck(
     t_final: float | None = None,
     scheme: str | None = None,
     damping: float | None = None,
-    turn: str | None = None,
+    rotation_update: str | None = None,
     reactions: str | None = None,
     degree: int | None = None,
     interval: float | None = None,
@@ -29,7 +29,7 @@ def effective_deck(
 ) -> bytes:
     """The deck at ``path``, which ``read_deck`` has accepted, with what is given of how it is run:
     ``dt``, ``t_final`` and ``interval`` [s], ``tolerance`` or ``local_tolerance`` [m], ``scheme``,
-    ``damping``, ``turn``, ``reactions`` and ``degree``.
+    ``damping``, ``rotation_update``, ``reactions`` and ``degree``.
 
     With nothing given the bytes are those of the file; otherwise the document is the same, comments
     included, but for ``<simulation>``. Raises ``DeckError`` if the file is no deck any more.
@@ -56,7 +56,7 @@ def effective_deck(
         "scheme": scheme,
         "degree": power,
         "damping": share,
-        "turn": turn,
+        "rotationUpdate": rotation_update,
         "reactions": reactions,
     }
     attributes = {key: word for key, word in words.items() if word is not None}

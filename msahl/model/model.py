@@ -16,13 +16,13 @@ from msahl.model.loads import (
 )
 from msahl.model.motions import JointMotion, PointMotion
 from msahl.model.scheme import (
-    ANGLE,
     AUTO,
     CAYLEY,
     CHOSEN,
     DAMPING,
     DEFAULT,
     DEGREE,
+    EXPONENTIAL,
     HIGHER,
     SCHEMES,
     TOLERANCE,
@@ -30,7 +30,7 @@ from msahl.model.scheme import (
     decaying,
 )
 
-MEAN, INSTANTANEOUS = "mean", "station"
+MEAN, INSTANTANEOUS = "mean", "instantaneous"
 """What published reactions are: means over the steps, or those at the rows' own times."""
 
 
@@ -50,8 +50,8 @@ class Limits:
 @dataclass(frozen=True, slots=True)
 class Simulation:
     """How the scene is run: step ``dt`` and end ``t_final`` [s], scheme and, if it is one that
-    decays, its damping at infinite frequency: 0 none, 1 all in one step; what of the ``turn`` of a
-    step the mean angular velocity tells, its tangent or its angle; what ``reactions`` are;
+    decays, its damping at infinite frequency: 0 none, 1 all in one step; the ``rotation_update``
+    by which the mean angular velocity of a step rotates a body; what ``reactions`` are;
     what is asked of the result; the ``degree`` of the scheme, if it is one that has any; the
     ``interval`` [s] of rows where it is not the step; the ``tolerance`` [m] of the global error of
     positions, or the ``local_tolerance`` [m] of the sum of the steps' own errors, by which steps
@@ -63,7 +63,7 @@ class Simulation:
     t_final: float
     scheme: str = DEFAULT
     damping: float = DAMPING
-    turn: str = CAYLEY
+    rotation_update: str = CAYLEY
     reactions: str = MEAN
     limits: Limits = Limits()
     degree: int = DEGREE
@@ -101,7 +101,7 @@ def decay_of(model: Model) -> Decay:
 
 def is_exponential(model: Model) -> bool:
     """Whether the mean angular velocity of a step tells the angle of its turn, not its tangent."""
-    return model.simulation.turn == ANGLE and not degree_of(model)
+    return model.simulation.rotation_update == EXPONENTIAL and not degree_of(model)
 
 
 def reactions_of(model: Model) -> str:

@@ -41,7 +41,7 @@ DEFAULT = next(iter(SCHEMES))
 DAMPING = 0.5
 """Damping of a decaying scheme where none is given: 0 none, 1 all, of the quickest in one step."""
 
-CAYLEY, ANGLE = "tangent", "angle"
+CAYLEY, EXPONENTIAL = "cayley", "exponential"
 """What of a step's turn h times the mean angular velocity is, by schemes of the lowest order."""
 
 

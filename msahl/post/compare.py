@@ -118,7 +118,7 @@ def _read(path: Path) -> pd.DataFrame:
 
     Other numbers may be anything: a value that is not finite differs from everything.
     """
-    table, expected = read_table(path), read_info(path.parent).get("rows")
+    table, expected = read_table(path), read_info(path.parent).get("outputTimes")
     if expected is not None and len(table) != expected and path.name.removesuffix(PART) in TABLES:
         raise ResultError(wrong_count(path, len(table), f"run.json says {expected}"))
     if "time" in table.columns:

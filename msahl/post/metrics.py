@@ -17,7 +17,7 @@ import numpy as np
 
 from msahl.joints.registry import KINDS
 from msahl.model import JointMotion, Model
-from msahl.model.couplings import FREEDOMS
+from msahl.model.couplings import COORDINATES
 from msahl.post.replay import Rows, observe
 from msahl.post.virtual import child_work, reaction_work
 from msahl.results.read import Run
@@ -252,13 +252,13 @@ def _reactions(run: Run) -> Reactions:
         force[:, e] = run.reactions[[f"{name}.{c}" for c in FORCE_COLUMNS]]
         if KINDS[model.joints[e].kind].moment:
             moment[:, e] = run.reactions[[f"{name}.{c}" for c in MOMENT_COLUMNS]]
-    listed = run.info.get("sharedReactions", {})
+    listed = run.info.get("nonUniqueReactions", {})
     return Reactions(names, force, moment, load, tuple(tuple(listed.get(n, ())) for n in names))
 
 
 def _is_along_angle(model: Model) -> dict[int, int]:
     """By index of the element: 1 if its load is along an angle [N m], 0 if along a slide [N]."""
-    coordinates = [FREEDOMS[coupling.kind][1] for coupling in model.couplings]
+    coordinates = [COORDINATES[coupling.kind][1] for coupling in model.couplings]
     coordinates += [m.coordinate if isinstance(m, JointMotion) else "slide" for m in model.motions]
     return {e: int(c == "angle") for e, c in enumerate(coordinates, start=len(model.joints))}
 

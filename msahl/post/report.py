@@ -215,7 +215,10 @@ def _facts(run: Run) -> Table:
         ("SHA-256 of the deck", deck.get("digest")),
         ("bodies, joints, couplings, motions, loads", _counts(run)),
         ("degrees of freedom", _degrees_of_freedom(run)),
-        ("reactions that are not unique", describe_shared(info.get("sharedReactions", {})) or None),
+        (
+            "reactions that are not unique",
+            describe_shared(info.get("nonUniqueReactions", {})) or None,
+        ),
         ("independent subsystems", _subsystems(run)),
         ("step size dt [s]", f"{simulation.dt:.12g}"),
         ("end time [s]", f"{simulation.t_final:.12g}"),
@@ -224,7 +227,7 @@ def _facts(run: Run) -> Table:
         ("output times", str(len(run.time)) if run.every == 1 else None),
         ("unknowns", info.get("unknowns")),
         ("iterations", info.get("iterations")),
-        ("step subdivisions", info.get("halvings")),
+        ("step subdivisions", info.get("subdivisions")),
         ("time taken [s]", seconds or None),
         (
             "versions",
@@ -243,7 +246,7 @@ def _counts(run: Run) -> str:
 
 def _degrees_of_freedom(run: Run) -> str | None:
     """Return the degrees of freedom; by count and by rank if the two differ."""
-    found = run.info.get("freedoms")
+    found = run.info.get("degreesOfFreedom")
     if not found:
         return None
     count, rank = found.get("byCount"), found.get("byRank")
@@ -254,5 +257,5 @@ def _degrees_of_freedom(run: Run) -> str | None:
 
 def _subsystems(run: Run) -> str | None:
     """Return the number of independent subsystems, and how many of them move in a plane."""
-    subsystems, planar = run.info.get("islands"), run.info.get("planar_islands")
+    subsystems, planar = run.info.get("subsystems"), run.info.get("planarSubsystems")
     return f"{subsystems}, {planar} of them planar" if planar else subsystems

@@ -68,7 +68,7 @@ def _cells(run: RunVerdict) -> tuple[Cell, ...]:
         run.info.get("time"),
         run.info.get("steps"),
         extremes.get("energyErrorMaxRelative"),
-        extremes.get("gapMax"),
+        extremes.get("constraintViolationMax"),
         max(known, default=None),
         error.get("trustHorizon"),
         "; ".join(run.reasons),

@@ -112,7 +112,7 @@ def is_complete(folder: Path, about: dict[str, Any]) -> bool:
     except (KeyError, TypeError) as error:
         raise ResumeError(f"{shown_path(folder / INFO)}: not that of a run; {ANEW}") from error
     for path in (folder / name for name in (STATES, REACTIONS, WORK)):
-        if path.is_file() and path.read_bytes().count(b"\n") - 1 != info.get("rows"):
+        if path.is_file() and path.read_bytes().count(b"\n") - 1 != info.get("outputTimes"):
             raise ResumeError(f"{shown_path(path)}: has not the rows that run.json says; {ANEW}")
     return True
 

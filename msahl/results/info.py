@@ -78,17 +78,18 @@ CHECK = Fields({"word": WORD, "text": TEXT}, ("word", "text"))
 
 SHAPE = Fields({
     **dict.fromkeys(("msahl", "python", "numba", "numpy", "scipy", "status", "message"), TEXT),
-    **dict.fromkeys(("rows", "steps", "joints", "islands", "planar_islands", "unknowns"), COUNT),
-    **dict.fromkeys(("iterations", "factorisations", "root_steps", "halvings"), COUNT),
+    **dict.fromkeys(("outputTimes", "steps", "joints", "unknowns"), COUNT),
+    **dict.fromkeys(("subsystems", "planarSubsystems"), COUNT),
+    **dict.fromkeys(("iterations", "factorisations", "scipySteps", "subdivisions"), COUNT),
     "time": NUMBER,
     "deck": Fields({"path": TEXT, "digest": TEXT}),
     "options": Fields({
-        **dict.fromkeys(("scheme", "solver", "reactions", "turn"), TEXT),
+        **dict.fromkeys(("scheme", "solver", "reactions", "rotationUpdate"), TEXT),
         **dict.fromkeys(("dt", "tFinal", "outputInterval"), SIZE),
         "every": FIRST,
     }),
-    "freedoms": Many(dict, WHOLE),
-    "sharedReactions": Many(dict, Many(list, TEXT)),
+    "degreesOfFreedom": Many(dict, WHOLE),
+    "nonUniqueReactions": Many(dict, Many(list, TEXT)),
     "warnings": Many(list, TEXT),
     "resumed": Many(list, NUMBER),
     "seconds": Many(dict, NUMBER),

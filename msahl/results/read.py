@@ -128,11 +128,11 @@ def _count_rows(
     another; otherwise tables of different lengths, or of another than was told, were changed.
     """
     counts = {name: len(table) for name, table in tables.items()}
-    least, told = min(counts.values()), info.get("rows", counts["states.csv"])
-    cut_off = "rows" not in info and any(path.suffix == PART for path in paths.values())
+    least, told = min(counts.values()), info.get("outputTimes", counts["states.csv"])
+    cut_off = "outputTimes" not in info and any(path.suffix == PART for path in paths.values())
     for name, count in counts.items():
         if count != told and not cut_off:
-            whence = "run.json says" if "rows" in info else "states.csv has"
+            whence = "run.json says" if "outputTimes" in info else "states.csv has"
             raise ResultError(wrong_count(paths[name], count, f"{whence} {told}"))
     if least == 0:
         raise ResultError(f"{shown_path(folder)}: the run has no rows yet; {AGAIN}")

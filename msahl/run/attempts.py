@@ -54,9 +54,9 @@ class Attempts:
         """Take in a run that has ended; its report tells of all of them."""
         made = {"localTolerance": self.local, "steps": report.steps, "error": estimate.error}
         self.made.append(made)
-        assert report.control is not None
-        report.control |= {"tolerance": self.goal, "runs": self.made}
-        degrees = [int(chosen["degree"]) for chosen in report.control["degrees"]]
+        assert report.step_control is not None
+        report.step_control |= {"tolerance": self.goal, "runs": self.made}
+        degrees = [int(chosen["degree"]) for chosen in report.step_control["degrees"]]
         self.order = 2 * min(degrees) if degrees else self.order
         for phase, seconds in self.seconds.items():
             report.seconds[phase] = report.seconds.get(phase, 0.0) + seconds

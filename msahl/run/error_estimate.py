@@ -40,10 +40,19 @@ import numpy as np
 from msahl.algebra.functions import build_laws, evaluate
 from msahl.algebra.rotation_arrays import angles
 from msahl.elements.constraints.coordinates import ANGLE
-from msahl.model import Model, degree_of, local_tolerance_of, order_of, reactions_of, scheme_of
+from msahl.model import (
+    INSTANTANEOUS,
+    Model,
+    degree_of,
+    local_tolerance_of,
+    order_of,
+    reactions_of,
+    scheme_of,
+)
 from msahl.model.motions import JointMotion
-from msahl.run.output_schedule import OutputSchedule
 from msahl.run.subsystem import SubsystemIntegrator
+from msahl.schemes.output_schedule import OutputSchedule
+from msahl.schemes.stepper import Chunk
 from msahl.system.names import reaction_columns
 
 SAFETY = 1.5
@@ -152,7 +161,7 @@ class HalfStep:
     def __init__(
         self, model: Model, integrators: Sequence[SubsystemIntegrator], full: bool, chunk: int
     ) -> None:
-        instantaneous = reactions_of(model) == "station"
+        instantaneous = reactions_of(model) == INSTANTANEOUS
         self.means = degree_of(model) == 0 and not instantaneous
         # Mean reactions need a row for either half of a step.
         self.integrators = [
@@ -171,7 +180,7 @@ class HalfStep:
         """See ``Companion``."""
         halves, rows = schedule.both_halves() if self.means else schedule.halves(), []
         for integrator, own in zip(integrators, self.integrators, strict=True):
-            own.steps.go_like(integrator.steps)
+            own.stepper.follow_degree(integrator.stepper)
             if not _advance(own, np.repeat(0.5 * steps.sizes, 2), halves):
                 return None
             if self.means:
@@ -341,7 +350,9 @@ class ErrorEstimate:
         self.lengths = [r.workspace.system.bodies.length[:-1] for r in integrators]
         self.columns = [_reaction_kinds(r.model) for r in integrators]
         # Means over steps have nothing to be compared with in a scheme of higher order.
-        self.compared = not isinstance(companion, HigherOrder) or reactions_of(model) == "station"
+        self.compared = (
+            not isinstance(companion, HigherOrder) or reactions_of(model) == INSTANTANEOUS
+        )
         self.largest = dict.fromkeys(FIGURES, 0.0)
         self.record: list[tuple[float, float]] = []  # last time before a larger error, and that
         self.speeds = [np.zeros((2, len(of))) for of in self.lengths]  # highest so far
@@ -558,8 +569,8 @@ def _advance(integrator: SubsystemIntegrator, sizes: np.ndarray, schedule: Outpu
     """Take steps of these ``sizes``; whether all were solved."""
     first = 0
     for last in [*(np.flatnonzero(np.diff(sizes)) + 1), len(sizes)]:
-        done, _ = integrator.advance(float(sizes[first]), first, int(last), schedule)
-        if done < last:
+        chunk = Chunk(int(last), first, float(sizes[first]), schedule=schedule)
+        if integrator.advance(chunk).steps < last:
             return False
         first = int(last)
     return True

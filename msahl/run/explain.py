@@ -142,7 +142,7 @@ def _loaded(integrators: list[SubsystemIntegrator]) -> Iterator[str]:
         "a run loads numpy, lxml, orjson and numba; scipy.optimize for the first step and hard "
         "ones (--solver auto), never with --solver newton; neither pandas nor matplotlib"
     )
-    kept = all(is_kept(f"{integrator.steps.kind}-auto") for integrator in integrators)
+    kept = all(is_kept(f"{integrator.stepper.kind}-auto") for integrator in integrators)
     yield (
         "the step is compiled and kept on disk"
         if kept

@@ -34,7 +34,6 @@ from msahl.run.error_estimate import (
     choose_companion,
     unresolved_friction,
 )
-from msahl.run.output_schedule import OutputSchedule
 from msahl.run.snapshot import (
     ResumeError,
     Snapshot,
@@ -44,9 +43,12 @@ from msahl.run.snapshot import (
     remember,
     set_counters,
 )
-from msahl.run.subsystem import MAX_SUBDIVISIONS, SubsystemIntegrator
+from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.verdict import Figures, judge, never_begun
+from msahl.schemes.fixed_stepper import MAX_SUBDIVISIONS
 from msahl.schemes.outcome import TOLERANCE, Outcome, Stopped
+from msahl.schemes.output_schedule import OutputSchedule
+from msahl.schemes.stepper import Chunk
 from msahl.start.velocities import StartError
 from msahl.system.diagnostics import Extremes
 from msahl.system.momentum import Momentum, drift, is_alone, momentum
@@ -119,15 +121,15 @@ class Report:
 
     status: str = "running"
     message: str = ""
-    rows: int = 0
+    output_times: int = 0
     steps: int = 0
     time: float = 0.0
     joints: int = 0
     subsystems: int = 0
     planar_subsystems: int = 0
     unknowns: int = 0
-    freedoms: dict[str, int] = field(default_factory=dict)
-    nonUniqueReactions: dict[str, list[str]] = field(default_factory=dict)
+    degrees_of_freedom: dict[str, int] = field(default_factory=dict)
+    non_unique_reactions: dict[str, list[str]] = field(default_factory=dict)
     iterations: int = 0
     factorisations: int = 0
     scipy_steps: int = 0
@@ -136,13 +138,19 @@ class Report:
     resumed: list[float] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=dict)
     extremes: dict[str, float | None] = field(default_factory=dict)
-    control: dict[str, Any] | None = None
+    step_control: dict[str, Any] | None = None
     error: dict[str, Any] | None = None
     verdict: dict[str, Any] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
         """The fields by name, as ``run.json`` shows them."""
-        return asdict(self)
+        return {camel(name): value for name, value in asdict(self).items()}
+
+
+def camel(name: str) -> str:
+    """The name in camelCase, as ``run.json`` has it."""
+    first, *rest = name.split("_")
+    return first + "".join(word.capitalize() for word in rest)
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,9 +291,9 @@ class _Run:
             SubsystemIntegrator(i, options.solver, options.full, self.chunk, instantaneous)
             for i in subsystems
         ]
-        steps = self.integrators[0].steps
+        stepper = self.integrators[0].stepper
         self.adaptive = (
-            cast("AdaptiveStepper", steps) if local_tolerance_of(model) is not None else None
+            cast("AdaptiveStepper", stepper) if local_tolerance_of(model) is not None else None
         )
         self.reached = 0.0  # end of the last good step of these [s]
         self.estimate = self._estimate()
@@ -304,7 +312,7 @@ class _Run:
             unknowns=sum(
                 integrator.workspace.unknowns.free.size for integrator in self.integrators
             ),
-            freedoms=_freedoms(model, self.integrators),
+            degrees_of_freedom=_degrees_of_freedom(model, self.integrators),
             warnings=[w for integrator in self.integrators for w in _warnings(integrator)],
             seconds={
                 "prepare": time.perf_counter() - began,
@@ -343,7 +351,7 @@ class _Run:
         """Take all steps, or those ``since`` a snapshot."""
         report = self.report
         kinds = {
-            f"{integrator.steps.kind}-{self.options.solver}" for integrator in self.integrators
+            f"{integrator.stepper.kind}-{self.options.solver}" for integrator in self.integrators
         }
         compiles = not all(is_kept(kind) for kind in kinds)
         if compiles:
@@ -373,7 +381,7 @@ class _Run:
             self._publish(np.zeros(1), errors)
         self.handed = self._standing()
         for integrator in self._all_runners:
-            integrator.requests.stopped = stopped
+            integrator.stepper.requests.stopped = stopped
         try:
             self._take_all(progress, stopped, 1 if compiles else self._first_steps())
         except Stopped:  # in the middle of a hard step
@@ -433,7 +441,7 @@ class _Run:
         """Whether all steps are taken."""
         if self.adaptive is None:
             return self.report.steps == self.grid.n
-        return self.report.rows == 1 + math.ceil(self.shown.n / self.options.every)
+        return self.report.output_times == 1 + math.ceil(self.shown.n / self.options.every)
 
     def _save(self) -> float:
         """Have a snapshot of this moment kept; the seconds it took."""
@@ -443,11 +451,11 @@ class _Run:
         report = self.report
         numbers = {
             "steps": report.steps,
-            "rows": report.rows,
+            "outputTimes": report.output_times,
             "resumed": report.resumed,
             "seconds": dict(report.seconds),
             "extremes": dict(vars(self.extremes)),
-            "islands": [counters(integrator) for integrator in self._all_runners],
+            "subsystems": [counters(integrator) for integrator in self._all_runners],
             "error": self.estimate and self.estimate.figures(),
             "attempts": self.attempts and self.attempts.as_numbers(),
         }
@@ -470,14 +478,14 @@ class _Run:
                 "the scene does not come out as it did when the run began, to the last digit: "
                 "another machine, or other libraries. Leave --resume out to run it anew"
             )
-        for integrator, counted in zip(self._all_runners, numbers["islands"], strict=True):
+        for integrator, counted in zip(self._all_runners, numbers["subsystems"], strict=True):
             set_counters(integrator, counted)
         recall(self._all_runners, since.memory)
         self.reached = float(self.integrators[0].workspace.state.time[0])
         vars(self.extremes).update(numbers["extremes"])
         if self.estimate:
             self.estimate.recall(numbers["error"])
-        report.steps, report.rows = numbers["steps"], numbers["rows"]
+        report.steps, report.output_times = numbers["steps"], numbers["outputTimes"]
         report.resumed = [*numbers["resumed"], self.now]
         for phase, seconds in numbers["seconds"].items():
             report.seconds[phase] = report.seconds.get(phase, 0.0) + seconds
@@ -503,22 +511,19 @@ class _Run:
         began, report, shown = time.perf_counter(), self.report, self.shown
         # No step goes past a chunk's worth of rows, counted from the first of all: so steps are the
         # same whatever the clock makes of the chunks.
-        last = -(-report.rows // self.chunk) * self.chunk
-        rows = np.minimum(np.arange(report.rows, last + 1) * self.options.every, shown.n)
+        last = -(-report.output_times // self.chunk) * self.chunk
+        rows = np.minimum(np.arange(report.output_times, last + 1) * self.options.every, shown.n)
         times = shown.times(np.unique(rows))
         begin = self.now
-        steps, count, outcome = self.adaptive.go(times, float(times[-1]), steps)
-        ends = self.adaptive.control.ends[:steps].copy()
-        schedule = OutputSchedule.passed(times[:count], begin, ends)
+        chunk = Chunk(steps, begin=begin, times=times)
+        steps, outcome, schedule, sizes, ends = self.adaptive.advance(chunk)
         times_of = np.append(begin, ends)
         done = min(self._finite_steps(steps, schedule, lambda k: float(times_of[k])))
         self.reached = float(ends[done - 1]) if done else begin
         report.seconds["loop"] += time.perf_counter() - began
         if steps == 0:
             report.status, report.message = "not converged", self._no_pair(outcome)
-        self._hand_over(
-            Steps(begin, self.adaptive.control.sizes[:done], ends[:done]), schedule, times
-        )
+        self._hand_over(Steps(begin, sizes[:done], ends[:done]), schedule, times)
 
     def _hand_over(self, steps: Steps, schedule: OutputSchedule, times: np.ndarray) -> None:
         """Publish what good ``steps`` have left of the chunk's rows, and go on."""
@@ -535,9 +540,9 @@ class _Run:
         else:
             self._go_back()
 
-    def _standing(self) -> tuple[np.ndarray, list[tuple[bool, dict[str, Any]]]]:
+    def _standing(self) -> tuple[np.ndarray, list[dict[str, Any]]]:
         """Where the islands stand."""
-        counted = [(integrator.begun, integrator.steps.counters) for integrator in self.integrators]
+        counted = [integrator.stepper.counters for integrator in self.integrators]
         return remember(self.integrators), counted
 
     def _go_back(self) -> None:
@@ -545,9 +550,8 @@ class _Run:
         steps without rows. What these cost stays counted, for the verdict to say where it went.
         """
         memory, counted = self.handed
-        for integrator, (begun, before) in zip(self.integrators, counted, strict=True):
-            integrator.begun = begun
-            integrator.steps.recall(before)
+        for integrator, before in zip(self.integrators, counted, strict=True):
+            integrator.stepper.restore(before)
         recall(self.integrators, memory)
 
     def _schedule(self, first: int, steps: int) -> tuple[OutputSchedule, np.ndarray]:
@@ -597,7 +601,8 @@ class _Run:
             # Easy steps that turn hard must not keep waiting whoever asks the run to stop. The
             # other islands go as far as the first.
             patience = math.inf if i else PATIENCE
-            done, outcome = integrator.advance(h, 0, steps, schedule, patience)
+            chunk = Chunk(steps, h=h, schedule=schedule)
+            done, outcome, *_ = integrator.advance(chunk, patience)
             if outcome.converged:
                 steps = done
             taken.append(done)
@@ -650,7 +655,7 @@ class _Run:
         except OSError as error:
             self._not_written(error)
             return False
-        self.report.rows += times.size
+        self.report.output_times += times.size
         self.report.seconds["output"] += time.perf_counter() - began
         return True
 
@@ -667,16 +672,16 @@ class _Run:
         report.factorisations = sum(
             int(integrator.workspace.counts[1]) for integrator in self.integrators
         )
-        report.scipy_steps = sum(integrator.scipy_steps for integrator in self.integrators)
-        report.subdivisions = sum(integrator.subdivisions for integrator in self.integrators)
+        report.scipy_steps = sum(r.stepper.scipy_steps for r in self.integrators)
+        report.subdivisions = sum(r.stepper.subdivisions for r in self.integrators)
         for integrator in self.integrators:
             integrator.review_reactions()
-            report.nonUniqueReactions |= integrator.shared
+            report.non_unique_reactions |= integrator.shared
         report.extremes = self.extremes.as_json()
         if degree_of(self.model):
             report.extremes |= {"localErrorMax": None, "localErrorSum": None}  # of order 2
         if self.adaptive:
-            report.control, local = self.adaptive.as_json()
+            report.step_control, local = self.adaptive.as_json()
             report.extremes |= local
         if decays(self.model):
             taken = -sum(
@@ -689,7 +694,7 @@ class _Run:
                 self.estimate.add_damped(taken, self.extremes.size, kinetic, way)
         if self.estimate and not self.adaptive:
             way = min(self.grid.h, report.time) * (report.extremes["speedMax"] or 0.0)
-            way -= self._length * (report.extremes["turnPerStepMax"] or 0.0)
+            way -= self._length * (report.extremes["rotationPerStepMax"] or 0.0)
             rubbed = [unresolved_friction(r, self.grid.h, report.time) for r in self.integrators]
             self.estimate.add_unresolved(way, self.extremes.way, max(rubbed))
         if self.options.error == OFF:
@@ -728,7 +733,7 @@ class _Run:
             velocity_change=max(
                 (r.change.rate for r in integrators if r.change.method != "none"), default=0.0
             ),
-            shared=report.nonUniqueReactions,
+            shared=report.non_unique_reactions,
             error=report.error,
             horizon=self.estimate.horizon if self.estimate else None,
         )
@@ -736,7 +741,9 @@ class _Run:
     @property
     def _longest_step(self) -> float:
         """Size of the longest step [s]."""
-        return float(self.report.control["stepMax"]) if self.report.control else self.grid.h
+        return (
+            float(self.report.step_control["stepMax"]) if self.report.step_control else self.grid.h
+        )
 
     @property
     def _length(self) -> float:
@@ -764,7 +771,7 @@ class _Run:
 
     def _no_pair(self, outcome: Outcome) -> str:
         assert self.adaptive is not None
-        (integrator,), tried = self.integrators, self.adaptive.smallest_tried
+        (integrator,), tried = self.integrators, self.adaptive.smallest_tried(self.grid.h)
         name = integrator.find_nonfinite(tried)
         if name is not None:
             return overflow(self.now, name)
@@ -836,7 +843,7 @@ def _momentum(integrator: SubsystemIntegrator) -> Momentum | None:
     return momentum(workspace.system, workspace.state, workspace.start)
 
 
-def _freedoms(model: Model, integrators: list[SubsystemIntegrator]) -> dict[str, int]:
+def _degrees_of_freedom(model: Model, integrators: list[SubsystemIntegrator]) -> dict[str, int]:
     """Degrees of freedom by count (Hainge 2010, eq. 1.1) and by rank of the joints' equations."""
     n = 6 * len(model.bodies)
     rank = sum(integrator.rank for integrator in integrators)

@@ -48,30 +48,26 @@ def counters(integrator: SubsystemIntegrator) -> dict[str, Any]:
     """What an island's runner counts, and whether it has begun."""
     iterations, factorisations = integrator.workspace.counts.tolist()
     return {
-        "begun": integrator.begun,
-        "root_steps": integrator.scipy_steps,
-        "halvings": integrator.subdivisions,
+        "scipySteps": integrator.stepper.scipy_steps,
+        "subdivisions": integrator.stepper.subdivisions,
         "counts": [iterations, factorisations],
-        "steps": integrator.steps.counters,
+        "stepper": integrator.stepper.counters,
     }
 
 
 def set_counters(integrator: SubsystemIntegrator, counted: dict[str, Any]) -> None:
     """Put back what ``counters`` told."""
-    integrator.begun = counted["begun"]
-    integrator.scipy_steps, integrator.subdivisions = counted["root_steps"], counted["halvings"]
+    integrator.stepper.scipy_steps = counted["scipySteps"]
+    integrator.stepper.subdivisions = counted["subdivisions"]
     integrator.workspace.counts[:] = counted["counts"]
-    integrator.steps.recall(counted["steps"])
+    integrator.stepper.restore(counted["stepper"])
 
 
 def digest(integrators: Sequence[SubsystemIntegrator]) -> str:
     """SHA-256, in hexadecimal, of all that is constant in the islands' scenes."""
     found = hashlib.sha256()
     for integrator in integrators:
-        found.update(
-            f"{integrator.solver} {integrator.steps.kind} {integrator.axis} "
-            f"{integrator.large}\n".encode()
-        )
+        found.update(f"{integrator.solver} {integrator.stepper.kind} {integrator.axis}\n".encode())
         for leaf in _leaves((integrator.workspace.system, integrator.workspace.unknowns)):
             if isinstance(leaf, np.ndarray):
                 found.update(f"{leaf.shape}{leaf.dtype.str}\n".encode())
@@ -95,7 +91,7 @@ def _advancing(integrators: Sequence[SubsystemIntegrator]) -> Iterator[np.ndarra
     for integrator in integrators:
         workspace = integrator.workspace
         for leaf in _leaves(
-            (workspace.state, workspace.start, workspace.pivots, integrator.steps.memory)
+            (workspace.state, workspace.start, workspace.pivots, integrator.stepper.memory)
         ):
             # ``along`` is None in a scene of points; numbers that count are constant.
             if isinstance(leaf, np.ndarray) and leaf.dtype == float:

@@ -1,26 +1,16 @@
-"""Many steps of one island, by whichever solver, and what is done when a step is hard.
-
-``newton`` is the compiled loop, ``root`` is scipy's, and ``auto`` starts with ``root`` and calls
-it for every step that the compiled loop does not converge on. A step that resists is taken in two
-halves, these in halves again where needed, down to 2^-10 of it.
-"""
+"""Builds an independent subsystem at t = 0 and advances it by its scheme's stepper."""
 
 import math
-import time
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from msahl.jit.compiled import compiled
 from msahl.model import Model, degree_of, local_tolerance_of, scheme_of
 from msahl.model.scheme import AUTO
-from msahl.run.output_schedule import OutputSchedule
-from msahl.schemes import accelerations
-from msahl.schemes.accelerations import new_instant
-from msahl.schemes.midpoint import equations, newton, workspace
+from msahl.schemes.fixed_stepper import FixedStepper
+from msahl.schemes.midpoint import equations, workspace
+from msahl.schemes.midpoint.stepper import MidpointMethod
 from msahl.schemes.midpoint.workspace import Workspace, new_workspace
-from msahl.schemes.outcome import EVALUATION, STEP_WORK, Outcome, Requests
+from msahl.schemes.stepper import Advance, Chunk, Stepper
 from msahl.start.positions import assemble
 from msahl.start.redundancy import constraint_rank, is_regular, non_unique_reactions
 from msahl.start.velocities import StartError, make_consistent, solve_accelerations
@@ -38,82 +28,6 @@ from msahl.system.reductions import (
 from msahl.system.state import build_state, settle
 from msahl.system.unknowns import choose
 
-if TYPE_CHECKING:
-    from msahl.schemes.collocation.stepper import AdaptiveStepper, Higher
-
-MAX_SUBDIVISIONS = 10
-LARGEST_DENSE = 300
-"""Most unknowns for which ``auto`` turns to scipy, whose algebra is dense: a step of 300 takes it
-tens of milliseconds, and the time grows with the third power."""
-
-_march = compiled(newton.march)
-_take = compiled(newton.take)
-_show = compiled(workspace.show)
-_publish = compiled(accelerations.publish)
-_march_instantaneous = compiled(accelerations.march)
-
-
-class MidpointStepper:
-    """Steps of the lowest order of one ``scene``, with the reactions of rows ``at_rows``, their own
-    times, or else with means.
-    """
-
-    def __init__(self, workspace: Workspace, instantaneous: bool) -> None:
-        self.workspace = workspace
-        self.instant = new_instant(workspace.system) if instantaneous else None
-
-    @property
-    def kind(self) -> str:
-        """Which compiled step the scene needs."""
-        kind = "points" if self.workspace.system.along is None else "along"
-        kind += "-angle" if self.workspace.system.bodies.exponential else ""
-        return kind if self.instant is None else f"{kind}-station"
-
-    def march(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:
-        """As ``newton.march``, with the reactions the rows want."""
-        if self.instant is None:
-            return int(_march(self.workspace, h, first, last, schedule.ends()))
-        return int(
-            _march_instantaneous(self.workspace, self.instant, h, first, last, schedule.ends())
-        )
-
-    def show(self, h: float, step: int, schedule: OutputSchedule) -> None:
-        """As ``step.show``, with the reactions the rows want."""
-        row = int(schedule.ends()[step])
-        _show(self.workspace, h, step, row)
-        if self.instant is not None and row >= 0:
-            _publish(self.workspace, self.instant, row)
-
-    def forget(self) -> None:
-        """Where things change fast, last step's change is a worse guess than none."""
-        state = self.workspace.state
-        for trend in (state.a_trend, state.alpha_trend, state.force_trend):
-            trend[:] = 0.0
-
-    memory: None = None
-    """What advances beside the scene."""
-
-    @property
-    def counters(self) -> dict[str, Any]:
-        """What must be known to go on, beside the memory."""
-        return {}
-
-    def recall(self, counters: dict[str, Any]) -> None:
-        """Go back to what ``counters`` told."""
-
-    def go_like(self, other: object) -> None:
-        """All steps of the lowest order are alike."""
-
-    def take(self, h: float, share: float) -> Outcome:
-        """A step ``h``, a ``share`` of the whole one, by the compiled solver."""
-        return Outcome(*_take(self.workspace, h, share))
-
-    def take_by_root(self, h: float, share: float, after: Callable[[int], None]) -> Outcome:
-        """Likewise by scipy, which is slow to import: only where it is called."""
-        from msahl.schemes.midpoint import scipy_root
-
-        return scipy_root.take(self.workspace, h, share, after)
-
 
 class SubsystemIntegrator:
     """An island with its solver; builds the scene at t = 0 and advances it chunk by chunk.
@@ -123,8 +37,6 @@ class SubsystemIntegrator:
     columns of reactions are therefore not unique, by name of the joint, coupling or motion;
     ``axis`` is the normal of a planar island's plane or None.
     ``at_rows`` asks for reactions at the rows' own times instead of means over the steps.
-    Hard steps ask ``requests`` whether to stop, and raise ``Stopped``; the scene is to be recalled
-    then.
     Raises ``StartError`` if there is no consistent start.
     """
 
@@ -132,8 +44,6 @@ class SubsystemIntegrator:
         self, model: Model, solver: str, full: bool, chunk: int, instantaneous: bool = False
     ) -> None:
         self.model, self.solver = model, solver
-        self.scipy_steps = self.subdivisions = 0
-        self.requests = Requests()
         system = build_system(model)
         state = build_state(model, system)
         try:
@@ -143,11 +53,7 @@ class SubsystemIntegrator:
             equations.prepare(system, state, start)
             name = find_nonfinite(model, system, state, start, model.simulation.dt) or "the joints"
             raise StartError(overflow(0.0, name)) from error
-        degree = degree_of(model)
-        self.steps = _steps(model, self.workspace, instantaneous)
-        self.large = self.workspace.unknowns.free.size * max(degree, 1) > LARGEST_DENSE
-        # A higher degree is asked of scipy only where it must be: that would be compiled as well.
-        self.begun = degree > 0
+        self.stepper = _new_stepper(model, self.workspace, solver, instantaneous)
 
     def _make_scene(self, system: System, state: State, full: bool, chunk: int) -> None:
         """Bring the start in order, and find out what there is to be solved."""
@@ -204,70 +110,24 @@ class SubsystemIntegrator:
         self.workspace.mean_reaction[:] = self.workspace.state.reaction
         workspace.show(self.workspace, 0.0, 0, 0)
 
-    def advance(
-        self, h: float, first: int, last: int, schedule: OutputSchedule, patience: float = math.inf
-    ) -> tuple[int, Outcome]:
-        """Take steps ``first``..``last - 1`` of a chunk as ``newton.march`` has them.
-
-        Returns the number of the step that did not converge (``last`` if none) and its outcome;
-        the state is then that of the last whole step. Steps that turn hard are broken off, the last
-        of them solved, after ``patience`` seconds.
-        """
-        k, outcome = first, Outcome(0.0, -1)
-        began = time.perf_counter()
-        while k < last:
-            if self.solver == "newton" or (self.solver == "auto" and (self.begun or self.large)):
-                k = self.steps.march(h, k, last, schedule)
-            if k < last:
-                outcome = self._take_hard(h)
-                if not outcome.converged:
-                    break
-                self.steps.show(h, k, schedule)
-                k += 1
-                self.begun = True
-                if time.perf_counter() - began > patience:
-                    break
-        return k, outcome
-
-    def _take_hard(self, h: float) -> Outcome:
-        """One step by the reference solver, or all of it in smaller ones; else no step at all."""
-        before = [array.copy() for array in self.workspace.state]
-        self.steps.forget()
-        outcome = self._take(h, MAX_SUBDIVISIONS, 1.0)
-        if not outcome.converged:
-            self.steps.forget()
-            for array, value in zip(self.workspace.state, before, strict=True):
-                array[:] = value
-            equations.prepare(self.workspace.system, self.workspace.state, self.workspace.start)
-        return outcome
-
-    def _take(self, h: float, subdivisions: int, share: float) -> Outcome:
-        outcome = self._take_once(h, share)
-        if outcome.converged or subdivisions == 0:
-            return outcome
-        self.subdivisions += 1
-        outcome = self._take(0.5 * h, subdivisions - 1, 0.5 * share)
-        return self._take(0.5 * h, subdivisions - 1, 0.5 * share) if outcome.converged else outcome
-
-    def _take_once(self, h: float, share: float) -> Outcome:
-        if self.solver == "newton" or (self.solver == "auto" and self.large):
-            self.requests.after(EVALUATION + STEP_WORK * self.workspace.unknowns.free.size)
-            return self.steps.take(h, share)
-        self.scipy_steps += 1
-        return self.steps.take_by_root(h, share, self.requests.after)
+    def advance(self, chunk: Chunk, patience: float = math.inf) -> Advance:
+        """Take the steps of a ``chunk``; see ``Stepper.advance``."""
+        return self.stepper.advance(chunk, patience)
 
 
-def _steps(
-    model: Model, workspace: Workspace, instantaneous: bool
-) -> "MidpointStepper | Higher | AdaptiveStepper":
-    """How the model's steps are taken; a higher degree's code is only loaded if asked for."""
+def _new_stepper(model: Model, workspace: Workspace, solver: str, instantaneous: bool) -> Stepper:
+    """The stepper of the model's scheme; the collocation code is only loaded if asked for."""
     scheme, degree, simulation = scheme_of(model), degree_of(model), model.simulation
     if degree == 0:
-        return MidpointStepper(workspace, instantaneous)
-    from msahl.schemes.collocation.stepper import AdaptiveStepper, Higher
+        return FixedStepper(MidpointMethod(workspace, instantaneous), solver)
+    from msahl.schemes.collocation.step_control import ControlSettings
+    from msahl.schemes.collocation.stepper import AdaptiveStepper, CollocationMethod
 
     tolerance = local_tolerance_of(model)
     if tolerance is None:
-        return Higher(workspace, scheme, degree)
+        return FixedStepper(CollocationMethod(workspace, scheme, degree), solver)
     degrees = tuple(range(1, degree + 1)) if simulation.scheme == AUTO else (degree,)
-    return AdaptiveStepper(workspace, scheme, degrees, tolerance, simulation.dt, simulation.t_final)
+    # The first review begins in the middle of the degrees.
+    method = CollocationMethod(workspace, scheme, degrees[len(degrees) // 2])
+    settings = ControlSettings(tolerance, simulation.dt, simulation.t_final)
+    return AdaptiveStepper(method, degrees, settings)

@@ -41,7 +41,7 @@ CONDITION = 1e13
 SPINS = 0.1
 """Rotation in a step [rad] from which its tangent is 1e-3 of it off."""
 MOST_TOLD = 8
-"""Joints that a finding names; all are in ``run.json`` under ``sharedReactions``."""
+"""Joints that a finding names; all are in ``run.json`` under ``nonUniqueReactions``."""
 CHANGED = 1e-6
 """Of the highest speed: change of the velocities at the start that a reader must know."""
 ROUND_OFF = 1e3 * float_info.epsilon
@@ -113,7 +113,7 @@ class Figures:
     @property
     def size(self) -> float:
         """Size of the model [m]: its longest body, or the longest way of one if that is longer."""
-        return max(self.length, self.extreme("wayMax"))
+        return max(self.length, self.extreme("displacementMax"))
 
     def extreme(self, name: str) -> float:
         """A figure of the run that is known."""
@@ -123,7 +123,7 @@ class Figures:
 
 def never_begun(status: str) -> Verdict:
     """The verdict on a run that took no step."""
-    return Verdict((Finding("end", FAIL, status),))
+    return Verdict((Finding("completion", FAIL, status),))
 
 
 def judge(figures: Figures, limits: Limits) -> Verdict:
@@ -147,7 +147,7 @@ def _end(of: Figures, limits: Limits) -> Iterator[Finding]:
     words = {"completed": PASS, "interrupted": WARN}
     ended = "" if of.status == "completed" else f"{of.status} after "
     text = f"{ended}{of.steps} steps to t = {of.time:g} s"
-    yield Finding("end", words.get(of.status, FAIL), text)
+    yield Finding("completion", words.get(of.status, FAIL), text)
 
 
 def _energy(of: Figures, limits: Limits) -> Iterator[Finding]:
@@ -173,38 +173,38 @@ def _momentum(of: Figures, limits: Limits) -> Iterator[Finding]:
     for kind, lost in zip(("linear", "angular"), of.momentum, strict=True):
         if lost is not None:
             word = grade(lost, MOMENTUM, MOMENTUM_SPOILT)
-            yield Finding(f"{kind} momentum", word, f"{kind} momentum kept to {lost:.1e} of itself")
+            yield Finding(f"{kind}Momentum", word, f"{kind} momentum kept to {lost:.1e} of itself")
 
 
 def _gap(of: Figures, limits: Limits) -> Iterator[Finding]:
     if not of.joints:
         return
-    violation = of.extreme("gapMax")
+    violation = of.extreme("constraintViolationMax")
     floor = ROUND_OFF * of.extreme("distanceMax")
     limit, spoilt = _asked(limits.violation, GAP * of.length, GAP_SPOILT * of.length)
     word = grade(violation, max(limit, floor), spoilt)
     how = "closed" if word == PASS else "closed only"
-    yield Finding("gap", word, f"joints {how} to {violation:.1e} m")
+    yield Finding("constraintViolation", word, f"joints {how} to {violation:.1e} m")
 
 
 def _gap_rate(of: Figures, limits: Limits) -> Iterator[Finding]:
     if not of.joints:
         return
-    rate, speed = of.extreme("gapRateMax"), of.extreme("speedMax")
+    rate, speed = of.extreme("constraintViolationRateMax"), of.extreme("speedMax")
     floor = ROUND_OFF * of.extreme("distanceMax") / of.dt
     word = PASS if rate <= max(GAP_RATE * speed, floor) else WARN
     part = f", {rate / speed:.1e} of the highest speed" if speed else ""
     advice = "" if word == PASS else ": the step is large for this motion; shorten it"
     text = f"joints part at up to {rate:.1e} m/s at the rows{part}{advice}"
-    yield Finding("gap rate", word, text)
+    yield Finding("constraintViolationRate", word, text)
 
 
 def _work(of: Figures, limits: Limits) -> Iterator[Finding]:
     if not of.joints:
         return
-    work, kinetic = of.extreme("gapWorkMax"), of.extreme("largestKineticEnergy")
+    work, kinetic = of.extreme("constraintWorkMax"), of.extreme("largestKineticEnergy")
     word = PASS if work <= max(GAP_WORK * kinetic, ROUND_OFF * of.energy_size) else WARN
-    yield Finding("work of the joints", word, f"joints' forces have {work:.1e} J in their gaps")
+    yield Finding("constraintWork", word, f"joints' forces have {work:.1e} J in their gaps")
 
 
 def _newton(of: Figures, limits: Limits) -> Iterator[Finding]:
@@ -225,7 +225,7 @@ def _condition(of: Figures, limits: Limits) -> Iterator[Finding]:
         word = PASS if of.condition <= CONDITION else WARN
         advice = "" if word == PASS else ": near a singular position, or sizes too far apart"
         text = f"pivots of the Jacobian spread over {of.condition:.1e}{advice}"
-        yield Finding("condition", word, text)
+        yield Finding("pivotRatio", word, text)
 
 
 def _reactions(of: Figures, limits: Limits) -> Iterator[Finding]:
@@ -249,7 +249,7 @@ def _start(of: Figures, limits: Limits) -> Iterator[Finding]:
     if of.velocity_change > CHANGED * speed:
         rate = f"{of.velocity_change:.1e} m/s"
         text = f"the deck's velocities do not fit its joints (by {rate}); see the warnings"
-        yield Finding("start", WARN, text)
+        yield Finding("initialVelocities", WARN, text)
 
 
 def _accuracy(of: Figures, limits: Limits) -> Iterator[Finding]:
@@ -293,8 +293,11 @@ def _advice(of: Figures, error: float, limit: float) -> str:
     if of.tolerance is not None or of.local_tolerance is not None:
         return good
     enough = of.dt * (0.5 * limit / error) ** (1.0 / of.order)
-    turns = of.by_cayley and of.extreme("turnPerStepMax") > SPINS
-    spin = f" (bodies rotate {of.extreme('turnPerStepMax'):.2g} rad a step), --turn angle"
+    turns = of.by_cayley and of.extreme("rotationPerStepMax") > SPINS
+    spin = (
+        f" (bodies rotate {of.extreme('rotationPerStepMax'):.2g} rad per step), "
+        "--rotation-update exponential"
+    )
     try_dt = f"{good}; try --dt {enough:.1g}{spin if turns else ''}"
     return f"{try_dt} or --scheme auto --tolerance {limit:.0e}"
 
@@ -307,9 +310,11 @@ def _unresolved(of: Figures) -> str:
     if kinetic and taken > TAKEN * kinetic:
         return f"the scheme took {taken / kinetic:.1e} of the largest kinetic energy"
     # No less than the fastest mass centre's: highest speeds are told with those of turning.
-    way = min(of.dt, of.time) * of.extreme("speedMax") - of.length * of.extreme("turnPerStepMax")
-    if way > FARTHER * of.extreme("wayMax"):
-        farthest = f"{of.extreme('wayMax'):.1e} m from where it began"
+    way = min(of.dt, of.time) * of.extreme("speedMax") - of.length * of.extreme(
+        "rotationPerStepMax"
+    )
+    if way > FARTHER * of.extreme("displacementMax"):
+        farthest = f"{of.extreme('displacementMax'):.1e} m from where it began"
         return f"a body goes {way:.1e} m a step, and at no step's end is more than {farthest}"
     return ""
 

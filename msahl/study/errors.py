@@ -45,9 +45,9 @@ MEASURES = (
     Measure("position", "position", "m", True),
     Measure("orientation", "orientation", "rad", True),
     Measure("velocity", "velocity", "m/s", True),
-    Measure("spin", "angular velocity", "rad/s", True),
+    Measure("angular_velocity", "angular velocity", "rad/s", True),
     Measure("mean_reaction", "reaction, mean at mid-step", "N", True),
-    Measure("station_reaction", "reaction, at the row", "N", True),
+    Measure("instantaneous_reaction", "reaction, at the row", "N", True),
     Measure("energy_over_kinetic", "energy over max KE", "1", False),
     Measure("energy_over_first", "energy over |E(1)|", "1", False),
     Measure("work_hainge", "virtual work, Hainge's measure", "J", False),
@@ -55,7 +55,7 @@ MEASURES = (
     Measure("gap", "gap of the joints", "m", False),
     Measure("gap_rate", "gap rate of the joints", "m/s", False),
 )
-STATE_KEYS = ("position", "orientation", "velocity", "spin")
+STATE_KEYS = ("position", "orientation", "velocity", "angular_velocity")
 """Those of the states alone."""
 BY_KEY = {measure.key: measure for measure in MEASURES}
 
@@ -85,18 +85,18 @@ class Errors(NamedTuple):
 def measure_errors(run: Run, reference: Reference, dynamics: Dynamics | None = None) -> Errors:
     """All errors of a run; ``dynamics`` are those of its model, built if they are not given."""
     states = state_figures(run, reference)
-    measures = measure(run)
-    energy, joints, work = measures.energy, measures.constraints, measures.work
+    metrics = compute_metrics(run)
+    energy, joints, work = metrics.energy, metrics.constraints, metrics.work
     time, known = _rows_known(run, reference)
     series = states.series | _force_errors(
-        run, measures, reference, dynamics or Dynamics(run.model), known
+        run, metrics, reference, dynamics or Dynamics(run.model), known
     )
     figures: dict[str, Statistics | None] = {
         **{key: _figures(errors) for key, errors in series.items()},
         "energy_over_kinetic": energy.error_over_kinetic,
         "energy_over_first": energy.error_over_first,
         "work_hainge": _widest(work.hainge) if work else None,
-        "work_sharp": _widest(work.sharp) if work else None,
+        "work_sharp": _widest(work.reaction) if work else None,
         "gap": _widest(joints.violation[:, :, METRES]),
         "gap_rate": _widest(joints.rate[:, :, METRES]),
     }
@@ -125,11 +125,11 @@ def _rows_known(run: Run, reference: Reference) -> tuple[np.ndarray, np.ndarray]
 
 
 def _force_errors(
-    run: Run, measures: Measures, reference: Reference, dynamics: Dynamics, rows: np.ndarray
+    run: Run, metrics: Metrics, reference: Reference, dynamics: Dynamics, rows: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Errors (m,) of the reactions in these ``rows``, by key."""
     # Components that redundant joints share are not unique: no reference has the same.
-    shared = measures.reactions.shared[: measures.joints]
+    shared = metrics.reactions.shared[: metrics.joints]
     own = np.array([[column not in columns for column in FORCE_COLUMNS] for columns in shared])
     if not own.any():
         return {}
@@ -137,12 +137,12 @@ def _force_errors(
     errors = {}
     if not run.instantaneous:
         mids = 0.5 * (run.time[rows - 1] + times)
-        published = measures.reactions.force[rows, : len(own)]
+        published = metrics.reactions.force[rows, : len(own)]
         mean = published - reference.forces(mids).reshape(shape)
         errors["mean_reaction"] = _length(mean * own)
     forces = _own_forces(run.states.to_numpy()[rows, 1:], times, reference, dynamics)
     forces -= reference.forces(times)
-    errors["station_reaction"] = _length(forces.reshape(shape) * own)
+    errors["instantaneous_reaction"] = _length(forces.reshape(shape) * own)
     return errors
 
 
@@ -178,7 +178,9 @@ def state_errors(table: np.ndarray, true: np.ndarray) -> dict[str, np.ndarray]:
         "position": _length(x - x0),
         "orientation": angles(p, p0).max(axis=1),
         "velocity": _length(np.einsum("mnij,mnj->mni", R, v) - np.einsum("mnij,mnj->mni", R0, v0)),
-        "spin": _length(np.einsum("mnij,mnj->mni", R, w) - np.einsum("mnij,mnj->mni", R0, w0)),
+        "angular_velocity": _length(
+            np.einsum("mnij,mnj->mni", R, w) - np.einsum("mnij,mnj->mni", R0, w0)
+        ),
     }
 
 

@@ -38,7 +38,7 @@ from msahl.joints.joint import Coincide as Coinciding
 from msahl.joints.registry import KINDS
 from msahl.model import Model, decay_of, is_exponential
 from msahl.model.bodies import RigidBody
-from msahl.model.couplings import FREEDOMS, Coupling
+from msahl.model.couplings import COORDINATES, Coupling
 from msahl.model.joints import Joint
 from msahl.model.loads import Bushing, ConcentratedLoad, Drag, Friction, JointSpring, SpringDamper
 from msahl.model.motions import JointMotion, PointMotion
@@ -185,7 +185,7 @@ class _Builder:
         self.joint_rows.append(len(self.rows))
 
     def _coupling(self, element: int, coupling: Coupling) -> None:
-        first_freedom, second_freedom = FREEDOMS[coupling.kind]
+        first_freedom, second_freedom = COORDINATES[coupling.kind]
         follower = self._freedom(coupling.second, second_freedom)
         leader = self._freedom(coupling.first, first_freedom)
         equation = Equation(self.quantities[follower][0], None)

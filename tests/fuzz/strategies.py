@@ -5,14 +5,14 @@ and bytes that are no deck at all.
 import copy
 from functools import cache
 
-from guard import TRAPS
 from hypothesis import strategies as st
 from lxml import etree
-from scenes import DECKS
 
 from msahl.deck.schema import schema_bytes
 from msahl.deck.units import UNITS
 from msahl.joints.registry import KINDS
+from tests.fuzz.guard import TRAPS
+from tests.support.models import DECKS
 
 NUMBERS = (
     "0", "-0", "1", "-1", "2", "0.5", "1e-7", "1e-50", "1e-99", "-1e-100", "1e-101", "1e-300",
@@ -64,7 +64,7 @@ def attributes() -> dict[str, tuple[str, ...]]:
         "interpolation": ("linear", "cubic", "periodic", "spline"),
         "scheme": ("preserving", "decaying", "magic"),
         "damping": NUMBERS,
-        "reactions": ("mean", "station", "none"),
+        "reactions": ("mean", "instantaneous", "none"),
         "position": ("check", "project", ""),
         "velocity": ("keepAngular", "massWeighted", "asGiven", "refuse", "x"),
         "href": (str(TRAPS.pipe), TRAPS.address),
@@ -294,7 +294,7 @@ def scenes(draw) -> bytes:
     ]
     loads = [_load(draw, f"L{i}", names, tuple(kinds)) for i in range(draw(st.integers(0, 3)))]
     scheme = _of(draw, ("preserving", "decaying"))
-    reactions = _of(draw, ("mean", "station"))
+    reactions = _of(draw, ("mean", "instantaneous"))
     position = _of(draw, ("project", "project", "check"))
     velocity = _of(draw, ("keepAngular", "massWeighted", "asGiven", "refuse"))
     return (
@@ -394,8 +394,8 @@ def _motion(draw, name, bodies, joints):
     if joints and draw(st.booleans()):
         coordinate = _of(draw, ("angle", "slide"))
         return (
-            f"<drive><name>{name}</name><joint>{_of(draw, joints)}</joint>"
-            f"<freedom>{coordinate}</freedom>{_law(draw)}</drive>"
+            f"<jointMotion><name>{name}</name><joint>{_of(draw, joints)}</joint>"
+            f"<coordinate>{coordinate}</coordinate>{_law(draw)}</jointMotion>"
         )
     return (
         f"<pointMotion><name>{name}</name><body>{_of(draw, bodies)}</body>"
@@ -431,7 +431,7 @@ def _load(draw, name, names, joints):
     elif kind == "friction":
         coordinate, radius = _of(draw, (("angle", _number(draw, "radius", sizes)), ("slide", "")))
         rest = _number(draw, "coefficient", sizes) + radius + _number(draw, "width", sizes)
-        joint = f"<joint>{_of(draw, joints)}</joint><freedom>{coordinate}</freedom>"
+        joint = f"<joint>{_of(draw, joints)}</joint><coordinate>{coordinate}</coordinate>"
         inside = f"<name>{name}</name>{joint}{rest}"
     else:
         tags = ("angle", "moment") if kind[0] == "t" else ("length", "force")

@@ -35,6 +35,7 @@ from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.verdict import ENERGY_SPOILT
 from msahl.schemes.collocation import newton, predictor, scipy_root
 from msahl.schemes.collocation.newton import CollocationWorkspace
+from msahl.schemes.fixed_stepper import FixedStepper
 from msahl.schemes.midpoint import equations
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.start.velocities import StartError
@@ -235,12 +236,12 @@ def judge(
         return str(status)
     if status == "interrupted":
         return LATE
-    if status != "completed" or info["rows"] != info["rows_found"]:
+    if status != "completed" or info["outputTimes"] != info["rows_found"]:
         return FAILED
     extremes = info["extremes"]
     round_off = ROUND_OFF * abs(extremes["energyAtStart"])
     allowed = max(kept * extremes["largestKineticEnergy"], round_off)
-    if extremes["energyErrorMax"] > allowed or extremes["gapMax"] > KEPT * arm:
+    if extremes["energyErrorMax"] > allowed or extremes["constraintViolationMax"] > KEPT * arm:
         return DOUBTFUL
     if error is None:
         return BOUNDED
@@ -267,7 +268,7 @@ def cell(
     """A run's figures."""
     extremes, steps = info.get("extremes", {}), info.get("steps", 0)
     seconds, verdict = info.get("seconds", {}), info.get("verdict") or {}
-    rescues = info.get("root_steps")
+    rescues = info.get("scipySteps")
     return Cell(
         family=family,
         value=value,
@@ -278,12 +279,12 @@ def cell(
         steps=steps,
         time=info.get("time", 0.0),
         iterations=info["iterations"] / steps if steps else None,
-        subdivisions=info.get("halvings"),
+        subdivisions=info.get("subdivisions"),
         # Every island's first step is taken by root as a matter of course.
-        rescues=None if rescues is None else max(0, rescues - info["islands"]),
+        rescues=None if rescues is None else max(0, rescues - info["subsystems"]),
         energy=_finite(extremes.get("energyErrorMaxRelative")),
-        gap=_finite(extremes.get("gapMax")),
-        violation_rate=_finite(extremes.get("gapRateMax")),
+        gap=_finite(extremes.get("constraintViolationMax")),
+        violation_rate=_finite(extremes.get("constraintViolationRateMax")),
         condition=condition,
         seconds=seconds.get("loop"),
         reference="" if found.position is None else truth.kind,
@@ -291,7 +292,7 @@ def cell(
         error=found.position,
         turned=found.turn,
         tolerance=tolerance,
-        rows=info.get("rows", 0),
+        rows=info.get("outputTimes", 0),
         rows_found=info.get("rows_found", 0),
         message=_what_happened(info.get("message", "")),
         verdict=verdict.get("word"),
@@ -337,7 +338,9 @@ def condition(model: Model, dt: float, scheme: str) -> float | None:
         integrator = SubsystemIntegrator(with_step(model, dt, scheme=scheme), "newton", False, 1)
     except StartError:
         return None
-    scene, high_steps = integrator.scene, getattr(integrator.steps, "high", None)
+    scene, stepper = integrator.workspace, integrator.stepper
+    assert isinstance(stepper, FixedStepper)
+    high_steps = getattr(stepper.method, "subsystem", None)
     free = scene.unknowns.free
     if free.size * (high_steps.y.shape[1] if high_steps else 1) > LARGEST:
         return None

@@ -131,7 +131,10 @@ def _agreement_row(result: Result) -> tuple[Cell, ...]:
     return (
         result.name.replace("_", " "),
         words,
-        *(float(errors[key].max()) for key in ("position", "orientation", "velocity", "spin")),
+        *(
+            float(errors[key].max())
+            for key in ("position", "orientation", "velocity", "angular_velocity")
+        ),
         float(forces.max()) if forces.size else None,
     )
 

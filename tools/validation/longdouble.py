@@ -24,15 +24,16 @@ from msahl.algebra.vector import add, at, put, scale
 from msahl.elements import along
 from msahl.jit.kernel import MARKED
 from msahl.model import Model
-from msahl.run.output_schedule import OutputSchedule
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes import accelerations
 from msahl.schemes.collocation import newton
 from msahl.schemes.collocation.newton import TARGET, CollocationWorkspace
-from msahl.schemes.collocation.stepper import Higher
+from msahl.schemes.collocation.stepper import CollocationMethod
 from msahl.schemes.collocation.tableau import Rule, new_rule
+from msahl.schemes.fixed_stepper import FixedStepper
 from msahl.schemes.midpoint import equations
 from msahl.schemes.outcome import TOLERANCE
+from msahl.schemes.output_schedule import OutputSchedule
 
 LONG = np.longdouble
 ROUND_OFF = float(np.finfo(LONG).eps / np.finfo(float).eps)
@@ -61,12 +62,14 @@ def run(model: Model, steps: int, rows: int) -> tuple[np.ndarray, np.ndarray] | 
     ``steps`` equal steps to the end; None if one of them does not converge.
     """
     integrator = SubsystemIntegrator(model, "newton", full=False, chunk=steps)
-    assert isinstance(integrator.steps, Higher)
-    assert integrator.steps.scheme == "gauss"
-    island = widened(integrator.steps.high)
+    assert isinstance(integrator.stepper, FixedStepper)
+    method = integrator.stepper.method
+    assert isinstance(method, CollocationMethod)
+    assert method.scheme == "gauss"
+    island = widened(method.subsystem)
     mobility = np.zeros_like(island.stages.mobility)
     mobility[:-1] = inverse(island.scene.system.bodies.inertia[:-1])
-    stages = island.stages._replace(rule=gauss(integrator.steps.degree), mobility=mobility)
+    stages = island.stages._replace(rule=gauss(method.degree), mobility=mobility)
     island = island._replace(stages=stages)
     plan = OutputSchedule.at_ends(np.arange(1, steps + 1) % (steps // rows) == 0)
     with in_long():

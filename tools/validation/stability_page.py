@@ -355,7 +355,7 @@ def glance_table(cells: Sequence[Cell]) -> Table:
         Column("gap", "gap [m]", form=".1e", missing=""),
         Column("rate", "gap rate [m/s]", form=".1e", missing=""),
         Column("iterations", "iterations a step", form=".1f", missing=""),
-        Column("halvings", "halvings", form=".2g", missing=""),
+        Column("subdivisions", "subdivisions", form=".2g", missing=""),
         Column("rescues", "rescues", form=".2g", missing=""),
         Column("condition", "condition", form=".0e", missing=""),
     )

@@ -54,6 +54,14 @@ TOO_SMALL = 1e-12
 """Part of the run that no pair is shorter than."""
 
 
+class ControlSettings(NamedTuple):
+    """What the user asked of the step-size control."""
+
+    tolerance: float  # of the local errors of a whole run, added up [m]
+    dt: float  # size of the steps tried first [s]
+    t_final: float  # [s]
+
+
 class StepControl(NamedTuple):
     """Where the choice of steps stands, and room for going back."""
 
@@ -74,14 +82,15 @@ class StepControl(NamedTuple):
 
 
 def new_step_control(
-    subsystem: CollocationWorkspace, steps: int, dt: float, tolerance: float, t_final: float
+    subsystem: CollocationWorkspace, steps: int, settings: ControlSettings
 ) -> StepControl:
-    """Room for chunks of ``steps`` steps to a ``tolerance`` [m]; ``dt`` [s] is tried first."""
+    """Return the step-size control for chunks of up to ``steps`` steps."""
     state = subsystem.workspace.state
     system = subsystem.workspace.system
     figures = np.zeros(10)
     figures[STOP] = math.inf
-    figures[NEXT], figures[SHARE], figures[SMALLEST] = dt, tolerance / t_final, math.inf
+    figures[NEXT], figures[SMALLEST] = settings.dt, math.inf
+    figures[SHARE] = settings.tolerance / settings.t_final
     return StepControl(
         figures=figures,
         counts=np.zeros(4, dtype=np.int64),

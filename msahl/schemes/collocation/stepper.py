@@ -1,11 +1,12 @@
-"""Steps of higher degree of one island, for ``solve.island``; loaded only where they are asked for.
+"""Takes steps of the collocation schemes, of a given size or by a tolerance.
 
-Where a tolerance is given the steps are those of ``solve.pace``, and, unless the degree is given as
-well, it is the one whose steps take the least work for a second of motion. From time to time, after
-so many pairs, the degrees beside the present one are tried where the scene then stands. Work is
-counted and not timed, so a run comes out the same on every machine.
+With a tolerance ``step_control`` chooses the sizes. Unless the degree is given as well, it is the
+one that takes the least work per second of motion: after a number of pairs of steps the
+neighbouring degrees are tried from the present state. Work is counted and not timed, so a run gives
+the same results on every machine.
 """
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -13,248 +14,289 @@ import numpy as np
 
 from msahl.jit.compiled import compiled
 from msahl.model.scheme import HIGHER
-from msahl.run.output_schedule import OutputSchedule
 from msahl.schemes.collocation import dense_output, newton, step_control
 from msahl.schemes.collocation.newton import CollocationWorkspace, new_collocation_workspace
+from msahl.schemes.collocation.step_control import ControlSettings
 from msahl.schemes.collocation.workspace import Stages
+from msahl.schemes.midpoint import equations
 from msahl.schemes.midpoint.workspace import Workspace
-from msahl.schemes.outcome import Outcome
+from msahl.schemes.outcome import Outcome, Requests
+from msahl.schemes.output_schedule import OutputSchedule
+from msahl.schemes.stepper import NO_TIMES, Advance, Chunk, Events, Stepper
+from msahl.system.arrays import State
 
-_march = compiled(newton.march)
-_publish = compiled(newton.publish)
-_march_adaptive = compiled(step_control.march)
+_take_steps = compiled(newton.march)
+_record_step = compiled(newton.publish)
+_take_pairs = compiled(step_control.march)
 
-NO_ROWS = (np.zeros(0, dtype=np.int64), np.zeros(0))
+NO_ROWS = np.zeros(0, dtype=np.int64)
 
 FIRST_REVIEW, LONGEST_PAUSE = 8, 128
-"""Pairs until the degree is looked at again: each time twice as many, to a few in a hundred."""
+"""Accepted pairs until the degree is reviewed: first, and at most; the number doubles each time, so
+that reviews take a few per cent of the work."""
 TRIES = 3
-"""Pairs that it takes at most to find the size of one at a degree."""
+"""Largest number of pairs tried to find the step size at a degree."""
 WORTH = 0.9
-"""Part of the present work below which another degree is turned to."""
+"""Fraction of the present work below which the degree is changed."""
+NEAR = 1e-9
+"""Fraction of a pair of steps within which its end is at an event."""
 
 
-class Higher:
-    """Steps by the ``scheme`` of a ``degree`` of one ``scene``."""
+class CollocationMethod:
+    """The ``StepMethod`` of a collocation ``scheme`` with polynomials of a ``degree``."""
 
     def __init__(self, workspace: Workspace, scheme: str, degree: int) -> None:
         self.workspace, self.scheme = workspace, scheme
-        self.highs: dict[int, CollocationWorkspace] = {}
-        self.turn_to(degree)
-
-    @property
-    def counters(self) -> dict[str, Any]:
-        """What must be known to go on, beside the memory."""
-        return {"degree": self.degree}
-
-    def recall(self, counters: dict[str, Any]) -> None:
-        """Go back to what ``counters`` told."""
-        self.turn_to(counters["degree"])
-
-    def go_like(self, other: object) -> None:
-        """Turn to the degree of the ``other`` steps."""
-        if isinstance(other, Higher) and self.degree != other.degree:
-            self.turn_to(other.degree)
-
-    def turn_to(self, degree: int) -> None:
-        """Go on with steps of this ``degree``."""
-        self.degree = degree
-        if degree not in self.highs:
-            self.highs[degree] = new_collocation_workspace(self.workspace, self.scheme, degree)
-        self.high = self.highs[degree]
-        newton.forget(self.high)
+        self.by_degree: dict[int, CollocationWorkspace] = {}
+        self.set_degree(degree)
 
     @property
     def kind(self) -> str:
-        """Which compiled step the scene needs."""
-        kind = "points" if self.high.workspace.system.along is None else "along"
-        rubs = "" if self.high.rubbing is None else "-friction"
-        return f"{kind}{rubs}-high"
-
-    def march(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:
-        """As ``high.march``."""
-        return int(_march(self.high, h, first, last, schedule.due, schedule.share))
-
-    def show(self, h: float, step: int, schedule: OutputSchedule) -> None:
-        """As ``high.publish``."""
-        _publish(self.high, h, step, schedule.due, schedule.share)
-
-    def forget(self) -> None:
-        """Let the next step, from where the scene stands, be guessed from its accelerations."""
-        newton.forget(self.high)
-        dense_output.mark(self.high.between.begin, self.high.workspace)
+        """See ``StepMethod``."""
+        kind = "points" if self.workspace.system.along is None else "along"
+        friction = "" if self.subsystem.rubbing is None else "-friction"
+        return f"{kind}{friction}-collocation"
 
     @property
     def memory(self) -> Stages:
-        """What advances beside the scene."""
-        return self.high.stages
+        """See ``StepMethod``."""
+        return self.subsystem.stages
 
-    def take(self, h: float, share: float) -> Outcome:
-        """A step ``h``, whatever ``share`` it is of the whole one, by the compiled solver."""
-        _march(self.high, h, 0, 1, *NO_ROWS)
-        residual, worst = self.high.outcome
-        return self._told(Outcome(float(residual), int(worst)))
+    @property
+    def counters(self) -> dict[str, Any]:
+        """See ``StepMethod``."""
+        return {"degree": self.degree}
 
-    def take_by_root(self, h: float, share: float, after: Callable[[int], None]) -> Outcome:
-        """Likewise by scipy."""
+    def restore(self, counters: dict[str, Any]) -> None:
+        """See ``StepMethod``."""
+        self.set_degree(counters["degree"])
+
+    def set_degree(self, degree: int) -> None:
+        """See ``StepMethod``."""
+        self.degree = degree
+        if degree not in self.by_degree:
+            self.by_degree[degree] = new_collocation_workspace(self.workspace, self.scheme, degree)
+        self.subsystem = self.by_degree[degree]
+        newton.forget(self.subsystem)
+
+    def take_steps(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:
+        """See ``StepMethod``."""
+        return int(_take_steps(self.subsystem, h, first, last, schedule.due, schedule.share))
+
+    def take_step(self, h: float, share: float) -> Outcome:
+        """See ``StepMethod``; nothing here depends on the ``share``."""
+        _take_steps(self.subsystem, h, 0, 1, NO_ROWS, NO_TIMES)
+        return self._checked(self.outcome)
+
+    def take_step_by_scipy(
+        self, h: float, share: float, count_work: Callable[[int], None]
+    ) -> Outcome:
+        """See ``StepMethod``; scipy is slow to import."""
         from msahl.schemes.collocation import scipy_root
 
-        return self._told(scipy_root.take(self.high, h, after))
+        return self._checked(scipy_root.take(self.subsystem, h, count_work))
 
-    def _told(self, outcome: Outcome) -> Outcome:
-        """The ``outcome`` of a step, after which, if it failed, the unknowns are none to follow."""
+    def record_step(self, h: float, step: int, schedule: OutputSchedule) -> None:
+        """See ``StepMethod``."""
+        _record_step(self.subsystem, h, step, schedule.due, schedule.share)
+
+    def reset_prediction(self) -> None:
+        """See ``StepMethod``."""
+        newton.forget(self.subsystem)
+        dense_output.mark(self.subsystem.between.begin, self.workspace)
+
+    @property
+    def outcome(self) -> Outcome:
+        """Outcome of the last step that compiled code tried."""
+        residual, worst = self.subsystem.outcome
+        return Outcome(float(residual), int(worst))
+
+    def _checked(self, outcome: Outcome) -> Outcome:
+        """Return the ``outcome``; after a failure discard the predictor's history."""
         if not outcome.converged:
-            newton.forget(self.high)
+            newton.forget(self.subsystem)
         return outcome
 
 
-class AdaptiveStepper(Higher):
-    """Steps whose sizes follow from a ``tolerance`` [m], of those ``degrees`` that may be chosen.
+class AdaptiveStepper:
+    """A ``Stepper`` whose step sizes follow from a ``tolerance`` [m], of one of the ``degrees``.
 
-    ``chosen`` tells the degrees, each with the time since when and the work, in iterations of the
-    lowest one, that a second of motion then took by it and by those it was compared with.
+    ``chosen`` lists the degrees with the time since when, and the work per second of motion that
+    this degree and those it was compared with took then, in iterations of degree 1.
     """
 
     def __init__(
-        self,
-        workspace: Workspace,
-        scheme: str,
-        degrees: tuple[int, ...],
-        tolerance: float,
-        dt: float,
-        t_final: float,
+        self, method: CollocationMethod, degrees: tuple[int, ...], settings: ControlSettings
     ) -> None:
-        # The first review begins in the middle of the degrees.
-        super().__init__(workspace, scheme, degrees[len(degrees) // 2])
-        self.degrees, self.tolerance = degrees, tolerance
-        steps = len(workspace.monitor.rows)
-        self.control = step_control.new_step_control(self.high, steps, dt, tolerance, t_final)
+        self.method, self.workspace, self.degrees = method, method.workspace, degrees
+        self.requests = Requests()
+        self.events: Events | None = None
+        self.scipy_steps = self.subdivisions = 0
+        self.tolerance = settings.tolerance
+        chunk = len(self.workspace.monitor.rows)
+        self.control = step_control.new_step_control(method.subsystem, chunk, settings)
         self.sizes: dict[int, float] = {}
         self.chosen: list[dict[str, Any]] = []
         self.review, self.pause = 0, FIRST_REVIEW
 
     @property
     def kind(self) -> str:
-        """Which compiled step the scene needs."""
-        return f"{super().kind}-paced"
+        """See ``Stepper``."""
+        return f"{self.method.kind}-adaptive"
 
     @property
     def memory(self) -> Any:
-        """What advances beside the scene."""
-        return self.high.stages, self.control.figures
+        """See ``Stepper``."""
+        return self.method.memory, self.control.figures
 
     @property
     def counters(self) -> dict[str, Any]:
-        """What must be known to go on, beside the memory."""
+        """See ``Stepper``."""
         return {
-            "degree": self.degree,
+            "degree": self.method.degree,
             "chosen": self.chosen,
             "review": [self.review, self.pause],
             "pairs": self.control.counts.tolist(),
         }
 
-    def recall(self, counters: dict[str, Any]) -> None:
-        """Go back to what ``counters`` told."""
-        self.turn_to(counters["degree"])
+    def restore(self, counters: dict[str, Any]) -> None:
+        """See ``Stepper``."""
+        self.method.restore(counters)
         self.chosen = counters["chosen"]
         self.review, self.pause = counters["review"]
         self.control.counts[:] = counters["pairs"]
 
-    def go(self, times: np.ndarray, end: float, most: int) -> tuple[int, int, Outcome]:
-        """Take about ``most`` steps, until the ``times`` of all rows, and never past the ``end``
-        [s]: how many steps and rows that made. No step: the outcome says why.
-        """
-        self.control.figures[step_control.END] = end
-        accepted = int(self.control.counts[step_control.ACCEPTED])
-        most = min(most, len(self.control.sizes))
+    def reset_prediction(self) -> None:
+        """See ``Stepper``."""
+        self.method.reset_prediction()
+
+    def follow_degree(self, other: Stepper) -> None:
+        """See ``Stepper``."""
+        self.method.set_degree(other.counters["degree"])
+
+    def smallest_tried(self, h: float) -> float:
+        """See ``Stepper``."""
+        return 0.5 * float(self.control.figures[step_control.NEXT])
+
+    def advance(self, chunk: Chunk, patience: float = math.inf) -> Advance:
+        """See ``Stepper``; no step at all means that the tolerance cannot be met."""
+        most = min(chunk.last, len(self.control.sizes))
+        self.control.figures[step_control.END] = float(chunk.times[-1])
         if len(self.degrees) > 1:
+            accepted = int(self.control.counts[step_control.ACCEPTED])
             if accepted >= self.review:
-                self._review()
+                self._review_degree()
                 self.review = accepted + self.pause
                 self.pause = min(2 * self.pause, LONGEST_PAUSE)
             most = min(most, 2 * (self.review - accepted))
-        done = int(_march_adaptive(self.high, self.control, self.order, max(2, most), times))
-        residual, worst = self.high.outcome
-        return (
-            done,
-            int(self.control.counts[step_control.ROWS]),
-            Outcome(float(residual), int(worst)),
-        )
+        if self.events is None:
+            done = self._take_pairs(max(2, most), chunk.times)
+        else:
+            done = self._take_pair_to_event(self.events, chunk.times)
+        ends = self.control.ends[:done].copy()
+        rows = int(self.control.counts[step_control.ROWS])
+        schedule = OutputSchedule.passed(chunk.times[:rows], chunk.begin, ends)
+        return Advance(done, self.method.outcome, schedule, self.control.sizes[:done], ends)
 
-    @property
-    def smallest_tried(self) -> float:
-        """Size of the steps [s] that were tried last."""
-        return 0.5 * float(self.control.figures[step_control.NEXT])
+    def _take_pairs(self, most: int, times: np.ndarray) -> int:
+        """Take pairs of steps, about ``most`` steps; the number of steps taken."""
+        return int(_take_pairs(self.method.subsystem, self.control, self.order, most, times))
+
+    def _take_pair_to_event(self, events: Events, times: np.ndarray) -> int:
+        """Take one pair of steps, up to the first event in it, which is applied then."""
+        workspace, begin = self.workspace, float(self.workspace.state.time[0])
+        saved = [array.copy() for array in self._changing()]
+        before = State(*(array.copy() for array in workspace.state))
+        done = self._take_pairs(2, times)
+        end = float(workspace.state.time[0])
+        part = events.first(workspace, before, end - begin) if done else math.inf
+        if part < 1.0:
+            for array, value in zip(self._changing(), saved, strict=True):
+                array[:] = value
+            equations.prepare(workspace.system, workspace.state, workspace.start)
+            self.reset_prediction()
+            event = begin + part * (end - begin)
+            self.control.figures[step_control.STOP] = event
+            done = self._take_pairs(2, times)
+            # A pair that is refused is followed by a shorter one, which ends before the event.
+            reached = abs(float(workspace.state.time[0]) - event) <= NEAR * (end - begin)
+            part = 1.0 if done and reached else math.inf
+        if part == 1.0:
+            events.apply(workspace)
+            equations.prepare(workspace.system, workspace.state, workspace.start)
+            self.reset_prediction()
+        return done
+
+    def _changing(self) -> list[np.ndarray]:
+        return [*self.workspace.state, self.control.figures, self.control.counts]
 
     @property
     def order(self) -> int:
         """Order of the steps of the present degree."""
-        return HIGHER[self.scheme].order(self.degree)
+        return HIGHER[self.method.scheme].order(self.method.degree)
 
-    def as_json(self) -> tuple[dict[str, Any], dict[str, float]]:
-        """How the steps were chosen, as ``run.json`` tells it [m, s], and the extremes of their own
-        errors.
-        """
+    def as_json(self) -> tuple[dict[str, Any] | None, dict[str, float]]:
+        """See ``Stepper`` [m, s]."""
         figures, counts = self.control.figures, self.control.counts
-        told = {
+        report = {
             "localTolerance": self.tolerance,
-            "pairs": int(counts[step_control.ACCEPTED]),
-            "refused": int(counts[step_control.REFUSED]),
+            "acceptedPairs": int(counts[step_control.ACCEPTED]),
+            "rejectedPairs": int(counts[step_control.REFUSED]),
             "stepMin": float(figures[step_control.SMALLEST]),
             "stepMax": float(figures[step_control.WIDEST]),
             "degrees": self.chosen,
         }
-        local = {
+        extremes = {
             "localErrorMax": float(figures[step_control.LARGEST]),
             "localErrorSum": float(figures[step_control.ERROR]),
         }
-        return told, local
+        return report, extremes
 
-    def _review(self) -> None:
-        """Turn to the degree that takes the least work, if that is worth it."""
-        present = self.degree
+    def _review_degree(self) -> None:
+        """Change to the degree that takes the least work, if the gain is worth it."""
+        present = self.method.degree
         self.sizes[present] = float(self.control.figures[step_control.NEXT])
-        work = {present: self._work(present, present)}
-        for way in (1, -1):
-            degree = present + way
+        work = {present: self._measure_work(present, present)}
+        for change in (1, -1):
+            degree = present + change
             while degree in self.degrees:
-                work[degree] = self._work(degree, degree - way)
-                if work[degree] > work[degree - way]:
+                work[degree] = self._measure_work(degree, degree - change)
+                if work[degree] > work[degree - change]:
                     break
-                degree += way
+                degree += change
         best = min(work, key=lambda degree: work[degree])
         if self.chosen and work[best] > WORTH * work[present]:
             best = present
-        if best != self.degree:
-            self.turn_to(best)
+        if best != self.method.degree:
+            self.method.set_degree(best)
         self.control.figures[step_control.NEXT] = self.sizes[best]
         if not self.chosen or self.chosen[-1]["degree"] != best:
-            told = {str(degree): work[degree] for degree in sorted(work)}
+            compared = {str(degree): work[degree] for degree in sorted(work)}
             since = float(self.workspace.state.time[0])
-            self.chosen.append({"degree": best, "since": since, "work": told})
+            self.chosen.append({"degree": best, "since": since, "work": compared})
 
-    def _work(self, degree: int, like: int) -> float:
-        """Work for a second by steps of this ``degree``, first tried at the size of those ``like``
-        it.
+    def _measure_work(self, degree: int, like: int) -> float:
+        """Work per second of motion at this ``degree``, by pairs that are tried and taken back;
+        the first has the size found for the degree ``like``.
         """
         figures, counts = self.control.figures, self.workspace.counts
-        size, spent = self.sizes[like], counts.copy()
-        if degree != self.degree:
-            self.turn_to(degree)
+        size, before = self.sizes[like], counts.copy()
+        if degree != self.method.degree:
+            self.method.set_degree(degree)
         for _ in range(TRIES):
-            spent, figures[step_control.NEXT] = counts.copy(), size
-            _march_adaptive(self.high, self.control, self.order, 0, NO_ROWS[1])
+            before, figures[step_control.NEXT] = counts.copy(), size
+            self._take_pairs(0, NO_TIMES)
             tried, size = size, float(figures[step_control.BEST])
             if 0.5 <= size / tried <= 2.0:
                 break
         self.sizes[degree] = size
-        return work_of(degree, *(counts - spent).tolist()) / tried
+        return work_of(degree, *(counts - before).tolist()) / tried
 
 
 def work_of(degree: int, iterations: int, factorisations: int) -> float:
-    """Work of solved steps, in iterations of the lowest degree.
+    """Work of solved steps, in iterations of degree 1.
 
-    Measured, of pendulums, tops and four-bars: an iteration costs as 1 + s, a derivative with its
-    factors as 2 + s^2/2; of degree 1 the two are as 1 to 2.5.
+    Measured with pendulums, tops and four-bars: the cost of an iteration is proportional to 1 + s,
+    that of a Jacobian with its factors to 2 + s^2/2; at degree 1 their ratio is 1 to 2.5.
     """
     return 0.5 * (1 + degree) * iterations + (2.0 + 0.5 * degree**2) * factorisations

@@ -1,0 +1,84 @@
+"""Solves single steps of the schemes of order 2 for ``fixed_stepper.FixedStepper``."""
+
+from collections.abc import Callable
+from typing import Any
+
+from msahl.jit.compiled import compiled
+from msahl.schemes import accelerations
+from msahl.schemes.accelerations import new_instant
+from msahl.schemes.midpoint import newton, workspace
+from msahl.schemes.midpoint.workspace import Workspace
+from msahl.schemes.outcome import Outcome
+from msahl.schemes.output_schedule import OutputSchedule
+
+_take_steps = compiled(newton.march)
+_take_step = compiled(newton.take)
+_record_step = compiled(workspace.show)
+_write_reactions = compiled(accelerations.publish)
+_take_steps_instantaneous = compiled(accelerations.march)
+
+
+class MidpointMethod:
+    """The ``StepMethod`` of the energy-preserving and the decaying scheme.
+
+    ``instantaneous`` asks for reactions at the output times instead of means over the steps.
+    """
+
+    degree = 0
+    memory: None = None
+
+    def __init__(self, workspace: Workspace, instantaneous: bool) -> None:
+        self.workspace = workspace
+        self.instant = new_instant(workspace.system) if instantaneous else None
+
+    @property
+    def kind(self) -> str:
+        """See ``StepMethod``."""
+        kind = "points" if self.workspace.system.along is None else "along"
+        kind += "-exponential" if self.workspace.system.bodies.exponential else ""
+        return kind if self.instant is None else f"{kind}-instantaneous"
+
+    @property
+    def counters(self) -> dict[str, Any]:
+        """See ``StepMethod``."""
+        return {}
+
+    def restore(self, counters: dict[str, Any]) -> None:
+        """See ``StepMethod``."""
+
+    def set_degree(self, degree: int) -> None:
+        """See ``StepMethod``; there is but one."""
+
+    def take_steps(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:
+        """See ``StepMethod``."""
+        rows = schedule.ends()
+        if self.instant is None:
+            return int(_take_steps(self.workspace, h, first, last, rows))
+        return int(_take_steps_instantaneous(self.workspace, self.instant, h, first, last, rows))
+
+    def take_step(self, h: float, share: float) -> Outcome:
+        """See ``StepMethod``."""
+        return Outcome(*_take_step(self.workspace, h, share))
+
+    def take_step_by_scipy(
+        self, h: float, share: float, count_work: Callable[[int], None]
+    ) -> Outcome:
+        """See ``StepMethod``; scipy is slow to import."""
+        from msahl.schemes.midpoint import scipy_root
+
+        return scipy_root.take(self.workspace, h, share, count_work)
+
+    def record_step(self, h: float, step: int, schedule: OutputSchedule) -> None:
+        """See ``StepMethod``."""
+        row = int(schedule.ends()[step])
+        _record_step(self.workspace, h, step, row)
+        if self.instant is not None and row >= 0:
+            _write_reactions(self.workspace, self.instant, row)
+
+    def reset_prediction(self) -> None:
+        """See ``StepMethod``: where accelerations change fast, the change over the last step is a
+        worse prediction than none.
+        """
+        state = self.workspace.state
+        for trend in (state.a_trend, state.alpha_trend, state.force_trend):
+            trend[:] = 0.0

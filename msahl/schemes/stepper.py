@@ -1,0 +1,133 @@
+"""Interface between the run loop and the schemes: a ``Stepper`` advances one subsystem.
+
+The run loop asks for a ``Chunk`` of steps and receives an ``Advance``. It needs to know nothing
+else of a scheme, so steps of a given size (``fixed_stepper.FixedStepper``, for every scheme) and
+steps whose size follows from a tolerance (``collocation.stepper.AdaptiveStepper``) go through the
+same loop.
+
+A class that implements ``Stepper`` must
+
+1. advance the state of its workspace by whole accepted steps only: after ``advance`` the state is
+   that of the last step counted in ``Advance.steps``, also where a further step failed;
+2. write, for step k of a chunk, the row k of ``workspace.monitor.rows`` and the rows of
+   ``workspace.tables`` that the schedule assigns to it, and no others;
+3. return why it stopped early as ``Advance.outcome`` and never raise for a step that cannot be
+   solved; the only exception is ``Stopped``, raised where ``requests`` says that the run is to be
+   stopped within a step, and then the caller restores a saved state;
+4. list in ``memory`` and ``counters`` everything besides ``workspace.state``, ``workspace.start``
+   and ``workspace.pivots`` on which its next step depends, so that a run which is restored from
+   them continues bit for bit; ``memory`` holds arrays of doubles (or None), ``counters`` what JSON
+   can hold, and ``restore`` takes the latter back;
+5. name in ``kind`` the compiled code that it runs, one name for each set of argument types, and
+   compile nothing before the first step;
+6. start its next step from the accelerations of the state, without extrapolation from earlier
+   steps, after ``reset_prediction``: the caller changed the state or its steps are changing fast;
+7. take the degree of another stepper of the same class in ``follow_degree``, if it has one: a
+   companion run is compared with the run step by step;
+8. tell in ``smallest_tried`` the size [s] of the shortest step that it tries for a chunk;
+9. count in ``scipy_steps`` and ``subdivisions`` the steps solved by scipy and the steps divided;
+10. end a step at every event of ``events``, if that is not None, let the event change the state,
+    and go on from there. Where ``events`` is None this costs nothing: the compiled loop over many
+    steps is entered only then.
+"""
+
+import math
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from msahl.schemes.midpoint.workspace import Workspace
+from msahl.schemes.outcome import Outcome, Requests
+from msahl.schemes.output_schedule import NO_OUTPUT, OutputSchedule
+from msahl.system.arrays import State
+
+NO_TIMES = np.zeros(0)
+
+
+class Chunk(NamedTuple):
+    """Steps that the run loop asks for in one call.
+
+    A stepper with steps of a given size takes the steps ``first`` .. ``last - 1`` of ``schedule``,
+    each of size ``h``. A stepper that chooses its steps takes about ``last`` steps, until it has
+    passed all of ``times``, and ends no step beyond the last of these.
+    """
+
+    last: int
+    first: int = 0
+    h: float = 0.0  # [s]
+    begin: float = 0.0  # time of the state [s]
+    ends: np.ndarray = NO_TIMES  # (steps,) times of the steps' ends, by the run's own grid [s]
+    schedule: OutputSchedule = NO_OUTPUT
+    times: np.ndarray = NO_TIMES  # (rows,) output times [s]
+
+
+class Advance(NamedTuple):
+    """What a stepper did with a ``Chunk``."""
+
+    steps: int  # number of the first step that was not taken: ``last`` if all were
+    outcome: Outcome  # of the last step that was tried
+    schedule: OutputSchedule  # the rows of the steps taken, and maybe of those after them
+    sizes: np.ndarray  # (steps,) [s]
+    ends: np.ndarray  # (steps,) times of the steps' ends [s]
+
+
+class Events(Protocol):
+    """Conditions that end a step: a stop, a contact, a switch of a control.
+
+    1. ``first`` looks at the step of size ``h`` [s] from the state ``before`` to the state of the
+       ``workspace`` and returns the fraction of it, above 0, at which the first event occurs;
+       ``math.inf`` if none does. An event at the very end has the fraction 1.
+    2. ``apply`` is called when the workspace has been brought to that fraction. It may change
+       positions, velocities, forces and works of the workspace's state, so that the event is not
+       found again at once.
+    """
+
+    def first(self, workspace: Workspace, before: State, h: float) -> float:
+        """Fraction of the step at which the first event occurs; ``math.inf`` if none does."""
+
+    def apply(self, workspace: Workspace) -> None:
+        """Change the state of the ``workspace`` as the event demands."""
+
+
+class Stepper(Protocol):
+    """Advances one subsystem by steps; see the obligations at the top of this module."""
+
+    workspace: Workspace
+    requests: Requests
+    events: Events | None
+    scipy_steps: int
+    subdivisions: int
+
+    @property
+    def kind(self) -> str:
+        """Name of the compiled code that the steps need."""
+
+    @property
+    def memory(self) -> Any:
+        """Arrays, in nested tuples, that a saved run must hold besides the workspace's own."""
+
+    @property
+    def counters(self) -> dict[str, Any]:
+        """Numbers and words that a saved run must hold besides ``memory``."""
+
+    def restore(self, counters: dict[str, Any]) -> None:
+        """Take back what ``counters`` returned."""
+
+    def advance(self, chunk: Chunk, patience: float = math.inf) -> Advance:
+        """Take the steps of a ``chunk``; after ``patience`` seconds no further step that the
+        compiled loop cannot solve is begun.
+        """
+
+    def reset_prediction(self) -> None:
+        """Predict the next step from the accelerations of the state alone."""
+
+    def follow_degree(self, other: "Stepper") -> None:
+        """Take the degree of another stepper of the same class."""
+
+    def smallest_tried(self, h: float) -> float:
+        """Size [s] of the shortest step tried; ``h`` is the given one."""
+
+    def as_json(self) -> tuple[dict[str, Any] | None, dict[str, float]]:
+        """Report on the step-size control for ``run.json``, None if there is none, and the
+        extremes of the local errors that it estimated.
+        """

@@ -1,0 +1,201 @@
+"""Add the generated pages to the documentation site: a hook of MkDocs.
+
+Generated are the examples (from the headers of the decks), the commands (from their help) and one
+API page per package (from the docstrings). Each says from what it was made; none is kept in the
+repository. Pages outside docs/ (benchmarks, CHANGELOG.md, CONTRIBUTING.md) are added as they are.
+Links are written for a browser of the repository; here they are rewritten for the site.
+"""
+
+import posixpath
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+from lxml import etree
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+ROOT = Path(__file__).parents[2]
+FAMILIES = {
+    "basics": ("Basics", "One body, few forces: what a deck looks like and how results read."),
+    "joints": ("Joints", "One deck for every kind of joint and coupling."),
+    "forces": ("Forces and motions", "One deck for every kind of load and prescribed motion."),
+    "mechanisms": ("Mechanisms", "Linkages, gyroscopes, cams and regulators."),
+    "thesis": ("Thesis", "The models of A. D. Hainge's thesis (2010)."),
+    "extreme": ("Extreme models", "Models that make integrators fail: stiff, light, long, fast."),
+}
+# Files outside docs/ that the site shows, with the pictures they use.
+OUTSIDE = (
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+    "benchmarks/README.md",
+    "benchmarks/results/speed.md",
+    "benchmarks/results/precision.md",
+    "benchmarks/results/writers.md",
+)
+LINK = re.compile(r"(\]\()([^)\s:#]+)(#[^)\s]*)?(\))")
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add every generated page and every file from outside docs/."""
+    pages = {**example_pages(), **api_pages(), "commands.md": commands_page()}
+    for uri, text in pages.items():
+        files.append(File.generated(config, uri, content=text))
+    pictures = sorted(
+        path.relative_to(ROOT).as_posix() for path in ROOT.glob("benchmarks/results/*.png")
+    )
+    for uri in [*OUTSIDE, *pictures]:
+        if (ROOT / uri).exists():
+            files.append(File.generated(config, uri, abs_src_path=str(ROOT / uri)))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Lead the links of a page, which hold in the repository, to the pages of the site."""
+    uri = page.file.src_uri
+    outside = uri in OUTSIDE
+    folder = posixpath.dirname(uri if outside else f"docs/{uri}")
+
+    def lead(match: re.Match[str]) -> str:
+        start, target, anchor, end = match.groups()
+        path = posixpath.normpath(posixpath.join(folder, target))
+        site = path.removeprefix("docs/")
+        if path.startswith("decks/") and path.endswith(".xml"):
+            _, family, name = path.split("/")
+            site, anchor = f"examples/{family}.md", f"#{Path(name).stem}"
+        if files.get_file_from_path(site) is None:
+            return match[0]
+        return start + posixpath.relpath(site, posixpath.dirname(uri) or ".") + (anchor or "") + end
+
+    return LINK.sub(lead, markdown)
+
+
+def example_pages() -> dict[str, str]:
+    """Return the pages of the decks by path: one a folder of decks/, and the list of all."""
+    pages = {}
+    index = ["# Examples\n", generated("the headers of decks/"), EXAMPLES_INTRODUCTION]
+    for family, (title, summary) in FAMILIES.items():
+        text = [f"# {title}\n", generated(f"the headers of decks/{family}/"), f"{summary}\n"]
+        rows = []
+        for path in sorted((ROOT / "decks" / family).glob("*.xml")):
+            paragraphs = deck_header(path)
+            text.append(example(family, path, paragraphs))
+            first = paragraphs[0].split(": ")[0].split(". ")[0].rstrip(".:")
+            rows.append(f"| [{path.stem}]({family}.md#{path.stem}) | {first} |")
+        pages[f"examples/{family}.md"] = "\n".join(text)
+        index.append(f"## {title}\n\n{summary}\n\n| deck | shows |\n| --- | --- |")
+        index.append("\n".join(rows) + "\n")
+    pages["examples/index.md"] = "\n".join(index)
+    return pages
+
+
+EXAMPLES_INTRODUCTION = """
+Every deck in `decks/` begins with what it shows and what to expect. A test runs each deck and
+compares the result with that. Run one, and write a report with pictures:
+
+    msahl run decks/mechanisms/four_bar.xml
+    msahl-post report results/four_bar
+
+The pictures show the bodies at equal intervals of time (light to dark: early to late), as lines from
+the mass centre to the points where joints and loads act, and the paths of their reference points.
+Where no point moves, they show angular velocities against time.
+"""
+
+
+def example(family: str, path: Path, paragraphs: list[str]) -> str:
+    """Return the section of one deck: title, picture, header, and the deck itself, folded."""
+    title = etree.parse(path).findtext(".//simulation/title") or path.stem
+    text = [f"## {title} {{ #{path.stem} }}\n"]
+    picture = ROOT / "docs" / "examples" / "pictures" / family / f"{path.stem}.png"
+    if picture.exists():
+        text.append(f"![{title}](pictures/{family}/{path.stem}.png){{ .example }}\n")
+    text += [f"{paragraph}\n" for paragraph in paragraphs]
+    text.append(f"    msahl run decks/{family}/{path.name}\n")
+    source = path.read_text(encoding="utf-8").rstrip()
+    body = source[source.index("-->") + 3 :].strip() if "-->" in source else source
+    text.append(f'<details markdown="1"><summary>{path.name}</summary>\n')
+    text.append(f"```xml\n{body}\n```\n\n</details>\n")
+    return "\n".join(text)
+
+
+def deck_header(path: Path) -> list[str]:
+    """Return the paragraphs of the comment at the beginning of a deck."""
+    found = re.search(r"<!--(.*?)-->", path.read_text(encoding="utf-8"), re.DOTALL)
+    blocks = re.split(r"\n\s*\n", found[1].strip()) if found else [path.stem]
+    return [escape(" ".join(line.strip() for line in block.splitlines())) for block in blocks]
+
+
+def escape(text: str) -> str:
+    """Return plain text as Markdown that shows it unchanged."""
+    return re.sub(r"([\\`*_{}\[\]<>#|])", r"\\\1", text)
+
+
+def commands_page() -> str:
+    """Return the help of every command."""
+    sys.path.insert(0, str(ROOT))
+    from msahl.cli.main import main as msahl
+    from msahl.post.cli import main as msahl_post
+
+    text = ["# Commands\n", generated("the commands' own help (`--help`)")]
+    for name, command in (("msahl", msahl), ("msahl-post", msahl_post)):
+        text.append(f"## {name}\n\n```text\n{help_of(name, command)}\n```\n")
+        for title, part, parent in subcommands(name, command):
+            text.append(f"### {title}\n\n```text\n{help_of(part.name or '', part, parent)}\n```\n")
+    return "\n".join(text)
+
+
+def subcommands(
+    name: str, command: click.Command
+) -> Iterator[tuple[str, click.Command, click.Context]]:
+    """Yield the commands of a group with their full names and the group's context."""
+    if isinstance(command, click.Group):
+        parent = click.Context(command, info_name=name)
+        for each in command.list_commands(parent):
+            part = command.get_command(parent, each)
+            if part is not None:
+                yield f"{name} {each}", part, parent
+
+
+def help_of(name: str, command: click.Command, parent: click.Context | None = None) -> str:
+    """Return the help text of a command, 96 columns wide."""
+    context = click.Context(command, info_name=name, parent=parent, terminal_width=96)
+    context.max_content_width = 96
+    return command.get_help(context)
+
+
+def api_pages() -> dict[str, str]:
+    """Return a page for every package of msahl, with the documentation of its modules."""
+    pages, index = {}, ["# API\n", generated("the docstrings of msahl"), API_INTRODUCTION]
+    packages = sorted({path.parent for path in (ROOT / "msahl").rglob("*.py")})
+    for package in packages:
+        name = ".".join(package.relative_to(ROOT).parts)
+        modules = sorted(path for path in package.glob("*.py") if path.stem != "__init__")
+        names = [name] + [f"{name}.{path.stem}" for path in modules if path.stem != "__main__"]
+        body = "\n\n".join(f"::: {each}" for each in names)
+        pages[f"api/{name}.md"] = f"# {name}\n\n{generated('docstrings')}\n{body}\n"
+        summary = first_line(package / "__init__.py")
+        index.append(f"| [{name}]({name}.md) | {escape(summary)} |")
+    pages["api/index.md"] = "\n".join(index) + "\n"
+    return pages
+
+
+API_INTRODUCTION = """
+Modules by package. What the packages are for and how they depend on each other:
+[Architecture](../architecture.md).
+
+| package | contents |
+| --- | --- |"""
+
+
+def first_line(path: Path) -> str:
+    """Return the first line of a module's docstring."""
+    found = re.match(r'\s*r?"""(.*?)(?:\n|""")', path.read_text(encoding="utf-8"))
+    return found[1] if found else ""
+
+
+def generated(source: str) -> str:
+    """Return the note at the top of a generated page."""
+    return f"*Generated from {source} by `make docs`; do not edit.*\n"

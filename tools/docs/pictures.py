@@ -1,0 +1,183 @@
+"""Draw a small picture of every deck for the examples of the documentation site.
+
+Usage: python tools/docs/pictures.py [--results FOLDER] [DECK...]
+
+Runs each deck (or reads its results from FOLDER/<family>/<deck>) and writes
+docs/examples/pictures/<family>/<deck>.png. A picture shows the bodies at equal intervals of time, as
+lines from the mass centre to the attachment points, light to dark, and the paths of their reference
+points. Where no point moves it shows the angular velocities against time. The same results give the
+same bytes.
+"""
+
+import argparse
+import io
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from PIL import Image
+
+from msahl.deck.read import read_deck
+from msahl.model.bodies import RigidBody
+from msahl.model.model import Model
+
+ROOT = Path(__file__).parents[2]
+PICTURES = ROOT / "docs" / "examples" / "pictures"
+SIZE, DPI = (3.6, 2.7), 100
+INSTANTS = 11
+"""Instants at which the bodies are drawn."""
+SHARE = 0.61
+"""Share of the run over which these are spread; periods of decks do not divide it."""
+COLOURS = 24
+"""Colours of the file; fewer make it smaller."""
+
+Points = dict[str, np.ndarray]
+"""Attachment points (n, 3) [m] by body, from the reference point B in body axes."""
+
+
+def attachment_points(model: Model) -> tuple[Points, np.ndarray]:
+    """Return the points of each body at which joints and loads act, with its mass centre, and
+    those of the ground.
+    """
+    points: dict[str, list[tuple[float, ...]]] = {
+        body.name: [body.r_BG] for body in model.bodies if isinstance(body, RigidBody)
+    }
+    ground = []
+    for part in [*model.joints, *model.loads]:
+        for end, place in (("parent", "parent_point"), ("child", "child_point"), ("body", "point")):
+            name, point = getattr(part, end, None), getattr(part, place, None)
+            if point is not None:
+                points.get(str(name), ground).append(point)
+    arrays = {name: np.unique(np.array(each), axis=0) for name, each in points.items()}
+    return arrays, np.array(ground or np.zeros((0, 3)))
+
+
+def rotations(parameters: np.ndarray) -> np.ndarray:
+    """Return the matrices (n, 3, 3) from body to inertial axes of Wiener-Milenkovic parameters."""
+    p0 = 2.0 - (parameters * parameters).sum(axis=1)[:, None, None] / 8.0
+    cross = np.zeros((len(parameters), 3, 3))
+    x, y, z = parameters.T
+    cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -z, y, -x
+    cross -= cross.transpose(0, 2, 1)
+    return np.eye(3) + (2.0 * p0 * cross + 2.0 * cross @ cross) / (4.0 - p0) ** 2
+
+
+def projection(places: np.ndarray) -> np.ndarray:
+    """Return the matrix (2, 3) of the view: along an axis if the motion is planar, else oblique."""
+    extent = np.ptp(places, axis=0)
+    axis = int(np.argmin(extent))
+    if extent[axis] < 0.05 * extent.max():
+        across = [i for i in range(3) if i != axis]
+        return np.eye(3)[across]
+    azimuth, elevation = np.radians(-55.0), np.radians(20.0)
+    right = [-np.sin(azimuth), np.cos(azimuth), 0.0]
+    up = [
+        -np.sin(elevation) * np.cos(azimuth),
+        -np.sin(elevation) * np.sin(azimuth),
+        np.cos(elevation),
+    ]
+    return np.array([right, up])
+
+
+def draw_motion(axes: Axes, model: Model, states: pd.DataFrame) -> bool:
+    """Draw bodies and paths; return False, with nothing drawn, if no point moves."""
+    points, ground = attachment_points(model)
+    origins = {name: states[[f"{name}.{c}" for c in "xyz"]].to_numpy() for name in points}
+    frames = {
+        name: rotations(states[[f"{name}.P{i}" for i in (1, 2, 3)]].to_numpy()) for name in points
+    }
+    places = {
+        name: origins[name][:, None] + np.einsum("tij,kj->tki", frames[name], points[name])
+        for name in points
+    }
+    everything = np.concatenate([each.reshape(-1, 3) for each in [*places.values(), ground]])
+    moved = max(np.ptp(each, axis=0).max() for each in places.values())
+    if moved < 1e-6 * max(1e-3, np.ptp(everything, axis=0).max()):
+        return False
+    view = projection(everything)
+    instants = np.unique(np.linspace(0, SHARE * (len(states) - 1), INSTANTS).astype(int))
+    for number, name in enumerate(points):
+        colour = f"C{number % 6}"
+        path = origins[name] @ view.T
+        axes.plot(*path.T, color=colour, lw=0.5, alpha=0.5, zorder=1)
+        for shade, k in zip(np.linspace(0.2, 1.0, len(instants)), instants, strict=True):
+            centre = origins[name][k] + frames[name][k] @ np.array(mass_centre(model, name))
+            for place in places[name][k]:
+                line = np.array([centre, place]) @ view.T
+                axes.plot(
+                    *line.T, color=colour, lw=1.2, alpha=shade, solid_capstyle="round", zorder=2
+                )
+            axes.plot(*(view @ centre), ".", color=colour, ms=5, alpha=shade, mew=0, zorder=3)
+    if len(ground):
+        axes.plot(*(ground @ view.T).T, "^", color="0.3", ms=4, mew=0, zorder=4)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.axis("off")
+    return True
+
+
+def mass_centre(model: Model, name: str) -> tuple[float, float, float]:
+    """Return the mass centre of the body [m], from B in body axes."""
+    (body,) = [each for each in model.bodies if isinstance(each, RigidBody) and each.name == name]
+    return body.r_BG
+
+
+def draw_rates(axes: Axes, states: pd.DataFrame) -> None:
+    """Draw the angular velocities that change most against time."""
+    rates = states[[c for c in states.columns if c.endswith((".wx", ".wy", ".wz"))]]
+    shown = rates.abs().max().sort_values(ascending=False).index[:3]
+    for column in sorted(shown):
+        axes.plot(states["time"], states[column], lw=0.8, label=column)
+    axes.set_xlabel("time [s]", fontsize=7)
+    axes.set_ylabel("[rad/s]", fontsize=7)
+    axes.tick_params(labelsize=7)
+    axes.legend(fontsize=7, frameon=False)
+
+
+def draw(deck: Path, results: Path) -> bytes:
+    """Return the picture of a deck from the tables of its run, as a PNG of few colours."""
+    states = pd.read_csv(results / "states.csv")
+    states = states.iloc[:: max(1, len(states) // 1000)]
+    with mpl.rc_context({"font.size": 7, "axes.spines.top": False, "axes.spines.right": False}):
+        figure = Figure(figsize=SIZE, dpi=DPI, layout="tight")
+        axes = figure.add_subplot()
+        if not draw_motion(axes, read_deck(deck), states):
+            draw_rates(axes, states)
+        raw, packed = io.BytesIO(), io.BytesIO()
+        figure.savefig(raw, format="png")
+    image = Image.open(raw).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+    image.save(packed, format="PNG", optimize=True)
+    return packed.getvalue()
+
+
+def run(deck: Path, folder: Path) -> Path:
+    """Run a deck; return the folder of its results."""
+    msahl = [sys.executable, "-m", "msahl.cli.main", "run", str(deck), "-q", "--error", "off"]
+    subprocess.run([*msahl, "-o", str(folder)], check=False)
+    return folder
+
+
+def main(arguments: Iterable[str] | None = None) -> None:
+    """Write the pictures of the decks given, or of all."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--results", type=Path, help="read results from FOLDER/<family>/<deck>")
+    parser.add_argument("decks", nargs="*", type=Path, help="decks (default: all of decks/)")
+    options = parser.parse_args(None if arguments is None else list(arguments))
+    for deck in options.decks or sorted((ROOT / "decks").glob("*/*.xml")):
+        family, name = deck.resolve().parent.name, deck.stem
+        with tempfile.TemporaryDirectory() as temporary:
+            given = options.results and options.results / family / name
+            results = given or run(deck, Path(temporary) / name)
+            picture = PICTURES / family / f"{name}.png"
+            picture.parent.mkdir(parents=True, exist_ok=True)
+            picture.write_bytes(draw(deck, results))
+
+
+if __name__ == "__main__":
+    main()
