@@ -34,7 +34,7 @@ def row(folder: Path) -> tuple[str | float, ...]:
     run = read_run(folder)
     metrics = compute_metrics(run)
     energy, work = metrics.energy, metrics.work
-    gap = metrics.constraints.gap[:, :, 0]  # [m]
+    gap = metrics.constraints.violation[:, :, 0]  # [m]
     by_measure = [values.T for values in (work.hainge, work.reaction)] if work else [(), ()]
     seconds = run.info["seconds"]
     return (

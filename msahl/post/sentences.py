@@ -11,7 +11,7 @@ GRADES = (
     (np.inf, "the energy balance is violated; find the cause before you use the results"),
 )
 """Largest energy balance error over the largest kinetic energy, and how it is graded. Rounding
-errors accumulate over the steps: 1e-10 leaves room for a million of them."""
+errors accumulate over the steps: 1e-10 allows for a million of them."""
 
 SMALL_START = 0.1
 """If |E(1)| is less than this fraction of the largest kinetic energy, a sentence says that the

@@ -129,7 +129,7 @@ def _force_errors(
 ) -> dict[str, np.ndarray]:
     """Errors (m,) of the reactions in these ``rows``, by key."""
     # Components that redundant joints share are not unique: no reference has the same.
-    shared = metrics.reactions.shared[: metrics.joints]
+    shared = metrics.reactions.not_unique[: metrics.joints]
     own = np.array([[column not in columns for column in FORCE_COLUMNS] for columns in shared])
     if not own.any():
         return {}

@@ -25,7 +25,7 @@ class Measured:
 
     report: Report
     run: Run
-    metrics: Measures
+    metrics: Metrics
     work: np.ndarray
 
 
@@ -46,7 +46,7 @@ def run_deck(deck: str, dt: float, t_final: float, as_given: bool = False) -> Me
     return Measured(report, run, metrics, mid_work(run, metrics))
 
 
-def mid_work(run: Run, metrics: Measures) -> np.ndarray:
+def mid_work(run: Run, metrics: Metrics) -> np.ndarray:
     """lam . (C_0 V_0 + C_1 V_1)/2 dt of every step and joint, V of the joint's child [J].
 
     The reading of eq. 3.16-3.18 that takes force and velocity at the middle of the step.
