@@ -14,7 +14,7 @@ from msahl.elements.along import Along, AlongStart
 from msahl.elements.constraints.coordinates import QuantityStart
 from msahl.elements.constraints.equations import coefficients, law_rate
 from msahl.elements.constraints.products import Q_B, U_B
-from msahl.elements.rigid_body import Bodies, mean
+from msahl.elements.frames import Frames, mean
 from msahl.jit.kernel import kernel
 
 MOST_ROUNDS, STILL = 40, 1e-14
@@ -23,11 +23,10 @@ largest, that is none."""
 
 
 class Shown(NamedTuple):
-    """What the results show of joints and springs."""
+    """What the results show of joints."""
 
     moment: np.ndarray  # (j,) whether a joint's moment is shown beside its force
     load_row: np.ndarray  # (e,) rows whose multiplier is shown: couplings and motions
-    elastic: np.ndarray  # (s,) column, behind those of the work, of each spring's energy
 
 
 class Reactions(NamedTuple):
@@ -53,7 +52,7 @@ def gather(
     group: Reactions,
     along: Along | None,
     start: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     arms: np.ndarray,
     Z: np.ndarray,
     multipliers: np.ndarray,
@@ -69,7 +68,7 @@ def gather(
         return
     for j in range(group.child.size):
         force, moment = _of_rows(group, along, start, multipliers, j)
-        arm = mean(bodies, Z, group.child[j], at(arms, j))
+        arm = mean(frames, Z, group.child[j], at(arms, j))
         moment = sub(moment, cross(arm, force))
         if group.coincide[j] >= 0:
             force = add(force, at(multipliers, group.coincide[j]))

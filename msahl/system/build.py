@@ -5,19 +5,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msahl.algebra.functions import Law, build_laws
+from msahl.algebra.functions import Law, Laws, build_laws
 from msahl.algebra.vector import ZERO, Vector, sub
 from msahl.elements.along import Along
 from msahl.elements.constraints.coincide import Coincide
 from msahl.elements.constraints.coordinates import Quantities
 from msahl.elements.constraints.equations import Rows
 from msahl.elements.constraints.products import DOT, PARTS, Measures
+from msahl.elements.forces import Forces
 from msahl.elements.forces.concentrated import ConcentratedLoads
 from msahl.elements.forces.drag import Drags
 from msahl.elements.forces.friction import Frictions
 from msahl.elements.forces.spring import Springs
+from msahl.elements.frames import NODES, Frames, displacement_node, first_multiplier, rotation_node
 from msahl.elements.reactions import Reactions, Shown
-from msahl.elements.rigid_body import Bodies
+from msahl.elements.rigid_body import STATE_SIZE, RigidBodies
 from msahl.joints.joint import (
     CHILD,
     GROUND,
@@ -80,7 +82,6 @@ class _Builder:
         self.index = body_index(model)
         self.ground = len(model.bodies)
         self.r_BG = [*(body.r_BG for body in model.bodies), ZERO]
-        self.blocks = Blocks(self.ground)
         self.joints = {joint.name: joint for joint in model.joints}
         self.arms: list[list[float]] = [[] for _ in range(self.ground + 1)]
         self.measures: list[tuple[Any, ...]] = []
@@ -92,9 +93,7 @@ class _Builder:
         self.laws: list[Law] = []
         self.springs: list[tuple[Any, ...]] = []
         self.frictions: list[tuple[Any, ...]] = []
-        self.columns: dict[str, list[int]] = {
-            key: [] for key in ("loads", "springs", "frictions", "drags", "rows")
-        }
+        self.columns: dict[str, list[int]] = {key: [] for key in ("loads", "drags", "rows")}
         for element, joint in enumerate(model.joints):
             self._joint(element, joint)
         self.load_rows: list[int] = []
@@ -105,25 +104,32 @@ class _Builder:
             self._motion(first + i, len(model.loads) + i, motion)
         for column, load in enumerate(model.loads):
             self._load(column, load)
+        self.frames = self._frames()
+        self.blocks = Blocks(self.frames)
 
     def system(self) -> System:
         """Everything as arrays."""
-        bodies = self._bodies()
+        frames, bodies = self.frames, self._bodies()
         nodes = self._place_multipliers()
-        coincide = self._coincide(bodies)
+        coincide = self._coincide(frames)
         loads, drags = self._concentrated(), self._drags()
-        along = self._along(bodies) if self.quantities else None
+        laws = build_laws(self.laws)
+        along = self._along(frames, laws) if self.quantities else None
         return System(
+            frames=frames,
             bodies=bodies,
             coincide=coincide,
             along=along,
             reactions=self._reactions(),
-            laws=build_laws(self.laws),
-            loads=loads,
-            drags=drags,
+            laws=laws,
+            forces=Forces(
+                concentrated=loads,
+                drag=drags,
+                spring=self._springs(),
+                friction=_group(Frictions, self.frictions, "qqffq"),
+                laws=laws,
+            ),
             shown=self._shown(),
-            load_column=_indices(self.columns["loads"]),
-            drag_column=_indices(self.columns["drags"]),
             unit=self._units(coincide, along, len(nodes)),
             decay=decay_of(self.model),
             relaxation=self.relaxation,
@@ -133,17 +139,13 @@ class _Builder:
             constant=self.blocks.constant_values(),
         )
 
-    def _along(self, bodies: Bodies) -> Along:
+    def _along(self, frames: Frames, laws: Laws) -> Along:
         quantities = self._quantities()
         return Along(
             quantities=quantities,
-            rows=self._rows(bodies),
-            springs=_group(Springs, self.springs, "qfffffqf"),
-            frictions=_group(Frictions, self.frictions, "qqff"),
-            laws=build_laws(self.laws),
+            rows=self._rows(frames),
+            laws=laws,
             row_column=_indices(self.columns["rows"]),
-            spring_column=_indices(self.columns["springs"]),
-            friction_column=_indices(self.columns["frictions"]),
         )
 
     def _point(self, body: int, point: Vector) -> Vector:
@@ -253,8 +255,7 @@ class _Builder:
             quantity = self._freedom(load.joint, load.coordinate)
             number = [joint.name for joint in self.model.joints].index(load.joint)
             lever = load.coefficient * load.radius
-            self.frictions.append((quantity, number, lever, load.width))
-            self.columns["frictions"].append(column)
+            self.frictions.append((quantity, number, lever, load.width, column))
         else:
             kind = "drags" if isinstance(load, Drag) else "loads"
             self.columns[kind].append(column)
@@ -273,30 +274,48 @@ class _Builder:
         origin = np.nan if isinstance(load, JointSpring) else 0.0
         steepest = _steepest(load.table) if load and load.table else stiffness
         lag = 0.5 * decay_of(self.model).chi * steepest
-        self.springs.append((quantity, stiffness, damping, origin, free, preload, table, lag))
-        self.columns["springs"].append(column)
+        entry = (quantity, stiffness, damping, origin, free, preload, table, lag, column)
+        self.springs.append(entry)
 
-    def _bodies(self) -> Bodies:
+    def _frames(self) -> Frames:
+        """One frame for each rigid body, at its mass centre, and the ground."""
         model, n = self.model, self.ground
-        inertia = np.zeros((n + 1, 3, 3))
-        inertia[:n] = [body.inertia for body in model.bodies]
         for load in model.loads:
             if isinstance(load, ConcentratedLoad | Drag):
                 self._point(self.index[load.body], load.point)
-        places = [self.blocks.place(2 * b + 1, 2 * b + 1) for b in range(n + 1)]
-        for b in range(n):
-            self.blocks.constant(2 * b, 2 * b, 1.0)
         lengths = [_length(body, arms) for body, arms in zip(model.bodies, self.arms, strict=False)]
-        return Bodies(
+        count = n + 1
+        return Frames(
+            displacement=NODES * np.arange(count, dtype=np.int64),
+            rotation=NODES * np.arange(count, dtype=np.int64) + 1,
+            of_node=np.repeat(np.arange(count, dtype=np.int64), NODES),
+            rotates=np.tile([False, True], count),
+            owner=np.array([*range(n), -1], dtype=np.int64),
             inverse_mass=np.array([1.0 / body.mass for body in model.bodies] + [0.0]),
-            inertia=inertia,
-            r_BG=np.array(self.r_BG),
             length=np.array([*lengths, 1.0]),
             exponential=is_exponential(model) or None,
             ballistic=np.array([*(not arms for arms in self.arms[:n]), True]),
             moves=np.ones((2, 3)),
+        )
+
+    def _bodies(self) -> RigidBodies:
+        model, n, blocks = self.model, self.ground, self.blocks
+        nodes = [
+            (displacement_node(self.frames, b), rotation_node(self.frames, b)) for b in range(n)
+        ]
+        places = [blocks.place(rotation, rotation) for _, rotation in nodes]
+        for displacement, _ in nodes:
+            blocks.constant(displacement, displacement, 1.0)
+        return RigidBodies(
+            frame=np.arange(n, dtype=np.int64),
+            inverse_mass=np.array([1.0 / body.mass for body in model.bodies]),
+            inertia=np.array([body.inertia for body in model.bodies], dtype=float).reshape(
+                -1, 3, 3
+            ),
+            r_BG=_vectors(self.r_BG[:n]),
             gravity=np.array(model.gravity, dtype=float),
             block=np.array(places, dtype=np.int64),
+            column=STATE_SIZE * np.arange(n, dtype=np.int64),
         )
 
     def _place_multipliers(self) -> list[tuple[int, bool, set[int]]]:
@@ -322,16 +341,17 @@ class _Builder:
                 open_nodes[key] = (node, slot + 1)
         return nodes
 
-    def _coincide(self, bodies: Bodies) -> Coincide:
+    def _coincide(self, frames: Frames) -> Coincide:
         a = np.array([pair.a for _, pair in self.coincide], dtype=np.int64)
         b = np.array([pair.b for _, pair in self.coincide], dtype=np.int64)
-        mass = 1.0 / (bodies.inverse_mass[a] + bodies.inverse_mass[b])
-        first = 2 * bodies.inverse_mass.size
+        mass = 1.0 / (frames.inverse_mass[a] + frames.inverse_mass[b])
+        first = first_multiplier(frames)
         moment_by_turn, moment_by_force, gap_by_turn = np.zeros((3, a.size, 2), dtype=np.int64)
         for k, (_, pair) in enumerate(self.coincide):
             for side, (sign, body) in enumerate(zip((-1.0, 1.0), (pair.a, pair.b), strict=True)):
-                u, turn, node = 2 * body, 2 * body + 1, first + k
-                share = float(bodies.inverse_mass[body] * mass[k])
+                u, turn = displacement_node(frames, body), rotation_node(frames, body)
+                node = first + k
+                share = float(frames.inverse_mass[body] * mass[k])
                 self.blocks.constant(u, node, -sign * share)
                 self.blocks.constant(node, u, sign)
                 moment_by_turn[k, side] = self.blocks.place(turn, turn)
@@ -353,7 +373,7 @@ class _Builder:
         sizes = [len(quantity.products) for quantity, _ in self.quantities]
         blocks = [
             [self.blocks.place(row, column) for row in parts for column in parts]
-            for parts in (_parts(quantity, pair) for quantity, pair in self.quantities)
+            for parts in (_parts(self.frames, quantity, pair) for quantity, pair in self.quantities)
         ]
         columns = list(zip(*self.measures, strict=True)) or [()] * len(Measures._fields)
         vectors = dict(zip(Measures._fields, columns, strict=True))
@@ -369,22 +389,22 @@ class _Builder:
             block=np.array(blocks, dtype=np.int64).reshape(-1, PARTS * PARTS),
         )
 
-    def _rows(self, bodies: Bodies) -> Rows:
-        count, first = len(self.rows), 2 * bodies.inverse_mass.size
+    def _rows(self, frames: Frames) -> Rows:
+        count, first = len(self.rows), first_multiplier(frames)
         force_block, gap_block = np.zeros((2, count, 2, PARTS), dtype=np.int64)
         mass, lengths = np.zeros(count), np.ones(count)
         for r, row in enumerate(self.rows):
             node = first + row["place"][0]
             for side, q in enumerate(row["quantity"]):
                 if q >= 0:
-                    parts = _parts(*self.quantities[q])
+                    parts = _parts(frames, *self.quantities[q])
                     force_block[r, side] = [self.blocks.place(part, node) for part in parts]
                     gap_block[r, side] = [self.blocks.place(node, part) for part in parts]
             pair = self.quantities[row["quantity"][0]][1]
             moving = [body for body in (pair.a, pair.b) if body != self.ground]
-            mass[r] = 1.0 / sum(bodies.inverse_mass[body] for body in moving)
+            mass[r] = 1.0 / sum(frames.inverse_mass[body] for body in moving)
             if row["angular"]:
-                lengths[r] = max(bodies.length[body] for body in moving)
+                lengths[r] = max(frames.length[body] for body in moving)
 
         def integers(key: str, width: int = 0) -> np.ndarray:
             values = np.array([row[key] for row in self.rows], dtype=np.int64)
@@ -425,8 +445,9 @@ class _Builder:
         )
         place = self.blocks.place
         turning = np.stack([body, f_axes, m_axes], axis=1).tolist()
-        moment_by_turn = [[place(2 * t[0] + 1, 2 * c + 1) for c in t] for t in turning]
-        force_by_turn = [place(2 * b, 2 * c + 1) for b, c, _ in turning]
+        rotation = self.frames.rotation
+        moment_by_turn = [[place(rotation[t[0]], rotation[c]) for c in t] for t in turning]
+        force_by_turn = [place(self.frames.displacement[b], rotation[c]) for b, c, _ in turning]
         arms = [sub(load.point, self.r_BG[self.index[load.body]]) for load in loads]
         return ConcentratedLoads(
             body=body,
@@ -438,18 +459,17 @@ class _Builder:
             law=np.array([self._law(load.law) for load in loads], dtype=np.int64),
             force_by_turn=np.array(force_by_turn, dtype=np.int64),
             moment_by_turn=np.array(moment_by_turn, dtype=np.int64).reshape(-1, 3),
+            column=_indices(self.columns["loads"]),
         )
 
     def _drags(self) -> Drags:
         drags = [load for load in self.model.loads if isinstance(load, Drag)]
         body = [self.index[load.body] for load in drags]
         blocks = [
-            [
-                self.blocks.place(row, column)
-                for row in (2 * b, 2 * b + 1)
-                for column in (2 * b, 2 * b + 1)
-            ]
-            for b in body
+            [self.blocks.place(row, column) for row in nodes for column in nodes]
+            for nodes in zip(
+                self.frames.displacement[body], self.frames.rotation[body], strict=True
+            )
         ]
         arms = [sub(load.point, self.r_BG[b]) for load, b in zip(drags, body, strict=True)]
         return Drags(
@@ -457,15 +477,20 @@ class _Builder:
             s=_vectors(arms),
             coefficient=np.array([load.coefficient for load in drags], dtype=float),
             block=np.array(blocks, dtype=np.int64).reshape(-1, 4),
+            column=_indices(self.columns["drags"]),
         )
+
+    def _springs(self) -> Springs:
+        columns = [entry[-1] for entry in self.springs]
+        energy_column = {column: i for i, column in enumerate(sorted(set(columns)))}
+        entries = [(*entry, energy_column[entry[-1]]) for entry in self.springs]
+        return _group(Springs, entries, "qfffffqfqq")
 
     def _shown(self) -> Shown:
         model = self.model
-        elastic = {column: i for i, column in enumerate(sorted(set(self.columns["springs"])))}
         return Shown(
             moment=np.array([KINDS[joint.kind].moment for joint in model.joints], dtype=bool),
             load_row=np.array(self.load_rows, dtype=np.int64),
-            elastic=np.array([elastic[c] for c in self.columns["springs"]], dtype=np.int64),
         )
 
     def _units(self, coincide: Coincide, along: Along | None, nodes: int) -> np.ndarray:
@@ -477,7 +502,7 @@ class _Builder:
         return unit
 
     def _multipliers(self, nodes: list[tuple[int, bool, set[int]]]) -> Multipliers:
-        first = 2 * (self.ground + 1)
+        first = first_multiplier(self.frames)
         if self.relaxation:
             for node in range(first, first + len(nodes)):
                 self.blocks.constant(node, node, -self.relaxation)
@@ -497,11 +522,12 @@ def _measure(product: Product, pair: _Pair, ground: int) -> tuple[Any, ...]:
     return product.kind, pair.a, pair.b, owner, product.n, s_a, pair.s_b, product.e
 
 
-def _parts(quantity: Quantity, pair: _Pair) -> list[int]:
+def _parts(frames: Frames, quantity: Quantity, pair: _Pair) -> list[int]:
     """Nodes of the four parts; -1 for displacements that the quantity does not see."""
     seen = any(product.kind != DOT for product in quantity.products)
-    u_a, u_b = (2 * pair.a, 2 * pair.b) if seen else (-1, -1)
-    return [u_a, 2 * pair.a + 1, u_b, 2 * pair.b + 1]
+    u_a, u_b = frames.displacement[[pair.a, pair.b]] if seen else (-1, -1)
+    rotation_a, rotation_b = frames.rotation[[pair.a, pair.b]]
+    return [int(node) for node in (u_a, rotation_a, u_b, rotation_b)]
 
 
 def _bushing(bushing: Bushing) -> list[Quantity]:

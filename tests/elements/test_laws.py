@@ -10,9 +10,10 @@ import pytest
 
 from msahl.algebra.rotation import from_axis_angle, matrix
 from msahl.deck import read
-from msahl.elements import rigid_body
+from msahl.elements import forces, rigid_body
 from msahl.elements.constraints import coincide
 from msahl.elements.forces import concentrated
+from msahl.elements.frames import first_multiplier
 from msahl.jit.compiled import compiled
 from msahl.joints.registry import KINDS
 from msahl.linalg import dense, sparse_lu
@@ -105,33 +106,34 @@ class Step:
 
     def turned(self, F, A):
         """Rows or unknowns of the scene turned by ``A``: numbers of joints' rows stay."""
-        first = 2 * self.system.bodies.inverse_mass.size + self.system.coincide.a.size
+        first = first_multiplier(self.system.frames) + self.system.coincide.a.size
         return np.concatenate([F[:first] @ A.T, F[first:]])
 
-    def pushes(self, element, *group):
+    def pushes(self, residual, *group):
         """Forces and moments (n, 3) that one kind of element puts on the bodies."""
         F = np.zeros(self.shape)
-        element.residual(*group, self.system.bodies, self.dt2, self.Z, F)
+        residual(*group, self.system.frames, self.dt2, self.Z, F)
         return self.as_pushes(F)
 
     def all_pushes(self):
         """Forces and moments (n, 3) of all elements."""
         inertia = np.zeros(self.shape)
-        given = (self.system.bodies, self.start.bodies, self.h, self.dt2)
+        system, start = self.system, self.start
+        given = (system.bodies, system.frames, start.bodies, start.frames, self.h, self.dt2)
         rigid_body.residual(*given, self.Z, inertia)
         return self.as_pushes(self.residual(self.Z) - inertia)
 
     def as_pushes(self, F):
-        bodies = self.system.bodies
-        c = self.dt2 * bodies.inverse_mass[:-1, None]
-        n = len(c)
-        return -F[0 : 2 * n : 2] / c, -F[1 : 2 * n : 2] * bodies.length[:-1, None] / c
+        frames = self.system.frames
+        c = self.dt2 * frames.inverse_mass[:-1, None]
+        force, moment = F[frames.displacement[:-1]], F[frames.rotation[:-1]]
+        return -force / c, -moment * frames.length[:-1, None] / c
 
     def work(self, force, moment):
         """Work of forces at the mass centres and of moments over the step."""
-        n = len(force)
-        turns = self.Z[1 : 2 * n : 2] / self.system.bodies.length[:-1, None]
-        return np.sum(force * self.Z[0 : 2 * n : 2]) + np.sum(moment * turns)
+        frames = self.system.frames
+        rotations = self.Z[frames.rotation[:-1]] / frames.length[:-1, None]
+        return np.sum(force * self.Z[frames.displacement[:-1]]) + np.sum(moment * rotations)
 
     def elastic(self):
         """Energy of all springs in the prepared state [J]."""
@@ -139,7 +141,7 @@ class Step:
             return 0.0
         violation = np.zeros_like(self.state.violation)
         equations.observe(self.system, self.state, self.start, violation, violation.copy())
-        return float(self.start.along.elastic.sum())
+        return float(self.start.forces.elastic.sum())
 
     def multipliers(self):
         """(k, 3) [N or N m], and what their rows opened by over the step [m or rad]."""
@@ -323,9 +325,9 @@ def test_joint_forces_work_on_the_gap_alone(seed, grounded):
     step = Step(jointed(rng, 5, grounded=grounded))
     step.Z = step.random(rng)
     group, start = step.system.coincide, step.start.coincide
-    work = step.work(*step.pushes(coincide, group, start))
+    work = step.work(*step.pushes(coincide.residual, group, start))
     F = np.zeros(step.shape)
-    coincide.residual(group, start, step.system.bodies, step.dt2, step.Z, F)
+    coincide.residual(group, start, step.system.frames, step.dt2, step.Z, F)
     lam = group.mass[:, None] * step.Z[group.row] / step.dt2
     sharp = np.sum(lam * F[group.row])
     # Some hundred terms of this size; exact in any step, however large.
@@ -337,11 +339,10 @@ def test_the_published_work_of_loads_is_what_they_do(seed):
     rng = np.random.default_rng(seed)
     step = Step(loaded(rng))
     step.Z = step.random(rng)
-    group, start = step.system.loads, step.start.loads
-    force, moment = step.pushes(concentrated, group, start)
+    group, start = step.system.forces.concentrated, step.start.forces.concentrated
+    force, moment = step.pushes(concentrated.mean_residual, group, start)
     total = np.zeros(group.body.size)
-    column = step.system.load_column
-    concentrated.work(group, start, step.system.bodies, step.Z, column, total)
+    concentrated.mean_work(group, start, step.system.frames, step.Z, total)
     assert total.sum() == pytest.approx(step.work(force, moment), abs=1e-12 * np.abs(total).sum())
 
 
@@ -531,7 +532,7 @@ def test_what_a_scene_does_not_contain_costs_nothing():
     rng = np.random.default_rng(2)
     model = jointed(rng, 4)
     system = build_system(model)
-    assert system.loads.body.size == 0
+    assert not forces.acts_at_points(system.forces)
     # One block a body for its turn and one for its displacement; a joint on the ground adds 3
     # couplings of the body and one block of the unit matrix, a joint of two bodies twice that.
     ends = sum(2 - ("Earth" in (j.parent, j.child)) for j in model.joints)

@@ -298,7 +298,7 @@ def test_without_run_json_whole_tables_have_as_many_rows_as_each_other(run):
 
 
 def test_energies_that_are_no_numbers_are_not_round_off():
-    assert "round-off" not in msahl.post.sentences.describe_energy(spoilt_energy())
+    assert "rounding error" not in msahl.post.sentences.describe_energy(spoilt_energy())
 
 
 def spoilt_energy():

@@ -18,7 +18,7 @@ from msahl.post.draw import style
 from msahl.results.read import ResultError
 from msahl.run.loop import OFF, Options
 from msahl.study import reference_cache
-from msahl.study.breakpoints import longest_step
+from msahl.study.breakpoints import breakpoints, longest_step
 from msahl.study.errors import compute_errors
 from msahl.study.independent import Solution, TooSlowError, independent
 from msahl.study.pictures import pictures
