@@ -18,7 +18,7 @@ from msahl.terminal import echo
 if TYPE_CHECKING:
     from msahl.study.study import Study
 
-MEASURE_KEYS = (
+METRIC_KEYS = (
     "position",
     "orientation",
     "velocity",
@@ -57,8 +57,8 @@ COMMANDS = 1.6
               help="Run each case N times and take the least time (default: 3 with --dt, else as "
               "often as there is time for).")  # fmt: skip
 @click.option("--target", type=Number(min=0.0, min_open=True), default=1e-6,
-              show_default=True, help="Largest error allowed, in the measure's unit.")  # fmt: skip
-@click.option("--measure", type=click.Choice(MEASURE_KEYS), default="position",
+              show_default=True, help="Largest error allowed, in the unit of --metric.")  # fmt: skip
+@click.option("--metric", type=click.Choice(METRIC_KEYS), default="position",
               show_default=True, help="Error that the target limits.")  # fmt: skip
 @click.option(
     "--t-final", type=Number(), metavar="S", help="End [s], instead of the deck's tFinal."
@@ -72,7 +72,7 @@ def study(
     budget: float,
     repeat: int | None,
     target: float,
-    measure: str,
+    metric: str,
     t_final: float | None,
 ) -> None:
     """Run DECK with many schemes and steps, and recommend the fastest run for a given error.
@@ -104,7 +104,7 @@ def study(
             raise ResultError("\n".join(faults))
         if steps and set(schemes) == {AUTO}:
             raise ResultError(f"--dt: the scheme {AUTO} chooses its steps; name another --scheme")
-        plan = Plan(model, steps, schemes, reference, repeat, target, measure, budget)
+        plan = Plan(model, steps, schemes, reference, repeat, target, metric, budget)
         folder.mkdir(parents=True, exist_ok=True)  # what cannot be written is told before the work
         began = working_clock() - (time.perf_counter() - entered) - START
         until = began + budget - WRITING

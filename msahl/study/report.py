@@ -170,7 +170,7 @@ def recommendation(study: Study) -> str:
     if all((r.largest(plan.metric) or 0.0) <= FLAT for r in study.runs if r.trial.completed):
         sentences.append(
             "In every run this error is rounding error, so it does not show which run is accurate: "
-            "choose another --measure, such as orientation."
+            "choose another --metric, such as orientation."
         )
     if local_tolerance_of(plan.model) is not None and not best.trial.case.chooses_steps:
         sentences.append("Remove the tolerance that the deck sets before you make this run.")

@@ -170,7 +170,7 @@ def test_a_thinned_run_has_no_virtual_work(tmp_path, told):
     assert run.every == 10
     assert metrics.work is None
     assert metrics.energy.absolute_error.max < ROUND_OFF * abs(metrics.energy.total[0])
-    assert "every 10th step" in no_work_note(run)
+    assert "one of 10 steps" in no_work_note(run)
     assert "n/a" in as_text(work_table([("run", metrics)]))
 
 
@@ -182,7 +182,7 @@ def test_a_run_cut_off_is_read_to_its_last_whole_row(tmp_path):
     run = read_run(tmp_path)
     assert run.partial
     assert len(run.time) == len(run.reactions) == text.count("\n") - 2
-    assert "not whole" in partial_note(run)
+    assert "incomplete" in partial_note(run)
     assert compute_metrics(run).constraints.violation[:, 0, 0].max() < ROUND_OFF * LENGTH
 
 

@@ -241,27 +241,27 @@ def test_the_command_and_its_recommendation(tmp_path):
     assert text.index("error-time.png") < text.index("| run |")
     for name in ("error-time.png", "all-errors-time.png", "error-step.png"):
         assert (out / name).stat().st_size > 1000
-    line = text.split("at every output time: msahl ")[1].split(". Its")[0].split()
+    line = text.split("at every output time is: msahl ")[1].split(". Its")[0].split()
     run = CliRunner().invoke(main, [*line, "-q", "-o", str(tmp_path / "run")])
     assert run.exit_code == 0, run.output
     states = pd.read_csv(tmp_path / "run" / "states.csv").to_numpy()
     true = independent(pendulum(), states[:, 0], 1e-6).states(states[:, 0])
     error = (states[:, 1:] - true).reshape(-1, 2, 12)[:, :, :3]
     assert np.sqrt((error**2).sum(axis=2)).max() <= 1e-4
-    assert "whole command" in text
-    assert "than the deck's own setting" in text
+    assert "complete command" in text
+    assert "than the deck's own settings" in text
 
 
 def test_an_error_that_is_round_off_is_told():
     # The wheel turns about its own reference point, which rests: positions say nothing.
     model = with_step(deck("torsional_spring"), 0.05, 0.5)
     found = study(Plan(model, (0.05, 0.025), ("preserving",), repeats=1))
-    assert "choose another --measure" in recommendation(found)
+    assert "choose another --metric" in recommendation(found)
     with style():
         for _, _, figure in pictures(found):
             figure.canvas.draw()  # warnings, of axes without a range, are errors here
     other = study(Plan(model, (0.05, 0.025), ("preserving",), repeats=1, metric="orientation"))
-    assert "choose another --measure" not in recommendation(other)
+    assert "choose another --metric" not in recommendation(other)
 
 
 def test_steps_of_a_scheme_that_chooses_them_are_refused(tmp_path):
