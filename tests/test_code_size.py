@@ -24,7 +24,6 @@ LONG = {
 MANY_PARAMETERS = {
     "msahl.algebra.functions._part",
     "msahl.algebra.functions._stretch",
-    "msahl.deck.write.effective_deck",
     "msahl.elements.along.accept",
     "msahl.elements.along.act",
     "msahl.elements.along.free_acceleration",
