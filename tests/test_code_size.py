@@ -24,7 +24,6 @@ LONG = {
 MANY_PARAMETERS = {
     "msahl.algebra.functions._part",
     "msahl.algebra.functions._stretch",
-    "msahl.deck.write.effective_deck",
     "msahl.elements.constraints.scalar.accept",
     "msahl.elements.constraints.scalar.act",
     "msahl.elements.constraints.scalar.free_acceleration",

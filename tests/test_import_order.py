@@ -15,6 +15,7 @@ ORDER = (
     "model",
     "elements",
     "joints",
+    "check",
     "deck",
     "system",
     "linalg",
