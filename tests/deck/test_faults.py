@@ -401,6 +401,33 @@ def test_an_old_name_is_answered_with_the_new_one(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("old", "message"),
+    [
+        ('turn="angle"', "unknown attribute turn; it is called rotationUpdate now"),
+        (
+            'rotationUpdate="tangent"',
+            "unknown value rotationUpdate='tangent'; it is called cayley now",
+        ),
+        (
+            'rotationUpdate="angle"',
+            "unknown value rotationUpdate='angle'; it is called exponential now",
+        ),
+        (
+            'reactions="station"',
+            "unknown value reactions='station'; it is called instantaneous now",
+        ),
+        (
+            "><verdict><gap>1</gap></verdict",
+            "unknown element <gap> in <verdict>; it is called <constraintViolation> now",
+        ),
+    ],
+)
+def test_an_old_setting_of_the_simulation_is_answered_with_the_new_one(tmp_path, old, message):
+    (fault,) = faults_of(changed(tmp_path, ("<simulation>", f"<simulation {old}>")))
+    assert fault.endswith(message)
+
+
+@pytest.mark.parametrize(
     "slip",
     [
         ("<rGB><x>0</x></rGB>", "<rGB><x>o</x></rGB>"),  # in another record
