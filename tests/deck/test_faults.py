@@ -100,7 +100,7 @@ SCHEMA_FAULTS = {
     ),
     "repeated element": (
         ("<title>t</title>", "<title>t</title><title>u</title>"),
-        ":38: simulation/title: <title> stands twice in <simulation>; keep one",
+        ":38: simulation/title: <title> is given twice in <simulation>; keep one",
     ),
     "unknown joint": (
         ("<joints>", "<joints>\n<sphericle/>"),
@@ -178,7 +178,7 @@ SCHEMA_FAULTS = {
 MEANING_FAULTS = {
     "accuracy of zero": (
         ("<deltaT>", "<verdict><accuracy>0</accuracy></verdict><deltaT>"),
-        ":39: simulation/verdict/accuracy: the limit is 0; no run is that good: give more than",
+        ":39: simulation/verdict/accuracy: the limit is 0; it must be greater than",
     ),
     "duplicate name": (
         ("<name>Base</name></ground>", "<name>Bob</name></ground>"),
