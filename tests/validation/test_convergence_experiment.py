@@ -25,7 +25,7 @@ def stepping():
 )
 def test_triple_pendulum_at_a_small_step(stepping, scaled, differences, whole):
     program = stepping.Program("", scaled=scaled, differences=differences, tolerance=1e-12)
-    reached, why, _, residual = stepping.dt2("triple_pendulum_45", 0.002, 0.2, program)
+    reached, why, _, residual = stepping.reach("triple_pendulum_45", 0.002, 0.2, program)
     assert (reached == 0.2) == whole
     assert bool(why) != whole
     # Where it gives up, it has stalled near the solution: the momenta are 10 N s and more.
