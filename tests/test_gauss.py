@@ -16,7 +16,7 @@ from msahl.cli.main import main
 from msahl.deck import read_deck
 from msahl.linalg import block_lu
 from msahl.model import Drag
-from msahl.model.scheme import HIGHER, choices, split
+from msahl.model.scheme import COLLOCATION, choices, split
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.collocation import local_rotation, predictor
 from msahl.schemes.collocation.tableau import new_rule
@@ -56,7 +56,7 @@ def test_a_rule_integrates_what_it_should(degree):
     np.testing.assert_allclose(rule.slope @ t[1:] ** s, s * power, atol=1e-13)
 
 
-@pytest.mark.parametrize("scheme", HIGHER)
+@pytest.mark.parametrize("scheme", COLLOCATION)
 @pytest.mark.parametrize("degree", [1, 2, 3])
 @pytest.mark.parametrize(
     ("begin", "size"), [(-1.0, 1.0), (-0.8, 0.8), (-2.0, 2.0), (0.0, 2.0), (-1.0, 2.0)]

@@ -13,11 +13,11 @@ from lxml import etree
 from scenes import ROOT
 
 from msahl.deck import read_deck
-from msahl.model.scheme import SCHEMES
+from msahl.model.scheme import ORDER_TWO
 
 TOOLS = ROOT / "tools" / "validation"
 KEPT = ROOT / "docs" / "validation" / "stability.csv"
-TOLD = (*SCHEMES, "gauss3", "radau3")
+TOLD = (*ORDER_TWO, "gauss3", "radau3")
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +148,7 @@ at once."""
 @pytest.mark.parametrize(("name", "value", "steps"), QUICK, ids=lambda value: str(value)[:14])
 def test_extreme_cells_hold(name, value, steps, scheme, cells, extreme, monkeypatch):
     """A hundred steps each, no true positions: those are for the page."""
-    if scheme not in SCHEMES:
+    if scheme not in ORDER_TWO:
         steps = (steps[0], SMALLER.get(name, steps[1]))
     # It closes the jump as an inelastic blow does, and what that takes is told as an error.
     blow = (name, scheme) == ("inconsistent_as_given", "gauss3")

@@ -14,7 +14,7 @@ from msahl.algebra.rotation_arrays import angles
 from msahl.cli.main import main
 from msahl.deck import read_deck
 from msahl.model import Limits, SpringDamper
-from msahl.model.scheme import SCHEMES
+from msahl.model.scheme import ORDER_TWO
 from msahl.post.cli import main as post
 from msahl.run.error_estimate import SAFETY
 from msahl.run.verdict import BETWEEN, DONE, FAIL, PASS, WARN, WORDS, Figures, judge
@@ -288,7 +288,7 @@ def test_the_companion_changes_nothing():
     assert with_it.report.iterations == without.report.iterations
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("scheme", ORDER_TWO)
 def test_a_spring_quicker_than_the_step_is_not_passed(scheme):
     """At 1 m/s a period of 3 ms is an amplitude of 0.5 mm, one of 10 ns of 1.6 nm; what the step
     takes it for is not known to the run."""

@@ -419,7 +419,7 @@ class Job:
                 "error": self.options.error,
                 "accuracy": self.options.accuracy,
                 "reactions": reactions_of(self.model),
-                "outputInterval": simulation.interval,
+                "outputInterval": simulation.output_interval,
                 "tolerance": tolerance_of(self.model),
                 "localTolerance": self.model.simulation.local_tolerance,
             },

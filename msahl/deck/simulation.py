@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from msahl.deck.faults import Element, attribute, text
 from msahl.deck.values import LARGEST, SMALLEST, Reader
 from msahl.model import MEAN, Limits, Simulation
-from msahl.model.scheme import AUTO, CAYLEY, DAMPING, DEFAULT, DEGREE, HIGHER, SCHEMES
+from msahl.model.scheme import AUTO, CAYLEY, COLLOCATION, DAMPING, DEFAULT, DEGREE, ORDER_TWO
 from msahl.printable import printable
 
 MAX_STEPS = 10**9
@@ -26,7 +26,7 @@ def read_simulation(element: Element, reader: Reader) -> Simulation:
         reactions=attribute(element, "reactions", MEAN),
         limits=_limits(element.find("verdict"), reader),
         degree=int(element.get("degree", DEGREE)),
-        interval=_number(element.find("outputInterval"), "time", reader),
+        output_interval=_number(element.find("outputInterval"), "time", reader),
         tolerance=_number(element.find("tolerance"), "length", reader),
         local_tolerance=_number(element.find("localTolerance"), "length", reader),
     )
@@ -92,8 +92,8 @@ def _complaints(simulation: Simulation) -> list[tuple[str, str]]:
         "deltaT": simulation.dt,
         "tFinal": simulation.t_final,
     }
-    if simulation.interval is not None:
-        times["outputInterval"] = simulation.interval
+    if simulation.output_interval is not None:
+        times["outputInterval"] = simulation.output_interval
     wrong = [
         (tag, f"it is {value:g} s; it must be greater than zero, {SMALLEST:g} to {LARGEST:g} s")
         for tag, value in times.items()
@@ -102,8 +102,8 @@ def _complaints(simulation: Simulation) -> list[tuple[str, str]]:
     if not 0.0 <= simulation.damping <= 1.0:
         wrong.append(("damping", f"it is {simulation.damping:g}; it must be from 0 to 1"))
     scheme, degree = simulation.scheme, simulation.degree
-    if scheme in HIGHER and degree > HIGHER[scheme].highest:
-        most, gauss = HIGHER[scheme].highest, HIGHER["gauss"].highest
+    if scheme in COLLOCATION and degree > COLLOCATION[scheme].highest:
+        most, gauss = COLLOCATION[scheme].highest, COLLOCATION["gauss"].highest
         remedy = f"those of scheme {scheme} are 1 to {most}, those of gauss go to {gauss}"
         wrong.append(("degree", f"it is of degree {degree}; {remedy}"))
     wrong += _complaints_of_choice(simulation)
@@ -131,8 +131,8 @@ def _complaints(simulation: Simulation) -> list[tuple[str, str]]:
 
 def _complaints_of_choice(simulation: Simulation) -> list[tuple[str, str]]:
     """What is wrong with tolerances and rows between steps, for the scheme."""
-    dt, interval = simulation.dt, simulation.interval
-    higher = simulation.scheme not in SCHEMES
+    dt, interval = simulation.dt, simulation.output_interval
+    higher = simulation.scheme not in ORDER_TWO
     given = {"tolerance": simulation.tolerance, "localTolerance": simulation.local_tolerance}
     tolerances = {tag: value for tag, value in given.items() if value is not None}
     wrong = []

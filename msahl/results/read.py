@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from msahl.deck import read_deck
-from msahl.model import INSTANTANEOUS, Model, degree_of, reactions_of
+from msahl.model import Model, resolve
 from msahl.printable import printable, shown_path
 from msahl.results.folder import find
 from msahl.results.info import AGAIN, ResultError, read_info
@@ -52,7 +52,7 @@ class Run:
         options, dt = self.info.get("options", {}), self.model.simulation.dt
         told = options.get("every")
         if told is not None or len(self.time) < 2:
-            interval = None if degree_of(self.model) else options.get("outputInterval")
+            interval = None if resolve(self.model.simulation).degree else options.get("outputInterval")
             return int(told or 1) * max(1, round((interval or dt) / dt))
         spacing = float(self.time[1] - self.time[0])
         return max(1, round(spacing / dt))
@@ -60,7 +60,7 @@ class Run:
     @property
     def instantaneous(self) -> bool:
         """Whether reactions are those at the rows' own times, not means over the steps before."""
-        return reactions_of(self.model) == INSTANTANEOUS
+        return resolve(self.model.simulation).instantaneous
 
     @property
     def has_means(self) -> bool:

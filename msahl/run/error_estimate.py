@@ -560,7 +560,7 @@ def _by(model: Model, coarser: Coarser) -> Model:
     """The same by the scheme and at the step of its companion."""
     dt = coarser.stride * model.simulation.dt
     simulation = replace(
-        model.simulation, scheme=coarser.scheme, degree=coarser.degree, dt=dt, interval=None
+        model.simulation, scheme=coarser.scheme, degree=coarser.degree, dt=dt, output_interval=None
     )
     return replace(model, simulation=simulation)
 

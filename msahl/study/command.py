@@ -24,7 +24,7 @@ def words_of(case: Case, plan: Plan, deck: str, t_final: float | None = None) ->
     """
     words = ["run", deck, "--scheme", case.scheme]
     if case.chooses:
-        interval = variant(plan.model, case).simulation.interval
+        interval = variant(plan.model, case).simulation.output_interval
         words += ["--tolerance", f"{case.size:.15g}", "--output-interval", f"{interval:.15g}"]
     else:
         words += ["--dt", f"{case.size:.15g}"]

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from msahl.model import local_tolerance_of
+from msahl.model import resolve
 from msahl.post.document import (
     Block,
     Folded,
@@ -119,7 +119,7 @@ def recommendation(study: Study) -> str:
             "This error is round-off in every run, so it does not tell which is accurate: choose "
             "another --measure, such as orientation."
         )
-    if local_tolerance_of(plan.model) is not None and not best.trial.case.chooses:
+    if resolve(plan.model.simulation).adaptive and not best.trial.case.chooses:
         sentences.append("The deck gives a tolerance, which must be removed from it for this run.")
     return " ".join(sentences)
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from msahl.model import Model, scheme_of
+from msahl.model import Model, resolve
 from msahl.model.scheme import AUTO, split
 from msahl.results.read import Run
 from msahl.run.loop import ESTIMATE, OFF, Options, Report, run
@@ -107,10 +107,10 @@ def with_step(
     """
     given = model.simulation
     end = given.t_final if t_final is None else t_final
-    name, degree = split(scheme) if scheme else (scheme_of(model), None)
+    name, degree = split(scheme) if scheme else (resolve(model.simulation).family, None)
     other = replace(given, dt=dt, t_final=end, scheme=name, degree=degree or given.degree)
     return replace(
-        model, simulation=replace(other, tolerance=None, local_tolerance=None, interval=None)
+        model, simulation=replace(other, tolerance=None, local_tolerance=None, output_interval=None)
     )
 
 
@@ -118,9 +118,9 @@ def variant(model: Model, case: Case) -> Model:
     """``model`` as a ``case`` runs it."""
     if not case.chooses:
         return with_step(model, case.size, scheme=case.scheme)
-    interval = model.simulation.interval or round_down(model.simulation.t_final / AUTO_ROWS)
+    interval = model.simulation.output_interval or round_down(model.simulation.t_final / AUTO_ROWS)
     chosen = with_step(model, interval, scheme=case.scheme).simulation
-    return replace(model, simulation=replace(chosen, tolerance=case.size, interval=interval))
+    return replace(model, simulation=replace(chosen, tolerance=case.size, output_interval=interval))
 
 
 def run_in_memory(

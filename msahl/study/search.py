@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from msahl.jit.compiled import STOPWATCH, working_clock
-from msahl.model.scheme import AUTO, CHOSEN, DEGREE, HIGHER, split
+from msahl.model.scheme import AUTO, AUTO_FAMILY, COLLOCATION, DEGREE, split
 from msahl.results.read import Run
 from msahl.run.loop import Report
 from msahl.study.dynamics import Dynamics
@@ -347,10 +347,10 @@ def _urgency(seconds: float, scheme: str) -> tuple[int, int]:
     """What comes first: quick runs, and among those about as quick the schemes of high order, of
     which few runs show all.
     """
-    higher = HIGHER.get(split(scheme)[0])
+    higher = COLLOCATION.get(split(scheme)[0])
     order = higher.order(split(scheme)[1] or higher.highest) if higher else 2
     if scheme == AUTO:
-        order = HIGHER[CHOSEN].order(DEGREE)
+        order = COLLOCATION[AUTO_FAMILY].order(DEGREE)
     return math.floor(2.0 * math.log10(seconds)), -order
 
 

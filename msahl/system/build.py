@@ -36,7 +36,7 @@ from msahl.joints.joint import (
 )
 from msahl.joints.joint import Coincide as Coinciding
 from msahl.joints.registry import KINDS
-from msahl.model import Model, decay_of, is_exponential
+from msahl.model import Model, resolve
 from msahl.model.bodies import RigidBody
 from msahl.model.couplings import FREEDOMS, Coupling
 from msahl.model.joints import Joint
@@ -125,7 +125,7 @@ class _Builder:
             load_column=_indices(self.columns["loads"]),
             drag_column=_indices(self.columns["drags"]),
             unit=self._units(coincide, along, len(nodes)),
-            decay=decay_of(self.model),
+            decay=resolve(self.model.simulation).decay,
             relaxation=self.relaxation,
             multipliers=self._multipliers(nodes),
             blocks=self.blocks.nodes(),
@@ -272,7 +272,7 @@ class _Builder:
         table = self._law(load.table) if load else -1
         origin = np.nan if isinstance(load, JointSpring) else 0.0
         steepest = _steepest(load.table) if load and load.table else stiffness
-        lag = 0.5 * decay_of(self.model).chi * steepest
+        lag = 0.5 * resolve(self.model.simulation).decay.chi * steepest
         self.springs.append((quantity, stiffness, damping, origin, free, preload, table, lag))
         self.columns["springs"].append(column)
 
@@ -292,7 +292,7 @@ class _Builder:
             inertia=inertia,
             r_BG=np.array(self.r_BG),
             length=np.array([*lengths, 1.0]),
-            exponential=is_exponential(model) or None,
+            exponential=resolve(model.simulation).exponential or None,
             ballistic=np.array([*(not arms for arms in self.arms[:n]), True]),
             moves=np.ones((2, 3)),
             gravity=np.array(model.gravity, dtype=float),

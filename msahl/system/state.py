@@ -6,7 +6,7 @@ from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import add, at, cross, times
 from msahl.elements.constraints.coordinates import prepare
 from msahl.elements.constraints.equations import left_side
-from msahl.model import Model, decays
+from msahl.model import Model, resolve
 from msahl.system.arrays import State, System, new_quantity_start, quantity_count
 
 
@@ -67,4 +67,4 @@ def settle(system: System, state: State) -> None:
 
 def work_count(model: Model) -> int:
     """Columns of work: one a load, one a motion, and a decaying scheme's own."""
-    return len(model.loads) + len(model.motions) + decays(model)
+    return len(model.loads) + len(model.motions) + resolve(model.simulation).dissipative

@@ -24,7 +24,7 @@ from error_scenes import REFINEMENTS, SCENES, Scene
 from measured import OUT
 
 from msahl.algebra.rotation_arrays import angles
-from msahl.model import Model, tolerance_of
+from msahl.model import Model, resolve
 from msahl.model.scheme import AUTO, choices, split
 from msahl.run.loop import Options, run
 from msahl.study.runs import Memory
@@ -121,7 +121,7 @@ def at_steps(scene: Scene, word: str, per_row: int) -> tuple[Model, Options]:
         scheme=name,
         degree=degree or given.degree,
         tolerance=None,
-        interval=None,
+        output_interval=None,
     )
     return replace(scene.model, simulation=simulation), Options(every=per_row)
 
@@ -131,7 +131,7 @@ def by_tolerance(scene: Scene, tolerance: float, kind: str) -> tuple[Model, Opti
     simulation = replace(
         scene.model.simulation,
         dt=scene.t_final / scene.rows,
-        interval=scene.t_final / scene.rows,
+        output_interval=scene.t_final / scene.rows,
         t_final=scene.t_final,
         scheme=AUTO,
         tolerance=tolerance if kind == GLOBAL else None,
@@ -237,7 +237,7 @@ def _cell(
         )
     }
     seconds = report.seconds["loop"]
-    if tolerance_of(model) is not None:
+    if resolve(model.simulation).tolerance is not None:
         seconds += report.seconds.get("companion", 0.0)
     return Cell(
         scene=scene.name,

@@ -16,7 +16,7 @@ from msahl.algebra.vector import copy
 from msahl.elements.along import Along, settle
 from msahl.jit.kernel import apart, kernel
 from msahl.linalg import block_lu, dense
-from msahl.model.scheme import HIGHER
+from msahl.model.scheme import COLLOCATION
 from msahl.schemes import accelerations
 from msahl.schemes.accelerations import Instant, new_instant
 from msahl.schemes.collocation import dense_output, equations, predictor
@@ -64,7 +64,7 @@ def new_collocation_workspace(
     workspace: Workspace, scheme: str, degree: int
 ) -> CollocationWorkspace:
     """Room for steps by the ``scheme`` of a ``degree`` from the scene's prepared state."""
-    lu, group, higher = workspace.unknowns.elimination, workspace.system.along, HIGHER[scheme]
+    lu, group, higher = workspace.unknowns.elimination, workspace.system.along, COLLOCATION[scheme]
     stages = new_stages(
         workspace.system, workspace.unknowns, workspace.state, new_rule(scheme, degree)
     )

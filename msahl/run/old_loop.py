@@ -170,7 +170,7 @@ class Grid:
     @classmethod
     def of_rows(cls, simulation: Simulation) -> "Grid":
         """The rows of a run, before they are thinned."""
-        return cls.between(simulation.interval or simulation.dt, simulation.t_final)
+        return cls.between(simulation.output_interval or simulation.dt, simulation.t_final)
 
     @classmethod
     def between(cls, dt: float, t_final: float) -> "Grid":
