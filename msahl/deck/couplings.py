@@ -4,7 +4,7 @@ from msahl.deck.cam import read_lift
 from msahl.deck.faults import Element, text
 from msahl.deck.named import named_joint
 from msahl.deck.values import Reader
-from msahl.model.couplings import FREEDOMS, Coupling
+from msahl.model.couplings import COORDINATES, Coupling
 
 SCALES = {"gear": ("ratio", ""), "rackAndPinion": ("radius", "length")}
 """Tag and quantity of a coupling's one number."""
@@ -16,7 +16,7 @@ def read_coupling(element: Element, reader: Reader) -> Coupling:
     tags = ("first", "second")
     first, second = (
         named_joint(element, tag, coordinate, reader)
-        for tag, coordinate in zip(tags, FREEDOMS[kind], strict=True)
+        for tag, coordinate in zip(tags, COORDINATES[kind], strict=True)
     )
     if first == second and reader.faults.sound(element):
         reader.faults.add(element, f"first and second are both '{first}'; couple two joints")

@@ -7,7 +7,7 @@ its own errors xmlschema takes time that grows with the square of the number of 
 
 import difflib
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import cache, lru_cache, partial
 from typing import TYPE_CHECKING, Any, cast
@@ -19,6 +19,17 @@ if TYPE_CHECKING:  # a run of a valid deck does not import it
 
 NAMES = ("name", "body", "joint", "first", "second")
 """Elements that hold a name."""
+
+RENAMED = {
+    "drive": "jointMotion",
+    "freedom": "coordinate",
+    "gap": "constraintViolation",
+    "turn": "rotationUpdate",
+    "tangent": "cayley",
+    "angle": "exponential",
+    "station": "instantaneous",
+}
+"""New name of each renamed element, attribute or value; told only where the new name is valid."""
 
 Departure = tuple[Element, Callable[[], str]]
 """An element that is wrong, and the message."""
@@ -55,8 +66,17 @@ def add_faults(root: Element, declaration: "XsdElement", faults: Faults) -> None
         for place, message in _departures(element, rule):
             faults.add(place, message)
         known = rule.children
-        inside = [(child, known[str(child.tag)]) for child in element if child.tag in known]
+        inside = [
+            (child, known[name]) for child in element if (name := _present(child, known)) in known
+        ]
         waiting += reversed(inside)  # so the next is the first: faults come in the order of lines
+
+
+def _present(element: Element, known: Collection[str]) -> str:
+    """Return the tag of an element, or the new name of a renamed one if that is ``known``."""
+    tag = str(element.tag)
+    renamed = RENAMED.get(tag, tag)
+    return renamed if renamed in known else tag
 
 
 @cache
@@ -119,7 +139,7 @@ def _children(element: Element, rule: _Rule) -> Iterator[Departure]:
             yield child, partial(_unknown_child, name, tag, tuple(known))
         elif rule.model == "all" and name in seen:
             yield child, partial("<{}> stands twice in <{}>; keep one".format, name, tag)
-        seen.add(name)
+        seen.add(_present(child, known))
     for name in rule.required:
         if name not in seen:
             yield element, partial("<{}> is missing; add it to <{}>".format, name, tag)
@@ -183,9 +203,13 @@ def _allowed(word: "XsdSimpleType") -> tuple[str, ...]:
 
 
 def _choice(given: str, known: tuple[str, ...]) -> str:
-    """The remedy for an unknown word: the likely one first, then all."""
+    """The remedy for an unknown word: its new name, or the likely one first, then all."""
     if not known:
         return "; none is expected here"
+    plain = given.strip("<>")
+    new = given.replace(plain, RENAMED.get(plain, ""))
+    if new in known:
+        return f"; it is called {new} now"
     near = difflib.get_close_matches(given, known, n=1)
     hint = f"did you mean {near[0]}? " if near else ""
     return f"; {hint}expected {_listed(known)}"

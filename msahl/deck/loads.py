@@ -82,7 +82,7 @@ def read_drag(element: Element, reader: Reader) -> Drag:
 
 def read_friction(element: Element, reader: Reader) -> Friction:
     """Record of a ``<friction>``."""
-    coordinate = text(element.find("freedom"))
+    coordinate = text(element.find("coordinate"))
     joint = named_joint(element, "joint", coordinate, reader)
     kind = KINDS.get(reader.kinds.get(joint, ""))
     if kind is not None and not kind.bearing:

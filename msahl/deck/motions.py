@@ -12,9 +12,9 @@ NOTHING = Law("constant", (0.0,))
 """Stands for a law with faults."""
 
 
-def read_drive(element: Element, reader: Reader) -> JointMotion:
-    """Record of a ``<drive>``."""
-    coordinate = text(element.find("freedom"))
+def read_joint_motion(element: Element, reader: Reader) -> JointMotion:
+    """Record of a ``<jointMotion>``."""
+    coordinate = text(element.find("coordinate"))
     joint = named_joint(element, "joint", coordinate, reader)
     law = read_law(element.find("law"), UNIT[coordinate], reader) or NOTHING
     return JointMotion(text(element.find("name")), joint, coordinate, law)
@@ -45,14 +45,17 @@ def moving_body(element: Element, reader: Reader) -> str:
 
 
 def check_driven_once(elements: list[Element], reader: Reader) -> None:
-    """No free motion of a joint has two drives."""
+    """Add a fault for every joint coordinate that has two prescribed motions."""
     taken: dict[tuple[str, str], Element] = {}
     for element in elements:
-        if element.tag != "drive":
+        if element.tag != "jointMotion":
             continue
-        joint, coordinate = text(element.find("joint")), text(element.find("freedom"))
+        joint, coordinate = text(element.find("joint")), text(element.find("coordinate"))
         first = taken.setdefault((joint, coordinate), element)
         if first is not element:
             line = line_of(first)
-            message = f"the {coordinate} of '{joint}' is driven already (line {line}); keep one"
+            message = (
+                f"the {coordinate} of '{joint}' already has a prescribed motion (line {line}); "
+                "keep one"
+            )
             reader.faults.add(element, message)

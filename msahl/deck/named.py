@@ -9,7 +9,7 @@ UNIT = {"angle": "angle", "slide": "length"}
 
 
 def named_joint(element: Element, tag: str, coordinate: str, reader: Reader) -> str:
-    """Name of the joint that the child ``tag`` names; a fault if it lacks the ``freedom``."""
+    """Name of the joint that the child ``tag`` names; a fault if it lacks the ``coordinate``."""
     label = element.find(tag)
     name = text(label)
     if name in reader.kinds and coordinate not in KINDS[reader.kinds[name]].coordinates:

@@ -25,7 +25,7 @@ from msahl.deck.loads import (
     read_drag,
     read_friction,
 )
-from msahl.deck.motions import check_driven_once, read_drive, read_point_motion
+from msahl.deck.motions import check_driven_once, read_joint_motion, read_point_motion
 from msahl.deck.parse import parse, read_bytes
 from msahl.deck.references import check_references, is_complete
 from msahl.deck.schema import check_schema
@@ -34,13 +34,13 @@ from msahl.deck.springs import read_bushing, read_joint_spring, read_spring_damp
 from msahl.deck.values import INERTIAL, Reader
 from msahl.joints.registry import KINDS as JOINT_KINDS
 from msahl.model import Ground, Model, RigidBody, Simulation
-from msahl.model.couplings import FREEDOMS
+from msahl.model.couplings import COORDINATES
 from msahl.model.scheme import WORKER
 
 Read = Callable[[Element, Reader], Any]
 
 BODIES: Mapping[str, Read] = {"ground": read_ground, "rigidBody": read_rigid_body}
-MOTIONS: Mapping[str, Read] = {"drive": read_drive, "pointMotion": read_point_motion}
+MOTIONS: Mapping[str, Read] = {"jointMotion": read_joint_motion, "pointMotion": read_point_motion}
 LOADS: Mapping[str, Read] = {
     "concentrated": read_concentrated,
     "bodyForce": read_body_force,
@@ -52,7 +52,7 @@ LOADS: Mapping[str, Read] = {
     "drag": read_drag,
     "friction": read_friction,
 }
-TAGS = frozenset((*BODIES, *JOINT_KINDS, *FREEDOMS, *MOTIONS, *LOADS))
+TAGS = frozenset((*BODIES, *JOINT_KINDS, *COORDINATES, *MOTIONS, *LOADS))
 """Of all records."""
 
 ONE_NAME = (("bodies",), ("joints", "motions", "loads"))
@@ -93,7 +93,7 @@ def _read_model(root: Element, faults: Faults) -> Model:
     bodies = [_read_body(element, reader) for element in sound["bodies"]]
     _check_some_body(root, faults)
     joints = [read_joint(e, reader) for e in sound["joints"] if e.tag in JOINT_KINDS]
-    couplings = [read_coupling(e, reader) for e in sound["joints"] if e.tag in FREEDOMS]
+    couplings = [read_coupling(e, reader) for e in sound["joints"] if e.tag in COORDINATES]
     motions = [MOTIONS[str(e.tag)](e, reader) for e in sound["motions"]]
     check_driven_once(sound["motions"], reader)
     return Model(

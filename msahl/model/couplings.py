@@ -26,7 +26,7 @@ class Coupling:
     lift: Law | None = None
 
 
-FREEDOMS = {
+COORDINATES = {
     "gear": ("angle", "angle"),
     "rackAndPinion": ("angle", "slide"),
     "camFollower": ("angle", "slide"),

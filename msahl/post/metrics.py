@@ -16,7 +16,7 @@ import numpy as np
 
 from msahl.joints.registry import KINDS
 from msahl.model import JointMotion, Model
-from msahl.model.couplings import FREEDOMS
+from msahl.model.couplings import COORDINATES
 from msahl.post.replay import Rows, observe
 from msahl.post.virtual import child_work, reaction_work
 from msahl.results.read import Run
@@ -256,7 +256,7 @@ def _reactions(run: Run) -> Reactions:
 
 def _turning(model: Model) -> dict[int, int]:
     """By number of the element: 1 if its load is along an angle [N m], 0 if along a way [N]."""
-    freedoms = [FREEDOMS[coupling.kind][1] for coupling in model.couplings]
+    freedoms = [COORDINATES[coupling.kind][1] for coupling in model.couplings]
     freedoms += [m.coordinate if isinstance(m, JointMotion) else "slide" for m in model.motions]
     return {e: int(f == "angle") for e, f in enumerate(freedoms, start=len(model.joints))}
 

@@ -5,14 +5,14 @@ and bytes that are no deck at all.
 import copy
 from functools import cache
 
-from guard import TRAPS
 from hypothesis import strategies as st
 from lxml import etree
-from scenes import DECKS
 
 from msahl.deck.schema import schema_bytes
 from msahl.deck.units import UNITS
 from msahl.joints.registry import KINDS
+from tests.fuzz.guard import TRAPS
+from tests.support.models import DECKS
 
 NUMBERS = (
     "0", "-0", "1", "-1", "2", "0.5", "1e-7", "1e-50", "1e-99", "-1e-100", "1e-101", "1e-300",
@@ -394,8 +394,8 @@ def _motion(draw, name, bodies, joints):
     if joints and draw(st.booleans()):
         coordinate = _of(draw, ("angle", "slide"))
         return (
-            f"<drive><name>{name}</name><joint>{_of(draw, joints)}</joint>"
-            f"<freedom>{coordinate}</freedom>{_law(draw)}</drive>"
+            f"<jointMotion><name>{name}</name><joint>{_of(draw, joints)}</joint>"
+            f"<coordinate>{coordinate}</coordinate>{_law(draw)}</jointMotion>"
         )
     return (
         f"<pointMotion><name>{name}</name><body>{_of(draw, bodies)}</body>"
@@ -431,7 +431,7 @@ def _load(draw, name, names, joints):
     elif kind == "friction":
         coordinate, radius = _of(draw, (("angle", _number(draw, "radius", sizes)), ("slide", "")))
         rest = _number(draw, "coefficient", sizes) + radius + _number(draw, "width", sizes)
-        joint = f"<joint>{_of(draw, joints)}</joint><freedom>{coordinate}</freedom>"
+        joint = f"<joint>{_of(draw, joints)}</joint><coordinate>{coordinate}</coordinate>"
         inside = f"<name>{name}</name>{joint}{rest}"
     else:
         tags = ("angle", "moment") if kind[0] == "t" else ("length", "force")

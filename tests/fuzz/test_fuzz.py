@@ -13,12 +13,9 @@ from collections import Counter
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 
-from guard import call, guarded
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from lxml import etree
-from scenes import ROOT
-from strategies import NUMBERS, files, gentle_mutants, mutants, scenes, trees
 
 from msahl.cli.main import main
 from msahl.deck import DeckError, read_deck
@@ -27,6 +24,9 @@ from msahl.deck.faults import Faults
 from msahl.deck.parse import parse
 from msahl.deck.schema import built, objection, schema_bytes
 from msahl.post.cli import main as post
+from tests.fuzz.guard import call, guarded
+from tests.fuzz.strategies import NUMBERS, files, gentle_mutants, mutants, scenes, trees
+from tests.support.models import ROOT
 
 SECONDS = float(os.environ.get("MSAHL_FUZZ_SECONDS", "0"))
 ROUND = 100

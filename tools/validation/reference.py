@@ -248,7 +248,7 @@ class Equations:
             if coupling.kind == "gear":
                 names.add(coupling.second)
         for element in (*self.model.loads, *self.model.motions):
-            if getattr(element, "freedom", "") == "angle":
+            if getattr(element, "coordinate", "") == "angle":
                 names.add(element.joint)
         return names
 
@@ -443,7 +443,7 @@ class Equations:
             found.append((self._coupled(coupling), none))
         for motion in self.model.motions:
             if isinstance(motion, JointMotion):
-                q = self.freedom(motion.joint, motion.freedom)
+                q = self.freedom(motion.joint, motion.coordinate)
             else:
                 ground = self.model.grounds[0].name
                 q = times(
@@ -474,7 +474,7 @@ class Equations:
         found = []
         for load in self.model.loads:
             if isinstance(load, JointSpring):
-                found.append((load.name, self.freedom(load.joint, load.freedom)))
+                found.append((load.name, self.freedom(load.joint, load.coordinate)))
             elif isinstance(load, SpringDamper) and load.free_length is None:
                 D = self.across(load)
                 found.append((load.name, root(times(D, D))))
@@ -604,7 +604,7 @@ class Equations:
         for _ in range(FRICTION_ROUNDS):
             total = f.copy()
             for friction in frictions:
-                q = self.freedom(friction.joint, friction.freedom)
+                q = self.freedom(friction.joint, friction.coordinate)
                 j = names.index(friction.joint)
                 place = self.bodies[self.index[self.joints[friction.joint].child]].place
                 rows = slice(starts[j], starts[j + 1])

@@ -1,0 +1,113 @@
+"""The joint of docs/adding-an-element.md, which the program does not have, added as it says."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import msahl
+from msahl.joints.registry import KINDS
+from tests.elements import test_laws
+from tests.joints import test_degrees_of_freedom
+from tests.support.element_samples import JOINTS, Sample, X, Z, joint_scene, slide, turn, turns
+
+ROOT = Path(__file__).parents[2]
+GUIDE = (ROOT / "docs" / "adding-an-element.md").read_text()
+NAME, MODULE = "pointOnCylinder", "point_on_cylinder"
+
+
+def blocks(language):
+    """Listings of the guide."""
+    return re.findall(rf"```{language}\n(.*?)```", GUIDE, re.DOTALL)
+
+
+MODULE_TEXT, SAMPLE_TEXT = blocks("python")
+SCHEMA_TEXT, DECK_TEXT = blocks("xml")
+
+
+@pytest.fixture(scope="module")
+def checkout(tmp_path_factory):
+    """A copy of the program with the guide's module, registry line, schema element and deck."""
+    root = tmp_path_factory.mktemp("checkout")
+    no_caches = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(Path(msahl.__file__).parent, root / "msahl", ignore=no_caches)
+    shutil.copytree(ROOT / "schemas", root / "msahl" / "schemas")  # as it is installed
+    (root / "msahl" / "joints" / f"{MODULE}.py").write_text(MODULE_TEXT)
+    add_before(root / "msahl" / "joints" / "registry.py", r"^ +point_on_line,$", f"{MODULE},", 2)
+    schema = root / "msahl" / "schemas" / "msaHLData.xsd"
+    add_before(schema, r'^ +<xs:element name="pointOnLine".*$', SCHEMA_TEXT, 1)
+    (root / f"{MODULE}.xml").write_text(DECK_TEXT)
+    return root
+
+
+def add_before(path, line, addition, times):
+    """Put the ``addition`` before each line that matches."""
+    text, count = re.subn(line, lambda m: f"{addition}\n{m[0]}", path.read_text(), flags=re.M)
+    assert count == times
+    path.write_text(text)
+
+
+def call(root, *arguments):
+    """``msahl`` of the copy, in plain Python: nothing is compiled for a joint of a test."""
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(root)}
+    program = "import sys; from msahl.cli.main import main; main(sys.argv[1:])"
+    command = [sys.executable, "-P", "-c", program, *arguments]
+    return subprocess.run(
+        command, cwd=root, env=environment, capture_output=True, text=True, check=False
+    )
+
+
+def test_the_deck_of_the_guide_is_checked_and_run(checkout):
+    good = call(checkout, "check", f"{MODULE}.xml")
+    assert (good.returncode, good.stdout) == (0, f"{MODULE}.xml: good\n"), good.stderr
+    run = call(checkout, "run", f"{MODULE}.xml", "--dt", "0.02", "-o", "out", "--solver", "newton")
+    assert run.returncode == 0, run.stderr
+    states = pd.read_csv(checkout / "out" / "states.csv")
+    assert len(states) == 151
+    listed = re.search(r"^ *0\.02 +(\S+) +(\S+)", GUIDE, re.M)
+    x, error = states["Bead.x"].iloc[-1], float(listed[2])
+    # The guide's own table, as many digits as it prints; and the closed form it compares with.
+    assert x == pytest.approx(float(listed[1]), abs=1e-9)
+    assert abs(x - 0.428728576) == pytest.approx(error, rel=0.02)
+    assert np.hypot(states["Bead.x"], states["Bead.z"]).to_numpy() == pytest.approx(0.5, abs=1e-14)
+    forces = pd.read_csv(checkout / "out" / "reactions.csv")
+    assert list(forces.columns) == ["time", "Pipe.Fx", "Pipe.Fy", "Pipe.Fz"]
+
+
+def test_a_wrong_deck_of_the_guide_is_told_as_it_says(checkout):
+    (told,) = re.findall(rf"^ +({MODULE}\.xml:30: .*)$", GUIDE, re.M)
+    wrong = DECK_TEXT.replace('<radius units="m">0.5<', '<radius units="m">0.6<')
+    folder = checkout / "wrong"
+    folder.mkdir()
+    (folder / f"{MODULE}.xml").write_text(wrong)
+    result = call(checkout, "check", f"wrong/{MODULE}.xml")
+    assert result.returncode == 2
+    assert result.stderr == f"wrong/{told}\n"
+
+
+def test_the_test_entry_of_the_guide_holds_the_joint_to_all_laws(monkeypatch):
+    room = {}
+    exec(MODULE_TEXT, room)
+    names = {"Sample": Sample, "slide": slide, "turn": turn, "turns": turns, "X": X, "Z": Z}
+    ((name, sample),) = eval(f"{{{SAMPLE_TEXT}}}", names).items()
+    assert name == NAME
+    monkeypatch.setitem(KINDS, NAME, room["KIND"])
+    monkeypatch.setitem(JOINTS, NAME, sample)
+
+    def make(rng):
+        return joint_scene(NAME, rng)
+
+    test_degrees_of_freedom.test_the_table_of_free_motions_is_whole()
+    test_degrees_of_freedom.test_a_joint_between_two_bodies_takes_away_what_it_should(NAME)
+    test_degrees_of_freedom.test_free_velocities_open_nothing_and_the_rest_do(NAME, 0)
+    test_degrees_of_freedom.test_free_motions_open_nothing_and_the_rest_do(NAME, 0)
+    test_degrees_of_freedom.test_a_body_set_going_along_its_freedom_goes_on(NAME, 0)
+    test_laws.test_the_jacobian_is_the_derivative_of_the_residual(make, 0, "preserving")
+    test_laws.test_the_residual_turns_with_the_scene(make, 0)
+    test_laws.test_every_element_is_approached_with_order_two(make, "preserving")

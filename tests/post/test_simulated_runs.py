@@ -1,0 +1,136 @@
+"""Measures of real runs with drives, springs, redundant joints and joints of many kinds."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from msahl.cli.main import main as msahl
+from msahl.post.cli import main as msahl_post
+from msahl.post.metrics import measure
+from msahl.post.report import build_report
+from msahl.post.summary import constraints_table, energy_table, reactions_table
+from msahl.results.read import read_run
+
+DECKS = Path(__file__).parents[2] / "decks"
+ROUND_OFF = 1e-12
+"""Gathered over a few thousand steps, in parts of the largest energy."""
+
+
+@pytest.fixture(scope="module")
+def run_of(tmp_path_factory):
+    """Runs of decks by name and options, each made once."""
+    made = {}
+
+    def run(deck, *options):
+        if (deck, options) not in made:
+            folder = tmp_path_factory.mktemp("run")
+            words = [str(DECKS / f"{deck}.xml"), "-o", str(folder), *options]
+            result = CliRunner().invoke(msahl, ["run", *words])
+            assert result.exit_code == 0, result.output
+            made[deck, options] = read_run(folder)
+        return made[deck, options]
+
+    return run
+
+
+@pytest.mark.parametrize(
+    "deck",
+    [
+        "forces/joint_motion_sine",
+        "forces/torsional_spring",
+        "joints/revolute",
+        "joints/parallel_cylinders",
+        "joints/rolling_disk",
+        "joints/knife_edge",
+        "mechanisms/bricard",
+    ],
+)
+def test_ideal_joints_do_no_work_and_stay_closed(run_of, deck):
+    measures = measure(run_of(deck))
+    size = measures.energy.largest_kinetic
+    assert np.abs(measures.work.sharp).max() < ROUND_OFF * size
+    assert measures.energy.error_over_kinetic.max < 10 * ROUND_OFF
+    violation = measures.constraints.violation
+    assert violation[~np.isnan(violation)].max(initial=0.0) < ROUND_OFF
+
+
+def test_the_work_of_the_reaction_sees_forces_and_moments(run_of):
+    run = run_of("joints/revolute")
+    columns = [f"Hinge.{c}" for c in ("Mx", "My", "Mz")]
+    turned = run.reactions.copy()
+    turned[columns] += 1.0  # along the axis as well, where an ideal joint has none
+    wrong = measure(run.__class__(**(vars(run) | {"reactions": turned}))).work.sharp
+    assert np.abs(wrong).max() > 1e-4
+
+
+def test_a_drive_has_load_work_and_a_gap_in_radians(run_of):
+    run = run_of("forces/joint_motion_sine")
+    measures = measure(run)
+    found = measures.constraints
+    assert found.names == ("Hinge", "Motor")
+    assert np.isnan(found.violation[:, 1, 0]).all()
+    assert not np.isnan(found.violation[:, 0]).any()
+    assert not np.isnan(found.violation[:, 1, 1]).any()
+    assert measures.energy.work == pytest.approx(run.work["Motor.work"])
+    assert measures.reactions.load[:, 1, 1] == pytest.approx(run.reactions["Motor.load"])
+    assert np.isnan(measures.reactions.load[:, 1, 0]).all()
+    (hinge, motor) = constraints_table([("run", measures)]).shown()
+    assert motor[2:4] == ["", ""]
+    assert "" not in hinge
+
+
+@pytest.mark.parametrize("deck", ["forces/joint_motion_constant", "mechanisms/four_bar"])
+def test_turns_are_counted_in_thinned_runs(run_of, deck):
+    found = measure(run_of(deck, "--every", "37")).constraints
+    motor = found.names.index("Motor")
+    assert found.violation[:, motor, 1].max() < ROUND_OFF
+
+
+@pytest.mark.parametrize(
+    ("deck", "spring"), [("forces/torsional_spring", True), ("joints/revolute", False)]
+)
+def test_elastic_energy_is_part_of_the_balance(run_of, deck, spring):
+    run = run_of(deck)
+    measures = measure(run)
+    energy = measures.energy
+    if spring:
+        told = run.work.filter(like=".energy").sum(axis=1)
+        assert energy.elastic == pytest.approx(told, rel=1e-10, abs=1e-12)
+        assert energy.elastic.max() > 0.1 * energy.largest_kinetic
+    (row,) = energy_table([("run", measures)]).rows
+    assert (row[-2] is not None, row[-1] is not None) == (spring, spring)
+
+
+def test_reactions_that_are_not_unique_are_marked(run_of):
+    run = run_of("mechanisms/bricard")
+    measures = measure(run)
+    assert run.info["nonUniqueReactions"]
+    shared = run.info["nonUniqueReactions"]
+    assert [row[-1] for row in reactions_table(measures.reactions).rows] == [
+        f"not {', '.join(shared[name])}" if name in shared else "yes"
+        for name in measures.reactions.names
+    ]
+    text = str([block for block in build_report(run, measures) if not hasattr(block, "png")])
+    assert "1 by rank, 0 by count" in text
+    assert "redundant" in text
+
+
+@pytest.mark.parametrize(
+    ("deck", "kinds"),
+    [
+        (
+            "forces/joint_motion_sine",
+            {"path", "error", "energy", "work", "constraints", "reactions"},
+        ),
+        ("forces/spring_damper", {"path", "error", "energy"}),
+        ("forces/point_motion", {"path", "error", "energy", "constraints", "reactions"}),
+        ("joints/knife_edge", {"path", "error", "energy", "work", "constraints", "reactions"}),
+    ],
+)
+def test_pictures_there_is_data_for(run_of, deck, kinds, tmp_path):
+    words = ["plot", str(run_of(deck).folder), "-o", str(tmp_path)]
+    result = CliRunner().invoke(msahl_post, words)
+    assert result.exit_code == 0, result.output
+    assert {path.stem.partition("-")[0] for path in tmp_path.iterdir()} == kinds

@@ -1,0 +1,137 @@
+"""Rows between steps: as accurate as the ends, on the joints, with reactions and work of their own
+time; and how they are asked for.
+"""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from msahl.run.loop import Grid
+
+from msahl.cli.main import main
+from msahl.deck import check_simulation
+from msahl.schemes.collocation import dense_output
+from msahl.schemes.output_schedule import OutputSchedule
+from msahl.study.exact import recognise
+from tests.support.models import THESIS, deck, simulate
+
+TABLES = ("states", "reactions", "work")
+SINGLE = THESIS[0].parent / "single_pendulum_45.xml"
+
+
+def between_rows(model, degree, dt, interval, t_final, **options):
+    """A run by steps of ``dt`` with rows at the ``interval``."""
+    given = replace(model.simulation, scheme="gauss", degree=degree, output_interval=interval)
+    return simulate(replace(model, simulation=given), dt=dt, t_final=t_final, **options)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 4])
+def test_rows_between_are_of_the_order_of_the_ends(degree):
+    """0.07 s never divides the steps. At degree 4 errors come down to 1e-13 m: two are left."""
+    model, order = deck("single_pendulum_45"), 2 * degree
+    runs = [between_rows(model, degree, dt, 0.07, 2.1) for dt in (0.3, 0.15)]
+    wrong = []
+    for run in runs:
+        assert np.allclose(run.time, 0.07 * np.arange(31))
+        exact = recognise(run.model).states(run.time)
+        wrong.append(np.abs(run.states[:, 1:] - exact).reshape(-1, 4, 3).max(axis=(0, 2)))
+        # Rows are put back on the joint, places and velocities.
+        bob, R = run.of("position"), run.matrices()
+        assert np.abs(np.linalg.norm(bob, axis=1) - 5.0).max() <= 1e-13
+        v = np.einsum("tij,tj->ti", R, run.of("velocity"))
+        assert np.abs(np.einsum("ti,ti->t", bob, v)).max() <= 1e-12
+    # A halved step of this size is within 0.3 of the order that still smaller ones come to.
+    observed = np.log2(wrong[0] / wrong[1])
+    assert (observed >= order - 0.3).all(), observed
+
+
+@pytest.mark.parametrize(
+    ("name", "dt", "degree", "t_final"),
+    [
+        ("spring_damper", 0.05, 3, 0.4),
+        ("joint_motion_sine", 0.1, 3, 0.4),
+        ("knife_edge", 0.05, 3, 0.4),
+    ],
+)
+def test_reactions_and_work_between_are_as_good(name, dt, degree, t_final):
+    """Of a damper, a drive and a joint between rates, against steps so small that none is between.
+    The rows' own error is of the steps' order, and at most a few times theirs.
+    """
+    model = deck(name)
+    known = between_rows(model, 5, t_final / 40, None, t_final)
+    errors = []
+    for h in (dt, 0.5 * dt):
+        run = between_rows(model, degree, h, t_final / 40, t_final)
+        errors.append([np.abs(getattr(run, t) - getattr(known, t)).max() for t in TABLES])
+    # Round-off: of velocities and forces put back by the index-1 problem.
+    floors = [1e-13 * max(1.0, np.abs(getattr(known, t)).max()) for t in TABLES]
+    for large, small, floor in zip(*errors, floors, strict=True):
+        assert small <= max(large / 2 ** (2 * degree - 1), floor)
+
+
+def test_polynomials_are_exact_up_to_their_degree():
+    """Value and rate of t^k, from what is known at the ends and at the nodes within."""
+    for nodes in ([], [1 / 3, 2 / 3], [0.2, 0.4, 0.6, 0.8]):
+        basis = dense_output._basis(np.array(nodes))
+        count, t = len(basis), 0.37
+        for k in range(count):
+            ends = [(0.0**k, float(k == 1), 2.0 * (k == 2)), (1.0, k, k * (k - 1))]
+            within = [k * (k - 1) * node ** (k - 2) if k > 1 else 0.0 for node in nodes]
+            known = np.array([*ends[0], *ends[1], *within])
+            value = known @ basis @ (2.0 * t - 1.0) ** np.arange(count)
+            assert value == pytest.approx(t**k, abs=1e-12)
+
+
+def test_a_plan_says_where_rows_stand():
+    schedule = OutputSchedule.passed(
+        np.array([0.4, 1.0, 1.0 + 1e-12, 2.75]), 0.0, np.array([1.0, 2.0, 3.0])
+    )
+    np.testing.assert_array_equal(schedule.due, [0, 3, 3, 4])
+    np.testing.assert_allclose(schedule.share, [0.4, 1.0, 1.0, 0.75])
+    halves = schedule.halves()
+    np.testing.assert_array_equal(halves.due, [0, 1, 3, 3, 3, 3, 4])
+    np.testing.assert_allclose(halves.share, [0.8, 1.0, 1.0, 0.5])
+    np.testing.assert_array_equal(schedule.ends(), [2, -1, -1])
+
+
+def test_thinned_rows_and_a_last_row_of_its_own():
+    run = between_rows(deck("single_pendulum_45"), 2, 0.1, 0.03, 0.5, every=4)
+    assert np.allclose(run.time, [0.0, 0.12, 0.24, 0.36, 0.48, 0.5])
+    assert run.report.steps == 5
+
+
+def test_the_companion_follows_between_steps():
+    run = between_rows(deck("double_pendulum_89"), 3, 0.05, 0.03, 1.0, accuracy=1e-4)
+    assert run.report.error["trustHorizon"] == 1.0
+    assert 0.0 < run.report.error["position"] < 1e-4
+
+
+def test_the_command_and_the_deck_ask_for_rows(tmp_path):
+    words = ["run", str(SINGLE), "--t-final", "1", "-o", str(tmp_path / "a"), "--scheme", "gauss2"]
+    more = ["--dt", "0.1", "--output-interval", "0.04"]
+    assert CliRunner().invoke(main, [*words, *more]).exit_code == 0
+    rows = (tmp_path / "a" / "states.csv").read_text().splitlines()
+    assert len(rows) == 1 + 26
+    again = ["run", str(tmp_path / "a" / "deck.xml"), "-o", str(tmp_path / "b")]
+    assert CliRunner().invoke(main, again).exit_code == 0
+    assert (tmp_path / "b" / "states.csv").read_text().splitlines() == rows
+    options = json.loads((tmp_path / "b" / "run.json").read_text())["options"]
+    assert options["outputInterval"] == 0.04
+
+
+def test_the_lowest_order_has_rows_at_whole_steps():
+    model = deck("single_pendulum_45")
+    known = simulate(model, dt=0.02, t_final=1.0, every=3)
+    thinned = replace(model, simulation=replace(model.simulation, output_interval=0.06))
+    run = simulate(thinned, dt=0.02, t_final=1.0)
+    np.testing.assert_array_equal(run.states[:, 1:], known.states[:, 1:])
+    np.testing.assert_array_equal(run.reactions[:, 1:], known.reactions[:, 1:])
+    np.testing.assert_allclose(run.time, known.time, rtol=1e-15)  # 33 times 0.02, 11 times 0.06
+    odd = replace(model.simulation, dt=0.02, output_interval=0.05)
+    (fault,) = check_simulation(odd)
+    assert fault.startswith("outputInterval: 0.05 s are no whole number of steps of 0.02 s")
+    (fault,) = check_simulation(replace(odd, scheme="gauss", output_interval=1e-6))
+    assert "more than 1000 rows" in fault
+    assert Grid.of_rows(replace(odd, t_final=1.0)).n == 20

@@ -1,0 +1,150 @@
+"""Steps chosen by a tolerance: what they promise is kept, and how they are chosen is told."""
+
+import json
+from dataclasses import replace
+
+import msahl.run.loop
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from msahl.run.loop import Options
+
+from msahl.cli.main import main
+from msahl.deck import check_simulation
+from msahl.study.exact import recognise
+from tests.run.test_resume import advance, bits, in_two_parts
+from tests.support.models import DECKS, body, deck, scene, simulate
+from tests.system.test_nonfinite import push
+
+SINGLE = next(path for path in DECKS if path.stem == "single_pendulum_45")
+
+
+def adaptive(model, tolerance, scheme="auto", degree=3, **others):
+    """``model`` with steps by the local ``tolerance``."""
+    given = {"scheme": scheme, "degree": degree, "local_tolerance": tolerance, **others}
+    return replace(model, simulation=replace(model.simulation, **given))
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
+def test_the_tolerance_is_met_and_not_by_far(tolerance):
+    """The single pendulum's errors grow with time, but not more than they are added up."""
+    run = simulate(adaptive(deck("single_pendulum_45"), tolerance), dt=0.1, t_final=10.0)
+    exact = recognise(run.model).states(run.time)
+    wrong = np.abs(run.states[:, 1:] - exact).reshape(-1, 4, 3).max(axis=(0, 2))
+    assert wrong[0] <= tolerance
+    own = run.report.extremes["localErrorSum"]
+    # Sizes aim a little below their share, and grow to it from one pair to the next.
+    assert 0.01 * tolerance <= own <= tolerance
+    assert run.report.verdict["word"] == "PASS", run.report.verdict["reasons"]
+    assert len(run.time) == 101
+
+
+def test_a_tenth_of_the_tolerance_costs_little_more():
+    """Work, in steps by degree, of order at least 6: 10^(1/6) is 1.5 times the steps at most."""
+    steps = [
+        simulate(
+            adaptive(deck("double_pendulum_89"), tolerance, "gauss", 3), dt=0.02, t_final=4.0
+        ).report.steps
+        for tolerance in (1e-6, 1e-7, 1e-8)
+    ]
+    assert steps[0] < steps[1] < steps[2]
+    # The last digit of a run's count is of where its sizes happen to fall.
+    assert steps[2] <= 1.1 * steps[0] * 100 ** (1 / 6)
+
+
+def test_degrees_are_chosen_and_told():
+    told = {}
+    for tolerance in (1e-2, 1e-10):
+        report = simulate(
+            adaptive(deck("double_pendulum_89"), tolerance), dt=0.02, t_final=3.0
+        ).report
+        control = report.step_control
+        assert control["localTolerance"] == tolerance
+        assert 2 * control["acceptedPairs"] == report.steps
+        assert control["stepMin"] <= control["stepMax"]
+        for choice in control["degrees"]:
+            assert min(choice["work"], key=choice["work"].get) == str(choice["degree"])
+        told[tolerance] = control["degrees"][-1]["degree"]
+    assert told[1e-2] < told[1e-10]
+
+
+def test_steps_shrink_where_motion_is_quick_and_grow_again():
+    """The triple pendulum's violent moments."""
+    report = simulate(adaptive(deck("triple_pendulum_135"), 1e-6), dt=0.02, t_final=4.0).report
+    assert report.status == "completed"
+    assert report.step_control["rejectedPairs"] > 0
+    assert report.step_control["stepMin"] < 0.3 * report.step_control["stepMax"]
+    assert report.extremes["constraintViolationMax"] <= 1e-12
+
+
+def test_steps_do_not_depend_on_the_clock(monkeypatch):
+    model = adaptive(deck("double_pendulum_89"), 1e-6, t_final=2.0)
+    _, whole = advance(model, Options())
+    monkeypatch.setattr(msahl.run.loop, "CHUNK_SECONDS", 0.0)
+    _, parts = advance(model, Options())
+    assert bits(parts) == bits(whole)
+
+
+@pytest.mark.parametrize("tolerance", ["tolerance", "local_tolerance"])
+def test_a_run_by_tolerance_goes_on_bit_for_bit(monkeypatch, tolerance):
+    given = {"local_tolerance": None, tolerance: 1e-6}
+    model = adaptive(deck("double_pendulum_89"), 1e-6, t_final=2.0)
+    model = replace(model, simulation=replace(model.simulation, **given))
+    whole, rows = advance(model, Options())
+    (_, first), (rest, second) = in_two_parts(monkeypatch, model, Options(), 6, 2)
+    assert bits(first, second) == bits(rows)
+    assert rest.control == whole.control
+    assert rest.error == whole.error
+
+
+def test_the_companion_halves_every_step():
+    run = simulate(adaptive(deck("double_pendulum_89"), 1e-4), dt=0.02, t_final=3.0, accuracy=1e-3)
+    # At half the step the error of degree 2 or more is a sixteenth at most.
+    own = run.report.extremes["localErrorSum"]
+    assert run.report.error["trustHorizon"] == 3.0
+    assert 0.0 < run.report.error["position"] <= 50.0 * own
+
+
+def test_islands_go_together():
+    run = simulate(adaptive(deck("two_pendulums"), 1e-6), dt=0.05, t_final=2.0)
+    assert run.report.status == "completed"
+    assert run.report.subsystems == 1
+    assert run.report.extremes["energyErrorMaxRelative"] < 1e-6
+
+
+def test_nothing_that_moves_takes_few_steps():
+    """Round-off is no reason for small steps."""
+    still = deck("single_pendulum_45")
+    bob = still.bodies[0]
+    hanging = replace(bob, position=(0.0, 0.0, 5.0), orientation=(0.0, 0.0, 0.0))
+    report = simulate(
+        adaptive(replace(still, bodies=(hanging,)), 1e-12), dt=0.1, t_final=10.0
+    ).report
+    assert report.status == "completed"
+    assert report.steps <= 60
+
+
+def test_the_command_asks_for_it(tmp_path):
+    words = ["run", str(SINGLE), "--t-final", "1", "-o", str(tmp_path), "--scheme", "auto"]
+    assert CliRunner().invoke(main, [*words, "--tolerance", "1e-5"]).exit_code == 0
+    about = json.loads((tmp_path / "run.json").read_text())
+    assert (about["options"]["tolerance"], about["stepControl"]["tolerance"]) == (1e-5, 1e-5)
+    (fault,) = check_simulation(replace(deck("single_pendulum_45").simulation, tolerance=1e-6))
+    assert fault.startswith("tolerance: the preserving scheme takes the steps it is given")
+    result = CliRunner().invoke(main, [*words, "--tolerance", "0"])
+    assert result.exit_code == 2
+    assert "greater than zero" in result.stderr
+    result = CliRunner().invoke(main, [*words, "--solver", "root"])
+    assert result.exit_code == 2
+    assert "takes the steps it is given" in result.stderr
+
+
+def test_what_no_step_meets_is_told():
+    """A load of (10 t)^400 N: no step is small enough for it after some 0.2 s."""
+    sudden = push(1e200, *[0.0] * 400, 1e200)
+    model = scene([body(velocity=(1.0, 0.0, 0.0))], loads=[sudden], dt=0.01, t_final=1.0)
+    report, _ = advance(adaptive(model, 1e-6), Options())
+    assert report.status == "not converged"
+    assert 0.1 < report.time < 0.6
+    assert "beyond what a computer holds" in report.message
+    assert f"t = {report.time:g} s" in report.message

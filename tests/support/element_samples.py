@@ -1,0 +1,401 @@
+"""One random scene of two or three bodies for every kind of element, and its free motions.
+
+A new kind of joint needs one entry in ``JOINTS``; a new load, motion or coupling one in the table
+of its own.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+
+from msahl.algebra.rotation import from_axis_angle, matrix
+from msahl.algebra.vector import ZERO
+from msahl.model import (
+    Bushing,
+    ConcentratedLoad,
+    Coupling,
+    Drag,
+    Friction,
+    Joint,
+    JointMotion,
+    JointSpring,
+    Law,
+    PointMotion,
+    SpringDamper,
+)
+from tests.support.models import (
+    GROUND,
+    free_bodies,
+    jointed,
+    loaded,
+    random_body,
+    random_vector,
+    scene,
+    tensor,
+)
+
+X, Y, Z = np.eye(3)
+HERE = np.zeros(3)
+
+# Joints ------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Screw:
+    """A finite motion: a turn about ``axis`` through ``point``, with ``lead`` [m/rad] along it.
+
+    A turn of zero with a lead is a slide: ``turning`` says which.
+    """
+
+    axis: np.ndarray
+    point: np.ndarray
+    lead: float = 0.0
+    turning: bool = True
+
+    def twist(self):
+        """(6,) velocity of the origin's material point, and spin."""
+        if not self.turning:
+            return np.concatenate([self.axis, HERE])
+        return np.concatenate([self.lead * self.axis - np.cross(self.axis, self.point), self.axis])
+
+    def displacement(self, amount):
+        """Matrix and shift of a motion by ``amount`` [rad or m]: x -> A x + c."""
+        if not self.turning:
+            return np.eye(3), amount * self.axis
+        A = np.array(matrix(from_axis_angle(tuple(self.axis), amount)))
+        return A, self.point - A @ self.point + amount * self.lead * self.axis
+
+
+def turn(axis, point=HERE, lead=0.0):
+    return Screw(np.asarray(axis), np.asarray(point), lead)
+
+
+def turns(point=HERE):
+    return [turn(axis, point) for axis in (X, Y, Z)]
+
+
+def slide(axis):
+    return Screw(np.asarray(axis), HERE, turning=False)
+
+
+@dataclass
+class Sample:
+    """A joint in the axes of the parent's frame: the child's point, x, y, z of its frame, what it
+    may do."""
+
+    free: list[Screw]
+    at: np.ndarray = field(default_factory=lambda: HERE)
+    axes: tuple = (X, Y, Z)
+    parameters: tuple[tuple[str, float], ...] = ()
+    on_ground: bool = False
+    of_rates: bool = False  # its free motions are not to be added up to finite ones
+
+
+TILT = np.sin(0.7) * X + np.cos(0.7) * Z
+TILTED = (np.cross(Y, TILT), Y, TILT)
+LYING = (Y, Z, X)
+SKEW = 0.5 * Y + 0.4 * Z + 0.3 * TILT
+HUB = 0.5 * np.sin(0.7) * Z
+RIM = 0.5 * np.cos(0.7) * X
+
+JOINTS = {
+    "rigid": Sample([]),
+    "revolute": Sample([turn(Z)]),
+    "prismatic": Sample([slide(Z)], 0.2 * Z),
+    "cylindrical": Sample([turn(Z), slide(Z)], 0.2 * Z),
+    "spherical": Sample(turns()),
+    "planar": Sample([slide(X), slide(Y), turn(Z)], 0.5 * X - 0.3 * Y),
+    "parallelCylinders": Sample(
+        [turn(Z), turn(Z, 0.5 * X), slide(Z)],
+        0.5 * X + 0.7 * Z,
+        parameters=(("parentRadius", 0.3), ("childRadius", 0.2)),
+    ),
+    "edgeSlider": Sample([slide(X), slide(Y), turn(Z), turn(X, 0.3 * Y)], 0.5 * X + 0.3 * Y, LYING),
+    "cylindricalSlider": Sample(
+        [slide(X), slide(Y), turn(Z), turn(X, 0.3 * Y + 0.3 * Z)],
+        0.5 * X + 0.3 * Y + 0.3 * Z,
+        LYING,
+        (("radius", 0.3),),
+    ),
+    "pointSlider": Sample([slide(X), slide(Y), *turns(0.5 * X)], 0.5 * X),
+    "sphericalSlider": Sample(
+        [slide(X), slide(Y), *turns(0.5 * X + 0.3 * Z)],
+        0.5 * X + 0.3 * Z,
+        parameters=(("radius", 0.3),),
+    ),
+    "crossedCylinders": Sample(
+        [slide(Z), slide(TILT), turn(Z), turn(TILT, SKEW), turn(Y)],
+        SKEW,
+        TILTED,
+        (("parentRadius", 0.3), ("childRadius", 0.2)),
+    ),
+    "universal": Sample([turn(Z), turn(X)], axes=LYING),
+    "screw": Sample([turn(Z, lead=0.3 / (2 * np.pi))], 0.2 * Z, parameters=(("pitch", 0.3),)),
+    "distance": Sample([*turns(0.9 * X), turn(Y), turn(Z)], 0.9 * X, parameters=(("length", 0.9),)),
+    "pointOnLine": Sample([slide(Z), *turns(0.2 * Z)], 0.2 * Z),
+    "knifeEdge": Sample(
+        [slide(X), slide(Y), *turns(0.5 * X)], 0.5 * X, on_ground=True, of_rates=True
+    ),
+    "rollingDisk": Sample(
+        turns(RIM), HUB, TILTED, (("radius", 0.5),), on_ground=True, of_rates=True
+    ),
+}
+
+
+@dataclass
+class Frame:
+    """The frame of a joint in space: its point, and the matrix whose columns are x, y, z."""
+
+    point: np.ndarray
+    R: np.ndarray
+
+
+def random_matrix(rng):
+    return np.array(matrix(from_axis_angle(random_vector(rng), rng.uniform(-np.pi, np.pi))))
+
+
+def random_frame(rng):
+    return Frame(rng.normal(size=3), random_matrix(rng))
+
+
+def vector(array):
+    return tuple(float(x) for x in array)
+
+
+def end(bodies, name, point, R):
+    """A point and axes (columns of ``R``) in space as those of a body: (point, axes as rows)."""
+    for own in bodies:
+        if own.name == name:
+            A = np.array(matrix(own.orientation))
+            return vector(A.T @ (point - np.array(own.position))), tensor((A.T @ R).T)
+    return vector(point), tensor(R.T)
+
+
+def joint_between(bodies, kind, name, parent, child, frame, sample=None):
+    """The joint ``kind`` of its sample at ``frame``."""
+    sample = sample or JOINTS[kind]
+    R = frame.R @ np.column_stack(sample.axes)
+    parent_point, parent_axes = end(bodies, parent, frame.point, frame.R)
+    child_point, child_axes = end(bodies, child, frame.point + frame.R @ sample.at, R)
+    return Joint(
+        name,
+        kind,
+        parent,
+        child,
+        parent_point,
+        child_point,
+        parent_axes,
+        child_axes,
+        sample.parameters,
+    )
+
+
+def joint_scene(kind, rng, gravity=True):
+    """Two bodies, or one on the ground, between them the joint."""
+    sample = JOINTS[kind]
+    bodies = [random_body(rng, name) for name in ("A", "B")]
+    frame = random_frame(rng)
+    bodies = bodies[1:] if sample.on_ground else bodies
+    parent = GROUND.name if sample.on_ground else "A"
+    joint = joint_between(bodies, kind, "J", parent, "B", frame)
+    return scene(bodies, [joint], gravity=random_vector(rng, 5.0) if gravity else ZERO)
+
+
+# Couplings, motions, loads -----------------------------------------------------------------------
+
+WAVE = Law("polynomial", (0.2, 0.7, -0.4, 0.3))
+CAM = Law(
+    "periodic",
+    (*(2 * np.pi * k / 6 for k in range(7)), 0.0, 0.1, 0.25, 0.3, 0.2, 0.05, 0.0),
+)
+TABLE = Law("cubic", (-9.0, -3.0, -1.0, 0.0, 1.0, 2.0, 9.0, -40.0, -9.0, -2.0, 0.3, 1.5, 6.0, 50.0))
+
+
+def jointed_bodies(rng, gravity, *kinds):
+    """A free base ``A`` that holds a body by each kind of joint: bodies B0, B1, joints J0, J1."""
+    bodies = [random_body(rng, name) for name in ("A", *(f"B{k}" for k in range(len(kinds))))]
+    joints = [
+        joint_between(bodies, kind, f"J{k}", "A", f"B{k}", random_frame(rng))
+        for k, kind in enumerate(kinds)
+    ]
+    return scene(bodies, joints, gravity=random_vector(rng, 5.0) if gravity else ZERO)
+
+
+def coupled(kind, first, second, **numbers):
+    def make(rng, gravity=True):
+        model = jointed_bodies(rng, gravity, first, second)
+        return replace(model, couplings=(Coupling("C", kind, "J0", "J1", **numbers),))
+
+    return make
+
+
+def driven(kind, coordinate, law):
+    def make(rng, gravity=True):
+        model = jointed_bodies(rng, gravity, kind)
+        return replace(model, motions=(JointMotion("D", "J0", coordinate, law),))
+
+    return make
+
+
+def point_moved(rng, gravity=True):
+    model = free_bodies(rng, 1, gravity)
+    law = Law("sine", (0.3, 2.0, 0.4, 0.1))
+    direction = np.array(random_vector(rng))
+    motion = PointMotion(
+        "P", "B0", random_vector(rng), vector(direction / np.linalg.norm(direction)), law
+    )
+    return replace(model, motions=(motion,))
+
+
+def along_joint(kind, *loads):
+    def make(rng, gravity=True):
+        return replace(jointed_bodies(rng, gravity, kind), loads=loads)
+
+    return make
+
+
+def between(make_load):
+    """Two free bodies and a load between them."""
+
+    def make(rng, gravity=True):
+        model = free_bodies(rng, 2, gravity)
+        return replace(model, loads=(make_load(rng, model),))
+
+    return make
+
+
+def spring(rng, model, **numbers):
+    return SpringDamper("S", "B0", "B1", random_vector(rng), random_vector(rng), **numbers)
+
+
+def bushing(rng, model):
+    frame = random_frame(rng)
+    (a, a_axes), (b, b_axes) = (end(model.bodies, f"B{k}", frame.point, frame.R) for k in range(2))
+    stiffness, damping = ((vector(rng.uniform(0, s, size=6))) for s in (9.0, 1.0))
+    return Bushing("S", "B0", "B1", a, b, a_axes, b_axes, stiffness, damping)
+
+
+def dragged(rng, gravity=True):
+    model = free_bodies(rng, 1, gravity)
+    return replace(model, loads=(Drag("D", "B0", random_vector(rng), 0.4),))
+
+
+def pushed_by_a_law(rng, gravity=True):
+    model = jointed(rng, 2, gravity)
+    push = ConcentratedLoad(
+        *("L", "B0", random_vector(rng), random_vector(rng, 4.0), "B1"),
+        *(random_vector(rng), "B0", Law("sine", (1.0, 5.0, 0.3, 0.5))),
+    )
+    return replace(model, loads=(push,))
+
+
+SPRING = {"stiffness": 20.0, "damping": 0.5}
+COUPLINGS = {
+    "gear": coupled("gear", "revolute", "revolute", ratio=-0.7),
+    "gear, cylindrical": coupled("gear", "cylindrical", "screw", ratio=1.3),
+    "rackAndPinion": coupled("rackAndPinion", "revolute", "prismatic", ratio=0.4),
+    "camFollower": coupled("camFollower", "revolute", "prismatic", lift=CAM),
+}
+MOTIONS = {
+    "drive": driven("revolute", "angle", WAVE),
+    "drive, slide": driven("prismatic", "slide", Law("sine", (0.3, 3.0, 0.0, 0.0))),
+    "drive, cylindrical": driven("cylindrical", "angle", Law("ramp", (0.0, 1.0, 0.0, 0.4))),
+    "drive, table": driven(
+        "revolute", "angle", Law("cubic", (0.0, 0.3, 0.5, 1.0, 0.0, 0.2, 0.1, 0.9))
+    ),
+    "pointMotion": point_moved,
+}
+LOADS = {
+    "concentrated": loaded,
+    "concentrated, law": pushed_by_a_law,
+    "springDamper": between(
+        lambda rng, model: spring(rng, model, **SPRING, free_length=0.8, preload=0.5)
+    ),
+    "springDamper, as it is": between(lambda rng, model: spring(rng, model, **SPRING)),
+    "springDamper, table": between(
+        lambda rng, model: spring(
+            rng, model, stiffness=0.0, damping=0.3, free_length=1.0, table=TABLE
+        )
+    ),
+    "torsionalSpringDamper": along_joint(
+        "cylindrical",
+        JointSpring("S", "J0", "angle", 7.0, 0.4, 0.3, 0.5),
+        JointSpring("T", "J0", "angle", 0.0, 0.0, 0.1, 0.0, TABLE),
+    ),
+    "slideSpringDamper": along_joint(
+        "prismatic",
+        JointSpring("S", "J0", "slide", 40.0, 0.4, 0.3, 0.5),
+        JointSpring("T", "J0", "slide", 0.0, 0.2, 0.1, 0.0, TABLE),
+    ),
+    "bushing": between(bushing),
+    "drag": dragged,
+    "friction": along_joint("revolute", Friction("F", "J0", "angle", 0.3, 0.1, 0.5)),
+    "friction, slide": along_joint("prismatic", Friction("F", "J0", "slide", 0.2, 1.0, 0.5)),
+    "friction, cylindrical": along_joint(
+        "cylindrical",
+        Friction("F", "J0", "slide", 0.2, 1.0, 0.5),
+        Friction("G", "J0", "angle", 0.2, 0.1, 0.5),
+    ),
+}
+
+
+def of_kind(kind: str) -> Callable:
+    return lambda rng, gravity=True: joint_scene(kind, rng, gravity)
+
+
+POINTS = {
+    "rigidBody": free_bodies,
+    "ground": jointed,
+    "chain": lambda rng, gravity=True: jointed(rng, 5, gravity, grounded=False),
+}
+"""Bodies and what holds them to each other and the ground at points."""
+
+ELEMENTS = {
+    **POINTS,
+    **{kind: of_kind(kind) for kind in JOINTS},
+    **COUPLINGS,
+    **MOTIONS,
+    **LOADS,
+}
+
+
+def everything(rng, gravity=True):
+    """All of the above in one scene, held together by weak springs: one island."""
+    whole, leaders = side_by_side([make(rng, gravity) for make in ELEMENTS.values()])
+    ties = [
+        SpringDamper(f"Tie{k}", a, b, random_vector(rng), random_vector(rng), 0.5, 0.01)
+        for k, (a, b) in enumerate(pairwise(leaders))
+    ]
+    return replace(whole, loads=(*whole.loads, *ties))
+
+
+def side_by_side(parts):
+    """All ``parts`` in one scene, with the gravity of the first, and their first bodies' names."""
+    renamed = [_renamed(part, f"{k}") for k, part in enumerate(parts)]
+    kinds = ("bodies", "joints", "couplings", "motions", "loads")
+    everyone = {
+        kind: tuple(element for part in renamed for element in getattr(part, kind))
+        for kind in kinds
+    }
+    return replace(parts[0], **everyone), [part.bodies[0].name for part in renamed]
+
+
+REFERENCES = ("name", "parent", "child", "body", "joint", "first", "second")
+BASES = ("force_basis", "moment_basis")
+
+
+def _renamed(model, mark):
+    """The model with ``mark`` behind every name but the ground's."""
+
+    def new(element):
+        keys = [key for key in (*REFERENCES, *BASES) if hasattr(element, key)]
+        old = {key: getattr(element, key) for key in keys}
+        return replace(
+            element,
+            **{key: n if n == GROUND.name else f"{n}.{mark}" for key, n in old.items()},
+        )
+
+    fields = ("bodies", "joints", "couplings", "motions", "loads")
+    return replace(model, **{f: tuple(new(e) for e in getattr(model, f)) for f in fields})
