@@ -1,9 +1,11 @@
 """The deck as it ran: the user's own bytes, with step and end as the run had them."""
 
 import hashlib
+from collections.abc import Mapping
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from lxml.etree import SubElement
 
@@ -12,55 +14,37 @@ from msahl.deck.parse import parse, parse_with_comments, read_bytes
 
 OTHER = {"tolerance": "localTolerance", "localTolerance": "tolerance"}
 """Elements that replace one another."""
+UNITS = {
+    "deltaT": "sec",
+    "tFinal": "sec",
+    "outputInterval": "sec",
+    "tolerance": "m",
+    "localTolerance": "m",
+}
+"""Settings that are elements of ``<simulation>``, with their units; the others are attributes."""
 
 
-def effective_deck(
-    path: str | PathLike[str],
-    dt: float | None = None,
-    t_final: float | None = None,
-    scheme: str | None = None,
-    damping: float | None = None,
-    rotation_update: str | None = None,
-    reactions: str | None = None,
-    degree: int | None = None,
-    interval: float | None = None,
-    tolerance: float | None = None,
-    local_tolerance: float | None = None,
-) -> bytes:
-    """The deck at ``path``, which ``read_deck`` has accepted, with what is given of how it is run:
-    ``dt``, ``t_final`` and ``interval`` [s], ``tolerance`` or ``local_tolerance`` [m], ``scheme``,
-    ``damping``, ``rotation_update``, ``reactions`` and ``degree``.
+def effective_deck(path: str | PathLike[str], changes: Mapping[str, Any] | None = None) -> bytes:
+    """The deck at ``path``, which ``read_deck`` has accepted, with ``changes`` of ``<simulation>``:
+    values [s, m] by the names of its elements and attributes.
 
-    With nothing given the bytes are those of the file; otherwise the document is the same, comments
+    Without changes the bytes are those of the file; otherwise the document is the same, comments
     included, but for ``<simulation>``. Raises ``DeckError`` if the file is no deck any more.
     """
     path = Path(path)
     faults = Faults(str(path))
     data = read_bytes(path, faults)
     parse(data, faults)
+    changes = changes or {}
     numbers = {
-        "deltaT": (dt, "sec"),
-        "tFinal": (t_final, "sec"),
-        "outputInterval": (interval, "sec"),
-        "tolerance": (tolerance, "m"),
-        "localTolerance": (local_tolerance, "m"),
+        tag: (repr(float(changes[tag])), unit) for tag, unit in UNITS.items() if tag in changes
     }
-    changes = {
-        tag: (repr(float(value)), unit)
-        for tag, (value, unit) in numbers.items()
-        if value is not None
+    attributes = {
+        key: repr(value) if isinstance(value, float) else str(value)
+        for key, value in changes.items()
+        if key not in UNITS
     }
-    share = None if damping is None else repr(float(damping))
-    power = None if degree is None else str(degree)
-    words = {
-        "scheme": scheme,
-        "degree": power,
-        "damping": share,
-        "rotationUpdate": rotation_update,
-        "reactions": reactions,
-    }
-    attributes = {key: word for key, word in words.items() if word is not None}
-    return _with_simulation(data, changes, attributes) if changes or attributes else data
+    return _with_simulation(data, numbers, attributes) if changes else data
 
 
 def _with_simulation(

@@ -14,7 +14,7 @@ from msahl.system.nonfinite import overflow
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Errors of the operating system that mean that no more can be written."""
 REPORTED_CHANGE = 1e-12
-"""Smallest change of the initial velocities that is reported: its displacement in one step, relative
+"""Smallest change of the initial velocities that is reported: its displacement in a step, relative
 to the length of the bodies."""
 
 
@@ -97,7 +97,7 @@ def _position_warnings(integrator: SubsystemIntegrator) -> list[str]:
 
 def _velocity_warnings(integrator: SubsystemIntegrator) -> list[str]:
     change, dt = integrator.change, integrator.model.simulation.dt
-    length = float(integrator.workspace.system.bodies.length.max())
+    length = float(integrator.workspace.system.frames.length.max())
     if change.method == "none" or change.rate * dt <= REPORTED_CHANGE * length:
         return []
     violated = f"initial velocities violate the joints' constraints by {change.rate:.3g} m/s"

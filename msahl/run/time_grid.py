@@ -31,7 +31,7 @@ class TimeGrid:
 
     @classmethod
     def with_interval(cls, h: float, t_final: float) -> "TimeGrid":
-        """Intervals of ``h``; an end that is a whole number of them to round-off is taken as one."""
+        """Intervals of ``h``; an end at a whole number of them, up to round-off, is exactly that."""
         n = max(1, int(np.ceil(t_final / h * (1.0 - 1e-9))))
         whole = abs(n * h - t_final) <= 1e-9 * t_final
         return cls(t_final / n if whole else h, n, t_final, whole)

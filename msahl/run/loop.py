@@ -1,0 +1,307 @@
+"""The time loop: chunks of steps of every subsystem, their rows to the sink, a look at the clock.
+
+Requests to stop are honoured between chunks, so every row on disk is an accepted state.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from msahl.jit.compiled import is_kept, keep, trouble
+from msahl.model import Model, Options, resolve
+from msahl.run.attempts import Attempts
+from msahl.run.companion import Steps
+from msahl.run.conclusion import conclude
+from msahl.run.error_estimate import NO_ERRORS
+from msahl.run.messages import not_written
+from msahl.run.output import ERROR, Sink, tables_of
+from msahl.run.parts import Parts, build_parts, new_report
+from msahl.run.record import Record
+from msahl.run.report import COMPLETED, INTERRUPTED, NOT_CONVERGED, NOT_WRITTEN, Report
+from msahl.run.saved_run import restore_snapshot, take_snapshot
+from msahl.run.snapshot import SavedSteps, Snapshot, digest
+from msahl.schemes.outcome import Stopped
+from msahl.schemes.output_schedule import OutputSchedule
+from msahl.schemes.stepper import Advance, Chunk
+from msahl.start.velocities import StartError
+from msahl.system.nonfinite import overflow
+
+CHUNK_SECONDS = 0.1
+"""Time that a chunk should take, so that the run answers a request to stop within 2 s even on a
+machine ten times slower."""
+PATIENCE = 5.0 * CHUNK_SECONDS
+"""Seconds after which a chunk is cut short if its steps need scipy or subdivisions."""
+SLOWEST = 16_000
+"""Lower bound on unknowns solved per second, without scipy; sizes the first chunk."""
+SAVE_SECONDS = 2.0
+"""Least time from one saved snapshot to the next: the most that a killed run loses."""
+SAVE_SHARE = 0.01
+"""Largest fraction of the run's time that saving may take: on a slow disk it is done less often."""
+
+
+@dataclass(frozen=True)
+class Hooks:
+    """Functions that a run calls.
+
+    ``progress`` is told the steps done and the time [s], ``tell`` messages about what takes long.
+    ``stopped`` says whether to stop. ``save`` is given a snapshot every few seconds, and when the
+    run is stopped.
+    """
+
+    progress: Callable[[int, float], Any] = lambda steps, t: None
+    stopped: Callable[[], bool] = lambda: False
+    tell: Callable[[str], Any] = lambda message: None
+    save: Callable[[Snapshot], Any] | None = None
+
+
+def run(
+    model: Model,
+    options: Options,
+    sink: Sink,
+    hooks: Hooks = Hooks(),
+    since: Snapshot | None = None,
+) -> Report:
+    """Run ``model`` to its end, into ``sink``. A run ``since`` a snapshot writes the rows that the
+    interrupted run would have written after it.
+
+    A step that does not converge, a request to stop (``stopped``, KeyboardInterrupt), and a sink or
+    ``save`` that raises OSError end the run, and the report says so. Raises ``StartError`` if there
+    is no consistent start, ``ResumeError`` for a snapshot of another system.
+    """
+    settings = resolve(model.simulation, options)
+    # An overflow is reported by ``_finite_steps`` and not by numpy.
+    with np.errstate(all="ignore"):
+        if settings.tolerance is None:
+            return TimeLoop(build_parts(model, settings, None), sink, hooks).run(since)
+        return _run_to_tolerance(model, options, sink, hooks, since)
+
+
+def _run_to_tolerance(
+    model: Model, options: Options, sink: Sink, hooks: Hooks, since: Snapshot | None
+) -> Report:
+    """Run until the estimated global error is within the tolerance: run, compare, run again with
+    smaller steps. The rows of the last run stay.
+    """
+    attempts = Attempts(resolve(model.simulation, options))
+    if since:
+        attempts.restore(since.numbers["attempts"], since.memory)
+    while True:
+        simulation = replace(model.simulation, local_tolerance=attempts.local)
+        settings = resolve(simulation, options)
+        parts = build_parts(replace(model, simulation=simulation), settings, attempts)
+        loop = TimeLoop(parts, sink, hooks)
+        report = loop.run(since)
+        if report.status != COMPLETED:
+            return report
+        if not attempts.prepare_next(parts.estimate, loop.record.size):
+            return report
+        since = None
+        sink.restart()
+
+
+class TimeLoop:
+    """Takes the steps of one run."""
+
+    record: Record
+
+    def __init__(self, parts: Parts, sink: Sink, hooks: Hooks) -> None:
+        self.parts, self.sink, self.hooks = parts, sink, hooks
+        self.report = new_report(parts)
+        self.report.seconds["prepare"] = time.perf_counter() - parts.began
+        self.system = ""  # digest of the systems, if snapshots are taken or restored
+        self.accepted: SavedSteps  # where the steps stood after the last chunk
+
+    def run(self, since: Snapshot | None) -> Report:
+        """Take all steps, or those after the snapshot ``since``."""
+        kinds, hooks = self.parts.kinds, self.hooks
+        compiles = not all(is_kept(kind) for kind in kinds)
+        if compiles:
+            hooks.tell("compiling kernels for this kind of model (once)")
+        self._begin(since)
+        for integrator in self.parts.all_integrators:
+            integrator.stepper.requests.stopped = hooks.stopped
+        try:
+            self._take_all(1 if compiles else self._first_steps())
+        except Stopped:  # in the middle of a hard step
+            self._go_back()
+            self._interrupt()
+            self._save()
+        except KeyboardInterrupt:  # a second request to stop, in the middle of a chunk
+            self.report.end(INTERRUPTED, f"stopped at once, after t = {self._time:g} s")
+            self._go_back()
+        for kind in kinds:
+            keep(kind)
+        if trouble():
+            hooks.tell(trouble())
+        conclude(self.parts, self.record, self.report)
+        return self.report
+
+    def _begin(self, since: Snapshot | None) -> None:
+        """Write the rows at t = 0, or restore a snapshot."""
+        parts = self.parts
+        if self.hooks.save or since:
+            self.system = digest(parts.all_integrators)
+        for integrator in parts.integrators:
+            integrator.show_start()
+        at_start = OutputSchedule.at_ends(np.ones(1, dtype=bool))
+        if self._finite_steps(1, at_start, np.zeros(1)) < 1:
+            raise StartError(self.report.message)
+        self.record = Record(parts.integrators, parts.output.grid.t_final)
+        self.report.status = COMPLETED
+        if since:
+            restore_snapshot(since, self.system, parts, self.record, self.report)
+        else:
+            errors = parts.estimate.begin(parts.integrators) if parts.estimate else NO_ERRORS
+            self._publish(np.zeros(1), errors)
+        self.accepted = SavedSteps.of(parts.integrators)
+
+    @property
+    def _time(self) -> float:
+        """Time up to which rows are written [s]."""
+        return self.parts.plan.progress.time
+
+    def _first_steps(self) -> int:
+        """Number of steps of the first chunk."""
+        return int(CHUNK_SECONDS * SLOWEST / max(1, self.report.unknowns))
+
+    def _take_all(self, steps: int) -> None:
+        """Take chunks to the end, or as far as they go, the first of so many ``steps``."""
+        report, plan, most = self.report, self.parts.plan, self.parts.output.chunk
+        saved, pause = time.perf_counter(), SAVE_SECONDS
+        while not plan.ended and report.status == COMPLETED:
+            began = time.perf_counter()
+            self._take_chunk(max(1, min(steps, most)))
+            seconds = time.perf_counter() - began
+            self.hooks.progress(plan.progress.steps, self._time)
+            # The first chunk may compile; chunks grow until they take their time.
+            wanted = steps * CHUNK_SECONDS / max(seconds, 1e-9)
+            steps = max(1, min(16 * steps, int(wanted), most))
+            if report.status != COMPLETED or plan.ended:
+                break
+            if self.hooks.stopped():
+                self._interrupt()
+            if report.status == INTERRUPTED or time.perf_counter() - saved > pause:
+                pause = max(SAVE_SECONDS, self._save() / SAVE_SHARE)
+                saved = time.perf_counter()
+
+    def _interrupt(self) -> None:
+        self.report.end(INTERRUPTED, f"stopped at t = {self._time:g} s")
+
+    def _save(self) -> float:
+        """Save a snapshot; returns the seconds it took."""
+        if self.hooks.save is None:
+            return 0.0
+        began = time.perf_counter()
+        try:
+            self.hooks.save(take_snapshot(self.system, self.parts, self.record, self.report))
+        except OSError as error:
+            self._end_unwritten(error)
+        seconds = time.perf_counter() - began
+        self.report.add_seconds("checkpoints", seconds)
+        return seconds
+
+    def _take_chunk(self, steps: int) -> None:
+        """Take one chunk of about ``steps`` steps, check it, and hand it over."""
+        began, estimate = time.perf_counter(), self.parts.estimate
+        stride = estimate.companion.stride if estimate else 1
+        chunk = self.parts.plan.next_chunk(steps, stride)
+        advance = self._advance(chunk)
+        begins = np.append(chunk.begin, advance.ends)
+        done = self._finite_steps(advance.steps, advance.schedule, begins)
+        self.report.add_seconds("loop", time.perf_counter() - began)
+        good = Advance(
+            done,
+            advance.outcome,
+            advance.schedule.until(done),
+            advance.sizes[:done],
+            advance.ends[:done],
+        )
+        self._hand_over(good, chunk)
+
+    def _advance(self, chunk: Chunk) -> Advance:
+        """Advance every subsystem; returns the shortest advance."""
+        shortest: Advance | None = None
+        for integrator in self.parts.integrators:
+            # Steps that become hard must not delay the answer to a request to stop. The other
+            # subsystems go as far as the first.
+            patience = math.inf if shortest else PATIENCE
+            advance = integrator.advance(chunk, patience)
+            if shortest is None or advance.steps < shortest.steps:
+                shortest = advance
+                failure = self.parts.plan.failure(integrator, advance)
+                if failure:
+                    self.report.end(NOT_CONVERGED, failure)
+            if advance.outcome.converged and chunk.ends.size:
+                chunk = chunk._replace(last=advance.steps)
+        assert shortest is not None
+        return shortest
+
+    def _finite_steps(self, done: int, schedule: OutputSchedule, begins: np.ndarray) -> int:
+        """Number of steps before the first one that left a NaN or an infinite value, at most
+        ``done``; ``begins`` (steps,) are the times at which they begin [s].
+
+        A step can be solved and still be too large to be squared or multiplied.
+        """
+        least = done
+        for integrator in self.parts.integrators:
+            good = np.isfinite(integrator.workspace.monitor.rows[:done]).all(axis=1)
+            steps = np.repeat(np.arange(done), np.diff(schedule.due[: done + 1]))
+            for table in tables_of(integrator).values():
+                np.logical_and.at(good, steps, np.isfinite(table[: len(steps)]).all(axis=1))
+            first_bad = done if good.all() else int(np.argmin(good))
+            if first_bad < least or (first_bad == least < done):
+                least = first_bad
+                whose = integrator.find_nonfinite(self.parts.output.grid.h) or "a result"
+                self.report.end(NOT_CONVERGED, overflow(float(begins[first_bad]), whose))
+        return least
+
+    def _hand_over(self, advance: Advance, chunk: Chunk) -> None:
+        """Publish the rows of good steps, and accept the steps if that succeeds."""
+        times = chunk.times[: advance.schedule.due[-1]]
+        steps = Steps(chunk.begin, advance.sizes, advance.ends)
+        if self._publish(times, self._follow(steps, advance.schedule, times)):
+            self.parts.plan.accept(advance)
+            self.record.add(advance.steps)
+            self.accepted = SavedSteps.of(self.parts.integrators)
+        else:
+            self._go_back()
+
+    def _go_back(self) -> None:
+        """Return to the last step handed over, so that no figure of the report belongs to a step
+        without rows. The work done since then stays counted, for the verdict to report it.
+        """
+        self.accepted.restore(self.parts.integrators)
+
+    def _follow(self, steps: Steps, schedule: OutputSchedule, times: np.ndarray) -> np.ndarray:
+        """Advance the companion, if there is one; returns the rows of errors."""
+        if self.parts.estimate is None:
+            return NO_ERRORS
+        began = time.perf_counter()
+        try:
+            errors = self.parts.estimate.follow(self.parts.integrators, steps, schedule, times)
+        except Stopped:  # run and companion stand at different times, so no snapshot is possible
+            raise KeyboardInterrupt from None
+        self.report.add_seconds("companion", time.perf_counter() - began)
+        return errors
+
+    def _publish(self, times: np.ndarray, errors: np.ndarray) -> bool:
+        """Write the first rows of the chunk and those of ``errors``; whether the sink took them."""
+        if not times.size:
+            return True
+        began = time.perf_counter()
+        try:
+            self.sink.write({**self.parts.tables.rows(times), ERROR: errors})
+        except OSError as error:
+            self._end_unwritten(error)
+            return False
+        self.parts.plan.progress.output_times += times.size
+        self.report.add_seconds("output", time.perf_counter() - began)
+        return True
+
+    def _end_unwritten(self, error: OSError) -> None:
+        extent = f"; rows up to t = {self._time:g} s are complete"
+        self.report.end(NOT_WRITTEN, not_written(error, extent))
