@@ -1,4 +1,4 @@
-"""The deck as it ran: the user's own bytes, with step and end as the run had them."""
+"""Writer of the deck as it ran: the user's own bytes, with the changes that the run was given."""
 
 import hashlib
 from collections.abc import Mapping
@@ -25,8 +25,8 @@ UNITS = {
 
 
 def effective_deck(path: str | PathLike[str], changes: Mapping[str, Any] | None = None) -> bytes:
-    """The deck at ``path``, which ``read_deck`` has accepted, with ``changes`` of ``<simulation>``:
-    values [s, m] by the names of its elements and attributes.
+    """Return the deck at ``path``, which ``read_deck`` has accepted, with ``changes`` of
+    ``<simulation>``: values [s, m] by the names of its elements and attributes.
 
     Without changes the bytes are those of the file; otherwise the document is the same, comments
     included, but for ``<simulation>``. Raises ``DeckError`` if the file is no deck any more.
@@ -50,9 +50,8 @@ def effective_deck(path: str | PathLike[str], changes: Mapping[str, Any] | None 
 def _with_simulation(
     data: bytes, changes: dict[str, tuple[str, str]], attributes: dict[str, str]
 ) -> bytes:
-    """The document with some children of ``<simulation>``, number and unit, and attributes replaced
-    or added.
-    """
+    """Return the document with children of ``<simulation>`` (number and unit) and attributes
+    replaced or added."""
     root = parse_with_comments(data)
     for simulation in root.iterfind("simulation"):
         for key, word in attributes.items():
@@ -76,5 +75,5 @@ def _with_simulation(
 
 
 def deck_digest(data: bytes) -> str:
-    """SHA-256 of a deck's bytes, in hexadecimal."""
+    """Return the SHA-256 of a deck's bytes, in hexadecimal."""
     return hashlib.sha256(data).hexdigest()

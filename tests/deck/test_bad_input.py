@@ -14,9 +14,10 @@ from lxml import etree
 
 import msahl.deck.faults
 import msahl.system.subsystems
+from msahl.check.faults import MOST_LISTED
 from msahl.cli.main import main
 from msahl.deck import DeckError, read_deck
-from msahl.deck.faults import LONGEST, MOST_KEPT, MOST_LISTED, MOST_SHOWN
+from msahl.deck.faults import LONGEST, MOST_KEPT, MOST_SHOWN
 from msahl.deck.schema import objection, schema_bytes
 from msahl.post.cli import main as post
 from tests.deck.test_faults import DECK, changed, faults_of
@@ -212,7 +213,7 @@ def test_no_message_commands_the_terminal(tmp_path):
 
 def test_a_name_that_is_space_to_python_alone_names_no_body(tmp_path):
     (fault,) = faults_of(changed(tmp_path, ("<body>Bob<", "<body>\u3000<")))
-    assert ":32: load 'Push': body '\\u3000' is not a body of this deck" in fault
+    assert ":32: load 'Push': body '\\u3000' is not a body of this model" in fault
 
 
 def test_an_element_of_many_attributes_is_no_decks(tmp_path):
