@@ -99,7 +99,7 @@ def _reductions(integrator: SubsystemIntegrator, alone: bool) -> Iterator[str]:
             f"{head}planar: nothing moves along {AXES[integrator.axis]}, so each body has three "
             "unknowns, and equations that symmetry fulfils are omitted"
         )
-    bodies = zip(integrator.model.bodies, workspace.system.bodies.ballistic, strict=False)
+    bodies = zip(integrator.model.bodies, workspace.system.frames.ballistic, strict=False)
     flying = [body.name for body, ballistic in bodies if ballistic]
     if flying:
         yield (

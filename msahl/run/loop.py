@@ -18,12 +18,13 @@ from msahl.run.companion import Steps
 from msahl.run.conclusion import conclude
 from msahl.run.error_estimate import NO_ERRORS
 from msahl.run.messages import not_written
-from msahl.run.output import ERROR, Sink, tables_of
+from msahl.run.output import tables_of
 from msahl.run.parts import Parts, build_parts, new_report
 from msahl.run.record import Record
 from msahl.run.report import COMPLETED, INTERRUPTED, NOT_CONVERGED, NOT_WRITTEN, Report
 from msahl.run.saved_run import restore_snapshot, take_snapshot
 from msahl.run.snapshot import SavedSteps, Snapshot, digest
+from msahl.run.tables import ERROR, Sink
 from msahl.schemes.outcome import Stopped
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import Advance, Chunk

@@ -1,72 +1,21 @@
-"""Output of a run: which rows a chunk of steps has to fill, and the tables that go to the sink.
-
-Every table is known by its name. To add one, let the steppers' workspace hold its array (a field of
-``Workspace.tables``) and name its columns in ``COLUMNS``.
-"""
+"""Output of a run: which rows a chunk of steps has to fill, and the tables that go to the sink."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from msahl.model import Model
 from msahl.run.subsystem import SubsystemIntegrator
+from msahl.run.tables import COLUMNS
 from msahl.run.time_grid import TimeGrid
 from msahl.schemes.output_schedule import OutputSchedule
-from msahl.system.names import reaction_columns, state_columns, work_columns
 
-STATES, REACTIONS, WORK, ERROR = "states", "reactions", "work", "error"
-COLUMNS: dict[str, Callable[[Model], list[str]]] = {
-    STATES: state_columns,
-    REACTIONS: reaction_columns,
-    WORK: work_columns,
-}
-"""Tables that the steppers fill, by name, with their columns, of which the first is the time."""
-ERROR_COLUMNS = ["time", "position", "orientation"]
-"""Columns of the table of estimated errors [s, m, m]."""
 MAX_CHUNK = 4096
 """Most rows of a chunk, unless a single step has more."""
 CHUNK_NUMBERS = 2_000_000
 """Most numbers published at once: bounds the memory whatever the model and the run."""
-
-
-class Sink(Protocol):
-    """Receives the tables of a run, by name."""
-
-    def write(self, tables: Mapping[str, np.ndarray]) -> None:
-        """Append the rows (m, columns) of each table; the first column is the time [s].
-
-        All tables of ``COLUMNS`` have the same number of rows; ``ERROR`` is missing, or has fewer,
-        where the error is not known.
-        """
-
-    def restart(self) -> None:
-        """Drop all rows: the run begins again with smaller steps."""
-
-
-class MemorySink:
-    """A sink that keeps every row in memory, or only those of the tables ``only``."""
-
-    def __init__(self, only: Sequence[str] | None = None) -> None:
-        self.only = only
-        self.parts: dict[str, list[np.ndarray]] = {}
-
-    def write(self, tables: Mapping[str, np.ndarray]) -> None:
-        """See ``Sink``."""
-        for name, rows in tables.items():
-            if self.only is None or name in self.only:
-                self.parts.setdefault(name, []).append(np.array(rows))
-
-    def restart(self) -> None:
-        """See ``Sink``."""
-        self.parts.clear()
-
-    def table(self, name: str) -> np.ndarray:
-        """All rows of one table; without rows if it was never written."""
-        parts = self.parts.get(name)
-        return np.concatenate(parts) if parts else np.zeros((0, 1))
 
 
 @dataclass(frozen=True)

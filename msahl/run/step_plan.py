@@ -62,7 +62,7 @@ class GivenSteps:
         """See ``StepPlan``."""
         first = self.progress.steps
         steps = min(max(stride, steps - steps % stride), self.grid.n - first)
-        if first + steps == self.grid.n and not self.grid.whole and steps > 1:
+        if first + steps == self.grid.n and not self.grid.uniform and steps > 1:
             steps -= 1  # the last step is shorter
         schedule, times = self.output.of_steps(first, steps)
         steps = schedule.steps

@@ -99,7 +99,7 @@ class SubsystemIntegrator:
             self._add_shared(self.workspace.system, self.workspace.state)
 
     def find_nonfinite(self, h: float) -> str | None:
-        """Name the element whose numbers become NaN or infinite in a step ``h`` [s], if one does."""
+        """Name the element whose numbers become NaN or infinite in a step ``h`` [s], or None."""
         return find_nonfinite(
             self.model, self.workspace.system, self.workspace.state, self.workspace.start, h
         )

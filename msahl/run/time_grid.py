@@ -9,14 +9,14 @@ from msahl.model import Simulation
 
 @dataclass(frozen=True, slots=True)
 class TimeGrid:
-    """``n`` intervals of size ``h`` [s] up to ``t_final`` [s]. Where ``whole`` is false, the last
+    """``n`` intervals of size ``h`` [s] up to ``t_final`` [s]. Where ``uniform`` is false, the last
     interval is shorter.
     """
 
     h: float
     n: int
     t_final: float
-    whole: bool
+    uniform: bool
 
     @classmethod
     def of_steps(cls, simulation: Simulation) -> "TimeGrid":
@@ -31,18 +31,18 @@ class TimeGrid:
 
     @classmethod
     def with_interval(cls, h: float, t_final: float) -> "TimeGrid":
-        """Intervals of ``h``; an end at a whole number of them, up to round-off, is exactly that."""
+        """Intervals of ``h`` [s], adjusted by round-off if a whole number of them fits."""
         n = max(1, int(np.ceil(t_final / h * (1.0 - 1e-9))))
-        whole = abs(n * h - t_final) <= 1e-9 * t_final
-        return cls(t_final / n if whole else h, n, t_final, whole)
+        uniform = abs(n * h - t_final) <= 1e-9 * t_final
+        return cls(t_final / n if uniform else h, n, t_final, uniform)
 
     def time(self, k: int) -> float:
         """End of interval ``k``; as a quotient it rounds to the decimal that a reader expects."""
-        return self.t_final * k / self.n if self.whole else min(k * self.h, self.t_final)
+        return self.t_final * k / self.n if self.uniform else min(k * self.h, self.t_final)
 
     def times(self, k: np.ndarray) -> np.ndarray:
         """Ends of many intervals, as ``time`` returns them."""
-        return self.t_final * k / self.n if self.whole else np.minimum(k * self.h, self.t_final)
+        return self.t_final * k / self.n if self.uniform else np.minimum(k * self.h, self.t_final)
 
     def count(self, t: float) -> int:
         """Number of intervals that end at or before ``t``, up to round-off."""
@@ -51,4 +51,4 @@ class TimeGrid:
 
     def step(self, k: int) -> float:
         """Size of interval ``k`` = 1..n [s]."""
-        return self.h if k < self.n or self.whole else self.t_final - (self.n - 1) * self.h
+        return self.h if k < self.n or self.uniform else self.t_final - (self.n - 1) * self.h

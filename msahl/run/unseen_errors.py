@@ -9,7 +9,7 @@ friction            a rate passes the regularisation width w [m/s] within one st
 import numpy as np
 
 from msahl.algebra.functions import build_laws, evaluate
-from msahl.elements.constraints.coordinates import ANGLE
+from msahl.elements import forces
 from msahl.model import Model
 from msahl.model.motions import JointMotion
 from msahl.run.subsystem import SubsystemIntegrator
@@ -60,18 +60,5 @@ def unresolved_friction(integrator: SubsystemIntegrator, h: float, t_final: floa
     step, both runs miss it.
     """
     system, reaction = integrator.workspace.system, integrator.workspace.state.reaction
-    if system.along is None:
-        return 0.0
-    frictions, quantities, frames = system.along.frictions, system.along.quantities, system.frames
-    worst = 0.0
-    for f, q in enumerate(frictions.quantity):
-        first = quantities.first[q]
-        pair = [quantities.measures.a[first], quantities.measures.b[first]]
-        moving = [b for b in pair if frames.inverse_mass[b] > 0.0]
-        angular = quantities.kind[q] == ANGLE
-        length = float(frames.length[moving].max()) if angular else 1.0
-        normal = float(np.linalg.norm(reaction[frictions.joint[f], :3])) * frictions.lever[f]
-        change = h * normal * frames.inverse_mass[moving].max() / length**2
-        if change > frictions.width[f]:
-            worst = max(worst, 0.5 * float(frictions.width[f]) * length * t_final)
-    return worst
+    passed = forces.unresolved_speed(system.forces, system.along, system.frames, reaction, h)
+    return passed * t_final

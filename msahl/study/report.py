@@ -16,7 +16,7 @@ from msahl.post.document import (
 )
 from msahl.post.draw import encode, style
 from msahl.post.table import Cell, Column, Table, as_csv
-from msahl.results.write import write_whole
+from msahl.results.write import replace_file
 from msahl.study.command import shown, words_of
 from msahl.study.errors import BY_KEY, MEASURES
 from msahl.study.order import FLAT, describe
@@ -53,14 +53,14 @@ def write_study(study: Study, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     for block in _unfolded(blocks):
         if isinstance(block, Picture):
-            write_whole(folder / block.name, block.png)
+            replace_file(folder / block.name, block.png)
     texts = {
         "study.csv": as_csv(table_of_all(study)),
         "study.md": as_markdown(blocks),
         "study.html": as_html(_title(study), blocks),
     }
     for name, text in texts.items():
-        write_whole(folder / name, text.encode())
+        replace_file(folder / name, text.encode())
     return [folder / name for name in texts]
 
 

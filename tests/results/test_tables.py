@@ -38,7 +38,7 @@ def test_numbers_read_back_bit_for_bit(tmp_path):
     states = np.vstack([random, np.resize(NASTY, (20, 13))])
     with folder_of(tmp_path) as results:
         results.write(*rows_of(states), NO_ERRORS)
-        results.whole = True
+        results.complete = True
     table = read_table(tmp_path / "states.csv")
     assert list(table.columns) == state_columns(pendulum())
     assert np.array_equal(bits(table), states.view(np.int64))
@@ -55,7 +55,7 @@ def test_a_table_has_its_name_only_when_it_is_whole(tmp_path):
         }
         # Rows are on disk as soon as they are written.
         assert (tmp_path / "states.csv.part").read_text().count("\n") == 4
-        results.whole = True
+        results.complete = True
     assert {p.name for p in tmp_path.iterdir()} == {"deck.xml", "states.csv", "reactions.csv"}
 
 
@@ -63,7 +63,7 @@ def test_an_error_leaves_the_tables_partial(tmp_path):
     def fail():
         with folder_of(tmp_path) as results:
             results.write(*rows_of(np.ones((3, 13))), NO_ERRORS)
-            results.whole = True
+            results.complete = True
             raise OSError("no space left")
 
     with pytest.raises(OSError, match="no space"):

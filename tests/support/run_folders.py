@@ -96,7 +96,7 @@ def write(folder, states=None, reactions=None, info=None, whole=True):
             if info and info.get("error"):
                 errors = np.column_stack([states[:, 0], np.full((len(states), 2), 1e-9)])
             results.write(states, reactions, np.empty((len(states), 1)), errors)
-        results.whole = whole
+        results.complete = whole
     if info is not None:
         write_json(folder / "run.json", info)
 

@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import copy
-from msahl.elements.along import Along, settle
+from msahl.elements.along import settle
+from msahl.elements.forces import ReactionForces, pressed_by_reactions
 from msahl.elements.frames import first_multiplier
 from msahl.jit.kernel import apart, kernel
 from msahl.linalg import block_lu, dense
@@ -49,7 +50,7 @@ class CollocationWorkspace(NamedTuple):
     """An island on its way by steps of higher degree."""
 
     workspace: Workspace
-    rubbing: Along | None  # the system's if there is friction: else none of its code is compiled
+    pressed: ReactionForces | None  # forces that depend on reactions; None: no code for them
     stages: Stages
     instant: Instant
     factor: np.ndarray  # (entries, s, s) sparse factors, blocks transposed
@@ -65,7 +66,7 @@ def new_collocation_workspace(
     workspace: Workspace, scheme: str, degree: int
 ) -> CollocationWorkspace:
     """Room for steps by the ``scheme`` of a ``degree`` from the scene's prepared state."""
-    lu, group, higher = workspace.unknowns.elimination, workspace.system.along, COLLOCATION[scheme]
+    lu, higher = workspace.unknowns.elimination, COLLOCATION[scheme]
     stages = new_stages(
         workspace.system, workspace.unknowns, workspace.state, new_rule(scheme, degree)
     )
@@ -75,7 +76,7 @@ def new_collocation_workspace(
     )
     return CollocationWorkspace(
         workspace=workspace,
-        rubbing=group if group is not None and group.frictions.quantity.size else None,
+        pressed=pressed_by_reactions(workspace.system.forces),
         stages=stages,
         instant=new_instant(workspace.system, workspace.unknowns),
         factor=np.zeros((int(lu.base[-1]), degree, degree)),
@@ -121,10 +122,15 @@ def judge(free: np.ndarray, F: np.ndarray, pull: np.ndarray, length: float) -> t
 
 @apart
 def press(
-    rubbing: Along | None, system: System, state: State, stages: Stages, room: Instant, h: float
+    pressed: ReactionForces | None,
+    system: System,
+    state: State,
+    stages: Stages,
+    room: Instant,
+    h: float,
 ) -> None:
     """Set the reactions where forces act, if there is friction, which presses by them."""
-    if rubbing is None:
+    if pressed is None:
         return
     for n in range(stages.rule.acts.size):
         i = stages.rule.acts[n]
@@ -275,7 +281,7 @@ def take(high: CollocationWorkspace, h: float) -> bool:
     iteration, fresh, relaxed = 0, True, relaxation > 0.0
     predictor.predict(system, state, start, stages, h)
     while True:
-        press(high.rubbing, system, state, stages, station_room, h)
+        press(high.pressed, system, state, stages, station_room, h)
         length = equations.evaluate(system, state, start, stages, h, fresh)
         length = max(length, dense.AT_REST)
         residual, worst = judge(unknowns.free, stages.F, stages.pull, length)
@@ -344,7 +350,7 @@ def probe(
     for i in range(free.size):
         for j in range(z.shape[1]):
             stages.Z[j, free[i] // 3, free[i] % 3] = z[i, j]
-    press(high.rubbing, system, state, stages, high.instant, h)
+    press(high.pressed, system, state, stages, high.instant, h)
     length = equations.evaluate(system, state, workspace.start, stages, h, fresh)
     length = max(length, dense.AT_REST)
     for i in range(free.size):
