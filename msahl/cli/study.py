@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from msahl.study.plan import Plan
     from msahl.study.study import Study
 
-MEASURE_KEYS = (
+METRIC_KEYS = (
     "position",
     "orientation",
     "velocity",
@@ -54,7 +54,7 @@ class Request:
     reference: str
     repeat: int | None
     target: float
-    measure: str
+    metric: str
 
 
 @click.command()
@@ -76,9 +76,9 @@ class Request:
               help="Run each case N times and take the shortest time (default: 3 with --dt, else "
               "as often as there is time for).")  # fmt: skip
 @click.option("--target", type=NumberType(min=0.0, min_open=True), default=1e-6,
-              show_default=True, help="Set the largest error allowed, in the unit of the "
-              "measure.")  # fmt: skip
-@click.option("--measure", type=click.Choice(MEASURE_KEYS), default="position",
+              show_default=True, help="Set the largest error allowed, in the unit of "
+              "--metric.")  # fmt: skip
+@click.option("--metric", type=click.Choice(METRIC_KEYS), default="position",
               show_default=True, help="Choose the error that the target limits.")  # fmt: skip
 @click.option("--t-final", type=NumberType(), metavar="S",
               help="Set the end of the runs in seconds (default: tFinal of the deck).")  # fmt: skip
@@ -135,7 +135,7 @@ def _plan(request: Request) -> "Plan":
         request.reference,
         request.repeat,
         request.target,
-        request.measure,
+        request.metric,
         request.budget,
     )
 
@@ -144,14 +144,14 @@ def _carry_out(plan: "Plan", request: Request, entered: float) -> "tuple[Study, 
     """Make the runs; ``entered`` is the time of the clock when the command was called [s]."""
     from msahl.jit.compiled import working_clock
     from msahl.study.study import find_reference
-    from msahl.study.study import study as carry_out
+    from msahl.study.study import study as run_study
 
     began = working_clock() - (time.perf_counter() - entered) - START_SECONDS
     until = began + request.budget - WRITING_SECONDS
     with stoppable() as stopped, _shown(request, began) as (tell, progress):
         progress("reference")
         known = find_reference(plan)
-        result = carry_out(plan, progress, stopped, known, tell, until - COMMAND_SECONDS)
+        result = run_study(plan, progress, stopped, known, tell, until - COMMAND_SECONDS)
         result = replace(result, deck=str(request.deck), given_end=request.t_final)
         _time_commands(result, stopped, until, progress)
     return result, stopped
@@ -161,7 +161,7 @@ def _write(result: "Study", stopped: Interruption, deck: Path, folder: Path) -> 
     """Write the report, and end the program with the status of the study."""
     from msahl.study.report import recommendation, write_study
 
-    if not result.points:
+    if not result.runs:
         say(f"{shown_path(deck)}: stopped before a run had ended; nothing was written")
         sys.exit(128 + stopped.signal)
     try:
@@ -173,7 +173,7 @@ def _write(result: "Study", stopped: Interruption, deck: Path, folder: Path) -> 
     if stopped.signal:
         say(f"{shown_path(deck)}: stopped; the report contains the runs that had ended")
         sys.exit(128 + stopped.signal)
-    if not any(point.trial.completed for point in result.points):
+    if not any(point.trial.completed for point in result.runs):
         sys.exit(NOT_CONVERGED)
 
 
@@ -182,15 +182,15 @@ def _time_commands(
 ) -> None:
     """Run the recommended command and the deck's own, and record their times."""
     from msahl.jit.compiled import working_clock
-    from msahl.study.command import carry_out, words_of
+    from msahl.study.command import command_arguments, run_command
 
-    for point in (result.fastest, result.of_deck):
+    for point in (result.fastest, result.deck_run):
         if point is None or stopped() or result.plan.steps:
             continue
-        words = words_of(point.trial.case, result.plan, result.deck, result.given_end)
+        words = command_arguments(point.trial.case, result.plan, result.deck, result.given_end)
         progress("the command itself")
         seconds = until - working_clock()
-        made = carry_out(words, point.trial.case, result.plan, result.reference, seconds)
+        made = run_command(words, point.trial.case, result.plan, result.reference, seconds)
         if made is not None:
             result.commands[point.trial.case] = made
 

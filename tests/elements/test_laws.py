@@ -21,6 +21,7 @@ from msahl.model.couplings import COORDINATES
 from msahl.model.scheme import EXPONENTIAL, ORDER_TWO
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.midpoint import equations, newton
+from msahl.system import evaluate
 from msahl.system.arrays import new_start, node_count
 from msahl.system.build import build_system
 from msahl.system.names import joint_columns
@@ -76,7 +77,7 @@ class Step:
         if reaction is not None:
             self.state.reaction[:] = reaction(self.state.reaction.shape)
         self.start = new_start(self.system, self.state)
-        equations.prepare(self.system, self.state, self.start)
+        evaluate.prepare(self.system, self.state, self.start)
         self.unknowns = choose(self.system, all_unknowns(self.system))
         self.shape = (node_count(self.system), 3)
         equations.load(self.system, self.state, self.start, h)
@@ -140,7 +141,7 @@ class Step:
         if self.system.along is None:
             return 0.0
         violation = np.zeros_like(self.state.violation)
-        equations.observe(self.system, self.state, self.start, violation, violation.copy())
+        evaluate.observe(self.system, self.state, self.start, violation, violation.copy())
         return float(self.start.forces.elastic.sum())
 
     def multipliers(self):
@@ -312,7 +313,7 @@ def test_published_work_and_elastic_energy_are_what_the_elements_do(make, seed):
     before = step.elastic()
     F = step.residual(step.Z)
     equations.accept(step.system, step.state, step.start, step.h, step.Z, F)
-    equations.prepare(step.system, step.state, step.start)
+    evaluate.prepare(step.system, step.state, step.start)
     known = np.sum(lam * opened) + step.state.work.sum() - (step.elastic() - before)
     size = np.abs(lam).sum() + np.abs(step.state.work).sum() + abs(before) + abs(step.elastic())
     assert work == pytest.approx(known, abs=2e-13 * size)

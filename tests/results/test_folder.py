@@ -7,10 +7,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-import msahl.run.loop
 import pytest
 from click.testing import CliRunner
 
+import msahl.run.loop
 from msahl.cli.main import main
 from msahl.results import folder as folders
 from msahl.results.read import find_table, read_info, read_run, read_table

@@ -6,13 +6,13 @@ import signal
 import subprocess
 import sys
 
-import msahl.run.loop
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from msahl.run.loop import NO_ERRORS
 
-from msahl.cli.main import Interruption, main
+import msahl.run.loop
+from msahl.cli.main import main
+from msahl.cli.signals import Interruption
 from msahl.deck import read_deck
 from msahl.jit import compiled
 from msahl.jit.kernel_store import Store
@@ -89,7 +89,7 @@ def test_rows_before_a_full_disk_are_whole_and_the_run_can_go_on(tmp_path):
 def test_a_table_that_cannot_be_written_takes_no_row_of_the_others(tmp_path, monkeypatch):
     rows = np.ones((3, 13))
     with RunFolder(tmp_path, pendulum(), b"<deck/>") as results:
-        results.write(rows, rows[:, :4], rows[:, :1], NO_ERRORS)
+        results.write({"states": rows, "reactions": rows[:, :4]})
         ends = results.ends()
         append = Table._append
 
@@ -101,7 +101,7 @@ def test_a_table_that_cannot_be_written_takes_no_row_of_the_others(tmp_path, mon
 
         monkeypatch.setattr(Table, "_append", full)
         with pytest.raises(OSError, match="No space"):
-            results.write(rows, rows[:, :4], rows[:, :1], NO_ERRORS)
+            results.write({"states": rows, "reactions": rows[:, :4]})
         assert results.ends() == ends
     for name, end in ends.items():
         assert (tmp_path / f"{name}.part").stat().st_size == end
@@ -203,7 +203,7 @@ def test_a_second_signal_stops_at_once_with_whole_rows(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("scheme", ["decaying", "gauss2"])
 def test_figures_of_a_run_stopped_at_once_are_of_its_rows(tmp_path, monkeypatch, scheme):
-    publish, calls = msahl.run.loop._Run._publish, []
+    publish, calls = msahl.run.loop.TimeLoop._publish, []
 
     def interrupt(self, times, errors):
         calls.append(times)
@@ -214,7 +214,7 @@ def test_figures_of_a_run_stopped_at_once_are_of_its_rows(tmp_path, monkeypatch,
     options = ("run", *SHORT, "--scheme", scheme)
     with monkeypatch.context() as patch:
         patch.setattr(msahl.run.loop, "CHUNK_SECONDS", 0.0)
-        patch.setattr(msahl.run.loop._Run, "_publish", interrupt)
+        patch.setattr(msahl.run.loop.TimeLoop, "_publish", interrupt)
         assert call(*options, "-o", tmp_path / "stopped").exit_code == 130
     assert call(*options, "--t-final", "0.02", "-o", tmp_path / "whole").exit_code == 0
     stopped, whole = info(tmp_path / "stopped"), info(tmp_path / "whole")

@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
-import msahl.run.loop
 import numpy as np
 import pytest
 
+import msahl.run.loop
 from msahl.algebra.vector import ZERO
 from msahl.deck import read_deck
 from msahl.model import ConcentratedLoad

@@ -24,13 +24,13 @@ from lxml import etree
 
 from msahl.algebra.rotation import to_axis_angle
 from msahl.algebra.rotation_arrays import angles
-from msahl.cli.main import BAD_INPUT, main
+from msahl.cli.console import BAD_INPUT
+from msahl.cli.main import main
 from msahl.deck import read_deck
 from msahl.linalg import dense
-from msahl.model import Model
+from msahl.model import Model, Options
 from msahl.model.scheme import COLLOCATION, DEFAULT, DEGREE, ORDER_TWO
 from msahl.results.read import ResultError, read_run
-from msahl.run.loop import Options
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.verdict import ENERGY_SPOILT
 from msahl.schemes.collocation import newton, predictor, scipy_root

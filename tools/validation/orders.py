@@ -13,12 +13,11 @@ from longdouble import LONG
 from measured import OUT, ROOT
 
 from msahl.deck import read_deck
-from msahl.model import Model
+from msahl.model import Model, Options
 from msahl.model.loads import SpringDamper
 from msahl.model.scheme import COLLOCATION, choices, split
 from msahl.post.document import Block, Heading, Items, Paragraph, as_markdown
 from msahl.post.table import Cell, Column, Table
-from msahl.run.loop import Options
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import state_errors
 from msahl.study.independent import solve

@@ -221,8 +221,8 @@ def expectations(cells: Sequence[Cell]) -> Iterator[tuple[str, str]]:
     worst = max((cell.energy or 0.0 for cell in ends), default=0.0)
     yield (
         "Energy says nothing about position",
-        f"The {len(ends)} coarse runs by {' and '.join(ORDER_TWO)} keep their energy to {worst:.1e} "
-        "and better, and are somewhere else than they should be. Halve the step and compare, or "
+        f"The {len(ends)} coarse runs by {' and '.join(ORDER_TWO)} keep their energy to "
+        f"{worst:.1e} and better, and are somewhere else than they should be. Halve the step and compare, or "
         "use msahl study.",
     )
 

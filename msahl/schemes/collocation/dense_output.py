@@ -39,6 +39,7 @@ from msahl.schemes.accelerations import Instant
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.midpoint import equations
 from msahl.schemes.midpoint.workspace import Workspace
+from msahl.system import evaluate
 from msahl.system.arrays import State, new_start
 
 ENDS = 6
@@ -229,7 +230,7 @@ def _prepare(between: DenseOutput, angle: np.ndarray) -> None:
     workspace = between.workspace
     for q in range(angle.size):
         workspace.state.angle[q] = angle[q]
-    equations.prepare(workspace.system, workspace.state, workspace.start)
+    evaluate.prepare(workspace.system, workspace.state, workspace.start)
     along.count_turns(workspace.system.along, workspace.start.along, workspace.state.angle)
 
 
@@ -369,7 +370,7 @@ def _close(between: DenseOutput, room: Instant) -> None:
         workspace.monitor,
     )
     frames = system.frames
-    equations.observe(system, state, start, monitor.violation, monitor.rate)
+    evaluate.observe(system, state, start, monitor.violation, monitor.rate)
     along.in_metres(system.along, monitor.violation, monitor.rate)
     accelerations.undo(system, state, start, monitor.violation, room)
     for b in range(moving_count(frames)):

@@ -62,6 +62,7 @@ from msahl.schemes.collocation import jacobian, local_rotation
 from msahl.schemes.collocation.workspace import Stages, go, moment_in_chart
 from msahl.schemes.midpoint import equations
 from msahl.system.arrays import Start, State, System
+from msahl.system.evaluate import prepare
 
 
 @kernel
@@ -311,5 +312,5 @@ def accept(system: System, state: State, start: Start, stages: Stages, h: float)
         put(state.alpha, b, scale(rest, sub(end, W)))
     stages.known[0], stages.known[1] = state.time[0], h
     state.time[0] += h
-    equations.prepare(system, state, start)
+    prepare(system, state, start)
     along.count_turns(system.along, start.along, state.angle)

@@ -29,7 +29,7 @@ from msahl.schemes.collocation import breakpoints, dense_output, newton
 from msahl.schemes.collocation.breakpoints import Breakpoints, new_kinks
 from msahl.schemes.collocation.dense_output import Point
 from msahl.schemes.collocation.newton import CollocationWorkspace
-from msahl.schemes.midpoint import equations
+from msahl.system import evaluate
 from msahl.system.arrays import State
 from msahl.system.diagnostics import KINETIC, look
 
@@ -325,7 +325,7 @@ def go_back(subsystem: CollocationWorkspace, control: StepControl) -> None:
     """Go back to where the pair starts."""
     workspace = subsystem.workspace
     keep(control.kept, workspace.state)
-    equations.prepare(workspace.system, workspace.state, workspace.start)
+    evaluate.prepare(workspace.system, workspace.state, workspace.start)
 
 
 @kernel

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from msahl.run.loop import Grid
 
 from msahl.cli.main import main
 from msahl.deck import check_simulation
+from msahl.run.time_grid import TimeGrid
 from msahl.schemes.collocation import dense_output
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.study.exact import recognise
@@ -134,4 +134,4 @@ def test_the_lowest_order_has_rows_at_whole_steps():
     assert fault.startswith("outputInterval: 0.05 s are no whole number of steps of 0.02 s")
     (fault,) = check_simulation(replace(odd, scheme="gauss", output_interval=1e-6))
     assert "more than 1000 rows" in fault
-    assert Grid.of_rows(replace(odd, t_final=1.0)).n == 20
+    assert TimeGrid.of_output(replace(odd, t_final=1.0)).n == 20

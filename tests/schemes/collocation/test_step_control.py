@@ -3,14 +3,14 @@
 import json
 from dataclasses import replace
 
-import msahl.run.loop
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from msahl.run.loop import Options
 
+import msahl.run.loop
 from msahl.cli.main import main
 from msahl.deck import check_simulation
+from msahl.model import Options
 from msahl.study.exact import recognise
 from tests.run.test_resume import advance, bits, in_two_parts
 from tests.support.models import DECKS, body, deck, scene, simulate
