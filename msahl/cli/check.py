@@ -12,7 +12,7 @@ from msahl.printable import shown_path
 from msahl.terminal import echo
 
 
-@click.command()
+@click.command(short_help="Report the faults of decks.")
 @click.argument("decks", metavar="DECK...", nargs=-1, required=True, type=DECK)
 def check(decks: tuple[Path, ...]) -> None:
     """Report every fault of the decks, with file, line, element and remedy. No run is made.

@@ -11,7 +11,7 @@ from msahl.printable import shown_path
 from msahl.terminal import echo
 
 
-@click.command()
+@click.command(short_help="Describe what running a deck involves.")
 @click.argument("deck", type=DECK)
 def explain(deck: Path) -> None:
     """Describe what running DECK involves: degrees of freedom, unknowns and model reductions.

@@ -37,6 +37,10 @@ class NumberType(click.FloatRange):
             self.fail(f"{value} is not a finite number.", param, ctx)
         return number
 
+    def _describe_range(self) -> str:
+        """The range as the help shows it: nothing if there is none."""
+        return "" if self.min is None and self.max is None else super()._describe_range()
+
 
 def output_option(default: str) -> Callable[[Command], Command]:
     """The option of the folder to write, with its ``default`` in words."""

@@ -32,7 +32,7 @@ PACKAGES = ("numba", "numpy", "scipy")
 """Packages whose versions ``run.json`` records."""
 
 
-@click.command()
+@click.command(short_help="Run a deck and write its results.")
 @click.argument("deck", type=DECK)
 @output_option("results/<deck's name>")
 @run_options

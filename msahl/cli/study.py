@@ -57,7 +57,7 @@ class Request:
     metric: str
 
 
-@click.command()
+@click.command(short_help="Compare schemes and step sizes on a deck.")
 @click.argument("deck", type=DECK)
 @output_option("studies/<deck's name>")
 @click.option("--dt", "steps", type=NumberType(min=0.0, min_open=True), multiple=True,

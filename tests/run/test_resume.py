@@ -17,9 +17,10 @@ import msahl.run.loop
 from msahl.cli.main import main
 from msahl.deck import read_deck
 from msahl.model import Options
-from msahl.results.checkpoint import _check
+from msahl.results.checkpoint import _checksum
 from msahl.run.snapshot import ResumeError
-from tests.support.models import DECKS, ROOT, body, deck, pendulum, scene
+from msahl.run.tables import TABLES
+from tests.support.models import DECKS, ROOT, body, deck, pendulum, run_in_memory, scene
 from tests.system.test_nonfinite import push
 
 THESIS = ROOT / "decks" / "thesis"
@@ -296,7 +297,7 @@ def _head_with(**changes):
         line, _, memory = (folder / "checkpoint").read_bytes().partition(b"\n")
         head = json.loads(line) | changes
         del head["check"]
-        head |= {"check": _check(head, memory)}
+        head |= {"check": _checksum(head, memory)}
         (folder / "checkpoint").write_bytes(json.dumps(head).encode() + b"\n" + memory)
 
     return change

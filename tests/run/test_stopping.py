@@ -10,16 +10,17 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-import msahl.cli.main
+import msahl.cli.signals
 import msahl.run.loop
 from msahl.cli.main import main
 from msahl.cli.signals import stoppable
 from msahl.model import Options
 from msahl.run.subsystem import SubsystemIntegrator
+from msahl.run.tables import TABLES
 from msahl.schemes import outcome
 from msahl.schemes.collocation import step_control
 from msahl.schemes.stepper import Chunk
-from tests.support.models import ROOT, deck, pendulum
+from tests.support.models import ROOT, deck, pendulum, run_in_memory
 
 SINGLE = ROOT / "decks" / "thesis" / "single_pendulum_45.xml"
 

@@ -15,7 +15,7 @@ from msahl.model import Limits, SpringDamper
 from msahl.model.scheme import ORDER_TWO
 from msahl.post.cli import main as post
 from msahl.run.companion import SAFETY
-from msahl.run.verdict import DONE, FAIL, PASS, WARN, WORDS, Figures, judge
+from msahl.run.verdict import DONE, FAIL, PASS, WARN, WARN_FACTOR, WORDS, Figures, judge
 from msahl.study.exact import recognise
 from tests.schemes.midpoint.test_decaying import oscillator
 from tests.support.models import DECKS, DOWN, ROOT, body, chain, deck, pendulum, scene, simulate

@@ -222,8 +222,8 @@ def expectations(cells: Sequence[Cell]) -> Iterator[tuple[str, str]]:
     yield (
         "Energy says nothing about position",
         f"The {len(ends)} coarse runs by {' and '.join(ORDER_TWO)} keep their energy to "
-        f"{worst:.1e} and better, and are somewhere else than they should be. Halve the step and compare, or "
-        "use msahl study.",
+        f"{worst:.1e} and better, and are somewhere else than they should be. "
+        "Halve the step and compare, or use msahl study.",
     )
 
 
