@@ -13,7 +13,7 @@ from msahl.check.ends import apart, arm, points, tolerance
 from msahl.check.faults import Finding, shown
 from msahl.elements.constraints.coordinates import ANGLE, RADIUS, ROUND, SKEW
 from msahl.elements.constraints.products import DOT
-from msahl.joints.joint import CHILD, PARENT, Coincide, Equation, Product, Quantity
+from msahl.joints.joint import CHILD, PARENT, Coincide, Coordinate, Equation, Product
 from msahl.joints.registry import KINDS
 from msahl.model.joints import Joint
 
@@ -70,7 +70,7 @@ class JointAtStart:
             return dot(n, self._context.rotated(product.e, self._joint.child, INERTIAL))
         return dot(n, self.D)
 
-    def value(self, coordinate: Quantity) -> float:
+    def value(self, coordinate: Coordinate) -> float:
         """Return the value of a joint coordinate."""
         products = [self.product(product) for product in coordinate.products]
         if coordinate.kind == RADIUS:

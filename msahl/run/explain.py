@@ -125,7 +125,7 @@ def _omitted_terms(model: Model, integrators: Sequence[SubsystemIntegrator]) -> 
         "gravity": not np.any(model.gravity),
         "joints": not model.joints,
         "equations along axes (sliding joints, springs)": all(
-            integrator.workspace.system.along is None for integrator in integrators
+            integrator.workspace.system.scalar is None for integrator in integrators
         ),
         "loads": not model.loads,
     }

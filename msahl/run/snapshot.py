@@ -113,6 +113,6 @@ def _changing(integrators: Sequence[SubsystemIntegrator]) -> Iterator[np.ndarray
         for leaf in _leaves(
             (workspace.state, workspace.start, workspace.pivots, integrator.stepper.memory)
         ):
-            # ``along`` is None in systems of coinciding points; integer arrays are constant.
+            # ``scalar`` is None in systems of coinciding points; integer arrays are constant.
             if isinstance(leaf, np.ndarray) and leaf.dtype == float:
                 yield leaf

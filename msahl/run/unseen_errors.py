@@ -60,5 +60,5 @@ def unresolved_friction(integrator: SubsystemIntegrator, h: float, t_final: floa
     step, both runs miss it.
     """
     system, reaction = integrator.workspace.system, integrator.workspace.state.reaction
-    passed = forces.unresolved_speed(system.forces, system.along, system.frames, reaction, h)
+    passed = forces.unresolved_speed(system.forces, system.scalar, system.frames, reaction, h)
     return passed * t_final
