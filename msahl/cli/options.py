@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import click
 
-from msahl.run.options import OPTIONS, Choice, Flag, Number, Option, Whole
+from msahl.run.options import OPTIONS, Choice, Flag, Integer, Number, Option
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -66,7 +66,7 @@ def click_option(option: Option) -> Callable[[Command], Command]:
     match option.kind:
         case Number(unit, least, most, positive):
             settings |= {"type": NumberType(least, most, min_open=positive), "metavar": unit}
-        case Whole(least, most):
+        case Integer(least, most):
             settings |= {"type": click.IntRange(least, most), "metavar": "N"}
         case Choice(words):
             settings |= {"type": click.Choice(words)}

@@ -43,7 +43,7 @@ def set_alarm(seconds: float) -> None:
 
 @contextmanager
 def stoppable() -> Iterator[Interruption]:
-    """Turn the first SIGINT or SIGTERM into a request that the loop honours between chunks."""
+    """Make the first SIGINT or SIGTERM a request that the loop honours between chunks."""
     interruption = Interruption()
     handlers = dict.fromkeys((signal.SIGINT, signal.SIGTERM), interruption.note)
     if hasattr(signal, "setitimer"):

@@ -104,7 +104,7 @@ def relative(deck: Path, folder: Path) -> str:
     """Path of the ``deck`` relative to ``folder``, which remains valid if both are moved."""
     try:
         return os.path.relpath(deck, folder.resolve())
-    except ValueError:  # another drive
+    except ValueError:  # on another disk
         return str(deck.absolute())
 
 

@@ -70,9 +70,9 @@ NUMBER = Leaf("a number", _is_number)
 FIGURE = Leaf("a number or null", lambda value: value is None or _is_number(value))
 SIZE = Leaf(f"null or a number above zero, up to {LARGEST:g}", _is_size)
 FLAG = Leaf("true or false", lambda value: isinstance(value, bool))
-WHOLE = Leaf("a whole number", lambda v: isinstance(v, int) and not isinstance(v, bool))
-COUNT = Leaf("a whole number from 0", _is_count)
-FIRST = Leaf("a whole number from 1", lambda value: _is_count(value, 1))
+INTEGER = Leaf("an integer", lambda v: isinstance(v, int) and not isinstance(v, bool))
+COUNT = Leaf("an integer from 0", _is_count)
+FIRST = Leaf("an integer from 1", lambda value: _is_count(value, 1))
 WORD = Leaf(f"one of {', '.join(WORDS)}", lambda value: value in WORDS)
 CHECK = Fields({"word": WORD, "text": TEXT}, ("word", "text"))
 
@@ -88,7 +88,7 @@ SHAPE = Fields({
         **dict.fromkeys(("dt", "tFinal", "outputInterval"), SIZE),
         "every": FIRST,
     }),
-    "degreesOfFreedom": Many(dict, WHOLE),
+    "degreesOfFreedom": Many(dict, INTEGER),
     "nonUniqueReactions": Many(dict, Many(list, TEXT)),
     "warnings": Many(list, TEXT),
     "resumed": Many(list, NUMBER),

@@ -39,7 +39,7 @@ def locked(folder: Path) -> Iterator[None]:
                 f"{folder}: {_owner(folder)} is writing a run there; wait for its end, stop it, or "
                 "choose another folder with -o"
             ) from None
-        except OSError:  # a network drive that cannot lock a folder
+        except OSError:  # a network file system that cannot lock a folder
             pass
         yield
     finally:

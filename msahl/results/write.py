@@ -19,7 +19,7 @@ from msahl.run.tables import ERROR, ERROR_COLUMNS, TABLES, tables_of_model
 
 PART = ".part"
 INFO, DECK, CHECKPOINT = "run.json", "deck.xml", "checkpoint"
-ROOM = 4096
+RESERVED = 4096
 """Bytes that ``run.json`` reserves at the start, so that the end can be reported on a full disk."""
 
 
@@ -173,7 +173,7 @@ def write_beginning(folder: Path, content: dict[str, Any]) -> None:
     # The first file of a run, and never half-written: it says which run the folder belongs to.
     hidden = folder / f".{INFO}"
     with create(hidden) as file:
-        write_all(file, text.ljust(ROOM) + b"\n")
+        write_all(file, text.ljust(RESERVED) + b"\n")
     hidden.replace(folder / (INFO + PART))
     (folder / INFO).unlink(missing_ok=True)
 

@@ -19,10 +19,10 @@ from msahl.run.conclusion import conclude
 from msahl.run.error_estimate import NO_ERRORS
 from msahl.run.messages import not_written
 from msahl.run.output import tables_of
-from msahl.run.parts import Parts, build_parts, new_report
 from msahl.run.record import Record
 from msahl.run.report import COMPLETED, INTERRUPTED, NOT_CONVERGED, NOT_WRITTEN, Report
 from msahl.run.saved_run import restore_snapshot, take_snapshot
+from msahl.run.setup import RunSetup, build_setup, new_report
 from msahl.run.snapshot import SavedSteps, Snapshot, digest
 from msahl.run.tables import ERROR, Sink
 from msahl.schemes.outcome import Stopped
@@ -48,7 +48,7 @@ SAVE_SHARE = 0.01
 class Hooks:
     """Functions that a run calls.
 
-    ``progress`` is told the steps done and the time [s], ``tell`` messages about what takes long.
+    ``progress`` receives the steps done and the time [s], ``tell`` messages about what takes long.
     ``stopped`` says whether to stop. ``save`` is given a snapshot every few seconds, and when the
     run is stopped.
     """
@@ -77,7 +77,7 @@ def run(
     # An overflow is reported by ``_finite_steps`` and not by numpy.
     with np.errstate(all="ignore"):
         if settings.tolerance is None:
-            return TimeLoop(build_parts(model, settings, None), sink, hooks).run(since)
+            return TimeLoop(build_setup(model, settings, None), sink, hooks).run(since)
         return _run_to_tolerance(model, options, sink, hooks, since)
 
 
@@ -93,12 +93,12 @@ def _run_to_tolerance(
     while True:
         simulation = replace(model.simulation, local_tolerance=attempts.local)
         settings = resolve(simulation, options)
-        parts = build_parts(replace(model, simulation=simulation), settings, attempts)
-        loop = TimeLoop(parts, sink, hooks)
+        setup = build_setup(replace(model, simulation=simulation), settings, attempts)
+        loop = TimeLoop(setup, sink, hooks)
         report = loop.run(since)
         if report.status != COMPLETED:
             return report
-        if not attempts.prepare_next(parts.estimate, loop.record.size):
+        if not attempts.prepare_next(setup.estimate, loop.record.size):
             return report
         since = None
         sink.restart()
@@ -109,21 +109,21 @@ class TimeLoop:
 
     record: Record
 
-    def __init__(self, parts: Parts, sink: Sink, hooks: Hooks) -> None:
-        self.parts, self.sink, self.hooks = parts, sink, hooks
-        self.report = new_report(parts)
-        self.report.seconds["prepare"] = time.perf_counter() - parts.began
+    def __init__(self, setup: RunSetup, sink: Sink, hooks: Hooks) -> None:
+        self.setup, self.sink, self.hooks = setup, sink, hooks
+        self.report = new_report(setup)
+        self.report.seconds["prepare"] = time.perf_counter() - setup.began
         self.system = ""  # digest of the systems, if snapshots are taken or restored
         self.accepted: SavedSteps  # where the steps stood after the last chunk
 
     def run(self, since: Snapshot | None) -> Report:
         """Take all steps, or those after the snapshot ``since``."""
-        kinds, hooks = self.parts.kinds, self.hooks
+        kinds, hooks = self.setup.kinds, self.hooks
         compiles = not all(is_kept(kind) for kind in kinds)
         if compiles:
             hooks.tell("compiling kernels for this kind of model (once)")
         self._begin(since)
-        for integrator in self.parts.all_integrators:
+        for integrator in self.setup.all_integrators:
             integrator.stepper.requests.stopped = hooks.stopped
         try:
             self._take_all(1 if compiles else self._first_steps())
@@ -138,32 +138,32 @@ class TimeLoop:
             keep(kind)
         if trouble():
             hooks.tell(trouble())
-        conclude(self.parts, self.record, self.report)
+        conclude(self.setup, self.record, self.report)
         return self.report
 
     def _begin(self, since: Snapshot | None) -> None:
         """Write the rows at t = 0, or restore a snapshot."""
-        parts = self.parts
+        setup = self.setup
         if self.hooks.save or since:
-            self.system = digest(parts.all_integrators)
-        for integrator in parts.integrators:
+            self.system = digest(setup.all_integrators)
+        for integrator in setup.integrators:
             integrator.show_start()
         at_start = OutputSchedule.at_ends(np.ones(1, dtype=bool))
         if self._finite_steps(1, at_start, np.zeros(1)) < 1:
             raise StartError(self.report.message)
-        self.record = Record(parts.integrators, parts.output.grid.t_final)
+        self.record = Record(setup.integrators, setup.output.grid.t_final)
         self.report.status = COMPLETED
         if since:
-            restore_snapshot(since, self.system, parts, self.record, self.report)
+            restore_snapshot(since, self.system, setup, self.record, self.report)
         else:
-            errors = parts.estimate.begin(parts.integrators) if parts.estimate else NO_ERRORS
+            errors = setup.estimate.begin(setup.integrators) if setup.estimate else NO_ERRORS
             self._publish(np.zeros(1), errors)
-        self.accepted = SavedSteps.of(parts.integrators)
+        self.accepted = SavedSteps.of(setup.integrators)
 
     @property
     def _time(self) -> float:
         """Time up to which rows are written [s]."""
-        return self.parts.plan.progress.time
+        return self.setup.plan.progress.time
 
     def _first_steps(self) -> int:
         """Number of steps of the first chunk."""
@@ -171,7 +171,7 @@ class TimeLoop:
 
     def _take_all(self, steps: int) -> None:
         """Take chunks to the end, or as far as they go, the first of so many ``steps``."""
-        report, plan, most = self.report, self.parts.plan, self.parts.output.chunk
+        report, plan, most = self.report, self.setup.plan, self.setup.output.chunk
         saved, pause = time.perf_counter(), SAVE_SECONDS
         while not plan.ended and report.status == COMPLETED:
             began = time.perf_counter()
@@ -198,7 +198,7 @@ class TimeLoop:
             return 0.0
         began = time.perf_counter()
         try:
-            self.hooks.save(take_snapshot(self.system, self.parts, self.record, self.report))
+            self.hooks.save(take_snapshot(self.system, self.setup, self.record, self.report))
         except OSError as error:
             self._end_unwritten(error)
         seconds = time.perf_counter() - began
@@ -207,9 +207,9 @@ class TimeLoop:
 
     def _take_chunk(self, steps: int) -> None:
         """Take one chunk of about ``steps`` steps, check it, and hand it over."""
-        began, estimate = time.perf_counter(), self.parts.estimate
+        began, estimate = time.perf_counter(), self.setup.estimate
         stride = estimate.companion.stride if estimate else 1
-        chunk = self.parts.plan.next_chunk(steps, stride)
+        chunk = self.setup.plan.next_chunk(steps, stride)
         advance = self._advance(chunk)
         begins = np.append(chunk.begin, advance.ends)
         done = self._finite_steps(advance.steps, advance.schedule, begins)
@@ -226,14 +226,14 @@ class TimeLoop:
     def _advance(self, chunk: Chunk) -> Advance:
         """Advance every subsystem; returns the shortest advance."""
         shortest: Advance | None = None
-        for integrator in self.parts.integrators:
+        for integrator in self.setup.integrators:
             # Steps that become hard must not delay the answer to a request to stop. The other
             # subsystems go as far as the first.
             patience = math.inf if shortest else PATIENCE
             advance = integrator.advance(chunk, patience)
             if shortest is None or advance.steps < shortest.steps:
                 shortest = advance
-                failure = self.parts.plan.failure(integrator, advance)
+                failure = self.setup.plan.failure(integrator, advance)
                 if failure:
                     self.report.end(NOT_CONVERGED, failure)
             if advance.outcome.converged and chunk.ends.size:
@@ -248,7 +248,7 @@ class TimeLoop:
         A step can be solved and still be too large to be squared or multiplied.
         """
         least = done
-        for integrator in self.parts.integrators:
+        for integrator in self.setup.integrators:
             good = np.isfinite(integrator.workspace.monitor.rows[:done]).all(axis=1)
             steps = np.repeat(np.arange(done), np.diff(schedule.due[: done + 1]))
             for table in tables_of(integrator).values():
@@ -256,7 +256,7 @@ class TimeLoop:
             first_bad = done if good.all() else int(np.argmin(good))
             if first_bad < least or (first_bad == least < done):
                 least = first_bad
-                whose = integrator.find_nonfinite(self.parts.output.grid.h) or "a result"
+                whose = integrator.find_nonfinite(self.setup.output.grid.h) or "a result"
                 self.report.end(NOT_CONVERGED, overflow(float(begins[first_bad]), whose))
         return least
 
@@ -265,9 +265,9 @@ class TimeLoop:
         times = chunk.times[: advance.schedule.due[-1]]
         steps = Steps(chunk.begin, advance.sizes, advance.ends)
         if self._publish(times, self._follow(steps, advance.schedule, times)):
-            self.parts.plan.accept(advance)
+            self.setup.plan.accept(advance)
             self.record.add(advance.steps)
-            self.accepted = SavedSteps.of(self.parts.integrators)
+            self.accepted = SavedSteps.of(self.setup.integrators)
         else:
             self._go_back()
 
@@ -275,15 +275,15 @@ class TimeLoop:
         """Return to the last step handed over, so that no figure of the report belongs to a step
         without rows. The work done since then stays counted, for the verdict to report it.
         """
-        self.accepted.restore(self.parts.integrators)
+        self.accepted.restore(self.setup.integrators)
 
     def _follow(self, steps: Steps, schedule: OutputSchedule, times: np.ndarray) -> np.ndarray:
         """Advance the companion, if there is one; returns the rows of errors."""
-        if self.parts.estimate is None:
+        if self.setup.estimate is None:
             return NO_ERRORS
         began = time.perf_counter()
         try:
-            errors = self.parts.estimate.follow(self.parts.integrators, steps, schedule, times)
+            errors = self.setup.estimate.follow(self.setup.integrators, steps, schedule, times)
         except Stopped:  # run and companion stand at different times, so no snapshot is possible
             raise KeyboardInterrupt from None
         self.report.add_seconds("companion", time.perf_counter() - began)
@@ -295,11 +295,11 @@ class TimeLoop:
             return True
         began = time.perf_counter()
         try:
-            self.sink.write({**self.parts.tables.rows(times), ERROR: errors})
+            self.sink.write({**self.setup.tables.rows(times), ERROR: errors})
         except OSError as error:
             self._end_unwritten(error)
             return False
-        self.parts.plan.progress.output_times += times.size
+        self.setup.plan.progress.output_times += times.size
         self.report.add_seconds("output", time.perf_counter() - began)
         return True
 

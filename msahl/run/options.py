@@ -29,8 +29,8 @@ class Number:
 
 
 @dataclass(frozen=True, slots=True)
-class Whole:
-    """A whole number within a range."""
+class Integer:
+    """An integer within a range."""
 
     least: int
     most: int
@@ -58,7 +58,7 @@ class Option:
     """
 
     name: str
-    kind: Number | Whole | Choice | Flag
+    kind: Number | Integer | Choice | Flag
     help: str
     recorded: Callable[[RunSettings], Any]
     deck: str = ""
@@ -155,7 +155,7 @@ OPTIONS = (
     ),
     Option(
         "every",
-        Whole(1, MOST_EVERY),
+        Integer(1, MOST_EVERY),
         "Write only every Nth output time, and the last one (default: 1).",
         lambda of: of.every,
         default=1,

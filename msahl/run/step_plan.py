@@ -1,6 +1,6 @@
 """Plans the chunks of a run: steps of a given size, or steps whose size follows from a tolerance.
 
-A plan knows how far the run has come (``Progress``), says which ``Chunk`` is next, and explains why
+A plan stores the progress of the run (``Progress``), gives the next ``Chunk``, and explains why
 a chunk failed. The time loop is the same for both plans.
 """
 

@@ -54,19 +54,19 @@ class MemorySink:
 
     def __init__(self, only: Sequence[str] | None = None) -> None:
         self.only = only
-        self.parts: dict[str, list[np.ndarray]] = {}
+        self.kept: dict[str, list[np.ndarray]] = {}
 
     def write(self, tables: Mapping[str, np.ndarray]) -> None:
         """See ``Sink``."""
         for name, rows in tables.items():
             if self.only is None or name in self.only:
-                self.parts.setdefault(name, []).append(np.array(rows))
+                self.kept.setdefault(name, []).append(np.array(rows))
 
     def restart(self) -> None:
         """See ``Sink``."""
-        self.parts.clear()
+        self.kept.clear()
 
     def table(self, name: str) -> np.ndarray:
         """All rows of one table; without rows if it was never written."""
-        parts = self.parts.get(name)
+        parts = self.kept.get(name)
         return np.concatenate(parts) if parts else np.zeros((0, 1))

@@ -18,7 +18,7 @@ from msahl.jit import compiled
 from msahl.jit.kernel_store import Store
 from msahl.results.lock import locked
 from msahl.results.read import read_run, read_table
-from msahl.results.write import ROOM, RunFolder, Table, write_beginning, write_json
+from msahl.results.write import RESERVED, RunFolder, Table, write_beginning, write_json
 from msahl.study.plan import Plan
 from msahl.study.runs import with_step
 from msahl.study.study import study
@@ -113,7 +113,7 @@ def test_run_json_has_its_room_from_the_start(tmp_path):
     part = tmp_path / "run.json.part"
     assert json.loads(part.read_text())["status"] == "running"
     before = part.stat()
-    assert before.st_size > ROOM
+    assert before.st_size > RESERVED
     write_json(tmp_path / "run.json", {"status": "not written"})
     # The same file, written over: no more room is needed.
     assert (tmp_path / "run.json").stat().st_ino == before.st_ino

@@ -17,7 +17,7 @@ from msahl.system.subsystems import split
 
 
 @dataclass(frozen=True)
-class Parts:
+class RunSetup:
     """What a run consists of. ``attempts`` are the runs to a global tolerance, if there is one."""
 
     model: Model
@@ -42,7 +42,7 @@ class Parts:
         return {f"{of.stepper.kind}-{self.settings.solver}" for of in self.integrators}
 
 
-def build_parts(model: Model, settings: RunSettings, attempts: Attempts | None) -> Parts:
+def build_setup(model: Model, settings: RunSettings, attempts: Attempts | None) -> RunSetup:
     """Build the parts of a run; raises ``StartError`` if there is no consistent start."""
     began, output = time.perf_counter(), OutputTimes.of(model, settings.every)
     # With step-size control all subsystems take the same steps: their local errors are added up.
@@ -62,7 +62,7 @@ def build_parts(model: Model, settings: RunSettings, attempts: Attempts | None) 
         estimate = ErrorEstimate(model, integrators, companion, settings)
         if attempts and output.shown.n * tables.width <= KNOWN_NUMBERS:
             estimate.keep_rows()
-    return Parts(model, settings, attempts, output, integrators, plan, tables, estimate, began)
+    return RunSetup(model, settings, attempts, output, integrators, plan, tables, estimate, began)
 
 
 def _companion(
@@ -81,9 +81,9 @@ def _companion(
     return choose_companion(integrators, settings, output.chunk, output.grid.n, required)
 
 
-def new_report(parts: Parts) -> Report:
+def new_report(setup: RunSetup) -> Report:
     """A report with what is known before the first step."""
-    model, integrators = parts.model, parts.integrators
+    model, integrators = setup.model, setup.integrators
     return Report(
         joints=len(model.joints) + len(model.couplings),
         subsystems=len(integrators),
