@@ -107,7 +107,7 @@ TERMS = (
     Term(r"culprits?", "worst residual; element with a NaN"),
     Term(r"charts?", "local parametrisation"),
     Term(r"kinks?", "breakpoints"),
-    Term(r"halvings?|in halves|in \d* ?parts", "step subdivisions (substeps)"),
+    Term(r"halvings?|in halves|in \d+ parts", "step subdivisions (substeps)"),
     Term(
         r"spread (over|of)( the| their| its)?( jacobian s)? pivots?|pivots? spread", "pivot ratio"
     ),
