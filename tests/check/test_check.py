@@ -166,7 +166,7 @@ WRONG = {
     ),
     "load on a ground": (load(Drag("D", "Base", ZERO, 1.0)), "'Base' is a ground and never moves"),
     "drag": (load(Drag("D", "Bob", ZERO, -1.0)), "load 'D', coefficient: it is -1; it must not be"),
-    "basis": (load(replace(PUSH, force_basis="Room")), "force_basis 'Room' is not a body of this"),
+    "basis": (load(replace(PUSH, force_basis="Wall")), "force_basis 'Wall' is not a body of this"),
     "damping": (load(replace(SPRING, damping=-1.0)), "load 'Spring', damping: it is -1"),
     "length": (load(replace(SPRING, child_point=ZERO)), "its length is zero at t = 0"),
     "step": (run(dt=2.0), "simulation, deltaT: the step 2 s is longer than the run of 1 s"),
