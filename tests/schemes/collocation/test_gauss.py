@@ -215,8 +215,8 @@ def test_smooth_loads_of_all_kinds_leave_the_order(degree, steps):
         np.abs(simulate(model, T / n, T, f"gauss{degree}").states[-1] - best).max() for n in steps
     ]
     order = -np.polyfit(np.log(steps), np.log(found), 1)[0]
-    # A load with a jump in its derivative would show an order of 4 or less; at such steps it may be more than
-    # 2s.
+    # A load with a jump in its derivative would show an order of 4 or less; at such steps it may
+    # be more than 2s.
     assert order >= 2.0 * degree - 0.5
 
 
