@@ -280,7 +280,7 @@ def test_a_study_to_no_end_is_refused(tmp_path, end):
 def test_a_tolerance_that_is_no_number_compares_nothing(tmp_path):
     told = call(post, "compare", tmp_path, tmp_path, "--rtol", "nan")
     assert told.exit_code == 2
-    assert "a tolerance is a number" in told.stderr
+    assert "a tolerance must be a number" in told.stderr
 
 
 def test_a_file_name_need_not_be_utf_8(tmp_path):

@@ -310,7 +310,7 @@ MOTIONS = {
     ),
     "two laws": (
         joint_motion("<constant>1</constant><polynomial><c1>1</c1></polynomial>"),
-        ":27: motion 'M', law/polynomial: <polynomial> stands beside <constant>; keep one",
+        ":27: motion 'M', law/polynomial: <polynomial> is given beside <constant>; keep one",
     ),
     "polynomial of nothing": (
         joint_motion("<polynomial/>"),

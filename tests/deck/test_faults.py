@@ -100,7 +100,7 @@ SCHEMA_FAULTS = {
     ),
     "repeated element": (
         ("<title>t</title>", "<title>t</title><title>u</title>"),
-        ":38: simulation/title: <title> stands twice in <simulation>; keep one",
+        ":38: simulation/title: <title> is given twice in <simulation>; keep one",
     ),
     "unknown joint": (
         ("<joints>", "<joints>\n<sphericle/>"),
@@ -178,7 +178,7 @@ SCHEMA_FAULTS = {
 MEANING_FAULTS = {
     "accuracy of zero": (
         ("<deltaT>", "<verdict><accuracy>0</accuracy></verdict><deltaT>"),
-        ":39: simulation/verdict/accuracy: the limit is 0; no run is that good: give more than",
+        ":39: simulation/verdict/accuracy: the limit is 0; it must be greater than",
     ),
     "duplicate name": (
         ("<name>Base</name></ground>", "<name>Bob</name></ground>"),
@@ -398,6 +398,33 @@ def test_an_old_name_is_answered_with_the_new_one(tmp_path):
     element, child = faults_of(there)
     assert element.endswith("unknown element <drive> in <motions>; it is called <jointMotion> now")
     assert child.endswith("unknown element <freedom> in <drive>; it is called <coordinate> now")
+
+
+@pytest.mark.parametrize(
+    ("old", "message"),
+    [
+        ('turn="angle"', "unknown attribute turn; it is called rotationUpdate now"),
+        (
+            'rotationUpdate="tangent"',
+            "unknown value rotationUpdate='tangent'; it is called cayley now",
+        ),
+        (
+            'rotationUpdate="angle"',
+            "unknown value rotationUpdate='angle'; it is called exponential now",
+        ),
+        (
+            'reactions="station"',
+            "unknown value reactions='station'; it is called instantaneous now",
+        ),
+        (
+            "><verdict><gap>1</gap></verdict",
+            "unknown element <gap> in <verdict>; it is called <constraintViolation> now",
+        ),
+    ],
+)
+def test_an_old_setting_of_the_simulation_is_answered_with_the_new_one(tmp_path, old, message):
+    (fault,) = faults_of(changed(tmp_path, ("<simulation>", f"<simulation {old}>")))
+    assert fault.endswith(message)
 
 
 @pytest.mark.parametrize(

@@ -38,7 +38,6 @@ class Held:
     def opened(self, body):
         """Violations and rates of all the joint's equations."""
         system = build_system(self.model())
-        build_state(self.model(), system)  # the equations are those of the body where it was
         state = build_state(self.model(body), system)
         start = new_system_workspace(system, state)
         evaluate.prepare(system, state, start)

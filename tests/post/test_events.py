@@ -104,7 +104,10 @@ def test_the_command_and_what_it_refuses(folder):
     result = CliRunner().invoke(post, ["events", str(folder), f"{bob}.x", "--at", "0", "--json"])
     assert result.exit_code == 0
     assert len(json.loads(result.stdout)) == 4
-    for column, word in (("Nobody.x", "no column"), (f"{bob}.P1", "jump at half a revolution")):
+    for column, word in (
+        ("Nobody.x", "no column"),
+        (f"{bob}.P1", "discontinuous at rotations by 180 degrees"),
+    ):
         with pytest.raises(ResultError, match=word):
             crossings(read_run(folder), column, 0.0)
         assert CliRunner().invoke(post, ["events", str(folder), column]).exit_code == 2

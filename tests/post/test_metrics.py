@@ -211,7 +211,7 @@ def test_forms_of_a_table(tmp_path):
     measured = [("one", compute_metrics(read_conical(tmp_path)))]
     lines = as_text(energy_table(measured)).splitlines()
     assert len(lines) == 3
-    assert lines[0].rstrip().endswith("error over max KE------")
+    assert lines[0].rstrip().endswith("-balance error over max KE--")
     assert lines[1].rstrip().endswith("work at end [J]")
     (row,) = json.loads(as_json(energy_table(measured)))
     header, values = as_csv(energy_table(measured)).splitlines()
@@ -274,7 +274,7 @@ class TestCompare:
         states, reactions = conical_rows()
         self.rewrite(pair[1], states[::5], reactions[::5])
         assert all(c.rows == len(states[::5]) for c in compare(*pair, Tolerance()))
-        with pytest.raises(ResultError, match="different times"):
+        with pytest.raises(ResultError, match="different output times"):
             compare(pair[1], pair[0], Tolerance())
 
     def test_files_and_folders_mix(self, pair):
@@ -299,7 +299,7 @@ class TestCompare:
             compare(*pair, Tolerance(), ("Nobody.*",))
         with pytest.raises(ResultError, match="no such file"):
             compare(pair[0], pair[0] / "elsewhere", Tolerance())
-        with pytest.raises(ResultError, match="no rows"):
+        with pytest.raises(ResultError, match="no output times"):
             compare(*pair, Tolerance(), until=-1.0)
 
     def test_an_orientation_and_its_shadow_parameters_are_the_same(self, pair):
