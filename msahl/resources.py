@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def folder(name: str) -> Traversable:
-    """Return ``schemas`` or ``decks``: installed as ``msahl.NAME``, or beside a checkout's package."""
+    """Return ``schemas`` or ``decks``, as ``msahl.NAME`` or beside a checkout's package."""
     try:
         return files(f"msahl.{name}")
     except ModuleNotFoundError:
