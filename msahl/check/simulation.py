@@ -35,7 +35,7 @@ def simulation_findings(simulation: Simulation) -> Iterator[Finding]:
     values = {"accuracy": limits.accuracy, "energy": limits.energy}
     for tag, value in {**values, "constraintViolation": limits.violation}.items():
         if value is not None and not value > 0.0:
-            message = f"the limit is {value:g}; no run is that good: give more than zero"
+            message = f"the limit is {value:g}; it must be greater than zero"
             yield Finding(f"verdict/{tag}", message)
 
 

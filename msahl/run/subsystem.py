@@ -21,7 +21,7 @@ from msahl.system.arrays import (
     multiplier_count,
     new_system_workspace,
 )
-from msahl.system.build import build_system
+from msahl.system.build import Places, build_system
 from msahl.system.nonfinite import find_nonfinite, overflow
 from msahl.system.reductions import (
     all_unknowns,
@@ -31,7 +31,7 @@ from msahl.system.reductions import (
     stay_in_plane,
     symmetric_rows,
 )
-from msahl.system.state import build_state, settle
+from msahl.system.state import build_state
 from msahl.system.unknowns import choose
 
 
@@ -77,8 +77,7 @@ class SubsystemIntegrator:
         unknowns = choose(system, free)
         self.change = make_consistent(system, state, free, model.velocity)
         if self.redundant and not is_regular(system, state, unknowns):
-            system = build_system(model, relaxed=True)
-            settle(system, state)
+            system = build_system(model, relaxed=True, places=Places(state.x, state.p))
             unknowns = choose(system, free)
         solve_accelerations(system, state, unknowns)
         if self.axis is not None:
