@@ -299,10 +299,10 @@ COUPLINGS = {
     "camFollower": coupled("camFollower", "revolute", "prismatic", lift=CAM),
 }
 MOTIONS = {
-    "drive": driven("revolute", "angle", WAVE),
-    "drive, slide": driven("prismatic", "slide", Law("sine", (0.3, 3.0, 0.0, 0.0))),
-    "drive, cylindrical": driven("cylindrical", "angle", Law("ramp", (0.0, 1.0, 0.0, 0.4))),
-    "drive, table": driven(
+    "jointMotion": driven("revolute", "angle", WAVE),
+    "jointMotion, slide": driven("prismatic", "slide", Law("sine", (0.3, 3.0, 0.0, 0.0))),
+    "jointMotion, cylindrical": driven("cylindrical", "angle", Law("ramp", (0.0, 1.0, 0.0, 0.4))),
+    "jointMotion, table": driven(
         "revolute", "angle", Law("cubic", (0.0, 0.3, 0.5, 1.0, 0.0, 0.2, 0.1, 0.9))
     ),
     "pointMotion": point_moved,
