@@ -98,11 +98,11 @@ def test_every_deck_goes_on_bit_for_bit(monkeypatch, path):
     same_run(monkeypatch, model, Options(every=3), 20)
 
 
-HIGHER_ORDER_DECKS = ("triple_pendulum_45", "spring_damper", "friction_hinge", "joint_motion_table", "bricard",
+SOLVER_DECKS = ("triple_pendulum_45", "spring_damper", "friction_hinge", "joint_motion_table", "bricard",
           "two_pendulums", "knife_edge")  # fmt: skip
 
 
-@pytest.mark.parametrize("name", HIGHER_ORDER_DECKS)
+@pytest.mark.parametrize("name", SOLVER_DECKS)
 @pytest.mark.parametrize("options", [Options("root"), Options("newton", full=True)], ids=str)
 def test_every_solver_goes_on_bit_for_bit(monkeypatch, name, options):
     model = deck(name)
