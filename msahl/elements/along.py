@@ -15,7 +15,7 @@ from msahl.elements.constraints.equations import Rows
 from msahl.elements.forces import friction, spring
 from msahl.elements.forces.friction import Frictions
 from msahl.elements.forces.spring import Springs
-from msahl.elements.rigid_body import Bodies, BodyStart
+from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.jit.kernel import kernel
 
 
@@ -65,7 +65,7 @@ def prepare(
 def residual(
     along: Along | None,
     start: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     violation: np.ndarray,
     t: float,
     h: float,
@@ -77,18 +77,18 @@ def residual(
     if along is None:
         return
     q = start.quantities
-    coordinates.evaluate(along.quantities, q, bodies, Z)
-    equations.residual(along.rows, along.laws, q, bodies, violation, t, h, dt2, Z, F)
+    coordinates.evaluate(along.quantities, q, frames, Z)
+    equations.residual(along.rows, along.laws, q, frames, violation, t, h, dt2, Z, F)
     spring.residual(along.springs, along.laws, along.quantities, q, start.stretch, h)
     friction.residual(along.frictions, start.reactions, q, h)
-    coordinates.push(along.quantities, q, bodies, dt2, F)
+    coordinates.push(along.quantities, q, frames, dt2, F)
 
 
 @kernel
 def joint_jacobian(
     along: Along | None,
     start: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     dt2: float,
     Z: np.ndarray,
     values: np.ndarray,
@@ -97,15 +97,15 @@ def joint_jacobian(
     if along is None:
         return
     q = start.quantities
-    coordinates.differentiate(along.quantities, q, bodies, Z)
-    equations.jacobian(along.rows, along.laws, along.quantities, q, bodies, dt2, Z, values)
+    coordinates.differentiate(along.quantities, q, frames, Z)
+    equations.jacobian(along.rows, along.laws, along.quantities, q, frames, dt2, Z, values)
 
 
 @kernel
 def force_jacobian(
     along: Along | None,
     start: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     h: float,
     dt2: float,
     Z: np.ndarray,
@@ -116,16 +116,16 @@ def force_jacobian(
         return
     q = start.quantities
     springs, quantities = along.springs, along.quantities
-    spring.jacobian(springs, along.laws, quantities, q, bodies, h, dt2, values)
-    friction.jacobian(along.frictions, start.reactions, quantities, q, bodies, h, dt2, values)
-    coordinates.stiffness(quantities, q, bodies, dt2, Z, values)
+    spring.jacobian(springs, along.laws, quantities, q, frames, h, dt2, values)
+    friction.jacobian(along.frictions, start.reactions, quantities, q, frames, h, dt2, values)
+    coordinates.stiffness(quantities, q, frames, dt2, Z, values)
 
 
 @kernel
 def accept(
     along: Along | None,
     start: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     t: float,
     h: float,
     dt2: float,
@@ -139,7 +139,7 @@ def accept(
     q = start.quantities
     spring.work(along.springs, q, h, along.spring_column, work)
     friction.work(along.frictions, start.reactions, q, h, along.friction_column, work)
-    equations.work(along.rows, along.laws, bodies, t, h, dt2, Z, along.row_column, work)
+    equations.work(along.rows, along.laws, frames, t, h, dt2, Z, along.row_column, work)
     for k in range(angle.size):
         angle[k] = q.value[k] + q.change[k]
 
@@ -187,7 +187,7 @@ def follow(
 def free_acceleration(
     along: Along | None,
     start: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
     reaction: np.ndarray,
@@ -198,9 +198,9 @@ def free_acceleration(
     """Set the rows of the acceleration problem and add its forces; ``Z`` is zero."""
     if along is None:
         return
-    free_load(along, start, bodies, v, W, reaction, Z, F)
+    free_load(along, start, frames, v, W, reaction, Z, F)
     equations.free_acceleration(
-        along.rows, along.laws, along.quantities, start.quantities, bodies, start.rate, v, W, t, F
+        along.rows, along.laws, along.quantities, start.quantities, frames, start.rate, v, W, t, F
     )
 
 
@@ -208,7 +208,7 @@ def free_acceleration(
 def free_load(
     along: Along | None,
     start: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
     reaction: np.ndarray,
@@ -219,18 +219,18 @@ def free_load(
     if along is None:
         return
     q = start.quantities
-    coordinates.evaluate(along.quantities, q, bodies, Z)
+    coordinates.evaluate(along.quantities, q, frames, Z)
     coordinates.rates(along.quantities, q, v, W, start.rate)
     spring.free_load(along.springs, along.laws, along.quantities, q, start.rate)
     friction.free_load(along.frictions, reaction, q, start.rate)
-    coordinates.push(along.quantities, q, bodies, -1.0, F)
+    coordinates.push(along.quantities, q, frames, -1.0, F)
 
 
 @kernel
 def free_jacobian(
     along: Along | None,
     start: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
     reaction: np.ndarray,
@@ -245,21 +245,21 @@ def free_jacobian(
     if along is None:
         return
     q, quantities = start.quantities, along.quantities
-    coordinates.differentiate(quantities, q, bodies, Z)
+    coordinates.differentiate(quantities, q, frames, Z)
     springs, laws, frictions = along.springs, along.laws, along.frictions
-    spring.free_jacobian(springs, laws, quantities, q, bodies, v, W, Z, room, by_place, by_rate)
+    spring.free_jacobian(springs, laws, quantities, q, frames, v, W, Z, room, by_place, by_rate)
     friction.free_jacobian(
-        frictions, reaction, quantities, q, start.rate, bodies, v, W, Z, room, by_place, by_rate
+        frictions, reaction, quantities, q, start.rate, frames, v, W, Z, room, by_place, by_rate
     )
-    coordinates.stiffness(quantities, q, bodies, -1.0, Z, by_place)
-    equations.roll_jacobian(along.rows, quantities, q, bodies, v, W, Z, room, by_place, by_rate)
+    coordinates.stiffness(quantities, q, frames, -1.0, Z, by_place)
+    equations.roll_jacobian(along.rows, quantities, q, frames, v, W, Z, room, by_place, by_rate)
 
 
 @kernel
 def act(
     along: Along | None,
     start: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
     reaction: np.ndarray,
@@ -271,7 +271,7 @@ def act(
     """As ``free_load``; adds the work [J] of dampers and friction over a time ``dt``."""
     if along is None:
         return
-    free_load(along, start, bodies, v, W, reaction, Z, F)
+    free_load(along, start, frames, v, W, reaction, Z, F)
     spring.free_work(along.springs, start.rate, dt, along.spring_column, work)
     friction.free_work(along.frictions, reaction, start.rate, dt, along.friction_column, work)
 
@@ -280,7 +280,7 @@ def act(
 def hold(
     along: Along | None,
     start: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     violation: np.ndarray,
     t: float,
     h: float,
@@ -291,24 +291,24 @@ def hold(
     if along is None:
         return
     q = start.quantities
-    coordinates.evaluate(along.quantities, q, bodies, Z)
-    equations.residual(along.rows, along.laws, q, bodies, violation, t, h, -1.0, Z, F)
-    coordinates.push(along.quantities, q, bodies, -1.0, F)
+    coordinates.evaluate(along.quantities, q, frames, Z)
+    equations.residual(along.rows, along.laws, q, frames, violation, t, h, -1.0, Z, F)
+    coordinates.push(along.quantities, q, frames, -1.0, F)
 
 
 @kernel
 def hold_jacobian(
     along: Along | None,
     start: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
     """Add the derivative of ``hold``, after it at the same ``Z``."""
     if along is None:
         return
-    joint_jacobian(along, start, bodies, -1.0, Z, values)
-    coordinates.stiffness(along.quantities, start.quantities, bodies, -1.0, Z, values)
+    joint_jacobian(along, start, frames, -1.0, Z, values)
+    coordinates.stiffness(along.quantities, start.quantities, frames, -1.0, Z, values)
 
 
 @kernel
@@ -321,11 +321,11 @@ def strain(along: Along | None, start: AlongStart, c: float, pull: np.ndarray) -
 
 
 @kernel
-def roll(along: Along | None, start: AlongStart, bodies: Bodies, h: float, F: np.ndarray) -> None:
+def roll(along: Along | None, start: AlongStart, frames: Frames, h: float, F: np.ndarray) -> None:
     """Set the rows that are of rates alone to ``h`` times them, after ``free_load``."""
     if along is None:
         return
-    equations.roll(along.rows, start.rate, 2 * bodies.inverse_mass.size, h, F)
+    equations.roll(along.rows, start.rate, first_multiplier(frames), h, F)
 
 
 @kernel
@@ -348,26 +348,30 @@ def settle(along: Along | None, violation: np.ndarray) -> None:
 
 @kernel
 def motion_work(
-    along: Along | None, bodies: Bodies, t: float, dt: float, Z: np.ndarray, work: np.ndarray
+    along: Along | None, frames: Frames, t: float, dt: float, Z: np.ndarray, work: np.ndarray
 ) -> None:
     """Add the work [J] of the drives over a time ``dt`` at the rates of ``t``; the multipliers in
     ``Z`` are by mass.
     """
     if along is None:
         return
-    equations.motion_work(along.rows, along.laws, bodies, t, dt, Z, along.row_column, work)
+    equations.motion_work(along.rows, along.laws, frames, t, dt, Z, along.row_column, work)
 
 
 @kernel
 def values(
-    along: Along | None, start: AlongStart, bodies: BodyStart, value: np.ndarray, rate: np.ndarray
+    along: Along | None,
+    start: AlongStart,
+    frames: FramesWorkspace,
+    value: np.ndarray,
+    rate: np.ndarray,
 ) -> None:
     """Set ``value`` and ``rate`` (q,) to those of the quantities in the prepared state."""
     if along is None:
         return
     q = start.quantities
     coordinates.slopes(along.quantities, q)
-    coordinates.rates(along.quantities, q, bodies.v, bodies.W, rate)
+    coordinates.rates(along.quantities, q, frames.v, frames.W, rate)
     for k in range(value.size):
         value[k] = q.value[k]
 
@@ -376,7 +380,7 @@ def values(
 def observe(
     along: Along | None,
     start: AlongStart,
-    bodies: BodyStart,
+    frames: FramesWorkspace,
     t: float,
     violation: np.ndarray,
     violation_rate: np.ndarray,
@@ -386,7 +390,7 @@ def observe(
         return 0.0
     q = start.quantities
     coordinates.slopes(along.quantities, q)
-    coordinates.rates(along.quantities, q, bodies.v, bodies.W, start.rate)
+    coordinates.rates(along.quantities, q, frames.v, frames.W, start.rate)
     equations.observe(along.rows, along.laws, q, start.rate, t, violation, violation_rate)
     return spring.energy(along.springs, along.laws, q, start.elastic)
 

@@ -14,7 +14,7 @@ from msahl.elements.along import Along, AlongStart
 from msahl.elements.constraints.coordinates import QuantityStart
 from msahl.elements.constraints.equations import coefficients, law_rate
 from msahl.elements.constraints.products import Q_B, U_B
-from msahl.elements.rigid_body import Bodies, mean
+from msahl.elements.frames import Frames, mean
 from msahl.jit.kernel import kernel
 
 MOST_ROUNDS, STILL = 40, 1e-14
@@ -53,7 +53,7 @@ def gather(
     group: Reactions,
     along: Along | None,
     start: AlongStart,
-    bodies: Bodies,
+    frames: Frames,
     arms: np.ndarray,
     Z: np.ndarray,
     multipliers: np.ndarray,
@@ -69,7 +69,7 @@ def gather(
         return
     for j in range(group.child.size):
         force, moment = _of_rows(group, along, start, multipliers, j)
-        arm = mean(bodies, Z, group.child[j], at(arms, j))
+        arm = mean(frames, Z, group.child[j], at(arms, j))
         moment = sub(moment, cross(arm, force))
         if group.coincide[j] >= 0:
             force = add(force, at(multipliers, group.coincide[j]))

@@ -34,17 +34,13 @@ import numpy as np
 
 from msahl.algebra.rotation import angle_share, matrix, turn_change, turn_tangent
 from msahl.algebra.vector import (
-    ZERO,
-    Matrix,
     Vector,
-    accumulate,
     add,
     at,
     axpy,
     cross,
     dot,
     matrix_at,
-    multiple,
     product,
     put,
     put_matrix,
@@ -54,166 +50,126 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
+from msahl.elements.frames import (
+    Frames,
+    FramesWorkspace,
+    displacement,
+    displacement_node,
+    rotation_increment,
+    rotation_node,
+)
 from msahl.jit.kernel import kernel
 from msahl.model.scheme import Decay
 
+STATE_SIZE = 12
+"""Columns of a body in the table of states: position, orientation, velocity, angular velocity."""
 
-class Bodies(NamedTuple):
-    """All bodies, the ground last with index n: it has no equations, its inverse mass is zero."""
 
-    inverse_mass: np.ndarray  # (n+1,) [1/kg]
-    inertia: np.ndarray  # (n+1, 3, 3) about G, body axes [kg m^2]
-    r_BG: np.ndarray  # (n+1, 3) from the reference point B to the mass centre G, body axes [m]
-    length: np.ndarray  # (n+1,) l, the length that makes a turn a displacement [m]
-    exponential: bool | None  # whether h times the mean W is the turn itself; None where it is Q
-    ballistic: np.ndarray  # (n+1,) whether nothing but gravity acts on it
-    moves: np.ndarray  # (2, 3) 0 for components of u and v, of Q and W, that are zero for ever; 1
+class RigidBodies(NamedTuple):
+    """All rigid bodies."""
+
+    frame: np.ndarray  # (n,) frame at the mass centre, with the body's axes
+    inverse_mass: np.ndarray  # (n,) [1/kg]
+    inertia: np.ndarray  # (n, 3, 3) about the mass centre G, body axes [kg m^2]
+    r_BG: np.ndarray  # (n, 3) from the reference point B to G, body axes [m]
     gravity: np.ndarray  # (3,) inertial axes [m/s^2]
-    block: np.ndarray  # (n+1,) where the derivative of the moment by the turn starts
+    block: np.ndarray  # (n,) where the derivative of the moment by the rotation starts
+    column: np.ndarray  # (n,) first of its ``STATE_SIZE`` columns in the table of states
 
 
-class BodyStart(NamedTuple):
-    """What the step's equations need of its start, in inertial axes."""
+class RigidBodiesWorkspace(NamedTuple):
+    """What the equations need of the start of the step."""
 
-    R: np.ndarray  # (n+1, 3, 3) body to inertial axes
-    J: np.ndarray  # (n+1, 3, 3) [kg m^2]
-    v: np.ndarray  # (n+1, 3) of G [m/s]
-    W: np.ndarray  # (n+1, 3) [rad/s]
-    v_go: np.ndarray  # (n+1, 3) with which it would go on if no force acted [m/s]
-    W_go: np.ndarray  # (n+1, 3) likewise [rad/s]
-    v_offset: np.ndarray  # (n+1, 3) its part by the loads' first moments, d/h [m/s]
-    W_offset: np.ndarray  # (n+1, 3) likewise [rad/s]
+    J: np.ndarray  # (n, 3, 3) inertia, inertial axes [kg m^2]
 
 
 @kernel
-def moving(bodies: Bodies, kind: int, a: Vector) -> Vector:
-    """A displacement or velocity ``a`` (``kind`` 0), or one of rotation (1), without the components
-    that a planar system does not have.
-
-    Nobody solves for these. Left to themselves they would start as round-off and be multiplied by
-    every extrapolation from one step to the next.
-    """
-    moves = bodies.moves
-    return (moves[kind, 0] * a[0], moves[kind, 1] * a[1], moves[kind, 2] * a[2])
+def prepare(bodies: RigidBodies, R: np.ndarray, start: RigidBodiesWorkspace) -> None:
+    """Carry the inertias into inertial axes; ``R`` (f, 3, 3) are the frames' axes."""
+    for b in range(bodies.frame.size):
+        R_b = matrix_at(R, bodies.frame[b])
+        J = product(product(R_b, matrix_at(bodies.inertia, b)), transpose(R_b))
+        put_matrix(start.J, b, J)
 
 
 @kernel
-def turn_of(bodies: Bodies, Z: np.ndarray, b: int) -> Vector:
-    """The step turn Q of body ``b`` in the unknowns ``Z`` (which hold l Q)."""
-    return scale(1.0 / bodies.length[b], at(Z, 2 * b + 1))
-
-
-@kernel
-def mean(bodies: Bodies, Z: np.ndarray, b: int, a: Vector) -> Vector:
-    """Mean over the step of a vector fixed in body ``b`` that starts as ``a``."""
-    return axpy(0.5, turn_change(turn_of(bodies, Z, b), a), a)
-
-
-@kernel
-def end_tangent(bodies: Bodies, Z: np.ndarray, b: int, a: Vector) -> Matrix:
-    """``T`` with ``d(R(Q) a) = -T d(l Q)``."""
-    Q = turn_of(bodies, Z, b)
-    T = product(skew(add(a, turn_change(Q, a))), turn_tangent(Q))
-    c = 1.0 / bodies.length[b]
-    return multiple(c, T)
-
-
-@kernel
-def push(bodies: Bodies, dt2: float, F: np.ndarray, b: int, force: Vector, moment: Vector) -> None:
-    """Take a mean ``force`` and a mean ``moment`` about G from the rows of body ``b``."""
-    c = dt2 * bodies.inverse_mass[b]
-    accumulate(F, 2 * b, scale(-c, force))
-    accumulate(F, 2 * b + 1, scale(-c / bodies.length[b], moment))
-
-
-@kernel
-def prepare(
-    bodies: Bodies,
-    p: np.ndarray,
-    v: np.ndarray,
-    w: np.ndarray,
-    v_rise: np.ndarray,
-    w_rise: np.ndarray,
-    chi: float,
-    start: BodyStart,
-) -> None:
-    """Carry velocities and inertias of the accepted state into inertial axes."""
-    for b in range(bodies.inverse_mass.size):
-        R = matrix(at(p, b))
-        put_matrix(start.R, b, R)
-        put_matrix(start.J, b, product(product(R, matrix_at(bodies.inertia, b)), transpose(R)))
-        put(start.v, b, moving(bodies, 0, at(v, b)))
-        put(start.W, b, moving(bodies, 1, times(R, at(w, b))))
-        put(start.v_go, b, at(start.v, b))
-        put(start.W_go, b, at(start.W, b))
-        if chi > 0.0:
-            v_go = axpy(-0.5 * chi, at(v_rise, b), at(v, b))
-            w_go = axpy(-0.5 * chi, at(w_rise, b), at(w, b))
-            put(start.v_go, b, moving(bodies, 0, v_go))
-            put(start.W_go, b, moving(bodies, 1, times(R, w_go)))
-        put(start.v_offset, b, ZERO)
-        put(start.W_offset, b, ZERO)
-
-
-@kernel
-def offset(start: BodyStart, b: int, dv: Vector, dW: Vector) -> None:
-    """Let body ``b`` go on by ``dv`` and ``dW`` more than without the loads' first moments."""
-    put(start.v_go, b, add(at(start.v_go, b), sub(dv, at(start.v_offset, b))))
-    put(start.W_go, b, add(at(start.W_go, b), sub(dW, at(start.W_offset, b))))
-    put(start.v_offset, b, dv)
-    put(start.W_offset, b, dW)
-
-
-@kernel
-def lost(bodies: Bodies, start: BodyStart, h: float, a: np.ndarray, alpha: np.ndarray) -> float:
+def lost(
+    bodies: RigidBodies,
+    start: RigidBodiesWorkspace,
+    motion: FramesWorkspace,
+    h: float,
+    a: np.ndarray,
+    alpha: np.ndarray,
+) -> float:
     """Work [J] that all forces together do not do in the offsets of a step: M (v1 - v0) . d/h."""
     total = 0.0
-    for b in range(bodies.inverse_mass.size - 1):
-        spun = times(matrix_at(start.J, b), at(alpha, b))
-        total += dot(at(a, b), at(start.v_offset, b)) / bodies.inverse_mass[b]
-        total += dot(spun, at(start.W_offset, b))
+    for b in range(bodies.frame.size):
+        f = bodies.frame[b]
+        spun = times(matrix_at(start.J, b), at(alpha, f))
+        total += dot(at(a, f), at(motion.v_offset, f)) / bodies.inverse_mass[b]
+        total += dot(spun, at(motion.W_offset, f))
     return h * total
 
 
 @kernel
 def residual(
-    bodies: Bodies, start: BodyStart, h: float, dt2: float, Z: np.ndarray, F: np.ndarray
+    bodies: RigidBodies,
+    frames: Frames,
+    start: RigidBodiesWorkspace,
+    motion: FramesWorkspace,
+    h: float,
+    dt2: float,
+    Z: np.ndarray,
+    F: np.ndarray,
 ) -> None:
-    """Set the rows of every body to inertia minus gravity [m]; ``reach`` is share h^2."""
+    """Set the equations of every body's frame to inertia minus gravity [m]."""
     g = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
-    for b in range(bodies.inverse_mass.size - 1):
-        put(F, 2 * b, sub(at(Z, 2 * b), axpy(h, at(start.v_go, b), scale(dt2, g))))
-        Q = turn_of(bodies, Z, b)
+    for b in range(bodies.frame.size):
+        f = bodies.frame[b]
+        forced_u = axpy(h, at(motion.v_go, f), scale(dt2, g))
+        put(F, displacement_node(frames, f), sub(displacement(frames, Z, f), forced_u))
+        Q = rotation_increment(frames, Z, f)
         J = matrix_at(start.J, b)
-        psi = angle_share(Q)[0] if bodies.exponential is not None else 1.0
-        forced = axpy(-h, at(start.W_go, b), scale(psi, Q))
-        L = times(J, axpy(dt2 / h, at(start.W, b), forced))
+        psi = angle_share(Q)[0] if frames.exponential is not None else 1.0
+        forced = axpy(-h, at(motion.W_go, f), scale(psi, Q))
+        L = times(J, axpy(dt2 / h, at(motion.W, f), forced))
         change = scale(psi, add(times(J, forced), turn_change(Q, L)))
-        put(F, 2 * b + 1, scale(bodies.inverse_mass[b] / bodies.length[b], change))
+        c = bodies.inverse_mass[b] / frames.length[f]
+        put(F, rotation_node(frames, f), scale(c, change))
 
 
 @kernel
 def jacobian(
-    bodies: Bodies, start: BodyStart, h: float, dt2: float, Z: np.ndarray, values: np.ndarray
+    bodies: RigidBodies,
+    frames: Frames,
+    start: RigidBodiesWorkspace,
+    motion: FramesWorkspace,
+    h: float,
+    dt2: float,
+    Z: np.ndarray,
+    values: np.ndarray,
 ) -> None:
-    """Add the derivative of the moment rows by l Q; that of the force rows is constant."""
-    for b in range(bodies.inverse_mass.size - 1):
-        Q = turn_of(bodies, Z, b)
+    """Add the derivative of the moment equations by l Q; that of the force equations by u is the
+    unit matrix, which the constant part of the Jacobian has.
+    """
+    for b in range(bodies.frame.size):
+        f = bodies.frame[b]
+        Q = rotation_increment(frames, Z, f)
         J = matrix_at(start.J, b)
-        psi, g = angle_share(Q) if bodies.exponential is not None else (1.0, 0.0)
-        forced = axpy(-h, at(start.W_go, b), scale(psi, Q))
-        L = times(J, axpy(dt2 / h, at(start.W, b), forced))
+        psi, g = angle_share(Q) if frames.exponential is not None else (1.0, 0.0)
+        forced = axpy(-h, at(motion.W_go, f), scale(psi, Q))
+        L = times(J, axpy(dt2 / h, at(motion.W, f), forced))
         K = skew(add(L, turn_change(Q, L)))
         JQ, change = times(J, Q), add(times(J, forced), turn_change(Q, L))
         D = turn_tangent(Q)
-        c = bodies.inverse_mass[b] / (bodies.length[b] * bodies.length[b])
+        c = bodies.inverse_mass[b] / (frames.length[f] * frames.length[f])
         for j in range(3):
             Jj = (J[0][j], J[1][j], J[2][j])
             Dj = (D[0][j], D[1][j], D[2][j])
-            if bodies.exponential is not None:
+            if frames.exponential is not None:
                 Jj = axpy(g * Q[j], JQ, scale(psi, Jj))
             column = sub(add(Jj, turn_change(Q, Jj)), times(K, Dj))
-            if bodies.exponential is not None:
+            if frames.exponential is not None:
                 column = axpy(g * Q[j], change, scale(psi, column))
             for i in range(3):
                 values[bodies.block[b] + 3 * i + j] += c * column[i]
@@ -221,7 +177,7 @@ def jacobian(
 
 @kernel
 def smooth(
-    bodies: Bodies,
+    bodies: RigidBodies,
     decay: Decay,
     b: int,
     dv: Vector,
@@ -229,33 +185,46 @@ def smooth(
     v_rise: np.ndarray,
     w_rise: np.ndarray,
 ) -> float:
-    """Take the changes of a body's velocities into the smoothed ones; the energy it lost [J]."""
-    y_v, y_w = sub(dv, at(v_rise, b)), sub(dw, at(w_rise, b))
-    put(v_rise, b, axpy(decay.pole, at(v_rise, b), scale(1.0 - decay.pole, dv)))
-    put(w_rise, b, axpy(decay.pole, at(w_rise, b), scale(1.0 - decay.pole, dw)))
+    """Enter the changes of the velocities of body ``b`` into the smoothed ones; return the energy
+    it lost [J].
+    """
+    f = bodies.frame[b]
+    y_v, y_w = sub(dv, at(v_rise, f)), sub(dw, at(w_rise, f))
+    put(v_rise, f, axpy(decay.pole, at(v_rise, f), scale(1.0 - decay.pole, dv)))
+    put(w_rise, f, axpy(decay.pole, at(w_rise, f), scale(1.0 - decay.pole, dw)))
     turning = dot(y_w, times(matrix_at(bodies.inertia, b), dw))
     return 0.5 * decay.chi * (dot(y_v, dv) / bodies.inverse_mass[b] + turning)
 
 
 @kernel
-def free_acceleration(bodies: Bodies, start: BodyStart, F: np.ndarray) -> None:
-    """Set the rows of every body to the forces no element gives: gravity and gyroscopic moment."""
+def free_acceleration(
+    bodies: RigidBodies,
+    frames: Frames,
+    start: RigidBodiesWorkspace,
+    motion: FramesWorkspace,
+    F: np.ndarray,
+) -> None:
+    """Set the equations of every body's frame to gravity [m/s^2] and the gyroscopic moment over m l
+    [m/s^2].
+    """
     g = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
-    for b in range(bodies.inverse_mass.size - 1):
-        W = at(start.W, b)
+    for b in range(bodies.frame.size):
+        f = bodies.frame[b]
+        W = at(motion.W, f)
         moment = cross(times(matrix_at(start.J, b), W), W)
-        put(F, 2 * b, g)
-        put(F, 2 * b + 1, scale(bodies.inverse_mass[b] / bodies.length[b], moment))
+        put(F, displacement_node(frames, f), g)
+        c = bodies.inverse_mass[b] / frames.length[f]
+        put(F, rotation_node(frames, f), scale(c, moment))
 
 
 @kernel
-def energy(bodies: Bodies, x: np.ndarray, v: np.ndarray, w: np.ndarray) -> tuple[float, float]:
+def energy(bodies: RigidBodies, x: np.ndarray, v: np.ndarray, w: np.ndarray) -> tuple[float, float]:
     """Kinetic and potential energy [J] (Hainge 2010, eq. 3.5-3.9; the potential is -m g.x_G)."""
     kinetic = 0.0
     potential = 0.0
-    for b in range(bodies.inverse_mass.size - 1):
-        m = 1.0 / bodies.inverse_mass[b]
-        vb, wb, xb = at(v, b), at(w, b), at(x, b)
+    for b in range(bodies.frame.size):
+        f, m = bodies.frame[b], 1.0 / bodies.inverse_mass[b]
+        vb, wb, xb = at(v, f), at(w, f), at(x, f)
         kinetic += 0.5 * (m * dot(vb, vb) + dot(wb, times(matrix_at(bodies.inertia, b), wb)))
         for i in range(3):
             potential -= m * bodies.gravity[i] * xb[i]
@@ -263,30 +232,33 @@ def energy(bodies: Bodies, x: np.ndarray, v: np.ndarray, w: np.ndarray) -> tuple
 
 
 @kernel
-def publish(
-    bodies: Bodies,
+def write_states(
+    bodies: RigidBodies,
     x: np.ndarray,
     p: np.ndarray,
-    start: BodyStart,
+    motion: FramesWorkspace,
     w: np.ndarray,
     table: np.ndarray,
     row: int,
 ) -> None:
-    """Write the published state of every body into a row of ``table``: 12 numbers, of point B."""
-    for b in range(bodies.inverse_mass.size - 1):
-        R = matrix_at(start.R, b)
+    """Write position, orientation and velocities of the reference point B of every body into a row
+    of ``table``: ``STATE_SIZE`` numbers each.
+    """
+    for b in range(bodies.frame.size):
+        f = bodies.frame[b]
+        R = matrix_at(motion.R, f)
         r = at(bodies.r_BG, b)
-        w_b = at(w, b)
-        place = 12 * b
-        v_B = sub(times(transpose(R), at(start.v, b)), cross(w_b, r))
-        for i, values in enumerate((sub(at(x, b), times(R, r)), at(p, b), v_B, w_b)):
+        w_b = at(w, f)
+        place = bodies.column[b]
+        v_B = sub(times(transpose(R), at(motion.v, f)), cross(w_b, r))
+        for i, values in enumerate((sub(at(x, f), times(R, r)), at(p, f), v_B, w_b)):
             for j in range(3):
                 table[row, place + 3 * i + j] = values[j]
 
 
 @kernel
-def recall(
-    bodies: Bodies,
+def read_states(
+    bodies: RigidBodies,
     table: np.ndarray,
     row: int,
     x: np.ndarray,
@@ -294,16 +266,16 @@ def recall(
     v: np.ndarray,
     w: np.ndarray,
 ) -> None:
-    """Set the state of every body to what ``publish`` wrote into a row of ``table``."""
-    for b in range(bodies.inverse_mass.size - 1):
-        place = 12 * b
+    """Set the state of every body's frame from a row of ``table``: inverse of ``write_states``."""
+    for b in range(bodies.frame.size):
+        f, place = bodies.frame[b], bodies.column[b]
         P, spin = three(table, row, place + 3), three(table, row, place + 9)
         R = matrix(P)
         r = at(bodies.r_BG, b)
-        put(x, b, add(three(table, row, place), times(R, r)))
-        put(p, b, P)
-        put(v, b, times(R, add(three(table, row, place + 6), cross(spin, r))))
-        put(w, b, spin)
+        put(x, f, add(three(table, row, place), times(R, r)))
+        put(p, f, P)
+        put(v, f, times(R, add(three(table, row, place + 6), cross(spin, r))))
+        put(w, f, spin)
 
 
 @kernel

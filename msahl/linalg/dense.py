@@ -117,6 +117,6 @@ def is_astray(system: System, guess: float, step: float) -> bool:
     if step <= FAR * guess:
         return False
     longest = 0.0
-    for b in range(system.bodies.length.size):
-        longest = max(longest, system.bodies.length[b])
+    for b in range(system.frames.length.size):
+        longest = max(longest, system.frames.length[b])
     return not step <= FAR * (guess + longest)

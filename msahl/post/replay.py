@@ -13,7 +13,8 @@ import numpy as np
 from msahl.algebra.vector import at, put
 from msahl.elements.along import Along, AlongStart
 from msahl.elements.constraints import coordinates
-from msahl.elements.rigid_body import Bodies, BodyStart, energy, recall
+from msahl.elements.frames import FramesWorkspace
+from msahl.elements.rigid_body import RigidBodies, energy, read_states
 from msahl.jit.compiled import compiled
 from msahl.jit.kernel import kernel
 from msahl.model import Model
@@ -70,7 +71,7 @@ def observe(run: Run) -> Rows:
         elastic,
         _sizes(system, violation, holonomic, elements),
         _sizes(system, rate, used, elements),
-        float(system.bodies.length[:n].max()),
+        float(system.frames.length[:n].max()),
         history,
     )
 
@@ -127,13 +128,13 @@ def _observe_rows(
     elastic: np.ndarray,
 ) -> None:
     for row in range(table.shape[0]):
-        recall(system.bodies, table, row, state.x, state.p, state.v, state.w)
+        read_states(system.bodies, table, row, state.x, state.p, state.v, state.w)
         h = time[row] - state.time[0] if row else 0.0
         state.time[0] = time[row]
         # The rates of the row before are in ``start`` until they are observed anew.
         _expect(system.along, start.along, state.angle, 0.5 * h)
         equations.prepare(system, state, start)
-        _count(system.along, start.along, start.bodies, state.angle, 0.5 * h)
+        _count(system.along, start.along, start.frames, state.angle, 0.5 * h)
         equations.observe(system, state, start, violation[row], rate[row])
         elastic[row] = _elastic(system.along, start.along)
         for b in range(state.x.shape[0]):
@@ -154,7 +155,7 @@ def _expect(along: Along | None, start: AlongStart, angle: np.ndarray, h: float)
 
 @kernel
 def _count(
-    along: Along | None, start: AlongStart, bodies: BodyStart, angle: np.ndarray, h: float
+    along: Along | None, start: AlongStart, frames: FramesWorkspace, angle: np.ndarray, h: float
 ) -> None:
     """Count the angles on to those of the prepared row.
 
@@ -163,7 +164,7 @@ def _count(
     if along is None:
         return
     coordinates.slopes(along.quantities, start.quantities)
-    coordinates.rates(along.quantities, start.quantities, bodies.v, bodies.W, start.rate)
+    coordinates.rates(along.quantities, start.quantities, frames.v, frames.W, start.rate)
     _expect(along, start, angle, h)
     coordinates.count_turns(along.quantities, start.quantities, angle)
 
@@ -180,7 +181,9 @@ def _elastic(along: Along | None, start: AlongStart) -> float:
 
 
 @kernel
-def _energies(bodies: Bodies, history: History, rest: np.ndarray, energies: np.ndarray) -> None:
+def _energies(
+    bodies: RigidBodies, history: History, rest: np.ndarray, energies: np.ndarray
+) -> None:
     # One law, asked twice: of the body as if it did not turn, and as if it did not move.
     for row in range(history.x.shape[0]):
         x, v, w = history.x[row], history.v[row], history.w[row]

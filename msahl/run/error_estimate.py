@@ -318,16 +318,16 @@ def unresolved_friction(integrator: SubsystemIntegrator, h: float, t_final: floa
     system, reaction = integrator.workspace.system, integrator.workspace.state.reaction
     if system.along is None:
         return 0.0
-    frictions, quantities, bodies = system.along.frictions, system.along.quantities, system.bodies
+    frictions, quantities, frames = system.along.frictions, system.along.quantities, system.frames
     worst = 0.0
     for f, q in enumerate(frictions.quantity):
         first = quantities.first[q]
         pair = [quantities.measures.a[first], quantities.measures.b[first]]
-        moving = [b for b in pair if bodies.inverse_mass[b] > 0.0]
+        moving = [b for b in pair if frames.inverse_mass[b] > 0.0]
         angular = quantities.kind[q] == ANGLE
-        length = float(bodies.length[moving].max()) if angular else 1.0
+        length = float(frames.length[moving].max()) if angular else 1.0
         press = float(np.linalg.norm(reaction[frictions.joint[f], :3])) * frictions.lever[f]
-        change = h * press * bodies.inverse_mass[moving].max() / length**2
+        change = h * press * frames.inverse_mass[moving].max() / length**2
         if change > frictions.width[f]:
             worst = max(worst, 0.5 * float(frictions.width[f]) * length * t_final)
     return worst
@@ -347,7 +347,7 @@ class ErrorEstimate:
         accuracy: float | None,
     ) -> None:
         self.companion, self.accuracy = companion, accuracy
-        self.lengths = [r.workspace.system.bodies.length[:-1] for r in integrators]
+        self.lengths = [r.workspace.system.frames.length[:-1] for r in integrators]
         self.columns = [_reaction_kinds(r.model) for r in integrators]
         # Means over steps have nothing to be compared with in a scheme of higher order.
         self.compared = (

@@ -104,7 +104,7 @@ def _island(integrator: SubsystemIntegrator, alone: bool) -> Iterator[str]:
     flying = [
         body.name
         for body, ballistic in zip(
-            integrator.model.bodies, scene.system.bodies.ballistic, strict=False
+            integrator.model.bodies, scene.system.frames.ballistic, strict=False
         )
         if ballistic
     ]

@@ -748,7 +748,7 @@ class _Run:
     @property
     def _length(self) -> float:
         """Length of the longest body [m]."""
-        return max(float(r.workspace.system.bodies.length[:-1].max()) for r in self.integrators)
+        return max(float(r.workspace.system.frames.length[:-1].max()) for r in self.integrators)
 
     @property
     def size(self) -> float:
@@ -816,13 +816,14 @@ def _energy_scale(integrator: SubsystemIntegrator, t_final: float) -> float:
     """What energies are to be compared with [J]: the work of gravity and of the loads over the
     bodies' own lengths, and the kinetic energy of bodies that go by these within the run.
     """
-    bodies = integrator.workspace.system.bodies
-    moving = bodies.inverse_mass > 0.0
-    mass, length = 1.0 / bodies.inverse_mass[moving], bodies.length[moving]
+    system = integrator.workspace.system
+    frames = system.frames
+    moving = frames.inverse_mass > 0.0
+    mass, length = 1.0 / frames.inverse_mass[moving], frames.length[moving]
     loads = integrator.workspace.system.loads
     force, moment = (np.linalg.norm(of, axis=1) for of in (loads.f, loads.m))
-    work = np.linalg.norm(bodies.gravity) * (mass @ length) + moment.sum()
-    work += force @ bodies.length[loads.body]
+    work = np.linalg.norm(system.bodies.gravity) * (mass @ length) + moment.sum()
+    work += force @ frames.length[loads.body]
     return float(work + mass @ (length / t_final) ** 2)
 
 
@@ -830,7 +831,7 @@ def _work_of_reactions(integrator: SubsystemIntegrator) -> float:
     """Work of the joints' reactions over the longest body's length and over one radian [J]."""
     reaction, length = (
         integrator.workspace.state.reaction,
-        integrator.workspace.system.bodies.length[:-1].max(),
+        integrator.workspace.system.frames.length[:-1].max(),
     )
     return float(np.abs(reaction[:, :3]).sum() * length + np.abs(reaction[:, 3:]).sum())
 
@@ -871,7 +872,7 @@ def _assembly_warnings(integrator: SubsystemIntegrator) -> list[str]:
 
 def _velocity_warnings(integrator: SubsystemIntegrator) -> list[str]:
     change, dt = integrator.change, integrator.model.simulation.dt
-    length = float(integrator.workspace.system.bodies.length.max())
+    length = float(integrator.workspace.system.frames.length.max())
     if change.method == "none" or change.rate * dt <= WORTH_TELLING * length:
         return []
     if change.method == "asGiven":

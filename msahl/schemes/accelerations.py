@@ -14,6 +14,7 @@ import numpy as np
 
 from msahl.algebra.vector import add, at, copy, matrix_at, put, scale, times, transpose
 from msahl.elements import along
+from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
 from msahl.elements.reactions import MOST_ROUNDS, stands
 from msahl.elements.reactions import publish as publish_reactions
 from msahl.jit.kernel import apart, kernel
@@ -84,7 +85,7 @@ def solve(instant: Instant) -> None:
 @kernel
 def react(system: System, state: State, start: Start, instant: Instant) -> None:
     """Set the state's multipliers and reactions from the ``solution``."""
-    first = 2 * system.bodies.inverse_mass.size
+    first = first_multiplier(system.frames)
     for k in range(state.force.shape[0]):
         for i in range(3):
             state.force[k, i] = instant.solution[first + k, i] * system.unit[k, i]
@@ -121,7 +122,7 @@ def undo(
     system: System, state: State, start: Start, violation: np.ndarray, instant: Instant
 ) -> None:
     """Set the ``solution`` to the least change by mass that takes away the ``gap`` (k, 3) [m]."""
-    first = 2 * system.bodies.inverse_mass.size
+    first = first_multiplier(system.frames)
     free(system, state, start, instant)
     for node in range(instant.rows.shape[0]):
         for i in range(3):
@@ -141,17 +142,17 @@ def keep_closed(
     """Change the velocities, least by mass, so that no joint opens; ``gap`` and ``rate`` (k, 3) are
     set to the gaps [m] and what is left of their rates.
     """
-    bodies = system.bodies
+    frames = system.frames
     for _ in range(rounds(system)):
         equations.observe(system, state, start, violation, rate)
         along.in_metres(system.along, violation, rate)
         undo(system, state, start, rate, instant)
-        for b in range(bodies.inverse_mass.size - 1):
-            R = matrix_at(start.bodies.R, b)
-            dW = scale(1.0 / bodies.length[b], at(instant.solution, 2 * b + 1))
-            put(state.v, b, add(at(state.v, b), at(instant.solution, 2 * b)))
+        for b in range(moving_count(frames)):
+            R = matrix_at(start.frames.R, b)
+            dW = scale(1.0 / frames.length[b], at(instant.solution, rotation_node(frames, b)))
+            put(state.v, b, add(at(state.v, b), at(instant.solution, displacement_node(frames, b))))
             put(state.w, b, add(at(state.w, b), times(transpose(R), dW)))
-        along.motion_work(system.along, bodies, state.time[0], 1.0, instant.solution, state.work)
+        along.motion_work(system.along, frames, state.time[0], 1.0, instant.solution, state.work)
         equations.prepare(system, state, start)
 
 

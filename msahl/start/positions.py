@@ -12,9 +12,10 @@ import numpy as np
 from msahl.algebra.rotation import compose, from_step_turn
 from msahl.algebra.vector import at, scale
 from msahl.elements import along
+from msahl.elements.frames import first_multiplier, frame_count, moving_count, rotation_node
 from msahl.schemes.midpoint import equations
 from msahl.start.velocities import StartError, solve_at_rest
-from msahl.system.arrays import State, System, body_count, new_start, node_count
+from msahl.system.arrays import State, System, new_start, node_count
 from msahl.system.reductions import all_unknowns
 from msahl.system.unknowns import choose
 
@@ -33,20 +34,21 @@ class Assembled(NamedTuple):
 
 def assemble(system: System, state: State) -> Assembled:
     """Change ``state.x`` and ``state.p`` until no joint has a gap; raises ``StartError``."""
-    n = body_count(system)
+    frames = system.frames
+    n = moving_count(frames)
     unknowns = choose(system, all_unknowns(system))
     x0, p0 = state.x.copy(), state.p.copy()
-    length = max(float(system.bodies.length.max()), float(np.abs(state.x).max()))
+    length = max(float(system.frames.length.max()), float(np.abs(state.x).max()))
     given = violation = _largest_gap(system, state)
     for _ in range(MAX_ITERATIONS):
         if violation <= CLOSED * length:
             break
         rows = np.zeros((node_count(system), 3))
-        rows[2 * n :] = -_gaps(system, state)
+        rows[first_multiplier(frames) :] = -_gaps(system, state)
         step = solve_at_rest(system, state, rows, unknowns)
-        state.x[:] += step[0 : 2 * n : 2]
-        for b in range(n):
-            Q = scale(1.0 / system.bodies.length[b], at(step, 2 * b + 1))
+        state.x[:] += step[frames.displacement]
+        for b in range(frame_count(frames)):
+            Q = scale(1.0 / frames.length[b], at(step, rotation_node(frames, b)))
             state.p[b] = compose(from_step_turn(Q), at(state.p, b))
         violation = _largest_gap(system, state)
     if not violation <= 1e3 * CLOSED * length:
@@ -54,8 +56,8 @@ def assemble(system: System, state: State) -> Assembled:
             f"the joints cannot be closed: {violation:.3g} m of {given:.3g} m remain; give "
             "positions nearer to a closed scene, or check lengths and axes"
         )
-    turns = [_turn(at(p0, b), at(state.p, b)) for b in range(n - 1)]
-    return Assembled(given, np.linalg.norm(state.x - x0, axis=1)[: n - 1], np.array(turns))
+    turns = [_turn(at(p0, b), at(state.p, b)) for b in range(n)]
+    return Assembled(given, np.linalg.norm(state.x - x0, axis=1)[:n], np.array(turns))
 
 
 def _gaps(system: System, state: State) -> np.ndarray:

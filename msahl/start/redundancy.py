@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from msahl.elements.constraints import coordinates
+from msahl.elements.frames import first_multiplier
 from msahl.schemes.midpoint import equations
 from msahl.start.velocities import jacobian_at_rest, solve_sparse
-from msahl.system.arrays import State, System, body_count, multiplier_count, new_start, node_count
+from msahl.system.arrays import State, System, multiplier_count, new_start, node_count
 from msahl.system.names import FORCE_COLUMNS, LOAD_COLUMN, MOMENT_COLUMNS
 from msahl.system.reductions import all_unknowns
 from msahl.system.unknowns import Unknowns, choose
@@ -43,7 +44,7 @@ def constraint_matrix(system: System, state: State) -> "csr_array":
     from scipy.sparse import coo_array
 
     values = jacobian_at_rest(system, state).reshape(-1, 3, 3)
-    first = 2 * body_count(system)
+    first = first_multiplier(system.frames)
     row, column = system.blocks.T
     chosen = np.flatnonzero((row >= first) & (column < first))
     i, j = np.broadcast_arrays(
@@ -111,14 +112,14 @@ def _components(system: System, state: State, null: np.ndarray) -> np.ndarray:
     if system.along:
         rows = system.along.rows
         unit[rows.place[:, 0], rows.place[:, 1]] = rows.scale
-        coordinates.evaluate(system.along.quantities, start.along.quantities, system.bodies, Z)
+        coordinates.evaluate(system.along.quantities, start.along.quantities, system.frames, Z)
     squares = np.zeros_like(state.reaction)
     for vector in null:
         held = rest._replace(force=vector * unit)
         equations.react(system, held, start, Z)
         squares += held.reaction**2
     sizes = np.sqrt(squares)
-    sizes[:, 3:] /= system.bodies.length[system.reactions.child, None]
+    sizes[:, 3:] /= system.frames.length[system.reactions.child, None]
     sizes[~system.shown.moment, 3:] = 0.0
     return sizes
 

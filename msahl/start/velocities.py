@@ -19,11 +19,11 @@ import numpy as np
 
 from msahl.elements import along, reactions
 from msahl.elements.constraints import coordinates
+from msahl.elements.frames import first_multiplier, moving_count
 from msahl.elements.reactions import MOST_ROUNDS
 from msahl.linalg import sparse_lu
 from msahl.schemes.midpoint import equations
-from msahl.system.arrays import Start, State, System, body_count, new_start, node_count
-from msahl.system.reductions import TURNS
+from msahl.system.arrays import Start, State, System, new_start, node_count
 from msahl.system.unknowns import Unknowns, choose
 
 CONSISTENT = 1e-12
@@ -65,11 +65,11 @@ def make_consistent(
     inconsistent velocities raise ``StartError``, as do those that cannot be mended (two motions at
     odds).
     """
-    n = system.bodies.inverse_mass.size - 1
+    n = moving_count(system.frames)
     start = new_start(system, state)
     v0, w0 = state.v.copy(), state.w.copy()
     given = _largest(_gap_rate(system, state, start))
-    speed = max(np.abs(v0).max(), (np.abs(start.bodies.W) * system.bodies.length[:, None]).max())
+    speed = max(np.abs(v0).max(), (np.abs(start.frames.W) * system.frames.length[:, None]).max())
     near = CONSISTENT * max(speed, given)
     method = "none"
     if given > near and wish == "asGiven":
@@ -94,7 +94,7 @@ def make_consistent(
                 f"no velocities satisfy all joints and motions: {left:.3g} m/s are left over; "
                 "look for motions that contradict each other or the joints at t = 0"
             )
-    R = start.bodies.R
+    R = start.frames.R
     dw = np.einsum("bij,bj->bi", R, state.w - w0)
     return VelocityChange(method, given, (state.v - v0)[:n], dw[:n])
 
@@ -106,15 +106,15 @@ def solve_accelerations(system: System, state: State, unknowns: Unknowns) -> Non
     """
     start = new_start(system, state)
     rows, Z = np.zeros((2, node_count(system), 3))
-    n = body_count(system)
+    frames = system.frames
     for _ in range(MOST_ROUNDS):
         last = state.reaction.copy()
         equations.prepare(system, state, start)
         equations.free_acceleration(system, state, start, Z, rows)
         solution = solve_at_rest(system, state, rows, unknowns)
-        state.a[:] = solution[0 : 2 * n : 2]
-        state.alpha[:] = solution[1 : 2 * n : 2] / system.bodies.length[:, None]
-        state.force[:] = solution[2 * n :] * system.unit
+        state.a[:] = solution[frames.displacement]
+        state.alpha[:] = solution[frames.rotation] / frames.length[:, None]
+        state.force[:] = solution[first_multiplier(frames) :] * system.unit
         equations.react(system, state, start, Z)
         if not along.rubs(system.along) or reactions.stands(state.reaction, last):
             break
@@ -137,20 +137,19 @@ def _gap_rate(system: System, state: State, start: Start) -> np.ndarray:
 def _translations(system: System, free: np.ndarray) -> np.ndarray:
     """The free unknowns without the bodies' turns."""
     node = free // 3
-    turns = (node < 2 * system.bodies.inverse_mass.size) & (node % 2 == TURNS)
-    translations: np.ndarray = free[~turns]
+    translations: np.ndarray = free[~np.isin(node, system.frames.rotation)]
     return translations
 
 
 def _project(system: System, state: State, start: Start, unknowns: Unknowns) -> None:
     """Change the velocities among ``unknowns``, least by mass, so that the gap rate is 0."""
     rows = np.zeros((node_count(system), 3))
-    n = system.bodies.inverse_mass.size
-    rows[2 * n :] = -_gap_rate(system, state, start)
+    frames = system.frames
+    rows[first_multiplier(frames) :] = -_gap_rate(system, state, start)
     change = solve_at_rest(system, state, rows, unknowns)
-    state.v[:] += change[0 : 2 * n : 2]
-    dW = change[1 : 2 * n : 2] / system.bodies.length[:, None]
-    state.w[:] += np.einsum("bji,bj->bi", start.bodies.R, dW)
+    state.v[:] += change[frames.displacement]
+    dW = change[frames.rotation] / frames.length[:, None]
+    state.w[:] += np.einsum("bji,bj->bi", start.frames.R, dW)
 
 
 def jacobian_at_rest(system: System, state: State) -> np.ndarray:
@@ -160,14 +159,14 @@ def jacobian_at_rest(system: System, state: State) -> np.ndarray:
     equations.prepare(system, rest, start)
     values, Z = np.zeros_like(system.constant), np.zeros((node_count(system), 3))
     if system.along:
-        coordinates.evaluate(system.along.quantities, start.along.quantities, system.bodies, Z)
+        coordinates.evaluate(system.along.quantities, start.along.quantities, system.frames, Z)
     equations.joint_jacobian(system, start, np.sqrt(2.0), Z, values)
     return values
 
 
 def solve_at_rest(system: System, state: State, rows: np.ndarray, unknowns: Unknowns) -> np.ndarray:
     """Solve with the Jacobian at rest in the ``unknowns``; (nodes, 3), zero elsewhere."""
-    values, first = jacobian_at_rest(system, state), 6 * body_count(system)
+    values, first = jacobian_at_rest(system, state), 3 * first_multiplier(system.frames)
     solution = np.zeros_like(rows)
     solution.reshape(-1)[unknowns.free] = _solve(values, rows.reshape(-1), unknowns, first)
     return solution

@@ -12,6 +12,7 @@ import numpy as np
 from msahl.algebra.rotation import compose, from_step_turn
 from msahl.algebra.vector import add, at, matrix_at, put, scale, times, transpose
 from msahl.elements import along, rigid_body
+from msahl.elements.frames import displacement, first_multiplier, moving_count, rotation_increment
 from msahl.jit.compiled import compiled
 from msahl.jit.kernel import kernel
 from msahl.model import Model
@@ -77,9 +78,9 @@ def _rates(system: System, start: Start, room: Instant, y: np.ndarray, dy: np.nd
         k = SIZE * b
         e0, e1, e2, e3 = y[k + 3], y[k + 4], y[k + 5], y[k + 6]
         w1, w2, w3 = y[k + 10], y[k + 11], y[k + 12]
-        turn = scale(1.0 / system.bodies.length[b], at(room.solution, 2 * b + 1))
-        alpha = times(transpose(matrix_at(start.bodies.R, b)), turn)
-        a = at(room.solution, 2 * b)
+        turn = rotation_increment(system.frames, room.solution, b)
+        alpha = times(transpose(matrix_at(start.frames.R, b)), turn)
+        a = displacement(system.frames, room.solution, b)
         dy[k + 3] = -0.5 * (e1 * w1 + e2 * w2 + e3 * w3)
         dy[k + 4] = 0.5 * (e0 * w1 + e2 * w3 - e3 * w2)
         dy[k + 5] = 0.5 * (e0 * w2 + e3 * w1 - e1 * w3)
@@ -114,7 +115,7 @@ def _open(
     _prepare(system, state, start)
     accelerations.free(system, state, start, room)
     equations.observe(system, state, start, violation, rate)
-    first = 2 * system.bodies.inverse_mass.size
+    first = first_multiplier(system.frames)
     for node in range(room.rows.shape[0]):
         for i in range(3):
             if node < first:
@@ -127,19 +128,19 @@ def _open(
 @kernel
 def _move(system: System, state: State, room: Instant) -> None:
     """Displace and turn the bodies by the solution."""
-    for b in range(system.bodies.inverse_mass.size - 1):
-        turn = scale(1.0 / system.bodies.length[b], at(room.solution, 2 * b + 1))
-        put(state.x, b, add(at(state.x, b), at(room.solution, 2 * b)))
+    for b in range(moving_count(system.frames)):
+        turn = rotation_increment(system.frames, room.solution, b)
+        put(state.x, b, add(at(state.x, b), displacement(system.frames, room.solution, b)))
         put(state.p, b, compose(from_step_turn(turn), at(state.p, b)))
 
 
 @kernel
 def _push(system: System, state: State, start: Start, room: Instant) -> None:
     """Change the velocities by the solution."""
-    for b in range(system.bodies.inverse_mass.size - 1):
-        turn = scale(1.0 / system.bodies.length[b], at(room.solution, 2 * b + 1))
-        put(state.v, b, add(at(state.v, b), at(room.solution, 2 * b)))
-        spin = times(transpose(matrix_at(start.bodies.R, b)), turn)
+    for b in range(moving_count(system.frames)):
+        turn = rotation_increment(system.frames, room.solution, b)
+        put(state.v, b, add(at(state.v, b), displacement(system.frames, room.solution, b)))
+        spin = times(transpose(matrix_at(start.frames.R, b)), turn)
         put(state.w, b, add(at(state.w, b), spin))
 
 
@@ -151,7 +152,7 @@ def _publish_rows(
     for row in range(ys.shape[0]):
         _unpack(ys[row], state)
         equations.prepare(system, state, start)
-        rigid_body.publish(system.bodies, state.x, state.p, start.bodies, state.w, table, row)
+        rigid_body.write_states(system.bodies, state.x, state.p, start.frames, state.w, table, row)
 
 
 @kernel
@@ -167,7 +168,7 @@ def _recall(
     """Set ``forces`` (m, j, 3) to the joints' forces of the published states in ``table``."""
     for row in range(times.size):
         state.time[0] = times[row]
-        rigid_body.recall(system.bodies, table, row, state.x, state.p, state.v, state.w)
+        rigid_body.read_states(system.bodies, table, row, state.x, state.p, state.v, state.w)
         _prepare(system, state, start)
         accelerations.accelerate(system, state, start, room)
         for j in range(forces.shape[1]):

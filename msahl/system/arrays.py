@@ -17,8 +17,9 @@ from msahl.elements.constraints.coordinates import MOST, Quantities, QuantitySta
 from msahl.elements.constraints.products import MeasureStart
 from msahl.elements.forces.concentrated import ConcentratedLoads, ConcentratedStart
 from msahl.elements.forces.drag import Drags
+from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.elements.reactions import Reactions, Shown
-from msahl.elements.rigid_body import Bodies, BodyStart
+from msahl.elements.rigid_body import STATE_SIZE, RigidBodies, RigidBodiesWorkspace
 from msahl.model.scheme import Decay
 
 
@@ -34,7 +35,8 @@ class Multipliers(NamedTuple):
 class System(NamedTuple):
     """Constant data of a scene of n bodies; array fields are read-only by convention."""
 
-    bodies: Bodies
+    frames: Frames
+    bodies: RigidBodies
     coincide: Coincide
     along: Along | None
     reactions: Reactions
@@ -90,7 +92,8 @@ class Tables(NamedTuple):
 class Start(NamedTuple):
     """What the step's equations need of its start, in inertial axes; made by ``prepare``."""
 
-    bodies: BodyStart
+    frames: FramesWorkspace
+    bodies: RigidBodiesWorkspace
     coincide: CoincideStart
     along: AlongStart  # None where the system's is
     loads: ConcentratedStart
@@ -98,14 +101,9 @@ class Start(NamedTuple):
     reaction_arms: np.ndarray  # (j, 3) from the children's mass centres to the joints [m]
 
 
-def body_count(system: System) -> int:
-    """Number of bodies, the ground included."""
-    return int(system.bodies.inverse_mass.size)
-
-
 def node_count(system: System) -> int:
     """Number of nodes: two a body (the ground included) and those of the multipliers."""
-    return 2 * body_count(system) + int(system.multipliers.node.size)
+    return first_multiplier(system.frames) + int(system.multipliers.node.size)
 
 
 def multiplier_count(system: System) -> int:
@@ -158,9 +156,8 @@ def new_start(system: System, state: State) -> Start:
         stretch=state.stretch,
     )
     return Start(
-        bodies=BodyStart(
-            *(np.zeros(matrices) for _ in range(2)), *(np.zeros(vectors) for _ in range(6))
-        ),
+        frames=FramesWorkspace(np.zeros(matrices), *(np.zeros(vectors) for _ in range(6))),
+        bodies=RigidBodiesWorkspace(np.zeros_like(system.bodies.inertia)),
         coincide=CoincideStart(np.zeros((k, 3)), np.zeros((k, 3)), state.violation),
         along=along,  # type: ignore[arg-type]
         loads=ConcentratedStart(
@@ -175,9 +172,9 @@ def new_start(system: System, state: State) -> Start:
 
 def new_tables(system: System, state: State, rows: int) -> Tables:
     """Room for ``rows`` rows of results."""
-    n, shown = body_count(system) - 1, system.shown
+    states, shown = STATE_SIZE * system.bodies.frame.size, system.shown
     reactions = int(np.where(shown.moment, 6, 3).sum()) + shown.load_row.size
     if system.along:
         reactions += int(np.count_nonzero(system.along.rows.law[shown.load_row] >= 0))
     work = state.work.size + len(set(shown.elastic.tolist()))
-    return Tables(*(np.zeros((rows, width)) for width in (12 * n, reactions, work)))
+    return Tables(*(np.zeros((rows, width)) for width in (states, reactions, work)))

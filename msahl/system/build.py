@@ -16,8 +16,9 @@ from msahl.elements.forces.concentrated import ConcentratedLoads
 from msahl.elements.forces.drag import Drags
 from msahl.elements.forces.friction import Frictions
 from msahl.elements.forces.spring import Springs
+from msahl.elements.frames import NODES, Frames, displacement_node, first_multiplier, rotation_node
 from msahl.elements.reactions import Reactions, Shown
-from msahl.elements.rigid_body import Bodies
+from msahl.elements.rigid_body import STATE_SIZE, RigidBodies
 from msahl.joints.joint import (
     CHILD,
     GROUND,
@@ -80,7 +81,6 @@ class _Builder:
         self.index = body_index(model)
         self.ground = len(model.bodies)
         self.r_BG = [*(body.r_BG for body in model.bodies), ZERO]
-        self.blocks = Blocks(self.ground)
         self.joints = {joint.name: joint for joint in model.joints}
         self.arms: list[list[float]] = [[] for _ in range(self.ground + 1)]
         self.measures: list[tuple[Any, ...]] = []
@@ -105,15 +105,18 @@ class _Builder:
             self._motion(first + i, len(model.loads) + i, motion)
         for column, load in enumerate(model.loads):
             self._load(column, load)
+        self.frames = self._frames()
+        self.blocks = Blocks(self.frames)
 
     def system(self) -> System:
         """Everything as arrays."""
-        bodies = self._bodies()
+        frames, bodies = self.frames, self._bodies()
         nodes = self._place_multipliers()
-        coincide = self._coincide(bodies)
+        coincide = self._coincide(frames)
         loads, drags = self._concentrated(), self._drags()
-        along = self._along(bodies) if self.quantities else None
+        along = self._along(frames) if self.quantities else None
         return System(
+            frames=frames,
             bodies=bodies,
             coincide=coincide,
             along=along,
@@ -133,11 +136,11 @@ class _Builder:
             constant=self.blocks.constant_values(),
         )
 
-    def _along(self, bodies: Bodies) -> Along:
+    def _along(self, frames: Frames) -> Along:
         quantities = self._quantities()
         return Along(
             quantities=quantities,
-            rows=self._rows(bodies),
+            rows=self._rows(frames),
             springs=_group(Springs, self.springs, "qfffffqf"),
             frictions=_group(Frictions, self.frictions, "qqff"),
             laws=build_laws(self.laws),
@@ -276,27 +279,45 @@ class _Builder:
         self.springs.append((quantity, stiffness, damping, origin, free, preload, table, lag))
         self.columns["springs"].append(column)
 
-    def _bodies(self) -> Bodies:
+    def _frames(self) -> Frames:
+        """One frame for each rigid body, at its mass centre, and the ground."""
         model, n = self.model, self.ground
-        inertia = np.zeros((n + 1, 3, 3))
-        inertia[:n] = [body.inertia for body in model.bodies]
         for load in model.loads:
             if isinstance(load, ConcentratedLoad | Drag):
                 self._point(self.index[load.body], load.point)
-        places = [self.blocks.place(2 * b + 1, 2 * b + 1) for b in range(n + 1)]
-        for b in range(n):
-            self.blocks.constant(2 * b, 2 * b, 1.0)
         lengths = [_length(body, arms) for body, arms in zip(model.bodies, self.arms, strict=False)]
-        return Bodies(
+        count = n + 1
+        return Frames(
+            displacement=NODES * np.arange(count, dtype=np.int64),
+            rotation=NODES * np.arange(count, dtype=np.int64) + 1,
+            of_node=np.repeat(np.arange(count, dtype=np.int64), NODES),
+            rotates=np.tile([False, True], count),
+            owner=np.array([*range(n), -1], dtype=np.int64),
             inverse_mass=np.array([1.0 / body.mass for body in model.bodies] + [0.0]),
-            inertia=inertia,
-            r_BG=np.array(self.r_BG),
             length=np.array([*lengths, 1.0]),
             exponential=is_exponential(model) or None,
             ballistic=np.array([*(not arms for arms in self.arms[:n]), True]),
             moves=np.ones((2, 3)),
+        )
+
+    def _bodies(self) -> RigidBodies:
+        model, n, blocks = self.model, self.ground, self.blocks
+        nodes = [
+            (displacement_node(self.frames, b), rotation_node(self.frames, b)) for b in range(n)
+        ]
+        places = [blocks.place(rotation, rotation) for _, rotation in nodes]
+        for displacement, _ in nodes:
+            blocks.constant(displacement, displacement, 1.0)
+        return RigidBodies(
+            frame=np.arange(n, dtype=np.int64),
+            inverse_mass=np.array([1.0 / body.mass for body in model.bodies]),
+            inertia=np.array([body.inertia for body in model.bodies], dtype=float).reshape(
+                -1, 3, 3
+            ),
+            r_BG=_vectors(self.r_BG[:n]),
             gravity=np.array(model.gravity, dtype=float),
             block=np.array(places, dtype=np.int64),
+            column=STATE_SIZE * np.arange(n, dtype=np.int64),
         )
 
     def _place_multipliers(self) -> list[tuple[int, bool, set[int]]]:
@@ -322,16 +343,17 @@ class _Builder:
                 open_nodes[key] = (node, slot + 1)
         return nodes
 
-    def _coincide(self, bodies: Bodies) -> Coincide:
+    def _coincide(self, frames: Frames) -> Coincide:
         a = np.array([pair.a for _, pair in self.coincide], dtype=np.int64)
         b = np.array([pair.b for _, pair in self.coincide], dtype=np.int64)
-        mass = 1.0 / (bodies.inverse_mass[a] + bodies.inverse_mass[b])
-        first = 2 * bodies.inverse_mass.size
+        mass = 1.0 / (frames.inverse_mass[a] + frames.inverse_mass[b])
+        first = first_multiplier(frames)
         moment_by_turn, moment_by_force, gap_by_turn = np.zeros((3, a.size, 2), dtype=np.int64)
         for k, (_, pair) in enumerate(self.coincide):
             for side, (sign, body) in enumerate(zip((-1.0, 1.0), (pair.a, pair.b), strict=True)):
-                u, turn, node = 2 * body, 2 * body + 1, first + k
-                share = float(bodies.inverse_mass[body] * mass[k])
+                u, turn = displacement_node(frames, body), rotation_node(frames, body)
+                node = first + k
+                share = float(frames.inverse_mass[body] * mass[k])
                 self.blocks.constant(u, node, -sign * share)
                 self.blocks.constant(node, u, sign)
                 moment_by_turn[k, side] = self.blocks.place(turn, turn)
@@ -353,7 +375,7 @@ class _Builder:
         sizes = [len(quantity.products) for quantity, _ in self.quantities]
         blocks = [
             [self.blocks.place(row, column) for row in parts for column in parts]
-            for parts in (_parts(quantity, pair) for quantity, pair in self.quantities)
+            for parts in (_parts(self.frames, quantity, pair) for quantity, pair in self.quantities)
         ]
         columns = list(zip(*self.measures, strict=True)) or [()] * len(Measures._fields)
         vectors = dict(zip(Measures._fields, columns, strict=True))
@@ -369,22 +391,22 @@ class _Builder:
             block=np.array(blocks, dtype=np.int64).reshape(-1, PARTS * PARTS),
         )
 
-    def _rows(self, bodies: Bodies) -> Rows:
-        count, first = len(self.rows), 2 * bodies.inverse_mass.size
+    def _rows(self, frames: Frames) -> Rows:
+        count, first = len(self.rows), first_multiplier(frames)
         force_block, gap_block = np.zeros((2, count, 2, PARTS), dtype=np.int64)
         mass, lengths = np.zeros(count), np.ones(count)
         for r, row in enumerate(self.rows):
             node = first + row["place"][0]
             for side, q in enumerate(row["quantity"]):
                 if q >= 0:
-                    parts = _parts(*self.quantities[q])
+                    parts = _parts(frames, *self.quantities[q])
                     force_block[r, side] = [self.blocks.place(part, node) for part in parts]
                     gap_block[r, side] = [self.blocks.place(node, part) for part in parts]
             pair = self.quantities[row["quantity"][0]][1]
             moving = [body for body in (pair.a, pair.b) if body != self.ground]
-            mass[r] = 1.0 / sum(bodies.inverse_mass[body] for body in moving)
+            mass[r] = 1.0 / sum(frames.inverse_mass[body] for body in moving)
             if row["angular"]:
-                lengths[r] = max(bodies.length[body] for body in moving)
+                lengths[r] = max(frames.length[body] for body in moving)
 
         def integers(key: str, width: int = 0) -> np.ndarray:
             values = np.array([row[key] for row in self.rows], dtype=np.int64)
@@ -425,8 +447,9 @@ class _Builder:
         )
         place = self.blocks.place
         turning = np.stack([body, f_axes, m_axes], axis=1).tolist()
-        moment_by_turn = [[place(2 * t[0] + 1, 2 * c + 1) for c in t] for t in turning]
-        force_by_turn = [place(2 * b, 2 * c + 1) for b, c, _ in turning]
+        rotation = self.frames.rotation
+        moment_by_turn = [[place(rotation[t[0]], rotation[c]) for c in t] for t in turning]
+        force_by_turn = [place(self.frames.displacement[b], rotation[c]) for b, c, _ in turning]
         arms = [sub(load.point, self.r_BG[self.index[load.body]]) for load in loads]
         return ConcentratedLoads(
             body=body,
@@ -444,12 +467,10 @@ class _Builder:
         drags = [load for load in self.model.loads if isinstance(load, Drag)]
         body = [self.index[load.body] for load in drags]
         blocks = [
-            [
-                self.blocks.place(row, column)
-                for row in (2 * b, 2 * b + 1)
-                for column in (2 * b, 2 * b + 1)
-            ]
-            for b in body
+            [self.blocks.place(row, column) for row in nodes for column in nodes]
+            for nodes in zip(
+                self.frames.displacement[body], self.frames.rotation[body], strict=True
+            )
         ]
         arms = [sub(load.point, self.r_BG[b]) for load, b in zip(drags, body, strict=True)]
         return Drags(
@@ -477,7 +498,7 @@ class _Builder:
         return unit
 
     def _multipliers(self, nodes: list[tuple[int, bool, set[int]]]) -> Multipliers:
-        first = 2 * (self.ground + 1)
+        first = first_multiplier(self.frames)
         if self.relaxation:
             for node in range(first, first + len(nodes)):
                 self.blocks.constant(node, node, -self.relaxation)
@@ -497,11 +518,12 @@ def _measure(product: Product, pair: _Pair, ground: int) -> tuple[Any, ...]:
     return product.kind, pair.a, pair.b, owner, product.n, s_a, pair.s_b, product.e
 
 
-def _parts(quantity: Quantity, pair: _Pair) -> list[int]:
+def _parts(frames: Frames, quantity: Quantity, pair: _Pair) -> list[int]:
     """Nodes of the four parts; -1 for displacements that the quantity does not see."""
     seen = any(product.kind != DOT for product in quantity.products)
-    u_a, u_b = (2 * pair.a, 2 * pair.b) if seen else (-1, -1)
-    return [u_a, 2 * pair.a + 1, u_b, 2 * pair.b + 1]
+    u_a, u_b = frames.displacement[[pair.a, pair.b]] if seen else (-1, -1)
+    rotation_a, rotation_b = frames.rotation[[pair.a, pair.b]]
+    return [int(node) for node in (u_a, rotation_a, u_b, rotation_b)]
 
 
 def _bushing(bushing: Bushing) -> list[Quantity]:

@@ -19,6 +19,7 @@ import numpy as np
 
 from msahl.algebra.vector import at, dot, sub
 from msahl.elements import along
+from msahl.elements.frames import moving_count
 from msahl.jit.kernel import apart, kernel
 from msahl.schemes.midpoint import equations
 from msahl.system.arrays import Start, State, System
@@ -93,10 +94,10 @@ def look_at_bodies(
 ) -> None:
     """Fill in speed, turn, distance, way and local error, each of the body where it is largest."""
     speed, turn, distance, way, local = 0.0, 0.0, 0.0, 0.0, 0.0
-    for b in range(system.bodies.inverse_mass.size - 1):
-        v, W, x = at(start.bodies.v, b), at(start.bodies.W, b), at(state.x, b)
+    for b in range(moving_count(system.frames)):
+        v, W, x = at(start.frames.v, b), at(start.frames.W, b), at(state.x, b)
         a, alpha = at(state.a_trend[0], b), at(state.alpha_trend[0], b)
-        length = system.bodies.length[b]
+        length = system.frames.length[b]
         spin = math.sqrt(dot(W, W))
         angle = h * spin
         bend = math.sqrt(dot(a, a)) + length * math.sqrt(dot(alpha, alpha))

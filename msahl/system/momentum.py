@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.elements.frames import moving_count
 from msahl.system.arrays import Start, State, System
 
 
@@ -22,7 +23,7 @@ class Momentum(NamedTuple):
 
 def is_alone(system: System) -> bool:
     """Whether no joint, spring or motion ties the island to the ground and no load acts on it."""
-    ground = system.bodies.inverse_mass.size - 1
+    ground = moving_count(system.frames)
     ends = [system.coincide.a, system.coincide.b]
     if system.along is not None:
         ends += [system.along.quantities.measures.a, system.along.quantities.measures.b]
@@ -32,9 +33,10 @@ def is_alone(system: System) -> bool:
 
 def momentum(system: System, state: State, start: Start) -> Momentum:
     """Of the prepared ``state``."""
-    m = 1.0 / system.bodies.inverse_mass[:-1, None]
-    x, v, W = state.x[:-1], start.bodies.v[:-1], start.bodies.W[:-1]
-    spins = np.einsum("bij,bj->bi", start.bodies.J[:-1], W)
+    bodies = system.bodies
+    m = 1.0 / bodies.inverse_mass[:, None]
+    x, v, W = (motion[bodies.frame] for motion in (state.x, start.frames.v, start.frames.W))
+    spins = np.einsum("bij,bj->bi", start.bodies.J, W)
     x_M, v_M = (m * x).sum(axis=0) / m.sum(), (m * v).sum(axis=0) / m.sum()
     orbits = np.cross(x - x_M, m * (v - v_M))
     return Momentum(
@@ -47,7 +49,7 @@ def momentum(system: System, state: State, start: Start) -> Momentum:
 
 def drift(system: System, before: Momentum, now: Momentum, time: float) -> tuple[float, float]:
     """Parts of the linear and the angular momentum lost since ``before``, ``time`` [s] ago."""
-    impulse = system.bodies.gravity * (time / system.bodies.inverse_mass[:-1]).sum()
+    impulse = system.bodies.gravity * (time / system.bodies.inverse_mass).sum()
     linear = np.linalg.norm(now.P - before.P - impulse)
     angular = np.linalg.norm(now.L - before.L)
     P_size = max(before.P_size, now.P_size, float(np.linalg.norm(impulse)))

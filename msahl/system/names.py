@@ -1,5 +1,6 @@
 """Names of what the flat arrays hold: CSV columns, and rows of the equations for messages."""
 
+from msahl.elements.frames import first_multiplier
 from msahl.joints.registry import KINDS
 from msahl.model import Bushing, Joint, JointSpring, Model, SpringDamper, decays
 from msahl.model.scheme import WORKER
@@ -48,10 +49,11 @@ def work_columns(model: Model) -> list[str]:
 def describe_row(model: Model, system: System, index: int) -> str:
     """Row ``index`` of the flat equations in words."""
     node, axis = index // 3, "xyz"[index % 3]
-    k = node - 2 * (len(model.bodies) + 1)
+    frames = system.frames
+    k = node - first_multiplier(frames)
     if k < 0:
-        kind = "moment about" if node % 2 else "force along"
-        return f"body '{model.bodies[node // 2].name}', {kind} {axis}"
+        kind = "moment about" if frames.rotates[node] else "force along"
+        return f"body '{model.bodies[frames.owner[frames.of_node[node]]].name}', {kind} {axis}"
     elements = [*model.joints, *model.couplings, *model.motions]
     element = elements[int(system.multipliers.element[k])]
     what = f"gap along {axis}" if k < system.coincide.a.size else f"equation {index % 3 + 1}"

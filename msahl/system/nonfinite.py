@@ -43,7 +43,7 @@ def _parts(
         motion = np.stack([state.x[b], state.v[b], state.w[b], state.p[b]])
         weight = body.mass * system.bodies.gravity * state.x[b]
         # What moments are divided by.
-        inertia = body.mass * system.bodies.length[b] ** 2
+        inertia = body.mass * system.frames.length[b] ** 2
         size = np.array([inertia, 1.0 / inertia, 0.0])
         numbers = np.concatenate([motion, motion**2 * body.mass, np.stack([weight, size])])
         yield f"body '{body.name}'", numbers

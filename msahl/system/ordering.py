@@ -22,6 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
 from msahl.system.arrays import System
 
 
@@ -51,7 +52,7 @@ def eliminate(system: System, free: np.ndarray) -> Elimination:
 
 def _node_order(system: System) -> list[int]:
     """Nodes in order of elimination."""
-    ground = system.bodies.inverse_mass.size - 1
+    ground = moving_count(system.frames)
     elements = _elements(system, ground)
     of_body: list[list[int]] = [[] for _ in range(ground)]
     for e, (bodies, _, _) in elements.items():
@@ -70,9 +71,9 @@ def _node_order(system: System) -> list[int]:
         ready = [e for e in waiting if body in forced or gone.issuperset(elements[e][0])]
         tree = [e for e in ready if len(elements[e][0]) <= 2][:1]
         late = [e for e in waiting if e not in tree and gone.issuperset(elements[e][0])]
-        order.append(2 * body)
+        order.append(displacement_node(system.frames, body))
         order += [node for e in tree for node in elements[e][1]]
-        order.append(2 * body + 1)
+        order.append(rotation_node(system.frames, body))
         order += [node for e in tree for node in elements[e][2]]
         order += [node for e in late for part in elements[e][1:] for node in part]
         placed.update(tree, late)
@@ -106,7 +107,9 @@ def _neighbours(system: System, ground: int) -> list[set[int]]:
 
 def _forced(system: System, ground: int) -> list[tuple[int, int]]:
     """Pairs of bodies that a force couples."""
-    pairs = [(row // 2, column // 2) for row, column in system.blocks[1:].tolist()]
+    of_node, first = system.frames.of_node, first_multiplier(system.frames)
+    blocks = system.blocks[1:][(system.blocks[1:] < first).all(axis=1)]
+    pairs = of_node[blocks].tolist()
     return [(a, b) for a, b in pairs if max(a, b) < ground and a != b]
 
 

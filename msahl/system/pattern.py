@@ -2,12 +2,15 @@
 
 import numpy as np
 
+from msahl.elements.frames import Frames, displacement_node, ground_of, rotation_node
+
 
 class Blocks:
     """The Jacobian's pattern while it grows: a block's place by its row and column node."""
 
-    def __init__(self, ground: int) -> None:
-        self.ground = ground
+    def __init__(self, frames: Frames) -> None:
+        ground = ground_of(frames)
+        self.ground = {displacement_node(frames, ground), rotation_node(frames, ground)}
         self.starts: dict[tuple[int, int], int] = {(-1, -1): 0}
         self.constants: list[tuple[int, float]] = []
         self.varying: set[int] = set()
@@ -16,12 +19,12 @@ class Blocks:
         """Start of the block in the value array, to be filled in every step; 0 if it belongs to
         the ground or to nobody.
         """
-        start = self._start(row, column)
+        start = self._start(int(row), int(column))
         self.varying.add(start)
         return start
 
     def _start(self, row: int, column: int) -> int:
-        if {row, column} & {2 * self.ground, 2 * self.ground + 1} or min(row, column) < 0:
+        if {row, column} & self.ground or min(row, column) < 0:
             return 0
         return self.starts.setdefault((row, column), 9 * len(self.starts))
 

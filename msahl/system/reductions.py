@@ -19,10 +19,9 @@ import numpy as np
 from msahl.elements.constraints.coordinates import PLAIN, RADIUS, Quantities
 from msahl.elements.constraints.equations import Rows
 from msahl.elements.constraints.products import DOT, SLIDE, SLIP, Measures, MeasureStart
-from msahl.system.arrays import Start, System, body_count, node_count
+from msahl.elements.frames import first_multiplier, ground_of, moving_count
+from msahl.system.arrays import Start, System, node_count
 
-TURNS = 1
-"""Parity of the nodes that hold turns."""
 ROUND_OFF = 16 * np.finfo(float).eps
 """Component, relative to its vector's length, that is round-off: a vector carried from one frame to
 another by two matrices of rotation loses a few machine epsilons of its length."""
@@ -38,10 +37,10 @@ def plane_normal(system: System, start: Start) -> int | None:
 
 def _is_planar(system: System, start: Start, axis: int) -> bool:
     in_plane = [i for i in range(3) if i != axis]
-    ground = body_count(system) - 1
-    bodies, coincide = start.bodies, start.coincide
+    ground = ground_of(system.frames)
+    motion, coincide = start.frames, start.coincide
     # The loads' own size: a law may have let them vanish at t = 0.
-    R, loads = bodies.R, system.loads
+    R, loads = motion.R, system.loads
     arms = np.einsum("kij,kj->ki", R[loads.body], loads.s)
     forces = np.einsum("kij,kj->ki", R[loads.f_axes], loads.f)
     moments = np.einsum("kij,kj->ki", R[loads.m_axes], loads.m)
@@ -49,10 +48,11 @@ def _is_planar(system: System, start: Start, axis: int) -> bool:
     arms_a = coincide.r_a[system.coincide.a != ground]
     arms_b = coincide.r_b[system.coincide.b != ground]
     arms = arms[forces.any(axis=1)]
-    along = (system.bodies.gravity[None], bodies.v, arms_a, arms_b, forces, arms, start.drag_arms)
+    along = (system.bodies.gravity[None], motion.v, arms_a, arms_b, forces, arms, start.drag_arms)
     lies = all(_is_zero(a[:, [axis]], a) for a in along)
-    lies = lies and all(_is_zero(a[:, in_plane], a) for a in (bodies.W, moments))
-    lies = lies and _is_zero(bodies.J[:, axis, in_plane], bodies.J.reshape(-1, 9))
+    lies = lies and all(_is_zero(a[:, in_plane], a) for a in (motion.W, moments))
+    J = start.bodies.J
+    lies = lies and _is_zero(J[:, axis, in_plane], J.reshape(-1, 9))
     if system.along is None or not lies:
         return lies
     group, measures = system.along.quantities, start.along.quantities.measures
@@ -129,7 +129,7 @@ def _held(group: Quantities, measures: MeasureStart, axis: int) -> np.ndarray:
 def stay_in_plane(system: System, axis: int) -> System:
     """The system with every motion out of the plane across ``axis`` held at zero."""
     moves = np.array([np.arange(3) != axis, np.arange(3) == axis], dtype=float)
-    return system._replace(bodies=system.bodies._replace(moves=moves))
+    return system._replace(frames=system.frames._replace(moves=moves))
 
 
 def drop_rows(system: System, held: np.ndarray) -> System:
@@ -178,26 +178,28 @@ def all_unknowns(system: System) -> np.ndarray:
 
 def _all(system: System) -> np.ndarray:
     needed = np.zeros((node_count(system), 3), dtype=bool)
-    n = body_count(system)
-    needed[: 2 * n - 2] = True
-    needed[2 * n : 2 * n + system.coincide.a.size] = True
+    moving, first = slice(moving_count(system.frames)), first_multiplier(system.frames)
+    needed[system.frames.displacement[moving]] = True
+    needed[system.frames.rotation[moving]] = True
+    needed[first : first + system.coincide.a.size] = True
     if system.along:
         place = system.along.rows.place
-        needed[2 * n + place[:, 0], place[:, 1]] = True
+        needed[first + place[:, 0], place[:, 1]] = True
     return needed
 
 
 def needed_unknowns(system: System, start: Start, axis: int | None) -> np.ndarray:
     """(f,) the flat unknowns left to solve for; ``axis`` is the normal of a planar scene."""
-    n, k = body_count(system), int(system.coincide.a.size)
+    frames, k = system.frames, int(system.coincide.a.size)
+    first = first_multiplier(frames)
     needed = _all(system)
-    needed[0 : 2 * n : 2][system.bodies.ballistic] = False
+    needed[frames.displacement[frames.ballistic]] = False
     if axis is not None:
         normal = np.arange(3) == axis
-        needed[TURNS : 2 * n : 2] &= normal
-        needed[0 : 2 * n : 2] &= ~normal
-        needed[2 * n : 2 * n + k] &= ~normal
+        needed[frames.rotation] &= normal
+        needed[frames.displacement] &= ~normal
+        needed[first : first + k] &= ~normal
         if system.along:
             place = system.along.rows.place[symmetric_rows(system, start, axis)]
-            needed[2 * n + place[:, 0], place[:, 1]] = False
+            needed[first + place[:, 0], place[:, 1]] = False
     return np.flatnonzero(needed)

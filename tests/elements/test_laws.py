@@ -13,6 +13,7 @@ from msahl.deck import read
 from msahl.elements import rigid_body
 from msahl.elements.constraints import coincide
 from msahl.elements.forces import concentrated
+from msahl.elements.frames import first_multiplier
 from msahl.jit.compiled import compiled
 from msahl.joints.registry import KINDS
 from msahl.linalg import dense, sparse_lu
@@ -105,33 +106,34 @@ class Step:
 
     def turned(self, F, A):
         """Rows or unknowns of the scene turned by ``A``: numbers of joints' rows stay."""
-        first = 2 * self.system.bodies.inverse_mass.size + self.system.coincide.a.size
+        first = first_multiplier(self.system.frames) + self.system.coincide.a.size
         return np.concatenate([F[:first] @ A.T, F[first:]])
 
     def pushes(self, element, *group):
         """Forces and moments (n, 3) that one kind of element puts on the bodies."""
         F = np.zeros(self.shape)
-        element.residual(*group, self.system.bodies, self.dt2, self.Z, F)
+        element.residual(*group, self.system.frames, self.dt2, self.Z, F)
         return self.as_pushes(F)
 
     def all_pushes(self):
         """Forces and moments (n, 3) of all elements."""
         inertia = np.zeros(self.shape)
-        given = (self.system.bodies, self.start.bodies, self.h, self.dt2)
+        system, start = self.system, self.start
+        given = (system.bodies, system.frames, start.bodies, start.frames, self.h, self.dt2)
         rigid_body.residual(*given, self.Z, inertia)
         return self.as_pushes(self.residual(self.Z) - inertia)
 
     def as_pushes(self, F):
-        bodies = self.system.bodies
-        c = self.dt2 * bodies.inverse_mass[:-1, None]
-        n = len(c)
-        return -F[0 : 2 * n : 2] / c, -F[1 : 2 * n : 2] * bodies.length[:-1, None] / c
+        frames = self.system.frames
+        c = self.dt2 * frames.inverse_mass[:-1, None]
+        force, moment = F[frames.displacement[:-1]], F[frames.rotation[:-1]]
+        return -force / c, -moment * frames.length[:-1, None] / c
 
     def work(self, force, moment):
         """Work of forces at the mass centres and of moments over the step."""
-        n = len(force)
-        turns = self.Z[1 : 2 * n : 2] / self.system.bodies.length[:-1, None]
-        return np.sum(force * self.Z[0 : 2 * n : 2]) + np.sum(moment * turns)
+        frames = self.system.frames
+        rotations = self.Z[frames.rotation[:-1]] / frames.length[:-1, None]
+        return np.sum(force * self.Z[frames.displacement[:-1]]) + np.sum(moment * rotations)
 
     def elastic(self):
         """Energy of all springs in the prepared state [J]."""
@@ -325,7 +327,7 @@ def test_joint_forces_work_on_the_gap_alone(seed, grounded):
     group, start = step.system.coincide, step.start.coincide
     work = step.work(*step.pushes(coincide, group, start))
     F = np.zeros(step.shape)
-    coincide.residual(group, start, step.system.bodies, step.dt2, step.Z, F)
+    coincide.residual(group, start, step.system.frames, step.dt2, step.Z, F)
     lam = group.mass[:, None] * step.Z[group.row] / step.dt2
     sharp = np.sum(lam * F[group.row])
     # Some hundred terms of this size; exact in any step, however large.
@@ -341,7 +343,7 @@ def test_the_published_work_of_loads_is_what_they_do(seed):
     force, moment = step.pushes(concentrated, group, start)
     total = np.zeros(group.body.size)
     column = step.system.load_column
-    concentrated.work(group, start, step.system.bodies, step.Z, column, total)
+    concentrated.work(group, start, step.system.frames, step.Z, column, total)
     assert total.sum() == pytest.approx(step.work(force, moment), abs=1e-12 * np.abs(total).sum())
 
 

@@ -112,8 +112,8 @@ def test_recall_undoes_publish(tmp_path):
         array[0] = rng.normal(size=3)
     start, table = new_start(system, state), np.zeros((1, 12))
     equations.prepare(system, state, start)
-    rigid_body.publish(system.bodies, state.x, state.p, start.bodies, state.w, table, 0)
-    rigid_body.recall(system.bodies, table, 0, found.x, found.p, found.v, found.w)
+    rigid_body.write_states(system.bodies, state.x, state.p, start.frames, state.w, table, 0)
+    rigid_body.read_states(system.bodies, table, 0, found.x, found.p, found.v, found.w)
     for name in ("x", "p", "v", "w"):
         assert getattr(found, name)[0] == pytest.approx(getattr(state, name)[0], rel=1e-13)
 

@@ -439,7 +439,7 @@ def run_group(name: str, x: float, schemes: Iterable[str], steps: Iterable[float
         deck.write_bytes(family.with_value(x))
         model = read_deck(deck)
         runs = [plan_of(family, x, dt) for dt in steps]
-        lengths = build_system(model).bodies.length[:-1]
+        lengths = build_system(model).frames.length[:-1]
         # A first step longer than the horizon is compared with nothing.
         near = [run for run in runs if run.compared <= family.horizon(x) * (1.0 + 1e-9)]
         compared = near if family.known else []
@@ -535,7 +535,7 @@ def run_restarts(name: str, schemes: Iterable[str], steps: Iterable[float]) -> l
         model = read_deck(deck)
         halves = {dt: half(dt) for dt in steps}
         wholes = {dt: Run(dt, 2 * run.n, 2 * run.n, run.every) for dt, run in halves.items()}
-        lengths = build_system(model).bodies.length[:-1]
+        lengths = build_system(model).frames.length[:-1]
         near = [run for run in wholes.values() if run.compared <= RESTART_HORIZON]
         truth = Truth(deck, model, near, 1e-2 * tolerance)
         for dt, run in halves.items():

@@ -192,7 +192,7 @@ def measure(
 ) -> list[Cell]:
     """All cells of a model."""
     truth = truth_of(scene)
-    lengths = build_system(scene.model).bodies.length[:-1]
+    lengths = build_system(scene.model).frames.length[:-1]
     floors = floors_of(truth, lengths)
     cells = []
     for word in only:

@@ -67,8 +67,7 @@ def run(model: Model, steps: int, rows: int) -> tuple[np.ndarray, np.ndarray] | 
     assert isinstance(method, CollocationMethod)
     assert method.scheme == "gauss"
     island = widened(method.subsystem)
-    mobility = np.zeros_like(island.stages.mobility)
-    mobility[:-1] = inverse(island.scene.system.bodies.inertia[:-1])
+    mobility = inverse(island.scene.system.bodies.inertia)
     stages = island.stages._replace(rule=gauss(method.degree), mobility=mobility)
     island = island._replace(stages=stages)
     plan = OutputSchedule.at_ends(np.arange(1, steps + 1) % (steps // rows) == 0)
@@ -165,7 +164,7 @@ def settle(island: CollocationWorkspace) -> None:
     """Put places and velocities back on the joints, by the least change by mass."""
     scene, room = island.scene, island.station
     system, state, start, watch = scene.system, scene.state, scene.start, scene.watch
-    length = system.bodies.length
+    length = system.frames.length
     equations.prepare(system, state, start)
     # What a round leaves over is quadratic: nothing, after one of round-off.
     for _ in range(1 + accelerations.rounds(system)):

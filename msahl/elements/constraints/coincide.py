@@ -18,7 +18,15 @@ import numpy as np
 
 from msahl.algebra.rotation import turn_change
 from msahl.algebra.vector import add, at, cross, matrix_at, product, put, scale, skew, sub, times
-from msahl.elements.rigid_body import Bodies, BodyStart, end_tangent, mean, push, turn_of
+from msahl.elements.frames import (
+    Frames,
+    FramesWorkspace,
+    displacement,
+    end_tangent,
+    mean,
+    push,
+    rotation_increment,
+)
 from msahl.jit.kernel import kernel
 
 
@@ -56,21 +64,21 @@ def prepare(group: Coincide, R: np.ndarray, start: CoincideStart) -> None:
 def residual(
     group: Coincide,
     start: CoincideStart,
-    bodies: Bodies,
+    frames: Frames,
     dt2: float,
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
     """Take the joint force from the bodies' rows and set the gap's."""
-    hold(group, start, bodies, dt2, Z, F)
-    close(group, start, bodies, Z, F)
+    hold(group, start, frames, dt2, Z, F)
+    close(group, start, frames, Z, F)
 
 
 @kernel
 def hold(
     group: Coincide,
     start: CoincideStart,
-    bodies: Bodies,
+    frames: Frames,
     dt2: float,
     Z: np.ndarray,
     F: np.ndarray,
@@ -79,22 +87,22 @@ def hold(
     for k in range(group.a.size):
         a, b = group.a[k], group.b[k]
         force = scale(group.mass[k] / dt2, at(Z, group.row[k]))
-        mean_a = mean(bodies, Z, a, at(start.r_a, k))
-        mean_b = mean(bodies, Z, b, at(start.r_b, k))
-        push(bodies, dt2, F, a, scale(-1.0, force), cross(force, mean_a))
-        push(bodies, dt2, F, b, force, cross(mean_b, force))
+        mean_a = mean(frames, Z, a, at(start.r_a, k))
+        mean_b = mean(frames, Z, b, at(start.r_b, k))
+        push(frames, dt2, F, a, scale(-1.0, force), cross(force, mean_a))
+        push(frames, dt2, F, b, force, cross(mean_b, force))
 
 
 @kernel
 def close(
-    group: Coincide, start: CoincideStart, bodies: Bodies, Z: np.ndarray, F: np.ndarray
+    group: Coincide, start: CoincideStart, frames: Frames, Z: np.ndarray, F: np.ndarray
 ) -> None:
     """Set the gap's rows."""
     for k in range(group.a.size):
         a, b = group.a[k], group.b[k]
-        dr_a = turn_change(turn_of(bodies, Z, a), at(start.r_a, k))
-        dr_b = turn_change(turn_of(bodies, Z, b), at(start.r_b, k))
-        moved = sub(add(at(Z, 2 * b), dr_b), add(at(Z, 2 * a), dr_a))
+        dr_a = turn_change(rotation_increment(frames, Z, a), at(start.r_a, k))
+        dr_b = turn_change(rotation_increment(frames, Z, b), at(start.r_b, k))
+        moved = sub(add(displacement(frames, Z, b), dr_b), add(displacement(frames, Z, a), dr_a))
         put(F, group.row[k], add(at(start.violation, k), moved))
 
 
@@ -102,7 +110,7 @@ def close(
 def jacobian(
     group: Coincide,
     start: CoincideStart,
-    bodies: Bodies,
+    frames: Frames,
     dt2: float,
     Z: np.ndarray,
     values: np.ndarray,
@@ -114,10 +122,10 @@ def jacobian(
             b = group.a[k] if side == 0 else group.b[k]
             r0 = at(start.r_a, k) if side == 0 else at(start.r_b, k)
             sign = -1.0 if side == 0 else 1.0
-            T = end_tangent(bodies, Z, b, r0)
-            arm = skew(mean(bodies, Z, b, r0))
+            T = end_tangent(frames, Z, b, r0)
+            arm = skew(mean(frames, Z, b, r0))
             lever = product(skew(force), T)
-            c = sign * bodies.inverse_mass[b] / bodies.length[b]
+            c = sign * frames.inverse_mass[b] / frames.length[b]
             for i in range(3):
                 for j in range(3):
                     ij = 3 * i + j
@@ -137,13 +145,13 @@ def violation(group: Coincide, start: CoincideStart, x: np.ndarray, out: np.ndar
 
 @kernel
 def violation_rate(
-    group: Coincide, start: CoincideStart, bodies: BodyStart, out: np.ndarray
+    group: Coincide, start: CoincideStart, frames: FramesWorkspace, out: np.ndarray
 ) -> None:
     """Set ``out`` (k, 3) to the velocity [m/s] of child point relative to parent point."""
     for k in range(group.a.size):
         a, b = group.a[k], group.b[k]
-        v_a = add(at(bodies.v, a), cross(at(bodies.W, a), at(start.r_a, k)))
-        v_b = add(at(bodies.v, b), cross(at(bodies.W, b), at(start.r_b, k)))
+        v_a = add(at(frames.v, a), cross(at(frames.W, a), at(start.r_a, k)))
+        v_b = add(at(frames.v, b), cross(at(frames.W, b), at(start.r_b, k)))
         put(out, k, sub(v_b, v_a))
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from msahl.algebra.vector import ZERO, Vector, add, at, axpy, scale, sub
 from msahl.elements.constraints import products
 from msahl.elements.constraints.products import PARTS, Q_A, Q_B, U_A, U_B, Measures, MeasureStart
-from msahl.elements.rigid_body import Bodies
+from msahl.elements.frames import Frames, displacement_node, rotation_node
 from msahl.jit.kernel import kernel
 
 PLAIN, RADIUS, ANGLE, ROUND, SKEW = range(5)
@@ -98,12 +98,12 @@ def skew_gap(m: np.ndarray, k: int, L: float) -> float:
 
 
 @kernel
-def evaluate(group: Quantities, start: QuantityStart, bodies: Bodies, Z: np.ndarray) -> None:
+def evaluate(group: Quantities, start: QuantityStart, frames: Frames, Z: np.ndarray) -> None:
     """Fill changes, weights and unit forces at ``Z``, and clear the loads and their sizes."""
     for node in range(start.pull.size):
         start.pull[node] = 0.0
     m = start.measures
-    products.evaluate(group.measures, m, bodies, Z)
+    products.evaluate(group.measures, m, frames, Z)
     for q in range(group.kind.size):
         start.load[q] = start.size[q] = 0.0
         _weigh(group, start, q)
@@ -122,7 +122,7 @@ def evaluate(group: Quantities, start: QuantityStart, bodies: Bodies, Z: np.ndar
 
 
 @kernel
-def differentiate(group: Quantities, start: QuantityStart, bodies: Bodies, Z: np.ndarray) -> None:
+def differentiate(group: Quantities, start: QuantityStart, frames: Frames, Z: np.ndarray) -> None:
     """Fill the derivatives of the changes by the unknowns at ``Z``, after ``evaluate``."""
     measures = group.measures
     for q in range(group.kind.size):
@@ -131,7 +131,7 @@ def differentiate(group: Quantities, start: QuantityStart, bodies: Bodies, Z: np
             for i in range(3):
                 start.slope[q, part, i] = 0.0
         for k in range(first, group.first[q + 1]):
-            j_u, j_a, j_b = products.end_gradient(measures, start.measures, bodies, Z, k)
+            j_u, j_a, j_b = products.end_gradient(measures, start.measures, frames, Z, k)
             c = start.slopes[q, k - first]
             for i in range(3):
                 start.slope[q, U_A, i] -= c * j_u[i]
@@ -142,13 +142,13 @@ def differentiate(group: Quantities, start: QuantityStart, bodies: Bodies, Z: np
 
 @kernel
 def push(
-    group: Quantities, start: QuantityStart, bodies: Bodies, dt2: float, F: np.ndarray
+    group: Quantities, start: QuantityStart, frames: Frames, dt2: float, F: np.ndarray
 ) -> None:
     """Take the gathered loads from the rows of the bodies."""
     for q in range(group.kind.size):
         for part in range(PARTS):
-            c = row_factor(group, bodies, dt2, q, part)
-            node = part_node(group, q, part)
+            c = row_factor(group, frames, dt2, q, part)
+            node = part_node(group, frames, q, part)
             for i in range(3):
                 arm = c * start.force[q, part, i]
                 F[node, i] += arm * start.load[q]
@@ -170,27 +170,28 @@ def extent(group: Quantities, start: QuantityStart, q: int) -> float:
 
 
 @kernel
-def row_factor(group: Quantities, bodies: Bodies, dt2: float, q: int, part: int) -> float:
+def row_factor(group: Quantities, frames: Frames, dt2: float, q: int, part: int) -> float:
     """What a unit force on a ``part`` takes from its rows (see ``rigid.push``)."""
     first = group.first[q]
     body = group.measures.a[first] if part < U_B else group.measures.b[first]
-    c = -dt2 * bodies.inverse_mass[body]
-    return c if part % 2 == U_A else c / bodies.length[body]
+    c = -dt2 * frames.inverse_mass[body]
+    return c if part % 2 == U_A else c / frames.length[body]
 
 
 @kernel
-def part_node(group: Quantities, q: int, part: int) -> int:
+def part_node(group: Quantities, frames: Frames, q: int, part: int) -> int:
     """Node of a ``part``'s unknowns and rows."""
     first = group.first[q]
     body = group.measures.a[first] if part < U_B else group.measures.b[first]
-    return 2 * body + part % 2
+    is_displacement = part % 2 == U_A
+    return displacement_node(frames, body) if is_displacement else rotation_node(frames, body)
 
 
 @kernel
 def stiffness(
     group: Quantities,
     start: QuantityStart,
-    bodies: Bodies,
+    frames: Frames,
     dt2: float,
     Z: np.ndarray,
     values: np.ndarray,
@@ -201,19 +202,19 @@ def stiffness(
         if load == 0.0:
             continue
         c = (
-            load * row_factor(group, bodies, dt2, q, U_A),
-            load * row_factor(group, bodies, dt2, q, Q_A),
-            load * row_factor(group, bodies, dt2, q, U_B),
-            load * row_factor(group, bodies, dt2, q, Q_B),
+            load * row_factor(group, frames, dt2, q, U_A),
+            load * row_factor(group, frames, dt2, q, Q_A),
+            load * row_factor(group, frames, dt2, q, U_B),
+            load * row_factor(group, frames, dt2, q, Q_B),
         )
-        _stiffen(group, start, bodies, Z, q, c, values)
+        _stiffen(group, start, frames, Z, q, c, values)
 
 
 @kernel
 def _stiffen(
     group: Quantities,
     start: QuantityStart,
-    bodies: Bodies,
+    frames: Frames,
     Z: np.ndarray,
     q: int,
     c: tuple[float, float, float, float],
@@ -226,17 +227,17 @@ def _stiffen(
         if w != 0.0:
             c_w = (w * c[0], w * c[1], w * c[2], w * c[3])
             products.stiffness(
-                group.measures, start.measures, bodies, Z, k, group.block, q, c_w, values
+                group.measures, start.measures, frames, Z, k, group.block, q, c_w, values
             )
     if group.kind[q] != PLAIN:
-        _curve(group, start, bodies, Z, q, c, values)
+        _curve(group, start, frames, Z, q, c, values)
 
 
 @kernel
 def rate_gradient(
     group: Quantities,
     start: QuantityStart,
-    bodies: Bodies,
+    frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
     Z: np.ndarray,
@@ -252,7 +253,7 @@ def rate_gradient(
         if block > 0:
             for e in range(block, block + 9):
                 room[e] = 0.0
-    _stiffen(group, start, bodies, Z, q, (1.0, 1.0, 1.0, 1.0), room)
+    _stiffen(group, start, frames, Z, q, (1.0, 1.0, 1.0, 1.0), room)
     k = group.first[q]
     a, b = group.measures.a[k], group.measures.b[k]
     speed = (at(v, a), at(W, a), at(v, b), at(W, b))
@@ -287,7 +288,7 @@ def _contract(
 def _curve(
     group: Quantities,
     start: QuantityStart,
-    bodies: Bodies,
+    frames: Frames,
     Z: np.ndarray,
     q: int,
     c: tuple[float, float, float, float],
@@ -297,7 +298,7 @@ def _curve(
     first, last = group.first[q], group.first[q + 1]
     m = start.measures
     for other in range(first, last):
-        j_u, j_a, j_b = products.end_gradient(group.measures, m, bodies, Z, other)
+        j_u, j_a, j_b = products.end_gradient(group.measures, m, frames, Z, other)
         row = (scale(-1.0, j_u), j_a, j_u, j_b)
         force = (ZERO, ZERO, ZERO, ZERO)
         for k in range(first, last):
@@ -335,7 +336,7 @@ def add_outer(
 def add_spring(
     group: Quantities,
     start: QuantityStart,
-    bodies: Bodies,
+    frames: Frames,
     dt2: float,
     q: int,
     slope: float,
@@ -344,7 +345,7 @@ def add_spring(
     """Add what a load with the derivative ``slope`` by q's end value contributes."""
     force, row = start.force, start.slope
     for p in range(PARTS):
-        c = slope * row_factor(group, bodies, dt2, q, p)
+        c = slope * row_factor(group, frames, dt2, q, p)
         for r in range(PARTS):
             at_block = group.block[q, 4 * p + r]
             if at_block > 0:
@@ -357,7 +358,7 @@ def add_spring(
 def add_damper(
     group: Quantities,
     start: QuantityStart,
-    bodies: Bodies,
+    frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
     Z: np.ndarray,
@@ -372,16 +373,16 @@ def add_damper(
     """
     if slope == 0.0:
         return
-    add_spring(group, start, bodies, -1.0, q, slope, by_rate)
+    add_spring(group, start, frames, -1.0, q, slope, by_rate)
     c = (
-        slope * row_factor(group, bodies, -1.0, q, U_A),
-        slope * row_factor(group, bodies, -1.0, q, Q_A),
-        slope * row_factor(group, bodies, -1.0, q, U_B),
-        slope * row_factor(group, bodies, -1.0, q, Q_B),
+        slope * row_factor(group, frames, -1.0, q, U_A),
+        slope * row_factor(group, frames, -1.0, q, Q_A),
+        slope * row_factor(group, frames, -1.0, q, U_B),
+        slope * row_factor(group, frames, -1.0, q, Q_B),
     )
     f = start.force[q]
     force = (at(f, U_A), at(f, Q_A), at(f, U_B), at(f, Q_B))
-    row = rate_gradient(group, start, bodies, v, W, Z, q, room)
+    row = rate_gradient(group, start, frames, v, W, Z, q, room)
     add_outer(by_place, group.block, q, c, force, row)
 
 

@@ -25,7 +25,7 @@ from msahl.elements.constraints.coordinates import (
     row_factor,
 )
 from msahl.elements.constraints.products import PARTS
-from msahl.elements.rigid_body import Bodies
+from msahl.elements.frames import Frames, first_multiplier
 from msahl.jit.kernel import kernel
 
 SAME = 1e-7
@@ -87,9 +87,9 @@ def blur(rows: Rows, laws: Laws, start: QuantityStart, r: int, t: float, h: floa
 
 
 @kernel
-def multiplier(rows: Rows, bodies: Bodies, dt2: float, Z: np.ndarray, r: int) -> float:
+def multiplier(rows: Rows, frames: Frames, dt2: float, Z: np.ndarray, r: int) -> float:
     """lam [N, or N m for a row in radians]."""
-    node = 2 * bodies.inverse_mass.size + rows.place[r, 0]
+    node = first_multiplier(frames) + rows.place[r, 0]
     return Z[node, rows.place[r, 1]] * rows.mass[r] * rows.scale[r] / dt2
 
 
@@ -98,7 +98,7 @@ def residual(
     rows: Rows,
     laws: Laws,
     start: QuantityStart,
-    bodies: Bodies,
+    frames: Frames,
     violation: np.ndarray,
     t: float,
     h: float,
@@ -108,7 +108,7 @@ def residual(
 ) -> None:
     """Set the rows; add the multipliers to the quantities' loads."""
     for r in range(rows.function.size):
-        lam = multiplier(rows, bodies, dt2, Z, r)
+        lam = multiplier(rows, frames, dt2, Z, r)
         node, slot = rows.place[r, 0], rows.place[r, 1]
         total = -law_change(rows, laws, r, t, h)
         for side in range(2):
@@ -118,7 +118,7 @@ def residual(
                 total += change
                 start.load[q] += lam * c
                 start.size[q] += abs(lam * c)
-        node += 2 * bodies.inverse_mass.size
+        node += first_multiplier(frames)
         F[node, slot] = violation[rows.place[r, 0], slot] + rows.scale[r] * total
         start.pull[node] = max(start.pull[node], blur(rows, laws, start, r, t, h))
 
@@ -129,14 +129,14 @@ def jacobian(
     laws: Laws,
     quantities: Quantities,
     start: QuantityStart,
-    bodies: Bodies,
+    frames: Frames,
     dt2: float,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
     """Add the rows' blocks, after ``quantity.evaluate`` and ``differentiate``."""
     for r in range(rows.function.size):
-        lam = multiplier(rows, bodies, dt2, Z, r)
+        lam = multiplier(rows, frames, dt2, Z, r)
         slot = rows.place[r, 1]
         by_unknown = rows.mass[r] * rows.scale[r] / dt2
         for side in range(2):
@@ -148,12 +148,12 @@ def jacobian(
                 down, right = rows.force_block[r, side, part], rows.gap_block[r, side, part]
                 if down <= 0:
                     continue
-                factor = c * by_unknown * row_factor(quantities, bodies, dt2, q, part)
+                factor = c * by_unknown * row_factor(quantities, frames, dt2, q, part)
                 for i in range(3):
                     values[down + 3 * i + slot] += factor * start.force[q, part, i]
                     values[right + 3 * slot + i] += rows.scale[r] * slope * start.slope[q, part, i]
             if curve != 0.0:
-                add_spring(quantities, start, bodies, dt2, q, lam * curve, values)
+                add_spring(quantities, start, frames, dt2, q, lam * curve, values)
 
 
 @kernel
@@ -212,7 +212,7 @@ def free_acceleration(
     laws: Laws,
     quantities: Quantities,
     start: QuantityStart,
-    bodies: Bodies,
+    frames: Frames,
     rate: np.ndarray,
     v: np.ndarray,
     W: np.ndarray,
@@ -223,7 +223,7 @@ def free_acceleration(
 
     Wants ``quantity.evaluate`` at rest: there the curves are half of the second derivatives.
     """
-    first = 2 * bodies.inverse_mass.size
+    first = first_multiplier(frames)
     for r in range(rows.function.size):
         total = 0.0
         if rows.law[r] >= 0:
@@ -244,7 +244,7 @@ def free_acceleration(
 def work(
     rows: Rows,
     laws: Laws,
-    bodies: Bodies,
+    frames: Frames,
     t: float,
     h: float,
     dt2: float,
@@ -255,7 +255,7 @@ def work(
     """Add the drives' work [J] over the step to their ``column`` of ``total``."""
     for r in range(rows.function.size):
         if rows.law[r] >= 0:
-            lam = multiplier(rows, bodies, dt2, Z, r)
+            lam = multiplier(rows, frames, dt2, Z, r)
             total[column[r]] += lam * law_change(rows, laws, r, t, h)
 
 
@@ -263,7 +263,7 @@ def work(
 def motion_work(
     rows: Rows,
     laws: Laws,
-    bodies: Bodies,
+    frames: Frames,
     t: float,
     dt: float,
     Z: np.ndarray,
@@ -275,7 +275,7 @@ def motion_work(
     """
     for r in range(rows.function.size):
         if rows.law[r] >= 0:
-            lam = multiplier(rows, bodies, 1.0, Z, r)
+            lam = multiplier(rows, frames, 1.0, Z, r)
             total[column[r]] += lam * law_rate(rows, laws, r, t) * dt
 
 
@@ -293,7 +293,7 @@ def roll_jacobian(
     rows: Rows,
     quantities: Quantities,
     start: QuantityStart,
-    bodies: Bodies,
+    frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
     Z: np.ndarray,
@@ -309,7 +309,7 @@ def roll_jacobian(
                 rows.quantity[r, 0],
                 rows.place[r, 1],
             )
-            half = rate_gradient(quantities, start, bodies, v, W, Z, q, room)
+            half = rate_gradient(quantities, start, frames, v, W, Z, q, room)
             for part in range(PARTS):
                 right = rows.gap_block[r, 0, part]
                 if right > 0:

@@ -48,7 +48,7 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements.rigid_body import Bodies, end_tangent, mean, turn_of
+from msahl.elements.frames import Frames, displacement, end_tangent, mean, rotation_increment
 from msahl.jit.kernel import kernel
 
 DOT, SLIDE, SLIP, ROLL = range(4)
@@ -108,19 +108,19 @@ def prepare(group: Measures, x: np.ndarray, R: np.ndarray, start: MeasureStart) 
 
 
 @kernel
-def moved(group: Measures, start: MeasureStart, bodies: Bodies, Z: np.ndarray, k: int) -> Vector:
+def moved(group: Measures, start: MeasureStart, frames: Frames, Z: np.ndarray, k: int) -> Vector:
     """Change of D over the step."""
     a, b = group.a[k], group.b[k]
-    dr_a = turn_change(turn_of(bodies, Z, a), at(start.r_a, k))
-    dr_b = turn_change(turn_of(bodies, Z, b), at(start.r_b, k))
-    return sub(add(at(Z, 2 * b), dr_b), add(at(Z, 2 * a), dr_a))
+    dr_a = turn_change(rotation_increment(frames, Z, a), at(start.r_a, k))
+    dr_b = turn_change(rotation_increment(frames, Z, b), at(start.r_b, k))
+    return sub(add(displacement(frames, Z, b), dr_b), add(displacement(frames, Z, a), dr_a))
 
 
 @kernel
-def evaluate(group: Measures, start: MeasureStart, bodies: Bodies, Z: np.ndarray) -> None:
+def evaluate(group: Measures, start: MeasureStart, frames: Frames, Z: np.ndarray) -> None:
     """Fill in every measure's change over the step and its discrete gradient."""
     for k in range(group.kind.size):
-        start.change[k], f, t_a, t_b = gradient(group, start, bodies, Z, k)
+        start.change[k], f, t_a, t_b = gradient(group, start, frames, Z, k)
         put(start.f, k, f)
         put(start.t_a, k, t_a)
         put(start.t_b, k, t_b)
@@ -128,27 +128,27 @@ def evaluate(group: Measures, start: MeasureStart, bodies: Bodies, Z: np.ndarray
 
 @kernel
 def gradient(
-    group: Measures, start: MeasureStart, bodies: Bodies, Z: np.ndarray, k: int
+    group: Measures, start: MeasureStart, frames: Frames, Z: np.ndarray, k: int
 ) -> tuple[float, Vector, Vector, Vector]:
     """Change dm over the step and its discrete gradient f, t_A, t_B."""
     a, b, owner = group.a[k], group.b[k], group.owner[k]
     kind = group.kind[k]
     n0, e0 = at(start.n, k), at(start.e, k)
-    dn = turn_change(turn_of(bodies, Z, owner), n0)
+    dn = turn_change(rotation_increment(frames, Z, owner), n0)
     n = axpy(0.5, dn, n0)
     if kind == DOT:
-        de = turn_change(turn_of(bodies, Z, b), e0)
+        de = turn_change(rotation_increment(frames, Z, b), e0)
         e = axpy(0.5, de, e0)
         t = cross(e, n)
         return dot(n, de) + dot(e, dn), ZERO, scale(-1.0, t), t
-    dD = moved(group, start, bodies, Z, k)
-    r_a = mean(bodies, Z, a, at(start.r_a, k))
-    r_b = mean(bodies, Z, b, at(start.r_b, k))
+    dD = moved(group, start, frames, Z, k)
+    r_a = mean(frames, Z, a, at(start.r_a, k))
+    r_b = mean(frames, Z, b, at(start.r_b, k))
     if kind == ROLL:
-        de = turn_change(turn_of(bodies, Z, b), e0)
+        de = turn_change(rotation_increment(frames, Z, b), e0)
         rho = rim(at(start.r_a, k), axpy(0.5, de, e0))
         t_b = cross(add(r_b, rho), n0)
-        return dot(n0, dD) + dot(turn_of(bodies, Z, b), cross(rho, n0)), n0, ZERO, t_b
+        return dot(n0, dD) + dot(rotation_increment(frames, Z, b), cross(rho, n0)), n0, ZERO, t_b
     t_a, t_b = cross(n, r_a), cross(r_b, n)
     change = dot(n, dD)
     if kind == SLIDE:
@@ -163,30 +163,31 @@ def gradient(
 
 @kernel
 def end_gradient(
-    group: Measures, start: MeasureStart, bodies: Bodies, Z: np.ndarray, k: int
+    group: Measures, start: MeasureStart, frames: Frames, Z: np.ndarray, k: int
 ) -> tuple[Vector, Vector, Vector]:
     """Derivative of dm by u_B (by u_A it is the opposite), by l_A Q_A and by l_B Q_B."""
     a, b, owner = group.a[k], group.b[k], group.owner[k]
     kind = group.kind[k]
     n0, e0 = at(start.n, k), at(start.e, k)
-    T_n = transpose(end_tangent(bodies, Z, owner, n0))
-    dn = turn_change(turn_of(bodies, Z, owner), n0)
+    T_n = transpose(end_tangent(frames, Z, owner, n0))
+    dn = turn_change(rotation_increment(frames, Z, owner), n0)
     n1 = add(n0, dn)
-    e1 = add(e0, turn_change(turn_of(bodies, Z, b), e0))
+    e1 = add(e0, turn_change(rotation_increment(frames, Z, b), e0))
     if kind == DOT:
-        T_e = transpose(end_tangent(bodies, Z, b, e0))
+        T_e = transpose(end_tangent(frames, Z, b, e0))
         return ZERO, scale(-1.0, times(T_n, e1)), scale(-1.0, times(T_e, n1))
-    T_b = transpose(end_tangent(bodies, Z, b, at(start.r_b, k)))
+    T_b = transpose(end_tangent(frames, Z, b, at(start.r_b, k)))
     if kind == ROLL:
-        T_e = end_tangent(bodies, Z, b, e0)
+        T_e = end_tangent(frames, Z, b, e0)
         up, mean_e = at(start.r_a, k), scale(0.5, add(e0, e1))
-        by_turn = scale(1.0 / bodies.length[b], cross(rim(up, mean_e), n0))
+        by_turn = scale(1.0 / frames.length[b], cross(rim(up, mean_e), n0))
         by_rim = times(
-            transpose(product(rim_slope(up, mean_e), T_e)), cross(n0, turn_of(bodies, Z, b))
+            transpose(product(rim_slope(up, mean_e), T_e)),
+            cross(n0, rotation_increment(frames, Z, b)),
         )
         return n0, ZERO, sub(sub(by_turn, times(T_b, n0)), scale(0.5, by_rim))
-    T_a = transpose(end_tangent(bodies, Z, a, at(start.r_a, k)))
-    dD = moved(group, start, bodies, Z, k)
+    T_a = transpose(end_tangent(frames, Z, a, at(start.r_a, k)))
+    dD = moved(group, start, frames, Z, k)
     by_n = add(at(start.D, k), dD)
     if kind == SLIP:
         n1, by_n = axpy(0.5, dn, n0), scale(0.5, dD)
@@ -231,7 +232,7 @@ def add_block(values: np.ndarray, start: int, c: float, M: Matrix) -> None:
 def stiffness(
     group: Measures,
     start: MeasureStart,
-    bodies: Bodies,
+    frames: Frames,
     Z: np.ndarray,
     k: int,
     block: np.ndarray,
@@ -246,21 +247,21 @@ def stiffness(
     a, b, owner = group.a[k], group.b[k], group.owner[k]
     kind = group.kind[k]
     n0, e0 = at(start.n, k), at(start.e, k)
-    n = mean(bodies, Z, owner, n0)
-    T_n = end_tangent(bodies, Z, owner, n0)
+    n = mean(frames, Z, owner, n0)
+    T_n = end_tangent(frames, Z, owner, n0)
     if kind == DOT:
-        S_a = product(skew(mean(bodies, Z, b, e0)), T_n)
-        S_b = product(skew(n), end_tangent(bodies, Z, b, e0))
+        S_a = product(skew(mean(frames, Z, b, e0)), T_n)
+        S_b = product(skew(n), end_tangent(frames, Z, b, e0))
         add_block(values, block[pair, 4 * Q_A + Q_A], 0.5 * c[Q_A], S_a)
         add_block(values, block[pair, 4 * Q_A + Q_B], -0.5 * c[Q_A], S_b)
         add_block(values, block[pair, 4 * Q_B + Q_A], -0.5 * c[Q_B], S_a)
         add_block(values, block[pair, 4 * Q_B + Q_B], 0.5 * c[Q_B], S_b)
         return
-    T_a = end_tangent(bodies, Z, a, at(start.r_a, k))
-    T_b = end_tangent(bodies, Z, b, at(start.r_b, k))
+    T_a = end_tangent(frames, Z, a, at(start.r_a, k))
+    T_b = end_tangent(frames, Z, b, at(start.r_b, k))
     if kind == ROLL:
         by_e = product(
-            rim_slope(at(start.r_a, k), mean(bodies, Z, b, e0)), end_tangent(bodies, Z, b, e0)
+            rim_slope(at(start.r_a, k), mean(frames, Z, b, e0)), end_tangent(frames, Z, b, e0)
         )
         add_block(values, block[pair, 4 * Q_B + Q_B], 0.5 * c[Q_B], product(skew(n0), T_b))
         add_block(values, block[pair, 4 * Q_B + Q_B], 0.5 * c[Q_B], product(skew(n0), by_e))
@@ -271,14 +272,14 @@ def stiffness(
     if owner != a and owner != b:
         return
     turned = Q_A if owner == a else Q_B
-    arm_a = product(skew(mean(bodies, Z, a, at(start.r_a, k))), T_n)
-    arm_b = product(skew(mean(bodies, Z, b, at(start.r_b, k))), T_n)
+    arm_a = product(skew(mean(frames, Z, a, at(start.r_a, k))), T_n)
+    arm_b = product(skew(mean(frames, Z, b, at(start.r_b, k))), T_n)
     add_block(values, block[pair, 4 * U_B + turned], -0.5 * c[U_B], T_n)
     add_block(values, block[pair, 4 * U_A + turned], 0.5 * c[U_A], T_n)
     add_block(values, block[pair, 4 * Q_B + turned], -0.5 * c[Q_B], arm_b)
     add_block(values, block[pair, 4 * Q_A + turned], 0.5 * c[Q_A], arm_a)
     if kind == SLIDE:
-        D = axpy(0.5, moved(group, start, bodies, Z, k), at(start.D, k))
+        D = axpy(0.5, moved(group, start, frames, Z, k), at(start.D, k))
         half = 0.5 * c[turned]
         add_block(values, block[pair, 4 * turned + turned], half, product(skew(D), T_n))
         add_block(values, block[pair, 4 * turned + U_B], half, skew(n))

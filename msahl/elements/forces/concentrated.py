@@ -40,7 +40,15 @@ from msahl.algebra.vector import (
     sub,
     times,
 )
-from msahl.elements.rigid_body import Bodies, BodyStart, end_tangent, mean, push, turn_of
+from msahl.elements.frames import (
+    Frames,
+    FramesWorkspace,
+    displacement_node,
+    end_tangent,
+    mean,
+    push,
+    rotation_increment,
+)
 from msahl.jit.kernel import kernel
 
 
@@ -149,7 +157,7 @@ def prepare(
 def residual(
     group: ConcentratedLoads,
     start: ConcentratedStart,
-    bodies: Bodies,
+    frames: Frames,
     dt2: float,
     Z: np.ndarray,
     F: np.ndarray,
@@ -157,17 +165,17 @@ def residual(
     """Take the loads from the rows of their bodies."""
     for k in range(group.body.size):
         b = group.body[k]
-        r = mean(bodies, Z, b, at(start.r, k))
-        f = mean(bodies, Z, group.f_axes[k], at(start.f, k))
-        m = mean(bodies, Z, group.m_axes[k], at(start.m, k))
-        push(bodies, dt2, F, b, f, add(cross(r, f), m))
+        r = mean(frames, Z, b, at(start.r, k))
+        f = mean(frames, Z, group.f_axes[k], at(start.f, k))
+        m = mean(frames, Z, group.m_axes[k], at(start.m, k))
+        push(frames, dt2, F, b, f, add(cross(r, f), m))
 
 
 @kernel
 def jacobian(
     group: ConcentratedLoads,
     start: ConcentratedStart,
-    bodies: Bodies,
+    frames: Frames,
     dt2: float,
     Z: np.ndarray,
     values: np.ndarray,
@@ -175,15 +183,15 @@ def jacobian(
     """Add the derivatives of the mean force and moment by the turns."""
     for k in range(group.body.size):
         b, axes_f, axes_m = group.body[k], group.f_axes[k], group.m_axes[k]
-        r = mean(bodies, Z, b, at(start.r, k))
-        f = mean(bodies, Z, axes_f, at(start.f, k))
-        by_arm = product(skew(f), end_tangent(bodies, Z, b, at(start.r, k)))
-        by_force = end_tangent(bodies, Z, axes_f, at(start.f, k))
+        r = mean(frames, Z, b, at(start.r, k))
+        f = mean(frames, Z, axes_f, at(start.f, k))
+        by_arm = product(skew(f), end_tangent(frames, Z, b, at(start.r, k)))
+        by_force = end_tangent(frames, Z, axes_f, at(start.f, k))
         by_lever = product(skew(r), by_force)
-        by_moment = end_tangent(bodies, Z, axes_m, at(start.m, k))
+        by_moment = end_tangent(frames, Z, axes_m, at(start.m, k))
         # The mean moves by half of the end, and push takes c F from the rows: + c/2.
-        c = 0.5 * dt2 * bodies.inverse_mass[b]
-        c_turn = c / bodies.length[b]
+        c = 0.5 * dt2 * frames.inverse_mass[b]
+        c_turn = c / frames.length[b]
         for i in range(3):
             for j in range(3):
                 values[group.force_by_turn[k] + 3 * i + j] += c * by_force[i][j]
@@ -196,7 +204,7 @@ def jacobian(
 def work(
     group: ConcentratedLoads,
     start: ConcentratedStart,
-    bodies: Bodies,
+    frames: Frames,
     Z: np.ndarray,
     column: np.ndarray,
     total: np.ndarray,
@@ -204,10 +212,10 @@ def work(
     """Add the work [J] of each load over the step to its ``column`` of ``total``."""
     for k in range(group.body.size):
         b = group.body[k]
-        Q = turn_of(bodies, Z, b)
-        f = mean(bodies, Z, group.f_axes[k], at(start.f, k))
-        m = mean(bodies, Z, group.m_axes[k], at(start.m, k))
-        moved = add(at(Z, 2 * b), turn_change(Q, at(start.r, k)))
+        Q = rotation_increment(frames, Z, b)
+        f = mean(frames, Z, group.f_axes[k], at(start.f, k))
+        m = mean(frames, Z, group.m_axes[k], at(start.m, k))
+        moved = add(at(Z, displacement_node(frames, b)), turn_change(Q, at(start.r, k)))
         total[column[k]] += dot(f, moved) + dot(m, Q)
 
 
@@ -222,19 +230,19 @@ def has_first(start: ConcentratedStart) -> bool:
 
 @kernel
 def enter_first(
-    group: ConcentratedLoads, start: ConcentratedStart, bodies: Bodies, k: int, F: np.ndarray
+    group: ConcentratedLoads, start: ConcentratedStart, frames: Frames, k: int, F: np.ndarray
 ) -> None:
     """Enter what load ``k`` has as first moment in the rows of its body: an acceleration."""
     # reach = 1: rows of the acceleration problem; push takes, so the signs turn.
     f, m = scale(-1.0, at(start.first_f, k)), scale(-1.0, at(start.first_m, k))
-    push(bodies, 1.0, F, group.body[k], f, m)
+    push(frames, 1.0, F, group.body[k], f, m)
 
 
 @kernel
 def work_of_first(
     group: ConcentratedLoads,
     start: ConcentratedStart,
-    bodies: BodyStart,
+    frames: FramesWorkspace,
     h: float,
     a: np.ndarray,
     alpha: np.ndarray,
@@ -261,14 +269,14 @@ def work_of_first(
 
 @kernel
 def free_acceleration(
-    group: ConcentratedLoads, start: ConcentratedStart, bodies: Bodies, F: np.ndarray
+    group: ConcentratedLoads, start: ConcentratedStart, frames: Frames, F: np.ndarray
 ) -> None:
     """Add the loads to the rows of their bodies."""
     for k in range(group.body.size):
         f = at(start.f, k)
         # reach = 1: rows of the acceleration problem; push takes, so the signs turn.
         moment = sub(cross(f, at(start.r, k)), at(start.m, k))
-        push(bodies, 1.0, F, group.body[k], scale(-1.0, f), moment)
+        push(frames, 1.0, F, group.body[k], scale(-1.0, f), moment)
 
 
 @kernel

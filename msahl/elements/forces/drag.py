@@ -27,7 +27,14 @@ from msahl.algebra.vector import (
     times,
 )
 from msahl.elements.constraints.products import add_block
-from msahl.elements.rigid_body import Bodies, end_tangent, mean, push, turn_of
+from msahl.elements.frames import (
+    Frames,
+    displacement_node,
+    end_tangent,
+    mean,
+    push,
+    rotation_increment,
+)
 from msahl.jit.kernel import kernel
 
 
@@ -48,10 +55,13 @@ def prepare(drags: Drags, R: np.ndarray, arm: np.ndarray) -> None:
 
 
 @kernel
-def displacement(drags: Drags, arm: np.ndarray, bodies: Bodies, Z: np.ndarray, k: int) -> Vector:
+def displacement(drags: Drags, arm: np.ndarray, frames: Frames, Z: np.ndarray, k: int) -> Vector:
     """Displacement of the point over the step."""
     b = drags.body[k]
-    return add(at(Z, 2 * b), turn_change(turn_of(bodies, Z, b), at(arm, k)))
+    return add(
+        at(Z, displacement_node(frames, b)),
+        turn_change(rotation_increment(frames, Z, b), at(arm, k)),
+    )
 
 
 @kernel
@@ -64,7 +74,7 @@ def drag(c: float, V: Vector) -> Vector:
 def residual(
     drags: Drags,
     arm: np.ndarray,
-    bodies: Bodies,
+    frames: Frames,
     h: float,
     dt2: float,
     Z: np.ndarray,
@@ -73,8 +83,8 @@ def residual(
     """Take the drags from the rows of their bodies."""
     for k in range(drags.body.size):
         b = drags.body[k]
-        f = drag(drags.coefficient[k], scale(1.0 / h, displacement(drags, arm, bodies, Z, k)))
-        push(bodies, dt2, F, b, f, cross(mean(bodies, Z, b, at(arm, k)), f))
+        f = drag(drags.coefficient[k], scale(1.0 / h, displacement(drags, arm, frames, Z, k)))
+        push(frames, dt2, F, b, f, cross(mean(frames, Z, b, at(arm, k)), f))
 
 
 @kernel
@@ -95,7 +105,7 @@ def drag_slope(c: float, V: Vector) -> Matrix:
 def jacobian(
     drags: Drags,
     arm: np.ndarray,
-    bodies: Bodies,
+    frames: Frames,
     h: float,
     dt2: float,
     Z: np.ndarray,
@@ -104,13 +114,13 @@ def jacobian(
     """Add the derivatives."""
     for k in range(drags.body.size):
         b = drags.body[k]
-        V = scale(1.0 / h, displacement(drags, arm, bodies, Z, k))
+        V = scale(1.0 / h, displacement(drags, arm, frames, Z, k))
         by_V = drag_slope(drags.coefficient[k], V)
-        T = end_tangent(bodies, Z, b, at(arm, k))
-        r = skew(mean(bodies, Z, b, at(arm, k)))
+        T = end_tangent(frames, Z, b, at(arm, k))
+        r = skew(mean(frames, Z, b, at(arm, k)))
         by_Q = product(by_V, T)
-        c = dt2 * bodies.inverse_mass[b]
-        c_turn = c / bodies.length[b]
+        c = dt2 * frames.inverse_mass[b]
+        c_turn = c / frames.length[b]
         lever = product(skew(drag(drags.coefficient[k], V)), T)
         add_block(values, drags.block[k, 0], -c / h, by_V)
         add_block(values, drags.block[k, 1], c / h, by_Q)
@@ -121,20 +131,20 @@ def jacobian(
 
 @kernel
 def free_acceleration(
-    drags: Drags, arm: np.ndarray, bodies: Bodies, v: np.ndarray, W: np.ndarray, F: np.ndarray
+    drags: Drags, arm: np.ndarray, frames: Frames, v: np.ndarray, W: np.ndarray, F: np.ndarray
 ) -> None:
     """Add the drags at the start to the rows of their bodies."""
     for k in range(drags.body.size):
         b = drags.body[k]
         f = drag(drags.coefficient[k], add(at(v, b), cross(at(W, b), at(arm, k))))
-        push(bodies, 1.0, F, b, scale(-1.0, f), cross(f, at(arm, k)))
+        push(frames, 1.0, F, b, scale(-1.0, f), cross(f, at(arm, k)))
 
 
 @kernel
 def work(
     drags: Drags,
     arm: np.ndarray,
-    bodies: Bodies,
+    frames: Frames,
     h: float,
     Z: np.ndarray,
     column: np.ndarray,
@@ -142,7 +152,7 @@ def work(
 ) -> None:
     """Add the work [J] over the step to its ``column`` of ``total``."""
     for k in range(drags.body.size):
-        moved = displacement(drags, arm, bodies, Z, k)
+        moved = displacement(drags, arm, frames, Z, k)
         total[column[k]] += dot(drag(drags.coefficient[k], scale(1.0 / h, moved)), moved)
 
 
@@ -150,7 +160,7 @@ def work(
 def free_jacobian(
     drags: Drags,
     arm: np.ndarray,
-    bodies: Bodies,
+    frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
     by_place: np.ndarray,
@@ -159,10 +169,10 @@ def free_jacobian(
     """Add half the derivative of ``free_acceleration`` by the places, all of it by the rates."""
     for k in range(drags.body.size):
         b = drags.body[k]
-        length, r = bodies.length[b], skew(at(arm, k))
+        length, r = frames.length[b], skew(at(arm, k))
         V = add(at(v, b), cross(at(W, b), at(arm, k)))
         by_V, f = drag_slope(drags.coefficient[k], V), skew(drag(drags.coefficient[k], V))
-        c = bodies.inverse_mass[b]
+        c = frames.inverse_mass[b]
         by_W, lever = product(by_V, r), product(r, by_V)
         add_block(by_rate, drags.block[k, 0], c, by_V)
         add_block(by_rate, drags.block[k, 1], -c / length, by_W)

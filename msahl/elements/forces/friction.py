@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.elements.constraints.coordinates import Quantities, QuantityStart, add_damper, add_spring
-from msahl.elements.rigid_body import Bodies
+from msahl.elements.frames import Frames
 from msahl.jit.kernel import kernel
 
 
@@ -64,7 +64,7 @@ def free_jacobian(
     quantities: Quantities,
     start: QuantityStart,
     rate: np.ndarray,
-    bodies: Bodies,
+    frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
     Z: np.ndarray,
@@ -76,7 +76,7 @@ def free_jacobian(
     for f in range(frictions.quantity.size):
         q = frictions.quantity[f]
         slope = load(frictions, reactions, f, rate[q])[1]
-        add_damper(quantities, start, bodies, v, W, Z, q, slope, room, by_place, by_rate)
+        add_damper(quantities, start, frames, v, W, Z, q, slope, room, by_place, by_rate)
 
 
 @kernel
@@ -100,7 +100,7 @@ def jacobian(
     reactions: np.ndarray,
     quantities: Quantities,
     start: QuantityStart,
-    bodies: Bodies,
+    frames: Frames,
     h: float,
     dt2: float,
     values: np.ndarray,
@@ -109,7 +109,7 @@ def jacobian(
     for f in range(frictions.quantity.size):
         q = frictions.quantity[f]
         slope = load(frictions, reactions, f, start.change[q] / h)[1] / h
-        add_spring(quantities, start, bodies, dt2, q, slope, values)
+        add_spring(quantities, start, frames, dt2, q, slope, values)
 
 
 @kernel

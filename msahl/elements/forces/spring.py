@@ -24,7 +24,7 @@ from msahl.elements.constraints.coordinates import (
     extent,
 )
 from msahl.elements.constraints.equations import SAME
-from msahl.elements.rigid_body import Bodies
+from msahl.elements.frames import Frames
 from msahl.jit.kernel import kernel
 
 
@@ -95,7 +95,7 @@ def jacobian(
     laws: Laws,
     quantities: Quantities,
     start: QuantityStart,
-    bodies: Bodies,
+    frames: Frames,
     h: float,
     dt2: float,
     values: np.ndarray,
@@ -106,7 +106,7 @@ def jacobian(
         q0 = start.value[q] - springs.origin[s]
         _, slope = tension(springs, laws, s, q0, start.change[q])
         slope = -slope - springs.damping[s] / h - springs.decay[s]
-        add_spring(quantities, start, bodies, dt2, q, slope, values)
+        add_spring(quantities, start, frames, dt2, q, slope, values)
 
 
 @kernel
@@ -132,7 +132,7 @@ def free_jacobian(
     laws: Laws,
     quantities: Quantities,
     start: QuantityStart,
-    bodies: Bodies,
+    frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
     Z: np.ndarray,
@@ -144,9 +144,9 @@ def free_jacobian(
     for s in range(springs.quantity.size):
         q = springs.quantity[s]
         _, half = tension(springs, laws, s, start.value[q] - springs.origin[s], 0.0)
-        add_spring(quantities, start, bodies, -1.0, q, -half, by_place)
+        add_spring(quantities, start, frames, -1.0, q, -half, by_place)
         slope = -springs.damping[s]
-        add_damper(quantities, start, bodies, v, W, Z, q, slope, room, by_place, by_rate)
+        add_damper(quantities, start, frames, v, W, Z, q, slope, room, by_place, by_rate)
 
 
 @kernel

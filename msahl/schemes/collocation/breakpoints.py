@@ -83,7 +83,7 @@ def note(kinks: Breakpoints, workspace: Workspace, place: int) -> None:
     if kinks.table.size + kinks.rubbing.size > 0:
         start = workspace.start
         value, rate = kinks.value[place], kinks.rate[place]
-        along.values(workspace.system.along, start.along, start.bodies, value, rate)
+        along.values(workspace.system.along, start.along, start.frames, value, rate)
 
 
 @apart

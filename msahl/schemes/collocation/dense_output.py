@@ -33,13 +33,14 @@ from msahl.algebra.vector import (
 )
 from msahl.elements import along
 from msahl.elements.forces import concentrated, drag
+from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
 from msahl.jit.kernel import apart, kernel
 from msahl.schemes import accelerations
 from msahl.schemes.accelerations import Instant
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.midpoint import equations
 from msahl.schemes.midpoint.workspace import Workspace
-from msahl.system.arrays import State, body_count, new_start
+from msahl.system.arrays import State, new_start
 
 ENDS = 6
 """Conditions at the ends of a step: place, velocity, acceleration at either."""
@@ -90,7 +91,7 @@ def new_dense_output(workspace: Workspace, order: int, decays: bool) -> DenseOut
     """Room for the rows between of steps whose ends are of this ``order``; what a scheme that
     ``decays`` takes is shared out evenly over its step.
     """
-    state, n = workspace.state, body_count(workspace.system)
+    state, of_frames = workspace.state, first_multiplier(workspace.system.frames)
     own = State(*(array.copy() for array in state))
     most = levels(order)
     conditions = ENDS + 2 * most
@@ -105,8 +106,8 @@ def new_dense_output(workspace: Workspace, order: int, decays: bool) -> DenseOut
         workspace=workspace._replace(state=own, start=new_start(workspace.system, own)),
         begin=new_point(state),
         end=new_point(state),
-        curve=np.zeros((conditions, 2 * n, 3)),
-        bent=np.zeros((max(2 * most, 2), 2 * n, 3)),
+        curve=np.zeros((conditions, of_frames, 3)),
+        bent=np.zeros((max(2 * most, 2), of_frames, 3)),
         basis=basis,
         nodes=nodes,
         value=np.zeros(conditions),
@@ -155,7 +156,7 @@ def mark(point: Point, workspace: Workspace) -> None:
     copy(state.x, point.x)
     copy(state.p, point.p)
     copy(state.v, point.v)
-    copy(start.bodies.W, point.W)
+    copy(start.frames.W, point.W)
     for q in range(state.angle.size):
         point.angle[q] = state.angle[q]
     for w in range(state.work.size):
@@ -180,17 +181,19 @@ def copy_point(point: Point, other: Point) -> None:
 def trace(between: DenseOutput, room: Instant) -> None:
     """Set the curves from ``begin`` to ``end``."""
     begin, end, curve = between.begin, between.end, between.curve
+    frames = between.workspace.system.frames
     h = end.time[0] - begin.time[0]
-    for b in range(begin.x.shape[0] - 1):
+    for b in range(moving_count(frames)):
         c = compose(at(end.p, b), inverse(at(begin.p, b)))
-        put(curve[0], 2 * b, ZERO)
-        put(curve[0], 2 * b + 1, ZERO)
-        put(curve[1], 2 * b, scale(h, at(begin.v, b)))
-        put(curve[1], 2 * b + 1, scale(h, at(begin.W, b)))
-        put(curve[3], 2 * b, sub(at(end.x, b), at(begin.x, b)))
-        put(curve[3], 2 * b + 1, c)
-        put(curve[4], 2 * b, scale(h, at(end.v, b)))
-        put(curve[4], 2 * b + 1, scale(h, local_rotation.parameter_rate(c, at(end.W, b))))
+        u_node, turn_node = displacement_node(frames, b), rotation_node(frames, b)
+        put(curve[0], u_node, ZERO)
+        put(curve[0], turn_node, ZERO)
+        put(curve[1], u_node, scale(h, at(begin.v, b)))
+        put(curve[1], turn_node, scale(h, at(begin.W, b)))
+        put(curve[3], u_node, sub(at(end.x, b), at(begin.x, b)))
+        put(curve[3], turn_node, c)
+        put(curve[4], u_node, scale(h, at(end.v, b)))
+        put(curve[4], turn_node, scale(h, local_rotation.parameter_rate(c, at(end.W, b))))
     for level in range(between.basis.shape[0]):
         count = 2 if level == 0 else 2 * level
         for m in range(count):
@@ -259,14 +262,16 @@ def _sum(curve: np.ndarray, weights: np.ndarray, node: int) -> Vector:
 def move(between: DenseOutput, h: float, tau: float) -> None:
     """Bring the rows' state to ``tau``, by the weights there."""
     state, begin, curve = between.workspace.state, between.begin, between.curve
+    frames = between.workspace.system.frames
     state.time[0] = begin.time[0] + h * tau
-    for b in range(begin.x.shape[0] - 1):
-        c = _sum(curve, between.value, 2 * b + 1)
-        c_dot = scale(1.0 / h, _sum(curve, between.rate, 2 * b + 1))
+    for b in range(moving_count(frames)):
+        c = _sum(curve, between.value, rotation_node(frames, b))
+        c_dot = scale(1.0 / h, _sum(curve, between.rate, rotation_node(frames, b)))
         p = compose(c, at(begin.p, b))
-        put(state.x, b, add(at(begin.x, b), _sum(curve, between.value, 2 * b)))
+        u_node = displacement_node(frames, b)
+        put(state.x, b, add(at(begin.x, b), _sum(curve, between.value, u_node)))
         put(state.p, b, p)
-        put(state.v, b, scale(1.0 / h, _sum(curve, between.rate, 2 * b)))
+        put(state.v, b, scale(1.0 / h, _sum(curve, between.rate, u_node)))
         put(state.w, b, times(transpose(matrix(p)), local_rotation.momentum(c, c_dot)))
     _prepare(between, begin.angle)
 
@@ -275,19 +280,21 @@ def move(between: DenseOutput, h: float, tau: float) -> None:
 def accelerate(between: DenseOutput, room: Instant, h: float, m: int) -> None:
     """Set ``bent`` of node ``m`` to the accelerations of the rows' state."""
     workspace, begin = between.workspace, between.begin
-    bodies, state, start = workspace.system.bodies, workspace.state, workspace.start
+    frames, state, start = workspace.system.frames, workspace.state, workspace.start
     accelerations.accelerate(workspace.system, state, start, room)
-    for b in range(begin.x.shape[0] - 1):
-        a = at(room.solution, 2 * b)
-        if bodies.ballistic[b]:
-            a = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
-        alpha = scale(1.0 / bodies.length[b], at(room.solution, 2 * b + 1))
+    gravity = workspace.system.bodies.gravity
+    for b in range(moving_count(frames)):
+        a = at(room.solution, displacement_node(frames, b))
+        if frames.ballistic[b]:
+            a = (gravity[0], gravity[1], gravity[2])
+        alpha = scale(1.0 / frames.length[b], at(room.solution, rotation_node(frames, b)))
         # W = H c_dot by t; no turn from the start has a rate of W itself.
         c = compose(at(state.p, b), inverse(at(begin.p, b)))
-        c_dot = local_rotation.parameter_rate(c, at(start.bodies.W, b))
+        c_dot = local_rotation.parameter_rate(c, at(start.frames.W, b))
         alpha = sub(alpha, times(local_rotation.momentum_slope(c, c_dot), c_dot))
-        put(between.bent[m], 2 * b, scale(h * h, a))
-        put(between.bent[m], 2 * b + 1, scale(h * h, local_rotation.parameter_rate(c, alpha)))
+        put(between.bent[m], displacement_node(frames, b), scale(h * h, a))
+        c_ddot = local_rotation.parameter_rate(c, alpha)
+        put(between.bent[m], rotation_node(frames, b), scale(h * h, c_ddot))
 
 
 @apart
@@ -340,13 +347,13 @@ def _add_work(between: DenseOutput, room: Instant, dt: float) -> None:
         between.workspace.state,
         between.workspace.start,
     )
-    v, W, bodies = start.bodies.v, start.bodies.W, system.bodies
+    v, W, frames = start.frames.v, start.frames.W, system.frames
     concentrated.free_work(system.loads, start.loads, v, W, dt, system.load_column, state.work)
     drag.free_work(system.drags, start.drag_arms, v, W, dt, system.drag_column, state.work)
     along.act(
         system.along,
         start.along,
-        bodies,
+        frames,
         v,
         W,
         state.reaction,
@@ -355,7 +362,7 @@ def _add_work(between: DenseOutput, room: Instant, dt: float) -> None:
         between.force,
         state.work,
     )
-    along.motion_work(system.along, bodies, state.time[0], dt, room.solution, state.work)
+    along.motion_work(system.along, frames, state.time[0], dt, room.solution, state.work)
 
 
 @kernel
@@ -368,11 +375,11 @@ def _close(between: DenseOutput, room: Instant) -> None:
         workspace.start,
         workspace.monitor,
     )
-    bodies = system.bodies
+    frames = system.frames
     equations.observe(system, state, start, monitor.violation, monitor.rate)
     along.in_metres(system.along, monitor.violation, monitor.rate)
     accelerations.undo(system, state, start, monitor.violation, room)
-    for b in range(bodies.inverse_mass.size - 1):
-        turn = scale(1.0 / bodies.length[b], at(room.solution, 2 * b + 1))
-        put(state.x, b, add(at(state.x, b), at(room.solution, 2 * b)))
+    for b in range(moving_count(frames)):
+        turn = scale(1.0 / frames.length[b], at(room.solution, rotation_node(frames, b)))
+        put(state.x, b, add(at(state.x, b), at(room.solution, displacement_node(frames, b))))
         put(state.p, b, compose(from_step_turn(turn), at(state.p, b)))

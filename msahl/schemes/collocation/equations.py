@@ -26,6 +26,8 @@ Source: see ``schemes.rule``; the chart of the rotation, the scaling and the tre
 between rates (at c_i, with their forces where those of the others are) are ours.
 """
 
+import numpy as np
+
 from msahl.algebra.rotation import compose, matrix
 from msahl.algebra.vector import (
     ZERO,
@@ -47,7 +49,15 @@ from msahl.algebra.vector import (
 from msahl.elements import along
 from msahl.elements.constraints import coincide
 from msahl.elements.forces import concentrated, drag
-from msahl.elements.rigid_body import Bodies
+from msahl.elements.frames import (
+    Frames,
+    displacement,
+    displacement_node,
+    first_multiplier,
+    frame_count,
+    moving_count,
+    rotation_node,
+)
 from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import jacobian, local_rotation
 from msahl.schemes.collocation.workspace import Stages, go, moment_in_chart
@@ -80,7 +90,7 @@ def evaluate(
             _hold(system, stages, h, max(k, 0), rule.push[k] if k >= 0 else 0.0)
         else:
             _act(system, stages, h, i)
-            _turn(system.bodies, start, stages, h, i)
+            _turn(system, start, stages, h, i)
         if k >= 0 or i >= 0:
             _enter(system, stages, h, k, i)
         if fresh and i < 0:
@@ -96,7 +106,7 @@ def evaluate(
 @kernel
 def _begin(system: System, start: Start, stages: Stages, h: float) -> None:
     """Set the rows to what they are without any force, and clear what is summed up."""
-    bodies, F = system.bodies, stages.F
+    frames, bodies, F = system.frames, system.bodies, stages.F
     for node in range(stages.impulse.shape[0]):
         # A load that the step relaxes is known no better than what it begins with.
         stages.pull[node] = h * h * stages.pulled[node]
@@ -105,16 +115,26 @@ def _begin(system: System, start: Start, stages: Stages, h: float) -> None:
         stages.work[w] = 0.0
     for j in range(F.shape[0]):
         way = h * stages.rule.closing[j]
-        for b in range(bodies.inverse_mass.size - 1):
-            put(F[j], 2 * b, axpy(-way, at(start.bodies.v, b), at(stages.Z[j], 2 * b)))
-            put(F[j], 2 * b + 1, scale(-way, spin(bodies, start, b)))
+        for f in range(moving_count(frames)):
+            u = displacement(frames, stages.Z[j], f)
+            put(F[j], displacement_node(frames, f), axpy(-way, at(start.frames.v, f), u))
+        for b in range(bodies.frame.size):
+            node = rotation_node(frames, bodies.frame[b])
+            put(F[j], node, scale(-way, spin(system, start.bodies.J, start.frames.W, b)))
 
 
 @kernel
-def spin(bodies: Bodies, start: Start, b: int) -> Vector:
-    """Angular momentum of body ``b`` at the start, by mass and length [m/s]."""
-    L = times(matrix_at(start.bodies.J, b), at(start.bodies.W, b))
-    return scale(bodies.inverse_mass[b] / bodies.length[b], L)
+def spin(system: System, J: np.ndarray, W: np.ndarray, b: int) -> Vector:
+    """Angular momentum J W of body ``b``, divided by the mass and the length of its frame [m/s]."""
+    f = system.bodies.frame[b]
+    return scale(moment_scale(system, b), times(matrix_at(J, b), at(W, f)))
+
+
+@kernel
+def moment_scale(system: System, b: int) -> float:
+    """1/(m l) of the frame of body ``b``, by which moments are divided [1/(kg m)]."""
+    f = system.bodies.frame[b]
+    return float(system.frames.inverse_mass[f] / system.frames.length[f])
 
 
 @kernel
@@ -122,12 +142,12 @@ def _close(system: System, state: State, start: Start, stages: Stages, h: float,
     """Set the rows of the joints, the ``k``-th, to their gaps, by increments from the start."""
     if k < 0:
         return
-    bodies, violation = system.bodies, stages.violation
+    frames, violation = system.frames, stages.violation
     t, dt = state.time[0], h * stages.rule.closing[k]
-    coincide.close(system.coincide, start.coincide, bodies, stages.moved, violation)
-    along.hold(system.along, start.along, bodies, state.violation, t, dt, stages.moved, violation)
+    coincide.close(system.coincide, start.coincide, frames, stages.moved, violation)
+    along.hold(system.along, start.along, frames, state.violation, t, dt, stages.moved, violation)
     along.strain(system.along, start.along, 1.0, stages.pull)
-    for node in range(2 * bodies.inverse_mass.size, violation.shape[0]):
+    for node in range(first_multiplier(frames), violation.shape[0]):
         put(stages.F[k], node, at(violation, node))
 
 
@@ -136,17 +156,17 @@ def _hold(system: System, stages: Stages, h: float, k: int, weight: float) -> No
     """Set ``stages.row`` to the accelerations by the multipliers of node ``k``; add the drives'
     work, over a ``weight`` of the step.
     """
-    bodies, row, node = system.bodies, stages.row, stages.start
-    first = 2 * bodies.inverse_mass.size
+    frames, row, node = system.frames, stages.row, stages.start
+    first = first_multiplier(frames)
     for n in range(row.shape[0]):
         put(row, n, ZERO)
     for n in range(first, row.shape[0]):
         # The kernels of the lowest order make a force of an unknown by unit/reach; here reach = -1.
         put(stages.still, n, scale(-2.0 / (h * h), at(stages.Z[k], n)))
-    coincide.hold(system.coincide, node.coincide, bodies, -1.0, stages.still, row)
+    coincide.hold(system.coincide, node.coincide, frames, -1.0, stages.still, row)
     violation, t = stages.state.violation, stages.state.time[0]
-    along.hold(system.along, node.along, bodies, violation, 0.0, 0.0, stages.still, row)
-    along.motion_work(system.along, bodies, t, -h * weight, stages.still, stages.work)
+    along.hold(system.along, node.along, frames, violation, 0.0, 0.0, stages.still, row)
+    along.motion_work(system.along, frames, t, -h * weight, stages.still, stages.work)
 
 
 @kernel
@@ -154,22 +174,23 @@ def _act(system: System, stages: Stages, h: float, i: int) -> None:
     """Set ``stages.row`` to the accelerations by the loads at c_i; also the rows between rates, and
     add the loads' work.
     """
-    bodies, row, node = system.bodies, stages.row, stages.start
-    g = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
-    for b in range(bodies.inverse_mass.size):
-        put(row, 2 * b, g)
-        put(row, 2 * b + 1, ZERO)
-    v, W, dt = node.bodies.v, node.bodies.W, h * stages.rule.weight[i]
+    frames, row, node = system.frames, stages.row, stages.start
+    gravity = system.bodies.gravity
+    g = (gravity[0], gravity[1], gravity[2])
+    for b in range(frame_count(frames)):
+        put(row, displacement_node(frames, b), g)
+        put(row, rotation_node(frames, b), ZERO)
+    v, W, dt = node.frames.v, node.frames.W, h * stages.rule.weight[i]
     loads, drags, work = system.loads, system.drags, stages.work
-    concentrated.prepare(loads, stages.factor[i], node.bodies.R, node.loads)
-    concentrated.free_acceleration(loads, node.loads, bodies, row)
+    concentrated.prepare(loads, stages.factor[i], node.frames.R, node.loads)
+    concentrated.free_acceleration(loads, node.loads, frames, row)
     concentrated.free_work(loads, node.loads, v, W, dt, system.load_column, work)
-    drag.free_acceleration(drags, node.drag_arms, bodies, v, W, row)
+    drag.free_acceleration(drags, node.drag_arms, frames, v, W, row)
     drag.free_work(drags, node.drag_arms, v, W, dt, system.drag_column, work)
     along.act(
-        system.along, node.along, bodies, v, W, stages.reaction[i], dt, stages.still, row, work
+        system.along, node.along, frames, v, W, stages.reaction[i], dt, stages.still, row, work
     )
-    along.roll(system.along, node.along, bodies, h, stages.F[i])
+    along.roll(system.along, node.along, frames, h, stages.F[i])
 
 
 @kernel
@@ -177,52 +198,55 @@ def _enter(system: System, stages: Stages, h: float, k: int, i: int) -> None:
     """Add the accelerations by joint forces ``k`` or, if that is negative, by the loads at c_i,
     turned into the chart, to the rows and the impulses.
     """
-    bodies, rule, s = system.bodies, stages.rule, stages.rule.weight.size
+    frames, rule, s = system.frames, stages.rule, stages.rule.weight.size
     weights, share = rule.chi[:, k], h * rule.push[k]
     if k < 0:
         weights, share = rule.alpha[:, i], h * rule.weight[i]
     along.strain(system.along, stages.start.along, h * h, stages.pull)
-    for b in range(bodies.inverse_mass.size - 1):
-        a = at(stages.row, 2 * b)
-        alpha = moment_in_chart(stages, b)
+    for b in range(moving_count(frames)):
+        a = at(stages.row, displacement_node(frames, b))
+        alpha = moment_in_chart(frames, stages, b)
         for j in range(s):
-            accumulate(stages.F[j], 2 * b, scale(h * h * weights[j], a))
-            accumulate(stages.F[j], 2 * b + 1, scale(h * h * weights[j], alpha))
-        accumulate(stages.impulse, 2 * b, scale(share, a))
-        accumulate(stages.impulse, 2 * b + 1, scale(share, alpha))
+            accumulate(stages.F[j], displacement_node(frames, b), scale(h * h * weights[j], a))
+            accumulate(stages.F[j], rotation_node(frames, b), scale(h * h * weights[j], alpha))
+        accumulate(stages.impulse, displacement_node(frames, b), scale(share, a))
+        accumulate(stages.impulse, rotation_node(frames, b), scale(share, alpha))
 
 
 @kernel
-def _turn(bodies: Bodies, start: Start, stages: Stages, h: float, i: int) -> None:
+def _turn(system: System, start: Start, stages: Stages, h: float, i: int) -> None:
     """Enter the inertia of the turns at c_i; keep the velocities there."""
-    rule = stages.rule
-    for b in range(bodies.inverse_mass.size - 1):
-        put(stages.rate[i], 2 * b, at(stages.state.v, b))
-        put(stages.rate[i], 2 * b + 1, at(stages.start.bodies.W, b))
+    rule, frames, node_start = stages.rule, system.frames, stages.start
+    for f in range(moving_count(frames)):
+        put(stages.rate[i], displacement_node(frames, f), at(stages.state.v, f))
+        put(stages.rate[i], rotation_node(frames, f), at(node_start.frames.W, f))
+    for b in range(system.bodies.frame.size):
+        f = system.bodies.frame[b]
+        node = rotation_node(frames, f)
         if not rule.varied:
-            L = times(matrix_at(stages.start.bodies.J, b), at(stages.start.bodies.W, b))
-            L = scale(bodies.inverse_mass[b] / bodies.length[b], L)
+            L = spin(system, node_start.bodies.J, node_start.frames.W, b)
             for j in range(rule.weight.size):
-                accumulate(stages.F[j], 2 * b + 1, scale(h * rule.beta[j, i], L))
+                accumulate(stages.F[j], node, scale(h * rule.beta[j, i], L))
             continue
-        c, c_dot = at(stages.turn, b), at(stages.turning, b)
+        c, c_dot = at(stages.turn, f), at(stages.turning, f)
         z = times(matrix_at(start.bodies.J, b), local_rotation.rate(c, c_dot))
-        z = scale(bodies.inverse_mass[b] / bodies.length[b], z)
+        z = scale(moment_scale(system, b), z)
         pi = local_rotation.momentum(c, z)
         force = times(transpose(local_rotation.rate_slope(c, c_dot)), z)
-        _bow(bodies, stages, h, i, b)
-        moved = scale(h, times(matrix_at(stages.bow, b), add(force, moment_in_chart(stages, b))))
-        moved = add(moved, times(matrix_at(stages.bow_rate, b), pi))
+        _bow(frames, stages, h, i, f)
+        moment = add(force, moment_in_chart(frames, stages, f))
+        moved = scale(h, times(matrix_at(stages.bow, f), moment))
+        moved = add(moved, times(matrix_at(stages.bow_rate, f), pi))
         for j in range(rule.weight.size):
             row = axpy(h * rule.beta[j, i], pi, scale(h * h * rule.alpha[j, i], force))
             row = axpy(-h * rule.closing[j] * rule.weight[i], moved, row)
-            accumulate(stages.F[j], 2 * b + 1, row)
+            accumulate(stages.F[j], node, row)
         impulse = scale(rule.weight[i], axpy(h, force, moved))
-        accumulate(stages.impulse, 2 * b + 1, impulse)
+        accumulate(stages.impulse, node, impulse)
 
 
 @kernel
-def _bow(bodies: Bodies, stages: Stages, h: float, i: int, b: int) -> None:
+def _bow(frames: Frames, stages: Stages, h: float, i: int, b: int) -> None:
     """Set by how much a path moves at c_i as the place where its chart begins turns by
     eta and the other nodes stay: a matrix times eta, symmetric, and its derivative by t/h.
 
@@ -234,7 +258,7 @@ def _bow(bodies: Bodies, stages: Stages, h: float, i: int, b: int) -> None:
     bow = outer(1.0, c, c, skew(ZERO))
     rate = outer(h, c, c_dot, outer(h, c_dot, c, skew(ZERO)))
     for k in range(rule.weight.size):
-        c_k = scale(1.0 / bodies.length[b], at(stages.Z[k], 2 * b + 1))
+        c_k = scale(1.0 / frames.length[b], at(stages.Z[k], rotation_node(frames, b)))
         bow = outer(-rule.value[i, k], c_k, c_k, bow)
         rate = outer(-rule.slope[i, k], c_k, c_k, rate)
     put_matrix(stages.bow, b, local_rotation.square(bow))
@@ -244,32 +268,34 @@ def _bow(bodies: Bodies, stages: Stages, h: float, i: int, b: int) -> None:
 @kernel
 def accept(system: System, state: State, start: Start, stages: Stages, h: float) -> None:
     """Advance ``state`` by the solved step, evaluated last; velocities still open the joints."""
-    bodies, s = system.bodies, stages.rule.weight.size
+    frames, bodies, s = system.frames, system.bodies, stages.rule.weight.size
     for w in range(state.work.size):
         state.work[w] += stages.work[w]
     for node in range(stages.pulled.size):
         stages.pulled[node] = 0.0
     along.strain(system.along, stages.start.along, 1.0, stages.pulled)
-    for b in range(bodies.inverse_mass.size - 1):
-        u = at(stages.Z[s - 1], 2 * b)
-        c = scale(1.0 / bodies.length[b], at(stages.Z[s - 1], 2 * b + 1))
-        pi = add(spin(bodies, start, b), at(stages.impulse, 2 * b + 1))
+    for b in range(bodies.frame.size):
+        f = bodies.frame[b]
+        u_node, turn_node = displacement_node(frames, f), rotation_node(frames, f)
+        u = at(stages.Z[s - 1], u_node)
+        c = scale(1.0 / frames.length[f], at(stages.Z[s - 1], turn_node))
+        pi = add(spin(system, start.bodies.J, start.frames.W, b), at(stages.impulse, turn_node))
         L = local_rotation.moment(c, pi) if stages.rule.varied else pi
-        L = scale(bodies.length[b] / bodies.inverse_mass[b], L)
+        L = scale(frames.length[f] / frames.inverse_mass[f], L)
         for i in range(3):
-            total = state.x[b, i] + (u[i] + state.x_low[b, i])
-            state.x_low[b, i] += u[i] - (total - state.x[b, i])
-            state.x[b, i] = total
-        p = compose(c, at(state.p, b))
-        put(state.p, b, p)
-        put(state.v, b, add(at(start.bodies.v, b), at(stages.impulse, 2 * b)))
-        put(state.w, b, times(matrix_at(stages.mobility, b), times(transpose(matrix(p)), L)))
+            total = state.x[f, i] + (u[i] + state.x_low[f, i])
+            state.x_low[f, i] += u[i] - (total - state.x[f, i])
+            state.x[f, i] = total
+        p = compose(c, at(state.p, f))
+        put(state.p, f, p)
+        put(state.v, f, add(at(start.frames.v, f), at(stages.impulse, u_node)))
+        put(state.w, f, times(matrix_at(stages.mobility, b), times(transpose(matrix(p)), L)))
         for i in range(s):
-            put(stages.before[i], 2 * b, at(stages.rate[i], 2 * b))
-            put(stages.before[i], 2 * b + 1, at(stages.rate[i], 2 * b + 1))
-        put(stages.before[s], 2 * b, at(start.bodies.v, b))
-        put(stages.before[s], 2 * b + 1, at(start.bodies.W, b))
-    first = 2 * bodies.inverse_mass.size
+            put(stages.before[i], u_node, at(stages.rate[i], u_node))
+            put(stages.before[i], turn_node, at(stages.rate[i], turn_node))
+        put(stages.before[s], u_node, at(start.frames.v, f))
+        put(stages.before[s], turn_node, at(start.frames.W, f))
+    first = first_multiplier(frames)
     for k in range(state.violation.shape[0]):
         put(state.violation, k, at(stages.F[s - 1], first + k))
         for i in range(3):
@@ -279,10 +305,11 @@ def accept(system: System, state: State, start: Start, stages: Stages, h: float)
     # From the last velocities before the end, for a step of another size.
     late = stages.rule.late
     rest = 1.0 / (h * (1.0 - (stages.rule.acting[late] if late >= 0 else 0.0)))
-    for b in range(bodies.inverse_mass.size - 1):
-        v, W = at(start.bodies.v, b), at(start.bodies.W, b)
+    for b in range(moving_count(frames)):
+        v, W = at(start.frames.v, b), at(start.frames.W, b)
         if late >= 0:
-            v, W = at(stages.rate[late], 2 * b), at(stages.rate[late], 2 * b + 1)
+            v = at(stages.rate[late], displacement_node(frames, b))
+            W = at(stages.rate[late], rotation_node(frames, b))
         put(state.a, b, scale(rest, sub(at(state.v, b), v)))
         end = times(matrix(at(state.p, b)), at(state.w, b))
         put(state.alpha, b, scale(rest, sub(end, W)))

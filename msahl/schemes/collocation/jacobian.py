@@ -23,7 +23,7 @@ from msahl.elements import along
 from msahl.elements.constraints import coincide
 from msahl.elements.constraints.products import add_block
 from msahl.elements.forces import concentrated, drag
-from msahl.elements.rigid_body import Bodies
+from msahl.elements.frames import first_multiplier, rotation_node
 from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.workspace import BODY, GAP, Stages, moment_in_chart
@@ -53,7 +53,7 @@ def hold(system: System, stages: Stages, h: float, row: int, k: int) -> None:
 @kernel
 def act(system: System, start: Start, stages: Stages, h: float, i: int) -> None:
     """Add what the inertia of the turns and the loads at c_i contribute."""
-    _add_turning(system.bodies, start, stages, h, i)
+    _add_turning(system, start, stages, h, i)
     if not stages.idle:
         _act(system, stages, i)
         _into_chart(system, stages, True)
@@ -65,11 +65,11 @@ def _hold(system: System, stages: Stages) -> None:
     """Set ``by_place`` to the derivative of ``element._hold``, halved where bodies meet bodies, and
     of the gaps.
     """
-    values, node, bodies = stages.by_place, stages.start, system.bodies
+    values, node, frames = stages.by_place, stages.start, system.frames
     for e in range(values.size):
         values[e] = stages.linear[e]
-    coincide.jacobian(system.coincide, node.coincide, bodies, -1.0, stages.still, values)
-    along.hold_jacobian(system.along, node.along, bodies, stages.still, values)
+    coincide.jacobian(system.coincide, node.coincide, frames, -1.0, stages.still, values)
+    along.hold_jacobian(system.along, node.along, frames, stages.still, values)
 
 
 @kernel
@@ -77,16 +77,16 @@ def _act(system: System, stages: Stages, i: int) -> None:
     """Set ``by_place`` to half the derivative of ``element._act``, ``by_rate`` to that by the
     rates.
     """
-    place, rate, node, bodies = stages.by_place, stages.by_rate, stages.start, system.bodies
+    place, rate, node, frames = stages.by_place, stages.by_rate, stages.start, system.frames
     for e in range(place.size):
         place[e], rate[e] = 0.0, 0.0
-    v, W = node.bodies.v, node.bodies.W
-    concentrated.jacobian(system.loads, node.loads, bodies, -1.0, stages.still, place)
-    drag.free_jacobian(system.drags, node.drag_arms, bodies, v, W, place, rate)
+    v, W = node.frames.v, node.frames.W
+    concentrated.jacobian(system.loads, node.loads, frames, -1.0, stages.still, place)
+    drag.free_jacobian(system.drags, node.drag_arms, frames, v, W, place, rate)
     along.free_jacobian(
         system.along,
         node.along,
-        bodies,
+        frames,
         v,
         W,
         stages.reaction[i],
@@ -103,29 +103,33 @@ def _into_chart(system: System, stages: Stages, rated: bool) -> None:
     of what the change of H does to the moments of ``stages.row`` and, where ``rated``, to the
     rates.
     """
-    first = 2 * system.bodies.inverse_mass.size
+    frames, bodies = system.frames, system.bodies
+    first = first_multiplier(frames)
     for m in range(1, system.blocks.shape[0]):
         row, column = system.blocks[m, 0], system.blocks[m, 1]
-        turned_row, turned_column = row < first and row % 2 == 1, column < first and column % 2 == 1
+        turned_row = row < first and frames.rotates[row]
+        turned_column = column < first and frames.rotates[column]
         if not (turned_row or turned_column):
             continue
         turned_row = turned_row and stages.rule.varied
-        H_row = matrix_at(stages.tangent, row // 2) if turned_row else IDENTITY
-        H_column = matrix_at(stages.tangent, column // 2) if turned_column else IDENTITY
+        H_row = matrix_at(stages.tangent, frames.of_node[row]) if turned_row else IDENTITY
+        H_column = matrix_at(stages.tangent, frames.of_node[column]) if turned_column else IDENTITY
         place = product(product(transpose(H_row), block_at(stages.by_place, m)), H_column)
         if rated:
             rate = product(transpose(H_row), block_at(stages.by_rate, m))
             if turned_column:
-                c, c_dot = at(stages.turn, column // 2), at(stages.turning, column // 2)
+                f = frames.of_node[column]
+                c, c_dot = at(stages.turn, f), at(stages.turning, f)
                 place = combine(0.5, product(rate, local_rotation.momentum_slope(c, c_dot)), place)
             put_block(stages.by_rate, m, product(rate, H_column))
         put_block(stages.by_place, m, place)
     if not stages.rule.varied:
         return
-    for b in range(system.bodies.inverse_mass.size - 1):
-        slope = local_rotation.rate_slope(at(stages.turn, b), at(stages.row, 2 * b + 1))
-        block = system.bodies.block[b]
-        add_block(stages.by_place, block, 0.5 / system.bodies.length[b], slope)
+    for b in range(bodies.frame.size):
+        f = bodies.frame[b]
+        moment = at(stages.row, rotation_node(frames, f))
+        slope = local_rotation.rate_slope(at(stages.turn, f), moment)
+        add_block(stages.by_place, bodies.block[b], 0.5 / frames.length[f], slope)
 
 
 @kernel
@@ -173,9 +177,9 @@ def _enter_acting(system: System, stages: Stages, h: float, i: int) -> None:
         entry = stages.needed[e]
         m, p, q = entry // 9, entry % 9 // 3, entry % 3
         by_place, by_rate, bent_place, bent_rate = place[entry], rate[entry], 0.0, 0.0
-        if rule.varied and stages.sort[e] == BODY and system.blocks[m, 0] % 2 == 1:
+        if rule.varied and stages.sort[e] == BODY and system.frames.rotates[system.blocks[m, 0]]:
             for r in range(3):
-                bow = stages.bow[system.blocks[m, 0] // 2, p, r]
+                bow = stages.bow[system.frames.of_node[system.blocks[m, 0]], p, r]
                 bent_place += bow * place[9 * m + 3 * r + q]
                 bent_rate += bow * rate[9 * m + 3 * r + q]
         if by_place == by_rate == bent_place == bent_rate == 0.0:
@@ -192,25 +196,26 @@ def _enter_acting(system: System, stages: Stages, h: float, i: int) -> None:
 
 
 @kernel
-def _add_turning(bodies: Bodies, start: Start, stages: Stages, h: float, i: int) -> None:
+def _add_turning(system: System, start: Start, stages: Stages, h: float, i: int) -> None:
     """Take the derivatives of the inertia of the turns at c_i into the Jacobian."""
-    rule = stages.rule
+    rule, frames = stages.rule, system.frames
     if not rule.varied:
-        _add_spinning(bodies, stages, h, i)
+        _add_spinning(system, stages, h, i)
         return
-    for b in range(bodies.inverse_mass.size - 1):
-        c, c_dot = at(stages.turn, b), at(stages.turning, b)
-        J, H = matrix_at(start.bodies.J, b), matrix_at(stages.tangent, b)
+    for b in range(system.bodies.frame.size):
+        f = system.bodies.frame[b]
+        c, c_dot = at(stages.turn, f), at(stages.turning, f)
+        J, H = matrix_at(start.bodies.J, b), matrix_at(stages.tangent, f)
         z = times(J, local_rotation.rate(c, c_dot))
         by_c = local_rotation.rate_slope(c, c_dot)
         mass = product(H, product(J, transpose(H)))
         pi_c = combine(1.0, product(H, product(J, by_c)), local_rotation.momentum_slope(c, z))
         force_c = product(transpose(by_c), product(J, by_c))
         force_c = combine(1.0, local_rotation.curvature(c, z, c_dot), force_c)
-        bow, bow_rate = matrix_at(stages.bow, b), matrix_at(stages.bow_rate, b)
+        bow, bow_rate = matrix_at(stages.bow, f), matrix_at(stages.bow_rate, f)
         pi, force = local_rotation.momentum(c, z), times(transpose(by_c), z)
-        moment = moment_in_chart(stages, b)
-        force = axpy(bodies.length[b] / bodies.inverse_mass[b], moment, force)
+        moment = moment_in_chart(frames, stages, f)
+        force = axpy(frames.length[f] / frames.inverse_mass[f], moment, force)
         # What the bow moves, by c(t) and by c_dot; by c_k in ``_enter_turning``.
         moved_c = combine(
             1.0, product(bow_rate, pi_c), local_rotation.square_slope(c_dot, scale(2 * h, pi))
@@ -229,18 +234,19 @@ def _add_turning(bodies: Bodies, start: Start, stages: Stages, h: float, i: int)
         put_matrix(stages.slope, 5, moved)
         put(stages.push, 0, force)
         put(stages.push, 1, pi)
-        _enter_turning(bodies, stages, h, i, b)
+        _enter_turning(system, stages, h, i, b)
 
 
 @kernel
-def _enter_turning(bodies: Bodies, stages: Stages, h: float, i: int, b: int) -> None:
+def _enter_turning(system: System, stages: Stages, h: float, i: int, b: int) -> None:
     """Add to the Jacobian what ``stages.slope`` and ``stages.push`` say of body ``b`` at c_i."""
     values, rule, slope, Z = stages.values, stages.rule, stages.slope, stages.Z
     force, pi = at(stages.push, 0), at(stages.push, 1)
-    scaled = h * bodies.inverse_mass[b] / bodies.length[b] ** 2
+    frames, f = system.frames, system.bodies.frame[b]
+    scaled = h * frames.inverse_mass[f] / frames.length[f] ** 2
     for p in range(3):
         for q in range(3):
-            e = stages.slot[bodies.block[b] + 3 * p + q]
+            e = stages.slot[system.bodies.block[b] + 3 * p + q]
             if e < 0:
                 continue
             for k in range(rule.weight.size):
@@ -250,7 +256,7 @@ def _enter_turning(bodies: Bodies, stages: Stages, h: float, i: int, b: int) -> 
                 bent = phi * slope[4, p, q] + rate * slope[5, p, q]
                 if rule.varied:
                     bend = axpy(rate, pi, scale(phi, force))
-                    at_k = scale(-2.0 * h / bodies.length[b], at(Z[k], 2 * b + 1))
+                    at_k = scale(-2.0 * h / frames.length[f], at(Z[k], rotation_node(frames, f)))
                     bent += local_rotation.square_slope(at_k, bend)[p][q]
                 for j in range(rule.weight.size):
                     total = rule.beta[j, i] * by_pi + rule.alpha[j, i] * by_force
@@ -259,17 +265,18 @@ def _enter_turning(bodies: Bodies, stages: Stages, h: float, i: int, b: int) -> 
 
 
 @kernel
-def _add_spinning(bodies: Bodies, stages: Stages, h: float, i: int) -> None:
+def _add_spinning(system: System, stages: Stages, h: float, i: int) -> None:
     """As ``_add_turning`` where the parameters are not varied: of the angular momentum J W."""
-    node = stages.start.bodies
+    node, bodies = stages.start, system.bodies
     for k in range(stages.slope.shape[0]):
         put_matrix(stages.slope, k, skew(ZERO))
-    for b in range(bodies.inverse_mass.size - 1):
-        J, H, W = matrix_at(node.J, b), matrix_at(stages.tangent, b), at(node.W, b)
-        c, c_dot = at(stages.turn, b), at(stages.turning, b)
+    for b in range(bodies.frame.size):
+        f = bodies.frame[b]
+        J, H, W = matrix_at(node.bodies.J, b), matrix_at(stages.tangent, f), at(node.frames.W, f)
+        c, c_dot = at(stages.turn, f), at(stages.turning, f)
         # J turns with the body, W is H c_dot.
         turned = combine(1.0, product(J, skew(W)), skew(scale(-1.0, times(J, W))))
         by_c = combine(1.0, product(turned, H), product(J, local_rotation.momentum_slope(c, c_dot)))
         put_matrix(stages.slope, 0, by_c)
         put_matrix(stages.slope, 1, product(J, H))
-        _enter_turning(bodies, stages, h, i, b)
+        _enter_turning(system, stages, h, i, b)

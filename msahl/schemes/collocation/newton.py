@@ -14,6 +14,7 @@ import numpy as np
 
 from msahl.algebra.vector import copy
 from msahl.elements.along import Along, settle
+from msahl.elements.frames import first_multiplier
 from msahl.jit.kernel import apart, kernel
 from msahl.linalg import block_lu, dense
 from msahl.model.scheme import HIGHER
@@ -174,7 +175,7 @@ def drop_gap(high: CollocationWorkspace) -> None:
         workspace.state.violation,
     )
     s = y.shape[1]
-    first = 2 * system.bodies.inverse_mass.size
+    first = first_multiplier(system.frames)
     for k in range(y.shape[0]):
         node, i = lu.order[k] // 3, lu.order[k] % 3
         for j in range(s):
@@ -269,7 +270,7 @@ def take(high: CollocationWorkspace, h: float) -> bool:
         workspace.unknowns,
     )
     lu, factor, y = unknowns.elimination, high.factor, high.y
-    multipliers, relaxation = 2 * system.bodies.inverse_mass.size, system.relaxation
+    multipliers, relaxation = first_multiplier(system.frames), system.relaxation
     before, smallest, way, length, first = math.inf, math.inf, 0.0, 0.0, math.inf
     iteration, fresh, relaxed = 0, True, relaxation > 0.0
     predictor.predict(system, state, start, stages, h)

@@ -3,7 +3,13 @@
 import math
 
 from msahl.algebra.vector import ZERO, at, axpy, dot, put, scale
-from msahl.elements.rigid_body import moving
+from msahl.elements.frames import (
+    displacement_node,
+    first_multiplier,
+    moving_count,
+    restrict,
+    rotation_node,
+)
 from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.tableau import Rule
@@ -19,8 +25,8 @@ def predict(system: System, state: State, start: Start, stages: Stages, h: float
     Without any, or for a step far beyond them, the accelerations and multipliers of the ``state``
     stay.
     """
-    rule, Z, bodies = stages.rule, stages.Z, system.bodies
-    first, s = 2 * bodies.inverse_mass.size, rule.weight.size
+    rule, Z, frames = stages.rule, stages.Z, system.frames
+    first, s = first_multiplier(frames), rule.weight.size
     follows = look(stages, state.time[0], h)
     for node in range(first, stages.row.shape[0]):
         for i in range(3):
@@ -34,18 +40,19 @@ def predict(system: System, state: State, start: Start, stages: Stages, h: float
                         stages.F[k, node, i] += stages.pushed[k, j] * Z[j, node, i]
             for k in range(s):
                 Z[k, node, i] = stages.F[k, node, i]
-    for b in range(bodies.inverse_mass.size - 1):
-        v, W = at(start.bodies.v, b), at(start.bodies.W, b)
+    for b in range(moving_count(frames)):
+        v, W = at(start.frames.v, b), at(start.frames.W, b)
         for i in range(s):
             way = h * rule.acting[i]
             v_i, W_i = axpy(way, at(state.a, b), v), axpy(way, at(state.alpha, b), W)
             if follows:
                 v_i, W_i = scale(stages.seen[i, s + 1], v), scale(stages.seen[i, s + 1], W)
                 for j in range(s + 1):
-                    v_i = axpy(stages.seen[i, j], at(stages.before[j], 2 * b), v_i)
-                    W_i = axpy(stages.seen[i, j], at(stages.before[j], 2 * b + 1), W_i)
-            put(stages.rate[i], 2 * b, moving(bodies, 0, v_i))
-            put(stages.rate[i], 2 * b + 1, moving(bodies, 1, W_i))
+                    share, before = stages.seen[i, j], stages.before[j]
+                    v_i = axpy(share, at(before, displacement_node(frames, b)), v_i)
+                    W_i = axpy(share, at(before, rotation_node(frames, b)), W_i)
+            put(stages.rate[i], displacement_node(frames, b), restrict(frames, 0, v_i))
+            put(stages.rate[i], rotation_node(frames, b), restrict(frames, 1, W_i))
         _integrate(system, start, stages, h, b)
 
 
@@ -112,33 +119,34 @@ beside a step of their length any residual would be small."""
 @kernel
 def _integrate(system: System, start: Start, stages: Stages, h: float, b: int) -> None:
     """Set the places z_j of body ``b`` from its velocities at c_i."""
-    rule, Z, bodies = stages.rule, stages.Z, system.bodies
-    s, length = rule.weight.size, bodies.length[b]
-    gravity = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
+    rule, Z, frames, g = stages.rule, stages.Z, system.frames, system.bodies.gravity
+    s, length, gravity = rule.weight.size, frames.length[b], (g[0], g[1], g[2])
     for j in range(s):
-        put(Z[j], 2 * b + 1, ZERO)
+        put(Z[j], rotation_node(frames, b), ZERO)
         u = ZERO
         for i in range(s):
-            u = axpy(h * rule.integral[j, i], at(stages.rate[i], 2 * b), u)
-        if bodies.ballistic[b]:
+            u = axpy(h * rule.integral[j, i], at(stages.rate[i], displacement_node(frames, b)), u)
+        if frames.ballistic[b]:
             # That displacement need not be solved for: here it is what the rows would have.
-            u = scale(h * rule.closing[j], at(start.bodies.v, b))
+            u = scale(h * rule.closing[j], at(start.frames.v, b))
             for i in range(s):
                 u = axpy(-h * h * rule.alpha[j, i], gravity, u)
-        put(Z[j], 2 * b, u)
+        put(Z[j], displacement_node(frames, b), u)
     for _ in range(SWEEPS):
         for i in range(s):
             c = ZERO
             for j in range(s):
-                c = axpy(rule.value[i, j] / length, at(Z[j], 2 * b + 1), c)
+                c = axpy(rule.value[i, j] / length, at(Z[j], rotation_node(frames, b)), c)
             # The rows serve as room.
-            put(stages.F[i], 2 * b, local_rotation.parameter_rate(c, at(stages.rate[i], 2 * b + 1)))
+            c_dot = local_rotation.parameter_rate(c, at(stages.rate[i], rotation_node(frames, b)))
+            put(stages.F[i], displacement_node(frames, b), c_dot)
         for j in range(s):
             c = ZERO
             for i in range(s):
-                c = axpy(h * length * rule.integral[j, i], at(stages.F[i], 2 * b), c)
-            put(Z[j], 2 * b + 1, c)
+                c_dot = at(stages.F[i], displacement_node(frames, b))
+                c = axpy(h * length * rule.integral[j, i], c_dot, c)
+            put(Z[j], rotation_node(frames, b), c)
     for j in range(s):
-        c = at(Z[j], 2 * b + 1)
+        c = at(Z[j], rotation_node(frames, b))
         if not dot(c, c) <= (WIDEST * length) ** 2:
-            put(Z[j], 2 * b + 1, ZERO)
+            put(Z[j], rotation_node(frames, b), ZERO)

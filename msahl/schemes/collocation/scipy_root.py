@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from msahl.elements.along import settle
+from msahl.elements.frames import first_multiplier
 from msahl.jit.compiled import compiled
 from msahl.linalg import dense
 from msahl.schemes.collocation import newton, predictor
@@ -72,7 +73,7 @@ def take(
 
 def _held(workspace: Workspace) -> np.ndarray:
     """(f,) which of the free unknowns are multipliers."""
-    return workspace.unknowns.free >= 6 * workspace.system.bodies.inverse_mass.size
+    return workspace.unknowns.free >= 3 * first_multiplier(workspace.system.frames)
 
 
 def _relaxed(subsystem: CollocationWorkspace, z: np.ndarray) -> np.ndarray:
@@ -84,7 +85,7 @@ def _drop_gap(subsystem: CollocationWorkspace, A: np.ndarray) -> None:
     """As ``high.drop_gap``, by the derivative ``A``."""
     workspace, rows = subsystem.workspace, np.zeros_like(subsystem.y)
     held, violation = _held(workspace), workspace.state.violation.reshape(-1)
-    of = workspace.unknowns.free[held] - 6 * workspace.system.bodies.inverse_mass.size
+    of = workspace.unknowns.free[held] - 3 * first_multiplier(workspace.system.frames)
     rows[held, -1] = violation[of]
     answer = np.linalg.lstsq(A, rows.reshape(-1), rcond=None)[0].reshape(rows.shape)
     violation[of] -= _relaxed(subsystem, answer)[held, -1]

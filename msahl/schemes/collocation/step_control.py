@@ -144,7 +144,7 @@ def attempt(
     t = workspace.state.time[0]
     kink = breakpoints.next_kink(control.kinks, workspace.system, t, TOO_SMALL * figures[END])
     left = min(figures[END], kink, figures[STOP]) - t
-    spin = largest_spin(workspace.start.bodies.W)
+    spin = largest_spin(workspace.start.frames.W)
     h = figures[NEXT]
     if workspace.system.along is not None and h * spin > WIDEST_TURN:
         h = WIDEST_TURN / spin
@@ -267,13 +267,13 @@ def apart_within(
     pair's, by the energy over the length of the scene [m]; how much of that is round-off.
     """
     workspace, figures = subsystem.workspace, control.figures
-    bodies = workspace.system.bodies
+    frames = workspace.system.frames
     error, length = 0.0, 0.0
     for b in range(control.x.shape[0] - 1):
         way = sub(at(control.middle.x, b), at(control.x_middle, b))
         turn = compose(at(control.middle.p, b), inverse(at(control.p_middle, b)))
-        far = math.sqrt(dot(way, way)) + bodies.length[b] * math.sqrt(dot(turn, turn))
-        error, length = max(error, far), max(length, bodies.length[b])
+        far = math.sqrt(dot(way, way)) + frames.length[b] * math.sqrt(dot(turn, turn))
+        error, length = max(error, far), max(length, frames.length[b])
     for r in range(row, row + 2):
         figures[ENERGY] = max(figures[ENERGY], workspace.monitor.rows[r, KINETIC])
     work, size = 0.0, figures[ENERGY]
@@ -288,12 +288,12 @@ def apart_within(
 @kernel
 def apart(subsystem: CollocationWorkspace, control: StepControl) -> tuple[float, float]:
     """How far the pair and the whole step are apart [m], and how much of that is round-off."""
-    state, bodies = subsystem.workspace.state, subsystem.workspace.system.bodies
+    state, frames = subsystem.workspace.state, subsystem.workspace.system.frames
     error, size = 0.0, 0.0
     for b in range(state.x.shape[0] - 1):
         way = sub(at(state.x, b), at(control.x, b))
         turn = compose(at(state.p, b), inverse(at(control.p, b)))
-        length = bodies.length[b]
+        length = frames.length[b]
         error = max(error, math.sqrt(dot(way, way)) + length * math.sqrt(dot(turn, turn)))
         size = max(size, math.sqrt(dot(at(state.x, b), at(state.x, b))) + length)
     return error, ROUND_OFF * size

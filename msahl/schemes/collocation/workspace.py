@@ -19,11 +19,20 @@ from msahl.algebra.vector import (
     transpose,
 )
 from msahl.elements import along
+from msahl.elements.frames import (
+    Frames,
+    displacement,
+    displacement_node,
+    first_multiplier,
+    frame_count,
+    moving_count,
+    rotation_node,
+)
 from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.tableau import Rule
 from msahl.schemes.midpoint import equations
-from msahl.system.arrays import Start, State, System, body_count, new_start, node_count
+from msahl.system.arrays import Start, State, System, new_start, node_count
 from msahl.system.unknowns import Unknowns
 
 BODY, FORCE, GAP, BETWEEN = range(4)
@@ -80,18 +89,16 @@ class Stages(NamedTuple):
 def new_stages(system: System, unknowns: Unknowns, state: State, rule: Rule) -> Stages:
     """Room for steps by ``rule`` from ``state``."""
     degree = rule.weight.size
-    n, nodes = body_count(system), (node_count(system), 3)
+    n, nodes = frame_count(system.frames), (node_count(system), 3)
     stages, vectors = (degree, *nodes), (n, 3)
     node_state = State(*(array.copy() for array in state))
-    of_body = system.blocks < 2 * n
+    of_body = system.blocks < first_multiplier(system.frames)
     sort = np.select(
         [of_body.all(axis=1), of_body[:, 0], of_body[:, 1]], [BODY, FORCE, GAP], BETWEEN
     )
     needed = np.union1d(unknowns.elimination.source, unknowns.dense_from)
     slot = np.full(system.constant.size, -1)
     slot[needed] = np.arange(needed.size)
-    mobility = np.zeros((n, 3, 3))
-    mobility[:-1] = np.linalg.inv(system.bodies.inertia[:-1])
     return Stages(
         rule=rule,
         linear=np.where(np.repeat(sort, 9) == BODY, 0.0, system.constant),
@@ -101,7 +108,7 @@ def new_stages(system: System, unknowns: Unknowns, state: State, rule: Rule) -> 
         slot=slot,
         source=slot[unknowns.elimination.source],
         idle=system.along is None and not system.loads.body.size and not system.drags.body.size,
-        mobility=mobility,
+        mobility=np.linalg.inv(system.bodies.inertia),
         state=node_state,
         start=new_start(system, node_state),
         turn=np.zeros(vectors),
@@ -144,7 +151,7 @@ def _rolling(system: System) -> np.ndarray:
     if system.along:
         group = system.along.rows
         place = group.place[~group.holonomic]
-        rows[2 * body_count(system) + place[:, 0], place[:, 1]] = True
+        rows[first_multiplier(system.frames) + place[:, 0], place[:, 1]] = True
     return np.repeat(rows[system.blocks[:, 0]].reshape(-1), 3)
 
 
@@ -156,37 +163,38 @@ def go(system: System, state: State, stages: Stages, h: float, n: int) -> None:
     rule = stages.rule
     bare = stages.idle and rule.acts[n] >= 0
     tau, phi, slope = rule.time[n], rule.place[n], rule.rate[n]
-    bodies, Z, node = system.bodies, stages.Z, stages.state
+    frames, Z, node = system.frames, stages.Z, stages.state
     node.time[0] = state.time[0] + h * tau
-    for b in range(bodies.inverse_mass.size - 1):
+    for b in range(moving_count(frames)):
         u, lc, v, lc_dot = ZERO, ZERO, ZERO, ZERO
         for j in range(phi.size):
-            u, lc = axpy(phi[j], at(Z[j], 2 * b), u), axpy(phi[j], at(Z[j], 2 * b + 1), lc)
+            u_j, lc_j = displacement(frames, Z[j], b), at(Z[j], rotation_node(frames, b))
+            u, lc = axpy(phi[j], u_j, u), axpy(phi[j], lc_j, lc)
             rate = slope[j] / h
-            v, lc_dot = axpy(rate, at(Z[j], 2 * b), v), axpy(rate, at(Z[j], 2 * b + 1), lc_dot)
-        c = scale(1.0 / bodies.length[b], lc)
+            v, lc_dot = axpy(rate, u_j, v), axpy(rate, lc_j, lc_dot)
+        c = scale(1.0 / frames.length[b], lc)
         put(stages.turn, b, c)
-        put(stages.turning, b, scale(1.0 / bodies.length[b], lc_dot))
+        put(stages.turning, b, scale(1.0 / frames.length[b], lc_dot))
         put_matrix(stages.tangent, b, local_rotation.tangent(c))
         put(node.v, b, v)
         if bare:
             continue
-        put(stages.moved, 2 * b, u)
-        put(stages.moved, 2 * b + 1, scale(bodies.length[b], to_step_turn(c)))
+        put(stages.moved, displacement_node(frames, b), u)
+        put(stages.moved, rotation_node(frames, b), scale(frames.length[b], to_step_turn(c)))
         put(node.x, b, add(at(state.x, b), u))
         put(node.p, b, compose(c, at(state.p, b)))
     if not bare:
         equations.prepare(system, node, stages.start)
-    for b in range(bodies.inverse_mass.size - 1):
-        put(stages.start.bodies.W, b, times(matrix_at(stages.tangent, b), at(stages.turning, b)))
+    for b in range(moving_count(frames)):
+        put(stages.start.frames.W, b, times(matrix_at(stages.tangent, b), at(stages.turning, b)))
     for q in range(node.angle.size):
         node.angle[q] = state.angle[q]
     along.count_turns(system.along, stages.start.along, node.angle)
 
 
 @kernel
-def moment_in_chart(stages: Stages, b: int) -> Vector:
+def moment_in_chart(frames: Frames, stages: Stages, b: int) -> Vector:
     """The moment in ``stages.row`` as the rows of body ``b`` have it."""
     if not stages.rule.varied:
-        return at(stages.row, 2 * b + 1)
-    return times(transpose(matrix_at(stages.tangent, b)), at(stages.row, 2 * b + 1))
+        return at(stages.row, rotation_node(frames, b))
+    return times(transpose(matrix_at(stages.tangent, b)), at(stages.row, rotation_node(frames, b)))

@@ -34,6 +34,15 @@ from msahl.algebra.vector import (
 from msahl.elements import along, reactions, rigid_body
 from msahl.elements.constraints import coincide
 from msahl.elements.forces import concentrated, drag
+from msahl.elements.frames import (
+    displacement_node,
+    first_multiplier,
+    moving_count,
+    restrict,
+    rotation_increment,
+    rotation_node,
+)
+from msahl.elements.frames import prepare as prepare_frames
 from msahl.jit.kernel import kernel
 from msahl.system.arrays import Start, State, System, Tables
 
@@ -47,17 +56,18 @@ def dt2(system: System, h: float) -> float:
 @kernel
 def prepare(system: System, state: State, start: Start) -> None:
     """Fill ``start`` from the accepted ``state``."""
-    rigid_body.prepare(
-        system.bodies,
+    prepare_frames(
+        system.frames,
         state.p,
         state.v,
         state.w,
         state.v_rise,
         state.w_rise,
         system.decay.chi,
-        start.bodies,
+        start.frames,
     )
-    R = start.bodies.R
+    rigid_body.prepare(system.bodies, start.frames.R, start.bodies)
+    R = start.frames.R
     coincide.prepare(system.coincide, R, start.coincide)
     along.prepare(
         system.along, state.x, R, state.angle, state.reaction, state.reaction_trend, start.along
@@ -69,7 +79,7 @@ def prepare(system: System, state: State, start: Start) -> None:
 @kernel
 def load(system: System, state: State, start: Start, h: float) -> bool:
     """Set the loads to their means over a step ``h``; whether they have first moments, too."""
-    t, R = state.time[0], start.bodies.R
+    t, R = state.time[0], start.frames.R
     return concentrated.over_step(system.loads, system.laws, t, h, R, start.loads)
 
 
@@ -80,19 +90,19 @@ def predict(system: System, state: State, start: Start, h: float, Z: np.ndarray)
     Offsets by the loads are not in it: a step is judged by how far it leads beyond its guess.
     """
     h2 = dt2(system, h)
-    bodies = system.bodies
-    g = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
-    for b in range(bodies.inverse_mass.size - 1):
+    frames, gravity = system.frames, system.bodies.gravity
+    g = (gravity[0], gravity[1], gravity[2])
+    for b in range(moving_count(frames)):
         # Exact where nothing but gravity acts: that displacement need not be solved for.
-        a = g if bodies.ballistic[b] else add(at(state.a, b), expected(state, state.a_trend, b))
-        v = sub(at(start.bodies.v_go, b), at(start.bodies.v_offset, b))
-        W = sub(at(start.bodies.W_go, b), at(start.bodies.W_offset, b))
-        put(Z, 2 * b, rigid_body.moving(bodies, 0, axpy(h, v, scale(h2, a))))
+        a = g if frames.ballistic[b] else add(at(state.a, b), expected(state, state.a_trend, b))
+        v = sub(at(start.frames.v_go, b), at(start.frames.v_offset, b))
+        W = sub(at(start.frames.W_go, b), at(start.frames.W_offset, b))
+        put(Z, displacement_node(frames, b), restrict(frames, 0, axpy(h, v, scale(h2, a))))
         alpha = add(at(state.alpha, b), expected(state, state.alpha_trend, b))
         turn = axpy(h, W, scale(h2, alpha))
-        turn = of_angle(turn) if bodies.exponential is not None else turn
-        put(Z, 2 * b + 1, scale(bodies.length[b], rigid_body.moving(bodies, 1, turn)))
-    first = 2 * bodies.inverse_mass.size
+        turn = of_angle(turn) if frames.exponential is not None else turn
+        put(Z, rotation_node(frames, b), scale(frames.length[b], restrict(frames, 1, turn)))
+    first = first_multiplier(frames)
     for k in range(state.force.shape[0]):
         guess = add(at(state.force, k), expected(state, state.force_trend, k))
         for i in range(3):
@@ -134,12 +144,12 @@ def residual(
 ) -> None:
     """Set ``F`` (nodes, 3) to the rows of the step's equations at ``Z`` [m]."""
     h2 = dt2(system, h)
-    bodies, t = system.bodies, state.time[0]
-    rigid_body.residual(bodies, start.bodies, h, h2, Z, F)
-    coincide.residual(system.coincide, start.coincide, bodies, h2, Z, F)
-    along.residual(system.along, start.along, bodies, state.violation, t, h, h2, Z, F)
-    concentrated.residual(system.loads, start.loads, bodies, h2, Z, F)
-    drag.residual(system.drags, start.drag_arms, bodies, h, h2, Z, F)
+    frames, t = system.frames, state.time[0]
+    rigid_body.residual(system.bodies, frames, start.bodies, start.frames, h, h2, Z, F)
+    coincide.residual(system.coincide, start.coincide, frames, h2, Z, F)
+    along.residual(system.along, start.along, frames, state.violation, t, h, h2, Z, F)
+    concentrated.residual(system.loads, start.loads, frames, h2, Z, F)
+    drag.residual(system.drags, start.drag_arms, frames, h, h2, Z, F)
 
 
 @kernel
@@ -150,9 +160,10 @@ def joint_jacobian(
     h2 = dt2(system, h)
     for i in range(values.size):
         values[i] = system.constant[i]
-    rigid_body.jacobian(system.bodies, start.bodies, h, h2, Z, values)
-    coincide.jacobian(system.coincide, start.coincide, system.bodies, h2, Z, values)
-    along.joint_jacobian(system.along, start.along, system.bodies, h2, Z, values)
+    frames = system.frames
+    rigid_body.jacobian(system.bodies, frames, start.bodies, start.frames, h, h2, Z, values)
+    coincide.jacobian(system.coincide, start.coincide, frames, h2, Z, values)
+    along.joint_jacobian(system.along, start.along, frames, h2, Z, values)
 
 
 @kernel
@@ -162,9 +173,9 @@ def jacobian(system: System, start: Start, h: float, Z: np.ndarray, values: np.n
     """
     joint_jacobian(system, start, h, Z, values)
     h2 = dt2(system, h)
-    along.force_jacobian(system.along, start.along, system.bodies, h, h2, Z, values)
-    concentrated.jacobian(system.loads, start.loads, system.bodies, h2, Z, values)
-    drag.jacobian(system.drags, start.drag_arms, system.bodies, h, h2, Z, values)
+    along.force_jacobian(system.along, start.along, system.frames, h, h2, Z, values)
+    concentrated.jacobian(system.loads, start.loads, system.frames, h2, Z, values)
+    drag.jacobian(system.drags, start.drag_arms, system.frames, h, h2, Z, values)
 
 
 @kernel
@@ -173,10 +184,10 @@ def step_size(system: System, start: Start, h: float, Z: np.ndarray) -> float:
     largest = 0.0
     for i in range(3):
         largest = max(largest, dt2(system, h) * abs(system.bodies.gravity[i]))
-    for b in range(system.bodies.inverse_mass.size - 1):
+    for b in range(moving_count(system.frames)):
         for i in range(3):
-            largest = max(largest, h * abs(start.bodies.v[b, i]))
-            largest = max(largest, h * abs(start.bodies.W[b, i]) * system.bodies.length[b])
+            largest = max(largest, h * abs(start.frames.v[b, i]))
+            largest = max(largest, h * abs(start.frames.W[b, i]) * system.frames.length[b])
     for node in range(Z.shape[0]):
         for i in range(3):
             largest = max(largest, abs(Z[node, i]))
@@ -188,20 +199,20 @@ def accept(
     system: System, state: State, start: Start, h: float, Z: np.ndarray, F: np.ndarray
 ) -> None:
     """Advance ``state`` by the solved step; ``F`` is the residual at ``Z``, evaluated last."""
-    bodies, t, h2 = system.bodies, state.time[0], dt2(system, h)
+    frames, bodies, t, h2 = system.frames, system.bodies, state.time[0], dt2(system, h)
     decay, per_step = system.decay, h / dt2(system, h)
     loss, gained = 0.0, 0.0
-    concentrated.work(system.loads, start.loads, bodies, Z, system.load_column, state.work)
-    drag.work(system.drags, start.drag_arms, bodies, h, Z, system.drag_column, state.work)
-    along.accept(system.along, start.along, bodies, t, h, h2, Z, state.angle, state.work)
-    for b in range(bodies.inverse_mass.size - 1):
-        u = at(Z, 2 * b)
-        Q = rigid_body.turn_of(bodies, Z, b)
-        v0 = at(start.bodies.v, b)
-        v1 = add(v0, scale(per_step, axpy(-h, at(start.bodies.v_go, b), u)))
-        turn = scale(angle_share(Q)[0], Q) if bodies.exponential is not None else Q
-        turned = axpy(-h, at(start.bodies.W_go, b), turn)
-        dw = scale(per_step, times(transpose(matrix_at(start.bodies.R, b)), turned))
+    concentrated.work(system.loads, start.loads, frames, Z, system.load_column, state.work)
+    drag.work(system.drags, start.drag_arms, frames, h, Z, system.drag_column, state.work)
+    along.accept(system.along, start.along, frames, t, h, h2, Z, state.angle, state.work)
+    for b in range(moving_count(frames)):
+        u = at(Z, displacement_node(frames, b))
+        Q = rotation_increment(frames, Z, b)
+        v0 = at(start.frames.v, b)
+        v1 = add(v0, scale(per_step, axpy(-h, at(start.frames.v_go, b), u)))
+        turn = scale(angle_share(Q)[0], Q) if frames.exponential is not None else Q
+        turned = axpy(-h, at(start.frames.W_go, b), turn)
+        dw = scale(per_step, times(transpose(matrix_at(start.frames.R, b)), turned))
         for i in range(3):
             total = state.x[b, i] + (u[i] + state.x_low[b, i])
             state.x_low[b, i] += u[i] - (total - state.x[b, i])
@@ -209,24 +220,24 @@ def accept(
         put(state.p, b, compose(from_step_turn(Q), at(state.p, b)))
         put(state.v, b, v1)
         put(state.w, b, add(at(state.w, b), dw))
-        if decay.chi > 0.0:
-            dv = sub(v1, v0)
-            loss += rigid_body.smooth(bodies, decay, b, dv, dw, state.v_rise, state.w_rise)
+        if decay.chi > 0.0 and frames.owner[b] >= 0:
+            dv, body = sub(v1, v0), frames.owner[b]
+            loss += rigid_body.smooth(bodies, decay, body, dv, dw, state.v_rise, state.w_rise)
         # As the guess has it: the change of W that is not the body's own turning.
         a, alpha = scale(1.0 / h, sub(v1, v0)), scale(1.0 / h2, turned)
         da, dalpha = sub(a, at(state.a, b)), sub(alpha, at(state.alpha, b))
         gained += gain(state.a_trend, b, da)
-        gained += bodies.length[b] ** 2 * gain(state.alpha_trend, b, dalpha)
+        gained += frames.length[b] ** 2 * gain(state.alpha_trend, b, dalpha)
         keep(state.a_trend, b, da)
         keep(state.alpha_trend, b, dalpha)
         put(state.a, b, a)
         put(state.alpha, b, alpha)
     if concentrated.has_first(start.loads):
-        lost = rigid_body.lost(bodies, start.bodies, h, state.a, state.alpha)
+        lost = rigid_body.lost(bodies, start.bodies, start.frames, h, state.a, state.alpha)
         concentrated.work_of_first(
             system.loads,
             start.loads,
-            start.bodies,
+            start.frames,
             h,
             state.a,
             state.alpha,
@@ -247,7 +258,7 @@ def _enter_multipliers(
     system: System, state: State, start: Start, h: float, Z: np.ndarray, F: np.ndarray
 ) -> None:
     """Set joint forces, reactions and gaps of the state from the solution."""
-    first = 2 * system.bodies.inverse_mass.size
+    first = first_multiplier(system.frames)
     for k in range(state.force.shape[0]):
         before = at(state.force, k)
         for i in range(3):
@@ -266,7 +277,7 @@ def react(system: System, state: State, start: Start, Z: np.ndarray) -> None:
         system.reactions,
         system.along,
         start.along,
-        system.bodies,
+        system.frames,
         start.reaction_arms,
         Z,
         state.force,
@@ -282,15 +293,15 @@ def free_acceleration(
 
     For ``joint_jacobian`` of the scene at rest with h^2 = 2. ``Z`` is zero.
     """
-    bodies, t = system.bodies, state.time[0]
-    v, W = start.bodies.v, start.bodies.W
-    rigid_body.free_acceleration(bodies, start.bodies, F)
+    frames, t = system.frames, state.time[0]
+    v, W = start.frames.v, start.frames.W
+    rigid_body.free_acceleration(system.bodies, frames, start.bodies, start.frames, F)
     coincide.free_gap_acceleration(system.coincide, start.coincide, W, F)
-    along.free_acceleration(system.along, start.along, bodies, v, W, state.reaction, t, Z, F)
+    along.free_acceleration(system.along, start.along, frames, v, W, state.reaction, t, Z, F)
     concentrated.at_time(system.loads, system.laws, t, start.loads.factor)
-    concentrated.prepare(system.loads, start.loads.factor, start.bodies.R, start.loads)
-    concentrated.free_acceleration(system.loads, start.loads, bodies, F)
-    drag.free_acceleration(system.drags, start.drag_arms, bodies, v, W, F)
+    concentrated.prepare(system.loads, start.loads.factor, start.frames.R, start.loads)
+    concentrated.free_acceleration(system.loads, start.loads, frames, F)
+    drag.free_acceleration(system.drags, start.drag_arms, frames, v, W, F)
 
 
 @kernel
@@ -305,7 +316,9 @@ def publish(
     row: int,
 ) -> None:
     """Write a row of results: the accepted, observed state, joints over the step ``h`` before."""
-    rigid_body.publish(system.bodies, state.x, state.p, start.bodies, state.w, tables.states, row)
+    rigid_body.write_states(
+        system.bodies, state.x, state.p, start.frames, state.w, tables.states, row
+    )
     reactions.publish(
         system.shown,
         system.along,
@@ -334,7 +347,7 @@ def observe(
     and their rates, from absolute positions.
     """
     coincide.violation(system.coincide, start.coincide, state.x, violation)
-    coincide.violation_rate(system.coincide, start.coincide, start.bodies, rate)
-    elastic = along.observe(system.along, start.along, start.bodies, state.time[0], violation, rate)
+    coincide.violation_rate(system.coincide, start.coincide, start.frames, rate)
+    elastic = along.observe(system.along, start.along, start.frames, state.time[0], violation, rate)
     kinetic, potential = rigid_body.energy(system.bodies, state.x, state.v, state.w)
     return kinetic, potential + elastic

@@ -1,8 +1,8 @@
 """What a load of the lowest order's step does beyond its mean: see ``forces.concentrated``."""
 
 from msahl.algebra.vector import ZERO, at, put, scale
-from msahl.elements import rigid_body
 from msahl.elements.forces import concentrated
+from msahl.elements.frames import displacement_node, moving_count, offset, rotation_node
 from msahl.jit.kernel import apart, kernel
 from msahl.linalg import dense, sparse_lu
 from msahl.schemes.midpoint import equations
@@ -20,8 +20,8 @@ def load(workspace: Workspace, h: float) -> None:
         _solve(workspace)
         _enter(workspace, h)
     else:
-        for b in range(workspace.system.bodies.inverse_mass.size - 1):
-            rigid_body.offset(workspace.start.bodies, b, ZERO, ZERO)
+        for b in range(moving_count(workspace.system.frames)):
+            offset(workspace.start.frames, b, ZERO, ZERO)
 
 
 @apart
@@ -37,7 +37,7 @@ def _solve(workspace: Workspace) -> None:
     for node in range(F.shape[0]):
         put(F, node, ZERO)
     for k in range(system.loads.body.size):
-        concentrated.enter_first(system.loads, start.loads, system.bodies, k, F)
+        concentrated.enter_first(system.loads, start.loads, system.frames, k, F)
     dense.gather(order, F, workspace.y)
     sparse_lu.solve(workspace.unknowns.elimination, workspace.factor, workspace.y)
     dense.spread(order, workspace.y, Z)
@@ -46,8 +46,8 @@ def _solve(workspace: Workspace) -> None:
 @kernel
 def _enter(workspace: Workspace, h: float) -> None:
     """Set the bodies' offsets by the accelerations in ``Z``."""
-    bodies = workspace.system.bodies
-    for b in range(bodies.inverse_mass.size - 1):
-        dv = scale(h, at(workspace.Z, 2 * b))
-        dW = scale(h / bodies.length[b], at(workspace.Z, 2 * b + 1))
-        rigid_body.offset(workspace.start.bodies, b, dv, dW)
+    frames = workspace.system.frames
+    for b in range(moving_count(frames)):
+        dv = scale(h, at(workspace.Z, displacement_node(frames, b)))
+        dW = scale(h / frames.length[b], at(workspace.Z, rotation_node(frames, b)))
+        offset(workspace.start.frames, b, dv, dW)

@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from msahl.elements.frames import first_multiplier
 from msahl.jit.kernel import kernel
 from msahl.linalg import dense, sparse_lu
 from msahl.schemes.midpoint import equations, load_moments
@@ -74,7 +75,7 @@ def drop_null(workspace: Workspace) -> None:
     n out. What is left is the multipliers' smallest, weighted by mass as the unknowns are.
     """
     lu, Z, y = workspace.unknowns.elimination, workspace.Z, workspace.y
-    first = 2 * workspace.system.bodies.inverse_mass.size
+    first = first_multiplier(workspace.system.frames)
     for k in range(y.size):
         node = lu.order[k] // 3
         y[k] = -workspace.system.relaxation * Z[node, lu.order[k] % 3] if node >= first else 0.0
@@ -94,7 +95,7 @@ def drop_gap(workspace: Workspace) -> None:
     -n^T F / relaxation.
     """
     lu, F, y = workspace.unknowns.elimination, workspace.F, workspace.y
-    first = 2 * workspace.system.bodies.inverse_mass.size
+    first = first_multiplier(workspace.system.frames)
     dense.gather(lu.order, F, y)
     sparse_lu.solve(lu, workspace.factor, y)
     for k in range(y.size):

@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import root
 
+from msahl.elements.frames import first_multiplier
 from msahl.jit.compiled import compiled
 from msahl.linalg import dense
 from msahl.schemes.midpoint import load_moments, workspace
@@ -80,7 +81,7 @@ def take(
                 z -= np.linalg.solve(A, f)
                 f = fun(z)
             # As ``newton.drop_gap``.
-            multipliers = unknowns.free[unknowns.free >= 6 * system.bodies.inverse_mass.size]
+            multipliers = unknowns.free[unknowns.free >= 3 * first_multiplier(system.frames)]
             open_part = np.linalg.solve(A, f)[-multipliers.size :]
             workspace.F.reshape(-1)[multipliers] += system.relaxation * open_part
     if dense.is_astray(system, guessed, step_length):
@@ -136,6 +137,6 @@ def polish(
 
 def _null_part(system: System, unknowns: Unknowns, A: np.ndarray, z: np.ndarray) -> np.ndarray:
     """What the joints' redundancy leaves open in the multipliers (see ``newton.drop_null``)."""
-    multipliers = unknowns.free >= 6 * system.bodies.inverse_mass.size
+    multipliers = unknowns.free >= 3 * first_multiplier(system.frames)
     part = np.linalg.solve(A, np.where(multipliers, -system.relaxation * z, 0.0))
     return np.where(multipliers, part, 0.0)

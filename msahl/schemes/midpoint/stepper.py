@@ -35,7 +35,7 @@ class MidpointMethod:
     def kind(self) -> str:
         """See ``StepMethod``."""
         kind = "points" if self.workspace.system.along is None else "along"
-        kind += "-exponential" if self.workspace.system.bodies.exponential else ""
+        kind += "-exponential" if self.workspace.system.frames.exponential else ""
         return kind if self.instant is None else f"{kind}-instantaneous"
 
     @property
