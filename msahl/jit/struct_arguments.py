@@ -40,7 +40,7 @@ _typeof_tuple = typeof_impl.dispatch(tuple)
 
 @typeof_impl.register(tuple)
 def _typeof(value: Any, context: Any) -> Any:
-    """Type of any tuple: our ``NamedTuple``s are groups, others are numba's affair."""
+    """Return the type of a tuple: a ``Group`` for one of our NamedTuples, else numba's type."""
     if not type(value).__module__.startswith("msahl."):
         return _typeof_tuple(value, context)
     members = tuple(typeof_impl(part, context) for part in value)
