@@ -12,9 +12,6 @@ from msahl.algebra.functions import Laws
 from msahl.elements.constraints import coordinates, equations
 from msahl.elements.constraints.coordinates import Quantities, QuantityStart
 from msahl.elements.constraints.equations import Rows
-from msahl.elements.forces import friction, spring
-from msahl.elements.forces.friction import Frictions
-from msahl.elements.forces.spring import Springs
 from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.jit.kernel import kernel
 
@@ -24,12 +21,8 @@ class Along(NamedTuple):
 
     quantities: Quantities
     rows: Rows
-    springs: Springs
-    frictions: Frictions
     laws: Laws
     row_column: np.ndarray  # (r,) -1 for a row without a law
-    spring_column: np.ndarray  # (s,)
-    friction_column: np.ndarray  # (f,)
 
 
 class AlongStart(NamedTuple):
@@ -37,9 +30,6 @@ class AlongStart(NamedTuple):
 
     quantities: QuantityStart
     rate: np.ndarray  # (q,) rates at the start
-    reactions: np.ndarray  # (j, 6) joints' reactions predicted for the step
-    elastic: np.ndarray  # (s,) elastic energies at the start [J]
-    stretch: np.ndarray  # (s,) smoothed changes of the springs' quantities, the state's own
 
 
 @kernel
@@ -48,17 +38,12 @@ def prepare(
     x: np.ndarray,
     R: np.ndarray,
     angle: np.ndarray,
-    reaction: np.ndarray,
-    trend: np.ndarray,
     start: AlongStart,
 ) -> None:
-    """Evaluate the quantities of the accepted state and predict the joints' reactions."""
+    """Evaluate the quantities of the accepted state."""
     if along is None:
         return
     coordinates.prepare(along.quantities, x, R, angle, start.quantities)
-    for j in range(reaction.shape[0]):
-        for i in range(6):
-            start.reactions[j, i] = reaction[j, i] + trend[j, i]
 
 
 @kernel
@@ -73,15 +58,14 @@ def residual(
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """Set the rows and take what acts along quantities from the rows of the bodies."""
+    """Set the rows of the constraint equations and begin the loads along coordinates with their
+    multipliers'.
+    """
     if along is None:
         return
     q = start.quantities
     coordinates.evaluate(along.quantities, q, frames, Z)
     equations.residual(along.rows, along.laws, q, frames, violation, t, h, dt2, Z, F)
-    spring.residual(along.springs, along.laws, along.quantities, q, start.stretch, h)
-    friction.residual(along.frictions, start.reactions, q, h)
-    coordinates.push(along.quantities, q, frames, dt2, F)
 
 
 @kernel
@@ -102,26 +86,6 @@ def joint_jacobian(
 
 
 @kernel
-def force_jacobian(
-    along: Along | None,
-    start: AlongStart,
-    frames: Frames,
-    h: float,
-    dt2: float,
-    Z: np.ndarray,
-    values: np.ndarray,
-) -> None:
-    """Add what springs, friction and the turning of all loads contribute."""
-    if along is None:
-        return
-    q = start.quantities
-    springs, quantities = along.springs, along.quantities
-    spring.jacobian(springs, along.laws, quantities, q, frames, h, dt2, values)
-    friction.jacobian(along.frictions, start.reactions, quantities, q, frames, h, dt2, values)
-    coordinates.stiffness(quantities, q, frames, dt2, Z, values)
-
-
-@kernel
 def accept(
     along: Along | None,
     start: AlongStart,
@@ -133,12 +97,10 @@ def accept(
     angle: np.ndarray,
     work: np.ndarray,
 ) -> None:
-    """Count the angles on and enter the work of dampers, friction and motions."""
+    """Count the angles on and add the work of the prescribed motions."""
     if along is None:
         return
     q = start.quantities
-    spring.work(along.springs, q, h, along.spring_column, work)
-    friction.work(along.frictions, start.reactions, q, h, along.friction_column, work)
     equations.work(along.rows, along.laws, frames, t, h, dt2, Z, along.row_column, work)
     for k in range(angle.size):
         angle[k] = q.value[k] + q.change[k]
@@ -164,14 +126,6 @@ def relief(along: Along | None, start: AlongStart, node: int, step: float) -> fl
 
 
 @kernel
-def smooth(along: Along | None, start: AlongStart, pole: float) -> float:
-    """Energy [J] that a decaying scheme took from the springs over the accepted step."""
-    if along is None:
-        return 0.0
-    return spring.smooth(along.springs, start.quantities, pole, start.stretch)
-
-
-@kernel
 def follow(
     along: Along | None, reaction: np.ndarray, trend: np.ndarray, old: float, new: float
 ) -> None:
@@ -190,90 +144,59 @@ def free_acceleration(
     frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
-    reaction: np.ndarray,
     t: float,
-    Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """Set the rows of the acceleration problem and add its forces; ``Z`` is zero."""
+    """Set the rows of the constraint equations in the acceleration problem, after ``rates``."""
     if along is None:
         return
-    free_load(along, start, frames, v, W, reaction, Z, F)
     equations.free_acceleration(
         along.rows, along.laws, along.quantities, start.quantities, frames, start.rate, v, W, t, F
     )
 
 
 @kernel
-def free_load(
+def rates(
     along: Along | None,
     start: AlongStart,
     frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
-    reaction: np.ndarray,
     Z: np.ndarray,
-    F: np.ndarray,
 ) -> None:
-    """Add the forces of springs and friction at the start, by mass; ``Z`` is zero."""
+    """Evaluate the coordinates and their rates at one configuration; ``Z`` is zero."""
     if along is None:
         return
-    q = start.quantities
-    coordinates.evaluate(along.quantities, q, frames, Z)
-    coordinates.rates(along.quantities, q, v, W, start.rate)
-    spring.free_load(along.springs, along.laws, along.quantities, q, start.rate)
-    friction.free_load(along.frictions, reaction, q, start.rate)
-    coordinates.push(along.quantities, q, frames, -1.0, F)
+    coordinates.evaluate(along.quantities, start.quantities, frames, Z)
+    coordinates.rates(along.quantities, start.quantities, v, W, start.rate)
 
 
 @kernel
-def free_jacobian(
+def differentiate(along: Along | None, start: AlongStart, frames: Frames, Z: np.ndarray) -> None:
+    """Fill the derivatives of the coordinates, after ``rates``; ``Z`` is zero."""
+    if along is None:
+        return
+    coordinates.differentiate(along.quantities, start.quantities, frames, Z)
+
+
+@kernel
+def roll_jacobian(
     along: Along | None,
     start: AlongStart,
     frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
-    reaction: np.ndarray,
     Z: np.ndarray,
     room: np.ndarray,
     by_place: np.ndarray,
     by_rate: np.ndarray,
 ) -> None:
-    """Add half the derivative of ``free_load`` by the places, and all of it by the rates; and that
-    of ``roll``, over h.
-    """
+    """Add the derivatives of ``roll`` over h, after ``differentiate``; ``Z`` is zero."""
     if along is None:
         return
-    q, quantities = start.quantities, along.quantities
-    coordinates.differentiate(quantities, q, frames, Z)
-    springs, laws, frictions = along.springs, along.laws, along.frictions
-    spring.free_jacobian(springs, laws, quantities, q, frames, v, W, Z, room, by_place, by_rate)
-    friction.free_jacobian(
-        frictions, reaction, quantities, q, start.rate, frames, v, W, Z, room, by_place, by_rate
+    equations.roll_jacobian(
+        along.rows, along.quantities, start.quantities, frames, v, W, Z, room, by_place, by_rate
     )
-    coordinates.stiffness(quantities, q, frames, -1.0, Z, by_place)
-    equations.roll_jacobian(along.rows, quantities, q, frames, v, W, Z, room, by_place, by_rate)
-
-
-@kernel
-def act(
-    along: Along | None,
-    start: AlongStart,
-    frames: Frames,
-    v: np.ndarray,
-    W: np.ndarray,
-    reaction: np.ndarray,
-    dt: float,
-    Z: np.ndarray,
-    F: np.ndarray,
-    work: np.ndarray,
-) -> None:
-    """As ``free_load``; adds the work [J] of dampers and friction over a time ``dt``."""
-    if along is None:
-        return
-    free_load(along, start, frames, v, W, reaction, Z, F)
-    spring.free_work(along.springs, start.rate, dt, along.spring_column, work)
-    friction.free_work(along.frictions, reaction, start.rate, dt, along.friction_column, work)
 
 
 @kernel
@@ -293,7 +216,7 @@ def hold(
     q = start.quantities
     coordinates.evaluate(along.quantities, q, frames, Z)
     equations.residual(along.rows, along.laws, q, frames, violation, t, h, -1.0, Z, F)
-    coordinates.push(along.quantities, q, frames, -1.0, F)
+    coordinates.push(along.quantities, q, frames, 1.0, F)
 
 
 @kernel
@@ -308,7 +231,7 @@ def hold_jacobian(
     if along is None:
         return
     joint_jacobian(along, start, frames, -1.0, Z, values)
-    coordinates.stiffness(along.quantities, start.quantities, frames, -1.0, Z, values)
+    coordinates.stiffness(along.quantities, start.quantities, frames, 1.0, Z, values)
 
 
 @kernel
@@ -322,18 +245,10 @@ def strain(along: Along | None, start: AlongStart, c: float, pull: np.ndarray) -
 
 @kernel
 def roll(along: Along | None, start: AlongStart, frames: Frames, h: float, F: np.ndarray) -> None:
-    """Set the rows that are of rates alone to ``h`` times them, after ``free_load``."""
+    """Set the rows that are of rates alone to ``h`` times them, after ``rates``."""
     if along is None:
         return
     equations.roll(along.rows, start.rate, first_multiplier(frames), h, F)
-
-
-@kernel
-def rubs(along: Along | None) -> bool:
-    """Whether there is friction."""
-    if along is None:
-        return False
-    return along.frictions.quantity.size > 0
 
 
 @kernel
@@ -384,31 +299,14 @@ def observe(
     t: float,
     violation: np.ndarray,
     violation_rate: np.ndarray,
-) -> float:
-    """Fill in gaps and rates of the rows; the elastic energy [J]."""
+) -> None:
+    """Fill in gaps and rates of the rows."""
     if along is None:
-        return 0.0
+        return
     q = start.quantities
     coordinates.slopes(along.quantities, q)
     coordinates.rates(along.quantities, q, frames.v, frames.W, start.rate)
     equations.observe(along.rows, along.laws, q, start.rate, t, violation, violation_rate)
-    return spring.energy(along.springs, along.laws, q, start.elastic)
-
-
-@kernel
-def publish_energy(
-    along: Along | None,
-    start: AlongStart,
-    column: np.ndarray,
-    first: int,
-    table: np.ndarray,
-    row: int,
-) -> None:
-    """Add each spring's elastic energy to its ``column`` from ``first`` on."""
-    if along is None:
-        return
-    for s in range(column.size):
-        table[row, first + column[s]] += start.elastic[s]
 
 
 @kernel

@@ -159,6 +159,16 @@ def push(frames: Frames, dt2: float, F: np.ndarray, f: int, force: Vector, momen
 
 
 @kernel
+def add_force_by_mass(frames: Frames, F: np.ndarray, f: int, force: Vector, moment: Vector) -> None:
+    """Add a ``force`` [N] by mass and a ``moment`` about the origin [N m] by mass and length to the
+    accelerations ``F`` of frame ``f`` [m/s^2].
+    """
+    c = frames.inverse_mass[f]
+    accumulate(F, displacement_node(frames, f), scale(c, force))
+    accumulate(F, rotation_node(frames, f), scale(c / frames.length[f], moment))
+
+
+@kernel
 def prepare(
     frames: Frames,
     p: np.ndarray,

@@ -23,11 +23,10 @@ largest, that is none."""
 
 
 class Shown(NamedTuple):
-    """What the results show of joints and springs."""
+    """What the results show of joints."""
 
     moment: np.ndarray  # (j,) whether a joint's moment is shown beside its force
     load_row: np.ndarray  # (e,) rows whose multiplier is shown: couplings and motions
-    elastic: np.ndarray  # (s,) column, behind those of the work, of each spring's energy
 
 
 class Reactions(NamedTuple):

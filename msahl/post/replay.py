@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import at, put
+from msahl.elements import forces
 from msahl.elements.along import Along, AlongStart
 from msahl.elements.constraints import coordinates
 from msahl.elements.frames import FramesWorkspace
@@ -136,7 +137,7 @@ def _observe_rows(
         equations.prepare(system, state, start)
         _count(system.along, start.along, start.frames, state.angle, 0.5 * h)
         equations.observe(system, state, start, violation[row], rate[row])
-        elastic[row] = _elastic(system.along, start.along)
+        elastic[row] = forces.elastic_energy(system.forces, start.forces, system.along, start.along)
         for b in range(state.x.shape[0]):
             put(history.x[row], b, at(state.x, b))
             put(history.p[row], b, at(state.p, b))
@@ -167,17 +168,6 @@ def _count(
     coordinates.rates(along.quantities, start.quantities, frames.v, frames.W, start.rate)
     _expect(along, start, angle, h)
     coordinates.count_turns(along.quantities, start.quantities, angle)
-
-
-@kernel
-def _elastic(along: Along | None, start: AlongStart) -> float:
-    """Energy of all springs of the observed row [J]."""
-    total = 0.0
-    if along is None:
-        return total
-    for s in range(start.elastic.size):
-        total += start.elastic[s]
-    return total
 
 
 @kernel

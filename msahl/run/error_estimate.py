@@ -39,7 +39,7 @@ import numpy as np
 
 from msahl.algebra.functions import build_laws, evaluate
 from msahl.algebra.rotation_arrays import angles
-from msahl.elements.constraints.coordinates import ANGLE
+from msahl.elements import forces
 from msahl.model import (
     INSTANTANEOUS,
     Model,
@@ -316,21 +316,8 @@ def unresolved_friction(integrator: SubsystemIntegrator, h: float, t_final: floa
     over within a step, which leaves a rate wrong by up to half the width until ``t_final``.
     """
     system, reaction = integrator.workspace.system, integrator.workspace.state.reaction
-    if system.along is None:
-        return 0.0
-    frictions, quantities, frames = system.along.frictions, system.along.quantities, system.frames
-    worst = 0.0
-    for f, q in enumerate(frictions.quantity):
-        first = quantities.first[q]
-        pair = [quantities.measures.a[first], quantities.measures.b[first]]
-        moving = [b for b in pair if frames.inverse_mass[b] > 0.0]
-        angular = quantities.kind[q] == ANGLE
-        length = float(frames.length[moving].max()) if angular else 1.0
-        press = float(np.linalg.norm(reaction[frictions.joint[f], :3])) * frictions.lever[f]
-        change = h * press * frames.inverse_mass[moving].max() / length**2
-        if change > frictions.width[f]:
-            worst = max(worst, 0.5 * float(frictions.width[f]) * length * t_final)
-    return worst
+    passed = forces.unresolved_speed(system.forces, system.along, system.frames, reaction, h)
+    return passed * t_final
 
 
 class ErrorEstimate:

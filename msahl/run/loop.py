@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 
+from msahl.elements import forces
 from msahl.jit.compiled import is_kept, keep, trouble
 from msahl.linalg.dense import FAR
 from msahl.model import (
@@ -820,10 +821,9 @@ def _energy_scale(integrator: SubsystemIntegrator, t_final: float) -> float:
     frames = system.frames
     moving = frames.inverse_mass > 0.0
     mass, length = 1.0 / frames.inverse_mass[moving], frames.length[moving]
-    loads = integrator.workspace.system.loads
-    force, moment = (np.linalg.norm(of, axis=1) for of in (loads.f, loads.m))
-    work = np.linalg.norm(system.bodies.gravity) * (mass @ length) + moment.sum()
-    work += force @ frames.length[loads.body]
+    work = np.linalg.norm(system.bodies.gravity) * (mass @ length)
+    for scale in forces.work_scales(system.forces, frames.length):
+        work += scale
     return float(work + mass @ (length / t_final) ** 2)
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import add, at, copy, matrix_at, put, scale, times, transpose
-from msahl.elements import along
+from msahl.elements import along, forces
 from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
 from msahl.elements.reactions import MOST_ROUNDS, stands
 from msahl.elements.reactions import publish as publish_reactions
@@ -105,7 +105,7 @@ def accelerate(system: System, state: State, start: Start, instant: Instant) -> 
         free(system, state, start, instant)
         solve(instant)
         react(system, state, start, instant)
-        if not along.rubs(system.along) or stands(state.reaction, instant.last):
+        if not forces.depend_on_reactions(system.forces) or stands(state.reaction, instant.last):
             break
 
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements import along, reactions
+from msahl.elements import along, forces, reactions
 from msahl.elements.constraints import coordinates
 from msahl.elements.frames import first_multiplier, moving_count
 from msahl.elements.reactions import MOST_ROUNDS
@@ -116,7 +116,7 @@ def solve_accelerations(system: System, state: State, unknowns: Unknowns) -> Non
         state.alpha[:] = solution[frames.rotation] / frames.length[:, None]
         state.force[:] = solution[first_multiplier(frames) :] * system.unit
         equations.react(system, state, start, Z)
-        if not along.rubs(system.along) or reactions.stands(state.reaction, last):
+        if not forces.depend_on_reactions(system.forces) or reactions.stands(state.reaction, last):
             break
 
 

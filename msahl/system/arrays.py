@@ -15,8 +15,8 @@ from msahl.elements.along import Along, AlongStart
 from msahl.elements.constraints.coincide import Coincide, CoincideStart
 from msahl.elements.constraints.coordinates import MOST, Quantities, QuantityStart
 from msahl.elements.constraints.products import MeasureStart
-from msahl.elements.forces.concentrated import ConcentratedLoads, ConcentratedStart
-from msahl.elements.forces.drag import Drags
+from msahl.elements.forces import Forces, ForceStart, energy_columns
+from msahl.elements.forces import new_start as new_force_start
 from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.elements.reactions import Reactions, Shown
 from msahl.elements.rigid_body import STATE_SIZE, RigidBodies, RigidBodiesWorkspace
@@ -41,11 +41,8 @@ class System(NamedTuple):
     along: Along | None
     reactions: Reactions
     laws: Laws
-    loads: ConcentratedLoads
-    drags: Drags
+    forces: Forces
     shown: Shown
-    load_column: np.ndarray  # columns of the work of loads ...
-    drag_column: np.ndarray  # ... and of drags
     unit: np.ndarray  # (k, 3) multiplier over its unknown, times h^2/2 [kg or kg m]
     multipliers: Multipliers
     decay: Decay  # of the scheme
@@ -96,8 +93,7 @@ class Start(NamedTuple):
     bodies: RigidBodiesWorkspace
     coincide: CoincideStart
     along: AlongStart  # None where the system's is
-    loads: ConcentratedStart
-    drag_arms: np.ndarray  # (d, 3)
+    forces: ForceStart
     reaction_arms: np.ndarray  # (j, 3) from the children's mass centres to the joints [m]
 
 
@@ -147,25 +143,17 @@ def new_quantity_start(group: Quantities, nodes: int = 0) -> QuantityStart:
 def new_start(system: System, state: State) -> Start:
     """Room for the start of a step; gap and stretch are the state's own arrays."""
     vectors, matrices = state.x.shape, (*state.x.shape, 3)
-    k, n_loads = system.coincide.a.size, system.loads.body.size
+    k = system.coincide.a.size
     along = system.along and AlongStart(
         quantities=new_quantity_start(system.along.quantities, node_count(system)),
         rate=np.zeros(system.along.quantities.kind.size),
-        reactions=np.zeros_like(state.reaction),
-        elastic=np.zeros(system.along.springs.quantity.size),
-        stretch=state.stretch,
     )
     return Start(
         frames=FramesWorkspace(np.zeros(matrices), *(np.zeros(vectors) for _ in range(6))),
         bodies=RigidBodiesWorkspace(np.zeros_like(system.bodies.inertia)),
         coincide=CoincideStart(np.zeros((k, 3)), np.zeros((k, 3)), state.violation),
         along=along,  # type: ignore[arg-type]
-        loads=ConcentratedStart(
-            *(np.zeros((n_loads, 3)) for _ in range(3)),
-            *(np.zeros(n_loads) for _ in range(2)),
-            *(np.zeros((n_loads, 3)) for _ in range(2)),
-        ),
-        drag_arms=np.zeros((system.drags.body.size, 3)),
+        forces=new_force_start(system.forces, state.reaction, state.stretch),
         reaction_arms=np.zeros((system.reactions.child.size, 3)),
     )
 
@@ -176,5 +164,5 @@ def new_tables(system: System, state: State, rows: int) -> Tables:
     reactions = int(np.where(shown.moment, 6, 3).sum()) + shown.load_row.size
     if system.along:
         reactions += int(np.count_nonzero(system.along.rows.law[shown.load_row] >= 0))
-    work = state.work.size + len(set(shown.elastic.tolist()))
+    work = state.work.size + energy_columns(system.forces)
     return Tables(*(np.zeros((rows, width)) for width in (states, reactions, work)))

@@ -5,13 +5,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msahl.algebra.functions import Law, build_laws
+from msahl.algebra.functions import Law, Laws, build_laws
 from msahl.algebra.vector import ZERO, Vector, sub
 from msahl.elements.along import Along
 from msahl.elements.constraints.coincide import Coincide
 from msahl.elements.constraints.coordinates import Quantities
 from msahl.elements.constraints.equations import Rows
 from msahl.elements.constraints.products import DOT, PARTS, Measures
+from msahl.elements.forces import Forces
 from msahl.elements.forces.concentrated import ConcentratedLoads
 from msahl.elements.forces.drag import Drags
 from msahl.elements.forces.friction import Frictions
@@ -92,9 +93,7 @@ class _Builder:
         self.laws: list[Law] = []
         self.springs: list[tuple[Any, ...]] = []
         self.frictions: list[tuple[Any, ...]] = []
-        self.columns: dict[str, list[int]] = {
-            key: [] for key in ("loads", "springs", "frictions", "drags", "rows")
-        }
+        self.columns: dict[str, list[int]] = {key: [] for key in ("loads", "drags", "rows")}
         for element, joint in enumerate(model.joints):
             self._joint(element, joint)
         self.load_rows: list[int] = []
@@ -114,19 +113,23 @@ class _Builder:
         nodes = self._place_multipliers()
         coincide = self._coincide(frames)
         loads, drags = self._concentrated(), self._drags()
-        along = self._along(frames) if self.quantities else None
+        laws = build_laws(self.laws)
+        along = self._along(frames, laws) if self.quantities else None
         return System(
             frames=frames,
             bodies=bodies,
             coincide=coincide,
             along=along,
             reactions=self._reactions(),
-            laws=build_laws(self.laws),
-            loads=loads,
-            drags=drags,
+            laws=laws,
+            forces=Forces(
+                concentrated=loads,
+                drag=drags,
+                spring=self._springs(),
+                friction=_group(Frictions, self.frictions, "qqffq"),
+                laws=laws,
+            ),
             shown=self._shown(),
-            load_column=_indices(self.columns["loads"]),
-            drag_column=_indices(self.columns["drags"]),
             unit=self._units(coincide, along, len(nodes)),
             decay=decay_of(self.model),
             relaxation=self.relaxation,
@@ -136,17 +139,13 @@ class _Builder:
             constant=self.blocks.constant_values(),
         )
 
-    def _along(self, frames: Frames) -> Along:
+    def _along(self, frames: Frames, laws: Laws) -> Along:
         quantities = self._quantities()
         return Along(
             quantities=quantities,
             rows=self._rows(frames),
-            springs=_group(Springs, self.springs, "qfffffqf"),
-            frictions=_group(Frictions, self.frictions, "qqff"),
-            laws=build_laws(self.laws),
+            laws=laws,
             row_column=_indices(self.columns["rows"]),
-            spring_column=_indices(self.columns["springs"]),
-            friction_column=_indices(self.columns["frictions"]),
         )
 
     def _point(self, body: int, point: Vector) -> Vector:
@@ -256,8 +255,7 @@ class _Builder:
             quantity = self._freedom(load.joint, load.coordinate)
             number = [joint.name for joint in self.model.joints].index(load.joint)
             lever = load.coefficient * load.radius
-            self.frictions.append((quantity, number, lever, load.width))
-            self.columns["frictions"].append(column)
+            self.frictions.append((quantity, number, lever, load.width, column))
         else:
             kind = "drags" if isinstance(load, Drag) else "loads"
             self.columns[kind].append(column)
@@ -276,8 +274,8 @@ class _Builder:
         origin = np.nan if isinstance(load, JointSpring) else 0.0
         steepest = _steepest(load.table) if load and load.table else stiffness
         lag = 0.5 * decay_of(self.model).chi * steepest
-        self.springs.append((quantity, stiffness, damping, origin, free, preload, table, lag))
-        self.columns["springs"].append(column)
+        entry = (quantity, stiffness, damping, origin, free, preload, table, lag, column)
+        self.springs.append(entry)
 
     def _frames(self) -> Frames:
         """One frame for each rigid body, at its mass centre, and the ground."""
@@ -452,7 +450,7 @@ class _Builder:
         force_by_turn = [place(self.frames.displacement[b], rotation[c]) for b, c, _ in turning]
         arms = [sub(load.point, self.r_BG[self.index[load.body]]) for load in loads]
         return ConcentratedLoads(
-            body=body,
+            frame=body,
             s=_vectors(arms),
             f=_vectors(load.force for load in loads),
             f_axes=f_axes,
@@ -461,6 +459,7 @@ class _Builder:
             law=np.array([self._law(load.law) for load in loads], dtype=np.int64),
             force_by_turn=np.array(force_by_turn, dtype=np.int64),
             moment_by_turn=np.array(moment_by_turn, dtype=np.int64).reshape(-1, 3),
+            column=_indices(self.columns["loads"]),
         )
 
     def _drags(self) -> Drags:
@@ -474,19 +473,24 @@ class _Builder:
         ]
         arms = [sub(load.point, self.r_BG[b]) for load, b in zip(drags, body, strict=True)]
         return Drags(
-            body=np.array(body, dtype=np.int64),
+            frame=np.array(body, dtype=np.int64),
             s=_vectors(arms),
             coefficient=np.array([load.coefficient for load in drags], dtype=float),
             block=np.array(blocks, dtype=np.int64).reshape(-1, 4),
+            column=_indices(self.columns["drags"]),
         )
+
+    def _springs(self) -> Springs:
+        columns = [entry[-1] for entry in self.springs]
+        energy_column = {column: i for i, column in enumerate(sorted(set(columns)))}
+        entries = [(*entry, energy_column[entry[-1]]) for entry in self.springs]
+        return _group(Springs, entries, "qfffffqfqq")
 
     def _shown(self) -> Shown:
         model = self.model
-        elastic = {column: i for i, column in enumerate(sorted(set(self.columns["springs"])))}
         return Shown(
             moment=np.array([KINDS[joint.kind].moment for joint in model.joints], dtype=bool),
             load_row=np.array(self.load_rows, dtype=np.int64),
-            elastic=np.array([elastic[c] for c in self.columns["springs"]], dtype=np.int64),
         )
 
     def _units(self, coincide: Coincide, along: Along | None, nodes: int) -> np.ndarray:

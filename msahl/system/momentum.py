@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.elements import forces
 from msahl.elements.frames import moving_count
 from msahl.system.arrays import Start, State, System
 
@@ -28,7 +29,7 @@ def is_alone(system: System) -> bool:
     if system.along is not None:
         ends += [system.along.quantities.measures.a, system.along.quantities.measures.b]
     tied = any(bool((end == ground).any()) for end in ends)
-    return not (tied or system.loads.body.size or system.drags.body.size)
+    return not (tied or forces.acts_at_points(system.forces))
 
 
 def momentum(system: System, state: State, start: Start) -> Momentum:

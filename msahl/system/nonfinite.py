@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from msahl.algebra.functions import evaluate
+from msahl.elements import forces
 from msahl.model import Model
 from msahl.system.arrays import Start, State, System
 
@@ -48,15 +49,11 @@ def _parts(
         numbers = np.concatenate([motion, motion**2 * body.mass, np.stack([weight, size])])
         yield f"body '{body.name}'", numbers
     workers = (*model.loads, *model.motions)
-    for k, column in enumerate(system.load_column):
-        sized = [np.ravel(part[k]) for part in start.loads]
-        yield f"load '{workers[column].name}'", np.concatenate(sized)
-    for k, column in enumerate(system.drag_column):
-        speed = np.linalg.norm(state.v[system.drags.body[k]])
-        yield f"load '{workers[column].name}'", np.array(system.drags.coefficient[k] * speed**2)
+    for column, numbers in forces.numbers_at_points(system.forces, start.forces, state.v):
+        yield f"load '{workers[column].name}'", numbers
     if system.along is None:
         return
-    quantities, springs, rows = start.along.quantities, system.along.springs, system.along.rows
+    quantities, rows = start.along.quantities, system.along.rows
     elements = [*model.joints, *model.couplings, *model.motions]
     for r, (node, _) in enumerate(rows.place):
         element = elements[int(system.multipliers.element[node])]
@@ -65,11 +62,5 @@ def _parts(
             parts += evaluate(system.laws, rows.law[r], t)
             parts += evaluate(system.laws, rows.law[r], t + h)
         yield f"{type(element).__name__.lower()} '{element.name}'", np.array(parts)
-    for s, column in enumerate(system.along.spring_column):
-        q = springs.quantity[s]
-        stretch = quantities.value[q] - springs.origin[s]
-        if springs.table[s] >= 0:
-            parts = [*evaluate(system.laws, springs.table[s], stretch)]
-        else:
-            parts = [springs.stiffness[s] * stretch * stretch, springs.preload[s] * stretch]
-        yield f"load '{workers[column].name}'", np.array(parts)
+    for column, numbers in forces.numbers_along(system.forces, quantities):
+        yield f"load '{workers[column].name}'", numbers

@@ -16,6 +16,7 @@ are therefore zero, not small: every velocity and every guess passes through ``r
 
 import numpy as np
 
+from msahl.elements import forces
 from msahl.elements.constraints.coordinates import PLAIN, RADIUS, Quantities
 from msahl.elements.constraints.equations import Rows
 from msahl.elements.constraints.products import DOT, SLIDE, SLIP, Measures, MeasureStart
@@ -39,18 +40,13 @@ def _is_planar(system: System, start: Start, axis: int) -> bool:
     in_plane = [i for i in range(3) if i != axis]
     ground = ground_of(system.frames)
     motion, coincide = start.frames, start.coincide
-    # The loads' own size: a law may have let them vanish at t = 0.
-    R, loads = motion.R, system.loads
-    arms = np.einsum("kij,kj->ki", R[loads.body], loads.s)
-    forces = np.einsum("kij,kj->ki", R[loads.f_axes], loads.f)
-    moments = np.einsum("kij,kj->ki", R[loads.m_axes], loads.m)
-    # The ground's arms are places, not levers; a load's arm matters only where a force acts.
+    vectors, moments = forces.vectors(system.forces, start.forces, motion.R)
+    # The ground's arms are places, not levers.
     arms_a = coincide.r_a[system.coincide.a != ground]
     arms_b = coincide.r_b[system.coincide.b != ground]
-    arms = arms[forces.any(axis=1)]
-    along = (system.bodies.gravity[None], motion.v, arms_a, arms_b, forces, arms, start.drag_arms)
+    along = (system.bodies.gravity[None], motion.v, arms_a, arms_b, *vectors)
     lies = all(_is_zero(a[:, [axis]], a) for a in along)
-    lies = lies and all(_is_zero(a[:, in_plane], a) for a in (motion.W, moments))
+    lies = lies and all(_is_zero(a[:, in_plane], a) for a in (motion.W, *moments))
     J = start.bodies.J
     lies = lies and _is_zero(J[:, axis, in_plane], J.reshape(-1, 9))
     if system.along is None or not lies:
@@ -59,9 +55,9 @@ def _is_planar(system: System, start: Start, axis: int) -> bool:
     if not all(_fits(group, measures, ground, q, axis) for q in range(group.kind.size)):
         return False
     # What pushes or drives across the plane breaks the symmetry.
-    rows, springs, frictions = system.along.rows, system.along.springs, system.along.frictions
+    rows = system.along.rows
     active = rows.quantity[(rows.law >= 0) | (rows.quantity[:, 1] >= 0)].reshape(-1)
-    acting = np.concatenate([active, springs.quantity, frictions.quantity])
+    acting = np.concatenate([active, forces.coordinates_of(system.forces)])
     return not _held(group, measures, axis)[acting[acting >= 0]].any()
 
 
@@ -142,7 +138,7 @@ def drop_rows(system: System, held: np.ndarray) -> System:
         return system
     rows, group = along.rows, along.quantities
     kept = np.flatnonzero(~held)
-    acting = (rows.quantity[kept].reshape(-1), along.springs.quantity, along.frictions.quantity)
+    acting = (rows.quantity[kept].reshape(-1), forces.coordinates_of(system.forces))
     used = np.unique(np.concatenate(acting))
     used = used[used >= 0]
     number = np.full(group.kind.size + 1, -1)  # the last entry serves -1
@@ -162,10 +158,9 @@ def drop_rows(system: System, held: np.ndarray) -> System:
         along=along._replace(
             quantities=quantities,
             rows=fewer._replace(quantity=number[fewer.quantity]),
-            springs=along.springs._replace(quantity=number[along.springs.quantity]),
-            frictions=along.frictions._replace(quantity=number[along.frictions.quantity]),
             row_column=along.row_column[kept],
         ),
+        forces=forces.renumbered(system.forces, number),
         reactions=system.reactions._replace(first_row=left[system.reactions.first_row]),
         shown=system.shown._replace(load_row=left[system.shown.load_row]),
     )

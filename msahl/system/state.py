@@ -4,6 +4,7 @@ import numpy as np
 
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import add, at, cross, times
+from msahl.elements import forces
 from msahl.elements.constraints.coordinates import prepare
 from msahl.elements.constraints.equations import left_side
 from msahl.model import Model, decays
@@ -43,7 +44,7 @@ def build_state(model: Model, system: System) -> State:
         work=np.zeros(work_count(model)),
         v_rise=np.zeros_like(x),
         w_rise=np.zeros_like(x),
-        stretch=np.zeros(system.along.springs.quantity.size if system.along else 0),
+        stretch=forces.new_stretch(system.forces),
     )
     settle(system, state)
     return state
@@ -54,15 +55,13 @@ def settle(system: System, state: State) -> None:
     x, p = state.x, state.p
     if system.along is None:
         return
-    quantities, rows, springs = system.along.quantities, system.along.rows, system.along.springs
+    quantities, rows = system.along.quantities, system.along.rows
     R = np.array([matrix(at(p, b)) for b in range(len(p))])
     start = new_quantity_start(quantities)
     prepare(quantities, x, R, np.zeros(quantities.kind.size), start)
     for r in np.flatnonzero(np.isnan(rows.offset)):
         rows.offset[r] = left_side(rows, system.laws, start, int(r))
-    for constant in (springs.origin, springs.free):
-        unset = np.isnan(constant)
-        constant[unset] = start.value[springs.quantity[unset]]
+    forces.set_origins(system.forces, start.value)
 
 
 def work_count(model: Model) -> int:

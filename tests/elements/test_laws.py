@@ -10,7 +10,7 @@ import pytest
 
 from msahl.algebra.rotation import from_axis_angle, matrix
 from msahl.deck import read
-from msahl.elements import rigid_body
+from msahl.elements import forces, rigid_body
 from msahl.elements.constraints import coincide
 from msahl.elements.forces import concentrated
 from msahl.elements.frames import first_multiplier
@@ -109,10 +109,10 @@ class Step:
         first = first_multiplier(self.system.frames) + self.system.coincide.a.size
         return np.concatenate([F[:first] @ A.T, F[first:]])
 
-    def pushes(self, element, *group):
+    def pushes(self, residual, *group):
         """Forces and moments (n, 3) that one kind of element puts on the bodies."""
         F = np.zeros(self.shape)
-        element.residual(*group, self.system.frames, self.dt2, self.Z, F)
+        residual(*group, self.system.frames, self.dt2, self.Z, F)
         return self.as_pushes(F)
 
     def all_pushes(self):
@@ -141,7 +141,7 @@ class Step:
             return 0.0
         violation = np.zeros_like(self.state.violation)
         equations.observe(self.system, self.state, self.start, violation, violation.copy())
-        return float(self.start.along.elastic.sum())
+        return float(self.start.forces.elastic.sum())
 
     def multipliers(self):
         """(k, 3) [N or N m], and what their rows opened by over the step [m or rad]."""
@@ -325,7 +325,7 @@ def test_joint_forces_work_on_the_gap_alone(seed, grounded):
     step = Step(jointed(rng, 5, grounded=grounded))
     step.Z = step.random(rng)
     group, start = step.system.coincide, step.start.coincide
-    work = step.work(*step.pushes(coincide, group, start))
+    work = step.work(*step.pushes(coincide.residual, group, start))
     F = np.zeros(step.shape)
     coincide.residual(group, start, step.system.frames, step.dt2, step.Z, F)
     lam = group.mass[:, None] * step.Z[group.row] / step.dt2
@@ -339,11 +339,10 @@ def test_the_published_work_of_loads_is_what_they_do(seed):
     rng = np.random.default_rng(seed)
     step = Step(loaded(rng))
     step.Z = step.random(rng)
-    group, start = step.system.loads, step.start.loads
-    force, moment = step.pushes(concentrated, group, start)
-    total = np.zeros(group.body.size)
-    column = step.system.load_column
-    concentrated.work(group, start, step.system.frames, step.Z, column, total)
+    group, start = step.system.forces.concentrated, step.start.forces.concentrated
+    force, moment = step.pushes(concentrated.mean_residual, group, start)
+    total = np.zeros(group.frame.size)
+    concentrated.mean_work(group, start, step.system.frames, step.Z, total)
     assert total.sum() == pytest.approx(step.work(force, moment), abs=1e-12 * np.abs(total).sum())
 
 
@@ -533,7 +532,7 @@ def test_what_a_scene_does_not_contain_costs_nothing():
     rng = np.random.default_rng(2)
     model = jointed(rng, 4)
     system = build_system(model)
-    assert system.loads.body.size == 0
+    assert not forces.acts_at_points(system.forces)
     # One block a body for its turn and one for its displacement; a joint on the ground adds 3
     # couplings of the body and one block of the unit matrix, a joint of two bodies twice that.
     ends = sum(2 - ("Earth" in (j.parent, j.child)) for j in model.joints)

@@ -142,12 +142,12 @@ def differentiate(group: Quantities, start: QuantityStart, frames: Frames, Z: np
 
 @kernel
 def push(
-    group: Quantities, start: QuantityStart, frames: Frames, dt2: float, F: np.ndarray
+    group: Quantities, start: QuantityStart, frames: Frames, factor: float, F: np.ndarray
 ) -> None:
-    """Take the gathered loads from the rows of the bodies."""
+    """Add ``factor`` times the gathered loads by mass to the rows of the frames."""
     for q in range(group.kind.size):
         for part in range(PARTS):
-            c = row_factor(group, frames, dt2, q, part)
+            c = row_factor(group, frames, factor, q, part)
             node = part_node(group, frames, q, part)
             for i in range(3):
                 arm = c * start.force[q, part, i]
@@ -170,11 +170,13 @@ def extent(group: Quantities, start: QuantityStart, q: int) -> float:
 
 
 @kernel
-def row_factor(group: Quantities, frames: Frames, dt2: float, q: int, part: int) -> float:
-    """What a unit force on a ``part`` takes from its rows (see ``rigid.push``)."""
+def row_factor(group: Quantities, frames: Frames, factor: float, q: int, part: int) -> float:
+    """Return what a unit force on a ``part`` adds to its rows: ``factor`` by mass, where ``factor``
+    is 1 at one configuration and -dt2 over a step of the midpoint element.
+    """
     first = group.first[q]
     body = group.measures.a[first] if part < U_B else group.measures.b[first]
-    c = -dt2 * frames.inverse_mass[body]
+    c = factor * frames.inverse_mass[body]
     return c if part % 2 == U_A else c / frames.length[body]
 
 
@@ -192,20 +194,22 @@ def stiffness(
     group: Quantities,
     start: QuantityStart,
     frames: Frames,
-    dt2: float,
+    factor: float,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
-    """Add the derivative of the unit forces, times the gathered loads, after ``evaluate``."""
+    """Add ``factor`` times the derivative of the unit forces by mass, times the gathered loads,
+    after ``evaluate``.
+    """
     for q in range(group.kind.size):
         load = start.load[q]
         if load == 0.0:
             continue
         c = (
-            load * row_factor(group, frames, dt2, q, U_A),
-            load * row_factor(group, frames, dt2, q, Q_A),
-            load * row_factor(group, frames, dt2, q, U_B),
-            load * row_factor(group, frames, dt2, q, Q_B),
+            load * row_factor(group, frames, factor, q, U_A),
+            load * row_factor(group, frames, factor, q, Q_A),
+            load * row_factor(group, frames, factor, q, U_B),
+            load * row_factor(group, frames, factor, q, Q_B),
         )
         _stiffen(group, start, frames, Z, q, c, values)
 
@@ -337,15 +341,17 @@ def add_spring(
     group: Quantities,
     start: QuantityStart,
     frames: Frames,
-    dt2: float,
+    factor: float,
     q: int,
     slope: float,
     values: np.ndarray,
 ) -> None:
-    """Add what a load with the derivative ``slope`` by q's end value contributes."""
+    """Add ``factor`` times the derivative of a load by mass whose derivative by q's end value is
+    ``slope``.
+    """
     force, row = start.force, start.slope
     for p in range(PARTS):
-        c = slope * row_factor(group, frames, dt2, q, p)
+        c = slope * row_factor(group, frames, factor, q, p)
         for r in range(PARTS):
             at_block = group.block[q, 4 * p + r]
             if at_block > 0:
@@ -368,17 +374,18 @@ def add_damper(
     by_place: np.ndarray,
     by_rate: np.ndarray,
 ) -> None:
-    """Add what a load with the derivative ``slope`` by the rate of q contributes, by mass: half of
-    that by the places, all of that by the rates; ``room`` holds block values.
+    """Add the derivatives, by the places and by the rates, of a load by mass whose derivative by
+    the rate of q is ``slope``; ``room`` holds block values.
     """
     if slope == 0.0:
         return
-    add_spring(group, start, frames, -1.0, q, slope, by_rate)
+    add_spring(group, start, frames, 1.0, q, slope, by_rate)
+    # rate_gradient gives half of the derivative.
     c = (
-        slope * row_factor(group, frames, -1.0, q, U_A),
-        slope * row_factor(group, frames, -1.0, q, Q_A),
-        slope * row_factor(group, frames, -1.0, q, U_B),
-        slope * row_factor(group, frames, -1.0, q, Q_B),
+        slope * row_factor(group, frames, 2.0, q, U_A),
+        slope * row_factor(group, frames, 2.0, q, Q_A),
+        slope * row_factor(group, frames, 2.0, q, U_B),
+        slope * row_factor(group, frames, 2.0, q, Q_B),
     )
     f = start.force[q]
     force = (at(f, U_A), at(f, Q_A), at(f, U_B), at(f, Q_B))

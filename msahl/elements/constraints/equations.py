@@ -148,12 +148,12 @@ def jacobian(
                 down, right = rows.force_block[r, side, part], rows.gap_block[r, side, part]
                 if down <= 0:
                     continue
-                factor = c * by_unknown * row_factor(quantities, frames, dt2, q, part)
+                factor = c * by_unknown * row_factor(quantities, frames, -dt2, q, part)
                 for i in range(3):
                     values[down + 3 * i + slot] += factor * start.force[q, part, i]
                     values[right + 3 * slot + i] += rows.scale[r] * slope * start.slope[q, part, i]
             if curve != 0.0:
-                add_spring(quantities, start, frames, dt2, q, lam * curve, values)
+                add_spring(quantities, start, frames, -dt2, q, lam * curve, values)
 
 
 @kernel
@@ -301,7 +301,7 @@ def roll_jacobian(
     by_place: np.ndarray,
     by_rate: np.ndarray,
 ) -> None:
-    """Add the derivative of ``roll`` over h: half of it by the places, all of it by the rates."""
+    """Add the derivatives of ``roll`` over h by the places and by the rates."""
     for r in range(rows.function.size):
         if not rows.holonomic[r]:
             c, q, slot = (
@@ -315,4 +315,4 @@ def roll_jacobian(
                 if right > 0:
                     for i in range(3):
                         by_rate[right + 3 * slot + i] += c * start.slope[q, part, i]
-                        by_place[right + 3 * slot + i] += c * half[part][i]
+                        by_place[right + 3 * slot + i] += 2.0 * c * half[part][i]

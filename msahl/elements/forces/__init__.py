@@ -1,1 +1,491 @@
-"""Force laws: loads, springs, drag, friction."""
+"""Evaluate all forces of a system: the one list of the kinds of force that every scheme goes
+through.
+
+Each kind is a module of this package. It states its law once, at one configuration, and beside it
+the discrete form over a step of the midpoint element. The functions here call each kind once and in
+the same order; schemes, start, study and diagnostics call nothing else. Gravity and gyroscopic
+moments are inertial and belong to ``elements.rigid_body``.
+
+    concentrated, drag     act on a point of a body and write to the rows of bodies
+    spring, friction       act along a coordinate; their loads are summed with the multipliers of
+                           constraint equations and then distributed to the rows of bodies
+
+At one configuration (``set_time`` or ``set_node``, then ``add_forces``, ``add_derivatives``,
+``add_power``) rows are accelerations: a force by mass [m/s^2], a moment by mass and length [m/s^2].
+Derivatives are by displacement and by length times rotation (place), and by their rates.
+
+Over a step of the midpoint element (``over_step``, then ``mean_residual``, ``mean_jacobian``,
+``mean_work``) rows are lengths: -dt2 times those accelerations, where dt2 is h^2/2 or, of a
+decaying scheme, more.
+
+In a system without coordinates ``along`` is None, and the kernels compiled for it hold no code of
+springs and friction.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.algebra.functions import Laws, evaluate
+from msahl.elements.along import Along, AlongStart
+from msahl.elements.constraints import coordinates
+from msahl.elements.constraints.coordinates import QuantityStart
+from msahl.elements.forces import concentrated, drag, friction, spring
+from msahl.elements.forces.concentrated import ConcentratedLoads, ConcentratedStart
+from msahl.elements.forces.drag import Drags
+from msahl.elements.forces.friction import Frictions
+from msahl.elements.forces.spring import Springs
+from msahl.elements.frames import Frames, FramesWorkspace
+from msahl.jit.kernel import kernel
+
+
+class Forces(NamedTuple):
+    """The groups of all forces of a system, one of each kind."""
+
+    concentrated: ConcentratedLoads
+    drag: Drags
+    spring: Springs
+    friction: Frictions
+    laws: Laws  # of time and of coordinates, to which the groups refer by number
+
+
+ReactionForces = Frictions
+"""The forces that depend on the joints' reactions."""
+
+
+class ForceStart(NamedTuple):
+    """What the forces need of the configuration they are evaluated at, in inertial axes."""
+
+    concentrated: ConcentratedStart
+    drag: np.ndarray  # (d, 3) arms [m]
+    reactions: np.ndarray  # (j, 6) the joints' reactions extrapolated to the step [N, N m]
+    elastic: np.ndarray  # (s,) elastic energies of the springs [J]
+    stretch: np.ndarray  # (s,) smoothed changes of the springs' coordinates, the state's own
+
+
+def new_start(forces: Forces, reaction: np.ndarray, stretch: np.ndarray) -> ForceStart:
+    """Return the arrays that ``prepare`` fills; ``reaction`` (j, 6) and ``stretch`` (s,) are those
+    of the state.
+    """
+    return ForceStart(
+        concentrated=concentrated.new_start(forces.concentrated),
+        drag=np.zeros_like(forces.drag.s),
+        reactions=np.zeros_like(reaction),
+        elastic=np.zeros(forces.spring.coordinate.size),
+        stretch=stretch,
+    )
+
+
+@kernel
+def prepare(
+    forces: Forces,
+    start: ForceStart,
+    along: Along | None,
+    R: np.ndarray,
+    reaction: np.ndarray,
+    trend: np.ndarray,
+) -> None:
+    """Set what forces need of a configuration with the rotation matrices ``R`` (n+1, 3, 3), and
+    extrapolate the joints' ``reaction`` (j, 6) by its ``trend``.
+    """
+    drag.prepare(forces.drag, R, start.drag)
+    if along is None:
+        return
+    for j in range(reaction.shape[0]):
+        for i in range(6):
+            start.reactions[j, i] = reaction[j, i] + trend[j, i]
+
+
+@kernel
+def set_time(forces: Forces, start: ForceStart, t: float, R: np.ndarray) -> None:
+    """Set the forces that depend on time to their values at the time ``t``."""
+    concentrated.at_time(forces.concentrated, forces.laws, t, start.concentrated.factor)
+    concentrated.prepare(forces.concentrated, start.concentrated.factor, R, start.concentrated)
+
+
+def new_node_factors(forces: Forces, degree: int) -> np.ndarray:
+    """Return the array that ``node_factors`` fills."""
+    return np.zeros((degree, forces.concentrated.frame.size))
+
+
+@kernel
+def node_factors(
+    forces: Forces, t: float, h: float, from_moments: np.ndarray, factor: np.ndarray
+) -> None:
+    """Set ``factor`` (s, k), by which the forces that depend on time are multiplied at the nodes of
+    a collocation step, from the moments of their laws over it.
+    """
+    concentrated.at_nodes(forces.concentrated, forces.laws, t, h, from_moments, factor)
+
+
+@kernel
+def set_node(forces: Forces, start: ForceStart, factor: np.ndarray, R: np.ndarray) -> None:
+    """Set the forces that depend on time to their values at one node, by its ``factor`` (k,)."""
+    concentrated.prepare(forces.concentrated, factor, R, start.concentrated)
+
+
+@kernel
+def add_forces(
+    forces: Forces,
+    start: ForceStart,
+    along: Along | None,
+    place: AlongStart,
+    frames: Frames,
+    motion: FramesWorkspace,
+    reaction: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """Add all forces at one configuration by mass to the rows ``F`` (nodes, 3) [m/s^2].
+
+    ``motion`` holds velocities, ``place`` coordinates and rates (``along.rates`` comes first), and
+    ``reaction`` (j, 6) the joints' reactions.
+    """
+    if along is not None:
+        q = place.quantities
+        spring.add_load(forces.spring, forces.laws, along.quantities, q, place.rate)
+        friction.add_load(forces.friction, reaction, q, place.rate)
+        coordinates.push(along.quantities, q, frames, 1.0, F)
+    concentrated.add_force(forces.concentrated, start.concentrated, frames, F)
+    drag.add_force(forces.drag, start.drag, frames, motion.v, motion.W, F)
+
+
+@kernel
+def add_derivatives(
+    forces: Forces,
+    start: ForceStart,
+    along: Along | None,
+    place: AlongStart,
+    frames: Frames,
+    motion: FramesWorkspace,
+    reaction: np.ndarray,
+    Z: np.ndarray,
+    room: np.ndarray,
+    by_place: np.ndarray,
+    by_rate: np.ndarray,
+) -> None:
+    """Add the derivatives of ``add_forces`` to the block values ``by_place`` and ``by_rate``.
+
+    It comes after ``add_forces`` and ``along.differentiate``. ``Z`` is zero; ``room`` holds block
+    values.
+    """
+    v, W = motion.v, motion.W
+    concentrated.add_derivatives(forces.concentrated, start.concentrated, frames, by_place)
+    drag.add_derivatives(forces.drag, start.drag, frames, v, W, by_place, by_rate)
+    if along is None:
+        return
+    q, quantities, laws = place.quantities, along.quantities, forces.laws
+    spring.add_derivatives(
+        forces.spring, laws, quantities, q, frames, v, W, Z, room, by_place, by_rate
+    )
+    friction.add_derivatives(
+        forces.friction,
+        reaction,
+        quantities,
+        q,
+        place.rate,
+        frames,
+        v,
+        W,
+        Z,
+        room,
+        by_place,
+        by_rate,
+    )
+    # At rest the unit forces' mean over a step changes by half as much as the forces themselves.
+    coordinates.stiffness(quantities, q, frames, 2.0, Z, by_place)
+
+
+@kernel
+def add_power(
+    forces: Forces,
+    start: ForceStart,
+    along: Along | None,
+    place: AlongStart,
+    motion: FramesWorkspace,
+    reaction: np.ndarray,
+    dt: float,
+    work: np.ndarray,
+) -> None:
+    """Add ``dt`` times the power of all forces to ``work`` (w,) [J], after ``add_forces``.
+
+    Springs count by their elastic energy, not by work.
+    """
+    v, W = motion.v, motion.W
+    concentrated.add_power(forces.concentrated, start.concentrated, v, W, dt, work)
+    drag.add_power(forces.drag, start.drag, v, W, dt, work)
+    if along is None:
+        return
+    spring.add_power(forces.spring, place.rate, dt, work)
+    friction.add_power(forces.friction, reaction, place.rate, dt, work)
+
+
+@kernel
+def over_step(forces: Forces, start: ForceStart, t: float, h: float, R: np.ndarray) -> bool:
+    """Set the forces that depend on time to their means over a step ``h`` from ``t``; return
+    whether they have first moments as well.
+    """
+    return concentrated.over_step(forces.concentrated, forces.laws, t, h, R, start.concentrated)
+
+
+@kernel
+def mean_residual(
+    forces: Forces,
+    start: ForceStart,
+    along: Along | None,
+    place: AlongStart,
+    frames: Frames,
+    h: float,
+    dt2: float,
+    Z: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """Take all mean forces over the step, and the loads of constraint equations along coordinates,
+    from the rows ``F`` (nodes, 3) [m]. It comes after ``along.residual`` at ``Z``.
+    """
+    if along is not None:
+        q = place.quantities
+        spring.add_mean_load(forces.spring, forces.laws, along.quantities, q, start.stretch, h)
+        friction.add_mean_load(forces.friction, start.reactions, q, h)
+        coordinates.push(along.quantities, q, frames, -dt2, F)
+    concentrated.mean_residual(forces.concentrated, start.concentrated, frames, dt2, Z, F)
+    drag.mean_residual(forces.drag, start.drag, frames, h, dt2, Z, F)
+
+
+@kernel
+def mean_jacobian(
+    forces: Forces,
+    start: ForceStart,
+    along: Along | None,
+    place: AlongStart,
+    frames: Frames,
+    h: float,
+    dt2: float,
+    Z: np.ndarray,
+    values: np.ndarray,
+) -> None:
+    """Add the derivatives of ``mean_residual`` to the block ``values``, after it and after
+    ``along.joint_jacobian`` at the same ``Z``.
+    """
+    if along is not None:
+        q, quantities = place.quantities, along.quantities
+        spring.mean_jacobian(forces.spring, forces.laws, quantities, q, frames, h, dt2, values)
+        friction.mean_jacobian(
+            forces.friction, start.reactions, quantities, q, frames, h, dt2, values
+        )
+        coordinates.stiffness(quantities, q, frames, -dt2, Z, values)
+    concentrated.mean_jacobian(forces.concentrated, start.concentrated, frames, dt2, Z, values)
+    drag.mean_jacobian(forces.drag, start.drag, frames, h, dt2, Z, values)
+
+
+@kernel
+def mean_work(
+    forces: Forces,
+    start: ForceStart,
+    along: Along | None,
+    place: AlongStart,
+    frames: Frames,
+    h: float,
+    Z: np.ndarray,
+    work: np.ndarray,
+) -> None:
+    """Add the work of all mean forces over the solved step to ``work`` (w,) [J]."""
+    concentrated.mean_work(forces.concentrated, start.concentrated, frames, Z, work)
+    drag.mean_work(forces.drag, start.drag, frames, h, Z, work)
+    if along is None:
+        return
+    spring.mean_work(forces.spring, place.quantities, h, work)
+    friction.mean_work(forces.friction, start.reactions, place.quantities, h, work)
+
+
+@kernel
+def has_first(start: ForceStart) -> bool:
+    """Return whether a force has a first moment over the step."""
+    return concentrated.has_first(start.concentrated)
+
+
+@kernel
+def add_first(forces: Forces, start: ForceStart, frames: Frames, F: np.ndarray) -> None:
+    """Add the forces' first moments over the step by mass to the rows ``F`` (nodes, 3)."""
+    concentrated.add_first(forces.concentrated, start.concentrated, frames, F)
+
+
+@kernel
+def work_of_first(
+    forces: Forces,
+    start: ForceStart,
+    h: float,
+    a: np.ndarray,
+    alpha: np.ndarray,
+    lost: float,
+    work: np.ndarray,
+) -> None:
+    """Add the work of the first moments over a step with the accelerations ``a`` and ``alpha``
+    (n+1, 3), whose sum is ``-lost`` [J], to ``work`` (w,).
+    """
+    group, at_start = forces.concentrated, start.concentrated
+    concentrated.work_of_first(group, at_start, h, a, alpha, lost, work)
+
+
+@kernel
+def smooth(
+    forces: Forces, start: ForceStart, along: Along | None, place: AlongStart, pole: float
+) -> float:
+    """Return the energy [J] that a decaying scheme took from the springs over the accepted step."""
+    if along is None:
+        return 0.0
+    return spring.smooth(forces.spring, place.quantities, pole, start.stretch)
+
+
+@kernel
+def elastic_energy(
+    forces: Forces, start: ForceStart, along: Along | None, place: AlongStart
+) -> float:
+    """Set ``start.elastic`` to the elastic energy of each spring; return their sum [J]."""
+    if along is None:
+        return 0.0
+    return spring.energy(forces.spring, forces.laws, place.quantities, start.elastic)
+
+
+@kernel
+def publish_energy(
+    forces: Forces, start: ForceStart, first: int, table: np.ndarray, row: int
+) -> None:
+    """Add each spring's elastic energy to its column of ``table``, counted from ``first``."""
+    column = forces.spring.energy_column
+    for s in range(column.size):
+        table[row, first + column[s]] += start.elastic[s]
+
+
+@kernel
+def depend_on_reactions(forces: Forces) -> bool:
+    """Return whether a force depends on the joints' reactions."""
+    return forces.friction.coordinate.size > 0
+
+
+# What a system's set-up and its reports ask of the forces, in plain Python.
+
+
+def new_stretch(forces: Forces) -> np.ndarray:
+    """Return the smoothed changes of the springs' coordinates at t = 0."""
+    return np.zeros(forces.spring.coordinate.size)
+
+
+def energy_columns(forces: Forces) -> int:
+    """Return the number of columns of elastic energy in the table of work."""
+    return len(set(forces.spring.energy_column.tolist()))
+
+
+def acts_at_points(forces: Forces) -> bool:
+    """Return whether a force acts on a body from outside the system."""
+    return bool(forces.concentrated.frame.size or forces.drag.frame.size)
+
+
+def pressed_by_reactions(forces: Forces) -> ReactionForces | None:
+    """Return the forces that depend on the joints' reactions, None if there are none."""
+    return forces.friction if forces.friction.coordinate.size else None
+
+
+def coordinates_of(forces: Forces) -> np.ndarray:
+    """Return the numbers of the coordinates along which forces act."""
+    return np.concatenate([forces.spring.coordinate, forces.friction.coordinate])
+
+
+def renumbered(forces: Forces, number: np.ndarray) -> Forces:
+    """Return the forces with coordinate q as number[q]."""
+    return forces._replace(
+        spring=forces.spring._replace(coordinate=number[forces.spring.coordinate]),
+        friction=forces.friction._replace(coordinate=number[forces.friction.coordinate]),
+    )
+
+
+def set_origins(forces: Forces, value: np.ndarray) -> None:
+    """Set what the forces count from, where the deck leaves it open, to the coordinates' ``value``
+    (q,) at t = 0.
+    """
+    for constant in (forces.spring.origin, forces.spring.free):
+        unset = np.isnan(constant)
+        constant[unset] = value[forces.spring.coordinate[unset]]
+
+
+def vectors(
+    forces: Forces, start: ForceStart, R: np.ndarray
+) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+    """Return the vectors (k, 3) of all forces at points that lie in the plane of a planar system:
+    forces and their arms; and those normal to it: moments. Inertial axes, sizes without the laws of
+    time, which may vanish at t = 0.
+    """
+    group = forces.concentrated
+    arms = np.einsum("kij,kj->ki", R[group.frame], group.s)
+    of_forces = np.einsum("kij,kj->ki", R[group.f_axes], group.f)
+    moments = np.einsum("kij,kj->ki", R[group.m_axes], group.m)
+    # The arm matters only where a force acts.
+    return (of_forces, arms[of_forces.any(axis=1)], start.drag), (moments,)
+
+
+def work_scales(forces: Forces, length: np.ndarray) -> tuple[float, float]:
+    """Return the work [J] of constant moments over one radian, and of constant forces over the
+    lengths (n+1,) of their bodies.
+    """
+    group = forces.concentrated
+    force, moment = (np.linalg.norm(of, axis=1) for of in (group.f, group.m))
+    return float(moment.sum()), float(force @ length[group.frame])
+
+
+def laws_of_time(forces: Forces) -> list[int]:
+    """Return the numbers of the laws of time, -1 for a force without one."""
+    return list(forces.concentrated.law.tolist())
+
+
+def depend_on_time(forces: Forces) -> bool:
+    """Return whether a force follows a law of time."""
+    return max(laws_of_time(forces), default=-1) >= 0
+
+
+def laws_of_coordinates(forces: Forces) -> Iterator[tuple[int, int, float]]:
+    """Yield (law, coordinate, origin from which it counts) of each table, with law -1 for a force
+    without one.
+    """
+    group = forces.spring
+    yield from zip(group.table, group.coordinate, group.origin, strict=True)
+
+
+def rate_breakpoints(forces: Forces) -> tuple[np.ndarray, np.ndarray]:
+    """Return the coordinates along which forces change fast with the rate, and at which rates."""
+    return forces.friction.coordinate, forces.friction.width
+
+
+def unresolved_speed(
+    forces: Forces, along: Along | None, frames: Frames, reaction: np.ndarray, h: float
+) -> float:
+    """Return half the largest speed [m/s] within which a force changes fast and which the system
+    passes within one step ``h`` under the joints' ``reaction`` (j, 6).
+    """
+    if along is None:
+        return 0.0
+    return friction.unresolved_speed(forces.friction, along.quantities, frames, reaction, h)
+
+
+def numbers_at_points(
+    forces: Forces, start: ForceStart, v: np.ndarray
+) -> Iterator[tuple[int, np.ndarray]]:
+    """Yield the column of work and the numbers of each force at a point, for the message about
+    numbers that are not finite; ``v`` (n+1, 3) are velocities.
+    """
+    for k, column in enumerate(forces.concentrated.column):
+        yield column, np.concatenate([np.ravel(part[k]) for part in start.concentrated])
+    for k, column in enumerate(forces.drag.column):
+        speed = np.linalg.norm(v[forces.drag.frame[k]])
+        yield column, np.array(forces.drag.coefficient[k] * speed**2)
+
+
+def numbers_along(forces: Forces, start: QuantityStart) -> Iterator[tuple[int, np.ndarray]]:
+    """Yield the same of each force along a coordinate."""
+    group = forces.spring
+    for s, column in enumerate(group.column):
+        stretch = start.value[group.coordinate[s]] - group.origin[s]
+        if group.table[s] >= 0:
+            parts = [*evaluate(forces.laws, group.table[s], stretch)]
+        else:
+            parts = [group.stiffness[s] * stretch * stretch, group.preload[s] * stretch]
+        yield column, np.array(parts)

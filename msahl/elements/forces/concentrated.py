@@ -1,24 +1,36 @@
-"""Concentrated load: a constant force at a point of a body, and a constant moment.
+"""Concentrated load: a force and a moment with constant components, acting at a point of a body.
 
-    F = c mean(R_f f),  M = c mean(R_m m),  T = mean(r) x F + M    mean: half of both ends' sum
-    work over the step = F . (u + dr) + M . Q                        exactly what the body gains
+At one configuration and one time t, in inertial axes,
 
-f and m have constant components in the axes of some body (or the ground: then R is constant), and
-turn with it; a law of time may multiply both. r is the arm from the mass centre to the point of
-application. Source: the concentrated load of Hainge 2010, section 2.3.1; the discrete form is ours.
+    F = c(t) R_f f                        force at the point [N]
+    M = c(t) R_m m + r x F                moment about the mass centre G [N m]
+    P = F . (v + W x r) + c R_m m . W     power [W]
 
-The factor c is the exact mean of the law over the step, so its impulse is right at any step.
-Schemes of higher degree sum the load at nodes c_i with weights b_i; its factors there are the L_i
+f, m        constant components in the axes of some body or of the ground [N, N m]
+R_f, R_m    rotation matrices of these axes; they are constant for the ground
+r           arm from G to the point of application, fixed in the body [m]
+c           law of time; 1 for a load without one
+v, W        velocity of G [m/s], angular velocity [rad/s]
 
-    sum_i b_i L_i p(c_i) = integral over [0, 1] of law(t + h x) p(x) dx      p of degree < s
+Discrete gradient over a step of size h of the midpoint element, with the displacement u of G, the
+rotation increment Q and the mean of both ends of each vector in place of the vector itself:
 
-At the lowest order the law's first moment, c_1 = integral of (1/2 - x) law(t + h x), is kept as
-well. By it a free body is displaced by h^2 c_1 f/m more than h times the mean of its velocities at
-both ends. With joints that offset d is the solution of (``solve.offset``)
+    F = C mean(R_f f),   M = C mean(R_m m) + mean(r) x F
+    work = F . (u + dr) + C mean(R_m m) . Q                exactly the energy the body gains
 
-    M d = h^2 c_1 (f, m + r x f) - G^T mu ,   G d = 0 ;      u = h (v0 + v1)/2 + d ,  likewise Q
+C is the exact mean of the law over the step, so the impulse is right at any step size. A
+collocation scheme sums the load at its nodes c_i with weights b_i. Its factors are the C_i with
 
-The work of the loads is then less by M (v1 - v0) . d/h, and again exactly what the bodies gain.
+    sum_i b_i C_i p(c_i) = integral over [0, 1] of c(t + h x) p(x) dx      p of degree < s
+
+The midpoint element also keeps the law's first moment, C_1 = integral of (1/2 - x) c(t + h x). It
+displaces a free body by h^2 C_1 f/m more than h times the mean of its velocities at both ends. With
+joints, this offset d is the solution of (``schemes.midpoint.load_moments``)
+
+    M d = h^2 C_1 (f, m + r x f) - G^T mu ,   G d = 0 ;      u = h (v0 + v1)/2 + d ,  likewise Q
+
+The work of the loads is then less by M (v1 - v0) . d/h, which again is exactly what the bodies
+gain. Source: the concentrated load of Hainge 2010, section 2.3.1; the discrete form is ours.
 """
 
 from typing import NamedTuple
@@ -28,22 +40,24 @@ import numpy as np
 from msahl.algebra.functions import Laws, evaluate, moments
 from msahl.algebra.rotation import turn_change
 from msahl.algebra.vector import (
+    Matrix,
+    Vector,
     add,
     at,
     cross,
     dot,
     matrix_at,
+    multiple,
     product,
     put,
     scale,
     skew,
-    sub,
     times,
 )
 from msahl.elements.frames import (
     Frames,
-    FramesWorkspace,
-    displacement_node,
+    add_force_by_mass,
+    displacement,
     end_tangent,
     mean,
     push,
@@ -55,38 +69,48 @@ from msahl.jit.kernel import kernel
 class ConcentratedLoads(NamedTuple):
     """The group of all concentrated loads."""
 
-    body: np.ndarray  # (k,)
+    frame: np.ndarray  # (k,)
     s: np.ndarray  # (k, 3) point from the mass centre, axes of the body [m]
     f: np.ndarray  # (k, 3) in the axes of body f_axes [N]
     f_axes: np.ndarray  # (k,)
     m: np.ndarray  # (k, 3) in the axes of body m_axes [N m]
     m_axes: np.ndarray  # (k,)
     law: np.ndarray  # (k,) factor in time, or -1
-    force_by_turn: np.ndarray  # (k,) start of the block by the turn of f_axes
-    moment_by_turn: np.ndarray  # (k, 3) by the turns of the body, of f_axes and of m_axes
+    force_by_turn: np.ndarray  # (k,) start of the block by the rotation of f_axes
+    moment_by_turn: np.ndarray  # (k, 3) by the rotations of the body, of f_axes and of m_axes
+    column: np.ndarray  # (k,) of the table of work
 
 
 class ConcentratedStart(NamedTuple):
-    """Arm at the start of the step, and force and moment with the directions they have there and
-    the size they have over the step or at a time; inertial axes."""
+    """Arm, force and moment at one configuration, multiplied by the factors; inertial axes."""
 
-    r: np.ndarray  # (k, 3)
-    f: np.ndarray  # (k, 3)
-    m: np.ndarray  # (k, 3)
-    factor: np.ndarray  # (k,) the laws' c
-    first: np.ndarray  # (k,) the laws' c_1
-    first_f: np.ndarray  # (k, 3) c_1 f
-    first_m: np.ndarray  # (k, 3) c_1 (m + r x f)
+    r: np.ndarray  # (k, 3) [m]
+    f: np.ndarray  # (k, 3) [N]
+    m: np.ndarray  # (k, 3) [N m]
+    factor: np.ndarray  # (k,) c, or C over a step or at a node
+    first: np.ndarray  # (k,) C_1
+    first_f: np.ndarray  # (k, 3) C_1 f
+    first_m: np.ndarray  # (k, 3) C_1 (m + r x f)
 
 
 NEGLIGIBLE = 1e-15
 """First moment of a law, relative to its mean, that is round-off."""
 
 
+def new_start(group: ConcentratedLoads) -> ConcentratedStart:
+    """Return the arrays that ``prepare`` and ``over_step`` fill."""
+    k = group.frame.size
+    return ConcentratedStart(
+        *(np.zeros((k, 3)) for _ in range(3)),
+        *(np.zeros(k) for _ in range(2)),
+        *(np.zeros((k, 3)) for _ in range(2)),
+    )
+
+
 @kernel
 def at_time(group: ConcentratedLoads, laws: Laws, t: float, factor: np.ndarray) -> None:
-    """Set the factors (k,) to those of the time ``t``."""
-    for k in range(group.body.size):
+    """Set the factors (k,) to the laws' values at the time ``t``."""
+    for k in range(group.frame.size):
         factor[k] = 1.0 if group.law[k] < 0 else evaluate(laws, group.law[k], t)[0]
 
 
@@ -99,9 +123,9 @@ def over_step(
     R: np.ndarray,
     start: ConcentratedStart,
 ) -> bool:
-    """Prepare for a step of the lowest order; whether a law has a first moment over it."""
+    """Prepare a step of the midpoint element; return whether a law has a first moment over it."""
     moved = False
-    for k in range(group.body.size):
+    for k in range(group.frame.size):
         start.factor[k], start.first[k] = 1.0, 0.0
         if group.law[k] >= 0:
             values = moments(laws, group.law[k], t, h)
@@ -111,11 +135,11 @@ def over_step(
                 moved = True
     prepare(group, start.factor, R, start)
     if moved:
-        for k in range(group.body.size):
+        for k in range(group.frame.size):
             f = times(matrix_at(R, group.f_axes[k]), at(group.f, k))
             m = times(matrix_at(R, group.m_axes[k]), at(group.m, k))
             put(start.first_f, k, scale(start.first[k], f))
-            put(start.first_m, k, scale(start.first[k], add(cross(at(start.r, k), f), m)))
+            put(start.first_m, k, scale(start.first[k], moment(at(start.r, k), f, m)))
     return moved
 
 
@@ -128,10 +152,10 @@ def at_nodes(
     from_moments: np.ndarray,
     factor: np.ndarray,
 ) -> None:
-    """Set the factors (s, k) at the nodes of a step; ``from_moments`` (s, s) has them from the
-    laws' moments.
+    """Set the factors (s, k) at the nodes of a collocation step; ``from_moments`` (s, s) are the
+    weights of the laws' moments in them.
     """
-    for k in range(group.body.size):
+    for k in range(group.frame.size):
         values = (1.0, 0.0, 0.0, 0.0, 0.0)
         if group.law[k] >= 0:
             values = moments(laws, group.law[k], t, h)
@@ -145,16 +169,96 @@ def at_nodes(
 def prepare(
     group: ConcentratedLoads, factor: np.ndarray, R: np.ndarray, start: ConcentratedStart
 ) -> None:
-    """Carry arm, force and moment into inertial axes, in the size that the factors (k,) give."""
-    for k in range(group.body.size):
+    """Set arm, force and moment in inertial axes, multiplied by the factors (k,)."""
+    for k in range(group.frame.size):
         c = factor[k]
-        put(start.r, k, times(matrix_at(R, group.body[k]), at(group.s, k)))
+        put(start.r, k, times(matrix_at(R, group.frame[k]), at(group.s, k)))
         put(start.f, k, scale(c, times(matrix_at(R, group.f_axes[k]), at(group.f, k))))
         put(start.m, k, scale(c, times(matrix_at(R, group.m_axes[k]), at(group.m, k))))
 
 
 @kernel
-def residual(
+def moment(r: Vector, f: Vector, m: Vector) -> Vector:
+    """Return the moment about G of the force ``f`` at the arm ``r`` and of the moment ``m``."""
+    return add(cross(r, f), m)
+
+
+@kernel
+def add_force(
+    group: ConcentratedLoads, start: ConcentratedStart, frames: Frames, F: np.ndarray
+) -> None:
+    """Add the loads by mass to the rows of their bodies."""
+    for k in range(group.frame.size):
+        r, f, m = at(start.r, k), at(start.f, k), at(start.m, k)
+        add_force_by_mass(frames, F, group.frame[k], f, moment(r, f, m))
+
+
+@kernel
+def add_derivatives(
+    group: ConcentratedLoads, start: ConcentratedStart, frames: Frames, by_place: np.ndarray
+) -> None:
+    """Add the derivatives of the loads by mass by the rotations; rates do not change them."""
+    for k in range(group.frame.size):
+        b = group.frame[k]
+        by_arm = tangent(frames, b, at(start.r, k))
+        by_force = tangent(frames, group.f_axes[k], at(start.f, k))
+        by_moment = tangent(frames, group.m_axes[k], at(start.m, k))
+        c = -frames.inverse_mass[b]
+        _add_blocks(
+            group, frames, k, c, at(start.r, k), at(start.f, k), (by_arm, by_force, by_moment),
+            by_place,
+        )  # fmt: skip
+
+
+@kernel
+def tangent(frames: Frames, b: int, a: Vector) -> Matrix:
+    """Return ``T`` with ``da = -T l dth`` for a vector ``a`` fixed in body ``b``."""
+    return multiple(1.0 / frames.length[b], skew(a))
+
+
+@kernel
+def _add_blocks(
+    group: ConcentratedLoads,
+    frames: Frames,
+    k: int,
+    c: float,
+    r: Vector,
+    f: Vector,
+    by_turn: tuple[Matrix, Matrix, Matrix],
+    values: np.ndarray,
+) -> None:
+    """Add ``c`` times the derivatives of force and moment of load ``k``, whose arm, force and
+    moment change with the rotations by minus the three matrices ``by_turn``.
+    """
+    by_arm, by_lever = product(skew(f), by_turn[0]), product(skew(r), by_turn[1])
+    c_turn = c / frames.length[group.frame[k]]
+    for i in range(3):
+        for j in range(3):
+            values[group.force_by_turn[k] + 3 * i + j] += c * by_turn[1][i][j]
+            values[group.moment_by_turn[k, 0] + 3 * i + j] -= c_turn * by_arm[i][j]
+            values[group.moment_by_turn[k, 1] + 3 * i + j] += c_turn * by_lever[i][j]
+            values[group.moment_by_turn[k, 2] + 3 * i + j] += c_turn * by_turn[2][i][j]
+
+
+@kernel
+def add_power(
+    group: ConcentratedLoads,
+    start: ConcentratedStart,
+    v: np.ndarray,
+    W: np.ndarray,
+    dt: float,
+    total: np.ndarray,
+) -> None:
+    """Add ``dt`` times the power [W] of each load to its column of ``total`` [J]."""
+    for k in range(group.frame.size):
+        b = group.frame[k]
+        V = add(at(v, b), cross(at(W, b), at(start.r, k)))
+        power = dot(at(start.f, k), V) + dot(at(start.m, k), at(W, b))
+        total[group.column[k]] += power * dt
+
+
+@kernel
+def mean_residual(
     group: ConcentratedLoads,
     start: ConcentratedStart,
     frames: Frames,
@@ -162,17 +266,17 @@ def residual(
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """Take the loads from the rows of their bodies."""
-    for k in range(group.body.size):
-        b = group.body[k]
+    """Take the mean loads from the rows of their bodies."""
+    for k in range(group.frame.size):
+        b = group.frame[k]
         r = mean(frames, Z, b, at(start.r, k))
         f = mean(frames, Z, group.f_axes[k], at(start.f, k))
         m = mean(frames, Z, group.m_axes[k], at(start.m, k))
-        push(frames, dt2, F, b, f, add(cross(r, f), m))
+        push(frames, dt2, F, b, f, moment(r, f, m))
 
 
 @kernel
-def jacobian(
+def mean_jacobian(
     group: ConcentratedLoads,
     start: ConcentratedStart,
     frames: Frames,
@@ -180,48 +284,40 @@ def jacobian(
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
-    """Add the derivatives of the mean force and moment by the turns."""
-    for k in range(group.body.size):
-        b, axes_f, axes_m = group.body[k], group.f_axes[k], group.m_axes[k]
+    """Add the derivatives of ``mean_residual`` by the rotation increments."""
+    for k in range(group.frame.size):
+        b, axes_f, axes_m = group.frame[k], group.f_axes[k], group.m_axes[k]
         r = mean(frames, Z, b, at(start.r, k))
         f = mean(frames, Z, axes_f, at(start.f, k))
-        by_arm = product(skew(f), end_tangent(frames, Z, b, at(start.r, k)))
+        by_arm = end_tangent(frames, Z, b, at(start.r, k))
         by_force = end_tangent(frames, Z, axes_f, at(start.f, k))
-        by_lever = product(skew(r), by_force)
         by_moment = end_tangent(frames, Z, axes_m, at(start.m, k))
-        # The mean moves by half of the end, and push takes c F from the rows: + c/2.
+        # The mean moves by half as much as the end, and push takes dt2 F/m from the rows.
         c = 0.5 * dt2 * frames.inverse_mass[b]
-        c_turn = c / frames.length[b]
-        for i in range(3):
-            for j in range(3):
-                values[group.force_by_turn[k] + 3 * i + j] += c * by_force[i][j]
-                values[group.moment_by_turn[k, 0] + 3 * i + j] -= c_turn * by_arm[i][j]
-                values[group.moment_by_turn[k, 1] + 3 * i + j] += c_turn * by_lever[i][j]
-                values[group.moment_by_turn[k, 2] + 3 * i + j] += c_turn * by_moment[i][j]
+        _add_blocks(group, frames, k, c, r, f, (by_arm, by_force, by_moment), values)
 
 
 @kernel
-def work(
+def mean_work(
     group: ConcentratedLoads,
     start: ConcentratedStart,
     frames: Frames,
     Z: np.ndarray,
-    column: np.ndarray,
     total: np.ndarray,
 ) -> None:
-    """Add the work [J] of each load over the step to its ``column`` of ``total``."""
-    for k in range(group.body.size):
-        b = group.body[k]
+    """Add the work [J] of each mean load over the step to its column of ``total``."""
+    for k in range(group.frame.size):
+        b = group.frame[k]
         Q = rotation_increment(frames, Z, b)
         f = mean(frames, Z, group.f_axes[k], at(start.f, k))
         m = mean(frames, Z, group.m_axes[k], at(start.m, k))
-        moved = add(at(Z, displacement_node(frames, b)), turn_change(Q, at(start.r, k)))
-        total[column[k]] += dot(f, moved) + dot(m, Q)
+        moved = add(displacement(frames, Z, b), turn_change(Q, at(start.r, k)))
+        total[group.column[k]] += dot(f, moved) + dot(m, Q)
 
 
 @kernel
 def has_first(start: ConcentratedStart) -> bool:
-    """Whether a law has a first moment over the step."""
+    """Return whether a law has a first moment over the step."""
     largest = 0.0
     for k in range(start.first.size):
         largest = max(largest, abs(start.first[k]))
@@ -229,69 +325,37 @@ def has_first(start: ConcentratedStart) -> bool:
 
 
 @kernel
-def enter_first(
-    group: ConcentratedLoads, start: ConcentratedStart, frames: Frames, k: int, F: np.ndarray
+def add_first(
+    group: ConcentratedLoads, start: ConcentratedStart, frames: Frames, F: np.ndarray
 ) -> None:
-    """Enter what load ``k`` has as first moment in the rows of its body: an acceleration."""
-    # reach = 1: rows of the acceleration problem; push takes, so the signs turn.
-    f, m = scale(-1.0, at(start.first_f, k)), scale(-1.0, at(start.first_m, k))
-    push(frames, 1.0, F, group.body[k], f, m)
+    """Add the first moments of the loads by mass to the rows of their bodies."""
+    for k in range(group.frame.size):
+        add_force_by_mass(frames, F, group.frame[k], at(start.first_f, k), at(start.first_m, k))
 
 
 @kernel
 def work_of_first(
     group: ConcentratedLoads,
     start: ConcentratedStart,
-    frames: FramesWorkspace,
     h: float,
     a: np.ndarray,
     alpha: np.ndarray,
     lost: float,
-    column: np.ndarray,
     total: np.ndarray,
 ) -> None:
-    """Add the work [J] that the first moments do over a step with the accelerations ``a`` and
-    ``alpha`` (n+1, 3) to the ``column`` of their loads. The sum is ``-lost``: what of it goes
-    through joints is shared out by the laws' moments.
+    """Add the work [J] of the first moments over a step with the accelerations ``a`` and ``alpha``
+    (n+1, 3) to the columns of their loads.
+
+    Their sum is ``-lost``. The part that goes through joints is shared out by the laws' moments.
     """
     size, rest = 0.0, -lost
-    for k in range(group.body.size):
-        b = group.body[k]
+    for k in range(group.frame.size):
+        b = group.frame[k]
         own = (
             -h * h * (dot(at(a, b), at(start.first_f, k)) + dot(at(alpha, b), at(start.first_m, k)))
         )
-        total[column[k]] += own
+        total[group.column[k]] += own
         rest -= own
         size += abs(start.first[k])
-    for k in range(group.body.size):
-        total[column[k]] += rest * abs(start.first[k]) / size
-
-
-@kernel
-def free_acceleration(
-    group: ConcentratedLoads, start: ConcentratedStart, frames: Frames, F: np.ndarray
-) -> None:
-    """Add the loads to the rows of their bodies."""
-    for k in range(group.body.size):
-        f = at(start.f, k)
-        # reach = 1: rows of the acceleration problem; push takes, so the signs turn.
-        moment = sub(cross(f, at(start.r, k)), at(start.m, k))
-        push(frames, 1.0, F, group.body[k], scale(-1.0, f), moment)
-
-
-@kernel
-def free_work(
-    group: ConcentratedLoads,
-    start: ConcentratedStart,
-    v: np.ndarray,
-    W: np.ndarray,
-    dt: float,
-    column: np.ndarray,
-    total: np.ndarray,
-) -> None:
-    """Add the work [J] at these velocities over a time ``dt`` to its ``column`` of ``total``."""
-    for k in range(group.body.size):
-        b = group.body[k]
-        V = add(at(v, b), cross(at(W, b), at(start.r, k)))
-        power = dot(at(start.f, k), V) + dot(at(start.m, k), at(W, b))
-        total[column[k]] += power * dt
+    for k in range(group.frame.size):
+        total[group.column[k]] += rest * abs(start.first[k]) / size

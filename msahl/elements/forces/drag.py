@@ -1,7 +1,20 @@
 """Quadratic drag on a point of a body, against its velocity relative to the inertial axes.
 
-F = -c |V| V ,   V = (u + dr)/h      mean velocity of the point, c [N s^2/m^2]
-work over the step = F . (u + dr)
+At one configuration
+
+    F = -c |V| V                  force at the point [N]
+    M = r x F                     moment about the mass centre G [N m]
+    V = v + W x r                 velocity of the point [m/s]
+    dF/dV = -c (|V| 1 + V V^T/|V|)
+    P = F . V                     power [W]
+
+c     drag coefficient [N s^2/m^2]
+r     arm from G to the point, fixed in the body, inertial axes [m]
+v, W  velocity of G [m/s], angular velocity [rad/s]
+
+Discrete form over a step of size h of the midpoint element: V = (u + dr)/h, the mean velocity of
+the point, and mean(r) in place of r. The work is F . (u + dr). Source: the law of Newton's drag in
+any textbook; the discrete form is ours.
 """
 
 import math
@@ -29,7 +42,8 @@ from msahl.algebra.vector import (
 from msahl.elements.constraints.products import add_block
 from msahl.elements.frames import (
     Frames,
-    displacement_node,
+    add_force_by_mass,
+    displacement,
     end_tangent,
     mean,
     push,
@@ -39,57 +53,24 @@ from msahl.jit.kernel import kernel
 
 
 class Drags(NamedTuple):
-    """All drags."""
+    """The group of all drags."""
 
-    body: np.ndarray  # (d,)
+    frame: np.ndarray  # (d,)
     s: np.ndarray  # (d, 3) point from the mass centre, axes of the body [m]
     coefficient: np.ndarray  # (d,) c
     block: np.ndarray  # (d, 4) starts of (u, u), (u, Q), (Q, u), (Q, Q) of the body
+    column: np.ndarray  # (d,) of the table of work
 
 
 @kernel
-def prepare(drags: Drags, R: np.ndarray, arm: np.ndarray) -> None:
-    """Carry the arms into inertial axes (d, 3)."""
-    for k in range(drags.body.size):
-        put(arm, k, times(matrix_at(R, drags.body[k]), at(drags.s, k)))
-
-
-@kernel
-def displacement(drags: Drags, arm: np.ndarray, frames: Frames, Z: np.ndarray, k: int) -> Vector:
-    """Displacement of the point over the step."""
-    b = drags.body[k]
-    return add(
-        at(Z, displacement_node(frames, b)),
-        turn_change(rotation_increment(frames, Z, b), at(arm, k)),
-    )
-
-
-@kernel
-def drag(c: float, V: Vector) -> Vector:
-    """Force at the velocity V."""
+def force(c: float, V: Vector) -> Vector:
+    """Return F at the velocity V."""
     return scale(-c * math.sqrt(dot(V, V)), V)
 
 
 @kernel
-def residual(
-    drags: Drags,
-    arm: np.ndarray,
-    frames: Frames,
-    h: float,
-    dt2: float,
-    Z: np.ndarray,
-    F: np.ndarray,
-) -> None:
-    """Take the drags from the rows of their bodies."""
-    for k in range(drags.body.size):
-        b = drags.body[k]
-        f = drag(drags.coefficient[k], scale(1.0 / h, displacement(drags, arm, frames, Z, k)))
-        push(frames, dt2, F, b, f, cross(mean(frames, Z, b, at(arm, k)), f))
-
-
-@kernel
-def drag_slope(c: float, V: Vector) -> Matrix:
-    """Derivative of the force by the velocity."""
+def force_slope(c: float, V: Vector) -> Matrix:
+    """Return dF/dV at the velocity V."""
     speed = math.sqrt(dot(V, V))
     if speed == 0.0:
         return ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -102,63 +83,32 @@ def drag_slope(c: float, V: Vector) -> Matrix:
 
 
 @kernel
-def jacobian(
-    drags: Drags,
-    arm: np.ndarray,
-    frames: Frames,
-    h: float,
-    dt2: float,
-    Z: np.ndarray,
-    values: np.ndarray,
-) -> None:
-    """Add the derivatives."""
-    for k in range(drags.body.size):
-        b = drags.body[k]
-        V = scale(1.0 / h, displacement(drags, arm, frames, Z, k))
-        by_V = drag_slope(drags.coefficient[k], V)
-        T = end_tangent(frames, Z, b, at(arm, k))
-        r = skew(mean(frames, Z, b, at(arm, k)))
-        by_Q = product(by_V, T)
-        c = dt2 * frames.inverse_mass[b]
-        c_turn = c / frames.length[b]
-        lever = product(skew(drag(drags.coefficient[k], V)), T)
-        add_block(values, drags.block[k, 0], -c / h, by_V)
-        add_block(values, drags.block[k, 1], c / h, by_Q)
-        add_block(values, drags.block[k, 2], -c_turn / h, product(r, by_V))
-        add_block(values, drags.block[k, 3], c_turn / h, product(r, by_Q))
-        add_block(values, drags.block[k, 3], -0.5 * c_turn, lever)
+def prepare(group: Drags, R: np.ndarray, arm: np.ndarray) -> None:
+    """Set the arms r (d, 3) in inertial axes."""
+    for k in range(group.frame.size):
+        put(arm, k, times(matrix_at(R, group.frame[k]), at(group.s, k)))
 
 
 @kernel
-def free_acceleration(
-    drags: Drags, arm: np.ndarray, frames: Frames, v: np.ndarray, W: np.ndarray, F: np.ndarray
-) -> None:
-    """Add the drags at the start to the rows of their bodies."""
-    for k in range(drags.body.size):
-        b = drags.body[k]
-        f = drag(drags.coefficient[k], add(at(v, b), cross(at(W, b), at(arm, k))))
-        push(frames, 1.0, F, b, scale(-1.0, f), cross(f, at(arm, k)))
+def velocity(group: Drags, arm: np.ndarray, v: np.ndarray, W: np.ndarray, k: int) -> Vector:
+    """Return the velocity V of the point at one configuration."""
+    b = group.frame[k]
+    return add(at(v, b), cross(at(W, b), at(arm, k)))
 
 
 @kernel
-def work(
-    drags: Drags,
-    arm: np.ndarray,
-    frames: Frames,
-    h: float,
-    Z: np.ndarray,
-    column: np.ndarray,
-    total: np.ndarray,
+def add_force(
+    group: Drags, arm: np.ndarray, frames: Frames, v: np.ndarray, W: np.ndarray, F: np.ndarray
 ) -> None:
-    """Add the work [J] over the step to its ``column`` of ``total``."""
-    for k in range(drags.body.size):
-        moved = displacement(drags, arm, frames, Z, k)
-        total[column[k]] += dot(drag(drags.coefficient[k], scale(1.0 / h, moved)), moved)
+    """Add the drags by mass to the rows of their bodies."""
+    for k in range(group.frame.size):
+        f = force(group.coefficient[k], velocity(group, arm, v, W, k))
+        add_force_by_mass(frames, F, group.frame[k], f, cross(at(arm, k), f))
 
 
 @kernel
-def free_jacobian(
-    drags: Drags,
+def add_derivatives(
+    group: Drags,
     arm: np.ndarray,
     frames: Frames,
     v: np.ndarray,
@@ -166,35 +116,103 @@ def free_jacobian(
     by_place: np.ndarray,
     by_rate: np.ndarray,
 ) -> None:
-    """Add half the derivative of ``free_acceleration`` by the places, all of it by the rates."""
-    for k in range(drags.body.size):
-        b = drags.body[k]
+    """Add the derivatives of the drags by mass by the places and by the rates."""
+    for k in range(group.frame.size):
+        b = group.frame[k]
         length, r = frames.length[b], skew(at(arm, k))
-        V = add(at(v, b), cross(at(W, b), at(arm, k)))
-        by_V, f = drag_slope(drags.coefficient[k], V), skew(drag(drags.coefficient[k], V))
+        V = velocity(group, arm, v, W, k)
+        by_V, f = force_slope(group.coefficient[k], V), skew(force(group.coefficient[k], V))
         c = frames.inverse_mass[b]
         by_W, lever = product(by_V, r), product(r, by_V)
-        add_block(by_rate, drags.block[k, 0], c, by_V)
-        add_block(by_rate, drags.block[k, 1], -c / length, by_W)
-        add_block(by_rate, drags.block[k, 2], c / length, lever)
-        add_block(by_rate, drags.block[k, 3], -c / length**2, product(r, by_W))
+        add_block(by_rate, group.block[k, 0], c, by_V)
+        add_block(by_rate, group.block[k, 1], -c / length, by_W)
+        add_block(by_rate, group.block[k, 2], c / length, lever)
+        add_block(by_rate, group.block[k, 3], -c / length**2, product(r, by_W))
         by_arm = product(by_V, product(skew(at(W, b)), r))
-        add_block(by_place, drags.block[k, 1], -0.5 * c / length, by_arm)
-        add_block(by_place, drags.block[k, 3], -0.5 * c / length**2, product(r, by_arm))
-        add_block(by_place, drags.block[k, 3], 0.5 * c / length**2, product(f, r))
+        add_block(by_place, group.block[k, 1], -c / length, by_arm)
+        add_block(by_place, group.block[k, 3], -c / length**2, product(r, by_arm))
+        add_block(by_place, group.block[k, 3], c / length**2, product(f, r))
 
 
 @kernel
-def free_work(
-    drags: Drags,
+def add_power(
+    group: Drags,
     arm: np.ndarray,
     v: np.ndarray,
     W: np.ndarray,
     dt: float,
-    column: np.ndarray,
     total: np.ndarray,
 ) -> None:
-    """Add the work [J] at these velocities over a time ``dt`` to its ``column`` of ``total``."""
-    for k in range(drags.body.size):
-        V = add(at(v, drags.body[k]), cross(at(W, drags.body[k]), at(arm, k)))
-        total[column[k]] += dot(drag(drags.coefficient[k], V), V) * dt
+    """Add ``dt`` times the power [W] of each drag to its column of ``total`` [J]."""
+    for k in range(group.frame.size):
+        V = velocity(group, arm, v, W, k)
+        total[group.column[k]] += dot(force(group.coefficient[k], V), V) * dt
+
+
+@kernel
+def point_displacement(
+    group: Drags, arm: np.ndarray, frames: Frames, Z: np.ndarray, k: int
+) -> Vector:
+    """Return the displacement u + dr of the point over the step."""
+    b = group.frame[k]
+    return add(
+        displacement(frames, Z, b), turn_change(rotation_increment(frames, Z, b), at(arm, k))
+    )
+
+
+@kernel
+def mean_residual(
+    group: Drags,
+    arm: np.ndarray,
+    frames: Frames,
+    h: float,
+    dt2: float,
+    Z: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """Take the mean drags from the rows of their bodies."""
+    for k in range(group.frame.size):
+        b = group.frame[k]
+        f = force(
+            group.coefficient[k], scale(1.0 / h, point_displacement(group, arm, frames, Z, k))
+        )
+        push(frames, dt2, F, b, f, cross(mean(frames, Z, b, at(arm, k)), f))
+
+
+@kernel
+def mean_jacobian(
+    group: Drags,
+    arm: np.ndarray,
+    frames: Frames,
+    h: float,
+    dt2: float,
+    Z: np.ndarray,
+    values: np.ndarray,
+) -> None:
+    """Add the derivatives of ``mean_residual`` by the unknowns."""
+    for k in range(group.frame.size):
+        b = group.frame[k]
+        V = scale(1.0 / h, point_displacement(group, arm, frames, Z, k))
+        by_V = force_slope(group.coefficient[k], V)
+        T = end_tangent(frames, Z, b, at(arm, k))
+        r = skew(mean(frames, Z, b, at(arm, k)))
+        by_Q = product(by_V, T)
+        c = dt2 * frames.inverse_mass[b]
+        c_turn = c / frames.length[b]
+        lever = product(skew(force(group.coefficient[k], V)), T)
+        add_block(values, group.block[k, 0], -c / h, by_V)
+        add_block(values, group.block[k, 1], c / h, by_Q)
+        add_block(values, group.block[k, 2], -c_turn / h, product(r, by_V))
+        add_block(values, group.block[k, 3], c_turn / h, product(r, by_Q))
+        add_block(values, group.block[k, 3], -0.5 * c_turn, lever)
+
+
+@kernel
+def mean_work(
+    group: Drags, arm: np.ndarray, frames: Frames, h: float, Z: np.ndarray, total: np.ndarray
+) -> None:
+    """Add the work [J] of each mean drag over the step to its column of ``total``."""
+    for k in range(group.frame.size):
+        moved = point_displacement(group, arm, frames, Z, k)
+        f = force(group.coefficient[k], scale(1.0 / h, moved))
+        total[group.column[k]] += dot(f, moved)

@@ -1,11 +1,21 @@
-"""Coulomb friction in a joint: a load against the motion along its free quantity.
+"""Coulomb friction in a joint: a load against the motion along one of its coordinates.
 
-    load = -mu r N tanh( (dq/dt) / width )
+At one configuration
 
-N is the magnitude of the joint's reaction, r a lever arm (the bearing's radius for an angle, 1 for
-a slide), ``width`` the rate at which friction has risen to three quarters: dry friction
-regularised. N is carried over from the last steps (linearly, so to second order); the rest is
-implicit.
+    load = -mu r N tanh(q_dot/w)                             [N, or N m along an angle]
+    d load/d q_dot = -mu r N (1 - tanh^2(q_dot/w))/w
+    P = load q_dot                                           [W]
+
+q       displacement or angle of the joint [m or rad]
+mu, r   coefficient of friction; lever arm: 1 for a displacement, the bearing's radius for an angle
+N       magnitude of the joint's reaction force [N]
+w       rate at which friction has risen to three quarters of its limit [m/s or rad/s]; dry friction
+        is regularised by it
+
+Discrete form over a step of size h of the midpoint element: (q1 - q0)/h in place of q_dot, work
+load (q1 - q0). N is extrapolated there from the last two steps, which is second-order accurate, and
+everything else is implicit. Derivatives leave out the change of N. Source: Coulomb's law with the
+usual regularisation by tanh.
 """
 
 import math
@@ -13,53 +23,55 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements.constraints.coordinates import Quantities, QuantityStart, add_damper, add_spring
+from msahl.elements.constraints.coordinates import (
+    ANGLE,
+    Quantities,
+    QuantityStart,
+    add_damper,
+    add_spring,
+)
 from msahl.elements.frames import Frames
 from msahl.jit.kernel import kernel
 
 
 class Frictions(NamedTuple):
-    """All joint frictions."""
+    """The group of all joint frictions."""
 
-    quantity: np.ndarray  # (f,)
-    joint: np.ndarray  # (f,) whose reaction presses
+    coordinate: np.ndarray  # (f,)
+    joint: np.ndarray  # (f,) whose reaction is N
     lever: np.ndarray  # (f,) mu r
-    width: np.ndarray  # (f,) rate [m/s or rad/s]
+    width: np.ndarray  # (f,) w
+    column: np.ndarray  # (f,) of the table of work
 
 
 @kernel
-def load(frictions: Frictions, reactions: np.ndarray, f: int, rate: float) -> tuple[float, float]:
-    """Load of friction ``f`` at a ``rate``, and its derivative by the rate."""
-    joint = frictions.joint[f]
+def load(group: Frictions, reactions: np.ndarray, f: int, rate: float) -> tuple[float, float]:
+    """Return the load of friction ``f`` at a ``rate`` under the joints' ``reactions`` (j, 6), and
+    its derivative by the rate.
+    """
+    joint = group.joint[f]
     square = reactions[joint, 0] ** 2 + reactions[joint, 1] ** 2 + reactions[joint, 2] ** 2
-    limit = frictions.lever[f] * math.sqrt(square)
-    t = math.tanh(rate / frictions.width[f])
-    return -limit * t, -limit * (1.0 - t * t) / frictions.width[f]
+    limit = group.lever[f] * math.sqrt(square)
+    t = math.tanh(rate / group.width[f])
+    return -limit * t, -limit * (1.0 - t * t) / group.width[f]
 
 
 @kernel
-def residual(frictions: Frictions, reactions: np.ndarray, start: QuantityStart, h: float) -> None:
-    """Add the frictions, under the predicted ``reactions`` (j, 6), to their quantities' loads."""
-    for f in range(frictions.quantity.size):
-        q = frictions.quantity[f]
-        press, _ = load(frictions, reactions, f, start.change[q] / h)
-        start.load[q] += press
-        start.size[q] += abs(press)
-
-
-@kernel
-def free_load(
-    frictions: Frictions, reactions: np.ndarray, start: QuantityStart, rate: np.ndarray
+def add_load(
+    group: Frictions, reactions: np.ndarray, start: QuantityStart, rate: np.ndarray
 ) -> None:
-    """Add the frictions at the start, with the quantities' rates there, to the loads."""
-    for f in range(frictions.quantity.size):
-        q = frictions.quantity[f]
-        start.load[q] += load(frictions, reactions, f, rate[q])[0]
+    """Add the frictions at the coordinates' rates ``rate`` (q,) to the coordinates' loads.
+
+    They do not count among the sizes of loads: each is a fraction of a reaction, whose size counts.
+    """
+    for f in range(group.coordinate.size):
+        q = group.coordinate[f]
+        start.load[q] += load(group, reactions, f, rate[q])[0]
 
 
 @kernel
-def free_jacobian(
-    frictions: Frictions,
+def add_derivatives(
+    group: Frictions,
     reactions: np.ndarray,
     quantities: Quantities,
     start: QuantityStart,
@@ -72,31 +84,36 @@ def free_jacobian(
     by_place: np.ndarray,
     by_rate: np.ndarray,
 ) -> None:
-    """Add half the derivative of ``free_load`` by the places, and all of it by the rates."""
-    for f in range(frictions.quantity.size):
-        q = frictions.quantity[f]
-        slope = load(frictions, reactions, f, rate[q])[1]
+    """Add the derivatives of the frictions by mass by the places and by the rates."""
+    for f in range(group.coordinate.size):
+        q = group.coordinate[f]
+        slope = load(group, reactions, f, rate[q])[1]
         add_damper(quantities, start, frames, v, W, Z, q, slope, room, by_place, by_rate)
 
 
 @kernel
-def free_work(
-    frictions: Frictions,
-    reactions: np.ndarray,
-    rate: np.ndarray,
-    dt: float,
-    column: np.ndarray,
-    total: np.ndarray,
+def add_power(
+    group: Frictions, reactions: np.ndarray, rate: np.ndarray, dt: float, total: np.ndarray
 ) -> None:
-    """Add the work [J] at these rates over a time ``dt`` to their ``column`` of ``total``."""
-    for f in range(frictions.quantity.size):
-        q_rate = rate[frictions.quantity[f]]
-        total[column[f]] += load(frictions, reactions, f, q_rate)[0] * q_rate * dt
+    """Add ``dt`` times the power [W] of each friction to its column of ``total`` [J]."""
+    for f in range(group.coordinate.size):
+        q_dot = rate[group.coordinate[f]]
+        total[group.column[f]] += load(group, reactions, f, q_dot)[0] * q_dot * dt
 
 
 @kernel
-def jacobian(
-    frictions: Frictions,
+def add_mean_load(group: Frictions, reactions: np.ndarray, start: QuantityStart, h: float) -> None:
+    """Add the mean frictions over the step, under the extrapolated ``reactions``, to the loads."""
+    for f in range(group.coordinate.size):
+        q = group.coordinate[f]
+        press, _ = load(group, reactions, f, start.change[q] / h)
+        start.load[q] += press
+        start.size[q] += abs(press)
+
+
+@kernel
+def mean_jacobian(
+    group: Frictions,
     reactions: np.ndarray,
     quantities: Quantities,
     start: QuantityStart,
@@ -105,23 +122,42 @@ def jacobian(
     dt2: float,
     values: np.ndarray,
 ) -> None:
-    """Add the derivatives of the loads."""
-    for f in range(frictions.quantity.size):
-        q = frictions.quantity[f]
-        slope = load(frictions, reactions, f, start.change[q] / h)[1] / h
-        add_spring(quantities, start, frames, dt2, q, slope, values)
+    """Add the derivatives of the mean frictions by the unknowns."""
+    for f in range(group.coordinate.size):
+        q = group.coordinate[f]
+        slope = load(group, reactions, f, start.change[q] / h)[1] / h
+        add_spring(quantities, start, frames, -dt2, q, slope, values)
 
 
 @kernel
-def work(
-    frictions: Frictions,
-    reactions: np.ndarray,
-    start: QuantityStart,
-    h: float,
-    column: np.ndarray,
-    total: np.ndarray,
+def mean_work(
+    group: Frictions, reactions: np.ndarray, start: QuantityStart, h: float, total: np.ndarray
 ) -> None:
-    """Add the work [J] over the step to its ``column`` of ``total``."""
-    for f in range(frictions.quantity.size):
-        dq = start.change[frictions.quantity[f]]
-        total[column[f]] += load(frictions, reactions, f, dq / h)[0] * dq
+    """Add the work [J] of each mean friction over the step to its column of ``total``."""
+    for f in range(group.coordinate.size):
+        dq = start.change[group.coordinate[f]]
+        total[group.column[f]] += load(group, reactions, f, dq / h)[0] * dq
+
+
+def unresolved_speed(
+    group: Frictions,
+    quantities: Quantities,
+    frames: Frames,
+    reactions: np.ndarray,
+    h: float,
+) -> float:
+    """Return half the largest width w [m/s] that friction under the ``reactions`` (j, 6) passes
+    within one step ``h``; 0 if it passes none.
+    """
+    worst = 0.0
+    for f, q in enumerate(group.coordinate):
+        first = quantities.first[q]
+        pair = [quantities.measures.a[first], quantities.measures.b[first]]
+        moving = [b for b in pair if frames.inverse_mass[b] > 0.0]
+        angular = quantities.kind[q] == ANGLE
+        length = float(frames.length[moving].max()) if angular else 1.0
+        limit = float(np.linalg.norm(reactions[group.joint[f], :3])) * group.lever[f]
+        change = h * limit * frames.inverse_mass[moving].max() / length**2
+        if change > group.width[f]:
+            worst = max(worst, 0.5 * float(group.width[f]) * length)
+    return worst

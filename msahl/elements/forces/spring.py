@@ -1,13 +1,28 @@
-"""Spring-damper along a quantity: a length, an angle, a slide.
+"""Spring and damper along a coordinate: a distance, an angle, a displacement.
 
-    load  = -T,   T = preload + k (q - q_free)  or a table T(q),   plus  c dq/dt
-    over a step:  -(V(q1) - V(q0)) / (q1 - q0) - c (q1 - q0)/h ,   dV/dq = T
+At one configuration
 
-The quotient gives the bodies exactly what the elastic energy loses; the damper takes c (dq/h)^2 h.
-A decaying scheme adds  chi/2 k (dq - s),  s the smoothed change of q, to T, as it does to the
-bodies' velocities (``bodies.rigid``); k of a table is its steepest rise.
-The load acts through the quantity's own unit force, so a two-point spring pulls along its line, a
-torsional one turns about its axis.
+    load = -(T(q) + c q_dot)                            [N, or N m along an angle]
+    T(q) = T_0 + k (q - q_free)  or a table
+    d load/dq = -dT/dq ,   d load/d q_dot = -c
+    V(q) = integral of T from q_free to q               elastic energy [J]
+    P = -c q_dot^2                                      power of the damper [W]
+
+q          coordinate, counted from an origin: 0, or its value at t = 0 [m or rad]
+k, c, T_0  stiffness, damping, preload [N/m, N s/m, N; or N m/rad, N m s/rad, N m]
+q_free     where the tension is the preload [m or rad]
+
+Discrete gradient over a step of size h from q0 to q1 = q0 + dq of the midpoint element:
+
+    load = -(V(q1) - V(q0))/dq - c dq/h ,   work of the damper -c dq^2/h
+
+The quotient gives the bodies exactly what the elastic energy loses. A decaying scheme subtracts
+chi/2 k (dq - s) in addition, where s is the smoothed change of q, as it does with the bodies'
+velocities (``elements.rigid_body``); k of a table is its steepest rise there.
+
+The load acts through the coordinate's unit force: a two-point spring pulls along its line, a
+torsional one turns about its axis. Source: Gonzalez, Time integration and discrete Hamiltonian
+systems, J. Nonlinear Sci. 6 (1996), for the quotient.
 """
 
 from typing import NamedTuple
@@ -29,106 +44,65 @@ from msahl.jit.kernel import kernel
 
 
 class Springs(NamedTuple):
-    """All spring-dampers; units are those of the quantity: N, m or N m, rad."""
+    """The group of all springs with their dampers; units are those of the coordinate."""
 
-    quantity: np.ndarray  # (s,)
+    coordinate: np.ndarray  # (s,)
     stiffness: np.ndarray  # (s,) k
     damping: np.ndarray  # (s,) c
-    origin: np.ndarray  # (s,) from where q counts: 0, or its value at t = 0
-    free: np.ndarray  # (s,) q_free, where the tension is the preload
-    preload: np.ndarray  # (s,)
+    origin: np.ndarray  # (s,) from where q counts
+    free: np.ndarray  # (s,) q_free
+    preload: np.ndarray  # (s,) T_0
     table: np.ndarray  # (s,) law T(q) in place of preload and k, or -1
     decay: np.ndarray  # (s,) chi/2 k
+    column: np.ndarray  # (s,) of the table of work
+    energy_column: np.ndarray  # (s,) of the springs' energies, behind the columns of work
 
 
 @kernel
-def potential_change(springs: Springs, laws: Laws, s: int, q0: float, q1: float) -> float:
-    """V(q1) - V(q0) [J], for q counted from the origin."""
-    if springs.table[s] >= 0:
-        return mean(laws, springs.table[s], q0, q1 - q0) * (q1 - q0)
-    stretch = 0.5 * (q0 + q1) - springs.free[s]
-    return (springs.preload[s] + springs.stiffness[s] * stretch) * (q1 - q0)
+def elongation(group: Springs, start: QuantityStart, s: int) -> float:
+    """Return q of spring ``s`` at the configuration of ``start``, counted from the origin."""
+    return start.value[group.coordinate[s]] - group.origin[s]
 
 
 @kernel
-def potential(springs: Springs, laws: Laws, s: int, q: float) -> float:
-    """Elastic energy [J], zero at q_free."""
-    return potential_change(springs, laws, s, springs.free[s], q)
+def tension(group: Springs, laws: Laws, s: int, q: float) -> tuple[float, float]:
+    """Return T(q) and dT/dq."""
+    if group.table[s] < 0:
+        k = group.stiffness[s]
+        return group.preload[s] + k * (q - group.free[s]), k
+    value, slope, _ = evaluate(laws, group.table[s], q)
+    return value, slope
 
 
 @kernel
-def tension(springs: Springs, laws: Laws, s: int, q0: float, dq: float) -> tuple[float, float]:
-    """Elastic T over a change from q0 by ``dq``, and its derivative by the end."""
-    if springs.table[s] < 0:
-        k = springs.stiffness[s]
-        return springs.preload[s] + k * (q0 + 0.5 * dq - springs.free[s]), 0.5 * k
-    value = mean(laws, springs.table[s], q0, dq)
-    end, slope, _ = evaluate(laws, springs.table[s], q0 + dq)
-    return value, 0.5 * slope if abs(dq) < SAME else (end - value) / dq
+def potential(group: Springs, laws: Laws, s: int, q: float) -> float:
+    """Return the elastic energy V(q) [J]."""
+    free = group.free[s]
+    if group.table[s] >= 0:
+        return mean(laws, group.table[s], free, q - free) * (q - free)
+    return tension(group, laws, s, 0.5 * (free + q))[0] * (q - free)
 
 
 @kernel
-def residual(
-    springs: Springs,
-    laws: Laws,
-    quantities: Quantities,
-    start: QuantityStart,
-    stretch: np.ndarray,
-    h: float,
-) -> None:
-    """Add the springs to the loads of their quantities; ``stretch`` (s,) is s of each."""
-    for s in range(springs.quantity.size):
-        q = springs.quantity[s]
-        dq = start.change[q]
-        T, slope = tension(springs, laws, s, start.value[q] - springs.origin[s], dq)
-        lag = springs.damping[s] * dq / h + springs.decay[s] * (dq - stretch[s])
-        start.load[q] -= T + lag
-        # A tension that vanishes in the mean is large at both ends, and a stiff spring's is known
-        # no better than its length.
-        unsure = BLUR * abs(slope) * extent(quantities, start, q)
-        start.size[q] += abs(T) + abs(slope * dq) + abs(lag) + unsure
-
-
-@kernel
-def jacobian(
-    springs: Springs,
-    laws: Laws,
-    quantities: Quantities,
-    start: QuantityStart,
-    frames: Frames,
-    h: float,
-    dt2: float,
-    values: np.ndarray,
-) -> None:
-    """Add the derivatives of the loads."""
-    for s in range(springs.quantity.size):
-        q = springs.quantity[s]
-        q0 = start.value[q] - springs.origin[s]
-        _, slope = tension(springs, laws, s, q0, start.change[q])
-        slope = -slope - springs.damping[s] / h - springs.decay[s]
-        add_spring(quantities, start, frames, dt2, q, slope, values)
-
-
-@kernel
-def free_load(
-    springs: Springs,
+def add_load(
+    group: Springs,
     laws: Laws,
     quantities: Quantities,
     start: QuantityStart,
     rate: np.ndarray,
 ) -> None:
-    """Add the springs at the start, with the quantities' rates there, to the loads."""
-    for s in range(springs.quantity.size):
-        q = springs.quantity[s]
-        T, half = tension(springs, laws, s, start.value[q] - springs.origin[s], 0.0)
-        start.load[q] -= T + springs.damping[s] * rate[q]
-        unsure = BLUR * abs(half) * extent(quantities, start, q)
-        start.size[q] += abs(T) + abs(springs.damping[s] * rate[q]) + unsure
+    """Add springs and dampers at the coordinates' rates ``rate`` (q,) to the coordinates' loads."""
+    for s in range(group.coordinate.size):
+        q = group.coordinate[s]
+        T, slope = tension(group, laws, s, elongation(group, start, s))
+        start.load[q] -= T + group.damping[s] * rate[q]
+        unsure = BLUR * abs(0.5 * slope) * extent(quantities, start, q)
+        start.size[q] += abs(T) + abs(group.damping[s] * rate[q]) + unsure
 
 
 @kernel
-def free_jacobian(
-    springs: Springs,
+def add_derivatives(
+    group: Springs,
     laws: Laws,
     quantities: Quantities,
     start: QuantityStart,
@@ -140,51 +114,100 @@ def free_jacobian(
     by_place: np.ndarray,
     by_rate: np.ndarray,
 ) -> None:
-    """Add half the derivative of ``free_load`` by the places, and all of it by the rates."""
-    for s in range(springs.quantity.size):
-        q = springs.quantity[s]
-        _, half = tension(springs, laws, s, start.value[q] - springs.origin[s], 0.0)
-        add_spring(quantities, start, frames, -1.0, q, -half, by_place)
-        slope = -springs.damping[s]
+    """Add the derivatives of the loads by mass by the places and by the rates."""
+    for s in range(group.coordinate.size):
+        q = group.coordinate[s]
+        _, slope = tension(group, laws, s, elongation(group, start, s))
+        add_spring(quantities, start, frames, 1.0, q, -slope, by_place)
+        slope = -group.damping[s]
         add_damper(quantities, start, frames, v, W, Z, q, slope, room, by_place, by_rate)
 
 
 @kernel
-def free_work(
-    springs: Springs, rate: np.ndarray, dt: float, column: np.ndarray, total: np.ndarray
-) -> None:
-    """Add the dampers' work [J] at these rates over a time ``dt`` to their ``column``."""
-    for s in range(springs.quantity.size):
-        total[column[s]] -= springs.damping[s] * rate[springs.quantity[s]] ** 2 * dt
+def add_power(group: Springs, rate: np.ndarray, dt: float, total: np.ndarray) -> None:
+    """Add ``dt`` times the power [W] of each damper to its column of ``total`` [J]."""
+    for s in range(group.coordinate.size):
+        total[group.column[s]] -= group.damping[s] * rate[group.coordinate[s]] ** 2 * dt
 
 
 @kernel
-def work(
-    springs: Springs, start: QuantityStart, h: float, column: np.ndarray, total: np.ndarray
-) -> None:
-    """Add the dampers' work [J] over the step to their ``column`` of ``total``."""
-    for s in range(springs.quantity.size):
-        dq = start.change[springs.quantity[s]]
-        total[column[s]] -= springs.damping[s] * dq * dq / h
+def mean_tension(group: Springs, laws: Laws, s: int, q0: float, dq: float) -> tuple[float, float]:
+    """Return (V(q0 + dq) - V(q0))/dq and its derivative by dq."""
+    if group.table[s] < 0:
+        T, slope = tension(group, laws, s, q0 + 0.5 * dq)
+        return T, 0.5 * slope
+    value = mean(laws, group.table[s], q0, dq)
+    end, slope = tension(group, laws, s, q0 + dq)
+    return value, 0.5 * slope if abs(dq) < SAME else (end - value) / dq
 
 
 @kernel
-def smooth(springs: Springs, start: QuantityStart, pole: float, stretch: np.ndarray) -> float:
-    """Take the changes of the springs' quantities into the smoothed ones; the energy lost [J]."""
+def add_mean_load(
+    group: Springs,
+    laws: Laws,
+    quantities: Quantities,
+    start: QuantityStart,
+    stretch: np.ndarray,
+    h: float,
+) -> None:
+    """Add the mean loads over the step to the coordinates' loads; ``stretch`` (s,) is s of each."""
+    for s in range(group.coordinate.size):
+        q = group.coordinate[s]
+        dq = start.change[q]
+        T, slope = mean_tension(group, laws, s, elongation(group, start, s), dq)
+        lag = group.damping[s] * dq / h + group.decay[s] * (dq - stretch[s])
+        start.load[q] -= T + lag
+        # A tension whose mean vanishes can be large at both ends, and that of a stiff spring is no
+        # more accurate than its length.
+        unsure = BLUR * abs(slope) * extent(quantities, start, q)
+        start.size[q] += abs(T) + abs(slope * dq) + abs(lag) + unsure
+
+
+@kernel
+def mean_jacobian(
+    group: Springs,
+    laws: Laws,
+    quantities: Quantities,
+    start: QuantityStart,
+    frames: Frames,
+    h: float,
+    dt2: float,
+    values: np.ndarray,
+) -> None:
+    """Add the derivatives of the mean loads by the unknowns."""
+    for s in range(group.coordinate.size):
+        q = group.coordinate[s]
+        _, slope = mean_tension(group, laws, s, elongation(group, start, s), start.change[q])
+        slope = -slope - group.damping[s] / h - group.decay[s]
+        add_spring(quantities, start, frames, -dt2, q, slope, values)
+
+
+@kernel
+def mean_work(group: Springs, start: QuantityStart, h: float, total: np.ndarray) -> None:
+    """Add the work [J] of each damper over the step to its column of ``total``."""
+    for s in range(group.coordinate.size):
+        dq = start.change[group.coordinate[s]]
+        total[group.column[s]] -= group.damping[s] * dq * dq / h
+
+
+@kernel
+def smooth(group: Springs, start: QuantityStart, pole: float, stretch: np.ndarray) -> float:
+    """Advance the smoothed changes ``stretch`` (s,) of a decaying scheme by the accepted step;
+    return the energy [J] that the scheme took from the springs.
+    """
     loss = 0.0
-    for s in range(springs.quantity.size):
-        dq = start.change[springs.quantity[s]]
-        loss += springs.decay[s] * (dq - stretch[s]) * dq
+    for s in range(group.coordinate.size):
+        dq = start.change[group.coordinate[s]]
+        loss += group.decay[s] * (dq - stretch[s]) * dq
         stretch[s] = pole * stretch[s] + (1.0 - pole) * dq
     return loss
 
 
 @kernel
-def energy(springs: Springs, laws: Laws, start: QuantityStart, out: np.ndarray) -> float:
-    """Set ``out`` (s,) to each spring's elastic energy at the start; their sum [J]."""
+def energy(group: Springs, laws: Laws, start: QuantityStart, out: np.ndarray) -> float:
+    """Set ``out`` (s,) to each spring's elastic energy [J]; return their sum."""
     total = 0.0
-    for s in range(springs.quantity.size):
-        q = start.value[springs.quantity[s]] - springs.origin[s]
-        out[s] = potential(springs, laws, s, q)
+    for s in range(group.coordinate.size):
+        out[s] = potential(group, laws, s, elongation(group, start, s))
         total += out[s]
     return total

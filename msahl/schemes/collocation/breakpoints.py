@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import PIECES, Laws, piece_of
-from msahl.elements import along
+from msahl.elements import along, forces
 from msahl.jit.kernel import apart, kernel
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.system.arrays import System
@@ -46,23 +46,23 @@ class Breakpoints(NamedTuple):
 def new_breakpoints(system: System) -> Breakpoints:
     """Return the breakpoints of a ``system``."""
     laws, group = system.laws, system.along
-    timed = set(system.loads.law.tolist())
-    tables: list[tuple[int, int, float]] = []
+    timed = set(forces.laws_of_time(system.forces))
+    tables = [*forces.laws_of_coordinates(system.forces)]
     if group:
         timed |= set(group.rows.law.tolist())
-        springs, rows = group.springs, group.rows
-        tables += zip(springs.table, springs.quantity, springs.origin, strict=True)
+        rows = group.rows
         tables += zip(rows.function, rows.quantity[:, 1], np.zeros(len(rows.law)), strict=True)
     tables = [entry for entry in tables if entry[0] >= 0 and laws.kind[entry[0]] == PIECES]
     wanted = [law for law in sorted(timed) if law >= 0 and laws.kind[law] == PIECES]
+    friction, width = forces.rate_breakpoints(system.forces)
     places = (3, group.quantities.kind.size if group else 0)
     return Breakpoints(
         time_laws=np.array(wanted, dtype=np.int64),
         table=np.array([table for table, _, _ in tables], dtype=np.int64),
         coordinate=np.array([quantity for _, quantity, _ in tables], dtype=np.int64),
         origin=np.array([origin for _, _, origin in tables], dtype=float),
-        friction=group.frictions.quantity if group else np.zeros(0, dtype=np.int64),
-        width=group.frictions.width if group else np.zeros(0),
+        friction=friction,
+        width=width,
         value=np.zeros(places),
         rate=np.zeros(places),
     )

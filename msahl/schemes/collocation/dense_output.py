@@ -33,8 +33,7 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import along
-from msahl.elements.forces import concentrated, drag
+from msahl.elements import along, forces
 from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
 from msahl.jit.kernel import apart, kernel
 from msahl.schemes import accelerations
@@ -80,7 +79,6 @@ class DenseOutput(NamedTuple):
     gauss: np.ndarray  # (s,) nodes and weights of the work's quadrature
     weight: np.ndarray  # (s,)
     scheme_work: int  # column of the energy that a decaying scheme takes, or -1
-    force: np.ndarray  # (nodes, 3) room
 
 
 def levels(order: int) -> int:
@@ -116,7 +114,6 @@ def new_dense_output(workspace: Workspace, order: int, decays: bool) -> DenseOut
         gauss=0.5 * (x + 1.0),
         weight=0.5 * b,
         scheme_work=state.work.size - 1 if decays else -1,
-        force=np.zeros((workspace.Z.shape[0], 3)),
     )
 
 
@@ -348,19 +345,15 @@ def _add_work(output: DenseOutput, instant: Instant, dt: float) -> None:
         output.workspace.state,
         output.workspace.start,
     )
-    v, W, frames = start.frames.v, start.frames.W, system.frames
-    concentrated.free_work(system.loads, start.loads, v, W, dt, system.load_column, state.work)
-    drag.free_work(system.drags, start.drag_arms, v, W, dt, system.drag_column, state.work)
-    along.act(
+    frames = system.frames
+    forces.add_power(
+        system.forces,
+        start.forces,
         system.along,
         start.along,
-        frames,
-        v,
-        W,
+        start.frames,
         state.reaction,
         dt,
-        instant.Z,
-        output.force,
         state.work,
     )
     along.motion_work(system.along, frames, state.time[0], dt, instant.solution, state.work)

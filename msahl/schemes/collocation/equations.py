@@ -17,10 +17,10 @@ with E and all impulses; lam_s makes their velocities keep the joints closed.
 That is for parameters that are varied. Where they are not (radau), the balance of turns is that of
 the angular momentum itself: R J R^T W for pi, M for dT/dc + H^T M, and no E.
 
-Elements are asked at one place at a time: a step of the lowest order that does not move has as
-discrete gradients the gradients themselves, and half their derivatives as its Jacobian.
-A law of time enters by its moments over the step (``forces.concentrated``), not by its values at
-the nodes.
+Forces are evaluated at one configuration at a time. A law of time enters by its moments over the
+step (``elements.forces.concentrated``), not by its values at the nodes. Joint forces are those of a
+midpoint step without motion: its discrete gradients are the gradients themselves, its Jacobian has
+half of their derivatives.
 
 Source: see ``schemes.rule``; the chart of the rotation, the scaling and the treatment of equations
 between rates (at c_i, with their forces where those of the others are) are ours.
@@ -46,9 +46,8 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import along
+from msahl.elements import along, forces
 from msahl.elements.constraints import coincide
-from msahl.elements.forces import concentrated, drag
 from msahl.elements.frames import (
     Frames,
     displacement,
@@ -76,8 +75,7 @@ def evaluate(
     What a change of place does to the normal force of friction is left out of the derivative.
     """
     _begin(system, start, stages, h)
-    laws, factors = system.laws, stages.rule.from_moments
-    concentrated.at_nodes(system.loads, laws, state.time[0], h, factors, stages.factor)
+    forces.node_factors(system.forces, state.time[0], h, stages.rule.from_moments, stages.factor)
     if fresh:
         jacobian.clear(system, stages)
     rule = stages.rule
@@ -180,15 +178,13 @@ def _act(system: System, stages: Stages, h: float, i: int) -> None:
     for b in range(frame_count(frames)):
         put(row, displacement_node(frames, b), g)
         put(row, rotation_node(frames, b), ZERO)
-    v, W, dt = node.frames.v, node.frames.W, h * stages.rule.weight[i]
-    loads, drags, work = system.loads, system.drags, stages.work
-    concentrated.prepare(loads, stages.factor[i], node.frames.R, node.loads)
-    concentrated.free_acceleration(loads, node.loads, frames, row)
-    concentrated.free_work(loads, node.loads, v, W, dt, system.load_column, work)
-    drag.free_acceleration(drags, node.drag_arms, frames, v, W, row)
-    drag.free_work(drags, node.drag_arms, v, W, dt, system.drag_column, work)
-    along.act(
-        system.along, node.along, frames, v, W, stages.reaction[i], dt, stages.still, row, work
+    motion, dt = node.frames, h * stages.rule.weight[i]
+    group, reaction = system.along, stages.reaction[i]
+    along.rates(group, node.along, frames, motion.v, motion.W, stages.still)
+    forces.set_node(system.forces, node.forces, stages.factor[i], motion.R)
+    forces.add_forces(system.forces, node.forces, group, node.along, frames, motion, reaction, row)
+    forces.add_power(
+        system.forces, node.forces, group, node.along, motion, reaction, dt, stages.work
     )
     along.roll(system.along, node.along, frames, h, stages.F[i])
 

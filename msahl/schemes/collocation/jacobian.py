@@ -19,10 +19,9 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import along
+from msahl.elements import along, forces
 from msahl.elements.constraints import coincide
 from msahl.elements.constraints.products import add_block
-from msahl.elements.forces import concentrated, drag
 from msahl.elements.frames import first_multiplier, rotation_node
 from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import local_rotation
@@ -74,34 +73,34 @@ def _hold(system: System, stages: Stages) -> None:
 
 @kernel
 def _act(system: System, stages: Stages, i: int) -> None:
-    """Set ``by_place`` to half the derivative of ``element._act``, ``by_rate`` to that by the
-    rates.
-    """
+    """Set ``by_place`` and ``by_rate`` to the derivatives of ``equations._act``."""
     place, rate, node, frames = stages.by_place, stages.by_rate, stages.start, system.frames
     for e in range(place.size):
         place[e], rate[e] = 0.0, 0.0
+    group, still, room = system.along, stages.still, stages.room
     v, W = node.frames.v, node.frames.W
-    concentrated.jacobian(system.loads, node.loads, frames, -1.0, stages.still, place)
-    drag.free_jacobian(system.drags, node.drag_arms, frames, v, W, place, rate)
-    along.free_jacobian(
-        system.along,
+    along.differentiate(group, node.along, frames, still)
+    forces.add_derivatives(
+        system.forces,
+        node.forces,
+        group,
         node.along,
         frames,
-        v,
-        W,
+        node.frames,
         stages.reaction[i],
-        stages.still,
-        stages.room,
+        still,
+        room,
         place,
         rate,
     )
+    along.roll_jacobian(group, node.along, frames, v, W, still, room, place, rate)
 
 
 @kernel
 def _into_chart(system: System, stages: Stages, rated: bool) -> None:
-    """Bring the derivatives by and of turns from inertial axes into the chart: H^T (.) H, and half
-    of what the change of H does to the moments of ``stages.row`` and, where ``rated``, to the
-    rates.
+    """Bring the derivatives by and of turns from inertial axes into the chart: H^T (.) H, and what
+    the change of H does to the moments of ``stages.row`` and, where ``rated``, to the rates. Those
+    of joint forces, not ``rated``, are halved.
     """
     frames, bodies = system.frames, system.bodies
     first = first_multiplier(frames)
@@ -120,7 +119,7 @@ def _into_chart(system: System, stages: Stages, rated: bool) -> None:
             if turned_column:
                 f = frames.of_node[column]
                 c, c_dot = at(stages.turn, f), at(stages.turning, f)
-                place = combine(0.5, product(rate, local_rotation.momentum_slope(c, c_dot)), place)
+                place = combine(1.0, product(rate, local_rotation.momentum_slope(c, c_dot)), place)
             put_block(stages.by_rate, m, product(rate, H_column))
         put_block(stages.by_place, m, place)
     if not stages.rule.varied:
@@ -129,7 +128,8 @@ def _into_chart(system: System, stages: Stages, rated: bool) -> None:
         f = bodies.frame[b]
         moment = at(stages.row, rotation_node(frames, f))
         slope = local_rotation.rate_slope(at(stages.turn, f), moment)
-        add_block(stages.by_place, bodies.block[b], 0.5 / frames.length[f], slope)
+        share = 1.0 if rated else 0.5
+        add_block(stages.by_place, bodies.block[b], share / frames.length[f], slope)
 
 
 @kernel
@@ -185,7 +185,7 @@ def _enter_acting(system: System, stages: Stages, h: float, i: int) -> None:
         if by_place == by_rate == bent_place == bent_rate == 0.0:
             continue
         for k in range(s):
-            phi, slope = 2.0 * h * h * rule.value[i, k], h * rule.slope[i, k]
+            phi, slope = h * h * rule.value[i, k], h * rule.slope[i, k]
             total, bent = phi * by_place + slope * by_rate, phi * bent_place + slope * bent_rate
             if stages.sort[e] == GAP:
                 values[e, k, i] += total / h

@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import copy
-from msahl.elements.along import Along, settle
+from msahl.elements.along import settle
+from msahl.elements.forces import ReactionForces, pressed_by_reactions
 from msahl.elements.frames import first_multiplier
 from msahl.jit.kernel import apart, kernel
 from msahl.linalg import block_lu
@@ -53,7 +54,7 @@ class CollocationWorkspace(NamedTuple):
     """Data and work arrays of one subsystem for collocation steps of one degree."""
 
     workspace: Workspace
-    rubbing: Along | None  # the system's if there is friction: else none of its code is compiled
+    pressed: ReactionForces | None  # forces that depend on reactions; None: no code for them
     stages: StageArrays
     instant: Instant
     factor: np.ndarray  # (entries, s, s) sparse factors, blocks transposed
@@ -69,7 +70,7 @@ def new_collocation_workspace(
     workspace: Workspace, scheme: str, degree: int
 ) -> CollocationWorkspace:
     """Return the workspace for steps by the ``scheme`` of a ``degree`` from the prepared state."""
-    lu, group, higher = workspace.unknowns.elimination, workspace.system.along, HIGHER[scheme]
+    lu, higher = workspace.unknowns.elimination, HIGHER[scheme]
     stages = new_stage_arrays(
         workspace.system, workspace.unknowns, workspace.state, new_tableau(scheme, degree)
     )
@@ -79,7 +80,7 @@ def new_collocation_workspace(
     )
     return CollocationWorkspace(
         workspace=workspace,
-        rubbing=group if group is not None and group.frictions.quantity.size else None,
+        pressed=pressed_by_reactions(workspace.system.forces),
         stages=stages,
         instant=new_instant(workspace.system, workspace.unknowns),
         factor=np.zeros((int(lu.base[-1]), degree, degree)),
@@ -128,15 +129,15 @@ def relative_residual(
 
 @apart
 def update_reactions(
-    rubbing: Along | None,
+    pressed: ReactionForces | None,
     system: System,
     state: State,
     stages: StageArrays,
     instant: Instant,
     h: float,
 ) -> None:
-    """Set the reactions at the nodes where forces act, if friction depends on them."""
-    if rubbing is None:
+    """Set the reactions at the nodes where forces act, if some depend on them, as friction does."""
+    if pressed is None:
         return
     for n in range(stages.tableau.force_stage.size):
         i = stages.tableau.force_stage[n]
@@ -294,7 +295,7 @@ def iterate(subsystem: CollocationWorkspace, h: float) -> tuple[float, int, floa
     before, smallest, predicted, first = math.inf, math.inf, 0.0, math.inf
     iteration, fresh, relaxed = 0, True, system.relaxation > 0.0
     while True:
-        update_reactions(subsystem.rubbing, system, state, stages, subsystem.instant, h)
+        update_reactions(subsystem.pressed, system, state, stages, subsystem.instant, h)
         length = equations.evaluate(system, state, start, stages, h, fresh)
         length = max(length, free_equations.AT_REST)
         residual, worst = relative_residual(free, stages.F, stages.load_scale, length)
@@ -355,7 +356,7 @@ def evaluate_free(
     for i in range(free.size):
         for j in range(z.shape[1]):
             stages.Z[j, free[i] // 3, free[i] % 3] = z[i, j]
-    update_reactions(subsystem.rubbing, system, state, stages, subsystem.instant, h)
+    update_reactions(subsystem.pressed, system, state, stages, subsystem.instant, h)
     length = equations.evaluate(system, state, workspace.start, stages, h, fresh)
     length = max(length, free_equations.AT_REST)
     for i in range(free.size):

@@ -35,6 +35,7 @@ import numpy as np
 
 from msahl.algebra.rotation import compose, inverse
 from msahl.algebra.vector import at, copy, dot, sub
+from msahl.elements import forces
 from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import breakpoints, dense_output, newton
 from msahl.schemes.collocation.breakpoints import Breakpoints, new_breakpoints
@@ -116,7 +117,8 @@ def new_step_control(
         x_middle=np.zeros_like(state.x),
         p_middle=np.zeros_like(state.p),
         work=np.zeros_like(state.work),
-        checks_rows=system.along is not None or bool((system.loads.law >= 0).any()),
+        checks_rows=system.along is not None
+        or max(forces.laws_of_time(system.forces), default=-1) >= 0,
         breakpoints=new_breakpoints(system),
     )
 

@@ -54,7 +54,7 @@ class CollocationMethod:
     def kind(self) -> str:
         """See ``StepMethod``."""
         kind = "points" if self.workspace.system.along is None else "along"
-        friction = "" if self.subsystem.rubbing is None else "-friction"
+        friction = "" if self.subsystem.pressed is None else "-friction"
         return f"{kind}{friction}-collocation"
 
     @property

@@ -18,7 +18,7 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import along
+from msahl.elements import along, forces
 from msahl.elements.frames import (
     Frames,
     displacement,
@@ -77,7 +77,7 @@ class Stages(NamedTuple):
     rate: np.ndarray  # (s, nodes, 3) velocities at c_i, inertial axes
     before: np.ndarray  # (s + 1, nodes, 3) of the step the next guess follows, last at its start
     reaction: np.ndarray  # (s, j, 6) joints' reactions at c_i
-    factor: np.ndarray  # (s, k) of the concentrated loads at c_i
+    factor: np.ndarray  # (s, k) of the forces that depend on time, at c_i
     known: np.ndarray  # (2,) start and size [s] of the step of those polynomials; no size: none
     window: np.ndarray  # (3,) the same as seen from the present step, in parts of it; and ``near``
     near: np.ndarray  # (1,) 1 if the last guess was near, else 0
@@ -107,7 +107,7 @@ def new_stages(system: System, unknowns: Unknowns, state: State, rule: Rule) -> 
         rolling=_rolling(system)[needed],
         slot=slot,
         source=slot[unknowns.elimination.source],
-        idle=system.along is None and not system.loads.body.size and not system.drags.body.size,
+        idle=system.along is None and not forces.acts_at_points(system.forces),
         mobility=np.linalg.inv(system.bodies.inertia),
         state=node_state,
         start=new_start(system, node_state),
@@ -135,7 +135,7 @@ def new_stages(system: System, unknowns: Unknowns, state: State, rule: Rule) -> 
         rate=np.zeros(stages),
         before=np.zeros((degree + 1, *nodes)),
         reaction=np.zeros((degree, *state.reaction.shape)),
-        factor=np.zeros((degree, system.loads.body.size)),
+        factor=forces.new_node_factors(system.forces, degree),
         known=np.zeros(2),
         window=np.zeros(3),
         near=np.zeros(1),

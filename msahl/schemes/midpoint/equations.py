@@ -31,9 +31,8 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import along, reactions, rigid_body
+from msahl.elements import along, forces, reactions, rigid_body
 from msahl.elements.constraints import coincide
-from msahl.elements.forces import concentrated, drag
 from msahl.elements.frames import (
     displacement_node,
     first_multiplier,
@@ -69,18 +68,18 @@ def prepare(system: System, state: State, start: Start) -> None:
     rigid_body.prepare(system.bodies, start.frames.R, start.bodies)
     R = start.frames.R
     coincide.prepare(system.coincide, R, start.coincide)
-    along.prepare(
-        system.along, state.x, R, state.angle, state.reaction, state.reaction_trend, start.along
-    )
+    along.prepare(system.along, state.x, R, state.angle, start.along)
     reactions.prepare(system.reactions, system.along, R, start.reaction_arms)
-    drag.prepare(system.drags, R, start.drag_arms)
+    forces.prepare(
+        system.forces, start.forces, system.along, R, state.reaction, state.reaction_trend
+    )
 
 
 @kernel
 def load(system: System, state: State, start: Start, h: float) -> bool:
     """Set the loads to their means over a step ``h``; whether they have first moments, too."""
     t, R = state.time[0], start.frames.R
-    return concentrated.over_step(system.loads, system.laws, t, h, R, start.loads)
+    return forces.over_step(system.forces, start.forces, t, h, R)
 
 
 @kernel
@@ -148,8 +147,9 @@ def residual(
     rigid_body.residual(system.bodies, frames, start.bodies, start.frames, h, h2, Z, F)
     coincide.residual(system.coincide, start.coincide, frames, h2, Z, F)
     along.residual(system.along, start.along, frames, state.violation, t, h, h2, Z, F)
-    concentrated.residual(system.loads, start.loads, frames, h2, Z, F)
-    drag.residual(system.drags, start.drag_arms, frames, h, h2, Z, F)
+    forces.mean_residual(
+        system.forces, start.forces, system.along, start.along, frames, h, h2, Z, F
+    )
 
 
 @kernel
@@ -173,9 +173,9 @@ def jacobian(system: System, start: Start, h: float, Z: np.ndarray, values: np.n
     """
     joint_jacobian(system, start, h, Z, values)
     h2 = dt2(system, h)
-    along.force_jacobian(system.along, start.along, system.frames, h, h2, Z, values)
-    concentrated.jacobian(system.loads, start.loads, system.frames, h2, Z, values)
-    drag.jacobian(system.drags, start.drag_arms, system.frames, h, h2, Z, values)
+    forces.mean_jacobian(
+        system.forces, start.forces, system.along, start.along, system.frames, h, h2, Z, values
+    )
 
 
 @kernel
@@ -202,8 +202,9 @@ def accept(
     frames, bodies, t, h2 = system.frames, system.bodies, state.time[0], dt2(system, h)
     decay, per_step = system.decay, h / dt2(system, h)
     loss, gained = 0.0, 0.0
-    concentrated.work(system.loads, start.loads, frames, Z, system.load_column, state.work)
-    drag.work(system.drags, start.drag_arms, frames, h, Z, system.drag_column, state.work)
+    forces.mean_work(
+        system.forces, start.forces, system.along, start.along, frames, h, Z, state.work
+    )
     along.accept(system.along, start.along, frames, t, h, h2, Z, state.angle, state.work)
     for b in range(moving_count(frames)):
         u = at(Z, displacement_node(frames, b))
@@ -232,22 +233,12 @@ def accept(
         keep(state.alpha_trend, b, dalpha)
         put(state.a, b, a)
         put(state.alpha, b, alpha)
-    if concentrated.has_first(start.loads):
+    if forces.has_first(start.forces):
         lost = rigid_body.lost(bodies, start.bodies, start.frames, h, state.a, state.alpha)
-        concentrated.work_of_first(
-            system.loads,
-            start.loads,
-            start.frames,
-            h,
-            state.a,
-            state.alpha,
-            lost,
-            system.load_column,
-            state.work,
-        )
+        forces.work_of_first(system.forces, start.forces, h, state.a, state.alpha, lost, state.work)
     state.foresight[0] = 1.0 if gained >= 0.0 else 0.0
     if decay.chi > 0.0:
-        loss += along.smooth(system.along, start.along, decay.pole)
+        loss += forces.smooth(system.forces, start.forces, system.along, start.along, decay.pole)
         state.work[state.work.size - 1] -= loss
     _enter_multipliers(system, state, start, h, Z, F)
     state.time[0] += h
@@ -297,11 +288,19 @@ def free_acceleration(
     v, W = start.frames.v, start.frames.W
     rigid_body.free_acceleration(system.bodies, frames, start.bodies, start.frames, F)
     coincide.free_gap_acceleration(system.coincide, start.coincide, W, F)
-    along.free_acceleration(system.along, start.along, frames, v, W, state.reaction, t, Z, F)
-    concentrated.at_time(system.loads, system.laws, t, start.loads.factor)
-    concentrated.prepare(system.loads, start.loads.factor, start.frames.R, start.loads)
-    concentrated.free_acceleration(system.loads, start.loads, frames, F)
-    drag.free_acceleration(system.drags, start.drag_arms, frames, v, W, F)
+    along.rates(system.along, start.along, frames, v, W, Z)
+    along.free_acceleration(system.along, start.along, frames, v, W, t, F)
+    forces.set_time(system.forces, start.forces, t, start.frames.R)
+    forces.add_forces(
+        system.forces,
+        start.forces,
+        system.along,
+        start.along,
+        frames,
+        start.frames,
+        state.reaction,
+        F,
+    )
 
 
 @kernel
@@ -332,9 +331,7 @@ def publish(
         tables.work[row, k] = state.work[k]
     for k in range(state.work.size, tables.work.shape[1]):
         tables.work[row, k] = 0.0
-    along.publish_energy(
-        system.along, start.along, system.shown.elastic, state.work.size, tables.work, row
-    )
+    forces.publish_energy(system.forces, start.forces, state.work.size, tables.work, row)
 
 
 @kernel
@@ -348,6 +345,7 @@ def observe(
     """
     coincide.violation(system.coincide, start.coincide, state.x, violation)
     coincide.violation_rate(system.coincide, start.coincide, start.frames, rate)
-    elastic = along.observe(system.along, start.along, start.frames, state.time[0], violation, rate)
+    along.observe(system.along, start.along, start.frames, state.time[0], violation, rate)
+    elastic = forces.elastic_energy(system.forces, start.forces, system.along, start.along)
     kinetic, potential = rigid_body.energy(system.bodies, state.x, state.v, state.w)
     return kinetic, potential + elastic

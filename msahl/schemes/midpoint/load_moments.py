@@ -1,7 +1,10 @@
-"""What a load of the lowest order's step does beyond its mean: see ``forces.concentrated``."""
+"""The effect of the first moments of forces over a step of the midpoint element.
+
+The law is in ``elements.forces.concentrated``.
+"""
 
 from msahl.algebra.vector import ZERO, at, put, scale
-from msahl.elements.forces import concentrated
+from msahl.elements import forces
 from msahl.elements.frames import displacement_node, moving_count, offset, rotation_node
 from msahl.jit.kernel import apart, kernel
 from msahl.linalg import dense, sparse_lu
@@ -36,8 +39,7 @@ def _solve(workspace: Workspace) -> None:
     sparse_lu.factor(workspace.unknowns.elimination, workspace.values, workspace.factor)
     for node in range(F.shape[0]):
         put(F, node, ZERO)
-    for k in range(system.loads.body.size):
-        concentrated.enter_first(system.loads, start.loads, system.frames, k, F)
+    forces.add_first(system.forces, start.forces, system.frames, F)
     dense.gather(order, F, workspace.y)
     sparse_lu.solve(workspace.unknowns.elimination, workspace.factor, workspace.y)
     dense.spread(order, workspace.y, Z)
