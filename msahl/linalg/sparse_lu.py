@@ -30,7 +30,7 @@ def factor(lu: Elimination, values: np.ndarray, W: np.ndarray) -> None:
 
 
 @kernel
-def spread(lu: Elimination, W: np.ndarray) -> float:
+def pivot_ratio(lu: Elimination, W: np.ndarray) -> float:
     """Largest pivot over the smallest, of a matrix just factored into ``W``: a lower estimate of
     its condition, for nothing.
     """

@@ -14,7 +14,6 @@ import numpy as np
 
 from msahl.elements import forces
 from msahl.jit.compiled import is_kept, keep, trouble
-from msahl.linalg.dense import FAR
 from msahl.model import (
     INSTANTANEOUS,
     Model,
@@ -47,6 +46,7 @@ from msahl.run.snapshot import (
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.verdict import Figures, judge, never_begun
 from msahl.schemes.fixed_stepper import MAX_SUBDIVISIONS
+from msahl.schemes.midpoint.free_equations import FAR
 from msahl.schemes.outcome import TOLERANCE, Outcome, Stopped
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import Chunk

@@ -63,7 +63,7 @@ def new_instant(system: System, unknowns: Unknowns | None = None) -> Instant:
 
 
 @kernel
-def free(system: System, state: State, start: Start, instant: Instant) -> None:
+def assemble(system: System, state: State, start: Start, instant: Instant) -> None:
     """Set the ``rows`` to what accelerations must balance, and factor the matrix."""
     for node in range(instant.rows.shape[0]):
         for i in range(3):
@@ -79,11 +79,11 @@ def solve(instant: Instant) -> None:
     order = instant.unknowns.elimination.order
     dense.gather(order, instant.rows, instant.y)
     sparse_lu.solve(instant.unknowns.elimination, instant.factor, instant.y)
-    dense.spread(order, instant.y, instant.solution)
+    dense.scatter(order, instant.y, instant.solution)
 
 
 @kernel
-def react(system: System, state: State, start: Start, instant: Instant) -> None:
+def set_reactions(system: System, state: State, start: Start, instant: Instant) -> None:
     """Set the state's multipliers and reactions from the ``solution``."""
     first = first_multiplier(system.frames)
     for k in range(state.force.shape[0]):
@@ -102,15 +102,15 @@ def accelerate(system: System, state: State, start: Start, instant: Instant) -> 
     """
     for _ in range(MOST_ROUNDS):
         copy(state.reaction, instant.last)
-        free(system, state, start, instant)
+        assemble(system, state, start, instant)
         solve(instant)
-        react(system, state, start, instant)
+        set_reactions(system, state, start, instant)
         if not forces.depend_on_reactions(system.forces) or stands(state.reaction, instant.last):
             break
 
 
 @kernel
-def rounds(system: System) -> int:
+def projection_rounds(system: System) -> int:
     """How often a change must be asked for where the relaxation of redundant joints takes a part
     of each away.
     """
@@ -118,12 +118,12 @@ def rounds(system: System) -> int:
 
 
 @kernel
-def undo(
+def solve_projection(
     system: System, state: State, start: Start, violation: np.ndarray, instant: Instant
 ) -> None:
     """Set the ``solution`` to the least change by mass that takes away the ``gap`` (k, 3) [m]."""
     first = first_multiplier(system.frames)
-    free(system, state, start, instant)
+    assemble(system, state, start, instant)
     for node in range(instant.rows.shape[0]):
         for i in range(3):
             instant.rows[node, i] = 0.0 if node < first else -violation[node - first, i]
@@ -131,7 +131,7 @@ def undo(
 
 
 @kernel
-def keep_closed(
+def project_velocities(
     system: System,
     state: State,
     start: Start,
@@ -143,10 +143,10 @@ def keep_closed(
     set to the gaps [m] and what is left of their rates.
     """
     frames = system.frames
-    for _ in range(rounds(system)):
+    for _ in range(projection_rounds(system)):
         equations.observe(system, state, start, violation, rate)
         along.in_metres(system.along, violation, rate)
-        undo(system, state, start, rate, instant)
+        solve_projection(system, state, start, rate, instant)
         for b in range(moving_count(frames)):
             R = matrix_at(start.frames.R, b)
             dW = scale(1.0 / frames.length[b], at(instant.solution, rotation_node(frames, b)))
@@ -157,7 +157,7 @@ def keep_closed(
 
 
 @kernel
-def publish(workspace: Workspace, instant: Instant, row: int) -> None:
+def write_reactions(workspace: Workspace, instant: Instant, row: int) -> None:
     """Write the reactions at the scene's own time into a ``row`` of its tables, in place of means.
 
     The state's own, from which the next step is guessed, stay what they are.
@@ -181,15 +181,15 @@ def publish(workspace: Workspace, instant: Instant, row: int) -> None:
 
 
 @kernel
-def march(
-    workspace: Workspace, instant: Instant, h: float, first: int, last: int, schedule: np.ndarray
+def take_steps(
+    workspace: Workspace, instant: Instant, h: float, first: int, last: int, rows: np.ndarray
 ) -> int:
     """``newton.march`` with the reactions of every published row at its own time."""
     for k in range(first, last):
-        if newton.march(workspace, h, k, k + 1, schedule) == k:
+        if newton.take_steps(workspace, h, k, k + 1, rows) == k:
             return k
-        if schedule[k] >= 0:
-            publish(workspace, instant, schedule[k])
+        if rows[k] >= 0:
+            write_reactions(workspace, instant, rows[k])
     return last
 
 

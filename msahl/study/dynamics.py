@@ -68,7 +68,7 @@ def _prepare(system: System, state: State, start: Start) -> None:
 def _free(system: System, state: State, start: Start, room: Instant, y: np.ndarray) -> None:
     _unpack(y, state)
     _prepare(system, state, start)
-    accelerations.free(system, state, start, room)
+    accelerations.assemble(system, state, start, room)
 
 
 @kernel
@@ -113,7 +113,7 @@ def _open(
 ) -> None:
     """Set the rows to minus the gaps (``level`` 0) or their rates (1), and factor the matrix."""
     _prepare(system, state, start)
-    accelerations.free(system, state, start, room)
+    accelerations.assemble(system, state, start, room)
     equations.observe(system, state, start, violation, rate)
     first = first_multiplier(system.frames)
     for node in range(room.rows.shape[0]):
@@ -279,7 +279,7 @@ class Dynamics:
 _compiled_unpack = compiled(_unpack)
 _compiled_pack = compiled(_pack)
 _compiled_solve = compiled(accelerations.solve)
-_compiled_react = compiled(accelerations.react)
+_compiled_react = compiled(accelerations.set_reactions)
 _compiled_rates = compiled(_all_rates)
 _compiled_free = compiled(_free)
 _compiled_open = compiled(_open)

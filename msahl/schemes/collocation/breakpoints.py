@@ -23,8 +23,8 @@ SAMPLES = 8
 """Points in each half at which a coordinate is evaluated. One that leaves its piece and comes back
 between two of them is not found."""
 NEAR = 1e-9
-"""Fraction of a table's piece (beyond its ends: of a metre or radian), or of a friction law's width,
-within which a coordinate counts as being at its breakpoint."""
+"""Fraction of a table's piece (beyond its ends: of a metre or radian), or of a friction law's
+width, within which a coordinate counts as being at it."""
 AT_ENDS = 1e-6
 """Fraction of a pair within which a breakpoint counts as being at the end of the pair."""
 BISECTIONS = 50
@@ -80,8 +80,8 @@ def next_law_breakpoint(breakpoints: Breakpoints, system: System, t: float, near
 
 @kernel
 def save_coordinates(breakpoints: Breakpoints, workspace: Workspace, place: int) -> None:
-    """Save the coordinates of the prepared state as those at the start (``place`` 0), the middle (1)
-    or the end (2) of a pair.
+    """Save the coordinates of the prepared state as those at the start (``place`` 0), the middle
+    (1) or the end (2) of a pair.
     """
     if breakpoints.table.size + breakpoints.friction.size > 0:
         start = workspace.start
@@ -91,8 +91,8 @@ def save_coordinates(breakpoints: Breakpoints, workspace: Workspace, place: int)
 
 @apart
 def first_crossing(breakpoints: Breakpoints, system: System, h: float) -> float:
-    """Fraction of a pair of size ``h`` at which the first coordinate reaches a breakpoint; 1 if none
-    does, or only near the ends of the pair.
+    """Fraction of a pair of size ``h`` at which the first coordinate reaches a breakpoint; 1 if
+    none does, or only near the ends of the pair.
     """
     part, value, rate = 1.0, breakpoints.value, breakpoints.rate
     for k in range(breakpoints.table.size):
@@ -115,8 +115,8 @@ def first_crossing(breakpoints: Breakpoints, system: System, h: float) -> float:
 
 @kernel
 def _piece(laws: Laws, table: int, x: float, change: float) -> tuple[float, float]:
-    """Ends of the piece that contains a coordinate ``x`` or that it enters at once, moved outwards by
-    the tolerance ``NEAR``; ``change`` is about how far it moves in half a pair.
+    """Ends of the piece that contains a coordinate ``x`` or that it enters at once, moved outwards
+    by the tolerance ``NEAR``; ``change`` is about how far it moves in half a pair.
     """
     low, high = piece_of(laws, table, x)
     near = NEAR * (high - low) if high - low < math.inf else NEAR
@@ -130,8 +130,8 @@ def _piece(laws: Laws, table: int, x: float, change: float) -> tuple[float, floa
 
 @kernel
 def _leaving_point(x0: float, x1: float, v0: float, v1: float, low: float, high: float) -> float:
-    """Fraction of half a pair at which the cubic with values ``x0``, ``x1`` and rates ``v0``, ``v1``
-    by the fraction of the pair leaves the piece from ``low`` to ``high``; 1 if it does not.
+    """Fraction of half a pair at which the cubic with values ``x0``, ``x1`` and rates ``v0``,
+    ``v1`` by the fraction of the pair leaves the piece from ``low`` to ``high``; 1 if it does not.
     """
     before = 0.0
     for k in range(1, SAMPLES + 1):

@@ -3,8 +3,8 @@
 The polynomials of the scheme are of order s + 1 within a step and of order 2 s at its ends. So
 output times within a step get other polynomials, fitted to what is known at the ends: position,
 velocity and, from the index-1 problem (``accelerations``), acceleration. The one of degree 5 has an
-error of h^6 in positions and h^5 in velocities. Accelerations at 2 l times within the step, taken at
-its positions, are added to the conditions and give a polynomial of degree 5 + 2 l with errors of
+error of h^6 in positions and h^5 in velocities. Accelerations at 2 l times within the step, taken
+at its positions, are added to the conditions and give a polynomial of degree 5 + 2 l with errors of
 h^(6 + 2 l) and h^(5 + 2 l), and so on from level l to l + 1.
 
 Displacements and rotations are from the start of the step; rotations are expressed by the
@@ -70,8 +70,12 @@ class DenseOutput(NamedTuple):
     workspace: Workspace  # with a state of its own, that of the output time
     begin: StepEnd
     end: StepEnd
-    curve: np.ndarray  # (c, 2 (n+1), 3) conditions on u and c: values, rates and second rates by t/h
-    inner: np.ndarray  # (2 l or 2, 2 (n+1), 3) second rates at times within, before they are entered
+    curve: (
+        np.ndarray
+    )  # (c, 2 (n+1), 3) conditions on u and c: values, rates and second rates by t/h
+    inner: (
+        np.ndarray
+    )  # (2 l or 2, 2 (n+1), 3) second rates at times within, before they are entered
     basis: np.ndarray  # (l + 1, c, c) by level, coefficients of each condition's polynomial
     nodes: np.ndarray  # (l + 1, 2 l) by level, times of accelerations as fractions of the step
     value: np.ndarray  # (c,) basis polynomials at the output time, and their rates

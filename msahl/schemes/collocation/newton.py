@@ -30,7 +30,7 @@ from msahl.schemes.midpoint.newton import DIVERGED, MAX_ITERATIONS, STUCK
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.schemes.midpoint.workspace import record_step as record_at_end
 from msahl.schemes.outcome import TOLERANCE
-from msahl.system.arrays import Start, State, System
+from msahl.system.arrays import State, System
 from msahl.system.diagnostics import energy_balance
 from msahl.system.ordering import Elimination
 
@@ -351,7 +351,11 @@ def evaluate_free(
     """Set the free rows ``f`` (f, s) at the free unknowns ``z`` (f, s), and where ``fresh`` the
     Jacobian; return the relative residual, the worst row and the step's length [m].
     """
-    workspace, stages, free = subsystem.workspace, subsystem.stages, subsystem.workspace.unknowns.free
+    workspace, stages, free = (
+        subsystem.workspace,
+        subsystem.stages,
+        subsystem.workspace.unknowns.free,
+    )
     system, state = workspace.system, workspace.state
     for i in range(free.size):
         for j in range(z.shape[1]):

@@ -46,11 +46,11 @@ from msahl.system.arrays import State
 from msahl.system.diagnostics import KINETIC, look
 
 NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST, WIDEST, STOP, ENERGY = range(10)
-"""Places in ``StepControl.figures``: size of the next pair [s]; tolerance per second [m/s]; time that
-no pair may pass for now [s]; sum of the local errors so far and the largest of them [m]; size that
-the last pair should have had [s]; smallest and largest accepted step [s]; time of a breakpoint or
-an event at which the present pair ends at the latest [s]; largest kinetic energy so far, with which
-works are compared [J]."""
+"""Places in ``StepControl.figures``: size of the next pair [s]; tolerance per second [m/s]; time
+that no pair may pass for now [s]; sum of the local errors so far and the largest of them [m]; size
+that the last pair should have had [s]; smallest and largest accepted step [s]; time of a breakpoint
+or an event at which the present pair ends at the latest [s]; largest kinetic energy so far, with
+which works are compared [J]."""
 ACCEPTED, REFUSED, ROWS, SOUGHT = range(4)
 """Places in ``StepControl.counts``: pairs accepted and refused so far, rows written in the present
 chunk, searches for a breakpoint since the last accepted pair."""
@@ -151,8 +151,8 @@ def take_pairs(
 def try_pair(
     subsystem: CollocationWorkspace, control: StepControl, order: int, row: int, commit: bool
 ) -> bool:
-    """Take a pair, into the rows ``row`` and ``row + 1`` of the monitor; return whether its error is
-    small enough. If it is not, or if the pair is not to be kept, the state is as before and only
+    """Take a pair, into the rows ``row`` and ``row + 1`` of the monitor; return whether its error
+    is small enough. If it is not, or if the pair is not to be kept, the state is as before and only
     the size of the next pair has changed.
     """
     workspace, figures = subsystem.workspace, control.figures
@@ -190,9 +190,7 @@ def try_pair(
 def time_left(subsystem: CollocationWorkspace, control: StepControl, t: float) -> float:
     """Time [s] from ``t`` to where the pair must end at the latest."""
     figures, system = control.figures, subsystem.workspace.system
-    law = breakpoints.next_law_breakpoint(
-        control.breakpoints, system, t, TOO_SMALL * figures[END]
-    )
+    law = breakpoints.next_law_breakpoint(control.breakpoints, system, t, TOO_SMALL * figures[END])
     return min(figures[END], law, figures[STOP]) - t
 
 
@@ -400,7 +398,7 @@ def restore_start(subsystem: CollocationWorkspace, control: StepControl) -> None
 def save_polynomials(subsystem: CollocationWorkspace) -> None:
     """Save the polynomials of the step just taken, for the predictions of the halves."""
     for k in range(subsystem.whole_rates.shape[0]):
-        copy(subsystem.stages.before[k], subsystem.whole_rates[k])
+        copy(subsystem.stages.last_rates[k], subsystem.whole_rates[k])
     for k in range(subsystem.whole_solution.shape[0]):
         copy(subsystem.stages.Z[k], subsystem.whole_solution[k])
 
@@ -409,10 +407,10 @@ def save_polynomials(subsystem: CollocationWorkspace) -> None:
 def restore_polynomials(subsystem: CollocationWorkspace, t: float, h: float) -> None:
     """Let the next prediction follow the saved polynomials, of a step ``h`` from ``t``."""
     for k in range(subsystem.whole_rates.shape[0]):
-        copy(subsystem.whole_rates[k], subsystem.stages.before[k])
+        copy(subsystem.whole_rates[k], subsystem.stages.last_rates[k])
     for k in range(subsystem.whole_solution.shape[0]):
         copy(subsystem.whole_solution[k], subsystem.stages.Z[k])
-    subsystem.stages.known[0], subsystem.stages.known[1] = t, h
+    subsystem.stages.last_step[0], subsystem.stages.last_step[1] = t, h
 
 
 @kernel

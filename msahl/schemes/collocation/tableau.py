@@ -38,42 +38,42 @@ from numpy.polynomial import legendre, polynomial
 from msahl.model.scheme import HIGHER
 
 
-class Rule(NamedTuple):
+class Tableau(NamedTuple):
     """The numbers of one scheme of degree s; times in parts of the step.
 
     ``time``, ``closes``, ``pushes`` and ``acts`` are what a step comes to, one after the other:
     places where joints close or push, and where forces act.
     """
 
-    acting: np.ndarray  # (s,) c_i, where forces and inertia are summed
-    weight: np.ndarray  # (s,) b_i
-    closing: np.ndarray  # (s,) t_j, j = 1..s, where joints are closed: the places z_j
-    push: np.ndarray  # (s,) B_k of the joint forces
-    value: np.ndarray  # (s, s) phi_j(c_i), j = 1..s
-    slope: np.ndarray  # (s, s) phi_j'(c_i), j = 1..s
+    force_time: np.ndarray  # (s,) c_i, where forces and inertia are summed
+    force_weight: np.ndarray  # (s,) b_i
+    constraint_time: np.ndarray  # (s,) t_j, j = 1..s, where joints are closed: the places z_j
+    multiplier_weight: np.ndarray  # (s,) B_k of the joint forces
+    basis: np.ndarray  # (s, s) phi_j(c_i), j = 1..s
+    basis_rate: np.ndarray  # (s, s) phi_j'(c_i), j = 1..s
     alpha: np.ndarray  # (s, s) of forces at c_i in the equation of z_j
     beta: np.ndarray  # (s, s) of momenta
     chi: np.ndarray  # (s, s) of joint forces
     from_moments: np.ndarray  # (s, s) factors of loads at c_i from their laws' moments
     integral: np.ndarray  # (s, s) from 0 to t_j of the Lagrange polynomials through c_i
-    pushing: np.ndarray  # (s,) where joint forces push
-    late: int  # i of the last c_i before the end, -1 if there is none
-    varied: bool  # whether rows of turns are variations by their parameters, or moments
+    multiplier_time: np.ndarray  # (s,) where joint forces push
+    last_inner: int  # i of the last c_i before the end, -1 if there is none
+    is_variational: bool  # whether rows of turns are variations by their parameters, or moments
     decays: bool
-    time: np.ndarray  # (m,)
-    closes: np.ndarray  # (m,) j - 1 if joints close there at t_j, else -1
-    pushes: np.ndarray  # (m,) k if joint forces k push there, else -1
-    acts: np.ndarray  # (m,) i if forces act there at c_i, else -1
-    place: np.ndarray  # (m, s) phi_j there
-    rate: np.ndarray  # (m, s) phi_j' there; zero where nobody asks
+    node_time: np.ndarray  # (m,)
+    constraint_stage: np.ndarray  # (m,) j - 1 if joints close there at t_j, else -1
+    multiplier_stage: np.ndarray  # (m,) k if joint forces k push there, else -1
+    force_stage: np.ndarray  # (m,) i if forces act there at c_i, else -1
+    node_basis: np.ndarray  # (m, s) phi_j there
+    node_basis_rate: np.ndarray  # (m, s) phi_j' there; zero where nobody asks
 
 
-def new_rule(scheme: str, s: int) -> Rule:
+def new_tableau(scheme: str, s: int) -> Tableau:
     """The rule of one of the ``schemes.HIGHER`` of degree ``s`` >= 1."""
     return {"gauss": _gauss, "radau": _radau}[scheme](s)
 
 
-def _gauss(s: int) -> Rule:
+def _gauss(s: int) -> Tableau:
     """Forces at Gauss's nodes, joints at Lobatto's."""
     x, b = legendre.leggauss(s)
     gauss, weight = 0.5 * (x + 1.0), 0.5 * b
@@ -83,32 +83,32 @@ def _gauss(s: int) -> Rule:
     value, slope = lagrange(lobatto, gauss), lagrange(lobatto, gauss, 1)
     inverse = np.linalg.inv((weight[:, None] * slope[:, :s]).T @ slope[:, 1:])
     none = np.full(s, -1)
-    return Rule(
-        acting=gauss,
-        weight=weight,
-        closing=lobatto[1:],
-        push=node_weight[:s],
-        value=value[:, 1:].copy(),
-        slope=slope[:, 1:].copy(),
+    return Tableau(
+        force_time=gauss,
+        force_weight=weight,
+        constraint_time=lobatto[1:],
+        multiplier_weight=node_weight[:s],
+        basis=value[:, 1:].copy(),
+        basis_rate=slope[:, 1:].copy(),
         alpha=inverse @ (weight[:, None] * value[:, :s]).T,
         beta=inverse @ (weight[:, None] * slope[:, :s]).T,
         chi=inverse * node_weight[:s],
         from_moments=_from_moments(gauss, weight),
         integral=lagrange(gauss, lobatto[1:], -1),
-        pushing=lobatto[:s],
-        late=s - 1,
-        varied=True,
+        multiplier_time=lobatto[:s],
+        last_inner=s - 1,
+        is_variational=True,
         decays=HIGHER["gauss"].decays,
-        time=np.concatenate([lobatto, gauss]),
-        closes=np.concatenate([np.arange(s + 1) - 1, none]),
-        pushes=np.concatenate([np.arange(s), [-1], none]),
-        acts=np.concatenate([[-1], none, np.arange(s)]),
-        place=np.concatenate([np.eye(s + 1)[:, 1:], value[:, 1:]]),
-        rate=np.concatenate([np.zeros((s + 1, s)), slope[:, 1:]]),
+        node_time=np.concatenate([lobatto, gauss]),
+        constraint_stage=np.concatenate([np.arange(s + 1) - 1, none]),
+        multiplier_stage=np.concatenate([np.arange(s), [-1], none]),
+        force_stage=np.concatenate([[-1], none, np.arange(s)]),
+        node_basis=np.concatenate([np.eye(s + 1)[:, 1:], value[:, 1:]]),
+        node_basis_rate=np.concatenate([np.zeros((s + 1, s)), slope[:, 1:]]),
     )
 
 
-def _radau(s: int) -> Rule:
+def _radau(s: int) -> Tableau:
     """All at Radau's nodes, the last of them the end."""
     basis = legendre.Legendre.basis
     nodes = 0.5 * (np.sort((basis(s) - basis(s - 1)).roots().real) + 1.0)
@@ -116,29 +116,29 @@ def _radau(s: int) -> Rule:
     integral, slope = lagrange(nodes, nodes, -1), lagrange(np.append(0.0, nodes), nodes, 1)[:, 1:]
     twice, weight = -integral @ integral, integral[-1].copy()
     one, none = np.arange(s), np.full(s, -1)
-    return Rule(
-        acting=nodes,
-        weight=weight,
-        closing=nodes,
-        push=weight,
-        value=np.eye(s),
-        slope=slope.copy(),
+    return Tableau(
+        force_time=nodes,
+        force_weight=weight,
+        constraint_time=nodes,
+        multiplier_weight=weight,
+        basis=np.eye(s),
+        basis_rate=slope.copy(),
         alpha=twice,
         beta=integral,
         chi=twice,
         from_moments=_from_moments(nodes, weight),
         integral=integral,
-        pushing=nodes,
-        late=s - 2,
-        varied=False,
+        multiplier_time=nodes,
+        last_inner=s - 2,
+        is_variational=False,
         decays=HIGHER["radau"].decays,
         # Of each node the joints, then the forces.
-        time=np.repeat(nodes, 2),
-        closes=np.stack([one, none], axis=1).ravel(),
-        pushes=np.stack([one, none], axis=1).ravel(),
-        acts=np.stack([none, one], axis=1).ravel(),
-        place=np.repeat(np.eye(s), 2, axis=0),
-        rate=np.repeat(slope, 2, axis=0),
+        node_time=np.repeat(nodes, 2),
+        constraint_stage=np.stack([one, none], axis=1).ravel(),
+        multiplier_stage=np.stack([one, none], axis=1).ravel(),
+        force_stage=np.stack([none, one], axis=1).ravel(),
+        node_basis=np.repeat(np.eye(s), 2, axis=0),
+        node_basis_rate=np.repeat(slope, 2, axis=0),
     )
 
 

@@ -76,7 +76,7 @@ def prepare(system: System, state: State, start: Start) -> None:
 
 
 @kernel
-def load(system: System, state: State, start: Start, h: float) -> bool:
+def set_loads(system: System, state: State, start: Start, h: float) -> bool:
     """Set the loads to their means over a step ``h``; whether they have first moments, too."""
     t, R = state.time[0], start.frames.R
     return forces.over_step(system.forces, start.forces, t, h, R)
@@ -93,29 +93,33 @@ def predict(system: System, state: State, start: Start, h: float, Z: np.ndarray)
     g = (gravity[0], gravity[1], gravity[2])
     for b in range(moving_count(frames)):
         # Exact where nothing but gravity acts: that displacement need not be solved for.
-        a = g if frames.ballistic[b] else add(at(state.a, b), expected(state, state.a_trend, b))
+        a = (
+            g
+            if frames.ballistic[b]
+            else add(at(state.a, b), expected_change(state, state.a_trend, b))
+        )
         v = sub(at(start.frames.v_go, b), at(start.frames.v_offset, b))
         W = sub(at(start.frames.W_go, b), at(start.frames.W_offset, b))
         put(Z, displacement_node(frames, b), restrict(frames, 0, axpy(h, v, scale(h2, a))))
-        alpha = add(at(state.alpha, b), expected(state, state.alpha_trend, b))
+        alpha = add(at(state.alpha, b), expected_change(state, state.alpha_trend, b))
         turn = axpy(h, W, scale(h2, alpha))
         turn = of_angle(turn) if frames.exponential is not None else turn
         put(Z, rotation_node(frames, b), scale(frames.length[b], restrict(frames, 1, turn)))
     first = first_multiplier(frames)
     for k in range(state.force.shape[0]):
-        guess = add(at(state.force, k), expected(state, state.force_trend, k))
+        guess = add(at(state.force, k), expected_change(state, state.force_trend, k))
         for i in range(3):
             Z[first + k, i] = guess[i] * h2 / system.unit[k, i]
 
 
 @kernel
-def expected(state: State, trend: np.ndarray, k: int) -> Vector:
+def expected_change(state: State, trend: np.ndarray, k: int) -> Vector:
     """The next change of a quantity: by its last three, unless the last one tells better."""
-    return by_three(trend, k) if state.foresight[0] > 0.0 else at(trend[0], k)
+    return extrapolated_change(trend, k) if state.foresight[0] > 0.0 else at(trend[0], k)
 
 
 @kernel
-def by_three(trend: np.ndarray, k: int) -> Vector:
+def extrapolated_change(trend: np.ndarray, k: int) -> Vector:
     """The next change of what goes on as a parabola, and of what alternates from step to step, as
     means over a step do where the scheme keeps all that is quicker than it.
     """
@@ -123,14 +127,14 @@ def by_three(trend: np.ndarray, k: int) -> Vector:
 
 
 @kernel
-def gain(trend: np.ndarray, k: int, change: Vector) -> float:
+def extrapolation_gain(trend: np.ndarray, k: int, change: Vector) -> float:
     """By how much (squared) the last three changes tell this one better than the last does."""
-    by_last, rest = sub(change, at(trend[0], k)), sub(change, by_three(trend, k))
+    by_last, rest = sub(change, at(trend[0], k)), sub(change, extrapolated_change(trend, k))
     return dot(by_last, by_last) - dot(rest, rest)
 
 
 @kernel
-def keep(trend: np.ndarray, k: int, change: Vector) -> None:
+def save_change(trend: np.ndarray, k: int, change: Vector) -> None:
     """Make ``change`` the last of the quantity ``k``."""
     put(trend[2], k, at(trend[1], k))
     put(trend[1], k, at(trend[0], k))
@@ -179,7 +183,7 @@ def jacobian(system: System, start: Start, h: float, Z: np.ndarray, values: np.n
 
 
 @kernel
-def step_size(system: System, start: Start, h: float, Z: np.ndarray) -> float:
+def step_length(system: System, start: Start, h: float, Z: np.ndarray) -> float:
     """The step's own length [m], by which a residual is judged: its largest term."""
     largest = 0.0
     for i in range(3):
@@ -227,10 +231,10 @@ def accept(
         # As the guess has it: the change of W that is not the body's own turning.
         a, alpha = scale(1.0 / h, sub(v1, v0)), scale(1.0 / h2, turned)
         da, dalpha = sub(a, at(state.a, b)), sub(alpha, at(state.alpha, b))
-        gained += gain(state.a_trend, b, da)
-        gained += frames.length[b] ** 2 * gain(state.alpha_trend, b, dalpha)
-        keep(state.a_trend, b, da)
-        keep(state.alpha_trend, b, dalpha)
+        gained += extrapolation_gain(state.a_trend, b, da)
+        gained += frames.length[b] ** 2 * extrapolation_gain(state.alpha_trend, b, dalpha)
+        save_change(state.a_trend, b, da)
+        save_change(state.alpha_trend, b, dalpha)
         put(state.a, b, a)
         put(state.alpha, b, alpha)
     if forces.has_first(start.forces):
@@ -255,7 +259,7 @@ def _enter_multipliers(
         for i in range(3):
             state.force[k, i] = Z[first + k, i] * system.unit[k, i] / dt2(system, h)
             state.violation[k, i] = F[first + k, i]
-        keep(state.force_trend, k, sub(at(state.force, k), before))
+        save_change(state.force_trend, k, sub(at(state.force, k), before))
     along.follow(system.along, state.reaction, state.reaction_trend, 0.0, -1.0)
     react(system, state, start, Z)
     along.follow(system.along, state.reaction, state.reaction_trend, 1.0, 1.0)
@@ -304,7 +308,7 @@ def free_acceleration(
 
 
 @kernel
-def publish(
+def write_row(
     system: System,
     state: State,
     start: Start,

@@ -17,9 +17,9 @@ a normal number."""
 
 
 @kernel
-def load(workspace: Workspace, h: float) -> None:
+def set_loads(workspace: Workspace, h: float) -> None:
     """Size the loads for a step ``h`` from the prepared state; before its first guess."""
-    if equations.load(workspace.system, workspace.state, workspace.start, h):
+    if equations.set_loads(workspace.system, workspace.state, workspace.start, h):
         _solve(workspace)
         _enter(workspace, h)
     else:
@@ -42,7 +42,7 @@ def _solve(workspace: Workspace) -> None:
     forces.add_first(system.forces, start.forces, system.frames, F)
     dense.gather(order, F, workspace.y)
     sparse_lu.solve(workspace.unknowns.elimination, workspace.factor, workspace.y)
-    dense.spread(order, workspace.y, Z)
+    dense.scatter(order, workspace.y, Z)
 
 
 @kernel

@@ -54,7 +54,7 @@ def new_workspace(system: System, unknowns: Unknowns, state: State, chunk: int) 
 
 
 @kernel
-def accept(workspace: Workspace, h: float, share: float) -> None:
+def accept_step(workspace: Workspace, h: float, share: float) -> None:
     """Take over the solved step of size ``h``, a ``share`` of the whole one; prepare the next."""
     equations.accept(
         workspace.system, workspace.state, workspace.start, h, workspace.Z, workspace.F
@@ -69,13 +69,13 @@ def accept(workspace: Workspace, h: float, share: float) -> None:
 
 
 @kernel
-def show(workspace: Workspace, h: float, step: int, row: int) -> None:
+def record_step(workspace: Workspace, h: float, step: int, row: int) -> None:
     """Enter the state accepted after a step ``h`` in row ``step`` of the watch; publish it in
     ``row`` unless that is negative.
     """
     look(workspace.system, workspace.state, workspace.start, h, workspace.monitor, step)
     if row >= 0:
-        equations.publish(
+        equations.write_row(
             workspace.system,
             workspace.state,
             workspace.start,
