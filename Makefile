@@ -11,6 +11,8 @@ WORKERS ?= 2
 SECONDS ?= 300
 OUT := $(RESULTS)/$(basename $(notdir $(DECK)))
 
+SITE := build/site
+
 # The thesis's tables 4.2 and 4.4: angles by steps, 10 s.
 SWEEP := $(RESULTS)/sweep
 SWEEP_DECKS := $(foreach n,single double,$(foreach a,45 89 135,$(n)_pendulum_$(a)))
@@ -18,7 +20,7 @@ SWEEP_STEPS := 0.1 0.04 0.01 0.004 0.002
 SWEEP_RUNS := $(foreach d,$(SWEEP_DECKS),$(foreach h,$(SWEEP_STEPS),$(SWEEP)/$(d)/$(h)/states.csv))
 
 .PHONY: help run test fuzz lint regress regress-update sweep bench thesis validation convergence \
-  stability error-table clean
+  stability error-table docs examples clean
 .DELETE_ON_ERROR:
 
 help:
@@ -33,6 +35,8 @@ help:
 	@echo 'make thesis          write docs/validation/thesis.md (make validation: all its pages)'
 	@echo 'make stability       run extreme scenes at all steps, write docs/validation/stability.md'
 	@echo 'make error-table     compare error estimates with true errors, write docs/validation/error.md'
+	@echo 'make docs            build the documentation site in $(SITE)'
+	@echo 'make examples        run all decks and draw their pictures for the documentation'
 	@echo 'make clean           remove results and build products; .venv stays'
 
 run: .venv/installed
@@ -106,6 +110,14 @@ stability: .venv/installed
 convergence: .venv/installed
 	$(BIN)/python benchmarks/convergence/experiment.py
 
+# Strict: a broken link or a page outside the navigation is an error.
+docs: .venv/documented
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+	@echo 'site: $(SITE)/index.html'
+
+examples: .venv/documented
+	$(BIN)/python tools/docs/pictures.py
+
 clean:
 	rm -rf $(RESULTS) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
 
@@ -116,4 +128,8 @@ clean:
 
 .venv/tested: .venv/installed
 	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[test]'
+	@touch $@
+
+.venv/documented: .venv/installed
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[docs]'
 	@touch $@

@@ -160,8 +160,8 @@ def push(frames: Frames, dt2: float, F: np.ndarray, f: int, force: Vector, momen
 
 @kernel
 def add_force_by_mass(frames: Frames, F: np.ndarray, f: int, force: Vector, moment: Vector) -> None:
-    """Add a ``force`` [N] by mass and a ``moment`` about the origin [N m] by mass and length to the
-    accelerations ``F`` of frame ``f`` [m/s^2].
+    """Add a ``force`` [N] and a ``moment`` about the origin [N m], divided by mass and length, to
+    the equations of frame ``f`` [m/s^2].
     """
     c = frames.inverse_mass[f]
     accumulate(F, displacement_node(frames, f), scale(c, force))

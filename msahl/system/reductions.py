@@ -39,7 +39,7 @@ def plane_normal(system: System, start: Start) -> int | None:
 def _is_planar(system: System, start: Start, axis: int) -> bool:
     in_plane = [i for i in range(3) if i != axis]
     ground = ground_of(system.frames)
-    motion, coincide = start.frames, start.coincide
+    motion, coincide, J = start.frames, start.coincide, start.bodies.J
     vectors, moments = forces.vectors(system.forces, start.forces, motion.R)
     # The ground's arms are places, not levers.
     arms_a = coincide.r_a[system.coincide.a != ground]
@@ -47,7 +47,6 @@ def _is_planar(system: System, start: Start, axis: int) -> bool:
     along = (system.bodies.gravity[None], motion.v, arms_a, arms_b, *vectors)
     lies = all(_is_zero(a[:, [axis]], a) for a in along)
     lies = lies and all(_is_zero(a[:, in_plane], a) for a in (motion.W, *moments))
-    J = start.bodies.J
     lies = lies and _is_zero(J[:, axis, in_plane], J.reshape(-1, 9))
     if system.along is None or not lies:
         return lies

@@ -157,7 +157,7 @@ def test_whatever_a_run_json_holds_it_is_refused_or_read(run, text, light):
 def test_every_field_may_hold_any_json_value(run, light):
     # One set of measures does for all: of run.json they depend on the non-unique reactions alone.
     sound = read_run(run)
-    measured = msahl.post.measure.measure(sound)
+    measured = msahl.post.metrics.measure(sound)
     refused = 0
     for path in places(INFO):
         for text in VALUES:
@@ -169,7 +169,7 @@ def test_every_field_may_hold_any_json_value(run, light):
                 assert "\n" not in read
                 continue
             build_report(read, measured)
-            msahl.post.measure._reactions(read)
+            msahl.post.metrics._reactions(read)
             assert as_text(verdict_table([read_judged(run)]))
     # Most values are of the wrong type for their field.
     assert refused > 0.6 * len(VALUES) * len(list(places(INFO)))
@@ -298,7 +298,7 @@ def test_without_run_json_whole_tables_have_as_many_rows_as_each_other(run):
 
 
 def test_energies_that_are_no_numbers_are_not_round_off():
-    assert "round-off" not in msahl.post.verdict.energy_verdict(spoilt_energy())
+    assert "round-off" not in msahl.post.sentences.energy_verdict(spoilt_energy())
 
 
 def spoilt_energy():

@@ -144,7 +144,7 @@ def differentiate(group: Quantities, start: QuantityStart, frames: Frames, Z: np
 def push(
     group: Quantities, start: QuantityStart, frames: Frames, factor: float, F: np.ndarray
 ) -> None:
-    """Add ``factor`` times the gathered loads by mass to the rows of the frames."""
+    """Add ``factor`` times the gathered loads by mass to the rows of the bodies."""
     for q in range(group.kind.size):
         for part in range(PARTS):
             c = row_factor(group, frames, factor, q, part)

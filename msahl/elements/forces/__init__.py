@@ -106,7 +106,7 @@ def set_time(forces: Forces, start: ForceStart, t: float, R: np.ndarray) -> None
 
 def new_node_factors(forces: Forces, degree: int) -> np.ndarray:
     """Return the array that ``node_factors`` fills."""
-    return np.zeros((degree, forces.concentrated.frame.size))
+    return np.zeros((degree, forces.concentrated.body.size))
 
 
 @kernel
@@ -378,7 +378,7 @@ def energy_columns(forces: Forces) -> int:
 
 def acts_at_points(forces: Forces) -> bool:
     """Return whether a force acts on a body from outside the system."""
-    return bool(forces.concentrated.frame.size or forces.drag.frame.size)
+    return bool(forces.concentrated.body.size or forces.drag.body.size)
 
 
 def pressed_by_reactions(forces: Forces) -> ReactionForces | None:
@@ -416,7 +416,7 @@ def vectors(
     time, which may vanish at t = 0.
     """
     group = forces.concentrated
-    arms = np.einsum("kij,kj->ki", R[group.frame], group.s)
+    arms = np.einsum("kij,kj->ki", R[group.body], group.s)
     of_forces = np.einsum("kij,kj->ki", R[group.f_axes], group.f)
     moments = np.einsum("kij,kj->ki", R[group.m_axes], group.m)
     # The arm matters only where a force acts.
@@ -429,7 +429,7 @@ def work_scales(forces: Forces, length: np.ndarray) -> tuple[float, float]:
     """
     group = forces.concentrated
     force, moment = (np.linalg.norm(of, axis=1) for of in (group.f, group.m))
-    return float(moment.sum()), float(force @ length[group.frame])
+    return float(moment.sum()), float(force @ length[group.body])
 
 
 def laws_of_time(forces: Forces) -> list[int]:
@@ -475,7 +475,7 @@ def numbers_at_points(
     for k, column in enumerate(forces.concentrated.column):
         yield column, np.concatenate([np.ravel(part[k]) for part in start.concentrated])
     for k, column in enumerate(forces.drag.column):
-        speed = np.linalg.norm(v[forces.drag.frame[k]])
+        speed = np.linalg.norm(v[forces.drag.body[k]])
         yield column, np.array(forces.drag.coefficient[k] * speed**2)
 
 

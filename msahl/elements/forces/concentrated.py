@@ -57,7 +57,7 @@ from msahl.algebra.vector import (
 from msahl.elements.frames import (
     Frames,
     add_force_by_mass,
-    displacement,
+    displacement_node,
     end_tangent,
     mean,
     push,
@@ -69,7 +69,7 @@ from msahl.jit.kernel import kernel
 class ConcentratedLoads(NamedTuple):
     """The group of all concentrated loads."""
 
-    frame: np.ndarray  # (k,)
+    body: np.ndarray  # (k,)
     s: np.ndarray  # (k, 3) point from the mass centre, axes of the body [m]
     f: np.ndarray  # (k, 3) in the axes of body f_axes [N]
     f_axes: np.ndarray  # (k,)
@@ -99,7 +99,7 @@ NEGLIGIBLE = 1e-15
 
 def new_start(group: ConcentratedLoads) -> ConcentratedStart:
     """Return the arrays that ``prepare`` and ``over_step`` fill."""
-    k = group.frame.size
+    k = group.body.size
     return ConcentratedStart(
         *(np.zeros((k, 3)) for _ in range(3)),
         *(np.zeros(k) for _ in range(2)),
@@ -110,7 +110,7 @@ def new_start(group: ConcentratedLoads) -> ConcentratedStart:
 @kernel
 def at_time(group: ConcentratedLoads, laws: Laws, t: float, factor: np.ndarray) -> None:
     """Set the factors (k,) to the laws' values at the time ``t``."""
-    for k in range(group.frame.size):
+    for k in range(group.body.size):
         factor[k] = 1.0 if group.law[k] < 0 else evaluate(laws, group.law[k], t)[0]
 
 
@@ -125,7 +125,7 @@ def over_step(
 ) -> bool:
     """Prepare a step of the midpoint element; return whether a law has a first moment over it."""
     moved = False
-    for k in range(group.frame.size):
+    for k in range(group.body.size):
         start.factor[k], start.first[k] = 1.0, 0.0
         if group.law[k] >= 0:
             values = moments(laws, group.law[k], t, h)
@@ -135,7 +135,7 @@ def over_step(
                 moved = True
     prepare(group, start.factor, R, start)
     if moved:
-        for k in range(group.frame.size):
+        for k in range(group.body.size):
             f = times(matrix_at(R, group.f_axes[k]), at(group.f, k))
             m = times(matrix_at(R, group.m_axes[k]), at(group.m, k))
             put(start.first_f, k, scale(start.first[k], f))
@@ -155,7 +155,7 @@ def at_nodes(
     """Set the factors (s, k) at the nodes of a collocation step; ``from_moments`` (s, s) are the
     weights of the laws' moments in them.
     """
-    for k in range(group.frame.size):
+    for k in range(group.body.size):
         values = (1.0, 0.0, 0.0, 0.0, 0.0)
         if group.law[k] >= 0:
             values = moments(laws, group.law[k], t, h)
@@ -170,9 +170,9 @@ def prepare(
     group: ConcentratedLoads, factor: np.ndarray, R: np.ndarray, start: ConcentratedStart
 ) -> None:
     """Set arm, force and moment in inertial axes, multiplied by the factors (k,)."""
-    for k in range(group.frame.size):
+    for k in range(group.body.size):
         c = factor[k]
-        put(start.r, k, times(matrix_at(R, group.frame[k]), at(group.s, k)))
+        put(start.r, k, times(matrix_at(R, group.body[k]), at(group.s, k)))
         put(start.f, k, scale(c, times(matrix_at(R, group.f_axes[k]), at(group.f, k))))
         put(start.m, k, scale(c, times(matrix_at(R, group.m_axes[k]), at(group.m, k))))
 
@@ -188,9 +188,9 @@ def add_force(
     group: ConcentratedLoads, start: ConcentratedStart, frames: Frames, F: np.ndarray
 ) -> None:
     """Add the loads by mass to the rows of their bodies."""
-    for k in range(group.frame.size):
+    for k in range(group.body.size):
         r, f, m = at(start.r, k), at(start.f, k), at(start.m, k)
-        add_force_by_mass(frames, F, group.frame[k], f, moment(r, f, m))
+        add_force_by_mass(frames, F, group.body[k], f, moment(r, f, m))
 
 
 @kernel
@@ -198,8 +198,8 @@ def add_derivatives(
     group: ConcentratedLoads, start: ConcentratedStart, frames: Frames, by_place: np.ndarray
 ) -> None:
     """Add the derivatives of the loads by mass by the rotations; rates do not change them."""
-    for k in range(group.frame.size):
-        b = group.frame[k]
+    for k in range(group.body.size):
+        b = group.body[k]
         by_arm = tangent(frames, b, at(start.r, k))
         by_force = tangent(frames, group.f_axes[k], at(start.f, k))
         by_moment = tangent(frames, group.m_axes[k], at(start.m, k))
@@ -231,7 +231,7 @@ def _add_blocks(
     moment change with the rotations by minus the three matrices ``by_turn``.
     """
     by_arm, by_lever = product(skew(f), by_turn[0]), product(skew(r), by_turn[1])
-    c_turn = c / frames.length[group.frame[k]]
+    c_turn = c / frames.length[group.body[k]]
     for i in range(3):
         for j in range(3):
             values[group.force_by_turn[k] + 3 * i + j] += c * by_turn[1][i][j]
@@ -250,8 +250,8 @@ def add_power(
     total: np.ndarray,
 ) -> None:
     """Add ``dt`` times the power [W] of each load to its column of ``total`` [J]."""
-    for k in range(group.frame.size):
-        b = group.frame[k]
+    for k in range(group.body.size):
+        b = group.body[k]
         V = add(at(v, b), cross(at(W, b), at(start.r, k)))
         power = dot(at(start.f, k), V) + dot(at(start.m, k), at(W, b))
         total[group.column[k]] += power * dt
@@ -267,8 +267,8 @@ def mean_residual(
     F: np.ndarray,
 ) -> None:
     """Take the mean loads from the rows of their bodies."""
-    for k in range(group.frame.size):
-        b = group.frame[k]
+    for k in range(group.body.size):
+        b = group.body[k]
         r = mean(frames, Z, b, at(start.r, k))
         f = mean(frames, Z, group.f_axes[k], at(start.f, k))
         m = mean(frames, Z, group.m_axes[k], at(start.m, k))
@@ -285,8 +285,8 @@ def mean_jacobian(
     values: np.ndarray,
 ) -> None:
     """Add the derivatives of ``mean_residual`` by the rotation increments."""
-    for k in range(group.frame.size):
-        b, axes_f, axes_m = group.frame[k], group.f_axes[k], group.m_axes[k]
+    for k in range(group.body.size):
+        b, axes_f, axes_m = group.body[k], group.f_axes[k], group.m_axes[k]
         r = mean(frames, Z, b, at(start.r, k))
         f = mean(frames, Z, axes_f, at(start.f, k))
         by_arm = end_tangent(frames, Z, b, at(start.r, k))
@@ -306,12 +306,12 @@ def mean_work(
     total: np.ndarray,
 ) -> None:
     """Add the work [J] of each mean load over the step to its column of ``total``."""
-    for k in range(group.frame.size):
-        b = group.frame[k]
+    for k in range(group.body.size):
+        b = group.body[k]
         Q = rotation_increment(frames, Z, b)
         f = mean(frames, Z, group.f_axes[k], at(start.f, k))
         m = mean(frames, Z, group.m_axes[k], at(start.m, k))
-        moved = add(displacement(frames, Z, b), turn_change(Q, at(start.r, k)))
+        moved = add(at(Z, displacement_node(frames, b)), turn_change(Q, at(start.r, k)))
         total[group.column[k]] += dot(f, moved) + dot(m, Q)
 
 
@@ -329,8 +329,8 @@ def add_first(
     group: ConcentratedLoads, start: ConcentratedStart, frames: Frames, F: np.ndarray
 ) -> None:
     """Add the first moments of the loads by mass to the rows of their bodies."""
-    for k in range(group.frame.size):
-        add_force_by_mass(frames, F, group.frame[k], at(start.first_f, k), at(start.first_m, k))
+    for k in range(group.body.size):
+        add_force_by_mass(frames, F, group.body[k], at(start.first_f, k), at(start.first_m, k))
 
 
 @kernel
@@ -349,13 +349,13 @@ def work_of_first(
     Their sum is ``-lost``. The part that goes through joints is shared out by the laws' moments.
     """
     size, rest = 0.0, -lost
-    for k in range(group.frame.size):
-        b = group.frame[k]
+    for k in range(group.body.size):
+        b = group.body[k]
         own = (
             -h * h * (dot(at(a, b), at(start.first_f, k)) + dot(at(alpha, b), at(start.first_m, k)))
         )
         total[group.column[k]] += own
         rest -= own
         size += abs(start.first[k])
-    for k in range(group.frame.size):
+    for k in range(group.body.size):
         total[group.column[k]] += rest * abs(start.first[k]) / size

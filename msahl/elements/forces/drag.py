@@ -43,7 +43,7 @@ from msahl.elements.constraints.products import add_block
 from msahl.elements.frames import (
     Frames,
     add_force_by_mass,
-    displacement,
+    displacement_node,
     end_tangent,
     mean,
     push,
@@ -55,7 +55,7 @@ from msahl.jit.kernel import kernel
 class Drags(NamedTuple):
     """The group of all drags."""
 
-    frame: np.ndarray  # (d,)
+    body: np.ndarray  # (d,)
     s: np.ndarray  # (d, 3) point from the mass centre, axes of the body [m]
     coefficient: np.ndarray  # (d,) c
     block: np.ndarray  # (d, 4) starts of (u, u), (u, Q), (Q, u), (Q, Q) of the body
@@ -85,14 +85,14 @@ def force_slope(c: float, V: Vector) -> Matrix:
 @kernel
 def prepare(group: Drags, R: np.ndarray, arm: np.ndarray) -> None:
     """Set the arms r (d, 3) in inertial axes."""
-    for k in range(group.frame.size):
-        put(arm, k, times(matrix_at(R, group.frame[k]), at(group.s, k)))
+    for k in range(group.body.size):
+        put(arm, k, times(matrix_at(R, group.body[k]), at(group.s, k)))
 
 
 @kernel
 def velocity(group: Drags, arm: np.ndarray, v: np.ndarray, W: np.ndarray, k: int) -> Vector:
     """Return the velocity V of the point at one configuration."""
-    b = group.frame[k]
+    b = group.body[k]
     return add(at(v, b), cross(at(W, b), at(arm, k)))
 
 
@@ -101,9 +101,9 @@ def add_force(
     group: Drags, arm: np.ndarray, frames: Frames, v: np.ndarray, W: np.ndarray, F: np.ndarray
 ) -> None:
     """Add the drags by mass to the rows of their bodies."""
-    for k in range(group.frame.size):
+    for k in range(group.body.size):
         f = force(group.coefficient[k], velocity(group, arm, v, W, k))
-        add_force_by_mass(frames, F, group.frame[k], f, cross(at(arm, k), f))
+        add_force_by_mass(frames, F, group.body[k], f, cross(at(arm, k), f))
 
 
 @kernel
@@ -117,8 +117,8 @@ def add_derivatives(
     by_rate: np.ndarray,
 ) -> None:
     """Add the derivatives of the drags by mass by the places and by the rates."""
-    for k in range(group.frame.size):
-        b = group.frame[k]
+    for k in range(group.body.size):
+        b = group.body[k]
         length, r = frames.length[b], skew(at(arm, k))
         V = velocity(group, arm, v, W, k)
         by_V, f = force_slope(group.coefficient[k], V), skew(force(group.coefficient[k], V))
@@ -144,19 +144,18 @@ def add_power(
     total: np.ndarray,
 ) -> None:
     """Add ``dt`` times the power [W] of each drag to its column of ``total`` [J]."""
-    for k in range(group.frame.size):
+    for k in range(group.body.size):
         V = velocity(group, arm, v, W, k)
         total[group.column[k]] += dot(force(group.coefficient[k], V), V) * dt
 
 
 @kernel
-def point_displacement(
-    group: Drags, arm: np.ndarray, frames: Frames, Z: np.ndarray, k: int
-) -> Vector:
+def displacement(group: Drags, arm: np.ndarray, frames: Frames, Z: np.ndarray, k: int) -> Vector:
     """Return the displacement u + dr of the point over the step."""
-    b = group.frame[k]
+    b = group.body[k]
     return add(
-        displacement(frames, Z, b), turn_change(rotation_increment(frames, Z, b), at(arm, k))
+        at(Z, displacement_node(frames, b)),
+        turn_change(rotation_increment(frames, Z, b), at(arm, k)),
     )
 
 
@@ -171,11 +170,9 @@ def mean_residual(
     F: np.ndarray,
 ) -> None:
     """Take the mean drags from the rows of their bodies."""
-    for k in range(group.frame.size):
-        b = group.frame[k]
-        f = force(
-            group.coefficient[k], scale(1.0 / h, point_displacement(group, arm, frames, Z, k))
-        )
+    for k in range(group.body.size):
+        b = group.body[k]
+        f = force(group.coefficient[k], scale(1.0 / h, displacement(group, arm, frames, Z, k)))
         push(frames, dt2, F, b, f, cross(mean(frames, Z, b, at(arm, k)), f))
 
 
@@ -190,9 +187,9 @@ def mean_jacobian(
     values: np.ndarray,
 ) -> None:
     """Add the derivatives of ``mean_residual`` by the unknowns."""
-    for k in range(group.frame.size):
-        b = group.frame[k]
-        V = scale(1.0 / h, point_displacement(group, arm, frames, Z, k))
+    for k in range(group.body.size):
+        b = group.body[k]
+        V = scale(1.0 / h, displacement(group, arm, frames, Z, k))
         by_V = force_slope(group.coefficient[k], V)
         T = end_tangent(frames, Z, b, at(arm, k))
         r = skew(mean(frames, Z, b, at(arm, k)))
@@ -212,7 +209,7 @@ def mean_work(
     group: Drags, arm: np.ndarray, frames: Frames, h: float, Z: np.ndarray, total: np.ndarray
 ) -> None:
     """Add the work [J] of each mean drag over the step to its column of ``total``."""
-    for k in range(group.frame.size):
-        moved = point_displacement(group, arm, frames, Z, k)
+    for k in range(group.body.size):
+        moved = displacement(group, arm, frames, Z, k)
         f = force(group.coefficient[k], scale(1.0 / h, moved))
         total[group.column[k]] += dot(f, moved)

@@ -70,7 +70,7 @@ def new_breakpoints(system: System) -> Breakpoints:
 
 @kernel
 def next_law_breakpoint(breakpoints: Breakpoints, system: System, t: float, near: float) -> float:
-    """Time of the first breakpoint of a law of time that is later than ``t`` by more than ``near``."""
+    """Time of the first breakpoint of a law of time after ``t``, by more than ``near``."""
     first = math.inf
     for k in range(breakpoints.time_laws.size):
         _, end = piece_of(system.laws, breakpoints.time_laws[k], t + near)

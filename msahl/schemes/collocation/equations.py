@@ -149,7 +149,7 @@ def moment_scale(system: System, b: int) -> float:
 def _enter_violations(
     system: System, state: State, start: Start, stages: StageArrays, h: float, k: int
 ) -> None:
-    """Set the constraint equations of stage ``k`` to their violation, by increments from the start."""
+    """Set the constraint equations of stage ``k`` to their violation after the increments."""
     if k < 0:
         return
     frames, violation = system.frames, stages.violation

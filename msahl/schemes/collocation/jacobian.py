@@ -103,9 +103,9 @@ def _differentiate_forces(system: System, stages: StageArrays, i: int) -> None:
 
 @kernel
 def _convert_to_parameters(system: System, stages: StageArrays, rated: bool) -> None:
-    """Bring the derivatives by and of turns from inertial axes into the chart: H^T (.) H, and what
-    the change of H does to the moments of ``stages.accelerations`` and, where ``rated``, to the
-    rates. Those of joint forces, not ``rated``, are halved.
+    """Convert the derivatives by and of rotations from inertial axes to the rotation parameters:
+    H^T (.) H, and the terms by which H changes the moments of ``stages.accelerations`` and, where
+    ``rated``, the rates. Those of constraint forces, not ``rated``, are halved.
     """
     frames, bodies = system.frames, system.bodies
     first = first_multiplier(frames)
@@ -131,11 +131,11 @@ def _convert_to_parameters(system: System, stages: StageArrays, rated: bool) -> 
         put_block(stages.by_position, m, position)
     if not stages.tableau.is_variational:
         return
+    share = 1.0 if rated else 0.5
     for b in range(bodies.frame.size):
         f = bodies.frame[b]
         moment = at(stages.accelerations, rotation_node(frames, f))
         slope = local_rotation.rate_slope(at(stages.parameters, f), moment)
-        share = 1.0 if rated else 0.5
         add_block(stages.by_position, bodies.block[b], share / frames.length[f], slope)
 
 
