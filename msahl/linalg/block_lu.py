@@ -1,12 +1,12 @@
-"""Sparse LU of a step of degree s: the program of ``system.order`` with s x s blocks for numbers.
+"""Sparse LU factorisation for collocation steps: as ``sparse_lu``, with s x s blocks for numbers.
 
-An unknown of the lowest order is here the s of all stages together, so pattern, order and program
-are the same. A pivot is a block, inverted with a search for the largest entry within it; the rows
-of U are divided by it, those of L are not.
+An unknown of the schemes of order 2 becomes the s unknowns of all stages, so pattern, order and
+elimination program are the same. A pivot is a block, inverted with a search for its largest entry;
+the rows of U are multiplied by the inverse, those of L are not.
 
-Blocks are transposed, row = stage of the unknown, so that all is done row by row, rows being tuples
-of a length the compiler knows: four times as quick as loops to a length it does not. Hence an
-algorithm for each degree, made of the same text.
+Blocks are transposed (row = stage of the unknown), so that all operations are on rows. Rows are
+tuples of a length known to the compiler, which is four times as fast as loops to an unknown length.
+So the kernels exist once for each degree, made by the same function.
 """
 
 from collections.abc import Callable
@@ -23,25 +23,27 @@ Row = tuple[float, ...]
 
 
 class _Degree(NamedTuple):
-    """What makes and what solves with the factors of one degree."""
+    """The kernels of one degree."""
 
     factor: Kernel
     solve: Kernel
 
 
-def _of_degree(s: int, at: Kernel, axpy: Kernel, put: Kernel) -> _Degree:
-    """For rows of ``s`` numbers, by ``at``, ``axpy`` and ``put`` of ``vector`` for such."""
+def _new_kernels(s: int, at: Kernel, axpy: Kernel, put: Kernel) -> _Degree:
+    """Return the kernels for rows of ``s`` numbers; ``at``, ``axpy`` and ``put`` are those of
+    ``algebra.vector`` for such rows.
+    """
     zero = (0.0,) * s
 
     @kernel
-    def invert(A: np.ndarray, taken: np.ndarray) -> None:
-        """Invert ``A`` in place by Gauss and Jordan; where it is singular infinities are left."""
+    def invert(A: np.ndarray, pivot_rows: np.ndarray) -> None:
+        """Invert ``A`` in place by the Gauss-Jordan method; a singular one leaves infinities."""
         for k in range(s):
             best = k
             for i in range(k + 1, s):
                 if abs(A[i, k]) > abs(A[best, k]):
                     best = i
-            taken[k] = best
+            pivot_rows[k] = best
             for j in range(s):
                 A[k, j], A[best, j] = A[best, j], A[k, j]
             inverse = 1.0 / A[k, k]
@@ -55,7 +57,7 @@ def _of_degree(s: int, at: Kernel, axpy: Kernel, put: Kernel) -> _Degree:
                     for j in range(s):
                         A[i, j] -= c * A[k, j]
         for k in range(s - 1, -1, -1):
-            best = taken[k]
+            best = pivot_rows[k]
             for i in range(s):
                 A[i, k], A[i, best] = A[i, best], A[i, k]
 
@@ -79,7 +81,11 @@ def _of_degree(s: int, at: Kernel, axpy: Kernel, put: Kernel) -> _Degree:
 
     @kernel
     def factor(
-        lu: Elimination, source: np.ndarray, values: np.ndarray, W: np.ndarray, taken: np.ndarray
+        lu: Elimination,
+        source: np.ndarray,
+        values: np.ndarray,
+        W: np.ndarray,
+        pivot_rows: np.ndarray,
     ) -> None:
         for e in range(W.shape[0]):
             for i in range(s):
@@ -90,7 +96,7 @@ def _of_degree(s: int, at: Kernel, axpy: Kernel, put: Kernel) -> _Degree:
         operation = 0
         for k in range(lu.order.size):
             pivot = lu.base[k]
-            invert(W[pivot], taken)
+            invert(W[pivot], pivot_rows)
             first_right, end = pivot + 1 + lu.lower[k], lu.base[k + 1]
             for right in range(first_right, end):
                 multiply(W[right], W[pivot])
@@ -183,36 +189,36 @@ def _put_5(A: np.ndarray, k: int, a: Row) -> None:
     A[k, 0], A[k, 1], A[k, 2], A[k, 3], A[k, 4] = a
 
 
-_factor_1, _solve_1 = _of_degree(1, _at_1, _axpy_1, _put_1)
-_factor_2, _solve_2 = _of_degree(2, _at_2, _axpy_2, _put_2)
-_factor_3, _solve_3 = _of_degree(3, vector.at, vector.axpy, vector.put)
-_factor_4, _solve_4 = _of_degree(4, _at_4, _axpy_4, _put_4)
-_factor_5, _solve_5 = _of_degree(5, _at_5, _axpy_5, _put_5)
+_factor_1, _solve_1 = _new_kernels(1, _at_1, _axpy_1, _put_1)
+_factor_2, _solve_2 = _new_kernels(2, _at_2, _axpy_2, _put_2)
+_factor_3, _solve_3 = _new_kernels(3, vector.at, vector.axpy, vector.put)
+_factor_4, _solve_4 = _new_kernels(4, _at_4, _axpy_4, _put_4)
+_factor_5, _solve_5 = _new_kernels(5, _at_5, _axpy_5, _put_5)
 
 
 @kernel
 def factor(
-    lu: Elimination, source: np.ndarray, values: np.ndarray, W: np.ndarray, taken: np.ndarray
+    lu: Elimination, source: np.ndarray, values: np.ndarray, W: np.ndarray, pivot_rows: np.ndarray
 ) -> None:
     """Factor the blocks ``values`` (q, s, s) into ``W`` (entries, s, s), those of ``lu.place`` from
-    ``source``; all blocks are transposed, ``taken`` (s,) is room.
+    ``source``; all blocks are transposed, ``pivot_rows`` (s,) is a work array.
     """
     s = values.shape[1]
     if s == 1:
-        _factor_1(lu, source, values, W, taken)
+        _factor_1(lu, source, values, W, pivot_rows)
     elif s == 2:
-        _factor_2(lu, source, values, W, taken)
+        _factor_2(lu, source, values, W, pivot_rows)
     elif s == 3:
-        _factor_3(lu, source, values, W, taken)
+        _factor_3(lu, source, values, W, pivot_rows)
     elif s == 4:
-        _factor_4(lu, source, values, W, taken)
+        _factor_4(lu, source, values, W, pivot_rows)
     elif s == 5:
-        _factor_5(lu, source, values, W, taken)
+        _factor_5(lu, source, values, W, pivot_rows)
 
 
 @kernel
 def solve(lu: Elimination, W: np.ndarray, y: np.ndarray) -> None:
-    """Solve in place; ``y`` (f, s) is in the order of elimination."""
+    """Replace the right-hand side ``y`` (f, s), in the order of elimination, by the solution."""
     s = y.shape[1]
     if s == 1:
         _solve_1(lu, W, y)

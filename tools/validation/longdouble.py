@@ -119,7 +119,9 @@ def gauss(s: int) -> Tableau:
     # Rodrigues' formula has but powers of 1/2, which are exact.
     ends = (Polynomial([-1.0, 0.0, 1.0]) ** s).deriv(s) / (2.0**s * math.factorial(s))
     x = _roots(ends, 2.0 * tableau.force_time - 1.0)
-    y = np.concatenate([[-1.0], _roots(ends.deriv(), 2.0 * tableau.constraint_time[:-1] - 1.0), [1.0]])
+    y = np.concatenate(
+        [[-1.0], _roots(ends.deriv(), 2.0 * tableau.constraint_time[:-1] - 1.0), [1.0]]
+    )
     at_forces, at_joints = _lagrange(x), _lagrange(y)
     integrals = [0.5 * p.integ(lbnd=-1.0) for p in at_forces]
     weight = np.stack([p(y[-1]) for p in integrals])

@@ -167,8 +167,8 @@ def _enter_violations(
 def _set_constraint_accelerations(
     system: System, stages: StageArrays, h: float, k: int, weight: float
 ) -> None:
-    """Set ``stages.accelerations`` to the accelerations by the multipliers of node ``k``; add the
-    drives' work, over a ``weight`` of the step.
+    """Set ``stages.accelerations`` to those by the multipliers of stage ``k``; add the work of
+    prescribed motions over the fraction ``weight`` of the step.
     """
     frames, row, node = system.frames, stages.accelerations, stages.start
     first = first_multiplier(frames)
@@ -185,8 +185,8 @@ def _set_constraint_accelerations(
 
 @kernel
 def _set_force_accelerations(system: System, stages: StageArrays, h: float, i: int) -> None:
-    """Set ``stages.accelerations`` to the accelerations by the loads at c_i; also the rows between
-    rates, and add the loads' work.
+    """Set ``stages.accelerations`` to those by the forces at c_i; set the constraint equations
+    between rates, and add the work of the forces.
     """
     frames, row, node = system.frames, stages.accelerations, stages.start
     gravity = system.bodies.gravity

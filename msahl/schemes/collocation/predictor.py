@@ -1,4 +1,9 @@
-"""The first guess of a step of higher degree: it follows polynomials that are known."""
+"""Predicts the unknowns of a collocation step by extrapolating the polynomials of an earlier step.
+
+Velocities at c_i are extrapolated by Lagrange polynomials through those of the earlier step and the
+present one, multipliers by those of the earlier step; positions and rotations follow by integration
+(``Tableau.integral``).
+"""
 
 import math
 
@@ -19,11 +24,11 @@ from msahl.system.arrays import Start, State, System
 
 @kernel
 def predict(system: System, state: State, start: Start, stages: StageArrays, h: float) -> None:
-    """First guess: velocities and multipliers are those of the known polynomials, of the last step
-    or of another that went through here.
+    """Set ``stages.Z`` to the prediction of a step ``h``: by the polynomials of the step to follow,
+    the last one or another that went through the same time.
 
-    Without any, or for a step far beyond them, the accelerations and multipliers of the ``state``
-    stay.
+    Without one, or for a step far beyond it, accelerations and multipliers stay those of the
+    ``state``.
     """
     tableau, Z, frames = stages.tableau, stages.Z, system.frames
     first, s = first_multiplier(frames), tableau.force_weight.size
@@ -32,7 +37,7 @@ def predict(system: System, state: State, start: Start, stages: StageArrays, h: 
         for i in range(3):
             force = state.force[node - first, i] * 0.5 * h * h / system.unit[node - first, i]
             for k in range(s):
-                # The rows serve as room.
+                # The equations serve as work array.
                 stages.F[k, node, i] = force
                 if follows:
                     stages.F[k, node, i] = 0.0
@@ -60,19 +65,19 @@ def predict(system: System, state: State, start: Start, stages: StageArrays, h: 
 
 
 MAX_DISTANCE = 1.5
-"""Sizes of a step beyond its end up to which its polynomials are worth following."""
+"""Distance beyond the end of a step, in sizes of it, up to which its polynomials are followed."""
 
 
 @kernel
 def set_weights(stages: StageArrays, t: float, h: float) -> bool:
-    """Set the weights by which a step ``h`` from ``t`` follows the known polynomials, if it can."""
+    """Set the extrapolation weights of a step ``h`` from ``t``; return whether there are any."""
     tableau, window = stages.tableau, stages.prediction_window
     s, size = tableau.force_weight.size, stages.last_step[1] / h
     if not size > 0.0:
         return False
     begin = (stages.last_step[0] - t) / h
     if abs(begin + size) < 1e-6:
-        begin = -size  # it is the step before, but for round-off
+        begin = -size  # it is the step before, except for rounding errors
     if 1.0 - (begin + size) > MAX_DISTANCE * size:
         return False
     near = stages.predicted_well[0]
@@ -99,29 +104,29 @@ def set_weights(stages: StageArrays, t: float, h: float) -> bool:
 
 @kernel
 def _rate_time(tableau: Tableau, begin: float, size: float, near: float, j: int) -> float:
-    """Where in the present step the ``j``-th of the known velocities is; nan if it tells nothing
-    that the last, which are those of the present place, do not tell better.
+    """Time of the ``j``-th of the known velocities as a fraction of the present step; nan if it is
+    not to be used. The last one is the present velocity.
     """
     s = tableau.force_weight.size
     if j == s + 1:
         return 0.0
     if j == s and (tableau.decays or near == 0.0):
-        # Velocities jump where such a step begins, or steps are too long to go by more of them.
+        # Velocities jump at the start of such a step, or steps are too long to use more of them.
         return math.nan
     x = begin + (size * tableau.force_time[j] if j < s else 0.0)
     return x if abs(x) >= 1e-6 else math.nan
 
 
 SWEEPS = 3
-"""Of the guess's turns: each gains a power of the turn over a step."""
+"""Iterations for the predicted rotations; each gains a power of the rotation over the step."""
 MAX_PARAMETERS = 16.0
-"""Parameters beyond which a guessed turn is none, 304 degrees: near a whole turn they run away, and
-beside a step of their length any residual would be small."""
+"""Largest predicted rotation parameters, at 304 degrees. Near a full turn they tend to infinity,
+and relative to a step of such a length any residual would be small."""
 
 
 @kernel
 def _integrate(system: System, start: Start, stages: StageArrays, h: float, b: int) -> None:
-    """Set the places z_j of body ``b`` from its velocities at c_i."""
+    """Set the unknowns z_j of frame ``b`` by integrating its velocities at c_i."""
     tableau, Z, frames, g = stages.tableau, stages.Z, system.frames, system.bodies.gravity
     s, length, gravity = tableau.force_weight.size, frames.length[b], (g[0], g[1], g[2])
     for j in range(s):
@@ -132,7 +137,7 @@ def _integrate(system: System, start: Start, stages: StageArrays, h: float, b: i
                 h * tableau.integral[j, i], at(stages.rate[i], displacement_node(frames, b)), u
             )
         if frames.ballistic[b]:
-            # That displacement need not be solved for: here it is what the rows would have.
+            # That displacement is not solved for: here it satisfies its equation.
             u = scale(h * tableau.constraint_time[j], at(start.frames.v, b))
             for i in range(s):
                 u = axpy(-h * h * tableau.alpha[j, i], gravity, u)
@@ -142,7 +147,7 @@ def _integrate(system: System, start: Start, stages: StageArrays, h: float, b: i
             c = ZERO
             for j in range(s):
                 c = axpy(tableau.basis[i, j] / length, at(Z[j], rotation_node(frames, b)), c)
-            # The rows serve as room.
+            # The equations serve as work array.
             c_dot = local_rotation.parameter_rate(c, at(stages.rate[i], rotation_node(frames, b)))
             put(stages.F[i], displacement_node(frames, b), c_dot)
         for j in range(s):

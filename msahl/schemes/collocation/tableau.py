@@ -1,9 +1,9 @@
-"""Nodes and weights of the higher-order time elements of degree s.
+"""Computes nodes and weights of the collocation schemes gauss and radau of degree s.
 
 ``gauss``: positions over a step are polynomials of degree s through the Lobatto nodes t_0 = 0 ...
-t_s = 1 (in parts of the step), phi_k their Lagrange polynomials. Forces and inertia are summed at
-the s Gauss nodes c_i with weights b_i, joint forces at the Lobatto nodes with weights B_k. The
-variation by the position at node k,
+t_s = 1 (fractions of the step), with the Lagrange polynomials phi_k. Forces and inertia are summed
+at the s Gauss nodes c_i with weights b_i, constraint forces at the Lobatto nodes with weights B_k.
+The variation by the position at node k,
 
     delta_k0 p0 + sum_i b_i (h phi_k(c_i) F_i + phi_k'(c_i) P_i) + h B_k G_k^T lam_k = 0 ,  k < s ,
 
@@ -15,13 +15,13 @@ m u_dot has the displacement z_j itself on the left:
 
 (the first column of N^-1 is -t_j).
 
-``radau``: velocities and momenta may jump where a step begins, and are collocated at Radau's nodes
-t_1 ... t_s = 1, with A_ji the integral from 0 to t_j of the Lagrange polynomial of node i among
-them. Forces, inertia and joint forces are all there, joints closed there, and
+``radau``: velocities and momenta may jump at the start of a step, and are collocated at the Radau
+nodes t_1 ... t_s = 1, with A_ji the integral from 0 to t_j of the Lagrange polynomial of node i.
+Forces, inertia, constraint forces and constraints are all evaluated there, and
 
     m z_j = h t_j p0 + h^2 sum_i (A^2)_ji (F_i + G_i^T lam_i) :   alpha = chi = -A^2 ,   beta = A
 
-with momenta m u_dot = p0 + h A (F + G^T lam) at the nodes, of which the last are those of the end.
+with momenta m u_dot = p0 + h A (F + G^T lam) at the nodes; the last ones are those of the end.
 
 Source: L. O. Jay, Specialized partitioned additive Runge-Kutta methods for systems of
 overdetermined DAEs with holonomic constraints, SIAM J. Numer. Anal. 45 (2007), for the method in
@@ -39,42 +39,44 @@ from msahl.model.scheme import HIGHER
 
 
 class Tableau(NamedTuple):
-    """The numbers of one scheme of degree s; times in parts of the step.
+    """Nodes and weights of one scheme of degree s; times are fractions of the step.
 
-    ``time``, ``closes``, ``pushes`` and ``acts`` are what a step comes to, one after the other:
-    places where joints close or push, and where forces act.
+    A step is evaluated at m time nodes, one after the other: some with constraints and constraint
+    forces, some with forces and inertia.
     """
 
-    force_time: np.ndarray  # (s,) c_i, where forces and inertia are summed
+    force_time: np.ndarray  # (s,) c_i, times of forces and inertia
     force_weight: np.ndarray  # (s,) b_i
-    constraint_time: np.ndarray  # (s,) t_j, j = 1..s, where joints are closed: the places z_j
-    multiplier_weight: np.ndarray  # (s,) B_k of the joint forces
+    constraint_time: (
+        np.ndarray
+    )  # (s,) t_j, j = 1..s, times of the constraints and of the unknowns z_j
+    multiplier_weight: np.ndarray  # (s,) B_k of the constraint forces
     basis: np.ndarray  # (s, s) phi_j(c_i), j = 1..s
     basis_rate: np.ndarray  # (s, s) phi_j'(c_i), j = 1..s
-    alpha: np.ndarray  # (s, s) of forces at c_i in the equation of z_j
-    beta: np.ndarray  # (s, s) of momenta
-    chi: np.ndarray  # (s, s) of joint forces
-    from_moments: np.ndarray  # (s, s) factors of loads at c_i from their laws' moments
+    alpha: np.ndarray  # (s, s) alpha_ji of forces at c_i in the equation of z_j
+    beta: np.ndarray  # (s, s) beta_ji of momenta
+    chi: np.ndarray  # (s, s) chi_jk of constraint forces
+    from_moments: np.ndarray  # (s, s) from the moments of a law of time to factors at c_i
     integral: np.ndarray  # (s, s) from 0 to t_j of the Lagrange polynomials through c_i
-    multiplier_time: np.ndarray  # (s,) where joint forces push
-    last_inner: int  # i of the last c_i before the end, -1 if there is none
-    is_variational: bool  # whether rows of turns are variations by their parameters, or moments
+    multiplier_time: np.ndarray  # (s,) times of the constraint forces
+    last_inner: int  # index i of the last c_i before the end, -1 if there is none
+    is_variational: bool  # whether rotations are balanced by variations of their parameters
     decays: bool
     node_time: np.ndarray  # (m,)
-    constraint_stage: np.ndarray  # (m,) j - 1 if joints close there at t_j, else -1
-    multiplier_stage: np.ndarray  # (m,) k if joint forces k push there, else -1
+    constraint_stage: np.ndarray  # (m,) j - 1 if constraints hold there at t_j, else -1
+    multiplier_stage: np.ndarray  # (m,) k if constraint forces k act there, else -1
     force_stage: np.ndarray  # (m,) i if forces act there at c_i, else -1
     node_basis: np.ndarray  # (m, s) phi_j there
-    node_basis_rate: np.ndarray  # (m, s) phi_j' there; zero where nobody asks
+    node_basis_rate: np.ndarray  # (m, s) phi_j' there; zero where it is not used
 
 
 def new_tableau(scheme: str, s: int) -> Tableau:
-    """The rule of one of the ``schemes.HIGHER`` of degree ``s`` >= 1."""
+    """Return the tableau of a collocation ``scheme`` of degree ``s`` >= 1."""
     return {"gauss": _gauss, "radau": _radau}[scheme](s)
 
 
 def _gauss(s: int) -> Tableau:
-    """Forces at Gauss's nodes, joints at Lobatto's."""
+    """Return the tableau of ``gauss``: forces at Gauss nodes, constraints at Lobatto nodes."""
     x, b = legendre.leggauss(s)
     gauss, weight = 0.5 * (x + 1.0), 0.5 * b
     ends = legendre.Legendre.basis(s)
@@ -109,7 +111,7 @@ def _gauss(s: int) -> Tableau:
 
 
 def _radau(s: int) -> Tableau:
-    """All at Radau's nodes, the last of them the end."""
+    """Return the tableau of ``radau``: everything at Radau nodes, the last of which is the end."""
     basis = legendre.Legendre.basis
     nodes = 0.5 * (np.sort((basis(s) - basis(s - 1)).roots().real) + 1.0)
     nodes[-1] = 1.0
@@ -132,7 +134,7 @@ def _radau(s: int) -> Tableau:
         last_inner=s - 2,
         is_variational=False,
         decays=HIGHER["radau"].decays,
-        # Of each node the joints, then the forces.
+        # At each node the constraints come first, then the forces.
         node_time=np.repeat(nodes, 2),
         constraint_stage=np.stack([one, none], axis=1).ravel(),
         multiplier_stage=np.stack([one, none], axis=1).ravel(),
@@ -143,8 +145,8 @@ def _radau(s: int) -> Tableau:
 
 
 def _from_moments(nodes: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """(s, s) inverse of the moments, against Legendre's polynomials, that the rule with these nodes
-    and weights finds of values at the nodes.
+    """(s, s) matrix from moments of a function to values at the ``nodes``: the inverse of the
+    moments with Legendre polynomials that a quadrature with these ``weights`` gives.
     """
     return np.linalg.inv(legendre.legvander(2.0 * nodes - 1.0, len(nodes) - 1).T * weight)
 
@@ -153,7 +155,7 @@ def lagrange(nodes: np.ndarray, places: np.ndarray, derivative: int = 0) -> np.n
     """(m, n) values at m ``places`` of the Lagrange polynomials of n ``nodes``, of their first
     ``derivative``, or, if that is -1, of their integrals from 0.
     """
-    # About the middle of the step powers are told apart best.
+    # Powers about the middle of the step give the best conditioned matrix.
     powers = np.linalg.inv(np.vander(2.0 * nodes - 1.0, increasing=True))
     if derivative == 1:
         powers = 2.0 * polynomial.polyder(powers)

@@ -1,4 +1,4 @@
-"""Work arrays and kernels that both solvers share: accepting a step and showing it."""
+"""Work arrays of one subsystem; accepts a solved step of order 2 and records it in the tables."""
 
 from typing import NamedTuple
 
@@ -12,27 +12,27 @@ from msahl.system.unknowns import Unknowns
 
 
 class Workspace(NamedTuple):
-    """One island on its way: constant data, what advances, and room to work in."""
+    """Constant data of one subsystem, its state, and work arrays."""
 
     system: System
     unknowns: Unknowns
     state: State
     start: Start
     Z: np.ndarray  # (nodes, 3) unknowns of the step
-    F: np.ndarray  # (nodes, 3) its rows
+    F: np.ndarray  # (nodes, 3) its equations
     values: np.ndarray  # block values of the Jacobian
     factor: np.ndarray  # its sparse factors
     y: np.ndarray  # (f,) right-hand side, in the order of elimination
-    mean_force: np.ndarray  # (k, 3) multipliers over the step being taken, halves added up
-    mean_reaction: np.ndarray  # (j, 6) likewise the joints' reactions [N, N m]
+    mean_force: np.ndarray  # (k, 3) multipliers over the present step, summed over substeps
+    mean_reaction: np.ndarray  # (j, 6) likewise the reactions of the joints [N, N m]
     counts: np.ndarray  # (2,) iterations and factorisations so far
-    pivots: np.ndarray  # (1,) widest spread of a Jacobian's pivots so far
+    pivots: np.ndarray  # (1,) largest pivot ratio of a Jacobian so far
     tables: Tables
     monitor: Monitor
 
 
 def new_workspace(system: System, unknowns: Unknowns, state: State, chunk: int) -> Workspace:
-    """Room for chunks of up to ``chunk`` steps."""
+    """Return the workspace for chunks of up to ``chunk`` steps."""
     nodes = (node_count(system), 3)
     return Workspace(
         system=system,
@@ -55,7 +55,9 @@ def new_workspace(system: System, unknowns: Unknowns, state: State, chunk: int) 
 
 @kernel
 def accept_step(workspace: Workspace, h: float, share: float) -> None:
-    """Take over the solved step of size ``h``, a ``share`` of the whole one; prepare the next."""
+    """Advance the state by the solved step of size ``h``, a ``share`` of the whole one; prepare the
+    next.
+    """
     equations.accept(
         workspace.system, workspace.state, workspace.start, h, workspace.Z, workspace.F
     )
@@ -70,8 +72,8 @@ def accept_step(workspace: Workspace, h: float, share: float) -> None:
 
 @kernel
 def record_step(workspace: Workspace, h: float, step: int, row: int) -> None:
-    """Enter the state accepted after a step ``h`` in row ``step`` of the watch; publish it in
-    ``row`` unless that is negative.
+    """Write the state accepted after a step ``h`` to row ``step`` of the monitor, and to ``row`` of
+    the tables unless that is negative.
     """
     look(workspace.system, workspace.state, workspace.start, h, workspace.monitor, step)
     if row >= 0:

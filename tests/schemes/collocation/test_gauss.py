@@ -78,7 +78,9 @@ def test_a_guess_follows_the_known_polynomials(scheme, degree, begin, size, near
     # Times are known to round-off over the step; weights are up to 1e3 out of the nodes' range.
     np.testing.assert_allclose(stages.rate_weights @ values, tableau.force_time**power, atol=1e-9)
     pushes = (begin + size * tableau.multiplier_time) ** (s - 1)
-    np.testing.assert_allclose(stages.multiplier_weights @ pushes * size**2, tableau.multiplier_time ** (s - 1), atol=1e-9)
+    np.testing.assert_allclose(
+        stages.multiplier_weights @ pushes * size**2, tableau.multiplier_time ** (s - 1), atol=1e-9
+    )
 
 
 def test_a_guess_follows_nothing_far_behind():
