@@ -20,7 +20,7 @@ from msahl.jit.compiled import compiled
 from msahl.jit.kernel import kernel
 from msahl.model import Model
 from msahl.results.read import Run
-from msahl.schemes.midpoint import equations
+from msahl.system import evaluate
 from msahl.system.arrays import Start, State, System, new_start
 from msahl.system.build import build_system
 from msahl.system.state import build_state
@@ -134,9 +134,9 @@ def _observe_rows(
         state.time[0] = time[row]
         # The rates of the row before are in ``start`` until they are observed anew.
         _expect(system.along, start.along, state.angle, 0.5 * h)
-        equations.prepare(system, state, start)
+        evaluate.prepare(system, state, start)
         _count(system.along, start.along, start.frames, state.angle, 0.5 * h)
-        equations.observe(system, state, start, violation[row], rate[row])
+        evaluate.observe(system, state, start, violation[row], rate[row])
         elastic[row] = forces.elastic_energy(system.forces, start.forces, system.along, start.along)
         for b in range(state.x.shape[0]):
             put(history.x[row], b, at(state.x, b))

@@ -19,10 +19,11 @@ from msahl.elements.reactions import MOST_ROUNDS, stands
 from msahl.elements.reactions import publish as publish_reactions
 from msahl.jit.kernel import apart, kernel
 from msahl.linalg import dense, sparse_lu
-from msahl.schemes.midpoint import equations, newton
+from msahl.schemes.midpoint import newton
 from msahl.schemes.midpoint.load_moments import NO_STEP
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.start.redundancy import INDEPENDENT
+from msahl.system import evaluate
 from msahl.system.arrays import Start, State, System, node_count
 from msahl.system.reductions import all_unknowns
 from msahl.system.unknowns import Unknowns, choose
@@ -68,8 +69,8 @@ def assemble(system: System, state: State, start: Start, instant: Instant) -> No
     for node in range(instant.rows.shape[0]):
         for i in range(3):
             instant.rows[node, i] = 0.0
-    equations.free_acceleration(system, state, start, instant.Z, instant.rows)
-    equations.joint_jacobian(system, start, NO_STEP, instant.Z, instant.values)
+    evaluate.free_acceleration(system, state, start, instant.Z, instant.rows)
+    evaluate.joint_jacobian(system, start, NO_STEP, instant.Z, instant.values)
     sparse_lu.factor(instant.unknowns.elimination, instant.values, instant.factor)
 
 
@@ -89,7 +90,7 @@ def set_reactions(system: System, state: State, start: Start, instant: Instant) 
     for k in range(state.force.shape[0]):
         for i in range(3):
             state.force[k, i] = instant.solution[first + k, i] * system.unit[k, i]
-    equations.react(system, state, start, instant.Z)
+    evaluate.set_reactions(system, state, start, instant.Z)
 
 
 @apart
@@ -144,7 +145,7 @@ def project_velocities(
     """
     frames = system.frames
     for _ in range(projection_rounds(system)):
-        equations.observe(system, state, start, violation, rate)
+        evaluate.observe(system, state, start, violation, rate)
         along.in_metres(system.along, violation, rate)
         solve_projection(system, state, start, rate, instant)
         for b in range(moving_count(frames)):
@@ -153,7 +154,7 @@ def project_velocities(
             put(state.v, b, add(at(state.v, b), at(instant.solution, displacement_node(frames, b))))
             put(state.w, b, add(at(state.w, b), times(transpose(R), dW)))
         along.motion_work(system.along, frames, state.time[0], 1.0, instant.solution, state.work)
-        equations.prepare(system, state, start)
+        evaluate.prepare(system, state, start)
 
 
 @kernel

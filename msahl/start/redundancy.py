@@ -14,9 +14,10 @@ import numpy as np
 
 from msahl.elements.constraints import coordinates
 from msahl.elements.frames import first_multiplier
-from msahl.schemes.midpoint import equations
-from msahl.start.velocities import jacobian_at_rest, solve_sparse
+from msahl.start.velocities import solve_sparse
+from msahl.system import evaluate
 from msahl.system.arrays import State, System, multiplier_count, new_start, node_count
+from msahl.system.evaluate import jacobian_at_rest
 from msahl.system.names import FORCE_COLUMNS, LOAD_COLUMN, MOMENT_COLUMNS
 from msahl.system.reductions import all_unknowns
 from msahl.system.unknowns import Unknowns, choose
@@ -108,7 +109,7 @@ def _components(system: System, state: State, null: np.ndarray) -> np.ndarray:
     """
     unit, rest = np.ones_like(state.force), state._replace(reaction=np.zeros_like(state.reaction))
     start, Z = new_start(system, rest), np.zeros((node_count(system), 3))
-    equations.prepare(system, rest, start)
+    evaluate.prepare(system, rest, start)
     if system.along:
         rows = system.along.rows
         unit[rows.place[:, 0], rows.place[:, 1]] = rows.scale
@@ -116,7 +117,7 @@ def _components(system: System, state: State, null: np.ndarray) -> np.ndarray:
     squares = np.zeros_like(state.reaction)
     for vector in null:
         held = rest._replace(force=vector * unit)
-        equations.react(system, held, start, Z)
+        evaluate.set_reactions(system, held, start, Z)
         squares += held.reaction**2
     sizes = np.sqrt(squares)
     sizes[:, 3:] /= system.frames.length[system.reactions.child, None]

@@ -18,9 +18,9 @@ from msahl.jit.kernel import kernel
 from msahl.model import Model
 from msahl.schemes import accelerations
 from msahl.schemes.accelerations import Instant, new_instant, solve_least
-from msahl.schemes.midpoint import equations
 from msahl.start.redundancy import is_regular
 from msahl.study.start import first_state
+from msahl.system import evaluate
 from msahl.system.arrays import Start, State, System, new_start
 
 SIZE = 13
@@ -60,7 +60,7 @@ def _pack(state: State, y: np.ndarray) -> None:
 @kernel
 def _prepare(system: System, state: State, start: Start) -> None:
     """As the scheme does, and with the angles counted on to where the state is."""
-    equations.prepare(system, state, start)
+    evaluate.prepare(system, state, start)
     along.count_turns(system.along, start.along, state.angle)
 
 
@@ -114,7 +114,7 @@ def _open(
     """Set the rows to minus the gaps (``level`` 0) or their rates (1), and factor the matrix."""
     _prepare(system, state, start)
     accelerations.assemble(system, state, start, room)
-    equations.observe(system, state, start, violation, rate)
+    evaluate.observe(system, state, start, violation, rate)
     first = first_multiplier(system.frames)
     for node in range(room.rows.shape[0]):
         for i in range(3):
@@ -151,7 +151,7 @@ def _publish_rows(
     """Write the states ``ys`` into the rows of ``table``, in the columns of ``states.csv``."""
     for row in range(ys.shape[0]):
         _unpack(ys[row], state)
-        equations.prepare(system, state, start)
+        evaluate.prepare(system, state, start)
         rigid_body.write_states(system.bodies, state.x, state.p, start.frames, state.w, table, row)
 
 

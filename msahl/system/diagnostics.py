@@ -21,7 +21,7 @@ from msahl.algebra.vector import at, dot, sub
 from msahl.elements import along
 from msahl.elements.frames import moving_count
 from msahl.jit.kernel import apart, kernel
-from msahl.schemes.midpoint import equations
+from msahl.system import evaluate
 from msahl.system.arrays import Start, State, System
 
 BALANCE, KINETIC, GAP, GAP_RATE, GAP_WORK, SPEED, TURN, DISTANCE, WAY, LOCAL = range(10)
@@ -57,7 +57,7 @@ def new_monitor(state: State, steps: int) -> Monitor:
 @kernel
 def look(system: System, state: State, start: Start, h: float, monitor: Monitor, row: int) -> None:
     """Fill a row with the figures of the accepted, prepared state after a step ``h``."""
-    kinetic, potential = equations.observe(system, state, start, monitor.violation, monitor.rate)
+    kinetic, potential = evaluate.observe(system, state, start, monitor.violation, monitor.rate)
     work = 0.0
     for k in range(state.force.shape[0]):
         for i in range(3):
@@ -84,7 +84,7 @@ def energy_balance(
     system: System, state: State, start: Start, violation: np.ndarray, rate: np.ndarray
 ) -> float:
     """Energy balance [J] of the prepared state; ``gap`` and ``rate`` (k, 3) are room."""
-    kinetic, potential = equations.observe(system, state, start, violation, rate)
+    kinetic, potential = evaluate.observe(system, state, start, violation, rate)
     return balanced(kinetic + potential, state)
 
 

@@ -22,6 +22,7 @@ from msahl.model.scheme import EXPONENTIAL, SCHEMES
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.midpoint import equations, free_equations, newton
 from msahl.schemes.midpoint.workspace import new_workspace
+from msahl.system import evaluate
 from msahl.system.arrays import new_start, node_count
 from msahl.system.build import build_system
 from msahl.system.names import joint_columns
@@ -72,12 +73,12 @@ class Step:
     def __init__(self, model, h=H, reaction=None):
         self.h = h
         self.system = build_system(model)
-        self.dt2 = equations.dt2(self.system, h)
+        self.dt2 = evaluate.dt2(self.system, h)
         self.state = build_state(model, self.system)
         if reaction is not None:
             self.state.reaction[:] = reaction(self.state.reaction.shape)
         self.start = new_start(self.system, self.state)
-        equations.prepare(self.system, self.state, self.start)
+        evaluate.prepare(self.system, self.state, self.start)
         self.unknowns = choose(self.system, all_unknowns(self.system))
         self.shape = (node_count(self.system), 3)
         equations.set_loads(self.system, self.state, self.start, h)
@@ -141,7 +142,7 @@ class Step:
         if self.system.along is None:
             return 0.0
         violation = np.zeros_like(self.state.violation)
-        equations.observe(self.system, self.state, self.start, violation, violation.copy())
+        evaluate.observe(self.system, self.state, self.start, violation, violation.copy())
         return float(self.start.forces.elastic.sum())
 
     def multipliers(self):
@@ -313,7 +314,7 @@ def test_published_work_and_elastic_energy_are_what_the_elements_do(make, seed):
     before = step.elastic()
     F = step.residual(step.Z)
     equations.accept(step.system, step.state, step.start, step.h, step.Z, F)
-    equations.prepare(step.system, step.state, step.start)
+    evaluate.prepare(step.system, step.state, step.start)
     known = np.sum(lam * opened) + step.state.work.sum() - (step.elastic() - before)
     size = np.abs(lam).sum() + np.abs(step.state.work).sum() + abs(before) + abs(step.elastic())
     assert work == pytest.approx(known, abs=2e-13 * size)
@@ -437,7 +438,7 @@ def test_the_compiled_equations_are_their_plain_selves(make):
     size = z.size
     plain, fast = (new_workspace(step.system, step.unknowns, step.state, 1) for _ in range(2))
     for workspace in (plain, fast):
-        equations.prepare(step.system, step.state, workspace.start)
+        evaluate.prepare(step.system, step.state, workspace.start)
         equations.set_loads(step.system, step.state, workspace.start, H)
     f, g = np.zeros(size), np.zeros(size)
     judged = free_equations.residual(plain, H, z, f)

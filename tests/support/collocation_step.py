@@ -6,7 +6,7 @@ from msahl.model.scheme import split
 from msahl.schemes.collocation import equations
 from msahl.schemes.collocation.tableau import new_tableau
 from msahl.schemes.collocation.workspace import new_stage_arrays
-from msahl.schemes.midpoint import equations as midpoint
+from msahl.system import evaluate
 from msahl.system.arrays import new_start, node_count
 from msahl.system.build import build_system
 from msahl.system.reductions import all_unknowns
@@ -23,7 +23,7 @@ class Step:
         self.system = build_system(model)
         self.state = build_state(model, self.system)
         self.start = new_start(self.system, self.state)
-        midpoint.prepare(self.system, self.state, self.start)
+        evaluate.prepare(self.system, self.state, self.start)
         self.unknowns = choose(self.system, all_unknowns(self.system))
         tableau = new_tableau(scheme, self.degree)
         self.stages = new_stage_arrays(self.system, self.unknowns, self.state, tableau)

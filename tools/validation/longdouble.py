@@ -31,9 +31,9 @@ from msahl.schemes.collocation.newton import TARGET, CollocationWorkspace
 from msahl.schemes.collocation.stepper import CollocationMethod
 from msahl.schemes.collocation.tableau import Tableau, new_tableau
 from msahl.schemes.fixed_stepper import FixedStepper
-from msahl.schemes.midpoint import equations
 from msahl.schemes.outcome import TOLERANCE
 from msahl.schemes.output_schedule import OutputSchedule
+from msahl.system import evaluate
 
 LONG = np.longdouble
 ROUND_OFF = float(np.finfo(LONG).eps / np.finfo(float).eps)
@@ -167,15 +167,15 @@ def settle(island: CollocationWorkspace) -> None:
     scene, room = island.scene, island.station
     system, state, start, watch = scene.system, scene.state, scene.start, scene.watch
     length = system.frames.length
-    equations.prepare(system, state, start)
+    evaluate.prepare(system, state, start)
     # What a round leaves over is quadratic: nothing, after one of round-off.
     for _ in range(1 + accelerations.projection_rounds(system)):
-        equations.observe(system, state, start, watch.gap, watch.rate)
+        evaluate.observe(system, state, start, watch.gap, watch.rate)
         along.in_metres(system.along, watch.gap, watch.rate)
         accelerations.solve_projection(system, state, start, watch.gap, room)
         for b in range(length.size - 1):
             turn = scale(1.0 / length[b], at(room.solution, 2 * b + 1))
             put(state.x, b, add(at(state.x, b), at(room.solution, 2 * b)))
             put(state.p, b, compose(from_step_turn(turn), at(state.p, b)))
-        equations.prepare(system, state, start)
+        evaluate.prepare(system, state, start)
     accelerations.project_velocities(system, state, start, watch.gap, watch.rate, room)

@@ -41,6 +41,7 @@ from msahl.schemes.accelerations import Instant
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.midpoint import equations
 from msahl.schemes.midpoint.workspace import Workspace
+from msahl.system import evaluate
 from msahl.system.arrays import State, new_start
 
 ENDS = 6
@@ -234,7 +235,7 @@ def _prepare(output: DenseOutput, angle: np.ndarray) -> None:
     workspace = output.workspace
     for q in range(angle.size):
         workspace.state.angle[q] = angle[q]
-    equations.prepare(workspace.system, workspace.state, workspace.start)
+    evaluate.prepare(workspace.system, workspace.state, workspace.start)
     along.count_turns(workspace.system.along, workspace.start.along, workspace.state.angle)
 
 
@@ -374,7 +375,7 @@ def _project(output: DenseOutput, instant: Instant) -> None:
         workspace.monitor,
     )
     frames = system.frames
-    equations.observe(system, state, start, monitor.violation, monitor.rate)
+    evaluate.observe(system, state, start, monitor.violation, monitor.rate)
     along.in_metres(system.along, monitor.violation, monitor.rate)
     accelerations.solve_projection(system, state, start, monitor.violation, instant)
     for b in range(moving_count(frames)):

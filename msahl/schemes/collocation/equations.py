@@ -70,6 +70,7 @@ from msahl.schemes.collocation import jacobian, local_rotation
 from msahl.schemes.collocation.workspace import StageArrays, moment_for_parameters, set_node
 from msahl.schemes.midpoint import equations
 from msahl.system.arrays import Start, State, System
+from msahl.system.evaluate import prepare
 
 
 @kernel
@@ -318,7 +319,7 @@ def accept(system: System, state: State, start: Start, stages: StageArrays, h: f
     _set_end_accelerations(system, state, start, stages, h)
     stages.last_step[0], stages.last_step[1] = state.time[0], h
     state.time[0] += h
-    equations.prepare(system, state, start)
+    prepare(system, state, start)
     along.count_turns(system.along, start.along, state.angle)
 
 

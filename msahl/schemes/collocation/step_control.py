@@ -41,7 +41,7 @@ from msahl.schemes.collocation import breakpoints, dense_output, newton
 from msahl.schemes.collocation.breakpoints import Breakpoints, new_breakpoints
 from msahl.schemes.collocation.dense_output import StepEnd
 from msahl.schemes.collocation.newton import CollocationWorkspace
-from msahl.schemes.midpoint import equations
+from msahl.system import evaluate
 from msahl.system.arrays import State
 from msahl.system.diagnostics import KINETIC, look
 
@@ -391,7 +391,7 @@ def restore_start(subsystem: CollocationWorkspace, control: StepControl) -> None
     """Bring the state back to the start of the pair."""
     workspace = subsystem.workspace
     copy_state(control.start, workspace.state)
-    equations.prepare(workspace.system, workspace.state, workspace.start)
+    evaluate.prepare(workspace.system, workspace.state, workspace.start)
 
 
 @kernel

@@ -31,7 +31,7 @@ from msahl.elements.frames import (
 from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.tableau import Tableau
-from msahl.schemes.midpoint import equations
+from msahl.system import evaluate
 from msahl.system.arrays import Start, State, System, new_start, node_count
 from msahl.system.unknowns import Unknowns
 
@@ -194,7 +194,7 @@ def set_node(system: System, state: State, stages: StageArrays, h: float, n: int
         put(node.x, b, add(at(state.x, b), u))
         put(node.p, b, compose(c, at(state.p, b)))
     if not bare:
-        equations.prepare(system, node, stages.start)
+        evaluate.prepare(system, node, stages.start)
     for b in range(moving_count(frames)):
         put(
             stages.start.frames.W,

@@ -41,38 +41,9 @@ from msahl.elements.frames import (
     rotation_increment,
     rotation_node,
 )
-from msahl.elements.frames import prepare as prepare_frames
 from msahl.jit.kernel import kernel
 from msahl.system.arrays import Start, State, System, Tables
-
-
-@kernel
-def dt2(system: System, h: float) -> float:
-    """What an acceleration over the step moves, in s^2: h^2/2, more with a decaying scheme."""
-    return system.decay.share * h * h
-
-
-@kernel
-def prepare(system: System, state: State, start: Start) -> None:
-    """Fill ``start`` from the accepted ``state``."""
-    prepare_frames(
-        system.frames,
-        state.p,
-        state.v,
-        state.w,
-        state.v_rise,
-        state.w_rise,
-        system.decay.chi,
-        start.frames,
-    )
-    rigid_body.prepare(system.bodies, start.frames.R, start.bodies)
-    R = start.frames.R
-    coincide.prepare(system.coincide, R, start.coincide)
-    along.prepare(system.along, state.x, R, state.angle, start.along)
-    reactions.prepare(system.reactions, system.along, R, start.reaction_arms)
-    forces.prepare(
-        system.forces, start.forces, system.along, R, state.reaction, state.reaction_trend
-    )
+from msahl.system.evaluate import dt2, joint_jacobian, set_reactions
 
 
 @kernel
@@ -154,20 +125,6 @@ def residual(
     forces.mean_residual(
         system.forces, start.forces, system.along, start.along, frames, h, h2, Z, F
     )
-
-
-@kernel
-def joint_jacobian(
-    system: System, start: Start, h: float, Z: np.ndarray, values: np.ndarray
-) -> None:
-    """Set the block ``values`` to the derivative of inertia and joints, after ``residual``."""
-    h2 = dt2(system, h)
-    for i in range(values.size):
-        values[i] = system.constant[i]
-    frames = system.frames
-    rigid_body.jacobian(system.bodies, frames, start.bodies, start.frames, h, h2, Z, values)
-    coincide.jacobian(system.coincide, start.coincide, frames, h2, Z, values)
-    along.joint_jacobian(system.along, start.along, frames, h2, Z, values)
 
 
 @kernel
@@ -261,50 +218,8 @@ def _enter_multipliers(
             state.violation[k, i] = F[first + k, i]
         save_change(state.force_trend, k, sub(at(state.force, k), before))
     along.follow(system.along, state.reaction, state.reaction_trend, 0.0, -1.0)
-    react(system, state, start, Z)
+    set_reactions(system, state, start, Z)
     along.follow(system.along, state.reaction, state.reaction_trend, 1.0, 1.0)
-
-
-@kernel
-def react(system: System, state: State, start: Start, Z: np.ndarray) -> None:
-    """Set the state's reactions from its multipliers, after ``residual`` at ``Z``."""
-    reactions.gather(
-        system.reactions,
-        system.along,
-        start.along,
-        system.frames,
-        start.reaction_arms,
-        Z,
-        state.force,
-        state.reaction,
-    )
-
-
-@kernel
-def free_acceleration(
-    system: System, state: State, start: Start, Z: np.ndarray, F: np.ndarray
-) -> None:
-    """Set the rows to what the accelerations must balance: forces, and minus the joints' parts.
-
-    For ``joint_jacobian`` of the scene at rest with h^2 = 2. ``Z`` is zero.
-    """
-    frames, t = system.frames, state.time[0]
-    v, W = start.frames.v, start.frames.W
-    rigid_body.free_acceleration(system.bodies, frames, start.bodies, start.frames, F)
-    coincide.free_gap_acceleration(system.coincide, start.coincide, W, F)
-    along.rates(system.along, start.along, frames, v, W, Z)
-    along.free_acceleration(system.along, start.along, frames, v, W, t, F)
-    forces.set_time(system.forces, start.forces, t, start.frames.R)
-    forces.add_forces(
-        system.forces,
-        start.forces,
-        system.along,
-        start.along,
-        frames,
-        start.frames,
-        state.reaction,
-        F,
-    )
 
 
 @kernel
@@ -336,20 +251,3 @@ def write_row(
     for k in range(state.work.size, tables.work.shape[1]):
         tables.work[row, k] = 0.0
     forces.publish_energy(system.forces, start.forces, state.work.size, tables.work, row)
-
-
-@kernel
-def observe(
-    system: System, state: State, start: Start, violation: np.ndarray, rate: np.ndarray
-) -> tuple[float, float]:
-    """Kinetic and potential energy [J] of the prepared state; elastic energy is part of the second.
-
-    Fills ``gap`` and ``rate`` (k, 3), by the multipliers' nodes, with the joints' gaps [m or rad]
-    and their rates, from absolute positions.
-    """
-    coincide.violation(system.coincide, start.coincide, state.x, violation)
-    coincide.violation_rate(system.coincide, start.coincide, start.frames, rate)
-    along.observe(system.along, start.along, start.frames, state.time[0], violation, rate)
-    elastic = forces.elastic_energy(system.forces, start.forces, system.along, start.along)
-    kinetic, potential = rigid_body.energy(system.bodies, state.x, state.v, state.w)
-    return kinetic, potential + elastic

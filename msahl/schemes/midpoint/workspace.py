@@ -6,6 +6,7 @@ import numpy as np
 
 from msahl.jit.kernel import kernel
 from msahl.schemes.midpoint import equations
+from msahl.system import evaluate
 from msahl.system.arrays import Start, State, System, Tables, new_start, new_tables, node_count
 from msahl.system.diagnostics import Monitor, look, new_monitor
 from msahl.system.unknowns import Unknowns
@@ -61,7 +62,7 @@ def accept_step(workspace: Workspace, h: float, share: float) -> None:
     equations.accept(
         workspace.system, workspace.state, workspace.start, h, workspace.Z, workspace.F
     )
-    equations.prepare(workspace.system, workspace.state, workspace.start)
+    evaluate.prepare(workspace.system, workspace.state, workspace.start)
     for k in range(workspace.mean_force.shape[0]):
         for i in range(3):
             workspace.mean_force[k, i] += share * workspace.state.force[k, i]
