@@ -12,7 +12,7 @@ from msahl.deck.frames import PARALLEL, sine
 from msahl.deck.values import INERTIAL, Reader
 from msahl.elements.constraints.coordinates import ANGLE, RADIUS, ROUND, SKEW
 from msahl.elements.constraints.products import DOT
-from msahl.joints.joint import CHILD, PARENT, Coincide, Equation, Product, Quantity
+from msahl.joints.joint import CHILD, PARENT, Coincide, Equation, Product, Coordinate
 from msahl.joints.registry import KINDS
 from msahl.model.joints import Joint
 
@@ -79,7 +79,7 @@ class Stance:
             return dot(n, self.other(product))
         return dot(n, self.D)
 
-    def value(self, quantity: Quantity) -> float:
+    def value(self, quantity: Coordinate) -> float:
         """The quantity's value."""
         measures = [self.measure(product) for product in quantity.products]
         if quantity.kind == RADIUS:

@@ -10,46 +10,46 @@ import numpy as np
 
 from msahl.algebra.functions import Laws
 from msahl.elements.constraints import coordinates, equations
-from msahl.elements.constraints.coordinates import Quantities, QuantityStart
-from msahl.elements.constraints.equations import Rows
+from msahl.elements.constraints.coordinates import Coordinates, CoordinatesWorkspace
+from msahl.elements.constraints.equations import ConstraintEquations
 from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.jit.kernel import kernel
 
 
-class Along(NamedTuple):
+class ScalarConstraints(NamedTuple):
     """The groups that share quantities, and the columns of work they enter theirs in."""
 
-    quantities: Quantities
-    rows: Rows
+    coordinates: Coordinates
+    equations: ConstraintEquations
     laws: Laws
-    row_column: np.ndarray  # (r,) -1 for a row without a law
+    equation_column: np.ndarray  # (r,) -1 for a row without a law
 
 
-class AlongStart(NamedTuple):
+class ScalarWorkspace(NamedTuple):
     """Quantities at the start of the step and what of them has been computed since."""
 
-    quantities: QuantityStart
+    coordinates: CoordinatesWorkspace
     rate: np.ndarray  # (q,) rates at the start
 
 
 @kernel
 def prepare(
-    along: Along | None,
+    scalar: ScalarConstraints | None,
     x: np.ndarray,
     R: np.ndarray,
     angle: np.ndarray,
-    start: AlongStart,
+    start: ScalarWorkspace,
 ) -> None:
     """Evaluate the quantities of the accepted state."""
-    if along is None:
+    if scalar is None:
         return
-    coordinates.prepare(along.quantities, x, R, angle, start.quantities)
+    coordinates.prepare(scalar.coordinates, x, R, angle, start.coordinates)
 
 
 @kernel
 def residual(
-    along: Along | None,
-    start: AlongStart,
+    scalar: ScalarConstraints | None,
+    start: ScalarWorkspace,
     frames: Frames,
     violation: np.ndarray,
     t: float,
@@ -61,34 +61,34 @@ def residual(
     """Set the rows of the constraint equations and begin the loads along coordinates with their
     multipliers'.
     """
-    if along is None:
+    if scalar is None:
         return
-    q = start.quantities
-    coordinates.evaluate(along.quantities, q, frames, Z)
-    equations.residual(along.rows, along.laws, q, frames, violation, t, h, dt2, Z, F)
+    q = start.coordinates
+    coordinates.evaluate(scalar.coordinates, q, frames, Z)
+    equations.residual(scalar.equations, scalar.laws, q, frames, violation, t, h, dt2, Z, F)
 
 
 @kernel
 def joint_jacobian(
-    along: Along | None,
-    start: AlongStart,
+    scalar: ScalarConstraints | None,
+    start: ScalarWorkspace,
     frames: Frames,
     dt2: float,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
     """Add the blocks of the rows, after ``residual`` at ``Z``."""
-    if along is None:
+    if scalar is None:
         return
-    q = start.quantities
-    coordinates.differentiate(along.quantities, q, frames, Z)
-    equations.jacobian(along.rows, along.laws, along.quantities, q, frames, dt2, Z, values)
+    q = start.coordinates
+    coordinates.differentiate(scalar.coordinates, q, frames, Z)
+    equations.jacobian(scalar.equations, scalar.laws, scalar.coordinates, q, frames, dt2, Z, values)
 
 
 @kernel
 def accept(
-    along: Along | None,
-    start: AlongStart,
+    scalar: ScalarConstraints | None,
+    start: ScalarWorkspace,
     frames: Frames,
     t: float,
     h: float,
@@ -98,39 +98,39 @@ def accept(
     work: np.ndarray,
 ) -> None:
     """Count the angles on and add the work of the prescribed motions."""
-    if along is None:
+    if scalar is None:
         return
-    q = start.quantities
-    equations.work(along.rows, along.laws, frames, t, h, dt2, Z, along.row_column, work)
+    q = start.coordinates
+    equations.work(scalar.equations, scalar.laws, frames, t, h, dt2, Z, scalar.equation_column, work)
     for k in range(angle.size):
         angle[k] = q.value[k] + q.change[k]
 
 
 @kernel
-def count_turns(along: Along | None, start: AlongStart, angle: np.ndarray) -> None:
+def count_rotations(scalar: ScalarConstraints | None, start: ScalarWorkspace, angle: np.ndarray) -> None:
     """Bring the counted angles (q,) to those of the prepared state, less than half a turn away."""
-    if along is None:
+    if scalar is None:
         return
-    coordinates.count_turns(along.quantities, start.quantities, angle)
+    coordinates.count_rotations(scalar.coordinates, start.coordinates, angle)
 
 
 @kernel
-def relief(along: Along | None, start: AlongStart, node: int, step: float) -> float:
+def relief(scalar: ScalarConstraints | None, start: ScalarWorkspace, node: int, step: float) -> float:
     """By how much a row of ``node`` may be worse than one of the size ``step`` [m], as a factor:
     loads along quantities, such as stiff springs, may be larger, and no row is known better than
     its largest part. After ``residual``.
     """
-    if along is None:
+    if scalar is None:
         return 1.0
-    return step / max(step, start.quantities.pull[node])
+    return step / max(step, start.coordinates.term_size[node])
 
 
 @kernel
 def follow(
-    along: Along | None, reaction: np.ndarray, trend: np.ndarray, old: float, new: float
+    scalar: ScalarConstraints | None, reaction: np.ndarray, trend: np.ndarray, old: float, new: float
 ) -> None:
     """Set the reactions' ``trend`` (j, 6) to ``old`` times itself and ``new`` times them."""
-    if along is None:
+    if scalar is None:
         return
     for j in range(reaction.shape[0]):
         for i in range(6):
@@ -139,8 +139,8 @@ def follow(
 
 @kernel
 def free_acceleration(
-    along: Along | None,
-    start: AlongStart,
+    scalar: ScalarConstraints | None,
+    start: ScalarWorkspace,
     frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
@@ -148,41 +148,41 @@ def free_acceleration(
     F: np.ndarray,
 ) -> None:
     """Set the rows of the constraint equations in the acceleration problem, after ``rates``."""
-    if along is None:
+    if scalar is None:
         return
     equations.free_acceleration(
-        along.rows, along.laws, along.quantities, start.quantities, frames, start.rate, v, W, t, F
+        scalar.equations, scalar.laws, scalar.coordinates, start.coordinates, frames, start.rate, v, W, t, F
     )
 
 
 @kernel
 def rates(
-    along: Along | None,
-    start: AlongStart,
+    scalar: ScalarConstraints | None,
+    start: ScalarWorkspace,
     frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
     Z: np.ndarray,
 ) -> None:
     """Evaluate the coordinates and their rates at one configuration; ``Z`` is zero."""
-    if along is None:
+    if scalar is None:
         return
-    coordinates.evaluate(along.quantities, start.quantities, frames, Z)
-    coordinates.rates(along.quantities, start.quantities, v, W, start.rate)
+    coordinates.evaluate(scalar.coordinates, start.coordinates, frames, Z)
+    coordinates.rates(scalar.coordinates, start.coordinates, v, W, start.rate)
 
 
 @kernel
-def differentiate(along: Along | None, start: AlongStart, frames: Frames, Z: np.ndarray) -> None:
+def differentiate(scalar: ScalarConstraints | None, start: ScalarWorkspace, frames: Frames, Z: np.ndarray) -> None:
     """Fill the derivatives of the coordinates, after ``rates``; ``Z`` is zero."""
-    if along is None:
+    if scalar is None:
         return
-    coordinates.differentiate(along.quantities, start.quantities, frames, Z)
+    coordinates.differentiate(scalar.coordinates, start.coordinates, frames, Z)
 
 
 @kernel
 def roll_jacobian(
-    along: Along | None,
-    start: AlongStart,
+    scalar: ScalarConstraints | None,
+    start: ScalarWorkspace,
     frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
@@ -192,17 +192,17 @@ def roll_jacobian(
     by_rate: np.ndarray,
 ) -> None:
     """Add the derivatives of ``roll`` over h, after ``differentiate``; ``Z`` is zero."""
-    if along is None:
+    if scalar is None:
         return
-    equations.roll_jacobian(
-        along.rows, along.quantities, start.quantities, frames, v, W, Z, room, by_place, by_rate
+    equations.add_rate_derivatives(
+        scalar.equations, scalar.coordinates, start.coordinates, frames, v, W, Z, room, by_place, by_rate
     )
 
 
 @kernel
 def hold(
-    along: Along | None,
-    start: AlongStart,
+    scalar: ScalarConstraints | None,
+    start: ScalarWorkspace,
     frames: Frames,
     violation: np.ndarray,
     t: float,
@@ -211,110 +211,110 @@ def hold(
     F: np.ndarray,
 ) -> None:
     """As ``residual`` of the rows alone, with a reach of -1: their forces are added, by mass."""
-    if along is None:
+    if scalar is None:
         return
-    q = start.quantities
-    coordinates.evaluate(along.quantities, q, frames, Z)
-    equations.residual(along.rows, along.laws, q, frames, violation, t, h, -1.0, Z, F)
-    coordinates.push(along.quantities, q, frames, 1.0, F)
+    q = start.coordinates
+    coordinates.evaluate(scalar.coordinates, q, frames, Z)
+    equations.residual(scalar.equations, scalar.laws, q, frames, violation, t, h, -1.0, Z, F)
+    coordinates.push(scalar.coordinates, q, frames, 1.0, F)
 
 
 @kernel
 def hold_jacobian(
-    along: Along | None,
-    start: AlongStart,
+    scalar: ScalarConstraints | None,
+    start: ScalarWorkspace,
     frames: Frames,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
     """Add the derivative of ``hold``, after it at the same ``Z``."""
-    if along is None:
+    if scalar is None:
         return
-    joint_jacobian(along, start, frames, -1.0, Z, values)
-    coordinates.stiffness(along.quantities, start.quantities, frames, 1.0, Z, values)
+    joint_jacobian(scalar, start, frames, -1.0, Z, values)
+    coordinates.stiffness(scalar.coordinates, start.coordinates, frames, 1.0, Z, values)
 
 
 @kernel
-def strain(along: Along | None, start: AlongStart, c: float, pull: np.ndarray) -> None:
+def strain(scalar: ScalarConstraints | None, start: ScalarWorkspace, c: float, term_size: np.ndarray) -> None:
     """Raise ``pull`` (nodes,) to ``c`` times the largest parts of the loads last pushed."""
-    if along is None:
+    if scalar is None:
         return
-    for node in range(pull.size):
-        pull[node] = max(pull[node], c * start.quantities.pull[node])
+    for node in range(term_size.size):
+        term_size[node] = max(term_size[node], c * start.coordinates.term_size[node])
 
 
 @kernel
-def roll(along: Along | None, start: AlongStart, frames: Frames, h: float, F: np.ndarray) -> None:
+def roll(scalar: ScalarConstraints | None, start: ScalarWorkspace, frames: Frames, h: float, F: np.ndarray) -> None:
     """Set the rows that are of rates alone to ``h`` times them, after ``rates``."""
-    if along is None:
+    if scalar is None:
         return
-    equations.roll(along.rows, start.rate, first_multiplier(frames), h, F)
+    equations.set_rate_equations(scalar.equations, start.rate, first_multiplier(frames), h, F)
 
 
 @kernel
-def settle(along: Along | None, violation: np.ndarray) -> None:
+def settle(scalar: ScalarConstraints | None, violation: np.ndarray) -> None:
     """Take from the ``gap`` (k, 3) left by a step what is of rows between rates: they have none."""
-    if along is None:
+    if scalar is None:
         return
-    for r in range(along.rows.function.size):
-        if not along.rows.holonomic[r]:
-            violation[along.rows.place[r, 0], along.rows.place[r, 1]] = 0.0
+    for r in range(scalar.equations.function.size):
+        if not scalar.equations.holonomic[r]:
+            violation[scalar.equations.place[r, 0], scalar.equations.place[r, 1]] = 0.0
 
 
 @kernel
 def motion_work(
-    along: Along | None, frames: Frames, t: float, dt: float, Z: np.ndarray, work: np.ndarray
+    scalar: ScalarConstraints | None, frames: Frames, t: float, dt: float, Z: np.ndarray, work: np.ndarray
 ) -> None:
     """Add the work [J] of the drives over a time ``dt`` at the rates of ``t``; the multipliers in
     ``Z`` are by mass.
     """
-    if along is None:
+    if scalar is None:
         return
-    equations.motion_work(along.rows, along.laws, frames, t, dt, Z, along.row_column, work)
+    equations.motion_work(scalar.equations, scalar.laws, frames, t, dt, Z, scalar.equation_column, work)
 
 
 @kernel
 def values(
-    along: Along | None,
-    start: AlongStart,
+    scalar: ScalarConstraints | None,
+    start: ScalarWorkspace,
     frames: FramesWorkspace,
     value: np.ndarray,
     rate: np.ndarray,
 ) -> None:
     """Set ``value`` and ``rate`` (q,) to those of the quantities in the prepared state."""
-    if along is None:
+    if scalar is None:
         return
-    q = start.quantities
-    coordinates.slopes(along.quantities, q)
-    coordinates.rates(along.quantities, q, frames.v, frames.W, rate)
+    q = start.coordinates
+    coordinates.slopes(scalar.coordinates, q)
+    coordinates.rates(scalar.coordinates, q, frames.v, frames.W, rate)
     for k in range(value.size):
         value[k] = q.value[k]
 
 
 @kernel
 def observe(
-    along: Along | None,
-    start: AlongStart,
+    scalar: ScalarConstraints | None,
+    start: ScalarWorkspace,
     frames: FramesWorkspace,
     t: float,
     violation: np.ndarray,
     violation_rate: np.ndarray,
 ) -> None:
     """Fill in gaps and rates of the rows."""
-    if along is None:
+    if scalar is None:
         return
-    q = start.quantities
-    coordinates.slopes(along.quantities, q)
-    coordinates.rates(along.quantities, q, frames.v, frames.W, start.rate)
-    equations.observe(along.rows, along.laws, q, start.rate, t, violation, violation_rate)
+    q = start.coordinates
+    coordinates.slopes(scalar.coordinates, q)
+    coordinates.rates(scalar.coordinates, q, frames.v, frames.W, start.rate)
+    equations.observe(scalar.equations, scalar.laws, q, start.rate, t, violation, violation_rate)
 
 
 @kernel
-def in_metres(along: Along | None, violation: np.ndarray, violation_rate: np.ndarray) -> None:
+def in_metres(scalar: ScalarConstraints | None, violation: np.ndarray, violation_rate: np.ndarray) -> None:
     """Multiply the gaps of rows in radians by their length, so that they compare with others."""
-    if along is None:
+    if scalar is None:
         return
-    for r in range(along.rows.function.size):
-        node, slot = along.rows.place[r, 0], along.rows.place[r, 1]
-        violation[node, slot] *= along.rows.scale[r]
-        violation_rate[node, slot] *= along.rows.scale[r]
+    for r in range(scalar.equations.function.size):
+        node, slot = scalar.equations.place[r, 0], scalar.equations.place[r, 1]
+        violation[node, slot] *= scalar.equations.scale[r]
+        violation_rate[node, slot] *= scalar.equations.scale[r]

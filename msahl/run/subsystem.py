@@ -15,7 +15,7 @@ from msahl.start.positions import assemble
 from msahl.start.redundancy import constraint_rank, is_regular, non_unique_reactions
 from msahl.start.velocities import StartError, make_consistent, solve_accelerations
 from msahl.system import evaluate
-from msahl.system.arrays import State, System, multiplier_count, new_start, quantity_count
+from msahl.system.arrays import State, System, multiplier_count, new_system_workspace, coordinate_count
 from msahl.system.build import build_system
 from msahl.system.nonfinite import find_nonfinite, overflow
 from msahl.system.reductions import (
@@ -50,7 +50,7 @@ class SubsystemIntegrator:
         try:
             self._make_scene(system, state, full, chunk)
         except np.linalg.LinAlgError as error:  # what LAPACK says of inf and nan
-            start = new_start(system, state)
+            start = new_system_workspace(system, state)
             evaluate.prepare(system, state, start)
             name = find_nonfinite(model, system, state, start, model.simulation.dt) or "the joints"
             raise StartError(overflow(0.0, name)) from error
@@ -64,7 +64,7 @@ class SubsystemIntegrator:
         self.redundant = multiplier_count(system) - self.rank
         self.shared: dict[str, list[str]] = {}
         self._add_shared(system, state)
-        start = new_start(system, state)
+        start = new_system_workspace(system, state)
         evaluate.prepare(system, state, start)
         self.axis = None if full else plane_normal(system, start)
         free = all_unknowns(system) if full else needed_unknowns(system, start, self.axis)
@@ -78,7 +78,7 @@ class SubsystemIntegrator:
         if self.axis is not None:
             system = stay_in_plane(system, self.axis)
             system = drop_rows(system, symmetric_rows(system, start, self.axis))
-            state = state._replace(angle=np.zeros(quantity_count(system)))
+            state = state._replace(angle=np.zeros(coordinate_count(system)))
         self.workspace: Workspace = new_workspace(system, unknowns, state, chunk)
         evaluate.prepare(system, state, self.workspace.start)
 

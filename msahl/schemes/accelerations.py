@@ -13,10 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import add, at, copy, matrix_at, put, scale, times, transpose
-from msahl.elements import along, forces
+from msahl.elements import forces
+from msahl.elements.constraints import scalar
 from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
-from msahl.elements.reactions import MOST_ROUNDS, stands
-from msahl.elements.reactions import publish as publish_reactions
+from msahl.elements.reactions import MOST_ROUNDS, is_unchanged
+from msahl.elements.reactions import write_reactions
 from msahl.jit.kernel import apart, kernel
 from msahl.linalg import dense, sparse_lu
 from msahl.schemes.midpoint import newton
@@ -24,7 +25,7 @@ from msahl.schemes.midpoint.load_moments import NO_STEP
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.start.redundancy import INDEPENDENT
 from msahl.system import evaluate
-from msahl.system.arrays import Start, State, System, node_count
+from msahl.system.arrays import SystemWorkspace, State, System, node_count
 from msahl.system.reductions import all_unknowns
 from msahl.system.unknowns import Unknowns, choose
 
@@ -64,7 +65,7 @@ def new_instant(system: System, unknowns: Unknowns | None = None) -> Instant:
 
 
 @kernel
-def assemble(system: System, state: State, start: Start, instant: Instant) -> None:
+def assemble(system: System, state: State, start: SystemWorkspace, instant: Instant) -> None:
     """Set the ``rows`` to what accelerations must balance, and factor the matrix."""
     for node in range(instant.rows.shape[0]):
         for i in range(3):
@@ -84,7 +85,7 @@ def solve(instant: Instant) -> None:
 
 
 @kernel
-def set_reactions(system: System, state: State, start: Start, instant: Instant) -> None:
+def set_reactions(system: System, state: State, start: SystemWorkspace, instant: Instant) -> None:
     """Set the state's multipliers and reactions from the ``solution``."""
     first = first_multiplier(system.frames)
     for k in range(state.force.shape[0]):
@@ -94,11 +95,11 @@ def set_reactions(system: System, state: State, start: Start, instant: Instant) 
 
 
 @apart
-def accelerate(system: System, state: State, start: Start, instant: Instant) -> None:
+def accelerate(system: System, state: State, start: SystemWorkspace, instant: Instant) -> None:
     """Set the ``solution`` to accelerations a, l alpha and multipliers over their units, and the
     state's reactions; ``start`` is prepared.
 
-    Friction presses by the reaction, which depends on friction: rounds until it stands still, each
+    Friction presses by the reaction, which depends on friction: rounds until it is_unchanged still, each
     of which leaves about the coefficient of friction times the change before.
     """
     for _ in range(MOST_ROUNDS):
@@ -106,7 +107,7 @@ def accelerate(system: System, state: State, start: Start, instant: Instant) -> 
         assemble(system, state, start, instant)
         solve(instant)
         set_reactions(system, state, start, instant)
-        if not forces.depend_on_reactions(system.forces) or stands(state.reaction, instant.last):
+        if not forces.depend_on_reactions(system.forces) or is_unchanged(state.reaction, instant.last):
             break
 
 
@@ -120,7 +121,7 @@ def projection_rounds(system: System) -> int:
 
 @kernel
 def solve_projection(
-    system: System, state: State, start: Start, violation: np.ndarray, instant: Instant
+    system: System, state: State, start: SystemWorkspace, violation: np.ndarray, instant: Instant
 ) -> None:
     """Set the ``solution`` to the least change by mass that takes away the ``gap`` (k, 3) [m]."""
     first = first_multiplier(system.frames)
@@ -135,7 +136,7 @@ def solve_projection(
 def project_velocities(
     system: System,
     state: State,
-    start: Start,
+    start: SystemWorkspace,
     violation: np.ndarray,
     rate: np.ndarray,
     instant: Instant,
@@ -146,14 +147,14 @@ def project_velocities(
     frames = system.frames
     for _ in range(projection_rounds(system)):
         evaluate.observe(system, state, start, violation, rate)
-        along.in_metres(system.along, violation, rate)
+        scalar.in_metres(system.scalar, violation, rate)
         solve_projection(system, state, start, rate, instant)
         for b in range(moving_count(frames)):
             R = matrix_at(start.frames.R, b)
             dW = scale(1.0 / frames.length[b], at(instant.solution, rotation_node(frames, b)))
             put(state.v, b, add(at(state.v, b), at(instant.solution, displacement_node(frames, b))))
             put(state.w, b, add(at(state.w, b), times(transpose(R), dW)))
-        along.motion_work(system.along, frames, state.time[0], 1.0, instant.solution, state.work)
+        scalar.motion_work(system.scalar, frames, state.time[0], 1.0, instant.solution, state.work)
         evaluate.prepare(system, state, start)
 
 
@@ -168,9 +169,9 @@ def write_reactions(workspace: Workspace, instant: Instant, row: int) -> None:
     copy(state.force, force)
     copy(state.reaction, reaction)
     accelerate(system, state, start, instant)
-    publish_reactions(
+    write_reactions(
         system.shown,
-        system.along,
+        system.scalar,
         state.reaction,
         state.force,
         state.time[0],

@@ -17,12 +17,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements import along, forces, reactions
+from msahl.elements import forces, reactions
+from msahl.elements.constraints import scalar
 from msahl.elements.frames import first_multiplier, moving_count
 from msahl.elements.reactions import MOST_ROUNDS
 from msahl.linalg import sparse_lu
 from msahl.system import evaluate
-from msahl.system.arrays import Start, State, System, new_start, node_count
+from msahl.system.arrays import SystemWorkspace, State, System, new_system_workspace, node_count
 from msahl.system.evaluate import jacobian_at_rest
 from msahl.system.unknowns import Unknowns, choose
 
@@ -66,7 +67,7 @@ def make_consistent(
     odds).
     """
     n = moving_count(system.frames)
-    start = new_start(system, state)
+    start = new_system_workspace(system, state)
     v0, w0 = state.v.copy(), state.w.copy()
     given = _largest(_gap_rate(system, state, start))
     speed = max(np.abs(v0).max(), (np.abs(start.frames.W) * system.frames.length[:, None]).max())
@@ -104,7 +105,7 @@ def solve_accelerations(system: System, state: State, unknowns: Unknowns) -> Non
 
     Friction presses by the reaction, which depends on friction: rounds until it stands still.
     """
-    start = new_start(system, state)
+    start = new_system_workspace(system, state)
     rows, Z = np.zeros((2, node_count(system), 3))
     frames = system.frames
     for _ in range(MOST_ROUNDS):
@@ -116,7 +117,7 @@ def solve_accelerations(system: System, state: State, unknowns: Unknowns) -> Non
         state.alpha[:] = solution[frames.rotation] / frames.length[:, None]
         state.force[:] = solution[first_multiplier(frames) :] * system.unit
         evaluate.set_reactions(system, state, start, Z)
-        if not forces.depend_on_reactions(system.forces) or reactions.stands(state.reaction, last):
+        if not forces.depend_on_reactions(system.forces) or reactions.is_unchanged(state.reaction, last):
             break
 
 
@@ -125,12 +126,12 @@ def _largest(vectors: np.ndarray) -> float:
     return float(np.linalg.norm(vectors, axis=1).max(initial=0.0))
 
 
-def _gap_rate(system: System, state: State, start: Start) -> np.ndarray:
+def _gap_rate(system: System, state: State, start: SystemWorkspace) -> np.ndarray:
     """(k, 3) gap rates of the state [m/s], radians times their length; prepares ``start``."""
     evaluate.prepare(system, state, start)
     violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
     evaluate.observe(system, state, start, violation, rate)
-    along.in_metres(system.along, violation, rate)
+    scalar.in_metres(system.scalar, violation, rate)
     return rate
 
 
@@ -141,7 +142,7 @@ def _translations(system: System, free: np.ndarray) -> np.ndarray:
     return translations
 
 
-def _project(system: System, state: State, start: Start, unknowns: Unknowns) -> None:
+def _project(system: System, state: State, start: SystemWorkspace, unknowns: Unknowns) -> None:
     """Change the velocities among ``unknowns``, least by mass, so that the gap rate is 0."""
     rows = np.zeros((node_count(system), 3))
     frames = system.frames

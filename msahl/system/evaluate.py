@@ -30,12 +30,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements import along, forces, reactions, rigid_body
+from msahl.elements import forces, reactions, rigid_body
+from msahl.elements.constraints import scalar
 from msahl.elements.constraints import coincide, coordinates
 from msahl.elements.frames import first_multiplier, moving_count
 from msahl.elements.frames import prepare as prepare_frames
 from msahl.jit.kernel import kernel
-from msahl.system.arrays import Start, State, System, new_start, node_count
+from msahl.system.arrays import SystemWorkspace, State, System, new_system_workspace, node_count
 
 
 @kernel
@@ -45,7 +46,7 @@ def dt2(system: System, h: float) -> float:
 
 
 @kernel
-def prepare(system: System, state: State, start: Start) -> None:
+def prepare(system: System, state: State, start: SystemWorkspace) -> None:
     """Compute what the other functions need of the configuration of ``state`` into ``start``."""
     prepare_frames(
         system.frames,
@@ -60,16 +61,16 @@ def prepare(system: System, state: State, start: Start) -> None:
     rigid_body.prepare(system.bodies, start.frames.R, start.bodies)
     R = start.frames.R
     coincide.prepare(system.coincide, R, start.coincide)
-    along.prepare(system.along, state.x, R, state.angle, start.along)
-    reactions.prepare(system.reactions, system.along, R, start.reaction_arms)
+    scalar.prepare(system.scalar, state.x, R, state.angle, start.scalar)
+    reactions.prepare(system.reactions, system.scalar, R, start.reaction_arms)
     forces.prepare(
-        system.forces, start.forces, system.along, R, state.reaction, state.reaction_trend
+        system.forces, start.forces, system.scalar, R, state.reaction, state.reaction_trend
     )
 
 
 @kernel
 def joint_jacobian(
-    system: System, start: Start, h: float, Z: np.ndarray, values: np.ndarray
+    system: System, start: SystemWorkspace, h: float, Z: np.ndarray, values: np.ndarray
 ) -> None:
     """Set the block ``values`` to the derivative of inertia and constraint equations over a step
     ``h``, after the step's residual at ``Z``.
@@ -82,16 +83,16 @@ def joint_jacobian(
     frames = system.frames
     rigid_body.jacobian(system.bodies, frames, start.bodies, start.frames, h, h2, Z, values)
     coincide.jacobian(system.coincide, start.coincide, frames, h2, Z, values)
-    along.joint_jacobian(system.along, start.along, frames, h2, Z, values)
+    scalar.joint_jacobian(system.scalar, start.scalar, frames, h2, Z, values)
 
 
 @kernel
-def set_reactions(system: System, state: State, start: Start, Z: np.ndarray) -> None:
+def set_reactions(system: System, state: State, start: SystemWorkspace, Z: np.ndarray) -> None:
     """Set the joints' reactions of ``state`` from its multipliers, after the residual at ``Z``."""
-    reactions.gather(
+    reactions.sum_reactions(
         system.reactions,
-        system.along,
-        start.along,
+        system.scalar,
+        start.scalar,
         system.frames,
         start.reaction_arms,
         Z,
@@ -102,7 +103,7 @@ def set_reactions(system: System, state: State, start: Start, Z: np.ndarray) -> 
 
 @kernel
 def free_acceleration(
-    system: System, state: State, start: Start, Z: np.ndarray, F: np.ndarray
+    system: System, state: State, start: SystemWorkspace, Z: np.ndarray, F: np.ndarray
 ) -> None:
     """Set ``F`` (nodes, 3) to the right-hand side of the index-1 problem: forces by mass [m/s^2],
     and minus the constraints' second derivatives at zero accelerations. ``Z`` is zero.
@@ -110,15 +111,15 @@ def free_acceleration(
     frames, t = system.frames, state.time[0]
     v, W = start.frames.v, start.frames.W
     rigid_body.free_acceleration(system.bodies, frames, start.bodies, start.frames, F)
-    coincide.free_gap_acceleration(system.coincide, start.coincide, W, F)
-    along.rates(system.along, start.along, frames, v, W, Z)
-    along.free_acceleration(system.along, start.along, frames, v, W, t, F)
+    coincide.free_acceleration(system.coincide, start.coincide, W, F)
+    scalar.rates(system.scalar, start.scalar, frames, v, W, Z)
+    scalar.free_acceleration(system.scalar, start.scalar, frames, v, W, t, F)
     forces.set_time(system.forces, start.forces, t, start.frames.R)
     forces.add_forces(
         system.forces,
         start.forces,
-        system.along,
-        start.along,
+        system.scalar,
+        start.scalar,
         frames,
         start.frames,
         state.reaction,
@@ -128,7 +129,7 @@ def free_acceleration(
 
 @kernel
 def observe(
-    system: System, state: State, start: Start, violation: np.ndarray, rate: np.ndarray
+    system: System, state: State, start: SystemWorkspace, violation: np.ndarray, rate: np.ndarray
 ) -> tuple[float, float]:
     """Kinetic and potential energy [J] of the prepared state; elastic energy is part of the second.
 
@@ -137,8 +138,8 @@ def observe(
     """
     coincide.violation(system.coincide, start.coincide, state.x, violation)
     coincide.violation_rate(system.coincide, start.coincide, start.frames, rate)
-    along.observe(system.along, start.along, start.frames, state.time[0], violation, rate)
-    elastic = forces.elastic_energy(system.forces, start.forces, system.along, start.along)
+    scalar.observe(system.scalar, start.scalar, start.frames, state.time[0], violation, rate)
+    elastic = forces.elastic_energy(system.forces, start.forces, system.scalar, start.scalar)
     kinetic, potential = rigid_body.energy(system.bodies, state.x, state.v, state.w)
     return kinetic, potential + elastic
 
@@ -147,7 +148,7 @@ def observe(
 def add_force_derivatives(
     system: System,
     state: State,
-    start: Start,
+    start: SystemWorkspace,
     Z: np.ndarray,
     room: np.ndarray,
     by_place: np.ndarray,
@@ -157,13 +158,13 @@ def add_force_derivatives(
     ``by_place`` and ``by_rate``. ``Z`` is zero; ``room`` holds block values.
     """
     frames = system.frames
-    along.differentiate(system.along, start.along, frames, Z)
+    scalar.differentiate(system.scalar, start.scalar, frames, Z)
     rigid_body.add_derivatives(system.bodies, frames, start.bodies, start.frames, by_place, by_rate)
     forces.add_derivatives(
         system.forces,
         start.forces,
-        system.along,
-        start.along,
+        system.scalar,
+        start.scalar,
         frames,
         start.frames,
         state.reaction,
@@ -191,11 +192,11 @@ class Evaluation(NamedTuple):
 def evaluate_at(system: System, state: State) -> Evaluation:
     """Evaluate ``system`` at the configuration of ``state``; matrices are dense."""
     state = state._replace(angle=state.angle.copy())
-    start, Z = new_start(system, state), np.zeros((node_count(system), 3))
+    start, Z = new_system_workspace(system, state), np.zeros((node_count(system), 3))
     rows, violation, rate = Z.copy(), np.zeros_like(state.force), np.zeros_like(state.force)
     by_place, by_rate, room = (np.zeros_like(system.constant) for _ in range(3))
     prepare(system, state, start)
-    along.count_turns(system.along, start.along, state.angle)
+    scalar.count_rotations(system.scalar, start.scalar, state.angle)
     free_acceleration(system, state, start, Z, rows)
     add_force_derivatives(system, state, start, Z, room, by_place, by_rate)
     observe(system, state, start, violation, rate)
@@ -221,11 +222,11 @@ def evaluate_at(system: System, state: State) -> Evaluation:
 def jacobian_at_rest(system: System, state: State) -> np.ndarray:
     """Return the block values of the index-1 problem's matrix in the configuration of ``state``."""
     rest = state._replace(v=np.zeros_like(state.v), w=np.zeros_like(state.w))
-    start = new_start(system, rest)
+    start = new_system_workspace(system, rest)
     prepare(system, rest, start)
     values, Z = np.zeros_like(system.constant), np.zeros((node_count(system), 3))
-    if system.along:
-        coordinates.evaluate(system.along.quantities, start.along.quantities, system.frames, Z)
+    if system.scalar:
+        coordinates.evaluate(system.scalar.coordinates, start.scalar.coordinates, system.frames, Z)
     # With h^2 = 2 an acceleration of 1 m/s^2 is a displacement of 1 m over the step.
     joint_jacobian(system, start, np.sqrt(2.0), Z, values)
     return values
@@ -254,8 +255,8 @@ def _equations(system: System) -> np.ndarray:
     """(c,) flat numbers of all constraint equations."""
     first, points = first_multiplier(system.frames), system.coincide.a.size
     flat = list(range(3 * first, 3 * (first + points)))
-    if system.along:
-        flat += [3 * (first + node) + slot for node, slot in system.along.rows.place.tolist()]
+    if system.scalar:
+        flat += [3 * (first + node) + slot for node, slot in system.scalar.equations.place.tolist()]
     return np.array(flat, dtype=np.int64)
 
 
@@ -273,13 +274,13 @@ def _scales(system: System) -> tuple[np.ndarray, np.ndarray]:
 def _equation_scale(system: System) -> np.ndarray:
     """(k, 3) factor by which constraint equations in radians are multiplied [m], 1 for others."""
     scale = np.ones((system.multipliers.node.size, 3))
-    if system.along:
-        rows = system.along.rows
+    if system.scalar:
+        rows = system.scalar.equations
         scale[rows.place[:, 0], rows.place[:, 1]] = rows.scale
     return scale
 
 
-def _mass(system: System, start: Start) -> np.ndarray:
+def _mass(system: System, start: SystemWorkspace) -> np.ndarray:
     """(3 nodes, 3 nodes) mass matrix of all rigid bodies, inertial axes."""
     nodes, bodies = node_count(system), system.bodies
     M = np.zeros((nodes, 3, nodes, 3))

@@ -23,7 +23,7 @@ from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.midpoint import equations, free_equations, newton
 from msahl.schemes.midpoint.workspace import new_workspace
 from msahl.system import evaluate
-from msahl.system.arrays import new_start, node_count
+from msahl.system.arrays import new_system_workspace, node_count
 from msahl.system.build import build_system
 from msahl.system.names import joint_columns
 from msahl.system.reductions import all_unknowns
@@ -77,7 +77,7 @@ class Step:
         self.state = build_state(model, self.system)
         if reaction is not None:
             self.state.reaction[:] = reaction(self.state.reaction.shape)
-        self.start = new_start(self.system, self.state)
+        self.start = new_system_workspace(self.system, self.state)
         evaluate.prepare(self.system, self.state, self.start)
         self.unknowns = choose(self.system, all_unknowns(self.system))
         self.shape = (node_count(self.system), 3)
@@ -139,7 +139,7 @@ class Step:
 
     def elastic(self):
         """Energy of all springs in the prepared state [J]."""
-        if self.system.along is None:
+        if self.system.scalar is None:
             return 0.0
         violation = np.zeros_like(self.state.violation)
         evaluate.observe(self.system, self.state, self.start, violation, violation.copy())
@@ -149,8 +149,8 @@ class Step:
         """(k, 3) [N or N m], and what their rows opened by over the step [m or rad]."""
         nodes = self.system.multipliers.node
         scale = np.ones((nodes.size, 3))
-        if self.system.along:
-            rows = self.system.along.rows
+        if self.system.scalar:
+            rows = self.system.scalar.equations
             scale[rows.place[:, 0], rows.place[:, 1]] = rows.scale
         lam = self.Z[nodes] * self.system.unit / self.dt2
         return lam, self.residual(self.Z)[nodes] / scale

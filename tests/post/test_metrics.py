@@ -15,7 +15,7 @@ from msahl.post.table import as_csv, as_json, as_text
 from msahl.post.tolerance import Tolerance
 from msahl.results.read import ResultError, read_run, read_table
 from msahl.system import evaluate
-from msahl.system.arrays import new_start
+from msahl.system.arrays import new_system_workspace
 from msahl.system.build import build_system
 from msahl.system.state import build_state
 from tests.support.run_folders import (
@@ -110,7 +110,7 @@ def test_recall_undoes_publish(tmp_path):
     rng = np.random.default_rng(5)
     for array in (state.x, state.p, state.v, state.w):
         array[0] = rng.normal(size=3)
-    start, table = new_start(system, state), np.zeros((1, 12))
+    start, table = new_system_workspace(system, state), np.zeros((1, 12))
     evaluate.prepare(system, state, start)
     rigid_body.write_states(system.bodies, state.x, state.p, start.frames, state.w, table, 0)
     rigid_body.read_states(system.bodies, table, 0, found.x, found.p, found.v, found.w)

@@ -7,7 +7,7 @@ from msahl.schemes.collocation import equations
 from msahl.schemes.collocation.tableau import new_tableau
 from msahl.schemes.collocation.workspace import new_stage_arrays
 from msahl.system import evaluate
-from msahl.system.arrays import new_start, node_count
+from msahl.system.arrays import new_system_workspace, node_count
 from msahl.system.build import build_system
 from msahl.system.reductions import all_unknowns
 from msahl.system.state import build_state
@@ -22,7 +22,7 @@ class Step:
         self.h = h
         self.system = build_system(model)
         self.state = build_state(model, self.system)
-        self.start = new_start(self.system, self.state)
+        self.start = new_system_workspace(self.system, self.state)
         evaluate.prepare(self.system, self.state, self.start)
         self.unknowns = choose(self.system, all_unknowns(self.system))
         tableau = new_tableau(scheme, self.degree)

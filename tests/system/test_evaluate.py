@@ -6,7 +6,7 @@ import pytest
 from msahl.algebra.rotation import compose, from_step_turn, matrix
 from msahl.algebra.vector import at
 from msahl.system import evaluate
-from msahl.system.arrays import new_start
+from msahl.system.arrays import new_system_workspace
 from msahl.system.build import build_system
 from msahl.system.state import build_state
 from tests.support.element_samples import ELEMENTS
@@ -70,8 +70,8 @@ def test_derivatives_are_those_of_the_forces_and_constraints(name):
     state.reaction[:] = rng.normal(size=state.reaction.shape)
     here = evaluate.evaluate_at(system, state)
     holonomic = np.ones(here.equation.size, dtype=bool)
-    if system.along:
-        holonomic[system.coincide.a.size * 3 :] = system.along.rows.holonomic
+    if system.scalar:
+        holonomic[system.coincide.a.size * 3 :] = system.scalar.equations.holonomic
     for _ in range(2):
         direction = rng.normal(size=here.coordinate.size)
         force, violation, _ = differences(system, state, direction, moved)
@@ -90,7 +90,7 @@ def test_forces_are_those_of_the_solvers_in_plain_units():
     system = build_system(model)
     state = build_state(model, system)
     here = evaluate.evaluate_at(system, state)
-    start = new_start(system, state)
+    start = new_system_workspace(system, state)
     evaluate.prepare(system, state, start)
     rows = np.zeros((evaluate.node_count(system), 3))
     evaluate.free_acceleration(system, state, start, np.zeros_like(rows), rows)

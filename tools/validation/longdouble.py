@@ -21,7 +21,7 @@ from numpy.polynomial import Polynomial
 
 from msahl.algebra.rotation import compose, from_step_turn
 from msahl.algebra.vector import add, at, put, scale
-from msahl.elements import along
+from msahl.elements.constraints import scalar
 from msahl.jit.kernel import MARKED
 from msahl.model import Model
 from msahl.run.subsystem import SubsystemIntegrator
@@ -171,7 +171,7 @@ def settle(island: CollocationWorkspace) -> None:
     # What a round leaves over is quadratic: nothing, after one of round-off.
     for _ in range(1 + accelerations.projection_rounds(system)):
         evaluate.observe(system, state, start, watch.gap, watch.rate)
-        along.in_metres(system.along, watch.gap, watch.rate)
+        scalar.in_metres(system.scalar, watch.gap, watch.rate)
         accelerations.solve_projection(system, state, start, watch.gap, room)
         for b in range(length.size - 1):
             turn = scale(1.0 / length[b], at(room.solution, 2 * b + 1))

@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import PIECES, Laws, piece_of
-from msahl.elements import along, forces
+from msahl.elements import forces
+from msahl.elements.constraints import scalar
 from msahl.jit.kernel import apart, kernel
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.system.arrays import System
@@ -45,17 +46,17 @@ class Breakpoints(NamedTuple):
 
 def new_breakpoints(system: System) -> Breakpoints:
     """Return the breakpoints of a ``system``."""
-    laws, group = system.laws, system.along
+    laws, group = system.laws, system.scalar
     timed = set(forces.laws_of_time(system.forces))
     tables = [*forces.laws_of_coordinates(system.forces)]
     if group:
         timed |= set(group.rows.law.tolist())
         rows = group.rows
-        tables += zip(rows.function, rows.quantity[:, 1], np.zeros(len(rows.law)), strict=True)
+        tables += zip(rows.function, rows.coordinate[:, 1], np.zeros(len(rows.law)), strict=True)
     tables = [entry for entry in tables if entry[0] >= 0 and laws.kind[entry[0]] == PIECES]
     wanted = [law for law in sorted(timed) if law >= 0 and laws.kind[law] == PIECES]
     friction, width = forces.rate_breakpoints(system.forces)
-    places = (3, group.quantities.kind.size if group else 0)
+    places = (3, group.coordinates.kind.size if group else 0)
     return Breakpoints(
         time_laws=np.array(wanted, dtype=np.int64),
         table=np.array([table for table, _, _ in tables], dtype=np.int64),
@@ -86,7 +87,7 @@ def save_coordinates(breakpoints: Breakpoints, workspace: Workspace, place: int)
     if breakpoints.table.size + breakpoints.friction.size > 0:
         start = workspace.start
         value, rate = breakpoints.value[place], breakpoints.rate[place]
-        along.values(workspace.system.along, start.along, start.frames, value, rate)
+        scalar.values(workspace.system.scalar, start.scalar, start.frames, value, rate)
 
 
 @apart
@@ -96,7 +97,7 @@ def first_crossing(breakpoints: Breakpoints, system: System, h: float) -> float:
     """
     part, value, rate = 1.0, breakpoints.value, breakpoints.rate
     for k in range(breakpoints.table.size):
-        q, laws, table = breakpoints.coordinate[k], system.laws, breakpoints.table[k]
+        q, laws, table = breakpoints.quantity[k], system.laws, breakpoints.table[k]
         x0, x1, x2 = (
             value[0, q] - breakpoints.origin[k],
             value[1, q] - breakpoints.origin[k],

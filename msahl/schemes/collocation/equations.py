@@ -54,7 +54,8 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import along, forces
+from msahl.elements import forces
+from msahl.elements.constraints import scalar
 from msahl.elements.constraints import coincide
 from msahl.elements.frames import (
     Frames,
@@ -69,13 +70,13 @@ from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import jacobian, local_rotation
 from msahl.schemes.collocation.workspace import StageArrays, moment_for_parameters, set_node
 from msahl.schemes.midpoint import equations
-from msahl.system.arrays import Start, State, System
+from msahl.system.arrays import SystemWorkspace, State, System
 from msahl.system.evaluate import prepare
 
 
 @kernel
 def evaluate(
-    system: System, state: State, start: Start, stages: StageArrays, h: float, fresh: bool
+    system: System, state: State, start: SystemWorkspace, stages: StageArrays, h: float, fresh: bool
 ) -> float:
     """Set ``stages.F`` to the equations of the step at ``stages.Z``, and impulses and work; where
     ``fresh``, set ``stages.values`` to their derivative as well. Return the length of the step [m],
@@ -113,7 +114,7 @@ def evaluate(
 
 
 @kernel
-def _clear(system: System, start: Start, stages: StageArrays, h: float) -> None:
+def _clear(system: System, start: SystemWorkspace, stages: StageArrays, h: float) -> None:
     """Set the equations to their terms without forces, and clear the sums."""
     frames, bodies, F = system.frames, system.bodies, stages.F
     for node in range(stages.impulse.shape[0]):
@@ -148,18 +149,18 @@ def moment_scale(system: System, b: int) -> float:
 
 @kernel
 def _enter_violations(
-    system: System, state: State, start: Start, stages: StageArrays, h: float, k: int
+    system: System, state: State, start: SystemWorkspace, stages: StageArrays, h: float, k: int
 ) -> None:
     """Set the constraint equations of stage ``k`` to their violation after the increments."""
     if k < 0:
         return
     frames, violation = system.frames, stages.violation
     t, dt = state.time[0], h * stages.tableau.constraint_time[k]
-    coincide.close(system.coincide, start.coincide, frames, stages.increments, violation)
-    along.hold(
-        system.along, start.along, frames, state.violation, t, dt, stages.increments, violation
+    coincide.set_violations(system.coincide, start.coincide, frames, stages.increments, violation)
+    scalar.add_constraint_forces(
+        system.scalar, start.scalar, frames, state.violation, t, dt, stages.increments, violation
     )
-    along.strain(system.along, start.along, 1.0, stages.load_scale)
+    scalar.raise_term_sizes(system.scalar, start.scalar, 1.0, stages.load_scale)
     for node in range(first_multiplier(frames), violation.shape[0]):
         put(stages.F[k], node, at(violation, node))
 
@@ -178,10 +179,10 @@ def _set_constraint_accelerations(
     for n in range(first, row.shape[0]):
         # The midpoint kernels turn an unknown into a force by unit/dt2; here dt2 = -1.
         put(stages.at_rest, n, scale(-2.0 / (h * h), at(stages.Z[k], n)))
-    coincide.hold(system.coincide, node.coincide, frames, -1.0, stages.at_rest, row)
+    coincide.subtract_forces(system.coincide, node.coincide, frames, -1.0, stages.at_rest, row)
     violation, t = stages.state.violation, stages.state.time[0]
-    along.hold(system.along, node.along, frames, violation, 0.0, 0.0, stages.at_rest, row)
-    along.motion_work(system.along, frames, t, -h * weight, stages.at_rest, stages.work)
+    scalar.add_constraint_forces(system.scalar, node.scalar, frames, violation, 0.0, 0.0, stages.at_rest, row)
+    scalar.motion_work(system.scalar, frames, t, -h * weight, stages.at_rest, stages.work)
 
 
 @kernel
@@ -196,14 +197,14 @@ def _set_force_accelerations(system: System, stages: StageArrays, h: float, i: i
         put(row, displacement_node(frames, b), g)
         put(row, rotation_node(frames, b), ZERO)
     motion, dt = node.frames, h * stages.tableau.force_weight[i]
-    group, reaction = system.along, stages.reaction[i]
-    along.rates(group, node.along, frames, motion.v, motion.W, stages.at_rest)
+    group, reaction = system.scalar, stages.reaction[i]
+    scalar.rates(group, node.scalar, frames, motion.v, motion.W, stages.at_rest)
     forces.set_node(system.forces, node.forces, stages.factor[i], motion.R)
-    forces.add_forces(system.forces, node.forces, group, node.along, frames, motion, reaction, row)
+    forces.add_forces(system.forces, node.forces, group, node.scalar, frames, motion, reaction, row)
     forces.add_power(
-        system.forces, node.forces, group, node.along, motion, reaction, dt, stages.work
+        system.forces, node.forces, group, node.scalar, motion, reaction, dt, stages.work
     )
-    along.roll(system.along, node.along, frames, h, stages.F[i])
+    scalar.set_rate_equations(system.scalar, node.scalar, frames, h, stages.F[i])
 
 
 @kernel
@@ -215,7 +216,7 @@ def _enter_accelerations(system: System, stages: StageArrays, h: float, k: int, 
     weights, share = tableau.chi[:, k], h * tableau.multiplier_weight[k]
     if k < 0:
         weights, share = tableau.alpha[:, i], h * tableau.force_weight[i]
-    along.strain(system.along, stages.start.along, h * h, stages.load_scale)
+    scalar.raise_term_sizes(system.scalar, stages.start.scalar, h * h, stages.load_scale)
     for b in range(moving_count(frames)):
         a = at(stages.accelerations, displacement_node(frames, b))
         alpha = moment_for_parameters(frames, stages, b)
@@ -228,7 +229,7 @@ def _enter_accelerations(system: System, stages: StageArrays, h: float, k: int, 
 
 @kernel
 def _enter_rotational_inertia(
-    system: System, start: Start, stages: StageArrays, h: float, i: int
+    system: System, start: SystemWorkspace, stages: StageArrays, h: float, i: int
 ) -> None:
     """Add the rotational inertia at c_i to the equations; save the velocities there."""
     tableau, frames, node_start = stages.tableau, system.frames, stages.start
@@ -281,7 +282,7 @@ def _set_base_change(frames: Frames, stages: StageArrays, h: float, i: int, b: i
 
 
 @kernel
-def accept(system: System, state: State, start: Start, stages: StageArrays, h: float) -> None:
+def accept(system: System, state: State, start: SystemWorkspace, stages: StageArrays, h: float) -> None:
     """Advance ``state`` by the solved step, evaluated last; its velocities may still violate the
     constraints.
     """
@@ -290,7 +291,7 @@ def accept(system: System, state: State, start: Start, stages: StageArrays, h: f
         state.work[w] += stages.work[w]
     for node in range(stages.last_load_scale.size):
         stages.last_load_scale[node] = 0.0
-    along.strain(system.along, stages.start.along, 1.0, stages.last_load_scale)
+    scalar.raise_term_sizes(system.scalar, stages.start.scalar, 1.0, stages.last_load_scale)
     for b in range(bodies.frame.size):
         f = bodies.frame[b]
         u_node, turn_node = displacement_node(frames, f), rotation_node(frames, f)
@@ -320,7 +321,7 @@ def accept(system: System, state: State, start: Start, stages: StageArrays, h: f
     stages.last_step[0], stages.last_step[1] = state.time[0], h
     state.time[0] += h
     prepare(system, state, start)
-    along.count_turns(system.along, start.along, state.angle)
+    scalar.count_rotations(system.scalar, start.scalar, state.angle)
 
 
 @kernel
@@ -332,12 +333,12 @@ def _accept_multipliers(system: System, state: State, stages: StageArrays, h: fl
         for i in range(3):
             force = stages.Z[s - 1, first + k, i] * system.unit[k, i]
             state.force[k, i] = 2.0 / (h * h) * force
-    along.settle(system.along, state.violation)
+    scalar.clear_rate_violations(system.scalar, state.violation)
 
 
 @kernel
 def _set_end_accelerations(
-    system: System, state: State, start: Start, stages: StageArrays, h: float
+    system: System, state: State, start: SystemWorkspace, stages: StageArrays, h: float
 ) -> None:
     """Set the accelerations of the state to the mean ones since the last c_i before the end, for
     the prediction of a step of another size.

@@ -24,14 +24,15 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import along, forces
+from msahl.elements import forces
+from msahl.elements.constraints import scalar
 from msahl.elements.constraints import coincide
 from msahl.elements.constraints.products import add_block
 from msahl.elements.frames import first_multiplier, rotation_node
 from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.workspace import BODY, VIOLATION, StageArrays, moment_for_parameters
-from msahl.system.arrays import Start, System
+from msahl.system.arrays import SystemWorkspace, System
 
 
 @kernel
@@ -55,7 +56,7 @@ def add_constraints(system: System, stages: StageArrays, h: float, row: int, k: 
 
 
 @kernel
-def add_forces(system: System, start: Start, stages: StageArrays, h: float, i: int) -> None:
+def add_forces(system: System, start: SystemWorkspace, stages: StageArrays, h: float, i: int) -> None:
     """Add the rotational inertia and the forces at c_i."""
     _add_rotational_inertia(system, start, stages, h, i)
     if not stages.gravity_only:
@@ -73,7 +74,7 @@ def _differentiate_constraints(system: System, stages: StageArrays) -> None:
     for e in range(values.size):
         values[e] = stages.linear[e]
     coincide.jacobian(system.coincide, node.coincide, frames, -1.0, stages.at_rest, values)
-    along.hold_jacobian(system.along, node.along, frames, stages.at_rest, values)
+    scalar.add_constraint_derivatives(system.scalar, node.scalar, frames, stages.at_rest, values)
 
 
 @kernel
@@ -82,14 +83,14 @@ def _differentiate_forces(system: System, stages: StageArrays, i: int) -> None:
     position, rate, node, frames = stages.by_position, stages.by_rate, stages.start, system.frames
     for e in range(position.size):
         position[e], rate[e] = 0.0, 0.0
-    group, still, room = system.along, stages.at_rest, stages.scratch
+    group, still, room = system.scalar, stages.at_rest, stages.scratch
     v, W = node.frames.v, node.frames.W
-    along.differentiate(group, node.along, frames, still)
+    scalar.differentiate(group, node.scalar, frames, still)
     forces.add_derivatives(
         system.forces,
         node.forces,
         group,
-        node.along,
+        node.scalar,
         frames,
         node.frames,
         stages.reaction[i],
@@ -98,7 +99,7 @@ def _differentiate_forces(system: System, stages: StageArrays, i: int) -> None:
         position,
         rate,
     )
-    along.roll_jacobian(group, node.along, frames, v, W, still, room, position, rate)
+    scalar.add_rate_derivatives(group, node.scalar, frames, v, W, still, room, position, rate)
 
 
 @kernel
@@ -220,7 +221,7 @@ def _enter_forces(system: System, stages: StageArrays, h: float, i: int) -> None
 
 @kernel
 def _add_rotational_inertia(
-    system: System, start: Start, stages: StageArrays, h: float, i: int
+    system: System, start: SystemWorkspace, stages: StageArrays, h: float, i: int
 ) -> None:
     """Add the derivatives of the rotational inertia at c_i to the Jacobian.
 

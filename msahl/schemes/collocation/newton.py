@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import copy
-from msahl.elements.along import settle
+from msahl.elements.constraints.scalar import clear_rate_violations
 from msahl.elements.forces import ReactionForces, pressed_by_reactions
 from msahl.elements.frames import first_multiplier
 from msahl.jit.kernel import apart, kernel
@@ -193,7 +193,7 @@ def remove_null_violation(subsystem: CollocationWorkspace) -> None:
         if node >= first:
             for n in range(s):
                 violation[node - first, i] -= 2.0 * system.relaxation * chi[s - 1, n] * y[k, n]
-    settle(system.along, violation)
+    clear_rate_violations(system.scalar, violation)
 
 
 @kernel

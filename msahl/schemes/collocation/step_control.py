@@ -117,7 +117,7 @@ def new_step_control(
         x_middle=np.zeros_like(state.x),
         p_middle=np.zeros_like(state.p),
         work=np.zeros_like(state.work),
-        checks_rows=system.along is not None
+        checks_rows=system.scalar is not None
         or max(forces.laws_of_time(system.forces), default=-1) >= 0,
         breakpoints=new_breakpoints(system),
     )
@@ -201,7 +201,7 @@ def pair_size(subsystem: CollocationWorkspace, wanted: float, left: float) -> fl
     """
     workspace, h = subsystem.workspace, wanted
     speed = largest_angular_speed(workspace.start.frames.W)
-    if workspace.system.along is not None and h * speed > MAX_ROTATION:
+    if workspace.system.scalar is not None and h * speed > MAX_ROTATION:
         h = MAX_ROTATION / speed
     if h > left * (1.0 - 1e-9):
         h = left
@@ -240,7 +240,7 @@ def choose_next_size(
     figures[BEST] = growth * h
     good = error <= max(share, round_off)
     speed = max(largest_angular_speed(control.middle.W), largest_angular_speed(control.end.W))
-    if subsystem.workspace.system.along is not None and h * speed > 2.0 * MAX_ROTATION:
+    if subsystem.workspace.system.scalar is not None and h * speed > 2.0 * MAX_ROTATION:
         good, growth = False, MAX_ROTATION / (h * speed)
     if good:
         figures[NEXT] = max(figures[NEXT], growth * h) if h < figures[NEXT] else growth * h

@@ -53,7 +53,7 @@ class CollocationMethod:
     @property
     def kind(self) -> str:
         """See ``StepMethod``."""
-        kind = "points" if self.workspace.system.along is None else "along"
+        kind = "points" if self.workspace.system.scalar is None else "along"
         friction = "" if self.subsystem.pressed is None else "-friction"
         return f"{kind}{friction}-collocation"
 

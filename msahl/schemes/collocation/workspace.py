@@ -18,7 +18,8 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import along, forces
+from msahl.elements import forces
+from msahl.elements.constraints import scalar
 from msahl.elements.frames import (
     Frames,
     displacement,
@@ -32,7 +33,7 @@ from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.tableau import Tableau
 from msahl.system import evaluate
-from msahl.system.arrays import Start, State, System, new_start, node_count
+from msahl.system.arrays import SystemWorkspace, State, System, new_system_workspace, node_count
 from msahl.system.unknowns import Unknowns
 
 BODY, FORCE, VIOLATION, MULTIPLIER = range(4)
@@ -58,7 +59,7 @@ class StageArrays(NamedTuple):
     inverse_inertia: np.ndarray  # (b, 3, 3) of the bodies, body axes [1/(kg m^2)]
     # At the node
     state: State
-    start: Start
+    start: SystemWorkspace
     parameters: np.ndarray  # (f, 3) c, the rotation since the start of the step
     parameter_rates: np.ndarray  # (f, 3) c_dot [1/s]
     tangent: np.ndarray  # (f, 3, 3) H(c)
@@ -117,10 +118,10 @@ def new_stage_arrays(
         is_rate_row=_rate_rows(system)[needed],
         slot=slot,
         source=slot[unknowns.elimination.source],
-        gravity_only=system.along is None and not forces.acts_at_points(system.forces),
+        gravity_only=system.scalar is None and not forces.acts_at_points(system.forces),
         inverse_inertia=np.linalg.inv(system.bodies.inertia),
         state=node_state,
-        start=new_start(system, node_state),
+        start=new_system_workspace(system, node_state),
         parameters=np.zeros(vectors),
         parameter_rates=np.zeros(vectors),
         tangent=np.zeros((*vectors, 3)),
@@ -158,8 +159,8 @@ def new_stage_arrays(
 def _rate_rows(system: System) -> np.ndarray:
     """(9 m,) which entries of the Jacobian are in constraint equations between rates."""
     rows = np.zeros((node_count(system), 3), dtype=bool)
-    if system.along:
-        group = system.along.rows
+    if system.scalar:
+        group = system.scalar.equations
         place = group.place[~group.holonomic]
         rows[first_multiplier(system.frames) + place[:, 0], place[:, 1]] = True
     return np.repeat(rows[system.blocks[:, 0]].reshape(-1), 3)
@@ -203,7 +204,7 @@ def set_node(system: System, state: State, stages: StageArrays, h: float, n: int
         )
     for q in range(node.angle.size):
         node.angle[q] = state.angle[q]
-    along.count_turns(system.along, stages.start.along, node.angle)
+    scalar.count_rotations(system.scalar, stages.start.scalar, node.angle)
 
 
 @kernel

@@ -31,7 +31,8 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import along, forces, reactions, rigid_body
+from msahl.elements import forces, reactions, rigid_body
+from msahl.elements.constraints import scalar
 from msahl.elements.constraints import coincide
 from msahl.elements.frames import (
     displacement_node,
@@ -42,19 +43,19 @@ from msahl.elements.frames import (
     rotation_node,
 )
 from msahl.jit.kernel import kernel
-from msahl.system.arrays import Start, State, System, Tables
+from msahl.system.arrays import SystemWorkspace, State, System, Tables
 from msahl.system.evaluate import dt2, joint_jacobian, set_reactions
 
 
 @kernel
-def set_loads(system: System, state: State, start: Start, h: float) -> bool:
+def set_loads(system: System, state: State, start: SystemWorkspace, h: float) -> bool:
     """Set the loads to their means over a step ``h``; whether they have first moments, too."""
     t, R = state.time[0], start.frames.R
     return forces.over_step(system.forces, start.forces, t, h, R)
 
 
 @kernel
-def predict(system: System, state: State, start: Start, h: float, Z: np.ndarray) -> None:
+def predict(system: System, state: State, start: SystemWorkspace, h: float, Z: np.ndarray) -> None:
     """First guess of the unknowns: accelerations and joint forces go on as they changed last.
 
     Offsets by the loads are not in it: a step is judged by how far it leads beyond its guess.
@@ -114,33 +115,33 @@ def save_change(trend: np.ndarray, k: int, change: Vector) -> None:
 
 @kernel
 def residual(
-    system: System, state: State, start: Start, h: float, Z: np.ndarray, F: np.ndarray
+    system: System, state: State, start: SystemWorkspace, h: float, Z: np.ndarray, F: np.ndarray
 ) -> None:
     """Set ``F`` (nodes, 3) to the rows of the step's equations at ``Z`` [m]."""
     h2 = dt2(system, h)
     frames, t = system.frames, state.time[0]
     rigid_body.residual(system.bodies, frames, start.bodies, start.frames, h, h2, Z, F)
     coincide.residual(system.coincide, start.coincide, frames, h2, Z, F)
-    along.residual(system.along, start.along, frames, state.violation, t, h, h2, Z, F)
+    scalar.residual(system.scalar, start.scalar, frames, state.violation, t, h, h2, Z, F)
     forces.mean_residual(
-        system.forces, start.forces, system.along, start.along, frames, h, h2, Z, F
+        system.forces, start.forces, system.scalar, start.scalar, frames, h, h2, Z, F
     )
 
 
 @kernel
-def jacobian(system: System, start: Start, h: float, Z: np.ndarray, values: np.ndarray) -> None:
+def jacobian(system: System, start: SystemWorkspace, h: float, Z: np.ndarray, values: np.ndarray) -> None:
     """Set the block ``values`` to the derivative of the rows by the unknowns, after ``residual``
     at the same ``Z``.
     """
     joint_jacobian(system, start, h, Z, values)
     h2 = dt2(system, h)
     forces.mean_jacobian(
-        system.forces, start.forces, system.along, start.along, system.frames, h, h2, Z, values
+        system.forces, start.forces, system.scalar, start.scalar, system.frames, h, h2, Z, values
     )
 
 
 @kernel
-def step_length(system: System, start: Start, h: float, Z: np.ndarray) -> float:
+def step_length(system: System, start: SystemWorkspace, h: float, Z: np.ndarray) -> float:
     """The step's own length [m], by which a residual is judged: its largest term."""
     largest = 0.0
     for i in range(3):
@@ -157,16 +158,16 @@ def step_length(system: System, start: Start, h: float, Z: np.ndarray) -> float:
 
 @kernel
 def accept(
-    system: System, state: State, start: Start, h: float, Z: np.ndarray, F: np.ndarray
+    system: System, state: State, start: SystemWorkspace, h: float, Z: np.ndarray, F: np.ndarray
 ) -> None:
     """Advance ``state`` by the solved step; ``F`` is the residual at ``Z``, evaluated last."""
     frames, bodies, t, h2 = system.frames, system.bodies, state.time[0], dt2(system, h)
     decay, per_step = system.decay, h / dt2(system, h)
     loss, gained = 0.0, 0.0
     forces.mean_work(
-        system.forces, start.forces, system.along, start.along, frames, h, Z, state.work
+        system.forces, start.forces, system.scalar, start.scalar, frames, h, Z, state.work
     )
-    along.accept(system.along, start.along, frames, t, h, h2, Z, state.angle, state.work)
+    scalar.accept(system.scalar, start.scalar, frames, t, h, h2, Z, state.angle, state.work)
     for b in range(moving_count(frames)):
         u = at(Z, displacement_node(frames, b))
         Q = rotation_increment(frames, Z, b)
@@ -199,7 +200,7 @@ def accept(
         forces.work_of_first(system.forces, start.forces, h, state.a, state.alpha, lost, state.work)
     state.foresight[0] = 1.0 if gained >= 0.0 else 0.0
     if decay.chi > 0.0:
-        loss += forces.smooth(system.forces, start.forces, system.along, start.along, decay.pole)
+        loss += forces.smooth(system.forces, start.forces, system.scalar, start.scalar, decay.pole)
         state.work[state.work.size - 1] -= loss
     _enter_multipliers(system, state, start, h, Z, F)
     state.time[0] += h
@@ -207,7 +208,7 @@ def accept(
 
 @kernel
 def _enter_multipliers(
-    system: System, state: State, start: Start, h: float, Z: np.ndarray, F: np.ndarray
+    system: System, state: State, start: SystemWorkspace, h: float, Z: np.ndarray, F: np.ndarray
 ) -> None:
     """Set joint forces, reactions and gaps of the state from the solution."""
     first = first_multiplier(system.frames)
@@ -217,16 +218,16 @@ def _enter_multipliers(
             state.force[k, i] = Z[first + k, i] * system.unit[k, i] / dt2(system, h)
             state.violation[k, i] = F[first + k, i]
         save_change(state.force_trend, k, sub(at(state.force, k), before))
-    along.follow(system.along, state.reaction, state.reaction_trend, 0.0, -1.0)
+    scalar.update_reaction_trend(system.scalar, state.reaction, state.reaction_trend, 0.0, -1.0)
     set_reactions(system, state, start, Z)
-    along.follow(system.along, state.reaction, state.reaction_trend, 1.0, 1.0)
+    scalar.update_reaction_trend(system.scalar, state.reaction, state.reaction_trend, 1.0, 1.0)
 
 
 @kernel
 def write_row(
     system: System,
     state: State,
-    start: Start,
+    start: SystemWorkspace,
     h: float,
     mean_reaction: np.ndarray,
     mean_force: np.ndarray,
@@ -237,9 +238,9 @@ def write_row(
     rigid_body.write_states(
         system.bodies, state.x, state.p, start.frames, state.w, tables.states, row
     )
-    reactions.publish(
+    reactions.write_reactions(
         system.shown,
-        system.along,
+        system.scalar,
         mean_reaction,
         mean_force,
         state.time[0] - 0.5 * h,

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from msahl.elements import along
+from msahl.elements.constraints import scalar
 from msahl.jit.kernel import kernel
 from msahl.linalg import dense
 from msahl.schemes.midpoint import equations
@@ -74,7 +74,7 @@ def relative_residual(workspace: Workspace, h: float) -> tuple[float, int, float
     for i in range(free.size):
         unknown = free[i]
         node = unknown // 3
-        row = abs(F[node, unknown % 3]) * along.relief(system.along, start.along, node, length)
+        row = abs(F[node, unknown % 3]) * scalar.tolerance_factor(system.scalar, start.scalar, node, length)
         # Written so that a nan counts as the largest of all.
         if not row <= largest:
             worst, largest = unknown, row

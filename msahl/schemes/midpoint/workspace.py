@@ -7,7 +7,7 @@ import numpy as np
 from msahl.jit.kernel import kernel
 from msahl.schemes.midpoint import equations
 from msahl.system import evaluate
-from msahl.system.arrays import Start, State, System, Tables, new_start, new_tables, node_count
+from msahl.system.arrays import SystemWorkspace, State, System, Tables, new_system_workspace, new_tables, node_count
 from msahl.system.diagnostics import Monitor, look, new_monitor
 from msahl.system.unknowns import Unknowns
 
@@ -18,7 +18,7 @@ class Workspace(NamedTuple):
     system: System
     unknowns: Unknowns
     state: State
-    start: Start
+    start: SystemWorkspace
     Z: np.ndarray  # (nodes, 3) unknowns of the step
     F: np.ndarray  # (nodes, 3) its equations
     values: np.ndarray  # block values of the Jacobian
@@ -39,7 +39,7 @@ def new_workspace(system: System, unknowns: Unknowns, state: State, chunk: int) 
         system=system,
         unknowns=unknowns,
         state=state,
-        start=new_start(system, state),
+        start=new_system_workspace(system, state),
         Z=np.zeros(nodes),
         F=np.zeros(nodes),
         values=np.zeros_like(system.constant),
