@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import ZERO, Vector, add, at, axpy, cross, matrix_at, put, sub, times
-from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.constraints.coordinates import CoordinatesWorkspace
 from msahl.elements.constraints.equations import coefficients, law_rate
 from msahl.elements.constraints.products import Q_B, U_B
+from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.frames import Frames, mean
 from msahl.jit.kernel import kernel
 
@@ -39,7 +39,9 @@ class Reactions(NamedTuple):
 
 
 @kernel
-def prepare(group: Reactions, scalar: ScalarConstraints | None, R: np.ndarray, r: np.ndarray) -> None:
+def prepare(
+    group: Reactions, scalar: ScalarConstraints | None, R: np.ndarray, r: np.ndarray
+) -> None:
     """Carry the arms into inertial axes (j, 3); points alone exert no moments."""
     if scalar is None:
         return
@@ -48,7 +50,7 @@ def prepare(group: Reactions, scalar: ScalarConstraints | None, R: np.ndarray, r
 
 
 @kernel
-def gather(
+def sum_reactions(
     group: Reactions,
     scalar: ScalarConstraints | None,
     start: ScalarWorkspace,
@@ -79,7 +81,11 @@ def gather(
 
 @kernel
 def _of_rows(
-    group: Reactions, scalar: ScalarConstraints, start: ScalarWorkspace, multipliers: np.ndarray, j: int
+    group: Reactions,
+    scalar: ScalarConstraints,
+    start: ScalarWorkspace,
+    multipliers: np.ndarray,
+    j: int,
 ) -> tuple[Vector, Vector]:
     """Force of joint ``j``'s rows on the child, and their moment about its mass centre."""
     force, moment = ZERO, ZERO
@@ -101,7 +107,7 @@ def _part_force(start: CoordinatesWorkspace, q: int, part: int) -> Vector:
 
 
 @kernel
-def publish(
+def write_reactions(
     shown: Shown,
     scalar: ScalarConstraints | None,
     reaction: np.ndarray,
@@ -129,7 +135,7 @@ def publish(
 
 
 @kernel
-def stands(reaction: np.ndarray, last: np.ndarray) -> bool:
+def is_unchanged(reaction: np.ndarray, last: np.ndarray) -> bool:
     """Whether the reactions (j, 6) are those of the ``last`` round, but for round-off."""
     change, size = 0.0, 0.0
     for j in range(reaction.shape[0]):

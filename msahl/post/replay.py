@@ -12,8 +12,8 @@ import numpy as np
 
 from msahl.algebra.vector import at, put
 from msahl.elements import forces
-from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.constraints import coordinates
+from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.frames import FramesWorkspace
 from msahl.elements.rigid_body import RigidBodies, energy, read_states
 from msahl.jit.compiled import compiled
@@ -21,7 +21,7 @@ from msahl.jit.kernel import kernel
 from msahl.model import Model
 from msahl.results.read import Run
 from msahl.system import evaluate
-from msahl.system.arrays import SystemWorkspace, State, System, new_system_workspace
+from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace
 from msahl.system.build import build_system
 from msahl.system.state import build_state
 
@@ -137,7 +137,9 @@ def _observe_rows(
         evaluate.prepare(system, state, start)
         _count(system.scalar, start.scalar, start.frames, state.angle, 0.5 * h)
         evaluate.observe(system, state, start, violation[row], rate[row])
-        elastic[row] = forces.elastic_energy(system.forces, start.forces, system.scalar, start.scalar)
+        elastic[row] = forces.elastic_energy(
+            system.forces, start.forces, system.scalar, start.scalar
+        )
         for b in range(state.x.shape[0]):
             put(history.x[row], b, at(state.x, b))
             put(history.p[row], b, at(state.p, b))
@@ -146,7 +148,9 @@ def _observe_rows(
 
 
 @kernel
-def _expect(scalar: ScalarConstraints | None, start: ScalarWorkspace, angle: np.ndarray, h: float) -> None:
+def _expect(
+    scalar: ScalarConstraints | None, start: ScalarWorkspace, angle: np.ndarray, h: float
+) -> None:
     """Carry the angles on by the quantities' rates of ``start``, over ``h`` [s]."""
     if scalar is None:
         return
@@ -156,7 +160,11 @@ def _expect(scalar: ScalarConstraints | None, start: ScalarWorkspace, angle: np.
 
 @kernel
 def _count(
-    scalar: ScalarConstraints | None, start: ScalarWorkspace, frames: FramesWorkspace, angle: np.ndarray, h: float
+    scalar: ScalarConstraints | None,
+    start: ScalarWorkspace,
+    frames: FramesWorkspace,
+    angle: np.ndarray,
+    h: float,
 ) -> None:
     """Count the angles on to those of the prepared row.
 

@@ -15,7 +15,13 @@ from msahl.start.positions import assemble
 from msahl.start.redundancy import constraint_rank, is_regular, non_unique_reactions
 from msahl.start.velocities import StartError, make_consistent, solve_accelerations
 from msahl.system import evaluate
-from msahl.system.arrays import State, System, multiplier_count, new_system_workspace, coordinate_count
+from msahl.system.arrays import (
+    State,
+    System,
+    coordinate_count,
+    multiplier_count,
+    new_system_workspace,
+)
 from msahl.system.build import build_system
 from msahl.system.nonfinite import find_nonfinite, overflow
 from msahl.system.reductions import (

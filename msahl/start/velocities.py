@@ -23,7 +23,7 @@ from msahl.elements.frames import first_multiplier, moving_count
 from msahl.elements.reactions import MOST_ROUNDS
 from msahl.linalg import sparse_lu
 from msahl.system import evaluate
-from msahl.system.arrays import SystemWorkspace, State, System, new_system_workspace, node_count
+from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
 from msahl.system.evaluate import jacobian_at_rest
 from msahl.system.unknowns import Unknowns, choose
 
@@ -117,7 +117,9 @@ def solve_accelerations(system: System, state: State, unknowns: Unknowns) -> Non
         state.alpha[:] = solution[frames.rotation] / frames.length[:, None]
         state.force[:] = solution[first_multiplier(frames) :] * system.unit
         evaluate.set_reactions(system, state, start, Z)
-        if not forces.depend_on_reactions(system.forces) or reactions.is_unchanged(state.reaction, last):
+        if not forces.depend_on_reactions(system.forces) or reactions.is_unchanged(
+            state.reaction, last
+        ):
             break
 
 

@@ -22,7 +22,7 @@ from msahl.schemes.accelerations import Instant, new_instant, solve_least
 from msahl.start.redundancy import is_regular
 from msahl.study.start import first_state
 from msahl.system import evaluate
-from msahl.system.arrays import SystemWorkspace, State, System, new_system_workspace
+from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace
 
 SIZE = 13
 """Numbers of a body in y."""
@@ -66,14 +66,18 @@ def _prepare(system: System, state: State, start: SystemWorkspace) -> None:
 
 
 @kernel
-def _free(system: System, state: State, start: SystemWorkspace, room: Instant, y: np.ndarray) -> None:
+def _free(
+    system: System, state: State, start: SystemWorkspace, room: Instant, y: np.ndarray
+) -> None:
     _unpack(y, state)
     _prepare(system, state, start)
     accelerations.assemble(system, state, start, room)
 
 
 @kernel
-def _rates(system: System, start: SystemWorkspace, room: Instant, y: np.ndarray, dy: np.ndarray) -> None:
+def _rates(
+    system: System, start: SystemWorkspace, room: Instant, y: np.ndarray, dy: np.ndarray
+) -> None:
     """Read ``dy`` off the accelerations in ``room``."""
     for b in range(y.size // SIZE):
         k = SIZE * b
@@ -93,7 +97,12 @@ def _rates(system: System, start: SystemWorkspace, room: Instant, y: np.ndarray,
 
 @kernel
 def _all_rates(
-    system: System, state: State, start: SystemWorkspace, room: Instant, y: np.ndarray, dy: np.ndarray
+    system: System,
+    state: State,
+    start: SystemWorkspace,
+    room: Instant,
+    y: np.ndarray,
+    dy: np.ndarray,
 ) -> None:
     _unpack(y, state)
     _prepare(system, state, start)

@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws
-from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.constraints.coincide import Coincide, CoincideWorkspace
 from msahl.elements.constraints.coordinates import MOST, Coordinates, CoordinatesWorkspace
 from msahl.elements.constraints.products import ProductsWorkspace
+from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.forces import Forces, ForcesWorkspace, energy_columns
 from msahl.elements.forces import new_workspace as new_forces_workspace
 from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier

@@ -7,11 +7,11 @@ import numpy as np
 
 from msahl.algebra.functions import Law, Laws, build_laws
 from msahl.algebra.vector import ZERO, Vector, sub
-from msahl.elements.constraints.scalar import ScalarConstraints
 from msahl.elements.constraints.coincide import Coincide
 from msahl.elements.constraints.coordinates import Coordinates
 from msahl.elements.constraints.equations import ConstraintEquations
 from msahl.elements.constraints.products import DOT, PARTS, Products
+from msahl.elements.constraints.scalar import ScalarConstraints
 from msahl.elements.forces import Forces
 from msahl.elements.forces.concentrated import ConcentratedLoads
 from msahl.elements.forces.drag import Drags
@@ -24,9 +24,9 @@ from msahl.joints.joint import (
     CHILD,
     GROUND,
     PARENT,
+    Coordinate,
     Equation,
     Product,
-    Coordinate,
     X,
     Y,
     Z,
@@ -346,7 +346,9 @@ class _Builder:
         b = np.array([pair.b for _, pair in self.coincide], dtype=np.int64)
         mass = 1.0 / (frames.inverse_mass[a] + frames.inverse_mass[b])
         first = first_multiplier(frames)
-        moment_by_rotation, moment_by_force, constraint_by_rotation = np.zeros((3, a.size, 2), dtype=np.int64)
+        moment_by_rotation, moment_by_force, constraint_by_rotation = np.zeros(
+            (3, a.size, 2), dtype=np.int64
+        )
         for k, (_, pair) in enumerate(self.coincide):
             for side, (sign, body) in enumerate(zip((-1.0, 1.0), (pair.a, pair.b), strict=True)):
                 u, turn = displacement_node(frames, body), rotation_node(frames, body)
@@ -373,7 +375,9 @@ class _Builder:
         sizes = [len(coordinate.products) for coordinate, _ in self.coordinates]
         blocks = [
             [self.blocks.place(row, column) for row in parts for column in parts]
-            for parts in (_parts(self.frames, coordinate, pair) for coordinate, pair in self.coordinates)
+            for parts in (
+                _parts(self.frames, coordinate, pair) for coordinate, pair in self.coordinates
+            )
         ]
         columns = list(zip(*self.products, strict=True)) or [()] * len(Products._fields)
         vectors = dict(zip(Products._fields, columns, strict=True))
@@ -447,7 +451,9 @@ class _Builder:
         rotational = np.stack([body, f_axes, m_axes], axis=1).tolist()
         rotation = self.frames.rotation
         moment_by_rotation = [[place(rotation[t[0]], rotation[c]) for c in t] for t in rotational]
-        force_by_rotation = [place(self.frames.displacement[b], rotation[c]) for b, c, _ in rotational]
+        force_by_rotation = [
+            place(self.frames.displacement[b], rotation[c]) for b, c, _ in rotational
+        ]
         arms = [sub(load.point, self.r_BG[self.index[load.body]]) for load in loads]
         return ConcentratedLoads(
             body=body,
@@ -493,7 +499,9 @@ class _Builder:
             load_equation=np.array(self.load_rows, dtype=np.int64),
         )
 
-    def _units(self, coincide: Coincide, scalar: ScalarConstraints | None, nodes: int) -> np.ndarray:
+    def _units(
+        self, coincide: Coincide, scalar: ScalarConstraints | None, nodes: int
+    ) -> np.ndarray:
         unit = np.ones((nodes, 3))
         unit[: coincide.a.size] = coincide.mass[:, None]
         if scalar is not None:

@@ -22,7 +22,7 @@ from msahl.elements.constraints import scalar
 from msahl.elements.frames import moving_count
 from msahl.jit.kernel import apart, kernel
 from msahl.system import evaluate
-from msahl.system.arrays import SystemWorkspace, State, System
+from msahl.system.arrays import State, System, SystemWorkspace
 
 BALANCE, KINETIC, GAP, GAP_RATE, GAP_WORK, SPEED, TURN, DISTANCE, WAY, LOCAL = range(10)
 AT_REST = 1e-12
@@ -55,7 +55,9 @@ def new_monitor(state: State, steps: int) -> Monitor:
 
 
 @kernel
-def look(system: System, state: State, start: SystemWorkspace, h: float, monitor: Monitor, row: int) -> None:
+def look(
+    system: System, state: State, start: SystemWorkspace, h: float, monitor: Monitor, row: int
+) -> None:
     """Fill a row with the figures of the accepted, prepared state after a step ``h``."""
     kinetic, potential = evaluate.observe(system, state, start, monitor.violation, monitor.rate)
     work = 0.0

@@ -31,12 +31,11 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.elements import forces, reactions, rigid_body
-from msahl.elements.constraints import scalar
-from msahl.elements.constraints import coincide, coordinates
+from msahl.elements.constraints import coincide, coordinates, scalar
 from msahl.elements.frames import first_multiplier, moving_count
 from msahl.elements.frames import prepare as prepare_frames
 from msahl.jit.kernel import kernel
-from msahl.system.arrays import SystemWorkspace, State, System, new_system_workspace, node_count
+from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
 
 
 @kernel

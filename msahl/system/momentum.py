@@ -10,7 +10,7 @@ import numpy as np
 
 from msahl.elements import forces
 from msahl.elements.frames import moving_count
-from msahl.system.arrays import SystemWorkspace, State, System
+from msahl.system.arrays import State, System, SystemWorkspace
 
 
 class Momentum(NamedTuple):

@@ -10,7 +10,7 @@ import numpy as np
 from msahl.algebra.functions import evaluate
 from msahl.elements import forces
 from msahl.model import Model
-from msahl.system.arrays import SystemWorkspace, State, System
+from msahl.system.arrays import State, System, SystemWorkspace
 
 
 def find_nonfinite(

@@ -87,7 +87,9 @@ def _elements(system: System, ground: int) -> dict[int, tuple[set[int], list[int
     elements: dict[int, tuple[set[int], list[int], list[int]]] = {}
     multipliers = system.multipliers
     for k, node in enumerate(multipliers.node.tolist()):
-        bodies, pushing, rotational = elements.setdefault(int(multipliers.element[k]), (set(), [], []))
+        bodies, pushing, rotational = elements.setdefault(
+            int(multipliers.element[k]), (set(), [], [])
+        )
         bodies.update(b for b in multipliers.bodies[k].tolist() if b != ground)
         (rotational if multipliers.rotational[k] else pushing).append(node)
     return elements

@@ -21,7 +21,7 @@ from msahl.elements.constraints.coordinates import PLAIN, RADIUS, Coordinates
 from msahl.elements.constraints.equations import ConstraintEquations
 from msahl.elements.constraints.products import DOT, SLIDE, SLIP, Products, ProductsWorkspace
 from msahl.elements.frames import first_multiplier, ground_of, moving_count
-from msahl.system.arrays import SystemWorkspace, System, node_count
+from msahl.system.arrays import System, SystemWorkspace, node_count
 
 ROUND_OFF = 16 * np.finfo(float).eps
 """Component, relative to its vector's length, that is round-off: a vector carried from one frame to
@@ -44,8 +44,8 @@ def _is_planar(system: System, start: SystemWorkspace, axis: int) -> bool:
     # The ground's arms are places, not levers.
     arms_a = coincide.r_a[system.coincide.a != ground]
     arms_b = coincide.r_b[system.coincide.b != ground]
-    scalar = (system.bodies.gravity[None], motion.v, arms_a, arms_b, *vectors)
-    lies = all(_is_zero(a[:, [axis]], a) for a in scalar)
+    in_the_plane = (system.bodies.gravity[None], motion.v, arms_a, arms_b, *vectors)
+    lies = all(_is_zero(a[:, [axis]], a) for a in in_the_plane)
     lies = lies and all(_is_zero(a[:, in_plane], a) for a in (motion.W, *moments))
     lies = lies and _is_zero(J[:, axis, in_plane], J.reshape(-1, 9))
     if system.scalar is None or not lies:

@@ -8,7 +8,7 @@ from msahl.elements import forces
 from msahl.elements.constraints.coordinates import prepare
 from msahl.elements.constraints.equations import left_side
 from msahl.model import Model, decays
-from msahl.system.arrays import State, System, new_coordinates_workspace, coordinate_count
+from msahl.system.arrays import State, System, coordinate_count, new_coordinates_workspace
 
 
 def build_state(model: Model, system: System) -> State:

@@ -43,7 +43,9 @@ class Held:
         start = new_system_workspace(system, state)
         evaluate.prepare(system, state, start)
         if system.scalar:
-            coordinates.count_rotations(system.scalar.coordinates, start.scalar.coordinates, state.angle)
+            coordinates.count_rotations(
+                system.scalar.coordinates, start.scalar.coordinates, state.angle
+            )
         violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
         evaluate.observe(system, state, start, violation, rate)
         return violation, rate

@@ -70,12 +70,12 @@ def residual(
     F: np.ndarray,
 ) -> None:
     """Take the joint force from the bodies' rows and set the gap's."""
-    hold(group, start, frames, dt2, Z, F)
-    close(group, start, frames, Z, F)
+    subtract_forces(group, start, frames, dt2, Z, F)
+    set_violations(group, start, frames, Z, F)
 
 
 @kernel
-def hold(
+def subtract_forces(
     group: Coincide,
     start: CoincideWorkspace,
     frames: Frames,
@@ -94,7 +94,7 @@ def hold(
 
 
 @kernel
-def close(
+def set_violations(
     group: Coincide, start: CoincideWorkspace, frames: Frames, Z: np.ndarray, F: np.ndarray
 ) -> None:
     """Set the gap's rows."""

@@ -21,7 +21,15 @@ import numpy as np
 
 from msahl.algebra.vector import ZERO, Vector, add, at, axpy, scale, sub
 from msahl.elements.constraints import products
-from msahl.elements.constraints.products import PARTS, Q_A, Q_B, U_A, U_B, Products, ProductsWorkspace
+from msahl.elements.constraints.products import (
+    PARTS,
+    Q_A,
+    Q_B,
+    U_A,
+    U_B,
+    Products,
+    ProductsWorkspace,
+)
 from msahl.elements.frames import Frames, displacement_node, rotation_node
 from msahl.jit.kernel import kernel
 
@@ -98,7 +106,9 @@ def skew_gap(m: np.ndarray, k: int, L: float) -> float:
 
 
 @kernel
-def evaluate(group: Coordinates, start: CoordinatesWorkspace, frames: Frames, Z: np.ndarray) -> None:
+def evaluate(
+    group: Coordinates, start: CoordinatesWorkspace, frames: Frames, Z: np.ndarray
+) -> None:
     """Fill changes, weights and unit forces at ``Z``, and clear the loads and their sizes."""
     for node in range(start.term_size.size):
         start.term_size[node] = 0.0
@@ -122,9 +132,11 @@ def evaluate(group: Coordinates, start: CoordinatesWorkspace, frames: Frames, Z:
 
 
 @kernel
-def differentiate(group: Coordinates, start: CoordinatesWorkspace, frames: Frames, Z: np.ndarray) -> None:
+def differentiate(
+    group: Coordinates, start: CoordinatesWorkspace, frames: Frames, Z: np.ndarray
+) -> None:
     """Fill the derivatives of the changes by the unknowns at ``Z``, after ``evaluate``."""
-        for q in range(group.kind.size):
+    for q in range(group.kind.size):
         first = group.first[q]
         for part in range(PARTS):
             for i in range(3):

@@ -76,7 +76,9 @@ def law_change(rows: ConstraintEquations, laws: Laws, r: int, t: float, h: float
 
 
 @kernel
-def blur(rows: ConstraintEquations, laws: Laws, start: CoordinatesWorkspace, r: int, t: float, h: float) -> float:
+def blur(
+    rows: ConstraintEquations, laws: Laws, start: CoordinatesWorkspace, r: int, t: float, h: float
+) -> float:
     """What the round-off of a row's laws counts as [m]: the row has differences of their values."""
     size, q = 0.0, rows.coordinate[r, 1]
     if rows.law[r] >= 0 and h != 0.0:
@@ -87,7 +89,9 @@ def blur(rows: ConstraintEquations, laws: Laws, start: CoordinatesWorkspace, r: 
 
 
 @kernel
-def multiplier(rows: ConstraintEquations, frames: Frames, dt2: float, Z: np.ndarray, r: int) -> float:
+def multiplier(
+    rows: ConstraintEquations, frames: Frames, dt2: float, Z: np.ndarray, r: int
+) -> float:
     """lam [N, or N m for a row in radians]."""
     node = first_multiplier(frames) + rows.place[r, 0]
     return Z[node, rows.place[r, 1]] * rows.mass[r] * rows.scale[r] / dt2
@@ -280,7 +284,9 @@ def motion_work(
 
 
 @kernel
-def roll(rows: ConstraintEquations, rate: np.ndarray, first: int, h: float, F: np.ndarray) -> None:
+def set_rate_equations(
+    rows: ConstraintEquations, rate: np.ndarray, first: int, h: float, F: np.ndarray
+) -> None:
     """Set the rows between rates to ``h`` times those of their quantities, ``rate`` (q,)."""
     for r in range(rows.function.size):
         if not rows.holonomic[r]:
@@ -289,7 +295,7 @@ def roll(rows: ConstraintEquations, rate: np.ndarray, first: int, h: float, F: n
 
 
 @kernel
-def roll_jacobian(
+def add_rate_derivatives(
     rows: ConstraintEquations,
     coords: Coordinates,
     start: CoordinatesWorkspace,

@@ -108,7 +108,9 @@ def prepare(group: Products, x: np.ndarray, R: np.ndarray, start: ProductsWorksp
 
 
 @kernel
-def moved(group: Products, start: ProductsWorkspace, frames: Frames, Z: np.ndarray, k: int) -> Vector:
+def moved(
+    group: Products, start: ProductsWorkspace, frames: Frames, Z: np.ndarray, k: int
+) -> Vector:
     """Change of D over the step."""
     a, b = group.a[k], group.b[k]
     dr_a = turn_change(rotation_increment(frames, Z, a), at(start.r_a, k))

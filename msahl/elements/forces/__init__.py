@@ -28,9 +28,9 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws, evaluate
-from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.constraints import coordinates
 from msahl.elements.constraints.coordinates import CoordinatesWorkspace
+from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.forces import concentrated, drag, friction, spring
 from msahl.elements.forces.concentrated import ConcentratedLoads, ConcentratedWorkspace
 from msahl.elements.forces.drag import Drags
@@ -175,9 +175,7 @@ def add_derivatives(
     if scalar is None:
         return
     q, coords, laws = place.coordinates, scalar.coordinates, forces.laws
-    spring.add_derivatives(
-        forces.spring, laws, coords, q, frames, v, W, Z, room, by_place, by_rate
-    )
+    spring.add_derivatives(forces.spring, laws, coords, q, frames, v, W, Z, room, by_place, by_rate)
     friction.add_derivatives(
         forces.friction,
         reaction,
@@ -270,9 +268,7 @@ def mean_jacobian(
     if scalar is not None:
         q, coords = place.coordinates, scalar.coordinates
         spring.mean_jacobian(forces.spring, forces.laws, coords, q, frames, h, dt2, values)
-        friction.mean_jacobian(
-            forces.friction, start.reactions, coords, q, frames, h, dt2, values
-        )
+        friction.mean_jacobian(forces.friction, start.reactions, coords, q, frames, h, dt2, values)
         coordinates.stiffness(coords, q, frames, -dt2, Z, values)
     concentrated.mean_jacobian(forces.concentrated, start.concentrated, frames, dt2, Z, values)
     drag.mean_jacobian(forces.drag, start.drag, frames, h, dt2, Z, values)
@@ -329,7 +325,11 @@ def work_of_first(
 
 @kernel
 def smooth(
-    forces: Forces, start: ForcesWorkspace, scalar: ScalarConstraints | None, place: ScalarWorkspace, pole: float
+    forces: Forces,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    place: ScalarWorkspace,
+    pole: float,
 ) -> float:
     """Return the energy [J] that a decaying scheme took from the springs over the accepted step."""
     if scalar is None:

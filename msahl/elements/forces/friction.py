@@ -102,7 +102,9 @@ def add_power(
 
 
 @kernel
-def add_mean_load(group: Frictions, reactions: np.ndarray, start: CoordinatesWorkspace, h: float) -> None:
+def add_mean_load(
+    group: Frictions, reactions: np.ndarray, start: CoordinatesWorkspace, h: float
+) -> None:
     """Add the mean frictions over the step, under the extrapolated ``reactions``, to the loads."""
     for f in range(group.coordinate.size):
         q = group.coordinate[f]
@@ -131,7 +133,11 @@ def mean_jacobian(
 
 @kernel
 def mean_work(
-    group: Frictions, reactions: np.ndarray, start: CoordinatesWorkspace, h: float, total: np.ndarray
+    group: Frictions,
+    reactions: np.ndarray,
+    start: CoordinatesWorkspace,
+    h: float,
+    total: np.ndarray,
 ) -> None:
     """Add the work [J] of each mean friction over the step to its column of ``total``."""
     for f in range(group.coordinate.size):

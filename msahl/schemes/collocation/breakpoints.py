@@ -50,8 +50,8 @@ def new_breakpoints(system: System) -> Breakpoints:
     timed = set(forces.laws_of_time(system.forces))
     tables = [*forces.laws_of_coordinates(system.forces)]
     if group:
-        timed |= set(group.rows.law.tolist())
-        rows = group.rows
+        timed |= set(group.equations.law.tolist())
+        rows = group.equations
         tables += zip(rows.function, rows.coordinate[:, 1], np.zeros(len(rows.law)), strict=True)
     tables = [entry for entry in tables if entry[0] >= 0 and laws.kind[entry[0]] == PIECES]
     wanted = [law for law in sorted(timed) if law >= 0 and laws.kind[law] == PIECES]
@@ -60,7 +60,7 @@ def new_breakpoints(system: System) -> Breakpoints:
     return Breakpoints(
         time_laws=np.array(wanted, dtype=np.int64),
         table=np.array([table for table, _, _ in tables], dtype=np.int64),
-        coordinate=np.array([quantity for _, quantity, _ in tables], dtype=np.int64),
+        coordinate=np.array([coordinate for _, coordinate, _ in tables], dtype=np.int64),
         origin=np.array([origin for _, _, origin in tables], dtype=float),
         friction=friction,
         width=width,
@@ -97,7 +97,7 @@ def first_crossing(breakpoints: Breakpoints, system: System, h: float) -> float:
     """
     part, value, rate = 1.0, breakpoints.value, breakpoints.rate
     for k in range(breakpoints.table.size):
-        q, laws, table = breakpoints.quantity[k], system.laws, breakpoints.table[k]
+        q, laws, table = breakpoints.coordinate[k], system.laws, breakpoints.table[k]
         x0, x1, x2 = (
             value[0, q] - breakpoints.origin[k],
             value[1, q] - breakpoints.origin[k],

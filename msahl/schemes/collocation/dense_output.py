@@ -340,7 +340,7 @@ def write_row(output: DenseOutput, instant: Instant, tau: float, row: int) -> No
         workspace.tables,
         row,
     )
-    accelerations.write_reactions(workspace, instant, row)
+    accelerations.write_instantaneous_reactions(workspace, instant, row)
 
 
 @kernel

@@ -55,8 +55,7 @@ from msahl.algebra.vector import (
     transpose,
 )
 from msahl.elements import forces
-from msahl.elements.constraints import scalar
-from msahl.elements.constraints import coincide
+from msahl.elements.constraints import coincide, scalar
 from msahl.elements.frames import (
     Frames,
     displacement,
@@ -70,7 +69,7 @@ from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import jacobian, local_rotation
 from msahl.schemes.collocation.workspace import StageArrays, moment_for_parameters, set_node
 from msahl.schemes.midpoint import equations
-from msahl.system.arrays import SystemWorkspace, State, System
+from msahl.system.arrays import State, System, SystemWorkspace
 from msahl.system.evaluate import prepare
 
 
@@ -181,7 +180,9 @@ def _set_constraint_accelerations(
         put(stages.at_rest, n, scale(-2.0 / (h * h), at(stages.Z[k], n)))
     coincide.subtract_forces(system.coincide, node.coincide, frames, -1.0, stages.at_rest, row)
     violation, t = stages.state.violation, stages.state.time[0]
-    scalar.add_constraint_forces(system.scalar, node.scalar, frames, violation, 0.0, 0.0, stages.at_rest, row)
+    scalar.add_constraint_forces(
+        system.scalar, node.scalar, frames, violation, 0.0, 0.0, stages.at_rest, row
+    )
     scalar.motion_work(system.scalar, frames, t, -h * weight, stages.at_rest, stages.work)
 
 
@@ -282,7 +283,9 @@ def _set_base_change(frames: Frames, stages: StageArrays, h: float, i: int, b: i
 
 
 @kernel
-def accept(system: System, state: State, start: SystemWorkspace, stages: StageArrays, h: float) -> None:
+def accept(
+    system: System, state: State, start: SystemWorkspace, stages: StageArrays, h: float
+) -> None:
     """Advance ``state`` by the solved step, evaluated last; its velocities may still violate the
     constraints.
     """

@@ -25,14 +25,13 @@ from msahl.algebra.vector import (
     transpose,
 )
 from msahl.elements import forces
-from msahl.elements.constraints import scalar
-from msahl.elements.constraints import coincide
+from msahl.elements.constraints import coincide, scalar
 from msahl.elements.constraints.products import add_block
 from msahl.elements.frames import first_multiplier, rotation_node
 from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.workspace import BODY, VIOLATION, StageArrays, moment_for_parameters
-from msahl.system.arrays import SystemWorkspace, System
+from msahl.system.arrays import System, SystemWorkspace
 
 
 @kernel
@@ -56,7 +55,9 @@ def add_constraints(system: System, stages: StageArrays, h: float, row: int, k: 
 
 
 @kernel
-def add_forces(system: System, start: SystemWorkspace, stages: StageArrays, h: float, i: int) -> None:
+def add_forces(
+    system: System, start: SystemWorkspace, stages: StageArrays, h: float, i: int
+) -> None:
     """Add the rotational inertia and the forces at c_i."""
     _add_rotational_inertia(system, start, stages, h, i)
     if not stages.gravity_only:

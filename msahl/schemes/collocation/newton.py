@@ -257,7 +257,7 @@ def record_step(
         end, last = last - 1, last - 1
     record_at_end(workspace, h, step, end)
     if end >= 0:
-        accelerations.write_reactions(workspace, instant, end)
+        accelerations.write_instantaneous_reactions(workspace, instant, end)
     if last > first:
         dense_output.save_end(output.end, workspace)
         dense_output.fit(output, instant)

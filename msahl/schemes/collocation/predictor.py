@@ -19,11 +19,13 @@ from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.tableau import Tableau
 from msahl.schemes.collocation.workspace import StageArrays
-from msahl.system.arrays import SystemWorkspace, State, System
+from msahl.system.arrays import State, System, SystemWorkspace
 
 
 @kernel
-def predict(system: System, state: State, start: SystemWorkspace, stages: StageArrays, h: float) -> None:
+def predict(
+    system: System, state: State, start: SystemWorkspace, stages: StageArrays, h: float
+) -> None:
     """Set ``stages.Z`` to the prediction of a step ``h``: by the polynomials of the step to follow,
     the last one or another that went through the same time.
 
@@ -125,7 +127,9 @@ and relative to a step of such a length any residual would be small."""
 
 
 @kernel
-def _integrate(system: System, start: SystemWorkspace, stages: StageArrays, h: float, b: int) -> None:
+def _integrate(
+    system: System, start: SystemWorkspace, stages: StageArrays, h: float, b: int
+) -> None:
     """Set the unknowns z_j of frame ``b`` by integrating its velocities at c_i."""
     tableau, Z, frames, g = stages.tableau, stages.Z, system.frames, system.bodies.gravity
     s, length, gravity = tableau.force_weight.size, frames.length[b], (g[0], g[1], g[2])

@@ -33,7 +33,7 @@ from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.tableau import Tableau
 from msahl.system import evaluate
-from msahl.system.arrays import SystemWorkspace, State, System, new_system_workspace, node_count
+from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
 from msahl.system.unknowns import Unknowns
 
 BODY, FORCE, VIOLATION, MULTIPLIER = range(4)

@@ -32,8 +32,7 @@ from msahl.algebra.vector import (
     transpose,
 )
 from msahl.elements import forces, reactions, rigid_body
-from msahl.elements.constraints import scalar
-from msahl.elements.constraints import coincide
+from msahl.elements.constraints import coincide, scalar
 from msahl.elements.frames import (
     displacement_node,
     first_multiplier,
@@ -43,7 +42,7 @@ from msahl.elements.frames import (
     rotation_node,
 )
 from msahl.jit.kernel import kernel
-from msahl.system.arrays import SystemWorkspace, State, System, Tables
+from msahl.system.arrays import State, System, SystemWorkspace, Tables
 from msahl.system.evaluate import dt2, joint_jacobian, set_reactions
 
 
@@ -129,7 +128,9 @@ def residual(
 
 
 @kernel
-def jacobian(system: System, start: SystemWorkspace, h: float, Z: np.ndarray, values: np.ndarray) -> None:
+def jacobian(
+    system: System, start: SystemWorkspace, h: float, Z: np.ndarray, values: np.ndarray
+) -> None:
     """Set the block ``values`` to the derivative of the rows by the unknowns, after ``residual``
     at the same ``Z``.
     """

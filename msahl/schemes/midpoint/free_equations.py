@@ -74,7 +74,9 @@ def relative_residual(workspace: Workspace, h: float) -> tuple[float, int, float
     for i in range(free.size):
         unknown = free[i]
         node = unknown // 3
-        row = abs(F[node, unknown % 3]) * scalar.tolerance_factor(system.scalar, start.scalar, node, length)
+        row = abs(F[node, unknown % 3]) * scalar.tolerance_factor(
+            system.scalar, start.scalar, node, length
+        )
         # Written so that a nan counts as the largest of all.
         if not row <= largest:
             worst, largest = unknown, row

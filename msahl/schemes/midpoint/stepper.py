@@ -14,7 +14,7 @@ from msahl.schemes.output_schedule import OutputSchedule
 _take_steps = compiled(newton.take_steps)
 _take_step = compiled(newton.take_step)
 _record_step = compiled(workspace.record_step)
-_write_reactions = compiled(accelerations.write_reactions)
+_write_reactions = compiled(accelerations.write_instantaneous_reactions)
 _take_steps_instantaneous = compiled(accelerations.take_steps)
 
 

@@ -7,7 +7,15 @@ import numpy as np
 from msahl.jit.kernel import kernel
 from msahl.schemes.midpoint import equations
 from msahl.system import evaluate
-from msahl.system.arrays import SystemWorkspace, State, System, Tables, new_system_workspace, new_tables, node_count
+from msahl.system.arrays import (
+    State,
+    System,
+    SystemWorkspace,
+    Tables,
+    new_system_workspace,
+    new_tables,
+    node_count,
+)
 from msahl.system.diagnostics import Monitor, look, new_monitor
 from msahl.system.unknowns import Unknowns
 

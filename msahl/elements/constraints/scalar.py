@@ -101,13 +101,17 @@ def accept(
     if scalar is None:
         return
     q = start.coordinates
-    equations.work(scalar.equations, scalar.laws, frames, t, h, dt2, Z, scalar.equation_column, work)
+    equations.work(
+        scalar.equations, scalar.laws, frames, t, h, dt2, Z, scalar.equation_column, work
+    )
     for k in range(angle.size):
         angle[k] = q.value[k] + q.change[k]
 
 
 @kernel
-def count_rotations(scalar: ScalarConstraints | None, start: ScalarWorkspace, angle: np.ndarray) -> None:
+def count_rotations(
+    scalar: ScalarConstraints | None, start: ScalarWorkspace, angle: np.ndarray
+) -> None:
     """Bring the counted angles (q,) to those of the prepared state, less than half a turn away."""
     if scalar is None:
         return
@@ -115,7 +119,9 @@ def count_rotations(scalar: ScalarConstraints | None, start: ScalarWorkspace, an
 
 
 @kernel
-def relief(scalar: ScalarConstraints | None, start: ScalarWorkspace, node: int, step: float) -> float:
+def tolerance_factor(
+    scalar: ScalarConstraints | None, start: ScalarWorkspace, node: int, step: float
+) -> float:
     """By how much a row of ``node`` may be worse than one of the size ``step`` [m], as a factor:
     loads along quantities, such as stiff springs, may be larger, and no row is known better than
     its largest part. After ``residual``.
@@ -126,8 +132,12 @@ def relief(scalar: ScalarConstraints | None, start: ScalarWorkspace, node: int, 
 
 
 @kernel
-def follow(
-    scalar: ScalarConstraints | None, reaction: np.ndarray, trend: np.ndarray, old: float, new: float
+def update_reaction_trend(
+    scalar: ScalarConstraints | None,
+    reaction: np.ndarray,
+    trend: np.ndarray,
+    old: float,
+    new: float,
 ) -> None:
     """Set the reactions' ``trend`` (j, 6) to ``old`` times itself and ``new`` times them."""
     if scalar is None:
@@ -151,7 +161,16 @@ def free_acceleration(
     if scalar is None:
         return
     equations.free_acceleration(
-        scalar.equations, scalar.laws, scalar.coordinates, start.coordinates, frames, start.rate, v, W, t, F
+        scalar.equations,
+        scalar.laws,
+        scalar.coordinates,
+        start.coordinates,
+        frames,
+        start.rate,
+        v,
+        W,
+        t,
+        F,
     )
 
 
@@ -172,7 +191,9 @@ def rates(
 
 
 @kernel
-def differentiate(scalar: ScalarConstraints | None, start: ScalarWorkspace, frames: Frames, Z: np.ndarray) -> None:
+def differentiate(
+    scalar: ScalarConstraints | None, start: ScalarWorkspace, frames: Frames, Z: np.ndarray
+) -> None:
     """Fill the derivatives of the coordinates, after ``rates``; ``Z`` is zero."""
     if scalar is None:
         return
@@ -180,7 +201,7 @@ def differentiate(scalar: ScalarConstraints | None, start: ScalarWorkspace, fram
 
 
 @kernel
-def roll_jacobian(
+def add_rate_derivatives(
     scalar: ScalarConstraints | None,
     start: ScalarWorkspace,
     frames: Frames,
@@ -195,12 +216,21 @@ def roll_jacobian(
     if scalar is None:
         return
     equations.add_rate_derivatives(
-        scalar.equations, scalar.coordinates, start.coordinates, frames, v, W, Z, room, by_place, by_rate
+        scalar.equations,
+        scalar.coordinates,
+        start.coordinates,
+        frames,
+        v,
+        W,
+        Z,
+        room,
+        by_place,
+        by_rate,
     )
 
 
 @kernel
-def hold(
+def add_constraint_forces(
     scalar: ScalarConstraints | None,
     start: ScalarWorkspace,
     frames: Frames,
@@ -220,7 +250,7 @@ def hold(
 
 
 @kernel
-def hold_jacobian(
+def add_constraint_derivatives(
     scalar: ScalarConstraints | None,
     start: ScalarWorkspace,
     frames: Frames,
@@ -235,7 +265,9 @@ def hold_jacobian(
 
 
 @kernel
-def strain(scalar: ScalarConstraints | None, start: ScalarWorkspace, c: float, term_size: np.ndarray) -> None:
+def raise_term_sizes(
+    scalar: ScalarConstraints | None, start: ScalarWorkspace, c: float, term_size: np.ndarray
+) -> None:
     """Raise ``pull`` (nodes,) to ``c`` times the largest parts of the loads last pushed."""
     if scalar is None:
         return
@@ -244,7 +276,13 @@ def strain(scalar: ScalarConstraints | None, start: ScalarWorkspace, c: float, t
 
 
 @kernel
-def roll(scalar: ScalarConstraints | None, start: ScalarWorkspace, frames: Frames, h: float, F: np.ndarray) -> None:
+def set_rate_equations(
+    scalar: ScalarConstraints | None,
+    start: ScalarWorkspace,
+    frames: Frames,
+    h: float,
+    F: np.ndarray,
+) -> None:
     """Set the rows that are of rates alone to ``h`` times them, after ``rates``."""
     if scalar is None:
         return
@@ -252,7 +290,7 @@ def roll(scalar: ScalarConstraints | None, start: ScalarWorkspace, frames: Frame
 
 
 @kernel
-def settle(scalar: ScalarConstraints | None, violation: np.ndarray) -> None:
+def clear_rate_violations(scalar: ScalarConstraints | None, violation: np.ndarray) -> None:
     """Take from the ``gap`` (k, 3) left by a step what is of rows between rates: they have none."""
     if scalar is None:
         return
@@ -263,14 +301,21 @@ def settle(scalar: ScalarConstraints | None, violation: np.ndarray) -> None:
 
 @kernel
 def motion_work(
-    scalar: ScalarConstraints | None, frames: Frames, t: float, dt: float, Z: np.ndarray, work: np.ndarray
+    scalar: ScalarConstraints | None,
+    frames: Frames,
+    t: float,
+    dt: float,
+    Z: np.ndarray,
+    work: np.ndarray,
 ) -> None:
     """Add the work [J] of the drives over a time ``dt`` at the rates of ``t``; the multipliers in
     ``Z`` are by mass.
     """
     if scalar is None:
         return
-    equations.motion_work(scalar.equations, scalar.laws, frames, t, dt, Z, scalar.equation_column, work)
+    equations.motion_work(
+        scalar.equations, scalar.laws, frames, t, dt, Z, scalar.equation_column, work
+    )
 
 
 @kernel
@@ -310,7 +355,9 @@ def observe(
 
 
 @kernel
-def in_metres(scalar: ScalarConstraints | None, violation: np.ndarray, violation_rate: np.ndarray) -> None:
+def in_metres(
+    scalar: ScalarConstraints | None, violation: np.ndarray, violation_rate: np.ndarray
+) -> None:
     """Multiply the gaps of rows in radians by their length, so that they compare with others."""
     if scalar is None:
         return

@@ -1,8 +1,9 @@
-"""Reactions in each joint's own axes: those of its frame on the parent, z the joint's axis.
+"""Compute reactions in the axes of each joint: its frame on the parent, z along the joint's axis.
 
-A row is a mean over the step before it, so the frame is taken halfway between the orientations of
-the parent at both ends of the step; the first row is that of t = 0. In a thinned run the rows
-before are too far away, and the frame is that of the row itself: first order in the step.
+A published reaction is a mean over the step that ends at its output time. The frame is therefore
+taken halfway between the orientations of the parent at both ends of the step; at t = 0 it is that
+of the state itself. If only some steps were written, the state before is too far away, and the
+frame is that of the output time: its error is of first order in the step size.
 """
 
 import numpy as np
@@ -17,7 +18,7 @@ P = STATE_COLUMNS.index("P1")
 
 
 def in_joint_axes(run: Run) -> tuple[list[str], np.ndarray]:
-    """Columns, and rows (m, columns): time, and of every joint force [N] and moment [N m]."""
+    """Return column names and values (m, columns): time [s], joint forces [N] and moments [N m]."""
     columns, parts = ["time"], [run.time[:, None]]
     for joint in run.model.joints:
         names = [f"{joint.name}.{c}" for c in joint_columns(joint)]
@@ -30,24 +31,24 @@ def in_joint_axes(run: Run) -> tuple[list[str], np.ndarray]:
 
 
 def _frames(run: Run, joint: Joint) -> np.ndarray:
-    """(m, 3, 3) rows x, y, z of the joint's frame in inertial axes."""
+    """Return (m, 3, 3): x, y, z of the joint's frame as matrix rows, in inertial axes."""
     axes = np.array(joint.parent_axes)
     bodies = {body.name for body in run.model.bodies}
     if joint.parent not in bodies:
         return np.broadcast_to(axes, (len(run.time), 3, 3))
     names = [f"{joint.parent}.{c}" for c in STATE_COLUMNS[P : P + 3]]
-    parameters = [tuple(row) for row in run.states[names].to_numpy().tolist()]
+    parameters = [tuple(values) for values in run.states[names].to_numpy().tolist()]
     before = [parameters[0], *parameters[:-1]] if run.has_means else parameters
-    halves = [_halfway(p, q) for p, q in zip(before, parameters, strict=True)]
-    return np.array([axes @ np.array(matrix(p)).T for p in halves])
+    halfway = [_halfway(p, q) for p, q in zip(before, parameters, strict=True)]
+    return np.array([axes @ np.array(matrix(p)).T for p in halfway])
 
 
 def _halfway(p: Vector, q: Vector) -> Vector:
-    """The orientation halfway from ``p`` to ``q``."""
-    turn = compose(inverse(p), q)
-    if not any(turn):
+    """Return the orientation halfway between ``p`` and ``q`` (Wiener-Milenkovic parameters)."""
+    increment = compose(inverse(p), q)
+    if not any(increment):
         return q
-    # |turn| = 4 tan(phi/4); half the turn has 4 tan(phi/8).
-    size = float(np.linalg.norm(turn))
+    # |increment| = 4 tan(phi/4); half of the rotation has 4 tan(phi/8).
+    size = float(np.linalg.norm(increment))
     half = 4.0 * np.tan(0.5 * np.arctan(0.25 * size))
-    return compose(p, scale(float(half) / size, turn))
+    return compose(p, scale(float(half) / size, increment))
