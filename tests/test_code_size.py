@@ -11,15 +11,8 @@ LONG = {
     "msahl.cli.main.run",
     "msahl.cli.study.study",
     "msahl.elements.constraints.products.stiffness",
-    "msahl.linalg.block_lu._of_degree",
     "msahl.run.loop._Run.__init__",
     "msahl.run.loop._Run.go",
-    "msahl.schemes.collocation.equations.accept",
-    "msahl.schemes.collocation.newton.take",
-    "msahl.schemes.collocation.step_control.attempt",
-    "msahl.schemes.collocation.workspace.new_stages",
-    "msahl.schemes.midpoint.equations.accept",
-    "msahl.schemes.midpoint.scipy_root.take",
 }
 MANY_PARAMETERS = {
     "msahl.algebra.functions._part",
@@ -50,12 +43,9 @@ MANY_PARAMETERS = {
     "msahl.elements.reactions.gather",
     "msahl.elements.rigid_body.jacobian",
     "msahl.elements.rigid_body.residual",
-    "msahl.linalg.dense.jacobian",
-    "msahl.linalg.dense.residual",
     "msahl.post.replay._observe_rows",
     "msahl.run.loop._run_to_tolerance",
     "msahl.run.loop.run",
-    "msahl.schemes.midpoint.equations.publish",
     "msahl.study.dynamics._open",
     "msahl.system.build._Builder._row",
 }

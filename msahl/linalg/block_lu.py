@@ -6,7 +6,7 @@ the rows of U are multiplied by the inverse, those of L are not.
 
 Blocks are transposed (row = stage of the unknown), so that all operations are on rows. Rows are
 tuples of a length known to the compiler, which is four times as fast as loops to an unknown length.
-So the kernels exist once for each degree, made by the same function.
+So the kernels exist once for each degree, made by the same functions.
 """
 
 from collections.abc import Callable
@@ -22,17 +22,26 @@ Kernel = Callable[..., Any]
 Row = tuple[float, ...]
 
 
-class _Degree(NamedTuple):
-    """The kernels of one degree."""
+class _Rows(NamedTuple):
+    """Length of the rows of blocks, and the functions of ``algebra.vector`` for such rows."""
 
-    factor: Kernel
-    solve: Kernel
+    size: int
+    at: Kernel
+    axpy: Kernel
+    put: Kernel
 
 
-def _new_kernels(s: int, at: Kernel, axpy: Kernel, put: Kernel) -> _Degree:
-    """Return the kernels for rows of ``s`` numbers; ``at``, ``axpy`` and ``put`` are those of
-    ``algebra.vector`` for such rows.
-    """
+class _BlockKernels(NamedTuple):
+    """Operations on blocks of one size."""
+
+    invert: Kernel
+    multiply: Kernel
+    subtract_product: Kernel
+
+
+def _new_block_kernels(rows: _Rows) -> _BlockKernels:
+    """Return the operations on blocks with these ``rows``."""
+    s, at, axpy, put = rows
     zero = (0.0,) * s
 
     @kernel
@@ -71,13 +80,22 @@ def _new_kernels(s: int, at: Kernel, axpy: Kernel, put: Kernel) -> _Degree:
             put(A, i, row)
 
     @kernel
-    def take_product(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> None:
+    def subtract_product(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> None:
         """``C <- C - A B``."""
         for i in range(s):
             row = at(C, i)
             for k in range(s):
                 row = axpy(-A[i, k], at(B, k), row)
             put(C, i, row)
+
+    return _BlockKernels(invert, multiply, subtract_product)
+
+
+def _new_factor(rows: _Rows) -> Kernel:
+    """Return the kernel ``factor`` for blocks with these ``rows``."""
+    s, at, _, put = rows
+    zero = (0.0,) * s
+    invert, multiply, subtract_product = _new_block_kernels(rows)
 
     @kernel
     def factor(
@@ -102,8 +120,16 @@ def _new_kernels(s: int, at: Kernel, axpy: Kernel, put: Kernel) -> _Degree:
                 multiply(W[right], W[pivot])
             for left in range(pivot + 1, first_right):
                 for right in range(first_right, end):
-                    take_product(W[right], W[left], W[lu.target[operation]])
+                    subtract_product(W[right], W[left], W[lu.target[operation]])
                     operation += 1
+
+    return factor
+
+
+def _new_solve(rows: _Rows) -> Kernel:
+    """Return the kernel ``solve`` for blocks with these ``rows``."""
+    s, at, axpy, put = rows
+    zero = (0.0,) * s
 
     @kernel
     def solve(lu: Elimination, W: np.ndarray, y: np.ndarray) -> None:
@@ -125,7 +151,7 @@ def _new_kernels(s: int, at: Kernel, axpy: Kernel, put: Kernel) -> _Degree:
                     row = axpy(-y[lu.other[right], j], at(W[right], j), row)
             put(y, k, row)
 
-    return _Degree(factor, solve)
+    return solve
 
 
 @kernel
@@ -189,11 +215,15 @@ def _put_5(A: np.ndarray, k: int, a: Row) -> None:
     A[k, 0], A[k, 1], A[k, 2], A[k, 3], A[k, 4] = a
 
 
-_factor_1, _solve_1 = _new_kernels(1, _at_1, _axpy_1, _put_1)
-_factor_2, _solve_2 = _new_kernels(2, _at_2, _axpy_2, _put_2)
-_factor_3, _solve_3 = _new_kernels(3, vector.at, vector.axpy, vector.put)
-_factor_4, _solve_4 = _new_kernels(4, _at_4, _axpy_4, _put_4)
-_factor_5, _solve_5 = _new_kernels(5, _at_5, _axpy_5, _put_5)
+_ROWS = (
+    _Rows(1, _at_1, _axpy_1, _put_1),
+    _Rows(2, _at_2, _axpy_2, _put_2),
+    _Rows(3, vector.at, vector.axpy, vector.put),
+    _Rows(4, _at_4, _axpy_4, _put_4),
+    _Rows(5, _at_5, _axpy_5, _put_5),
+)
+_factor_1, _factor_2, _factor_3, _factor_4, _factor_5 = map(_new_factor, _ROWS)
+_solve_1, _solve_2, _solve_3, _solve_4, _solve_5 = map(_new_solve, _ROWS)
 
 
 @kernel

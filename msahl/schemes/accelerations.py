@@ -120,7 +120,7 @@ def accelerate(system: System, state: State, start: SystemWorkspace, instant: In
 
 @kernel
 def projection_rounds(system: System) -> int:
-    """Number of projections needed: the relaxation of redundant constraints weakens each of them."""
+    """Number of projections: the relaxation of redundant constraints weakens each of them."""
     return 3 if system.relaxation > 0.0 else 1
 
 

@@ -40,8 +40,8 @@ from msahl.jit.kernel import apart, kernel
 from msahl.schemes import accelerations
 from msahl.schemes.accelerations import Instant
 from msahl.schemes.collocation import local_rotation
-from msahl.schemes.midpoint import equations
 from msahl.schemes.midpoint.workspace import Workspace
+from msahl.schemes.midpoint.workspace import write_row as write_state
 from msahl.system import evaluate
 from msahl.system.arrays import State, new_system_workspace
 
@@ -330,16 +330,7 @@ def write_row(output: DenseOutput, instant: Instant, tau: float, row: int) -> No
         workspace.monitor.rate,
         instant,
     )
-    equations.write_row(
-        workspace.system,
-        workspace.state,
-        workspace.start,
-        0.0,
-        workspace.mean_reaction,
-        workspace.mean_force,
-        workspace.tables,
-        row,
-    )
+    write_state(workspace, 0.0, row)
     accelerations.write_instantaneous_reactions(workspace, instant, row)
 
 

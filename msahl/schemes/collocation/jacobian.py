@@ -226,8 +226,8 @@ def _add_rotational_inertia(
 ) -> None:
     """Add the derivatives of the rotational inertia at c_i to the Jacobian.
 
-    ``stages.momentum_slopes`` holds the derivatives by c and by c_dot of the momentum (0, 1), of h
-    times the force dT/dc (2, 3) and of the term of ``equations._set_base_change`` (4, 5).
+    ``stages.momentum_slopes``: derivatives by c and by c_dot of the momentum (0, 1), of h times
+    dT/dc (2, 3) and of the term of ``equations._set_base_change`` (4, 5).
     """
     tableau, frames = stages.tableau, system.frames
     if not tableau.is_variational:
@@ -243,7 +243,7 @@ def _add_rotational_inertia(
         pi_c = combine(1.0, product(H, product(J, by_c)), local_rotation.momentum_slope(c, z))
         force_c = product(transpose(by_c), product(J, by_c))
         force_c = combine(1.0, local_rotation.curvature(c, z, c_dot), force_c)
-        base_change, base_change_rate = (
+        change, change_rate = (
             matrix_at(stages.base_change, f),
             matrix_at(stages.base_change_rate, f),
         )
@@ -252,17 +252,13 @@ def _add_rotational_inertia(
         force = axpy(frames.length[f] / frames.inverse_mass[f], moment, force)
         # Derivatives of the base-change term by c(t) and c_dot; those by c_k are in
         # ``_enter_rotation``.
-        base_c = combine(
-            1.0,
-            product(base_change_rate, pi_c),
-            local_rotation.square_slope(c_dot, scale(2 * h, pi)),
-        )
-        base_c = combine(h, product(base_change, force_c), base_c)
+        slope = local_rotation.square_slope(c_dot, scale(2 * h, pi))
+        base_c = combine(1.0, product(change_rate, pi_c), slope)
+        base_c = combine(h, product(change, force_c), base_c)
         base_c = combine(2.0 * h, local_rotation.square_slope(c, force), base_c)
-        base_c_dot = combine(
-            1.0, product(base_change_rate, mass), local_rotation.square_slope(c, scale(2.0 * h, pi))
-        )
-        base_c_dot = combine(h, product(base_change, transpose(pi_c)), base_c_dot)
+        slope = local_rotation.square_slope(c, scale(2.0 * h, pi))
+        base_c_dot = combine(1.0, product(change_rate, mass), slope)
+        base_c_dot = combine(h, product(change, transpose(pi_c)), base_c_dot)
         put_matrix(stages.momentum_slopes, 0, pi_c)
         put_matrix(stages.momentum_slopes, 1, mass)
         put_matrix(stages.momentum_slopes, 2, multiple(h, force_c))

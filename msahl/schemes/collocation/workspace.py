@@ -1,6 +1,6 @@
 """Arrays of a collocation step, and the state of the system at a time node within it."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -100,60 +100,77 @@ def new_stage_arrays(
 ) -> StageArrays:
     """Return the arrays for steps by ``tableau`` from ``state``."""
     degree = tableau.force_weight.size
-    n, nodes = frame_count(system.frames), (node_count(system), 3)
-    stages, vectors = (degree, *nodes), (n, 3)
-    node_state = State(*(array.copy() for array in state))
+    entries = _jacobian_entries(system, unknowns)
+    return StageArrays(
+        tableau=tableau,
+        gravity_only=system.scalar is None and not forces.acts_at_points(system.forces),
+        inverse_inertia=np.linalg.inv(system.bodies.inertia),
+        work=np.zeros_like(state.work),
+        values=np.zeros((entries["needed"].size, degree, degree)),
+        momentum_slopes=np.zeros((6, 3, 3)),
+        momentum_loads=np.zeros((2, 3)),
+        factor=forces.new_node_factors(system.forces, degree),
+        **entries,
+        **_node_arrays(system, state),
+        **_step_arrays(system, state, degree),
+        first_energy=np.zeros(1),
+    )
+
+
+def _jacobian_entries(system: System, unknowns: Unknowns) -> dict[str, Any]:
+    """The entries of the Jacobian that are needed, and what they belong to."""
     of_body = system.blocks < first_multiplier(system.frames)
-    sort = np.select(
+    kind = np.select(
         [of_body.all(axis=1), of_body[:, 0], of_body[:, 1]], [BODY, FORCE, VIOLATION], MULTIPLIER
     )
     needed = np.union1d(unknowns.elimination.source, unknowns.dense_from)
     slot = np.full(system.constant.size, -1)
     slot[needed] = np.arange(needed.size)
-    return StageArrays(
-        tableau=tableau,
-        linear=np.where(np.repeat(sort, 9) == BODY, 0.0, system.constant),
-        needed=needed,
-        block_kind=sort[needed // 9],
-        is_rate_row=_rate_rows(system)[needed],
-        slot=slot,
-        source=slot[unknowns.elimination.source],
-        gravity_only=system.scalar is None and not forces.acts_at_points(system.forces),
-        inverse_inertia=np.linalg.inv(system.bodies.inertia),
-        state=node_state,
-        start=new_system_workspace(system, node_state),
-        parameters=np.zeros(vectors),
-        parameter_rates=np.zeros(vectors),
-        tangent=np.zeros((*vectors, 3)),
-        base_change=np.zeros((*vectors, 3)),
-        base_change_rate=np.zeros((*vectors, 3)),
-        at_rest=np.zeros(nodes),
-        increments=np.zeros(nodes),
-        accelerations=np.zeros(nodes),
-        violation=np.zeros(nodes),
-        by_position=np.zeros_like(system.constant),
-        by_rate=np.zeros_like(system.constant),
-        scratch=np.zeros_like(system.constant),
-        Z=np.zeros(stages),
-        F=np.zeros(stages),
-        impulse=np.zeros(nodes),
-        work=np.zeros_like(state.work),
-        values=np.zeros((needed.size, degree, degree)),
-        momentum_slopes=np.zeros((6, 3, 3)),
-        momentum_loads=np.zeros((2, 3)),
-        load_scale=np.zeros(nodes[0]),
-        last_load_scale=np.zeros(nodes[0]),
-        rate=np.zeros(stages),
-        last_rates=np.zeros((degree + 1, *nodes)),
-        reaction=np.zeros((degree, *state.reaction.shape)),
-        factor=forces.new_node_factors(system.forces, degree),
-        last_step=np.zeros(2),
-        prediction_window=np.zeros(3),
-        predicted_well=np.zeros(1),
-        rate_weights=np.zeros((degree, degree + 2)),
-        multiplier_weights=np.zeros((degree, degree)),
-        first_energy=np.zeros(1),
-    )
+    return {
+        "linear": np.where(np.repeat(kind, 9) == BODY, 0.0, system.constant),
+        "needed": needed,
+        "block_kind": kind[needed // 9],
+        "is_rate_row": _rate_rows(system)[needed],
+        "slot": slot,
+        "source": slot[unknowns.elimination.source],
+    }
+
+
+def _node_arrays(system: System, state: State) -> dict[str, Any]:
+    """Arrays of one time node."""
+    nodes, vectors = (node_count(system), 3), (frame_count(system.frames), 3)
+    node_state = State(*(array.copy() for array in state))
+    arrays: dict[str, Any] = {
+        "state": node_state,
+        "start": new_system_workspace(system, node_state),
+    }
+    for name in ("parameters", "parameter_rates"):
+        arrays[name] = np.zeros(vectors)
+    for name in ("tangent", "base_change", "base_change_rate"):
+        arrays[name] = np.zeros((*vectors, 3))
+    for name in ("at_rest", "increments", "accelerations", "violation"):
+        arrays[name] = np.zeros(nodes)
+    for name in ("by_position", "by_rate", "scratch"):
+        arrays[name] = np.zeros_like(system.constant)
+    return arrays
+
+
+def _step_arrays(system: System, state: State, degree: int) -> dict[str, Any]:
+    """Arrays of the unknowns and equations of a step, and of its prediction."""
+    nodes = node_count(system)
+    arrays: dict[str, Any] = {n: np.zeros((degree, nodes, 3)) for n in ("Z", "F", "rate")}
+    return arrays | {
+        "impulse": np.zeros((nodes, 3)),
+        "load_scale": np.zeros(nodes),
+        "last_load_scale": np.zeros(nodes),
+        "last_rates": np.zeros((degree + 1, nodes, 3)),
+        "reaction": np.zeros((degree, *state.reaction.shape)),
+        "last_step": np.zeros(2),
+        "prediction_window": np.zeros(3),
+        "predicted_well": np.zeros(1),
+        "rate_weights": np.zeros((degree, degree + 2)),
+        "multiplier_weights": np.zeros((degree, degree)),
+    }
 
 
 def _rate_rows(system: System) -> np.ndarray:

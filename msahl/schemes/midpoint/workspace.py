@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.elements import forces, reactions, rigid_body
 from msahl.jit.kernel import kernel
 from msahl.schemes.midpoint import equations
 from msahl.system import evaluate
@@ -86,19 +87,36 @@ def record_step(workspace: Workspace, h: float, step: int, row: int) -> None:
     """
     look(workspace.system, workspace.state, workspace.start, h, workspace.monitor, step)
     if row >= 0:
-        equations.write_row(
-            workspace.system,
-            workspace.state,
-            workspace.start,
-            h,
-            workspace.mean_reaction,
-            workspace.mean_force,
-            workspace.tables,
-            row,
-        )
+        write_row(workspace, h, row)
     for k in range(workspace.mean_force.shape[0]):
         for i in range(3):
             workspace.mean_force[k, i] = 0.0
     for k in range(workspace.mean_reaction.shape[0]):
         for i in range(6):
             workspace.mean_reaction[k, i] = 0.0
+
+
+@kernel
+def write_row(workspace: Workspace, h: float, row: int) -> None:
+    """Write the accepted state to a ``row`` of the tables, with the mean reactions over the step
+    ``h`` before it.
+    """
+    system, state, start = workspace.system, workspace.state, workspace.start
+    tables = workspace.tables
+    rigid_body.write_states(
+        system.bodies, state.x, state.p, start.frames, state.w, tables.states, row
+    )
+    reactions.write_reactions(
+        system.shown,
+        system.scalar,
+        workspace.mean_reaction,
+        workspace.mean_force,
+        state.time[0] - 0.5 * h,
+        tables.reactions,
+        row,
+    )
+    for k in range(state.work.size):
+        tables.work[row, k] = state.work[k]
+    for k in range(state.work.size, tables.work.shape[1]):
+        tables.work[row, k] = 0.0
+    forces.publish_energy(system.forces, start.forces, state.work.size, tables.work, row)
