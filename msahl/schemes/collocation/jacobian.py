@@ -226,8 +226,8 @@ def _add_rotational_inertia(
 ) -> None:
     """Add the derivatives of the rotational inertia at c_i to the Jacobian.
 
-    ``stages.momentum_slopes``: derivatives by c and by c_dot of the momentum (0, 1), of h times
-    dT/dc (2, 3) and of the term of ``equations._set_base_change`` (4, 5).
+    ``stages.momentum_slopes``: derivatives by c and c_dot of the momentum (0, 1), of h dT/dc (2, 3)
+    and of the term of ``equations._set_base_change`` (4, 5).
     """
     tableau, frames = stages.tableau, system.frames
     if not tableau.is_variational:
