@@ -21,7 +21,7 @@ ROTATED = 2.0
 """Factor on ``LARGEST`` for components of vectors, which a change of axes can enlarge."""
 
 DERIVED = ("inertia", "force")
-"""Fields that hold products of given numbers, and may therefore exceed ``LARGEST``."""
+"""Fields that contain products of given numbers, and may therefore exceed ``LARGEST``."""
 
 MOST_LISTED = 20
 """Names listed in a message."""

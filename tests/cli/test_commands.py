@@ -186,8 +186,8 @@ def test_quiet_says_nothing_and_verbose_more(tmp_path):
     assert run(*words, "-q").output == ""
     normal, verbose = run(*words).stderr, run(*words, "-v").stderr
     assert "initial velocities opened a joint at 0.198 m/s and were changed" in normal
-    assert "unknowns in 1 islands" not in normal
-    for word in ("prepare: ", "loop: ", "output: ", "9 unknowns in 1 islands", "0 halvings"):
+    assert "unknowns in 1 subsystems" not in normal
+    for word in ("prepare: ", "loop: ", "output: ", "9 unknowns in 1 subsystems", "0 halvings"):
         assert word in verbose
 
 

@@ -31,12 +31,12 @@ VARIANTS = [
     for reactions in ("mean", "instantaneous")
 ]
 COUNTED = (
-    "outputTimes",
+    "output_times",
     "steps",
     "time",
     "iterations",
     "factorisations",
-    "scipySteps",
+    "scipy_steps",
     "subdivisions",
 )
 
