@@ -32,7 +32,6 @@ ORDER = (
 UPWARD_IMPORTS: set[str] = set()
 """Imports against the order, 'importer -> imported'."""
 CIRCULAR_IMPORTS = {
-    "msahl.run.attempts -> msahl.run.loop",
     "msahl.study.reference -> msahl.study.refined_runs",
 }
 """Imports without which there is no circle."""

@@ -35,7 +35,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import legendre, polynomial
 
-from msahl.model.scheme import HIGHER
+from msahl.model.scheme import COLLOCATION
 
 
 class Tableau(NamedTuple):
@@ -100,7 +100,7 @@ def _gauss(s: int) -> Tableau:
         multiplier_time=lobatto[:s],
         last_inner=s - 1,
         is_variational=True,
-        decays=HIGHER["gauss"].decays,
+        decays=COLLOCATION["gauss"].decays,
         node_time=np.concatenate([lobatto, gauss]),
         constraint_stage=np.concatenate([np.arange(s + 1) - 1, none]),
         multiplier_stage=np.concatenate([np.arange(s), [-1], none]),
@@ -133,7 +133,7 @@ def _radau(s: int) -> Tableau:
         multiplier_time=nodes,
         last_inner=s - 2,
         is_variational=False,
-        decays=HIGHER["radau"].decays,
+        decays=COLLOCATION["radau"].decays,
         # At each node the constraints come first, then the forces.
         node_time=np.repeat(nodes, 2),
         constraint_stage=np.stack([one, none], axis=1).ravel(),
