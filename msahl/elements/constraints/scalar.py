@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws
-from msahl.elements.constraints import coordinates, equations
-from msahl.elements.constraints.coordinates import Coordinates, CoordinatesWorkspace
+from msahl.elements.constraints import coordinate_jacobians, coordinates, equations
+from msahl.elements.constraints.coordinate_kinds import Coordinates, CoordinatesWorkspace
 from msahl.elements.constraints.equations import ConstraintEquations
 from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.jit.kernel import optional
@@ -248,7 +248,7 @@ def add_constraint_derivatives(
 ) -> None:
     """Add the derivatives of ``add_constraint_forces``, after it at the same ``Z``."""
     joint_jacobian(scalar, start, frames, -1.0, Z, values)
-    coordinates.stiffness(scalar.coordinates, start.coordinates, frames, 1.0, Z, values)
+    coordinate_jacobians.stiffness(scalar.coordinates, start.coordinates, frames, 1.0, Z, values)
 
 
 @optional()
