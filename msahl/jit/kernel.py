@@ -6,9 +6,12 @@ uncompiled reference. ``msahl.jit.compiled`` registers the marked functions with
 """
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+Group = TypeVar("Group")
+Rest = ParamSpec("Rest")
+Result = TypeVar("Result")
 
 MARKED: list[Callable[..., Any]] = []
 APART: list[Callable[..., Any]] = []
@@ -27,3 +30,33 @@ def apart(function: Function) -> Function:
     """
     APART.append(function)
     return kernel(function)
+
+
+def optional(
+    otherwise: float | None = None,
+) -> Callable[
+    [Callable[Concatenate[Group, Rest], Result]], Callable[Concatenate[Group | None, Rest], Result]
+]:
+    """Mark a function whose first argument may be None as compilable; return ``otherwise`` then.
+
+    This is the one place where the kernels of systems without such a group are told apart. numba
+    compiles a version of each function for the types of its arguments; where the first is None it
+    compiles nothing of the function itself.
+    """
+
+    def mark(
+        function: Callable[Concatenate[Group, Rest], Result],
+    ) -> Callable[Concatenate[Group | None, Rest], Result]:
+        given: Any = kernel(function)
+
+        def called(group: Any, *arguments: Any) -> Any:
+            if group is None:
+                return otherwise
+            return given(group, *arguments)
+
+        for name in ("__module__", "__name__", "__qualname__", "__doc__"):
+            setattr(called, name, getattr(function, name))
+        marked: Any = kernel(called)
+        return marked
+
+    return mark
