@@ -13,8 +13,8 @@ LONG = {
 MANY_PARAMETERS = {
     "msahl.algebra.functions._part",
     "msahl.algebra.functions._stretch",
-    "msahl.elements.constraints.coordinates.add_damper",
-    "msahl.elements.constraints.coordinates.rate_gradient",
+    "msahl.elements.constraints.coordinate_jacobians.add_damper",
+    "msahl.elements.constraints.coordinate_jacobians.rate_gradient",
     "msahl.elements.constraints.equations.add_rate_derivatives",
     "msahl.elements.constraints.equations.free_acceleration",
     "msahl.elements.constraints.equations.jacobian",
@@ -45,8 +45,7 @@ MANY_PARAMETERS = {
     "msahl.study.dynamics._open",
 }
 
-REASONED = {
-}
+REASONED = {}
 """Functions that keep more parameters, with the reason."""
 
 
