@@ -10,7 +10,7 @@ import numpy as np
 
 from msahl.algebra.functions import Laws
 from msahl.elements.constraints import coordinates, equations
-from msahl.elements.constraints.coordinates import Quantities, QuantityStart
+from msahl.elements.constraints.coordinates import Derivatives, Quantities, QuantityStart
 from msahl.elements.constraints.equations import Rows
 from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.jit.kernel import kernel
@@ -160,23 +160,26 @@ def rates(
     along: Along | None,
     start: AlongStart,
     frames: Frames,
-    v: np.ndarray,
-    W: np.ndarray,
-    Z: np.ndarray,
+    motion: FramesWorkspace,
+    still: np.ndarray,
 ) -> None:
-    """Evaluate the coordinates and their rates at one configuration; ``Z`` is zero."""
+    """Evaluate the coordinates and their rates at one configuration; ``still`` is a step without
+    motion.
+    """
     if along is None:
         return
-    coordinates.evaluate(along.quantities, start.quantities, frames, Z)
-    coordinates.rates(along.quantities, start.quantities, v, W, start.rate)
+    coordinates.evaluate(along.quantities, start.quantities, frames, still)
+    coordinates.rates(along.quantities, start.quantities, motion.v, motion.W, start.rate)
 
 
 @kernel
-def differentiate(along: Along | None, start: AlongStart, frames: Frames, Z: np.ndarray) -> None:
-    """Fill the derivatives of the coordinates, after ``rates``; ``Z`` is zero."""
+def differentiate(
+    along: Along | None, start: AlongStart, frames: Frames, still: np.ndarray
+) -> None:
+    """Fill the derivatives of the coordinates at one configuration, after ``rates``."""
     if along is None:
         return
-    coordinates.differentiate(along.quantities, start.quantities, frames, Z)
+    coordinates.differentiate(along.quantities, start.quantities, frames, still)
 
 
 @kernel
@@ -184,54 +187,64 @@ def roll_jacobian(
     along: Along | None,
     start: AlongStart,
     frames: Frames,
-    v: np.ndarray,
-    W: np.ndarray,
-    Z: np.ndarray,
-    room: np.ndarray,
-    by_place: np.ndarray,
-    by_rate: np.ndarray,
+    motion: FramesWorkspace,
+    out: Derivatives,
 ) -> None:
-    """Add the derivatives of ``roll`` over h, after ``differentiate``; ``Z`` is zero."""
+    """Add the derivatives of ``roll`` over h, after ``differentiate``."""
     if along is None:
         return
-    equations.roll_jacobian(
-        along.rows, along.quantities, start.quantities, frames, v, W, Z, room, by_place, by_rate
-    )
+    equations.roll_jacobian(along.rows, along.quantities, start.quantities, frames, motion, out)
 
 
 @kernel
-def hold(
+def close(
     along: Along | None,
     start: AlongStart,
     frames: Frames,
     violation: np.ndarray,
-    t: float,
-    h: float,
+    interval: tuple[float, float],
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """As ``residual`` of the rows alone, with a reach of -1: their forces are added, by mass."""
+    """Set the rows of the constraint equations to the ``violation`` (k, 3) and its change by the
+    displacements ``Z`` over the ``interval`` (t, h).
+    """
     if along is None:
         return
     q = start.quantities
     coordinates.evaluate(along.quantities, q, frames, Z)
-    equations.residual(along.rows, along.laws, q, frames, violation, t, h, -1.0, Z, F)
+    equations.set_violation(along.rows, along.laws, q, frames, violation, interval, F)
+
+
+@kernel
+def add_joint_forces(
+    along: Along | None, start: AlongStart, frames: Frames, Z: np.ndarray, F: np.ndarray
+) -> None:
+    """Add the forces of the constraint equations by mass at one configuration to the rows of the
+    frames; ``Z`` holds the multipliers by mass, and displacements that are zero.
+    """
+    if along is None:
+        return
+    q = start.quantities
+    coordinates.evaluate(along.quantities, q, frames, Z)
+    equations.add_loads(along.rows, along.laws, q, frames, Z)
     coordinates.push(along.quantities, q, frames, 1.0, F)
 
 
 @kernel
-def hold_jacobian(
-    along: Along | None,
-    start: AlongStart,
-    frames: Frames,
-    Z: np.ndarray,
-    values: np.ndarray,
+def add_joint_derivatives(
+    along: Along | None, start: AlongStart, frames: Frames, Z: np.ndarray, values: np.ndarray
 ) -> None:
-    """Add the derivative of ``hold``, after it at the same ``Z``."""
+    """Add the derivatives of ``add_joint_forces``, after it at the same ``Z``, and those of the
+    rows.
+    """
     if along is None:
         return
-    joint_jacobian(along, start, frames, -1.0, Z, values)
-    coordinates.stiffness(along.quantities, start.quantities, frames, 1.0, Z, values)
+    q, quantities = start.quantities, along.quantities
+    coordinates.differentiate(quantities, q, frames, Z)
+    equations.add_derivatives(along.rows, along.laws, quantities, q, frames, Z, values)
+    # The unit forces' mean over a step changes by half as much as the forces themselves.
+    coordinates.stiffness(quantities, q, frames, 2.0, Z, values)
 
 
 @kernel

@@ -137,7 +137,7 @@ def _observe_rows(
         equations.prepare(system, state, start)
         _count(system.along, start.along, start.frames, state.angle, 0.5 * h)
         equations.observe(system, state, start, violation[row], rate[row])
-        elastic[row] = forces.elastic_energy(system.forces, start.forces, system.along, start.along)
+        elastic[row] = forces.elastic_energy(system.forces, start.forces, system.along)
         for b in range(state.x.shape[0]):
             put(history.x[row], b, at(state.x, b))
             put(history.p[row], b, at(state.p, b))

@@ -6,7 +6,7 @@ joints' multipliers and gaps, three to a node. The Jacobian is a list of 3 x 3 b
 other in one array; block 0 takes what belongs to the ground and is never read.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -144,16 +144,17 @@ def new_start(system: System, state: State) -> Start:
     """Room for the start of a step; gap and stretch are the state's own arrays."""
     vectors, matrices = state.x.shape, (*state.x.shape, 3)
     k = system.coincide.a.size
-    along = system.along and AlongStart(
+    along: Any = system.along and AlongStart(
         quantities=new_quantity_start(system.along.quantities, node_count(system)),
         rate=np.zeros(system.along.quantities.kind.size),
     )
+    frames = FramesWorkspace(np.zeros(matrices), *(np.zeros(vectors) for _ in range(6)))
     return Start(
-        frames=FramesWorkspace(np.zeros(matrices), *(np.zeros(vectors) for _ in range(6))),
+        frames=frames,
         bodies=RigidBodiesWorkspace(np.zeros_like(system.bodies.inertia)),
         coincide=CoincideStart(np.zeros((k, 3)), np.zeros((k, 3)), state.violation),
-        along=along,  # type: ignore[arg-type]
-        forces=new_force_start(system.forces, state.reaction, state.stretch),
+        along=along,
+        forces=new_force_start(system.forces, frames, along, state.reaction, state.stretch),
         reaction_arms=np.zeros((system.reactions.child.size, 3)),
     )
 

@@ -450,7 +450,7 @@ class _Builder:
         force_by_turn = [place(self.frames.displacement[b], rotation[c]) for b, c, _ in turning]
         arms = [sub(load.point, self.r_BG[self.index[load.body]]) for load in loads]
         return ConcentratedLoads(
-            body=body,
+            frame=body,
             s=_vectors(arms),
             f=_vectors(load.force for load in loads),
             f_axes=f_axes,
@@ -473,7 +473,7 @@ class _Builder:
         ]
         arms = [sub(load.point, self.r_BG[b]) for load, b in zip(drags, body, strict=True)]
         return Drags(
-            body=np.array(body, dtype=np.int64),
+            frame=np.array(body, dtype=np.int64),
             s=_vectors(arms),
             coefficient=np.array([load.coefficient for load in drags], dtype=float),
             block=np.array(blocks, dtype=np.int64).reshape(-1, 4),

@@ -22,7 +22,7 @@ import numpy as np
 from msahl.algebra.vector import ZERO, Vector, add, at, axpy, scale, sub
 from msahl.elements.constraints import products
 from msahl.elements.constraints.products import PARTS, Q_A, Q_B, U_A, U_B, Measures, MeasureStart
-from msahl.elements.frames import Frames, displacement_node, rotation_node
+from msahl.elements.frames import Frames, FramesWorkspace, displacement_node, rotation_node
 from msahl.jit.kernel import kernel
 
 PLAIN, RADIUS, ANGLE, ROUND, SKEW = range(5)
@@ -59,6 +59,15 @@ class QuantityStart(NamedTuple):
     load: np.ndarray  # (q,) force or moment along q, gathered from all that act on it
     size: np.ndarray  # (q,) of the loads' largest terms, which may cancel
     pull: np.ndarray  # (nodes,) largest of such terms, or what round-off asks, in a node's rows [m]
+
+
+class Derivatives(NamedTuple):
+    """Block values of the Jacobian at one configuration, and what is needed to compute them."""
+
+    by_place: np.ndarray  # (9 m,) derivatives by displacements and by lengths times rotations
+    by_rate: np.ndarray  # (9 m,) derivatives by the rates of these
+    scratch: np.ndarray  # (9 m,)
+    still: np.ndarray  # (nodes, 3) unknowns of a step without motion: displacements are zero
 
 
 @kernel
@@ -242,22 +251,21 @@ def rate_gradient(
     group: Quantities,
     start: QuantityStart,
     frames: Frames,
-    v: np.ndarray,
-    W: np.ndarray,
-    Z: np.ndarray,
+    motion: FramesWorkspace,
     q: int,
-    room: np.ndarray,
+    out: Derivatives,
 ) -> tuple[Vector, Vector, Vector, Vector]:
     """Half the derivative of a quantity's rate by the places of the four parts at given velocities.
 
     A rate is the unit force times the velocities, so it is the stiffness times them. Wants
-    ``evaluate`` at rest; ``room`` holds block values.
+    ``evaluate`` at rest.
     """
+    room, v, W = out.scratch, motion.v, motion.W
     for block in group.block[q]:
         if block > 0:
             for e in range(block, block + 9):
                 room[e] = 0.0
-    _stiffen(group, start, frames, Z, q, (1.0, 1.0, 1.0, 1.0), room)
+    _stiffen(group, start, frames, out.still, q, (1.0, 1.0, 1.0, 1.0), room)
     k = group.first[q]
     a, b = group.measures.a[k], group.measures.b[k]
     speed = (at(v, a), at(W, a), at(v, b), at(W, b))
@@ -365,21 +373,17 @@ def add_damper(
     group: Quantities,
     start: QuantityStart,
     frames: Frames,
-    v: np.ndarray,
-    W: np.ndarray,
-    Z: np.ndarray,
+    motion: FramesWorkspace,
     q: int,
     slope: float,
-    room: np.ndarray,
-    by_place: np.ndarray,
-    by_rate: np.ndarray,
+    out: Derivatives,
 ) -> None:
     """Add the derivatives, by the places and by the rates, of a load by mass whose derivative by
-    the rate of q is ``slope``; ``room`` holds block values.
+    the rate of q is ``slope``.
     """
     if slope == 0.0:
         return
-    add_spring(group, start, frames, 1.0, q, slope, by_rate)
+    add_spring(group, start, frames, 1.0, q, slope, out.by_rate)
     # rate_gradient gives half of the derivative.
     c = (
         slope * row_factor(group, frames, 2.0, q, U_A),
@@ -389,8 +393,8 @@ def add_damper(
     )
     f = start.force[q]
     force = (at(f, U_A), at(f, Q_A), at(f, U_B), at(f, Q_B))
-    row = rate_gradient(group, start, frames, v, W, Z, q, room)
-    add_outer(by_place, group.block, q, c, force, row)
+    row = rate_gradient(group, start, frames, motion, q, out)
+    add_outer(out.by_place, group.block, q, c, force, row)
 
 
 @kernel

@@ -23,14 +23,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.elements.along import AlongStart
 from msahl.elements.constraints.coordinates import (
     ANGLE,
+    Derivatives,
     Quantities,
     QuantityStart,
     add_damper,
     add_spring,
 )
-from msahl.elements.frames import Frames
+from msahl.elements.frames import Frames, FramesWorkspace
 from msahl.jit.kernel import kernel
 
 
@@ -74,21 +76,16 @@ def add_derivatives(
     group: Frictions,
     reactions: np.ndarray,
     quantities: Quantities,
-    start: QuantityStart,
-    rate: np.ndarray,
+    place: AlongStart,
     frames: Frames,
-    v: np.ndarray,
-    W: np.ndarray,
-    Z: np.ndarray,
-    room: np.ndarray,
-    by_place: np.ndarray,
-    by_rate: np.ndarray,
+    motion: FramesWorkspace,
+    out: Derivatives,
 ) -> None:
     """Add the derivatives of the frictions by mass by the places and by the rates."""
     for f in range(group.coordinate.size):
         q = group.coordinate[f]
-        slope = load(group, reactions, f, rate[q])[1]
-        add_damper(quantities, start, frames, v, W, Z, q, slope, room, by_place, by_rate)
+        slope = load(group, reactions, f, place.rate[q])[1]
+        add_damper(quantities, place.quantities, frames, motion, q, slope, out)
 
 
 @kernel
@@ -118,11 +115,11 @@ def mean_jacobian(
     quantities: Quantities,
     start: QuantityStart,
     frames: Frames,
-    h: float,
-    dt2: float,
+    step: tuple[float, float],
     values: np.ndarray,
 ) -> None:
-    """Add the derivatives of the mean frictions by the unknowns."""
+    """Add the derivatives of the mean frictions over the ``step`` (h, dt2) by the unknowns."""
+    h, dt2 = step
     for f in range(group.coordinate.size):
         q = group.coordinate[f]
         slope = load(group, reactions, f, start.change[q] / h)[1] / h

@@ -345,16 +345,7 @@ def _add_work(between: DenseOutput, room: Instant, dt: float) -> None:
         between.workspace.start,
     )
     frames = system.frames
-    forces.add_power(
-        system.forces,
-        start.forces,
-        system.along,
-        start.along,
-        start.frames,
-        state.reaction,
-        dt,
-        state.work,
-    )
+    forces.add_power(system.forces, start.forces, system.along, state.reaction, dt, state.work)
     along.motion_work(system.along, frames, state.time[0], dt, room.solution, state.work)
 
 

@@ -70,16 +70,13 @@ def prepare(system: System, state: State, start: Start) -> None:
     coincide.prepare(system.coincide, R, start.coincide)
     along.prepare(system.along, state.x, R, state.angle, start.along)
     reactions.prepare(system.reactions, system.along, R, start.reaction_arms)
-    forces.prepare(
-        system.forces, start.forces, system.along, R, state.reaction, state.reaction_trend
-    )
+    forces.prepare(system.forces, start.forces, system.along, state.reaction, state.reaction_trend)
 
 
 @kernel
 def load(system: System, state: State, start: Start, h: float) -> bool:
     """Set the loads to their means over a step ``h``; whether they have first moments, too."""
-    t, R = state.time[0], start.frames.R
-    return forces.over_step(system.forces, start.forces, t, h, R)
+    return forces.over_step(system.forces, start.forces, state.time[0], h)
 
 
 @kernel
@@ -147,9 +144,7 @@ def residual(
     rigid_body.residual(system.bodies, frames, start.bodies, start.frames, h, h2, Z, F)
     coincide.residual(system.coincide, start.coincide, frames, h2, Z, F)
     along.residual(system.along, start.along, frames, state.violation, t, h, h2, Z, F)
-    forces.mean_residual(
-        system.forces, start.forces, system.along, start.along, frames, h, h2, Z, F
-    )
+    forces.mean_residual(system.forces, start.forces, system.along, frames, (h, h2), Z, F)
 
 
 @kernel
@@ -174,7 +169,7 @@ def jacobian(system: System, start: Start, h: float, Z: np.ndarray, values: np.n
     joint_jacobian(system, start, h, Z, values)
     h2 = dt2(system, h)
     forces.mean_jacobian(
-        system.forces, start.forces, system.along, start.along, system.frames, h, h2, Z, values
+        system.forces, start.forces, system.along, system.frames, (h, h2), Z, values
     )
 
 
@@ -202,9 +197,7 @@ def accept(
     frames, bodies, t, h2 = system.frames, system.bodies, state.time[0], dt2(system, h)
     decay, per_step = system.decay, h / dt2(system, h)
     loss, gained = 0.0, 0.0
-    forces.mean_work(
-        system.forces, start.forces, system.along, start.along, frames, h, Z, state.work
-    )
+    forces.mean_work(system.forces, start.forces, system.along, frames, h, Z, state.work)
     along.accept(system.along, start.along, frames, t, h, h2, Z, state.angle, state.work)
     for b in range(moving_count(frames)):
         u = at(Z, displacement_node(frames, b))
@@ -238,7 +231,7 @@ def accept(
         forces.work_of_first(system.forces, start.forces, h, state.a, state.alpha, lost, state.work)
     state.foresight[0] = 1.0 if gained >= 0.0 else 0.0
     if decay.chi > 0.0:
-        loss += forces.smooth(system.forces, start.forces, system.along, start.along, decay.pole)
+        loss += forces.smooth(system.forces, start.forces, system.along, decay.pole)
         state.work[state.work.size - 1] -= loss
     _enter_multipliers(system, state, start, h, Z, F)
     state.time[0] += h
@@ -288,19 +281,10 @@ def free_acceleration(
     v, W = start.frames.v, start.frames.W
     rigid_body.free_acceleration(system.bodies, frames, start.bodies, start.frames, F)
     coincide.free_gap_acceleration(system.coincide, start.coincide, W, F)
-    along.rates(system.along, start.along, frames, v, W, Z)
+    along.rates(system.along, start.along, frames, start.frames, Z)
     along.free_acceleration(system.along, start.along, frames, v, W, t, F)
-    forces.set_time(system.forces, start.forces, t, start.frames.R)
-    forces.add_forces(
-        system.forces,
-        start.forces,
-        system.along,
-        start.along,
-        frames,
-        start.frames,
-        state.reaction,
-        F,
-    )
+    forces.set_time(system.forces, start.forces, t)
+    forces.add_forces(system.forces, start.forces, system.along, frames, state.reaction, F)
 
 
 @kernel
@@ -346,6 +330,6 @@ def observe(
     coincide.violation(system.coincide, start.coincide, state.x, violation)
     coincide.violation_rate(system.coincide, start.coincide, start.frames, rate)
     along.observe(system.along, start.along, start.frames, state.time[0], violation, rate)
-    elastic = forces.elastic_energy(system.forces, start.forces, system.along, start.along)
+    elastic = forces.elastic_energy(system.forces, start.forces, system.along)
     kinetic, potential = rigid_body.energy(system.bodies, state.x, state.v, state.w)
     return kinetic, potential + elastic
