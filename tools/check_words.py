@@ -19,6 +19,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fnmatch import fnmatch
+from itertools import pairwise
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -150,16 +151,21 @@ def in_words(line: str) -> str:
     return re.sub(r"[_\W]+", " ", line).lower()
 
 
-def findings_of(path: str, number: int, line: str) -> Iterator[tuple[str, str]]:
-    """Yield each word of the list that the line holds, with the term to write instead."""
-    words = in_words(line)
+def findings_of(path: str, before: str, line: str) -> Iterator[tuple[str, str]]:
+    """Yield each word of the list that a line holds, with the term to write instead.
+
+    Phrases may begin in the line ``before``.
+    """
+    tail = " ".join(in_words(before).split()[-3:]) + " "
+    words = tail + in_words(line)
     for pattern, allowed, term in COMPILED:
         if term.files and not any(fnmatch(path, each) for each in term.files):
             continue
-        text = allowed.sub(" ", words) if allowed else words
-        found = pattern.search(text)
-        if found and not is_exception(path, line):
-            yield found[0], term.instead
+        text = allowed.sub(lambda match: "." * len(match[0]), words) if allowed else words
+        for found in pattern.finditer(text):
+            if found.end() > len(tail) and not is_exception(path, line):
+                yield found[0], term.instead
+                break
 
 
 def is_exception(path: str, line: str) -> bool:
@@ -199,8 +205,8 @@ def main() -> int:
     counts: Counter[str] = Counter()
     for name, lines in texts(arguments.root, arguments.paths):
         # A file's name is a text, too.
-        for number, line in [(0, name), *enumerate(lines, 1)]:
-            for word, instead in findings_of(name, number, line):
+        for number, (before, line) in enumerate([("", name), *pairwise(["", *lines])]):
+            for word, instead in findings_of(name, before, line):
                 counts[str(Path(name).parent)] += 1
                 if not arguments.count:
                     print(f"{name}:{number}: '{word}': write {instead}")

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from msahl.post.metrics import Spread, measure
+from msahl.post.metrics import Statistics, compute_metrics
 from msahl.results.read import read_run
 
 COLUMNS = (
@@ -32,10 +32,10 @@ COLUMNS = (
 def row(folder: Path) -> tuple[str | float, ...]:
     """The figures of one run."""
     run = read_run(folder)
-    measures = measure(run)
-    energy, work = measures.energy, measures.work
-    gap = measures.constraints.gap[:, :, 0]  # [m]
-    by_measure = [values.T for values in (work.hainge, work.sharp)] if work else [(), ()]
+    metrics = compute_metrics(run)
+    energy, work = metrics.energy, metrics.work
+    gap = metrics.constraints.violation[:, :, 0]  # [m]
+    by_measure = [values.T for values in (work.hainge, work.reaction)] if work else [(), ()]
     seconds = run.info["seconds"]
     return (
         Path(run.info["deck"]["path"]).stem,
@@ -44,7 +44,7 @@ def row(folder: Path) -> tuple[str | float, ...]:
         round(seconds["loop"] + seconds["output"], 4),
         energy.error_over_kinetic.rms if energy.error_over_kinetic else "",
         energy.error_over_first.rms if energy.error_over_first else "",
-        *(max((Spread.of(joint).rms for joint in joints), default="") for joints in by_measure),
+        *(max((Statistics.of(joint).rms for joint in joints), default="") for joints in by_measure),
         float(np.fmax.reduce(gap, axis=None, initial=0.0)),  # nan where there is no such unit
     )
 

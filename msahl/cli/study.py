@@ -18,7 +18,7 @@ from msahl.terminal import echo
 if TYPE_CHECKING:
     from msahl.study.study import Study
 
-MEASURE_KEYS = (
+METRIC_KEYS = (
     "position",
     "orientation",
     "velocity",
@@ -57,8 +57,9 @@ COMMANDS = 1.6
               help="Run each case N times and take the least time (default: 3 with --dt, else as "
               "often as there is time for).")  # fmt: skip
 @click.option("--target", type=Number(min=0.0, min_open=True), default=1e-6,
-              show_default=True, help="Largest error allowed, in the measure's unit.")  # fmt: skip
-@click.option("--measure", type=click.Choice(MEASURE_KEYS), default="position",
+              show_default=True,
+              help="Largest error allowed, in the unit of --metric.")  # fmt: skip
+@click.option("--metric", type=click.Choice(METRIC_KEYS), default="position",
               show_default=True, help="Error that the target limits.")  # fmt: skip
 @click.option(
     "--t-final", type=Number(), metavar="S", help="End [s], instead of the deck's tFinal."
@@ -72,7 +73,7 @@ def study(
     budget: float,
     repeat: int | None,
     target: float,
-    measure: str,
+    metric: str,
     t_final: float | None,
 ) -> None:
     """Run DECK with many schemes and steps, and recommend the fastest run for a given error.
@@ -90,7 +91,7 @@ def study(
     from msahl.study.plan import Plan
     from msahl.study.report import recommendation, write_study
     from msahl.study.study import find_reference
-    from msahl.study.study import study as carry_out
+    from msahl.study.study import study as run_study
 
     folder = output or Path("studies") / deck.stem
     try:
@@ -104,14 +105,14 @@ def study(
             raise ResultError("\n".join(faults))
         if steps and set(schemes) == {AUTO}:
             raise ResultError(f"--dt: the scheme {AUTO} chooses its steps; name another --scheme")
-        plan = Plan(model, steps, schemes, reference, repeat, target, measure, budget)
+        plan = Plan(model, steps, schemes, reference, repeat, target, metric, budget)
         folder.mkdir(parents=True, exist_ok=True)  # what cannot be written is told before the work
         began = working_clock() - (time.perf_counter() - entered) - START
         until = began + budget - WRITING
         with stoppable() as stopped, _shown(deck, began, budget) as (tell, progress):
             progress("reference")
             known = find_reference(plan)
-            result = carry_out(plan, progress, stopped, known, tell, until - COMMANDS)
+            result = run_study(plan, progress, stopped, known, tell, until - COMMANDS)
             result = replace(result, deck=str(deck), given_end=t_final)
             _time_commands(result, stopped, until, progress)
     except DeckError as error:
@@ -122,7 +123,7 @@ def study(
         _stop(f"{shown_path(deck)}: {error}")
     except OSError as error:
         _stop(_unwritten(error, folder))
-    if not result.points:
+    if not result.runs:
         echo(f"{shown_path(deck)}: stopped before a run had ended; nothing was written", err=True)
         sys.exit(128 + stopped.signal)
     try:
@@ -134,7 +135,7 @@ def study(
     if stopped.signal:
         echo(f"{shown_path(deck)}: stopped; the report is of the runs made until then", err=True)
         sys.exit(128 + stopped.signal)
-    if not any(point.trial.completed for point in result.points):
+    if not any(point.trial.completed for point in result.runs):
         sys.exit(NOT_CONVERGED)
 
 
@@ -143,15 +144,15 @@ def _time_commands(
 ) -> None:
     """Run the recommended command and the deck's own, and note what they took."""
     from msahl.jit.compiled import working_clock
-    from msahl.study.command import carry_out, words_of
+    from msahl.study.command import command_arguments, run_command
 
-    for point in (result.fastest, result.of_deck):
+    for point in (result.fastest, result.deck_run):
         if point is None or stopped() or result.plan.steps:
             continue
-        words = words_of(point.trial.case, result.plan, result.deck, result.given_end)
+        words = command_arguments(point.trial.case, result.plan, result.deck, result.given_end)
         progress("the command itself")
         seconds = until - working_clock()
-        made = carry_out(words, point.trial.case, result.plan, result.reference, seconds)
+        made = run_command(words, point.trial.case, result.plan, result.reference, seconds)
         if made is not None:
             result.commands[point.trial.case] = made
 

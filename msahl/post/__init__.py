@@ -1,6 +1,6 @@
-"""The post room: what a run's tables show, how wrong they are, and pictures of both.
+"""Post-processing: accuracy metrics of a finished run, and its tables, figures and report.
 
-    run folder -> Run -> rows -> measure -> tables, figures, report
+    run folder -> results.read.Run -> replay -> metrics -> tables, figures, report
 
-Reads files only; whatever wrote them is gone by then. Pictures alone import matplotlib.
+Post-processing reads result files only. Only the modules that draw import matplotlib.
 """

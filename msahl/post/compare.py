@@ -1,11 +1,11 @@
-"""Two sets of tables: the same within tolerances, different, or not comparable.
+"""Compare the tables of two runs: equal within tolerances, different, or not comparable.
 
-    |a - b| <= atol + rtol |b|          a of the run, b of the reference, every number of a row
+    |a - b| <= atol + rtol |b|          a of the run, b of the reference, every number
 
-Rows are matched by time: the reference may hold fewer rows than the run (a thinned one), but each
-of its times must be one of the run's, to ``SAME_TIME`` of the span of time. Wiener-Milenkovic
-parameters and their shadow -16 p/(p.p) are one orientation; near half a turn round-off chooses
-between them, so the choice nearer to the reference's is compared.
+Values are matched by time: the reference may hold fewer output times than the run, but each of its
+times must be one of the run's, within ``SAME_TIME`` of the time span. Wiener-Milenkovic parameters
+p and -16 p/(p.p) describe the same orientation; near rotations by 180 degrees rounding errors
+decide between them, so the set nearer to the reference's is compared.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ TABLES = ("states.csv", "reactions.csv", "work.csv")
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """One number that differs most by some measure: where, both values, and what is accepted."""
+    """A difference: time [s] and column, both values, and the accepted absolute difference."""
 
     time: float
     column: str
@@ -44,9 +44,10 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """What became of one table: ``first`` and ``worst`` (by |a - b| over tolerance) difference.
+    """Result for one table: ``first`` and ``worst`` (by |a - b| over tolerance) difference.
 
-    Both are ``None`` if the tables are the same; ``largest`` is then the largest |a - b|.
+    Both are ``None`` if the tables are equal. ``rows`` and ``columns`` count what was compared,
+    ``differing`` counts the numbers that differ, ``largest`` is the largest |a - b|.
     """
 
     name: str
@@ -67,8 +68,8 @@ def compare(
 ) -> list[Comparison]:
     """Compare every table of ``reference`` (a run's folder or one CSV file) with that of ``run``.
 
-    ``columns`` are patterns as in a shell; none means all. Rows after ``until`` [s] are left out.
-    Raises ``ResultError`` where the two are not comparable.
+    ``columns`` are shell patterns; none means all. Values after ``until`` [s] are not compared.
+    Raises ``ResultError`` if the two are not comparable.
     """
     pairs = _pairs(run, reference)
     tables = [(name, _read(a), _read(b)) for name, a, b in pairs]
@@ -81,7 +82,7 @@ def compare(
 
 
 def _pairs(run: Path, reference: Path) -> list[tuple[str, Path, Path]]:
-    """Name and both paths of every table to compare."""
+    """Return the name and both paths of every table to compare."""
     for path in (run, reference):
         if not path.exists():
             raise ResultError(f"{path}: no such file or folder")
@@ -92,10 +93,12 @@ def _pairs(run: Path, reference: Path) -> list[tuple[str, Path, Path]]:
         return [(_name(run), run, _table_of(reference, _name(run)))]
     names = [name for name in TABLES if find_table(reference, name)]
     if not names:
-        raise ResultError(f"{reference}: holds none of the tables {', '.join(TABLES)}")
+        raise ResultError(f"{reference}: contains none of the tables {', '.join(TABLES)}")
     extra = [name for name in TABLES if find_table(run, name) and name not in names]
     if extra:
-        raise ResultError(f"{reference}: has no {extra[0]}, which {run} has; compare CSV with CSV")
+        raise ResultError(
+            f"{reference}: has no {extra[0]}, which {run} has; compare single CSV files instead"
+        )
     return [(name, _table_of(run, name), _table_of(reference, name)) for name in names]
 
 
@@ -111,20 +114,20 @@ def _table_of(folder: Path, name: str) -> Path:
 
 
 def _read(path: Path) -> pd.DataFrame:
-    """A table whose times increase, and of a run's folder with all rows that it had.
+    """Read a table, and check that its times increase and, in a run's folder, that it is complete.
 
-    Other numbers may be anything: what is not finite differs from everything.
+    Other numbers may be anything: a value that is not finite differs from everything.
     """
-    table, told = read_table(path), read_info(path.parent).get("outputTimes")
-    if told is not None and len(table) != told and path.name.removesuffix(PART) in TABLES:
-        raise ResultError(wrong_count(path, len(table), f"run.json says {told}"))
+    table, expected = read_table(path), read_info(path.parent).get("outputTimes")
+    if expected is not None and len(table) != expected and path.name.removesuffix(PART) in TABLES:
+        raise ResultError(wrong_count(path, len(table), f"run.json says {expected}"))
     if "time" in table.columns:
         check_rows(path, table, only_times=True)
     return table
 
 
 def _pick(table: pd.DataFrame, patterns: tuple[str, ...]) -> pd.DataFrame:
-    """``time`` and the columns that match one of the patterns."""
+    """Return ``time`` and the columns that match one of the patterns."""
     return table[[c for c in table if c == "time" or any(fnmatchcase(str(c), p) for p in patterns)]]
 
 
@@ -136,11 +139,11 @@ def _compare_tables(
         slack = SAME_TIME * abs(until)
         reference = reference[reference["time"] <= until + slack]
     if reference.empty:
-        raise ResultError(f"{name}: the reference has no rows to compare")
+        raise ResultError(f"{name}: the reference has no output times to compare")
     run = run[list(reference.columns)].iloc[_matching_rows(name, run, reference)]
     columns = [str(column) for column in reference.columns if column != "time"]
-    a, b = _near_shadows(run[columns], reference[columns]), reference[columns].to_numpy()
-    return _judge(name, columns, reference["time"].to_numpy(), a, b, tolerance)
+    a, b = _nearest_parameters(run[columns], reference[columns]), reference[columns].to_numpy()
+    return _differences(name, columns, reference["time"].to_numpy(), a, b, tolerance)
 
 
 def _check_columns(name: str, run: pd.DataFrame, reference: pd.DataFrame) -> None:
@@ -157,10 +160,13 @@ def _check_columns(name: str, run: pd.DataFrame, reference: pd.DataFrame) -> Non
 
 
 def _matching_rows(name: str, run: pd.DataFrame, reference: pd.DataFrame) -> np.ndarray:
-    """Index of the run's row nearest to each time of the reference; all must be the same time."""
+    """Return the index of the run's row at each time of the reference.
+
+    Raises ``ResultError`` if the run lacks one of the times.
+    """
     have, want = run["time"].to_numpy(), reference["time"].to_numpy()
     if have.size == 0:
-        raise ResultError(f"{name}: the run has no rows")
+        raise ResultError(f"{name}: the run has no output times")
     right = np.clip(np.searchsorted(have, want), 0, have.size - 1)
     left = np.maximum(right - 1, 0)
     nearest = np.where(want - have[left] < have[right] - want, left, right)
@@ -168,15 +174,16 @@ def _matching_rows(name: str, run: pd.DataFrame, reference: pd.DataFrame) -> np.
     missing = np.flatnonzero(np.abs(have[nearest] - want) > slack)
     if missing.size:
         raise ResultError(
-            f"{name}: different times: the run has no row at t = {want[missing[0]]:.9g} s "
-            f"({missing.size} of the reference's {want.size} rows; the run ends at "
+            f"{name}: different output times: the run has none at t = {want[missing[0]]:.9g} s "
+            f"({missing.size} of the reference's {want.size} are missing; the run ends at "
             f"{have[-1]:.9g} s)"
         )
     return nearest
 
 
-def _near_shadows(run: pd.DataFrame, reference: pd.DataFrame) -> np.ndarray:
-    """Values of ``run``, orientations in the one of their two forms nearer to the reference."""
+def _nearest_parameters(run: pd.DataFrame, reference: pd.DataFrame) -> np.ndarray:
+    """Return the values of ``run``, with orientation parameters in that one of their two sets which
+    is nearer to the reference's."""
     values = run.to_numpy().copy()
     names = list(run.columns)
     for body in (column.removesuffix(".P1") for column in names if column.endswith(".P1")):
@@ -185,14 +192,14 @@ def _near_shadows(run: pd.DataFrame, reference: pd.DataFrame) -> np.ndarray:
             continue
         p, q = run[triple].to_numpy(), reference[triple].to_numpy()
         square = (p * p).sum(axis=1, keepdims=True)
-        shadow = -16.0 * p / np.where(square > 0.0, square, np.inf)
-        nearer = np.abs(shadow - q).sum(axis=1) < np.abs(p - q).sum(axis=1)
+        other = -16.0 * p / np.where(square > 0.0, square, np.inf)
+        nearer = np.abs(other - q).sum(axis=1) < np.abs(p - q).sum(axis=1)
         places = [names.index(column) for column in triple]
-        values[:, places] = np.where(nearer[:, None] & (square > 0.0), shadow, p)
+        values[:, places] = np.where(nearer[:, None] & (square > 0.0), other, p)
     return values
 
 
-def _judge(
+def _differences(
     name: str,
     columns: list[str],
     time: np.ndarray,
@@ -204,7 +211,7 @@ def _judge(
     with np.errstate(divide="ignore", invalid="ignore"):
         size = np.abs(a - b)
         ratio = np.nan_to_num(size / accepted, nan=np.inf, posinf=np.inf)
-    # Not "greater": what is not a number differs from everything.
+    # Not "greater": NaN differs from everything.
     different = ~(size <= accepted)
     excess = np.where(different, ratio, 0.0)
     rows = np.flatnonzero(different.any(axis=1))

@@ -1,4 +1,4 @@
-"""A document as a list of blocks; its forms: Markdown beside its pictures, one HTML file."""
+"""Represent a document as a list of blocks, and write it as Markdown or as one HTML file."""
 
 import base64
 import re
@@ -27,14 +27,14 @@ class Paragraph:
 
 @dataclass(frozen=True, slots=True)
 class Items:
-    """A list; each item a term (may be empty) and a text."""
+    """A list; each item has a term (may be empty) and a text."""
 
     items: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A PNG picture, its file's ``name`` and what it shows."""
+    """A PNG picture with the ``name`` of its file and its caption."""
 
     name: str
     text: str
@@ -43,7 +43,7 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class Folded:
-    """Blocks that a reader unfolds by a click on the ``title``; in Markdown a section."""
+    """Blocks that are shown after a click on the ``title``; in Markdown a section."""
 
     title: str
     blocks: tuple["Block", ...]
@@ -68,7 +68,7 @@ img { width: 100%; background: white; border-radius: 6px; margin: .5em 0; }
 
 
 def as_markdown(blocks: Sequence[Block]) -> str:
-    """The document in Markdown; pictures are files of their names beside it."""
+    """Return the document in Markdown; its pictures are files in the same folder."""
     return "\n\n".join(map(_markdown, blocks)) + "\n"
 
 
@@ -94,13 +94,13 @@ def _markdown(block: Block) -> str:
 
 
 _MARKS = re.compile(r"[\\`*|<>\[\]{}&~#]|(?<![^\W_])_|_(?![^\W_])")
-"""What Markdown reads as markup; of underscores those that are not within a word."""
+"""Characters that Markdown reads as markup; underscores only if they are not within a word."""
 _BEGINNING = re.compile(r"^(\s*(?:[-+=]|\d+(?=[.)])))")
-"""What makes a paragraph a list or a heading."""
+"""Characters that make a paragraph a list or a heading."""
 
 
 def _plain(text: str) -> str:
-    """``text`` on one line, with what Markdown would read as markup taken at its word."""
+    """Return ``text`` on one line, with the characters that Markdown reads as markup escaped."""
     text = _MARKS.sub(r"\\\g<0>", printable(text))
     if begins := _BEGINNING.match(text):
         mark = begins.end() if begins[1][-1].isdigit() else begins.end() - 1
@@ -109,12 +109,12 @@ def _plain(text: str) -> str:
 
 
 def _escaped(text: str) -> str:
-    """``text`` on one line, with what HTML would read as markup taken at its word."""
+    """Return ``text`` on one line, with the characters that HTML reads as markup escaped."""
     return escape(printable(text))
 
 
 def as_html(title: str, blocks: Sequence[Block]) -> str:
-    """The document as one HTML file that needs nothing outside it; light or dark."""
+    """Return the document as one self-contained HTML file, in light or dark colours."""
     body = "\n".join(map(_html, blocks))
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -140,7 +140,7 @@ def _html(block: Block) -> str:
             return "\n".join(["<ul>", *lines, "</ul>"])
         case Folded(title, blocks):
             body = "\n".join(map(_html, blocks))
-            return f"<details>\n<summary>{escape(title)}</summary>\n{body}\n</details>"
+            return f"<details>\n<summary>{_escaped(title)}</summary>\n{body}\n</details>"
         case Picture(_, text, png):
             data = base64.b64encode(png).decode()
             return f'<img alt="{_escaped(text)}" src="data:image/png;base64,{data}">'

@@ -1,6 +1,7 @@
-"""How pictures look, and how they reach the disk: the same bytes for the same data.
+"""Set the style of figures, draw curves, and save figures: equal data give equal files.
 
-Object-oriented matplotlib on the Agg and SVG canvases; no display, no global state.
+matplotlib is used through its objects on the Agg and SVG canvases; no display is needed, and no
+global state is changed.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -16,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-# Okabe and Ito's colours, told apart by every kind of colour vision; then again, dashed.
+# Okabe and Ito's colours, distinguishable by every kind of colour vision.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 LINES = ("-", "--", ":", "-.")
 STYLE: dict[Any, Any] = {
@@ -38,14 +39,14 @@ STYLE: dict[Any, Any] = {
 }
 MOST_IN_LEGEND = 12
 MOST_DECADES = 8
-"""Shown on a logarithmic scale; products of round-off errors reach much further down."""
-STRETCHES = 750
-"""Stretches a long run is cut into, as many as a picture can tell apart."""
+"""Decades of a logarithmic scale; products of rounding errors would extend it much further down."""
+INTERVALS = 750
+"""Intervals into which a long run is divided: as many as a picture can resolve."""
 
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Make and save figures inside this context: they look alike whatever the user's settings."""
+    """Set the style of all figures made and saved in this context, whatever the user's settings."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         for name, value in STYLE.items():
@@ -54,12 +55,12 @@ def style() -> Iterator[None]:
 
 
 def plain(name: str) -> str:
-    """A name from a deck as matplotlib shows it letter by letter: no formula, no hidden label."""
+    """Escape a name from a deck, so that matplotlib shows it literally: no formula, not hidden."""
     return f" {name}".replace("$", r"\$") if name.startswith("_") else name.replace("$", r"\$")
 
 
 def new_figure(rows: int, height: float = 2.4, title: str = "") -> tuple[Figure, list[Axes]]:
-    """A figure of ``rows`` panels below each other that share their abscissa."""
+    """Return a figure of ``rows`` panels below each other that share their abscissa."""
     figure = Figure(figsize=(8.0, 0.9 + height * rows))
     FigureCanvasAgg(figure)
     axes = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
@@ -68,7 +69,7 @@ def new_figure(rows: int, height: float = 2.4, title: str = "") -> tuple[Figure,
 
 
 def looks() -> Iterator[dict[str, Any]]:
-    """Colour and line style of one curve after the other."""
+    """Yield colour and line style of one curve after the other."""
     return cycle({"linestyle": line, "color": colour} for line, colour in product(LINES, COLOURS))
 
 
@@ -85,34 +86,34 @@ def curves(
         axes.plot(*thinned(time, values), label=plain(name), **(look | chosen))
 
 
-def sizes(axes: Axes, time: np.ndarray, series: np.ndarray, names: Sequence[str]) -> None:
-    """Draw the absolute value of each column on a logarithmic scale, of many rows the largest.
+def absolute_curves(axes: Axes, time: np.ndarray, series: np.ndarray, names: Sequence[str]) -> None:
+    """Draw the absolute value of each column on a logarithmic scale; of a long run the peaks.
 
-    Columns of nan are not drawn, but keep their look and their place in the legend.
+    Columns of nan are not drawn, but keep their style and their place in the legend.
 
-    Zeros, and what is ``MOST_DECADES`` below the largest value, run off the lower edge. Where all
-    is zero there is no scale: the axis says so.
+    Zeros, and values ``MOST_DECADES`` below the largest, leave the panel at its lower edge. If all
+    values are zero there is no scale, and a text in the panel says so.
     """
     time, series = peaks(time, np.abs(series))
     if not np.nan_to_num(series).any():
         curves(axes, time, series, names)
         axes.set_yticks([0.0])
-        axes.text(0.5, 0.6, "zero at every row", transform=axes.transAxes, ha="center")
+        axes.text(0.5, 0.6, "zero at every output time", transform=axes.transAxes, ha="center")
         return
     top = float(np.nanmax(series))
     floor = max(float(series[series > 0.0].min()), top * 10.0**-MOST_DECADES)
-    # Two decades at least: fewer may leave a logarithmic axis without a number on it.
+    # At least two decades: fewer may leave a logarithmic axis without a tick label.
     low, high = min(0.5 * floor, 0.02 * top), 2.0 * top
     axes.set(yscale="log", ylim=(low, high))
     curves(axes, time, np.maximum(series, 0.1 * low), names)
 
 
 def thinned(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """``values`` (m,), of many rows the least and the largest of each stretch: no peak is lost."""
-    if values.size <= 2 * STRETCHES:
+    """Reduce ``values`` (m,) of a long run to the least and largest of each interval of time."""
+    if values.size <= 2 * INTERVALS:
         return time, values
     kept = {0, values.size - 1}
-    for begin, end in _stretches(values.size):
+    for begin, end in _intervals(values.size):
         kept.add(begin + int(values[begin:end].argmin()))
         kept.add(begin + int(values[begin:end].argmax()))
     index = np.array(sorted(kept))
@@ -120,21 +121,21 @@ def thinned(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def peaks(time: np.ndarray, series: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """``series`` (m, k), of many rows each column's largest value in each stretch of time."""
-    if len(time) <= 2 * STRETCHES:
+    """Reduce ``series`` (m, k) of a long run to each column's largest value per interval."""
+    if len(time) <= 2 * INTERVALS:
         return time, series
-    stretches = list(_stretches(len(time)))
-    ends = np.array([end - 1 for _, end in stretches])
-    return time[ends], np.array([series[begin:end].max(axis=0) for begin, end in stretches])
+    intervals = list(_intervals(len(time)))
+    ends = np.array([end - 1 for _, end in intervals])
+    return time[ends], np.array([series[begin:end].max(axis=0) for begin, end in intervals])
 
 
-def _stretches(rows: int) -> Iterator[tuple[int, int]]:
-    """First row of each of ``STRETCHES`` stretches, and the row after its last."""
-    return pairwise(int(edge) for edge in np.linspace(0, rows, STRETCHES + 1))
+def _intervals(length: int) -> Iterator[tuple[int, int]]:
+    """Yield the first index of each of ``INTERVALS`` intervals, and the index after its last."""
+    return pairwise(int(edge) for edge in np.linspace(0, length, INTERVALS + 1))
 
 
 def legend(figure: Figure, axes: Axes) -> None:
-    """Name the curves of ``axes`` beside the panels, where they hide nothing."""
+    """Add the legend of the curves of ``axes`` beside the panels."""
     handles, labels = axes.get_legend_handles_labels()
     if len(labels) > MOST_IN_LEGEND:
         more = f"and {len(labels) - MOST_IN_LEGEND} more"
@@ -145,7 +146,7 @@ def legend(figure: Figure, axes: Axes) -> None:
 
 
 def encode(figure: Figure, form: str) -> bytes:
-    """The bytes of ``figure`` as "png" or "svg", without dates."""
+    """Return the bytes of ``figure`` as "png" or "svg", without dates."""
     stream = BytesIO()
     metadata: dict[str, Any] = {"Date": None} if form == "svg" else {"Software": None}
     figure.savefig(stream, format=form, dpi=150, metadata=metadata)
@@ -153,7 +154,7 @@ def encode(figure: Figure, form: str) -> bytes:
 
 
 def save(figures: Iterable[tuple[str, Figure]], forms: Sequence[str], folder: Path) -> list[Path]:
-    """Write every named figure in every form to ``folder``; the paths written."""
+    """Write every named figure in every form to ``folder``; return the paths written."""
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for name, figure in figures:

@@ -1,8 +1,9 @@
-"""When a column of a run's tables passes a value, or turns, between the rows.
+"""Find the times at which a column of a run's tables passes a value or has an extremum.
 
-Rows are joined by piecewise polynomials of degree 5 with four smooth derivatives; those of degree 3
-say how well the rows hold what lies between them: the difference of the two times is told as the
-uncertainty. Rows must be dense enough for the motion, whatever the steps were.
+The values at the output times are interpolated by splines of degree 5. Splines of degree 3 show how
+well the output times resolve the motion between them: the difference of the two times found is
+given as the uncertainty. The output times must be dense enough for the motion, whatever the steps
+were.
 """
 
 from collections.abc import Callable
@@ -16,74 +17,83 @@ from msahl.post.table import Cell, Column, Table
 from msahl.results.read import ResultError, Run
 
 DEGREES = (5, 3)
-"""Of the polynomials that are told, and of those they are compared with."""
+"""Degrees of the splines: of the reported one, and of the one that it is compared with."""
 RESOLVED = 1e-4
-"""Of the rows' spacing: nearer to each other, or to the first or the last row, no two are told
-apart. A slope that touches zero does so twice within 1e-6 of it, by round-off."""
+"""Fraction of the output interval: roots nearer to each other are one, and those nearer to the
+first or last output time are ignored. Because of rounding errors a slope that touches zero has two
+roots within 1e-6 of the interval."""
 ROUND_OFF = 64.0 * float_info.epsilon
-"""Of the column's largest value."""
+"""Rounding error of a column, as a fraction of its largest value."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """At ``time`` [s], known to ``apart`` [s], the column has this ``value`` and ``slope`` by
-    time; ``apart`` is None where the coarser polynomials have no such event nearby.
+    """At ``time`` [s] +- ``uncertainty`` [s] the column has this ``value`` and ``slope`` (time
+    derivative); ``uncertainty`` is None if the coarser spline has no such event nearby.
     """
 
     time: float
-    apart: float | None
+    uncertainty: float | None
     value: float
     slope: float
 
 
-def passages(run: Run, column: str, level: float) -> list[Event]:
-    """Where the ``column`` passes the ``level``. Raises ``ResultError`` if it cannot be said."""
+def crossings(run: Run, column: str, level: float) -> list[Event]:
+    """Find where the ``column`` passes the ``level``.
+
+    Raises ``ResultError`` if there is no such column or it cannot be interpolated.
+    """
     return _events(run, column, lambda curve: _shifted(curve, level), abs(level))
 
 
-def turns(run: Run, column: str) -> list[Event]:
-    """Where the ``column`` is largest or smallest. Raises ``ResultError`` likewise."""
+def extrema(run: Run, column: str) -> list[Event]:
+    """Find the local maxima and minima of the ``column``. Raises ``ResultError`` likewise."""
     return _events(run, column, lambda curve: curve.derivative())
 
 
 def _events(run: Run, column: str, of: Callable[[PPoly], PPoly], size: float = 0.0) -> list[Event]:
-    """Where the function ``of`` the column's curve changes its sign between the first row and the
-    last; values below the round-off of the column, or of a ``size``, have no sign."""
+    """Find where the function ``of`` the column's spline changes its sign between the first and the
+    last output time; values below the rounding error of the column, or of ``size``, have no sign.
+    """
     values = _values(run, column)
     if len(run.time) <= DEGREES[0]:
-        raise ResultError(f"{run.folder}: {len(run.time)} rows say nothing of what lies between")
+        raise ResultError(
+            f"{run.folder}: {len(run.time)} output times are too few to interpolate between them; "
+            f"at least {DEGREES[0] + 1} are needed"
+        )
     fine, coarse = (
         PPoly.from_spline(make_interp_spline(run.time, values, k=degree)) for degree in DEGREES
     )
     spacing = float(np.diff(run.time).max())
-    # Beyond the ends as well: the coarse curve of what begins at rest may turn before it begins.
+    # Extrapolated, because a coarse spline of a motion that starts at rest may have its extremum
+    # before t = 0.
     others = _roots(of(coarse), RESOLVED * spacing, extrapolate=True)
     roots = _roots(of(fine), RESOLVED * spacing, extrapolate=False)
-    apart = np.abs(roots[:, None] - others).min(axis=1, initial=np.inf)
-    found = _inside(roots, apart, run.time)
+    distance = np.abs(roots[:, None] - others).min(axis=1, initial=np.inf)
+    found = _inside(roots, distance, run.time)
     found &= _crossed(of(fine), roots, run.time, ROUND_OFF * max(np.abs(values).max(), size))
     return [
         Event(
             time=float(time),
-            apart=float(known) if known <= spacing else None,
+            uncertainty=float(known) if known <= spacing else None,
             value=float(fine(time)),
             slope=float(fine.derivative()(time)),
         )
-        for time, known in zip(roots[found], apart[found], strict=True)
+        for time, known in zip(roots[found], distance[found], strict=True)
     ]
 
 
 def _shifted(curve: PPoly, level: float) -> PPoly:
-    """The curve less a level."""
+    """Return the curve minus a level."""
     coefficients = curve.c.copy()
     coefficients[-1] -= level
     return PPoly(coefficients, curve.x)
 
 
 def _roots(curve: PPoly, resolved: float, extrapolate: bool) -> np.ndarray:
-    """Zeros of a curve; those nearer to each other than what is ``resolved`` are one.
+    """Return the zeros of a curve, those nearer to each other than ``resolved`` as one.
 
-    A piece that is zero all along has no one time and is left out.
+    A piece that is zero everywhere has no single time and is ignored.
     """
     roots = np.unique(curve.roots(discontinuity=False, extrapolate=extrapolate))
     roots = roots[np.isfinite(roots)]
@@ -91,20 +101,21 @@ def _roots(curve: PPoly, resolved: float, extrapolate: bool) -> np.ndarray:
     return np.array([group.mean() for group in groups if group.size])
 
 
-def _inside(roots: np.ndarray, apart: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Which roots can be told from the first and the last row: they are farther from them than
-    they are known, twice over as the finer curve's own error is not in it."""
+def _inside(roots: np.ndarray, distance: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Say which roots can be distinguished from the first and the last output time: their distance
+    from it is more than twice their uncertainty, which does not contain the finer curve's error."""
     spacing = float(np.diff(time).max())
-    known = 2.0 * np.where(apart <= spacing, apart, 0.0) + RESOLVED * spacing
+    known = 2.0 * np.where(distance <= spacing, distance, 0.0) + RESOLVED * spacing
     return np.asarray((roots - time[0] > known) & (time[-1] - roots > known))
 
 
 def _crossed(curve: PPoly, roots: np.ndarray, time: np.ndarray, smallest: float) -> np.ndarray:
-    """At which roots a curve has one sign halfway to the root before, or the first row, and the
-    other halfway to the next; the ``smallest`` value is that of the column."""
+    """Say at which roots a curve changes its sign, from halfway to the root before (or the first
+    output time) to halfway to the next; ``smallest`` is the least value of the column that counts.
+    """
     ends = np.concatenate((time[:1], roots, time[-1:]))
     between = curve(0.5 * (ends[:-1] + ends[1:]))
-    # A slope is a difference of values over the time between two rows.
+    # A slope is a difference of values over the time between two outputs.
     degree = DEGREES[0] + 1 - curve.c.shape[0]
     least = smallest / float(np.diff(time).min()) ** degree
     signs = np.where(np.abs(between) > least, np.sign(between), 0.0)
@@ -117,21 +128,24 @@ def _values(run: Run, column: str) -> np.ndarray:
             values = table[column].to_numpy()
             break
     else:
-        raise ResultError(f"{run.folder}: no column '{column}'; the tables' first lines name them")
+        raise ResultError(
+            f"{run.folder}: no column '{column}'; the first line of each table lists its columns"
+        )
     if column.rpartition(".")[2] in ("P1", "P2", "P3"):
         raise ResultError(
-            f"{run.folder}: orientations jump at half a turn; ask for a position or a velocity"
+            f"{run.folder}: orientation parameters are discontinuous at rotations by 180 degrees; "
+            "choose a position or a velocity"
         )
     return np.asarray(values)
 
 
 def events_table(events: list[Event]) -> Table:
-    """Events as rows."""
+    """Return a table of events."""
     columns = (
         Column("time", "time [s]", form=".9f"),
-        Column("apart", "known to [s]", form=".1e"),
+        Column("uncertainty", "uncertainty [s]", form=".1e"),
         Column("value", "value", form=".6g"),
         Column("slope", "slope [1/s]", form=".4g"),
     )
-    rows: list[tuple[Cell, ...]] = [(e.time, e.apart, e.value, e.slope) for e in events]
+    rows: list[tuple[Cell, ...]] = [(e.time, e.uncertainty, e.value, e.slope) for e in events]
     return Table(columns, tuple(rows))

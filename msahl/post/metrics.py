@@ -1,13 +1,14 @@
-"""How wrong a run is: energy balance, virtual work of the joints, gaps of the joints.
+"""Compute accuracy metrics of a run: energy balance, virtual work of joints, constraint violation.
 
     E     = sum over bodies of  m v_G.v_G/2 + w.J w/2 - m g.x_G         (3.5)-(3.10)
             + energy of the springs
     error = E(t) - E(0) - work since t = 0 of what is not conservative: loads, dampers, motions
-    RMS   = sqrt(mean of squares) over the rows                        (3.12)
+    RMS   = sqrt(mean of squares) over the output times                 (3.12)
 
-The virtual work of the joints is that of ``post.virtual``. All are zero for the exact motion but
-for Hainge's measure: the velocity it takes is the child's, not the joint's, so it shows what the
-joint moves between translation and rotation. Equation numbers: Hainge 2010.
+The virtual work of the joints is that of ``post.virtual``. For the exact motion all metrics are
+zero except Hainge's virtual work: it takes the velocity of the child instead of that of the joint,
+and so measures the energy that the joint exchanges between translation and rotation. Equation
+numbers: Hainge 2010.
 """
 
 from dataclasses import dataclass
@@ -23,37 +24,37 @@ from msahl.results.read import Run
 from msahl.system.names import FORCE_COLUMNS, MOMENT_COLUMNS, workers
 
 ROUND_OFF = 1e-12
-"""An E(1) below this part of the largest energy in the run is a zero with round-off in it."""
+"""If |E(1)| is below this fraction of the largest energy in the run, it is zero up to rounding."""
 
 
 @dataclass(frozen=True, slots=True)
-class Spread:
-    """Figures of a series: root mean square, mean, and largest absolute value."""
+class Statistics:
+    """Root mean square, mean, and largest absolute value of a series."""
 
     rms: float
     mean: float
     max: float
 
     @classmethod
-    def of(cls, series: np.ndarray) -> "Spread":
-        """Figures of a series (m,) in its unit; zeros if it has no entries."""
+    def of(cls, series: np.ndarray) -> "Statistics":
+        """Return the statistics of a series (m,) in its unit; zeros if it is empty."""
         if series.size == 0:
             return cls(0.0, 0.0, 0.0)
         largest = float(np.abs(series).max())
-        # Squares of values near 1e-170 and less are zero; of scaled ones they are not.
+        # Squares of values near 1e-170 underflow to zero; those of scaled values do not.
         scale = largest if 0.0 < largest < np.inf else 1.0
         rms = scale * float(np.sqrt(np.mean((series / scale) ** 2)))
         return cls(rms, float(series.mean()), largest)
 
-    def over(self, size: float | None) -> "Spread | None":
-        """The same series in parts of ``size``; ``None`` (undefined) without a size."""
-        return None if not size else Spread(self.rms / size, self.mean / size, self.max / size)
+    def over(self, size: float | None) -> "Statistics | None":
+        """Return the statistics of series / ``size``; ``None`` (undefined) if size is 0 or None."""
+        return None if not size else Statistics(self.rms / size, self.mean / size, self.max / size)
 
 
 @dataclass(frozen=True, slots=True)
 class Energy:
-    """Energies [J] of m rows and n bodies, arrays (m, n); ``time`` [s], ``work`` of loads and
-    motions and ``elastic`` energy of springs [J] (m,)."""
+    """Energies [J] of n bodies at m output times, arrays (m, n); ``time`` [s], ``work`` of loads
+    and motions [J] and ``elastic`` energy of springs [J] (m,)."""
 
     time: np.ndarray
     bodies: tuple[str, ...]
@@ -65,36 +66,36 @@ class Energy:
 
     @property
     def kinetic(self) -> np.ndarray:
-        """(m,) kinetic energy of all bodies [J] (3.8)."""
+        """Return the kinetic energy of all bodies [J] (m,), eq. (3.8)."""
         kinetic: np.ndarray = (self.linear + self.rotational).sum(axis=1)
         return kinetic
 
     @property
     def total(self) -> np.ndarray:
-        """(m,) kinetic and potential energy, that of springs included [J] (3.9), (3.10)."""
+        """Return kinetic, potential and elastic energy [J] (m,), eq. (3.9), (3.10)."""
         total: np.ndarray = self.kinetic + self.potential.sum(axis=1) + self.elastic
         return total
 
     @property
     def error(self) -> np.ndarray:
-        """(m,) E(t) - E(0) - work of loads and motions since t = 0 [J]."""
+        """Return E(t) - E(0) - work of loads and motions since t = 0 [J] (m,)."""
         error: np.ndarray = self.balance - self.balance[0]
         return error
 
     @property
     def balance(self) -> np.ndarray:
-        """(m,) total energy less the work of loads and motions [J]: it stays what it was."""
+        """Return total energy - work of loads and motions [J] (m,); it should be constant."""
         balance: np.ndarray = self.total - self.work
         return balance
 
     @property
     def largest_kinetic(self) -> float:
-        """Largest kinetic energy reached [J]."""
+        """Return the largest kinetic energy [J]."""
         return float(self.kinetic.max())
 
     @property
     def first(self) -> float | None:
-        """|E(1)| [J], the divisor of (3.11); ``None`` if it is zero to round-off.
+        """Return |E(1)| [J], the divisor of (3.11); ``None`` if it is zero up to rounding.
 
         Hainge divides by E(1) itself, which is negative for a body below the origin.
         """
@@ -104,25 +105,25 @@ class Energy:
         return first if first > ROUND_OFF * largest else None
 
     @property
-    def absolute_error(self) -> Spread:
-        """Figures of ``|error|`` [J]."""
-        return Spread.of(np.abs(self.error))
+    def absolute_error(self) -> Statistics:
+        """Return the statistics of ``|error|`` [J]."""
+        return Statistics.of(np.abs(self.error))
 
     @property
-    def error_over_first(self) -> Spread | None:
-        """Figures of |error| / |E(1)| (3.11), (3.12); ``None`` if E(1) is zero to round-off."""
+    def error_over_first(self) -> Statistics | None:
+        """Return the statistics of |error| / |E(1)| (3.11), (3.12); ``None`` if E(1) is zero."""
         return self.absolute_error.over(self.first)
 
     @property
-    def error_over_kinetic(self) -> Spread | None:
-        """Figures of |error| over the largest kinetic energy; ``None`` if nothing ever moves."""
+    def error_over_kinetic(self) -> Statistics | None:
+        """Return the statistics of |error| over the largest kinetic energy; ``None`` at rest."""
         return self.absolute_error.over(self.largest_kinetic)
 
 
 @dataclass(frozen=True, slots=True)
-class Loads:
+class LoadWork:
     """``work`` since t = 0 and ``elastic`` energy [J] of w loads and motions, arrays (m, w); the
-    latter is nan for what stores none."""
+    elastic energy is nan for an element that stores none."""
 
     names: tuple[str, ...]
     work: np.ndarray
@@ -134,24 +135,25 @@ class JointWork:
     """Virtual work [J] of k joints over each of m - 1 steps; arrays (m - 1, k).
 
     ``hainge``: F . C (V_{k-1} + V_k)/2 dt, F the mean force on the child over the step, V the
-    velocity of the child's B in body axes, C that of the row at the step's end (the source does not
-    say which row's). ``sharp``: the work of the joint on both of its bodies (``post.virtual``).
-    ``time`` [s] is the end of each step.
+    velocity of the child's B in body axes, C the rotation matrix at the end of the step (the source
+    does not say at which end). ``reaction``: work of the joint's reaction on both of its bodies
+    (``post.virtual``). ``time`` [s] is the end of each step.
     """
 
     time: np.ndarray
     joints: tuple[str, ...]
     hainge: np.ndarray
-    sharp: np.ndarray
+    reaction: np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
 class Constraints:
-    """Sizes of the gap and of its rate of e joints, couplings and motions, ``time`` [s].
+    """Norms of the constraint violation of e joints, couplings and motions at ``time`` [s].
 
-    Arrays (m, e, 2): in m and m/s, and in rad and rad/s; nan where an element has none of that
-    unit, or has equations between rates only. To compare them with: ``length`` [m], the longest arm
-    or radius of gyration in the scene, and ``speed`` [m/s], the largest of a mass centre.
+    ``violation`` is at position level, ``rate`` at velocity level. Arrays (m, e, 2): in m and m/s,
+    and in rad and rad/s; nan where an element has no equation of that unit, or at position level if
+    its equations constrain rates only. Scales to compare them with: ``length`` [m], the longest arm
+    or radius of gyration in the model, and ``speed`` [m/s], the largest of a mass centre.
     """
 
     time: np.ndarray
@@ -164,69 +166,69 @@ class Constraints:
 
 @dataclass(frozen=True, slots=True)
 class Reactions:
-    """Published reactions of e joints, couplings and motions, means over the step; nan where an
-    element has none.
+    """Published reactions of e joints, couplings and motions; nan where an element has none.
 
     ``force`` [N] and ``moment`` [N m] (m, e, 3) of the parent on the child, inertial axes, and
-    ``load`` (m, e, 2) of couplings and motions [N] and [N m]. ``shared`` (e,) names the columns of
-    each that are not unique, as joints are redundant.
+    ``load`` (m, e, 2) of couplings and motions [N] and [N m]. ``not_unique`` (e,) names the columns
+    of each element that are not unique, because joints are redundant.
     """
 
     names: tuple[str, ...]
     force: np.ndarray
     moment: np.ndarray
     load: np.ndarray
-    shared: tuple[tuple[str, ...], ...]
+    not_unique: tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Measures:
-    """All of a run. ``work`` is ``None`` for a run without every step's mean reactions.
+class Metrics:
+    """All metrics of a run. ``work`` is ``None`` if not every step's mean reactions were written.
 
     ``joints`` counts the joints, which come first among the elements of constraints and reactions.
     """
 
     energy: Energy
-    loads: Loads
+    loads: LoadWork
     constraints: Constraints
     work: JointWork | None
     reactions: Reactions
     joints: int
 
 
-def measure(run: Run) -> Measures:
-    """Measure ``run``, row by row, with the laws that made it."""
-    rows = observe(run)
+def compute_metrics(run: Run) -> Metrics:
+    """Compute the metrics of ``run`` at every output time, with the element laws that made it."""
+    observed = observe(run)
     loads = _loads(run)
     energy = Energy(
         run.time,
         tuple(body.name for body in run.model.bodies),
-        rows.linear,
-        rows.rotational,
-        rows.potential,
+        observed.linear,
+        observed.rotational,
+        observed.potential,
         loads.work.sum(axis=1),
-        rows.elastic,
+        observed.elastic,
     )
     names = element_names(run.model)
-    speed = _speed(run, energy)
-    constraints = Constraints(run.time, names, rows.violation, rows.rate, rows.length, speed)
+    constraints = Constraints(
+        run.time, names, observed.violation, observed.rate, observed.length, _speed(run, energy)
+    )
     reactions = _reactions(run)
-    work = _joint_work(run, rows, reactions) if run.has_means else None
-    return Measures(energy, loads, constraints, work, reactions, len(run.model.joints))
+    work = _joint_work(run, observed, reactions) if run.has_means else None
+    return Metrics(energy, loads, constraints, work, reactions, len(run.model.joints))
 
 
 def element_names(model: Model) -> tuple[str, ...]:
-    """Names of joints, couplings and motions: of all that has equations."""
+    """Return the names of joints, couplings and motions: all elements with constraint equations."""
     return tuple(e.name for e in (*model.joints, *model.couplings, *model.motions))
 
 
 def _speed(run: Run, energy: Energy) -> float:
-    """Largest speed of a mass centre [m/s]."""
+    """Return the largest speed of a mass centre [m/s]."""
     mass = np.array([body.mass for body in run.model.bodies])
     return float(np.sqrt(2.0 * energy.linear / mass).max())
 
 
-def _loads(run: Run) -> Loads:
+def _loads(run: Run) -> LoadWork:
     names = workers(run.model)
     work, elastic = np.full((2, len(run.time), len(names)), np.nan)
     for i, name in enumerate(names):
@@ -234,34 +236,34 @@ def _loads(run: Run) -> Loads:
         work[:, i] = run.work[f"{name}.work"]
         if f"{name}.energy" in run.work:
             elastic[:, i] = run.work[f"{name}.energy"]
-    return Loads(names, work, elastic)
+    return LoadWork(names, work, elastic)
 
 
 def _reactions(run: Run) -> Reactions:
     model, names = run.model, element_names(run.model)
     force, moment = np.full((2, len(run.time), len(names), 3), np.nan)
     load = np.full((len(run.time), len(names), 2), np.nan)
-    turning = _turning(model)
+    along_angle = _is_along_angle(model)
     for e, name in enumerate(names):
         assert run.reactions is not None
         if e >= len(model.joints):
-            load[:, e, turning[e]] = run.reactions[f"{name}.load"]
+            load[:, e, along_angle[e]] = run.reactions[f"{name}.load"]
             continue
         force[:, e] = run.reactions[[f"{name}.{c}" for c in FORCE_COLUMNS]]
         if KINDS[model.joints[e].kind].moment:
             moment[:, e] = run.reactions[[f"{name}.{c}" for c in MOMENT_COLUMNS]]
-    told = run.info.get("nonUniqueReactions", {})
-    return Reactions(names, force, moment, load, tuple(tuple(told.get(n, ())) for n in names))
+    listed = run.info.get("nonUniqueReactions", {})
+    return Reactions(names, force, moment, load, tuple(tuple(listed.get(n, ())) for n in names))
 
 
-def _turning(model: Model) -> dict[int, int]:
-    """By number of the element: 1 if its load is along an angle [N m], 0 if along a way [N]."""
-    freedoms = [COORDINATES[coupling.kind][1] for coupling in model.couplings]
-    freedoms += [m.coordinate if isinstance(m, JointMotion) else "slide" for m in model.motions]
-    return {e: int(f == "angle") for e, f in enumerate(freedoms, start=len(model.joints))}
+def _is_along_angle(model: Model) -> dict[int, int]:
+    """By index of the element: 1 if its load is along an angle [N m], 0 if along a slide [N]."""
+    coordinates = [COORDINATES[coupling.kind][1] for coupling in model.couplings]
+    coordinates += [m.coordinate if isinstance(m, JointMotion) else "slide" for m in model.motions]
+    return {e: int(c == "angle") for e, c in enumerate(coordinates, start=len(model.joints))}
 
 
-def _joint_work(run: Run, rows: Rows, reactions: Reactions) -> JointWork:
+def _joint_work(run: Run, observed: Rows, reactions: Reactions) -> JointWork:
     joints = len(run.model.joints)
     force = np.ascontiguousarray(reactions.force[:, :joints])
     moment = np.nan_to_num(reactions.moment[:, :joints])
@@ -269,5 +271,5 @@ def _joint_work(run: Run, rows: Rows, reactions: Reactions) -> JointWork:
         run.time[1:],
         reactions.names[:joints],
         child_work(run, force),
-        reaction_work(run.model, rows.history, force, moment),
+        reaction_work(run.model, observed.history, force, moment),
     )

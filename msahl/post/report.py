@@ -1,12 +1,17 @@
-"""The report on one run: built once as blocks, written as Markdown and as HTML."""
+"""Build the report on one run as a list of blocks, and write it as Markdown and as HTML."""
 
 from pathlib import Path
 
 from msahl.post.document import Block, Heading, Items, Paragraph, Picture, as_html, as_markdown
 from msahl.post.draw import encode, style
 from msahl.post.figures import Choice, figures
-from msahl.post.metrics import Measures
-from msahl.post.sentences import constraints_verdict, energy_verdict, start_verdict, work_verdict
+from msahl.post.metrics import Metrics
+from msahl.post.sentences import (
+    describe_constraints,
+    describe_energy,
+    describe_start,
+    describe_work,
+)
 from msahl.post.summary import (
     body_table,
     constraints_table,
@@ -23,12 +28,12 @@ from msahl.results.write import write_whole
 from msahl.run.verdict import describe_shared
 
 CAPTIONS = {
-    "path": "Paths of the bodies' reference points",
-    "error": "Estimated error, the largest of all bodies",
-    "energy": "Energies, and the error of their balance",
+    "path": "Paths of the bodies' reference points B",
+    "error": "Estimated global error of positions and orientations, the largest of all bodies",
+    "energy": "Energies and energy balance error",
     "work": "Virtual work of each joint over each step",
-    "constraints": "Gap and gap rate of each joint, coupling and motion",
-    "reactions": "Force and moment of each joint on its child; loads of couplings and motions",
+    "constraints": "Constraint violation of each joint, coupling and motion",
+    "reactions": "Force and moment of each joint on its child, and loads of couplings and motions",
 }
 
 DEFINITIONS = (
@@ -38,48 +43,64 @@ DEFINITIONS = (
         "the elastic energy of springs.",
     ),
     (
-        "error",
-        "E(t) - E(0) - work since t = 0 of loads and motions; zero for the exact motion.",
+        "balance error",
+        "E(t) - E(0) - work of loads and motions since t = 0; zero for the exact motion.",
     ),
-    ("error over |E(1)|", "error over the absolute energy of the first row (eq. 3.11)."),
-    ("error over max KE", "error over the largest kinetic energy of any row."),
-    ("RMS", "square root of the mean square, over all rows or steps (eq. 3.12)."),
+    (
+        "balance error over |E(1)|",
+        "balance error divided by the absolute energy at the start (eq. 3.11).",
+    ),
+    (
+        "balance error over max KE",
+        "balance error divided by the largest kinetic energy at any output time.",
+    ),
+    ("RMS", "root mean square over all output times or steps (eq. 3.12)."),
     ("max", "largest absolute value."),
     (
         "work",
-        "of concentrated loads, drag, friction, dampers and motions since t = 0. What springs "
-        "store and give back is elastic energy instead.",
+        "work of concentrated loads, drag, friction, dampers and motions since t = 0. The energy "
+        "stored in springs is elastic energy instead.",
     ),
     (
-        "gap",
-        "how far the equations of a joint, coupling or motion are from being kept: lengths [m], "
-        "and angles or products of unit vectors [rad]; none for equations between rates.",
+        "constraint violation",
+        "norm of the residuals of the constraint equations of a joint, coupling or motion at "
+        "position level: lengths [m], and angles or products of unit vectors [rad]. Equations "
+        "that constrain rates only have none.",
     ),
-    ("gap rate", "rate of the gap, or what an equation between rates is off by."),
+    (
+        "constraint violation rate",
+        "time derivative of the constraint violation (velocity level), or the residual of an "
+        "equation that constrains rates.",
+    ),
     (
         "reaction",
-        "of the parent on the child, mean over the step, inertial axes; the moment is about the "
-        "joint's point on the child. Not unique: redundant joints share it, and the smallest, "
-        "weighted by mass, is given.",
+        "force and moment of the parent on the child, mean over the step, in inertial axes; the "
+        "moment is about the joint's point on the child. A reaction is not unique if redundant "
+        "joints share it; then the one of least mass-weighted norm is given.",
     ),
-    ("load", "of a coupling or motion along the free motion it prescribes."),
+    ("load", "generalised force of a coupling or motion along the coordinate it prescribes."),
     (
-        "Hainge's measure",
-        "F_k . C_k (V_(k-1) + V_k)/2 dt: joint force, child's velocity, step (eq. 3.16-3.18); C "
-        "is that of the step's end. Not zero where a joint moves energy between translation and "
-        "rotation. What Hainge prints as its RMS is negative at times: compare it with the mean.",
+        "Hainge's virtual work",
+        "F_k . C_k (V_(k-1) + V_k)/2 dt: joint force, child's velocity, step size (eq. "
+        "3.16-3.18); C_k is the rotation matrix at the end of the step. It is not zero if a joint "
+        "exchanges energy between translation and rotation. Some RMS values that Hainge prints "
+        "are negative: compare those with the mean.",
     ),
     (
         "work of the reaction",
-        "F . (way of the child's point - way of the parent's) + M . (turn of the child - turn of "
-        "the parent): work of a joint on both of its bodies over the step.",
+        "F . (displacement of the child's joint point - displacement of the parent's) + M . "
+        "(rotation of the child - rotation of the parent): work of a joint's reaction on both of "
+        "its bodies over the step.",
     ),
 )
 
 
-def write_report(run: Run, measures: Measures, folder: Path) -> list[Path]:
-    """Write ``report.md`` with its pictures and ``report.html`` to ``folder``; the two paths."""
-    blocks = build_report(run, measures)
+def write_report(run: Run, metrics: Metrics, folder: Path) -> list[Path]:
+    """Write ``report.md`` with its pictures, and ``report.html``, to ``folder``; return both paths.
+
+    The pictures of ``report.html`` are part of the file.
+    """
+    blocks = build_report(run, metrics)
     folder.mkdir(parents=True, exist_ok=True)
     for block in blocks:
         if isinstance(block, Picture):
@@ -90,21 +111,21 @@ def write_report(run: Run, measures: Measures, folder: Path) -> list[Path]:
     return [folder / name for name in texts]
 
 
-def build_report(run: Run, measures: Measures) -> list[Block]:
-    """What the report says, in order."""
+def build_report(run: Run, metrics: Metrics) -> list[Block]:
+    """Return the blocks of the report in their order."""
     return [
         Heading(1, _title(run)),
         Paragraph(_status(run)),
         *_warnings(run),
-        *_judgement(run),
-        Heading(2, "How wrong it is"),
-        Items(tuple(("", sentence) for sentence in _verdicts(run, measures))),
-        *_figures_in_tables(run, measures),
-        Heading(2, "What it looks like"),
-        *_pictures(run, measures),
-        Heading(2, "What ran"),
+        *_verdict(run),
+        Heading(2, "Accuracy"),
+        Items(tuple(("", sentence) for sentence in _sentences(run, metrics))),
+        *_tables(run, metrics),
+        Heading(2, "Figures"),
+        *_pictures(run, metrics),
+        Heading(2, "Run"),
         _facts(run),
-        Heading(2, "What the numbers mean"),
+        Heading(2, "Definitions"),
         Items(DEFINITIONS),
     ]
 
@@ -115,10 +136,10 @@ def _title(run: Run) -> str:
 
 def _status(run: Run) -> str:
     steps = run.info.get("steps")
-    taken = f"{steps} steps" if steps else f"{len(run.time)} rows"
-    whole = f"The run is complete: {taken} to t = {run.time[-1]:g} s."
+    extent = f"{steps} steps" if steps else f"{len(run.time)} output times"
+    complete = f"The run is complete: {extent} to t = {run.time[-1]:g} s."
     note = partial_note(run)
-    return f"{note[0].upper()}{note[1:]}." if note else whole
+    return f"{note[0].upper()}{note[1:]}." if note else complete
 
 
 def _warnings(run: Run) -> list[Block]:
@@ -126,8 +147,8 @@ def _warnings(run: Run) -> list[Block]:
     return [Items(tuple(("Warning", text) for text in warnings))] if warnings else []
 
 
-def _judgement(run: Run) -> list[Block]:
-    """The verdict the run was given, check by check."""
+def _verdict(run: Run) -> list[Block]:
+    """Return the verdict on the run and its checks."""
     verdict = run.info.get("verdict")
     if not verdict:
         return []
@@ -138,82 +159,83 @@ def _judgement(run: Run) -> list[Block]:
     ]
 
 
-def _verdicts(run: Run, measures: Measures) -> list[str]:
+def _sentences(run: Run, metrics: Metrics) -> list[str]:
     sentences = [
-        energy_verdict(measures.energy),
-        start_verdict(measures.energy),
-        *constraints_verdict(measures.constraints),
-        work_verdict(measures.work, measures.energy),
+        describe_energy(metrics.energy),
+        describe_start(metrics.energy),
+        *describe_constraints(metrics.constraints),
+        describe_work(metrics.work, metrics.energy),
     ]
     if run.every > 1:
-        sentences.append(f"These figures are of every {run.every}th step, the ones on file.")
+        sentences.append(f"These metrics are of the output times, one of {run.every} steps.")
         if run.model.joints:
             sentences.append(f"V{no_work_note(run)[1:]}.")
     return [sentence for sentence in sentences if sentence]
 
 
-def _figures_in_tables(run: Run, measures: Measures) -> list[Block]:
-    """Tables of energy and of bodies, and of loads, constraints, reactions and virtual work where
+def _tables(run: Run, metrics: Metrics) -> list[Block]:
+    """Return the tables of energy and bodies; of loads, constraints, reactions and virtual work if
     there are any."""
-    measured = [("", measures)]
+    named = [("", metrics)]
     blocks: list[Block] = [
         Heading(3, "Energy"),
-        energy_table(measured).without("run").transposed(),
-        body_table(measures.energy),
+        energy_table(named).without("run").transposed(),
+        body_table(metrics.energy),
     ]
-    if measures.loads.names:
-        blocks += [Heading(3, "Loads and motions"), loads_table(measures.loads)]
-    if measures.constraints.names:
+    if metrics.loads.names:
+        blocks += [Heading(3, "Loads and motions"), loads_table(metrics.loads)]
+    if metrics.constraints.names:
         blocks += [
-            Heading(3, "Joints"),
-            constraints_table(measured).without("run").filled(),
-            reactions_table(measures.reactions).filled(),
+            Heading(3, "Constraint violation"),
+            constraints_table(named).without("run").filled(),
+            Heading(3, "Reactions"),
+            reactions_table(metrics.reactions).filled(),
         ]
-    if run.model.joints and measures.work is not None:
-        blocks += [Heading(3, "Virtual work over a step"), work_table(measured).without("run")]
+    if run.model.joints and metrics.work is not None:
+        blocks += [Heading(3, "Virtual work over a step"), work_table(named).without("run")]
     return blocks
 
 
-def _pictures(run: Run, measures: Measures) -> list[Block]:
+def _pictures(run: Run, metrics: Metrics) -> list[Block]:
     with style():
         return [
             Picture(f"{name}.png", CAPTIONS[name.partition("-")[0]], encode(figure, "png"))
-            for name, figure in figures(run, measures, Choice())
+            for name, figure in figures(run, metrics, Choice())
         ]
 
 
 def _facts(run: Run) -> Table:
-    """What ran, as far as ``run.json`` tells."""
+    """Return the table of what was run and how, from ``run.json``."""
     info, simulation = run.info, run.model.simulation
     deck, options = info.get("deck", {}), info.get("options", {})
     seconds = ", ".join(f"{phase} {time:.3g}" for phase, time in info.get("seconds", {}).items())
     versions = ("msahl", "python", "numpy", "scipy", "numba")
     facts = (
         ("deck", deck.get("path")),
-        ("deck's SHA-256", deck.get("digest")),
+        ("SHA-256 of the deck", deck.get("digest")),
         ("bodies, joints, couplings, motions, loads", _counts(run)),
-        ("degrees of freedom", _freedoms(run)),
+        ("degrees of freedom", _degrees_of_freedom(run)),
         (
             "reactions that are not unique",
             describe_shared(info.get("nonUniqueReactions", {})) or None,
         ),
-        ("subsystems", _subsystems(run)),
-        ("step dt [s]", f"{simulation.dt:.12g}"),
-        ("end [s]", f"{simulation.t_final:.12g}"),
+        ("independent subsystems", _subsystems(run)),
+        ("step size dt [s]", f"{simulation.dt:.12g}"),
+        ("end time [s]", f"{simulation.t_final:.12g}"),
         ("scheme, solver", ", ".join(options.get(key, "?") for key in ("scheme", "solver"))),
-        ("rows on file", f"{len(run.time)} (every {run.every}. step)" if run.every > 1 else None),
-        ("rows on file", str(len(run.time)) if run.every == 1 else None),
+        ("output times", f"{len(run.time)} (one of {run.every} steps)" if run.every > 1 else None),
+        ("output times", str(len(run.time)) if run.every == 1 else None),
         ("unknowns", info.get("unknowns")),
         ("iterations", info.get("iterations")),
-        ("steps cut in halves", info.get("subdivisions")),
-        ("seconds", seconds or None),
+        ("step subdivisions", info.get("subdivisions")),
+        ("time taken [s]", seconds or None),
         (
             "versions",
             ", ".join(f"{name} {info[name]}" for name in versions if name in info) or None,
         ),
     )
     known = tuple((name, str(value)) for name, value in facts if value is not None)
-    return Table((Column("what", "what"), Column("value", "value")), known)
+    return Table((Column("quantity", "quantity"), Column("value", "value")), known)
 
 
 def _counts(run: Run) -> str:
@@ -222,16 +244,18 @@ def _counts(run: Run) -> str:
     return ", ".join(str(len(group)) for group in groups)
 
 
-def _freedoms(run: Run) -> str | None:
-    """Degrees of freedom, by both ways to count them where they differ."""
-    told = run.info.get("degreesOfFreedom")
-    if not told:
+def _degrees_of_freedom(run: Run) -> str | None:
+    """Return the degrees of freedom; by count and by rank if the two differ."""
+    found = run.info.get("degreesOfFreedom")
+    if not found:
         return None
-    count, rank = told.get("byCount"), told.get("byRank")
-    return str(rank) if count == rank else f"{rank} by rank, {count} by count: redundant joints"
+    count, rank = found.get("byCount"), found.get("byRank")
+    if count == rank:
+        return str(rank)
+    return f"{rank} by rank, {count} by count: the joints are redundant"
 
 
 def _subsystems(run: Run) -> str | None:
-    """How many parts move independently, and in how many of them all stays in parallel planes."""
-    told, planar = run.info.get("subsystems"), run.info.get("planarSubsystems")
-    return f"{told}, {planar} of them planar" if planar else told
+    """Return the number of independent subsystems, and how many of them move in a plane."""
+    subsystems, planar = run.info.get("subsystems"), run.info.get("planarSubsystems")
+    return f"{subsystems}, {planar} of them planar" if planar else subsystems

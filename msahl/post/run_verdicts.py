@@ -1,4 +1,4 @@
-"""Verdicts of many runs as a table: those of their ``run.json``, if their tables bear them out."""
+"""Tabulate the verdicts of many runs: those of ``run.json``, if the tables are still intact."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,16 +15,16 @@ COLUMNS = (
     Column("verdict", "verdict"),
     Column("t", "t [s]", form="g"),
     Column("steps", "steps", form="d"),
-    Column("energy", "energy error", form=".1e"),
-    Column("gap", "gap [m]", form=".1e"),
-    Column("error", "error [m]", form=".1e"),
+    Column("energy_error", "relative energy error", form=".1e"),
+    Column("constraint_violation", "constraint violation [m]", form=".1e"),
+    Column("position_error", "position error [m]", form=".1e"),
     Column("trusted", "trusted to [s]", form="g", missing=""),
     Column("reasons", "reasons"),
 )
 
 
-class Judged(NamedTuple):
-    """A run and what its ``run.json`` says."""
+class RunVerdict(NamedTuple):
+    """The verdict on the run in ``folder``, its reasons, and what ``run.json`` holds."""
 
     folder: Path
     word: str
@@ -32,33 +32,33 @@ class Judged(NamedTuple):
     info: dict[str, Any]
 
 
-def read_judged(folder: Path) -> Judged:
-    """The verdict on the run in ``folder``; one that was cut off by force has failed, and so has
-    one whose tables are not as it left them.
+def read_verdict(folder: Path) -> RunVerdict:
+    """Read the verdict on the run in ``folder``. It is FAIL for a run that was killed, and for a
+    run whose tables were damaged afterwards.
 
-    Raises ``ResultError`` if there is no run, or one of a program without verdicts.
+    Raises ``ResultError`` if there is no run, or its program version wrote no verdicts.
     """
     info = read_info(folder)
     if not info and find_table(folder, "states.csv"):
-        reason = "no run.json: the run was cut off by force; run the deck again"
-        return Judged(folder, FAIL, [reason], info)
+        reason = "no run.json: the run was killed; run the deck again"
+        return RunVerdict(folder, FAIL, [reason], info)
     if "verdict" not in info:
-        raise ResultError(f"{shown_path(folder)}: no verdict in run.json; make one: msahl run")
+        raise ResultError(f"{shown_path(folder)}: no verdict in run.json; run the deck: msahl run")
     word, reasons = info["verdict"]["word"], info["verdict"]["reasons"]
     if word != FAIL:
         try:
             read_run(folder)
         except (ResultError, DeckError) as error:
-            return Judged(folder, FAIL, [str(error).replace("\n", "; ")], info)
-    return Judged(folder, word, reasons, info)
+            return RunVerdict(folder, FAIL, [str(error).replace("\n", "; ")], info)
+    return RunVerdict(folder, word, reasons, info)
 
 
-def verdict_table(runs: Sequence[Judged]) -> Table:
-    """One row a run."""
-    return Table(COLUMNS, tuple(map(_row, runs)))
+def verdict_table(runs: Sequence[RunVerdict]) -> Table:
+    """Return a table with one line per run."""
+    return Table(COLUMNS, tuple(map(_cells, runs)))
 
 
-def _row(run: Judged) -> tuple[Cell, ...]:
+def _cells(run: RunVerdict) -> tuple[Cell, ...]:
     extremes = run.info.get("extremes", {})
     error = run.info.get("error") or {}
     known = [error[name] for name in ("position", "orientation") if name in error]

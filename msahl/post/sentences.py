@@ -1,37 +1,38 @@
-"""What the figures of a run say, in sentences."""
+"""Describe the accuracy metrics of a run in sentences."""
 
 import numpy as np
 
 from msahl.post.metrics import Constraints, Energy, JointWork
 
 GRADES = (
-    (1e-10, "that is round-off"),
-    (1e-6, "far below what a picture shows"),
-    (1e-3, "small, but more than round-off"),
-    (np.inf, "the balance is not kept: look for the reason before using the numbers"),
+    (1e-10, "this is rounding error"),
+    (1e-6, "this is too small to be seen in a figure"),
+    (1e-3, "this is small, but larger than rounding error"),
+    (np.inf, "the energy balance is violated; find the cause before you use the results"),
 )
-"""Errors over the largest kinetic energy up to which a grade is given. Round-off gathers over the
-steps: 1e-10 leaves room for a million of them."""
+"""Largest energy balance error over the largest kinetic energy, and how it is graded. Rounding
+errors accumulate over the steps: 1e-10 allows for a million of them."""
 
 SMALL_START = 0.1
-"""E(1) below this part of the largest kinetic energy makes the error over it look bad."""
+"""If |E(1)| is less than this fraction of the largest kinetic energy, a sentence says that the
+error over |E(1)| looks larger than it is."""
 
 
-def energy_verdict(energy: Energy) -> str:
-    """How well the energy balance is kept."""
+def describe_energy(energy: Energy) -> str:
+    """Say how large the energy balance error is."""
     error, relative = energy.absolute_error.max, energy.error_over_kinetic
     if relative is None:
-        return f"Nothing moves; yet the energy balance is off by up to {error:.1e} J."
-    # Not "greater": an error that is no number is not round-off.
+        return f"No body moves, but the energy balance error reaches {error:.1e} J."
+    # Not "greater": a NaN is not a rounding error.
     grade = next((words for limit, words in GRADES if relative.max <= limit), GRADES[-1][1])
     return (
-        f"Energy is kept to {relative.max:.1e} of the largest kinetic energy "
-        f"({error:.1e} J of {energy.largest_kinetic:.4g} J): {grade}."
+        f"The largest energy balance error is {error:.1e} J, which is {relative.max:.1e} of the "
+        f"largest kinetic energy ({energy.largest_kinetic:.4g} J): {grade}."
     )
 
 
-def start_verdict(energy: Energy) -> str:
-    """What E(1) does to the error over it; empty if it does no harm."""
+def describe_start(energy: Energy) -> str:
+    """Say why the error over |E(1)| is undefined or misleading; empty if it is neither."""
     if energy.first is None:
         return (
             "The energy at the start, E(1), is zero: the error over |E(1)| (Hainge, eq. 3.11) is "
@@ -46,45 +47,51 @@ def start_verdict(energy: Energy) -> str:
     return ""
 
 
-def constraints_verdict(found: Constraints) -> list[str]:
-    """How well joints, couplings and motions are kept, and how fast they part."""
-    closed = [part for part in (_closed(found, 0, "m"), _closed(found, 1, "rad")) if part]
-    parting = [part for part in (_parting(found, 0, "m/s"), _parting(found, 1, "rad/s")) if part]
-    sentences = [f"The joints stay closed to {' and '.join(closed)}."] if closed else []
-    if parting:
+def describe_constraints(found: Constraints) -> list[str]:
+    """Say how large the constraint violations are at position level and at velocity level."""
+    position = [part for part in (_violation(found, 0, "m"), _violation(found, 1, "rad")) if part]
+    velocity = [part for part in (_rate(found, 0, "m/s"), _rate(found, 1, "rad/s")) if part]
+    sentences = []
+    if position:
         sentences.append(
-            f"At the rows they part at up to {' and '.join(parting)}. This belongs to the size of "
-            "the step and falls with its square."
+            f"The largest constraint violation at position level is {' and '.join(position)}."
+        )
+    if velocity:
+        sentences.append(
+            "The largest constraint violation at velocity level, at the output times, is "
+            f"{' and '.join(velocity)}. It is a discretisation error: with the scheme of order 2 "
+            "it falls with the square of the step size."
         )
     return sentences
 
 
-def _closed(found: Constraints, kind: int, unit: str) -> str:
-    """Widest gap of one ``kind`` and whose it is; empty if no element has such gaps."""
+def _violation(found: Constraints, kind: int, unit: str) -> str:
+    """Return the largest violation of one ``kind`` and its element; empty if there is none."""
     violation = found.violation[:, :, kind]
     if np.isnan(violation).all():
         return ""
-    widest = np.nanmax(violation)
+    largest = np.nanmax(violation)
     name = found.names[int(np.nanargmax(violation) % len(found.names))]
-    part = f", {widest / found.length:.1e} of the longest arm" if unit == "m" else ""
-    return f"{widest:.1e} {unit} (the widest: {name}{part})"
+    part = f", {largest / found.length:.1e} of the longest arm" if unit == "m" else ""
+    return f"{largest:.1e} {unit} (at {name}{part})"
 
 
-def _parting(found: Constraints, kind: int, unit: str) -> str:
+def _rate(found: Constraints, kind: int, unit: str) -> str:
+    """Return the largest violation rate of one ``kind``; empty if there is none."""
     rate = found.rate[:, :, kind]
     if np.isnan(rate).all():
         return ""
-    fastest = np.nanmax(rate)
+    largest = np.nanmax(rate)
     compared = unit == "m/s" and found.speed
-    part = f" ({fastest / found.speed:.1e} of the largest speed)" if compared else ""
-    return f"{fastest:.1e} {unit}{part}"
+    part = f" ({largest / found.speed:.1e} of the largest speed)" if compared else ""
+    return f"{largest:.1e} {unit}{part}"
 
 
-def work_verdict(work: JointWork | None, energy: Energy) -> str:
-    """Whether the joints do work; empty without joints or without every step's row."""
-    if work is None or not work.sharp.size:
+def describe_work(work: JointWork | None, energy: Energy) -> str:
+    """Say how much work the joints do; empty without joints or if not every step was written."""
+    if work is None or not work.reaction.size:
         return ""
-    most = float(np.abs(work.sharp).max())
+    most = float(np.abs(work.reaction).max())
     size = energy.largest_kinetic
     part = f", {most / size:.1e} of the largest kinetic energy" if size else ""
-    return f"No joint does more than {most:.1e} J of work over any step{part}."
+    return f"The reaction of a joint does at most {most:.1e} J of work over a step{part}."

@@ -1,51 +1,51 @@
-"""The figures of one or several runs as tables, and what must be said beside them."""
+"""Tabulate the metrics of one or several runs, and explain metrics that are not available."""
 
 from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from msahl.model import degree_of
-from msahl.post.metrics import Energy, Loads, Measures, Reactions, Spread
+from msahl.post.metrics import Energy, LoadWork, Metrics, Reactions, Statistics
 from msahl.post.table import Cell, Column, Table
 from msahl.results.read import Run
 
-Measured = Sequence[tuple[str, Measures]]
-"""Runs by the name the user gave them, measured."""
+NamedMetrics = Sequence[tuple[str, Metrics]]
+"""The folder of each run, as the user gave it, and the run's metrics."""
 
 RUN = Column("run", "run")
 JOINT = Column("joint", "joint")
 
 
-def _spread(key: str, group: str, form: str = ".2e", missing: str = "n/a") -> tuple[Column, ...]:
-    """Columns of one ``Spread``."""
+def _columns(key: str, group: str, form: str = ".2e", missing: str = "n/a") -> tuple[Column, ...]:
+    """Return the columns of one ``Statistics``."""
     return tuple(
-        Column(f"{key}_{figure}", label, group, form, missing)
-        for figure, label in (("rms", "RMS"), ("mean", "mean"), ("max", "max"))
+        Column(f"{key}_{kind}", label, group, form, missing)
+        for kind, label in (("rms", "RMS"), ("mean", "mean"), ("max", "max"))
     )
 
 
-def _cells(spread: Spread | None) -> tuple[Cell, ...]:
-    return (None, None, None) if spread is None else (spread.rms, spread.mean, spread.max)
+def _cells(found: Statistics | None) -> tuple[Cell, ...]:
+    return (None, None, None) if found is None else (found.rms, found.mean, found.max)
 
 
-def energy_table(measured: Measured) -> Table:
-    """One row a run: energy at the start, largest kinetic energy, error by both measures; where
-    there are any, elastic energy of springs and work done on the scene."""
+def energy_table(metrics: NamedMetrics) -> Table:
+    """Return a table of runs: energy at the start, largest kinetic energy, balance error over both;
+    elastic energy of springs and work done on the system, if there are any."""
     columns = (
         RUN,
         Column("energy_at_start", "E(1) [J]", form=".6g"),
         Column("largest_kinetic_energy", "max KE [J]", form=".6g"),
-        Column("error_max", "max error [J]", form=".2e"),
-        *_spread("error_over_start", "error over |E(1)|", missing="undefined"),
-        *_spread("error_over_kinetic", "error over max KE", missing="undefined"),
-        Column("elastic_energy_max", "max elastic [J]", form=".6g", missing=""),
+        Column("error_max", "max balance error [J]", form=".2e"),
+        *_columns("error_over_start", "balance error over |E(1)|", missing="undefined"),
+        *_columns("error_over_kinetic", "balance error over max KE", missing="undefined"),
+        Column("elastic_energy_max", "max elastic energy [J]", form=".6g", missing=""),
         Column("work_at_end", "work at end [J]", form=".6g", missing=""),
     )
-    return Table(columns, tuple((name, *_energy_row(m)) for name, m in measured))
+    return Table(columns, tuple((name, *_energy_cells(m)) for name, m in metrics))
 
 
-def _energy_row(measures: Measures) -> tuple[Cell, ...]:
-    energy, loads = measures.energy, measures.loads
+def _energy_cells(metrics: Metrics) -> tuple[Cell, ...]:
+    energy, loads = metrics.energy, metrics.loads
     springs = not np.isnan(loads.elastic).all()
     return (
         float(energy.total[0]),
@@ -58,48 +58,47 @@ def _energy_row(measures: Measures) -> tuple[Cell, ...]:
     )
 
 
-def work_table(measured: Measured) -> Table:
-    """One row a joint: virtual work over a step, by Hainge's measure and the sharp one."""
+def work_table(metrics: NamedMetrics) -> Table:
+    """Return a table of joints: Hainge's virtual work and the work of the reaction over a step."""
     columns = (
         RUN,
         JOINT,
-        *_spread("hainge", "Hainge's measure [J]", ".4e"),
-        *_spread("sharp", "work of the reaction [J]"),
+        *_columns("hainge", "Hainge's virtual work [J]", ".4e"),
+        *_columns("reaction", "work of the reaction [J]"),
     )
-    return Table(columns, tuple(row for name, m in measured for row in _work_rows(name, m)))
+    return Table(columns, tuple(row for name, m in metrics for row in _work_rows(name, m)))
 
 
-def _work_rows(name: str, measures: Measures) -> Iterable[tuple[Cell, ...]]:
-    work = measures.work
-    for k, joint in enumerate(measures.constraints.names[: measures.joints]):
-        both = (work.hainge[:, k], work.sharp[:, k]) if work else None
-        spreads = map(Spread.of, both) if both else (None, None)
-        yield (name, joint, *(cell for spread in spreads for cell in _cells(spread)))
+def _work_rows(name: str, metrics: Metrics) -> Iterable[tuple[Cell, ...]]:
+    work = metrics.work
+    for k, joint in enumerate(metrics.constraints.names[: metrics.joints]):
+        both = (work.hainge[:, k], work.reaction[:, k]) if work else None
+        found = map(Statistics.of, both) if both else (None, None)
+        yield (name, joint, *(cell for statistics in found for cell in _cells(statistics)))
 
 
 UNITS = (("", "m"), ("_angle", "rad"))
-"""Keys and units of the two parts of a gap."""
+"""Key suffixes and units of the two kinds of constraint violation."""
+LEVELS = (("violation", "violation", ""), ("violation_rate", "violation rate", "/s"))
+"""Keys, headers and units of the violation at position level and at velocity level."""
 
 
-def constraints_table(measured: Measured) -> Table:
-    """One row a joint, coupling or motion: largest and RMS gap and gap rate, blank where none."""
-    groups = [
-        (f"{what}{key}", f"{words} [{unit}{per}]")
-        for what, words, per in (("gap", "gap", ""), ("rate", "gap rate", "/s"))
-        for key, unit in UNITS
-    ]
+def constraints_table(metrics: NamedMetrics) -> Table:
+    """Return a table of joints, couplings and motions: largest and RMS constraint violation at
+    position and velocity level, blank if there is none of a unit."""
     columns = (
         RUN,
         JOINT,
         *(
-            Column(f"{key}_{figure}", figure, words, ".2e", "")
-            for key, words in groups
-            for figure in ("max", "rms")
+            Column(f"{level}{suffix}_{kind}", label, f"{words} [{unit}{per}]", ".2e", "")
+            for level, words, per in LEVELS
+            for suffix, unit in UNITS
+            for kind, label in (("max", "max"), ("rms", "RMS"))
         ),
     )
     rows: list[tuple[Cell, ...]] = []
-    for name, measures in measured:
-        found = measures.constraints
+    for name, of_run in metrics:
+        found = of_run.constraints
         for e, element in enumerate(found.names):
             series = [
                 part[:, e, unit] for part in (found.violation, found.rate) for unit in range(2)
@@ -109,15 +108,16 @@ def constraints_table(measured: Measured) -> Table:
 
 
 def _peak(values: np.ndarray) -> tuple[Cell, Cell]:
-    """Largest and RMS of a series, nothing of one that is not there."""
+    """Return the largest value and the RMS of a series; ``None`` for a series of nan."""
     if np.isnan(values).any():
         return None, None
-    spread = Spread.of(values)
-    return spread.max, spread.rms
+    found = Statistics.of(values)
+    return found.max, found.rms
 
 
 def reactions_table(reactions: Reactions) -> Table:
-    """One row a joint, coupling or motion: the largest it bears, blank where it bears none."""
+    """Return a table of joints, couplings and motions: the largest reactions, blank if there is
+    none of a kind."""
     columns = (
         JOINT,
         Column("force_max", "max force [N]", form=".6g", missing=""),
@@ -128,7 +128,7 @@ def reactions_table(reactions: Reactions) -> Table:
     )
     sizes = [np.sqrt((part * part).sum(axis=2)) for part in (reactions.force, reactions.moment)]
     sizes += [np.abs(reactions.load[:, :, unit]) for unit in range(2)]
-    unique = [f"not {', '.join(columns)}" if columns else "yes" for columns in reactions.shared]
+    unique = [f"not {', '.join(names)}" if names else "yes" for names in reactions.not_unique]
     rows = [
         (name, *(_peak(size[:, e])[0] for size in sizes), unique[e])
         for e, name in enumerate(reactions.names)
@@ -136,8 +136,8 @@ def reactions_table(reactions: Reactions) -> Table:
     return Table(columns, tuple(rows))
 
 
-def loads_table(loads: Loads) -> Table:
-    """One row a load or motion: its work since t = 0, and the largest energy a spring stores."""
+def loads_table(loads: LoadWork) -> Table:
+    """Return a table of loads and motions: work since t = 0, and largest energy of a spring."""
     columns = (
         Column("load", "load"),
         Column("work_at_end", "work at the end [J]", form=".6g"),
@@ -152,26 +152,26 @@ def loads_table(loads: Loads) -> Table:
 
 
 def body_table(energy: Energy) -> Table:
-    """One row a body: largest kinetic energies and the range of the potential energy."""
+    """Return a table of bodies: largest kinetic energies and the range of the potential energy."""
     columns = (
         Column("body", "body"),
-        Column("linear_max", "max translational [J]", form=".6g"),
-        Column("rotational_max", "max rotational [J]", form=".6g"),
-        Column("potential_min", "least potential [J]", form=".6g"),
-        Column("potential_max", "largest potential [J]", form=".6g"),
+        Column("linear_max", "max translational KE [J]", form=".6g"),
+        Column("rotational_max", "max rotational KE [J]", form=".6g"),
+        Column("potential_min", "min potential energy [J]", form=".6g"),
+        Column("potential_max", "max potential energy [J]", form=".6g"),
     )
-    dt2 = (
+    extremes = (
         energy.linear.max(axis=0),
         energy.rotational.max(axis=0),
         energy.potential.min(axis=0),
         energy.potential.max(axis=0),
     )
-    figures = zip(energy.bodies, *(map(float, values) for values in dt2), strict=True)
-    return Table(columns, tuple(figures))
+    rows = zip(energy.bodies, *(map(float, values) for values in extremes), strict=True)
+    return Table(columns, tuple(rows))
 
 
 def no_work_note(run: Run) -> str:
-    """Why a run has no virtual work; empty for one with every step's row and mean reactions."""
+    """Say why a run has no virtual work; empty if every step's mean reactions were written."""
     if run.has_means:
         return ""
     if run.instantaneous:
@@ -181,25 +181,23 @@ def no_work_note(run: Run) -> str:
             else "without --reactions instantaneous"
         )
         return (
-            "virtual work is not available: it takes mean reactions over steps, and the run has "
-            f"those at the rows; run the deck again {again}"
+            "virtual work is not available: it needs the mean reactions over each step, but the "
+            f"run has those at the output times; run the deck again {again}"
         )
     return (
-        f"virtual work is not available: only every {run.every}th step was kept, and it takes the "
-        "row before and after each step; run the deck again without --every"
+        f"virtual work is not available: only one of {run.every} steps was written, but it "
+        "needs the states before and after each step; run the deck again without --every"
     )
 
 
 def partial_note(run: Run) -> str:
-    """How far a run came that did not reach its end; empty for a whole one."""
-    status = run.info.get("status", "cut off by force")
+    """Say how far an incomplete run came; empty for a complete one."""
+    status = run.info.get("status", "killed")
     if status == "completed" and not run.partial:
         return ""
     end = run.model.simulation.t_final
     message = run.info.get("message", "")
-    told = f": {message}" if message else ""
-    return f"the run is not whole ({status}, {_reach(run.time)} of {end:g} s){told}"
-
-
-def _reach(time: np.ndarray) -> str:
-    return f"rows to t = {time[-1]:g}"
+    reason = f": {message}" if message else ""
+    return (
+        f"the run is incomplete ({status}, results to t = {run.time[-1]:g} s of {end:g} s){reason}"
+    )

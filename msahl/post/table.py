@@ -1,4 +1,4 @@
-"""A small table of figures, and its forms: aligned text, CSV, JSON."""
+"""Represent a small table of numbers and write it as aligned text, CSV or JSON."""
 
 import csv
 import io
@@ -11,9 +11,10 @@ Cell = str | int | float | None
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """``key`` heads it in CSV and JSON, ``label`` with unit elsewhere, under a common ``group``.
+    """A column of a table: ``key`` is its header in CSV and JSON, ``label`` (with unit) elsewhere.
 
-    ``form`` is the format of its numbers; ``missing`` stands for ``None``.
+    Columns of one ``group`` have a common header. ``form`` is the format of numbers; ``missing`` is
+    printed for ``None``.
     """
 
     key: str
@@ -23,7 +24,7 @@ class Column:
     missing: str = "n/a"
 
     def show(self, cell: Cell) -> str:
-        """``cell`` for a reader."""
+        """Return the text of ``cell``."""
         if cell is None:
             return self.missing
         return cell if isinstance(cell, str) else format(cell, self.form)
@@ -31,53 +32,49 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Columns and rows; a ``None`` is a figure that is undefined or not available."""
+    """Columns and rows; ``None`` is a value that is undefined or not available."""
 
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
 
     def shown(self) -> list[list[str]]:
-        """The rows as a reader sees them."""
+        """Return the text of all cells."""
         return [
             [c.show(cell) for c, cell in zip(self.columns, row, strict=True)] for row in self.rows
         ]
 
     def numeric(self) -> list[bool]:
-        """Which columns hold numbers (and stand to the right)."""
+        """Say of each column whether it holds numbers, which are aligned to the right."""
         return [bool(column.form) for column in self.columns]
 
     def without(self, key: str) -> "Table":
-        """The table without the column ``key``."""
+        """Return the table without the column ``key``."""
         kept = [i for i, column in enumerate(self.columns) if column.key != key]
         rows = tuple(tuple(row[i] for i in kept) for row in self.rows)
         return Table(tuple(self.columns[i] for i in kept), rows)
 
     def filled(self) -> "Table":
-        """The table without the columns that are empty in every row."""
-        empty = [
-            c.key
-            for c, cells in zip(self.columns, zip(*self.rows, strict=True), strict=True)
-            if all(cell is None for cell in cells)
-        ]
+        """Return the table without the columns that are empty in every row."""
         table = self
-        for key in empty:
-            table = table.without(key)
+        for i, column in enumerate(self.columns):
+            if self.rows and all(row[i] is None for row in self.rows):
+                table = table.without(column.key)
         return table
 
     def transposed(self) -> "Table":
-        """A table of one row as lines of header and figure, without the blank ones."""
-        (figures,) = self.shown()
-        columns = (Column("figure", "figure"), Column("value", "value", form="g"))
-        rows = zip(self.headers(), figures, strict=True)
-        return Table(columns, tuple((header, figure) for header, figure in rows if figure))
+        """Return a table of one row as lines of header and value, without the blank ones."""
+        (values,) = self.shown()
+        columns = (Column("quantity", "quantity"), Column("value", "value", form="g"))
+        rows = zip(self.headers(), values, strict=True)
+        return Table(columns, tuple((header, value) for header, value in rows if value))
 
     def headers(self) -> list[str]:
-        """One line of headers: group and label."""
+        """Return the header of each column: group and label."""
         return [f"{c.group}: {c.label}" if c.group else c.label for c in self.columns]
 
 
 def as_text(table: Table) -> str:
-    """Aligned columns, groups of columns under a common header."""
+    """Return the table as aligned text, groups of columns under a common header."""
     lines = [[column.label for column in table.columns], *table.shown()]
     widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
     groups = _group_line(table, widths)
@@ -91,7 +88,7 @@ def as_text(table: Table) -> str:
 
 
 def _group_line(table: Table, widths: list[int]) -> str:
-    """Each group's name from where its first column starts; widens its last column if it must."""
+    """Return the line of group headers; widens the first column of a group if it has to."""
     spans: list[tuple[str, list[int]]] = []
     for i, column in enumerate(table.columns):
         if spans and spans[-1][0] == column.group:
@@ -107,7 +104,7 @@ def _group_line(table: Table, widths: list[int]) -> str:
 
 
 def as_csv(table: Table) -> str:
-    """Comma-separated, numbers as the shortest decimals that give the same double."""
+    """Return the table as CSV, numbers as the shortest decimals that give the same double."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(column.key for column in table.columns)
@@ -116,7 +113,7 @@ def as_csv(table: Table) -> str:
 
 
 def as_json(table: Table) -> str:
-    """A list of objects, one a row; ``null`` for what is undefined or not finite."""
+    """Return a JSON list of objects; ``null`` for a value that is undefined or not finite."""
     keys = [column.key for column in table.columns]
     objects = [dict(zip(keys, map(_finite, row), strict=True)) for row in table.rows]
     return json.dumps(objects, indent=2) + "\n"

@@ -1,7 +1,7 @@
-"""The study room: how wrong every number of a deck is at each step, and what it costs.
+"""Convergence studies: errors of a deck's results against reference values, and the time they take.
 
-    deck -> reference (closed form, independent solution, file)
-         -> runs over steps and schemes -> errors -> orders, the cheapest run -> report
+    deck -> reference (closed form, independent solution, stored run, or runs at small steps)
+         -> runs over step sizes and schemes -> errors -> orders, the fastest run -> report
 
-Runs are made in this process by the engine's own loop; nothing here knows how a step is taken.
+Runs are made in this process by the time loop of ``run``; a study is a user of it like any other.
 """

@@ -1,61 +1,75 @@
-"""Runs of a study as command lines, and what they take from start to end."""
+"""Write the runs of a study as command lines, and run and time these commands."""
 
 import os
 import shlex
 import subprocess
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from msahl.results.read import ResultError, read_run
-from msahl.study.errors import state_figures
+from msahl.study.errors import compute_state_errors
 from msahl.study.plan import Plan
 from msahl.study.reference import Reference
-from msahl.study.runs import Case, variant
-from msahl.study.study import Command
+from msahl.study.runs import Case, with_case
 
 ENTRY = "from msahl.cli.main import main; main()"
 
 
-def words_of(case: Case, plan: Plan, deck: str, t_final: float | None = None) -> list[str]:
-    """The arguments of ``msahl`` that make the run of a ``case``; ``t_final`` if it is not the
-    deck's.
+@dataclass(frozen=True)
+class Command:
+    """A run by the command ``line``: seconds of the complete command and of its time loop, and the
+    largest error of the studied metric.
     """
-    words = ["run", deck, "--scheme", case.scheme]
-    if case.chooses:
-        interval = variant(plan.model, case).simulation.interval
-        words += ["--tolerance", f"{case.size:.15g}", "--output-interval", f"{interval:.15g}"]
+
+    line: str
+    seconds: float
+    loop: float
+    error: float | None
+
+
+def command_arguments(case: Case, plan: Plan, deck: str, t_final: float | None = None) -> list[str]:
+    """Return the arguments of ``msahl`` for the run of a ``case``; ``t_final`` only if it is not
+    the deck's.
+    """
+    arguments = ["run", deck, "--scheme", case.scheme]
+    if case.chooses_steps:
+        interval = with_case(plan.model, case).simulation.interval
+        tolerance = f"{case.size:.15g}"
+        arguments += ["--tolerance", tolerance, "--output-interval", f"{interval:.15g}"]
     else:
-        words += ["--dt", f"{case.size:.15g}"]
-    return words if t_final is None else [*words, "--t-final", f"{t_final:.15g}"]
+        arguments += ["--dt", f"{case.size:.15g}"]
+    return arguments if t_final is None else [*arguments, "--t-final", f"{t_final:.15g}"]
 
 
-def shown(words: list[str]) -> str:
-    """The words as a reader types them."""
-    return shlex.join(["msahl", *words])
+def command_line(arguments: list[str]) -> str:
+    """Return the command as it is typed in a shell."""
+    return shlex.join(["msahl", *arguments])
 
 
-def carry_out(
-    words: list[str], case: Case, plan: Plan, reference: Reference, seconds: float
+def run_command(
+    arguments: list[str], case: Case, plan: Plan, reference: Reference, seconds: float
 ) -> Command | None:
-    """Make the run of these ``words`` by a process of its own; None if it takes more than so many
-    ``seconds`` or leaves no complete results.
+    """Run the command in a process of its own; return None if it takes more than ``seconds`` or
+    leaves no complete results.
     """
     with TemporaryDirectory(prefix="msahl-study-") as folder:
         out = Path(folder) / "run"
-        line = [sys.executable, "-c", ENTRY, *words, "-q", "-o", str(out)]
+        process = [sys.executable, "-c", ENTRY, *arguments, "-q", "-o", str(out)]
         began = time.perf_counter()
         try:
             subprocess.run(
-                line, capture_output=True, timeout=max(seconds, 0.1), env=os.environ, check=False
+                process, capture_output=True, timeout=max(seconds, 0.1), env=os.environ, check=False
             )
-            whole = time.perf_counter() - began
+            total = time.perf_counter() - began
             run = read_run(out)
         except (subprocess.TimeoutExpired, ResultError, OSError):
             return None
         if run.partial:
             return None
-        spread = state_figures(run, reference).figures.get(plan.measure)
+        statistics = compute_state_errors(run, reference).statistics.get(plan.metric)
         loop = float(run.info.get("seconds", {}).get("loop", float("nan")))
-        return Command(shown(words), whole, loop, spread.max if spread else None)
+        error = statistics.max if statistics else None
+        return Command(command_line(arguments), total, loop, error)

@@ -1,4 +1,4 @@
-"""The pictures of a study: the error that the target is of against run time, and all errors."""
+"""Draw a study: the studied error against run time, and all errors against run time and step."""
 
 from collections.abc import Iterator
 from math import ceil
@@ -11,39 +11,40 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from msahl.post.draw import looks, plain
-from msahl.study.errors import BY_KEY, MEASURES, Measure
+from msahl.study.errors import METRIC_OF, METRICS, ErrorMetric
 from msahl.study.order import Fit
-from msahl.study.plan import Point
+from msahl.study.plan import StudyRun
 from msahl.study.study import Study
 
 MARKERS = "osD^vP*X<>p"
 COLUMNS = 3
 DECADES = 3
-"""Least decades an axis of errors shows: a flat line of round-off should look flat."""
+"""Least number of decades of an axis of errors, so that constant rounding errors look constant."""
 TOP, BOTTOM = 1e2, 1e-13
-"""Errors [SI] beyond which runs are not shown in the first picture, if there are others."""
+"""Errors [SI] outside of which runs are not shown in the first figure, if there are others."""
 
 
 def pictures(study: Study) -> Iterator[tuple[str, str, Figure]]:
-    """Name, caption and figure of every picture; none if no run has an error to show."""
-    if not any(_has_values(study, s, m.key) for s in study.schemes for m in MEASURES):
+    """Yield name, caption and figure of every picture; nothing if no run has an error to show."""
+    if not any(_has_values(study, s, m.key) for s in study.schemes for m in METRICS):
         return
-    if any(_has_values(study, s, study.plan.measure) for s in study.schemes):
+    if any(_has_values(study, s, study.plan.metric) for s in study.schemes):
         yield "error-time", _caption(study), _first(study)
     yield (
         "all-errors-time",
-        "Largest errors of each run against the seconds it took",
+        "Largest errors of each run against the time of its time loop",
         _grid(study, True),
     )
-    yield "error-step", "Largest errors of each run against its step", _grid(study, False)
+    yield "error-step", "Largest errors of each run against its step size", _grid(study, False)
 
 
 def _caption(study: Study) -> str:
-    return f"Largest {BY_KEY[study.plan.measure].name} error of each run against its loop's seconds"
+    name = METRIC_OF[study.plan.metric].name
+    return f"Largest {name} error of each run against the time of its time loop"
 
 
 def _looks(study: Study) -> dict[str, dict[str, Any]]:
-    """Colour, line and marker of each scheme, the same in all pictures."""
+    """Return colour, line and marker of each scheme, the same in all figures."""
     return {
         scheme: look | {"marker": MARKERS[i % len(MARKERS)]}
         for i, (scheme, look) in enumerate(zip(study.schemes, looks(), strict=False))
@@ -51,25 +52,25 @@ def _looks(study: Study) -> dict[str, dict[str, Any]]:
 
 
 def _first(study: Study) -> Figure:
-    """Error against seconds: a curve of each scheme, the target, the recommended run, the deck's
-    own.
+    """Draw error against run time: a curve for each scheme, the target, the recommended run and the
+    run with the deck's own settings.
     """
-    key = study.plan.measure
-    measure = BY_KEY[key]
+    key = study.plan.metric
+    metric = METRIC_OF[key]
     figure = Figure(figsize=(9.0, 5.6))
     FigureCanvasAgg(figure)
     axes = figure.subplots()
-    axes.set(xscale="log", yscale="log", xlabel="seconds of the loop")
-    axes.set_ylabel(f"largest {measure.name} error [{measure.unit}]")
+    axes.set(xscale="log", yscale="log", xlabel="time of the time loop [s]")
+    axes.set_ylabel(f"largest {metric.name} error [{_unit(metric)}]")
     axes.set_title(plain(study.plan.model.simulation.title.strip() or "study"))
     _mark_runs(study, axes)
     for scheme, look in _looks(study).items():
-        points, errors = study.series(scheme, key)
-        shown = [(p, e) for p, e in zip(points, errors, strict=True) if 0.0 < e < TOP]
+        runs, errors = study.series(scheme, key)
+        shown = [(r, e) for r, e in zip(runs, errors, strict=True) if 0.0 < e < TOP]
         if shown:
-            seconds = [p.trial.seconds for p, _ in shown]
+            seconds = [r.trial.seconds for r, _ in shown]
             axes.plot(seconds, [e for _, e in shown], markersize=4, label=scheme, **look)
-            _estimates(axes, [p for p, _ in shown], look, key)
+            _estimates(axes, [r for r, _ in shown], look, key)
     low, high = axes.get_ylim()
     if high > 10.0 * BOTTOM > 10.0 * low:
         axes.set_ylim(bottom=BOTTOM)
@@ -79,22 +80,24 @@ def _first(study: Study) -> Figure:
     return figure
 
 
-def _estimates(axes: Axes, points: list[Point], look: dict[str, Any], key: str) -> None:
-    """The errors that runs report themselves, dashed."""
-    known = [(p.trial.seconds, p.estimate) for p in points if p.estimate]
+def _estimates(axes: Axes, runs: list[StudyRun], look: dict[str, Any], key: str) -> None:
+    """Draw the errors that the runs estimate themselves, dashed."""
+    known = [(r.trial.seconds, r.estimate) for r in runs if r.estimate]
     if known and key == "position":
-        name = f"{points[0].trial.scheme}, estimated"
+        name = f"{runs[0].trial.scheme}, estimated"
         dashed = look | {"linestyle": (0, (4, 3)), "marker": None, "color": "black"}
         axes.plot(*zip(*known, strict=True), label=name, **(dashed | {"zorder": 3}))
 
 
 def _target(study: Study, axes: Axes) -> None:
-    """The line of the target, and the reference's own error where it can be seen."""
-    _line(axes, study.plan.target, f"target {study.plan.target:g}")
+    """Draw the target, and the error of the reference if it is within the axes."""
+    metric = METRIC_OF[study.plan.metric]
+    unit = "" if metric.unit == "1" else f" {metric.unit}"
+    _line(axes, study.plan.target, f"target {study.plan.target:g}{unit}")
     low, _ = axes.get_ylim()
     error = study.reference.error
-    if study.plan.measure == "position" and error > low:
-        _line(axes, error, f"error of the reference {error:.0e}")
+    if study.plan.metric == "position" and error > low:
+        _line(axes, error, f"error of the reference {error:.0e} m")
         axes.axhspan(low, error, color="#888888", alpha=0.12, linewidth=0.0)
         axes.set_ylim(bottom=low)
 
@@ -114,17 +117,18 @@ def _line(axes: Axes, y: float, words: str) -> None:
 
 
 def _mark_runs(study: Study, axes: Axes) -> None:
-    """The recommended run and the deck's own, with their options."""
-    for point, name, marker, size, face in (
+    """Mark the recommended run and the one with the deck's own settings."""
+    for run, name, marker, size, face in (
         (study.fastest, "recommended", "*", 17, "#FFD400"),
-        (study.of_deck, "deck's own", "s", 11, "none"),
+        (study.deck_run, "deck's settings", "s", 11, "none"),
     ):
-        error = point.largest(study.plan.measure) if point and point.trial.completed else None
-        if point is None or not error or error >= TOP:
+        error = run.largest(study.plan.metric) if run and run.trial.completed else None
+        if run is None or not error or error >= TOP:
             continue
-        case = point.trial.case
+        case = run.trial.case
+        options = f"tolerance {case.size:g} m" if case.chooses_steps else f"dt {case.size:g} s"
         axes.plot(
-            [point.trial.seconds],
+            [run.trial.seconds],
             [error],
             marker=marker,
             markersize=size,
@@ -132,12 +136,12 @@ def _mark_runs(study: Study, axes: Axes) -> None:
             markeredgecolor="black",
             linestyle="none",
             zorder=4,
-            label=f"{name}:\n{case.scheme}, {'tolerance' if case.chooses else 'dt'} {case.size:g}",
+            label=f"{name}:\n{case.scheme}, {options}",
         )
 
 
 def _grid(study: Study, by_time: bool) -> Figure:
-    shown = [m for m in MEASURES if any(_has_values(study, s, m.key) for s in study.schemes)]
+    shown = [m for m in METRICS if any(_has_values(study, s, m.key) for s in study.schemes)]
     rows = ceil(len(shown) / COLUMNS)
     height = 0.8 + 2.9 * rows
     # A layout that matplotlib finds by itself draws everything twice.
@@ -146,20 +150,21 @@ def _grid(study: Study, by_time: bool) -> Figure:
     FigureCanvasAgg(figure)
     figure.subplots_adjust(0.08, 1.15 / height, 0.98, 1.0 - 0.75 / height, 0.36, 0.42)
     panels = figure.subplots(rows, COLUMNS, squeeze=False).reshape(-1)
-    for axes, measure in zip(panels, shown, strict=False):
-        _panel(study, axes, measure, by_time)
+    for axes, metric in zip(panels, shown, strict=False):
+        _panel(study, axes, metric, by_time)
         axes.minorticks_off()
     for axes in panels[len(shown) :]:
         axes.set_axis_off()
     title = study.plan.model.simulation.title.strip() or "study"
-    figure.suptitle(f"{plain(title)}: largest error against {'run time' if by_time else 'step'}")
+    abscissa = "time of the time loop" if by_time else "step size"
+    figure.suptitle(f"{plain(title)}: largest errors against {abscissa}")
     named: dict[str, Any] = {}
     for axes in panels:
         handles, labels = axes.get_legend_handles_labels()
-        named |= {label: handle for label, handle in zip(labels, handles, strict=True)
-                  if label not in named}  # fmt: skip
-    figure.legend(named.values(), named.keys(), loc="lower center",
-                  ncols=min(len(named), 6))  # fmt: skip
+        named = dict(zip(labels, handles, strict=True)) | named
+    order = [scheme for scheme in study.schemes if scheme in named]
+    handles = [named[scheme] for scheme in order]
+    figure.legend(handles, order, loc="lower center", ncols=min(len(order), 6))
     return figure
 
 
@@ -168,28 +173,32 @@ def _has_values(study: Study, scheme: str, key: str) -> bool:
     return bool(np.any(errors > 0.0))
 
 
-def _panel(study: Study, axes: Axes, measure: Measure, by_time: bool) -> None:
-    axes.set(xscale="log", yscale="log", title=measure.name)
-    axes.set_ylabel("relative error" if measure.unit == "1" else f"error [{measure.unit}]")
-    axes.set_xlabel("run time [s]" if by_time else "step [s]")
+def _unit(metric: ErrorMetric) -> str:
+    return "-" if metric.unit == "1" else metric.unit
+
+
+def _panel(study: Study, axes: Axes, metric: ErrorMetric, by_time: bool) -> None:
+    axes.set(xscale="log", yscale="log", title=metric.name)
+    axes.set_ylabel(f"largest error [{_unit(metric)}]")
+    axes.set_xlabel("time loop [s]" if by_time else "step size [s]")
     for scheme, look in _looks(study).items():
-        points, errors = study.series(scheme, measure.key)
+        runs, errors = study.series(scheme, metric.key)
         if not np.any(errors > 0.0):
             continue
-        x = np.array([p.trial.seconds if by_time else p.trial.dt for p in points])
+        x = np.array([r.trial.seconds if by_time else r.trial.dt for r in runs])
         order = np.argsort(x)
         axes.plot(x[order], errors[order], markersize=4, label=scheme, **look)
-        fit = study.fits.get((scheme, measure.key))
+        fit = study.fits.get((scheme, metric.key))
         if fit is not None and not by_time and scheme == study.schemes[0]:
             _triangle(axes, fit)
     _widen(axes)
     low, high = axes.get_ylim()
-    if measure.key == study.plan.measure and low < study.plan.target < high:
+    if metric.key == study.plan.metric and low < study.plan.target < high:
         _line(axes, study.plan.target, "target")
 
 
 def _triangle(axes: Axes, fit: Fit) -> None:
-    """The fitted order as a slope, below the line."""
+    """Draw the fitted order as the slope of a triangle below the curve."""
     middle = np.sqrt(fit.coarsest * fit.finest)
     wide = min(np.sqrt(fit.coarsest / fit.finest), 4.0) ** 0.5
     left, right = middle / wide, middle * wide

@@ -1,4 +1,4 @@
-"""What a study is to do, and the runs it has made."""
+"""Define the task of a study and the record of one of its runs."""
 
 from dataclasses import dataclass
 
@@ -7,18 +7,18 @@ from msahl.model.scheme import choices
 from msahl.study.errors import STATE_KEYS, Errors
 from msahl.study.runs import Trial
 
-ACCURACY = 1e-6
-"""Asked of the reference [m] where the target is not a position."""
+REFERENCE_ACCURACY = 1e-6
+"""Accuracy of the reference [m] if the target is not a position error."""
 BUDGET = 10.0
-"""Seconds that a study may take."""
+"""Default time that a study may take [s]."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What to study; ``measure`` is what the ``target`` is of, in its unit, its largest value.
+    """What to study. ``target`` is the largest accepted value of the error ``metric``, in its unit.
 
-    Without ``steps`` they are chosen within the ``budget`` [s]. ``repeats`` of each run; None
-    leaves them to the time there is.
+    Without ``steps``, step sizes are chosen within the ``budget`` [s]. Each run is repeated
+    ``repeats`` times; None means as often as the time allows.
     """
 
     model: Model
@@ -27,29 +27,31 @@ class Plan:
     reference: str = "auto"
     repeats: int | None = None
     target: float = 1e-6
-    measure: str = "position"
+    metric: str = "position"
     budget: float = BUDGET
 
     @property
     def accuracy(self) -> float:
-        """What the reference must be good for [m]."""
-        return self.target if self.measure == "position" else ACCURACY
+        """Return the accuracy that the reference must have [m]."""
+        return self.target if self.metric == "position" else REFERENCE_ACCURACY
 
     @property
-    def of_states(self) -> bool:
-        """Whether the target is of states, whose errors take little time."""
-        return self.measure in STATE_KEYS
+    def needs_only_states(self) -> bool:
+        """Return whether the metric needs only the states, whose errors are computed fast."""
+        return self.metric in STATE_KEYS
 
     @property
     def studied(self) -> tuple[str, ...]:
-        """The schemes to run."""
+        """Return the schemes to run."""
         return self.schemes or choices()
 
 
 @dataclass(frozen=True)
-class Point:
-    """A trial and its errors; ``complete`` if these are all there are, and not of states alone;
-    ``estimate`` is the error in position [m] that the run itself says it has.
+class StudyRun:
+    """A run of a study with its errors.
+
+    ``complete`` says that all errors were computed, not only those of the states. ``estimate`` is
+    the position error [m] that the run estimated itself.
     """
 
     trial: Trial
@@ -58,11 +60,11 @@ class Point:
     estimate: float | None = None
 
     def largest(self, key: str) -> float | None:
-        """Largest error of a kind."""
-        spread = self.errors.figures[key]
-        return None if spread is None else spread.max
+        """Return the largest value of the error metric ``key``; None if it is not known."""
+        statistics = self.errors.statistics[key]
+        return None if statistics is None else statistics.max
 
-    def keeps(self, key: str, target: float) -> bool:
-        """Whether it came to its end with an error within the ``target``."""
+    def meets(self, key: str, target: float) -> bool:
+        """Return whether the run was completed with an error of at most ``target``."""
         error = self.largest(key)
         return self.trial.completed and error is not None and error <= target

@@ -1,4 +1,7 @@
-"""What a study says: ``study.csv``, ``study.md`` with its pictures, ``study.html``."""
+"""Write the report of a study: ``study.csv``, ``study.md`` with its pictures, ``study.html``.
+
+Tables are made by ``report_tables``.
+"""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -15,40 +18,84 @@ from msahl.post.document import (
     as_markdown,
 )
 from msahl.post.draw import encode, style
-from msahl.post.table import Cell, Column, Table, as_csv
+from msahl.post.table import as_csv
 from msahl.results.write import write_whole
-from msahl.study.command import shown, words_of
-from msahl.study.errors import BY_KEY, MEASURES
-from msahl.study.order import FLAT, describe
-from msahl.study.plan import Point
+from msahl.study.command import command_arguments, command_line
+from msahl.study.errors import METRIC_OF
+from msahl.study.order import FLAT
+from msahl.study.plan import StudyRun
+from msahl.study.report_tables import (
+    comparison_table,
+    cost_table,
+    describe_options,
+    metric_table,
+    order_table,
+    table_of_all,
+)
 from msahl.study.study import Study
 
 DEFINITIONS = (
-    ("seconds", "of the loop, the least of the repeats; start-up, compilation and output are not "
-     "included. The whole command includes them, but not compilation."),
-    ("position, estimated", "the error that the run itself reports, from a companion run of higher "
-     "accuracy; the dashed line of the picture."),
-    ("n/a", "not measured: the time of the study was used up (--budget), or the model lacks it."),
-    ("position, orientation, velocity, angular velocity", "of the body that is farthest off, "
-     "against the reference at the output times, in inertial axes; orientation as an angle."),
-    ("reaction, mean at mid-step", "the published reaction, a mean over a step, against the "
-     "reference's force at the middle of the step; of the joint that is farthest off."),
-    ("reaction, at the row", "the force that follows from the accelerations of the run's own state "
-     "at the row (index-1 problem) against the reference's force at that time."),
-    ("energy over max KE, over |E(1)|", "balance error over the largest kinetic energy, and over "
-     "the energy of the first row (Hainge 2010, eq. 3.11)."),
-    ("virtual work", "Hainge's measure (2010, eq. 3.16-3.18), not zero for an exact motion; force "
-     ". change of gap, zero for an ideal joint. Over each step; of the joint with the most."),
-    ("target kept to", "time up to which the error stays within the target; in a chaotic scene it "
-     "says more than the largest error."),
-    ("order", "slope of log error over log step with its 95 % interval, fitted to the largest "
-     "errors over the longest stretch of steps whose slopes agree within 0.15 and that reaches the "
-     "finest step or round-off."),
-)  # fmt: skip
+    (
+        "time loop [s]",
+        "least time of the repeats. Start-up, compilation and output are not included; the time "
+        "of the complete command includes start-up and output, but not compilation.",
+    ),
+    (
+        "position, estimated",
+        "the error that the run itself estimates from a companion run of higher accuracy; the "
+        "dashed line of the figure.",
+    ),
+    (
+        "n/a",
+        "not computed, because the time of the study was used up (--budget) or the model lacks it.",
+    ),
+    (
+        "error of position, orientation, velocity, angular velocity",
+        "norm of the difference from the reference at the output times, in inertial axes (for the "
+        "orientation the angle of rotation), of the body for which it is largest.",
+    ),
+    (
+        "error of the reaction, mean over the step",
+        "difference of the published reaction, a mean over a step, from the force of the reference "
+        "at the middle of the step, of the joint for which it is largest.",
+    ),
+    (
+        "error of the reaction, instantaneous",
+        "difference of the force that follows from the accelerations of the run's own state at the "
+        "output time (index-1 problem) from the force of the reference at that time.",
+    ),
+    (
+        "energy balance over max KE, over |E(1)|",
+        "energy balance error divided by the largest kinetic energy, and by the absolute energy at "
+        "the start (Hainge 2010, eq. 3.11).",
+    ),
+    (
+        "virtual work",
+        "of each joint over a step, of the joint with the largest: Hainge's definition (2010, eq. "
+        "3.16-3.18), which is not zero for the exact motion, and the work of the reaction on both "
+        "bodies, which is zero for an ideal joint.",
+    ),
+    (
+        "constraint violation",
+        "largest violation of the constraint equations at position level, and its rate (velocity "
+        "level).",
+    ),
+    (
+        "within target until",
+        "time up to which the error stays below the target. In a chaotic motion it says more than "
+        "the largest error.",
+    ),
+    (
+        "order",
+        "slope of log(error) over log(step size) with its 95 % interval, fitted to the largest "
+        "errors over the longest range of step sizes whose slopes agree within 0.15 and that "
+        "extends to the finest step or to rounding errors.",
+    ),
+)
 
 
 def write_study(study: Study, folder: Path) -> list[Path]:
-    """Write the study to ``folder``; the paths written, pictures not among them."""
+    """Write the study to ``folder``; return the paths written, without the pictures."""
     blocks = build(study)
     folder.mkdir(parents=True, exist_ok=True)
     for block in _unfolded(blocks):
@@ -70,26 +117,32 @@ def _unfolded(blocks: Sequence[Block]) -> Iterator[Block]:
 
 
 def build(study: Study) -> list[Block]:
-    """What the report says, in order: the picture first."""
+    """Return the blocks of the report in their order: the recommendation and its figure first."""
     drawn = _pictures(study)
     first, others = drawn[:1], drawn[1:]
+    tables = ((metric, metric_table(study, key)) for key, metric in METRIC_OF.items())
     return [
         Heading(1, f"Error against run time: {_title(study)}"),
         Paragraph(recommendation(study)),
-        *_rows_hint(study),
+        *_output_hint(study),
         *_stopped(study),
         *first,
-        *gain_table(study),
-        Paragraph(study.reference.words),
+        *comparison_table(study),
+        Paragraph(study.reference.description),
         *_failures(study),
-        Folded("Cost and largest errors of all runs", (main_table(study),)),
+        Folded("Time and largest errors of all runs", (cost_table(study),)),
         Folded("Other errors", tuple(others)),
         Folded("Observed orders", (order_table(study),)),
         Folded(
             "Root mean square and largest value of each error",
-            tuple(block for key in BY_KEY for block in _measure_table(study, key)),
+            tuple(
+                block
+                for metric, table in tables
+                if table.rows
+                for block in (Heading(3, metric.name.capitalize()), table)
+            ),
         ),
-        Heading(2, "What the numbers mean"),
+        Heading(2, "Definitions"),
         Items(DEFINITIONS),
     ]
 
@@ -99,64 +152,63 @@ def _title(study: Study) -> str:
 
 
 def recommendation(study: Study) -> str:
-    """The fastest run that meets the target, and what it gains, in words."""
+    """Return sentences on the fastest run that meets the target and on what it gains."""
     plan, best = study.plan, study.fastest
-    wanted = f"{BY_KEY[plan.measure].name} error of at most {plan.target:g}{_unit(study)}"
+    wanted = f"{METRIC_OF[plan.metric].name} error of at most {plan.target:g}{_unit(study)}"
     if best is None:
-        return f"No run of this study has a {wanted}; {_reach(study)}"
+        return f"No run of this study has a {wanted}; {_most_accurate(study)}"
     wanted += " at every output time"
     if study.reference.horizon < plan.model.simulation.t_final:
         wanted += (
-            f" up to t = {study.reference.horizon:.4g} s, after which there are no true values"
+            f" up to t = {study.reference.horizon:.4g} s, after which there are no reference values"
         )
     sentences = [
-        f"The fastest run with a {wanted}: {_command(study, best)}.",
-        f"Its {_figures(study, best)}.",
+        f"The fastest run with a {wanted} is: {_command(study, best)}.",
+        f"Its {_error_and_time(study, best)}.",
         *_gain(study, best),
     ]
-    if all((p.largest(plan.measure) or 0.0) <= FLAT for p in study.points if p.trial.completed):
+    if all((r.largest(plan.metric) or 0.0) <= FLAT for r in study.runs if r.trial.completed):
         sentences.append(
-            "This error is round-off in every run, so it does not tell which is accurate: choose "
-            "another --measure, such as orientation."
+            "In every run this error is rounding error, so it does not show which run is accurate: "
+            "choose another --metric, such as orientation."
         )
-    if local_tolerance_of(plan.model) is not None and not best.trial.case.chooses:
-        sentences.append("The deck gives a tolerance, which must be removed from it for this run.")
+    if local_tolerance_of(plan.model) is not None and not best.trial.case.chooses_steps:
+        sentences.append("Remove the tolerance that the deck sets before you make this run.")
     return " ".join(sentences)
 
 
 def _unit(study: Study) -> str:
-    unit = BY_KEY[study.plan.measure].unit
+    unit = METRIC_OF[study.plan.metric].unit
     return "" if unit == "1" else f" {unit}"
 
 
-def _command(study: Study, point: Point) -> str:
-    """The command line of a run, or its options where no command was given."""
-    words = words_of(point.trial.case, study.plan, study.deck or "DECK", study.given_end)
-    return shown(words)
+def _command(study: Study, run: StudyRun) -> str:
+    """Return the command line of a run."""
+    deck = study.deck or "DECK"
+    return command_line(command_arguments(run.trial.case, study.plan, deck, study.given_end))
 
 
-def _figures(study: Study, point: Point) -> str:
-    """Error and seconds of a run."""
-    error = point.largest(study.plan.measure)
+def _error_and_time(study: Study, run: StudyRun) -> str:
+    """Describe error and time of a run."""
+    error = run.largest(study.plan.metric)
     known = "unknown" if error is None else f"{error:.2e}{_unit(study)}"
-    command = study.commands.get(point.trial.case)
-    whole = f", {command.whole:.2g} s for the whole command" if command else ""
-    return f"largest error is {known}; it takes {point.trial.seconds:.3g} s in the loop{whole}"
+    command = study.commands.get(run.trial.case)
+    total = f", the complete command {command.seconds:.2g} s" if command else ""
+    return f"largest error is {known}; the time loop takes {run.trial.seconds:.3g} s{total}"
 
 
-def _gain(study: Study, best: Point) -> list[str]:
-    """What a run gains over the deck's own setting."""
-    own = study.of_deck
+def _gain(study: Study, best: StudyRun) -> list[str]:
+    """Compare a run with the one with the deck's own settings."""
+    own = study.deck_run
     if own is None or own is best or not own.trial.completed:
         return []
-    error, old = best.largest(study.plan.measure), own.largest(study.plan.measure)
-    faster = own.trial.seconds / max(best.trial.seconds, 1e-9)
-    words = _times(faster, "faster", "slower")
+    error, old = best.largest(study.plan.metric), own.largest(study.plan.metric)
+    words = _times(own.trial.seconds / max(best.trial.seconds, 1e-9), "faster", "slower")
     if error and old:
         words += " and " + _times(old / error, "more accurate", "less accurate")
     return [
-        f"It is {words} than the deck's own setting ({_options(own)}), whose "
-        f"{_figures(study, own)}."
+        f"It is {words} than the run with the deck's own settings ({describe_options(own)}), whose "
+        f"{_error_and_time(study, own)}."
     ]
 
 
@@ -165,73 +217,56 @@ def _times(ratio: float, better: str, worse: str) -> str:
     return f"{float(f'{factor:.2g}'):g} times {word}"
 
 
-def _options(point: Point) -> str:
-    case = point.trial.case
-    return f"--scheme {case.scheme} {'--tolerance' if case.chooses else '--dt'} {case.size:.15g}"
-
-
-def _rows_hint(study: Study) -> list[Block]:
-    """How to have more rows from a run of large steps."""
-    best, own = study.fastest, study.of_deck
+def _output_hint(study: Study) -> list[Block]:
+    """Say how to get more output times from a run at large steps."""
+    best, own = study.fastest, study.deck_run
     if best is None or own is None or len(best.trial.run.time) >= len(own.trial.run.time):
         return []
     interval = float(own.trial.run.time[1])
     return [
         Paragraph(
-            f"The run has {len(best.trial.run.time)} rows. For rows as often as in the deck's own "
-            f"run add --output-interval {interval:.6g}; the rows between the steps' ends follow "
-            "from the polynomials of the steps."
+            f"This run writes {len(best.trial.run.time)} output times. To get those of the run "
+            f"with the deck's own settings, add --output-interval {interval:.6g}: the results "
+            "between the ends of steps are then computed from the polynomials of the steps."
         )
     ]
 
 
-def gain_table(study: Study) -> list[Block]:
-    """The recommended run beside the deck's own."""
-    columns = (
-        Column("run", "run"),
-        Column("options", "options"),
-        Column("error", f"largest {BY_KEY[study.plan.measure].name} error"
-               f" [{BY_KEY[study.plan.measure].unit}]", form=".2e", missing="-"),
-        Column("loop", "loop [s]", form=".3g"),
-        Column("whole", "whole command [s]", form=".2g", missing="-"),
-    )  # fmt: skip
-    rows: list[tuple[Cell, ...]] = []
-    for name, point in (("recommended", study.fastest), ("the deck's own", study.of_deck)):
-        if point is not None:
-            command = study.commands.get(point.trial.case)
-            error = point.largest(study.plan.measure)
-            whole = command.whole if command else None
-            rows.append((name, _options(point), error, point.trial.seconds, whole))
-    return [Table(columns, tuple(rows))] if rows else []
-
-
-def _reach(study: Study) -> str:
-    """How near the best run came."""
-    key = study.plan.measure
-    known = [p for p in study.points if p.trial.completed and p.largest(key) is not None]
+def _most_accurate(study: Study) -> str:
+    """Describe the most accurate run of a study in which none meets the target."""
+    key = study.plan.metric
+    known = [r for r in study.runs if r.trial.completed and r.largest(key) is not None]
     if not known:
-        return "none has such an error: the model lacks it, or no run came to its end."
-    best = min(known, key=lambda p: p.largest(key) or 0.0)
-    kept = best.errors.kept_to(key, study.plan.target)
-    until = "" if kept is None else f" and stays within the target until t = {kept:.4g} s"
-    return f"the most accurate, {_options(best)}, has {best.largest(key):.2e}{_unit(study)}{until}."
+        return "none has such an error, because the model lacks it or no run was completed."
+    best = min(known, key=lambda r: r.largest(key) or 0.0)
+    time = best.errors.within_until(key, study.plan.target)
+    until = "" if time is None else f" and stays within the target until t = {time:.4g} s"
+    return (
+        f"the most accurate one, {describe_options(best)}, has {best.largest(key):.2e}"
+        f"{_unit(study)}{until}."
+    )
 
 
 def _stopped(study: Study) -> list[Block]:
-    words = "The study was stopped before all its runs were made: what follows is of those made."
+    words = (
+        "The study was stopped before all of its runs were made; the results below are of the "
+        "completed ones."
+    )
     return [Paragraph(words)] if study.stopped else []
 
 
 def _failures(study: Study) -> list[Block]:
-    failed = [p.trial for p in study.points if not p.trial.completed]
+    failed = [run.trial for run in study.runs if not run.trial.completed]
     items = tuple(
         (
-            f"{t.scheme}, {'tolerance' if t.case.chooses else 'dt'} = {t.case.size:g}",
+            f"{t.scheme}, tolerance = {t.case.size:g} m"
+            if t.case.chooses_steps
+            else f"{t.scheme}, dt = {t.case.size:g} s",
             t.report.message,
         )
         for t in failed
     )
-    return [Heading(2, "Runs that did not come to their end"), Items(items)] if items else []
+    return [Heading(2, "Runs that did not reach the end time"), Items(items)] if items else []
 
 
 def _pictures(study: Study) -> list[Block]:
@@ -242,121 +277,3 @@ def _pictures(study: Study) -> list[Block]:
             Picture(f"{name}.png", caption, encode(figure, "png"))
             for name, caption, figure in pictures(study)
         ]
-
-
-RUN_COLUMNS = (
-    Column("scheme", "scheme"),
-    Column("dt", "dt [s]", form=".6g"),
-    Column("tolerance", "tolerance [m]", form=".3g", missing=""),
-    Column("steps", "steps", form="d"),
-    Column("seconds", "seconds", form=".3g"),
-)
-
-
-def _sorted(study: Study) -> Sequence[Point]:
-    return sorted(study.points, key=lambda p: (study.schemes.index(p.trial.scheme), -p.trial.dt))
-
-
-def _run_cells(point: Point) -> tuple[Cell, ...]:
-    trial = point.trial
-    tolerance = trial.case.size if trial.case.chooses else None
-    return trial.scheme, trial.dt, tolerance, trial.report.steps, trial.seconds
-
-
-def main_table(study: Study) -> Table:
-    """Cost and the largest errors, a row a run."""
-    columns = (
-        *RUN_COLUMNS,
-        Column("iterations", "iterations a step", form=".2f"),
-        *(Column(m.key, f"{m.name} [{m.unit}]", form=".2e") for m in MEASURES if m.true),
-        Column("energy_over_kinetic", "energy over max KE", form=".2e"),
-        Column("estimate", "position, estimated [m]", form=".2e"),
-        Column("kept_to", "target kept to [s]", form=".4g"),
-    )
-    first = len(RUN_COLUMNS) + 1
-    keys = [column.key for column in columns[first:-2]]
-    rows = tuple(
-        (
-            *_run_cells(point),
-            point.trial.report.iterations / max(point.trial.report.steps, 1),
-            *(point.largest(key) for key in keys),
-            point.estimate,
-            point.errors.kept_to(study.plan.measure, study.plan.target),
-        )
-        for point in _sorted(study)
-    )
-    return _without_empty(Table(columns, rows))
-
-
-def order_table(study: Study) -> Table:
-    """The fits, a row a scheme and measure."""
-    columns = (
-        Column("scheme", "scheme"),
-        Column("measure", "error of"),
-        Column("order", "order", form=".3f", missing="-"),
-        Column("uncertainty", "+-", form=".3f", missing="-"),
-        Column("constant", "error at 1 s", form=".2e", missing="-"),
-        Column("where", "where it holds"),
-    )
-    rows: list[tuple[Cell, ...]] = []
-    for scheme in study.schemes:
-        for measure in MEASURES:
-            points, errors = study.series(scheme, measure.key)
-            if not points:
-                continue
-            fit = study.fits.get((scheme, measure.key))
-            steps = [point.trial.dt for point in points]
-            where = describe(fit, steps, errors.tolist())
-            figures = (fit.order, fit.uncertainty, fit.constant) if fit else (None, None, None)
-            rows.append((scheme, measure.name, *figures, where))
-    return Table(columns, tuple(rows))
-
-
-def _measure_table(study: Study, key: str) -> list[Block]:
-    measure = BY_KEY[key]
-    columns = (
-        *RUN_COLUMNS[:3],
-        Column("rms", f"RMS [{measure.unit}]", form=".3e"),
-        Column("max", f"max [{measure.unit}]", form=".3e"),
-    )
-    known = [(p, p.errors.figures[key]) for p in _sorted(study)]
-    rows = tuple((*_run_cells(p)[:3], e.rms, e.max) for p, e in known if e is not None)
-    return (
-        [Heading(3, measure.name.capitalize()), _without_empty(Table(columns, rows))]
-        if rows
-        else []
-    )
-
-
-def table_of_all(study: Study) -> Table:
-    """Every figure of every run: ``study.csv``."""
-    columns = (
-        *RUN_COLUMNS,
-        Column("status", "status"),
-        Column("iterations", "iterations", form="d"),
-        Column("factorisations", "factorisations", form="d"),
-        Column("estimate", "position, estimated [m]", form=".6e"),
-        *(
-            Column(f"{m.key}_{figure}", f"{m.name} {figure} [{m.unit}]", form=".6e")
-            for m in MEASURES
-            for figure in ("rms", "max")
-        ),
-    )
-    rows = []
-    for point in _sorted(study):
-        report = point.trial.report
-        figures: list[Cell] = []
-        for measure in MEASURES:
-            spread = point.errors.figures[measure.key]
-            figures += (None, None) if spread is None else (spread.rms, spread.max)
-        counts = (report.status, report.iterations, report.factorisations, point.estimate)
-        rows.append((*_run_cells(point), *counts, *figures))
-    return Table(columns, tuple(rows))
-
-
-def _without_empty(table: Table) -> Table:
-    """The table without columns that no row fills."""
-    for i, column in enumerate(table.columns):
-        if table.rows and all(row[i] is None for row in table.rows):
-            return _without_empty(table.without(column.key))
-    return table

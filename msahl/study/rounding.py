@@ -1,16 +1,16 @@
-"""Round numbers: steps and tolerances that are written in a digit or three."""
+"""Round step sizes and tolerances to numbers of one to three digits."""
 
 import math
 from bisect import bisect_right
 
 MANTISSAS = (1.0, 1.2, 1.25, 1.5, 1.6, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
-"""Round numbers of a decade, at most a third apart."""
+"""Round numbers of a decade; neighbours differ by at most a third."""
 SERIES = (1, 2, 5)
-"""Those along which a curve is drawn."""
+"""Numbers of a decade that the curve of a scheme consists of."""
 
 
 def round_down(x: float, mantissas: tuple[float, ...] = MANTISSAS) -> float:
-    """The largest round number that is no larger than ``x``, but for round-off."""
+    """Return the largest round number that does not exceed ``x``, up to rounding errors."""
     x *= 1.0 + 1e-9
     decade = math.floor(math.log10(x))
     place = bisect_right(mantissas, x / 10.0**decade) - 1
@@ -18,7 +18,7 @@ def round_down(x: float, mantissas: tuple[float, ...] = MANTISSAS) -> float:
 
 
 def next_round(x: float) -> float:
-    """The next round number above ``x``."""
+    """Return the smallest round number above ``x``."""
     decade = math.floor(math.log10(x * (1.0 + 1e-9)))
     place = bisect_right(MANTISSAS, x / 10.0**decade * (1.0 + 1e-9))
     if place == len(MANTISSAS):
@@ -26,14 +26,14 @@ def next_round(x: float) -> float:
     return float(f"{MANTISSAS[place]:g}e{decade}")
 
 
-def rung(k: int) -> float:
-    """The numbers ... 0.1, 0.2, 0.5, 1, 2, 5 ..., 1 by ``k`` = 0."""
+def series_value(k: int) -> float:
+    """Return number ``k`` of the series ... 0.1, 0.2, 0.5, 1, 2, 5 ...; number 0 is 1."""
     return float(f"{SERIES[k % 3]}e{k // 3}")
 
 
-def rung_below(x: float) -> int:
-    """The largest ``k`` whose ``rung`` is no larger than ``x``."""
+def series_index(x: float) -> int:
+    """Return the largest ``k`` for which ``series_value(k)`` does not exceed ``x``."""
     k = 3 * math.floor(math.log10(x))
-    while rung(k + 1) <= x * (1.0 + 1e-9):
+    while series_value(k + 1) <= x * (1.0 + 1e-9):
         k += 1
     return k

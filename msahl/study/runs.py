@@ -1,8 +1,8 @@
-"""Runs kept in memory, and what they took.
+"""Make and time the runs of a study, with results in memory.
 
-Compiling belongs to nobody's run: each scheme takes a few steps first. What a run takes is the
-least of its repeats, as all that disturbs it only adds. Repeats of a list of cases are interleaved,
-so that a busy moment of the machine falls on all of them alike.
+Compilation is not part of a run's time: each scheme takes a few steps first. The time of a run is
+the least of its repeats, because all disturbances add to it. Repeats of a list of cases are
+interleaved, so that a busy moment of the machine disturbs all of them alike.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,8 +22,9 @@ from msahl.study.rounding import round_down
 from msahl.system.names import reaction_columns, state_columns, work_columns
 
 WARM_STEPS = 5
-AUTO_ROWS = 100
-"""Rows, at least, of runs that choose their steps."""
+"""Number of steps of the first run of a scheme, which compiles."""
+AUTO_OUTPUTS = 100
+"""Least number of output times of runs that choose their steps."""
 COLUMNS = (state_columns, reaction_columns, work_columns)
 
 
@@ -61,20 +62,20 @@ class Nowhere:
 
 
 class Case(NamedTuple):
-    """A scheme and the ``size`` of its steps [s], or their tolerance [m] if it chooses them."""
+    """A scheme and the ``size`` of its steps [s], or the tolerance [m] if it chooses its steps."""
 
     scheme: str
     size: float
 
     @property
-    def chooses(self) -> bool:
-        """Whether the steps follow from a tolerance."""
+    def chooses_steps(self) -> bool:
+        """Return whether the step sizes follow from a tolerance."""
         return self.scheme == AUTO
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A run and what it took: ``seconds`` of the loop, the least of its repeats."""
+    """A run and its time: ``seconds`` of the time loop, the least of its repeats."""
 
     case: Case
     seconds: float
@@ -83,27 +84,28 @@ class Trial:
 
     @property
     def scheme(self) -> str:
-        """Name of the scheme."""
+        """Return the name of the scheme."""
         return self.case.scheme
 
     @property
     def dt(self) -> float:
-        """Size of the steps [s], or their mean if the run has chosen them."""
-        if not self.case.chooses:
+        """Return the step size [s], or its mean if the run has chosen its steps."""
+        if not self.case.chooses_steps:
             return self.case.size
         return self.report.time / max(1, self.report.steps)
 
     @property
     def completed(self) -> bool:
-        """Whether it came to the end."""
+        """Return whether the run reached its end time."""
         return self.report.status == "completed"
 
 
 def with_step(
     model: Model, dt: float, t_final: float | None = None, scheme: str | None = None
 ) -> Model:
-    """``model`` with another step, end and scheme (one of ``schemes.choices``), all steps of this
-    size.
+    """Return ``model`` with another step size, end time and scheme (see ``model.scheme.choices``).
+
+    All steps have this size: tolerances and output interval are removed.
     """
     given = model.simulation
     end = given.t_final if t_final is None else t_final
@@ -114,11 +116,11 @@ def with_step(
     )
 
 
-def variant(model: Model, case: Case) -> Model:
-    """``model`` as a ``case`` runs it."""
-    if not case.chooses:
+def with_case(model: Model, case: Case) -> Model:
+    """Return ``model`` with the scheme and step size or tolerance of a ``case``."""
+    if not case.chooses_steps:
         return with_step(model, case.size, scheme=case.scheme)
-    interval = model.simulation.interval or round_down(model.simulation.t_final / AUTO_ROWS)
+    interval = model.simulation.interval or round_down(model.simulation.t_final / AUTO_OUTPUTS)
     chosen = with_step(model, interval, scheme=case.scheme).simulation
     return replace(model, simulation=replace(chosen, tolerance=case.size, interval=interval))
 
@@ -126,7 +128,7 @@ def variant(model: Model, case: Case) -> Model:
 def run_in_memory(
     model: Model, options: Options, stopped: Callable[[], bool] = lambda: False
 ) -> tuple[Report, Run]:
-    """Run ``model``; what happened, and its rows as they would be read back."""
+    """Run ``model``; return its report, and its results as if they were read from files."""
     memory = Memory()
     report = run(model, options, memory, stopped=stopped)
     frames = [
@@ -147,50 +149,51 @@ def run_in_memory(
 
 
 def seconds_of(case: Case, report: Report) -> float:
-    """Seconds of the loop; of a scheme that chooses its steps with those of the companion runs by
-    which it judges them.
+    """Return the seconds of the time loop. For a scheme that chooses its steps they include those
+    of the companion runs, which its error estimate needs.
     """
-    return report.seconds["loop"] + (report.seconds.get("companion", 0.0) if case.chooses else 0.0)
+    companion = report.seconds.get("companion", 0.0) if case.chooses_steps else 0.0
+    return report.seconds["loop"] + companion
 
 
-def timing(case: Case) -> Options:
-    """The options of a run of which the time counts: no estimate where none is needed."""
-    return Options() if case.chooses else Options(error=OFF)
+def timing_options(case: Case) -> Options:
+    """Return the options of a run that is timed: without an error estimate if it needs none."""
+    return Options() if case.chooses_steps else Options(error=OFF)
 
 
 def run_seconds(model: Model, case: Case, stopped: Callable[[], bool]) -> float | None:
-    """What one more run of a ``case`` takes [s]; None if it was stopped."""
-    report = run(variant(model, case), timing(case), Nowhere(), stopped=stopped)
+    """Run a ``case`` and return its seconds; None if it was stopped."""
+    report = run(with_case(model, case), timing_options(case), Nowhere(), stopped=stopped)
     return None if report.status == "interrupted" else seconds_of(case, report)
 
 
 def estimated_error(model: Model, case: Case) -> float | None:
-    """The error in position [m] that a run of a ``case`` estimates of itself."""
-    report = run(variant(model, case), Options(error=ESTIMATE), Nowhere())
+    """Run a ``case`` and return the position error [m] that it estimates; None if it cannot."""
+    report = run(with_case(model, case), Options(error=ESTIMATE), Nowhere())
     if report.error is None or not report.error["complete"]:
         return None
     return float(report.error["position"])
 
 
 def warm_up(model: Model, case: Case) -> None:
-    """Take a few steps, so that no later run compiles or loads what has been compiled."""
-    first = variant(model, case)
+    """Take a few steps, so that no later run compiles kernels or loads compiled ones."""
+    first = with_case(model, case)
     few = WARM_STEPS * first.simulation.dt
     end = min(few, model.simulation.t_final)
     ended = replace(first, simulation=replace(first.simulation, t_final=end))
-    run(ended, timing(case), Nowhere())
+    run(ended, timing_options(case), Nowhere())
 
 
-def try_all(
+def run_trials(
     model: Model,
     cases: Sequence[tuple[str, float]],
     repeats: int,
     progress: Callable[[Case], Any] = lambda case: None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> list[Trial]:
-    """A trial of every case (scheme, dt); ``progress`` is told of each run that has ended.
+    """Run every case (scheme, dt) ``repeats`` times; ``progress`` is called after each run.
 
-    Once ``stopped``, those that had run, however often, are the trials.
+    If the study is ``stopped``, return the trials that ran at least once.
     """
     wanted = [Case(*case) for case in cases]
     for scheme in sorted({case.scheme for case in wanted}):
@@ -198,13 +201,13 @@ def try_all(
     seconds: dict[Case, float] = {}
     kept: dict[Case, tuple[Report, Run]] = {}
     for repeat, case in product(range(repeats), wanted):
-        if stopped():  # a short run does not ask
+        if stopped():  # a short run does not ask this
             break
         if repeat == 0:
-            report, rows = run_in_memory(variant(model, case), timing(case), stopped)
+            report, results = run_in_memory(with_case(model, case), timing_options(case), stopped)
             if report.status == "interrupted":
                 break
-            kept[case], seconds[case] = (report, rows), seconds_of(case, report)
+            kept[case], seconds[case] = (report, results), seconds_of(case, report)
         else:
             again = run_seconds(model, case, stopped)
             if again is None:

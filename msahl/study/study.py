@@ -1,4 +1,4 @@
-"""A study: runs over steps and schemes, judged by one reference; orders, and the fastest run."""
+"""Carry out a study: runs over step sizes and schemes, their errors, orders and the fastest run."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -9,45 +9,35 @@ import numpy as np
 from msahl.jit.compiled import working_clock
 from msahl.model import local_tolerance_of
 from msahl.model.scheme import AUTO, HIGHER, TOLERANCE
+from msahl.study.command import Command
 from msahl.study.dynamics import Dynamics
-from msahl.study.errors import MEASURES, Measure, measure_errors
+from msahl.study.errors import METRICS, ErrorMetric, compute_errors
 from msahl.study.order import FLAT, Fit, fit_order
-from msahl.study.plan import Plan, Point
+from msahl.study.plan import Plan, StudyRun
 from msahl.study.reference import Reference, choose_reference
-from msahl.study.runs import Case, try_all
-from msahl.study.search import Search
+from msahl.study.runs import Case, run_trials
+from msahl.study.search import Observer, Search
 
 TIMES = 1001
-"""Times at which a reference is compared with another."""
+"""Number of times at which a reference is compared with another."""
 OF_REFERENCE = 0.35
-"""Part of the budget that the reference may take."""
+"""Fraction of the budget that the reference may take."""
 OF_CURVES, OF_RUNS = 0.75, 0.9
-"""Parts of the time left for runs until which curves are drawn, and runs are made at all."""
-
-
-@dataclass(frozen=True)
-class Command:
-    """A run by the command line: its ``words``, seconds from start to end and of its loop, and
-    its largest error.
-    """
-
-    words: str
-    whole: float
-    loop: float
-    error: float | None
+"""Fractions of the time for runs after which no curve is continued, and no run is made."""
 
 
 @dataclass(frozen=True)
 class Study:
-    """What came out; of a study that was ``stopped``, from the runs it had made by then. ``own``
-    is the case of the deck itself, ``commands`` are runs by the command line, of the file ``deck``
-    to the end given in place of its own.
+    """The results of a study; if it was ``stopped``, of the runs made until then.
+
+    ``deck_case`` is the case of the deck's own settings. ``commands`` are runs by the command line,
+    of the file ``deck`` to the end time ``given_end`` if that is not the deck's.
     """
 
     plan: Plan
     reference: Reference
-    points: list[Point]
-    own: Case | None
+    runs: list[StudyRun]
+    deck_case: Case | None
     stopped: bool = False
     fits: dict[tuple[str, str], Fit | None] = field(default_factory=dict)
     commands: dict[Case, Command] = field(default_factory=dict)
@@ -56,33 +46,33 @@ class Study:
 
     @property
     def schemes(self) -> list[str]:
-        """Schemes that were run, in the order of the plan."""
-        ran = {point.trial.scheme for point in self.points}
+        """Return the schemes that were run, in the order of the plan."""
+        ran = {run.trial.scheme for run in self.runs}
         return [s for s in dict.fromkeys((*self.plan.studied, *sorted(ran))) if s in ran]
 
-    def series(self, scheme: str, key: str) -> tuple[list[Point], np.ndarray]:
-        """The points of a scheme that have such an error, by falling step or tolerance, and largest
-        errors.
+    def series(self, scheme: str, key: str) -> tuple[list[StudyRun], np.ndarray]:
+        """Return the completed runs of a scheme whose error ``key`` is known, by falling step size
+        or tolerance, and their largest errors.
         """
-        points = [p for p in self.points if p.trial.scheme == scheme and p.trial.completed]
-        points = [p for p in points if p.largest(key) is not None]
-        points.sort(key=lambda point: -point.trial.case.size)
-        return points, np.array([point.largest(key) for point in points], dtype=float)
+        runs = [r for r in self.runs if r.trial.scheme == scheme and r.trial.completed]
+        runs = [r for r in runs if r.largest(key) is not None]
+        runs.sort(key=lambda run: -run.trial.case.size)
+        return runs, np.array([run.largest(key) for run in runs], dtype=float)
 
     @property
-    def fastest(self) -> Point | None:
-        """The completed run of least seconds that meets the target."""
-        meeting = [p for p in self.points if p.keeps(self.plan.measure, self.plan.target)]
-        return min(meeting, key=lambda point: point.trial.seconds, default=None)
+    def fastest(self) -> StudyRun | None:
+        """Return the fastest completed run that meets the target."""
+        meeting = [r for r in self.runs if r.meets(self.plan.metric, self.plan.target)]
+        return min(meeting, key=lambda run: run.trial.seconds, default=None)
 
     @property
-    def of_deck(self) -> Point | None:
-        """The run with the deck's own settings, if it was made."""
-        return next((p for p in self.points if p.trial.case == self.own), None)
+    def deck_run(self) -> StudyRun | None:
+        """Return the run with the deck's own settings, if it was made."""
+        return next((r for r in self.runs if r.trial.case == self.deck_case), None)
 
 
-def own_case(plan: Plan) -> Case | None:
-    """The case that the deck itself asks for; None if it chooses steps in a way not studied."""
+def deck_case(plan: Plan) -> Case | None:
+    """Return the case of the deck's own settings; None if it chooses steps in a way not studied."""
     simulation = plan.model.simulation
     if simulation.scheme == AUTO and simulation.local_tolerance is None:
         return Case(AUTO, simulation.tolerance or TOLERANCE)
@@ -97,85 +87,77 @@ def study(
     progress: Callable[[str], Any] = lambda words: None,
     stopped: Callable[[], bool] = lambda: False,
     reference: Reference | None = None,
-    tell: Callable[[str], Any] = lambda line: None,
+    report: Callable[[str], Any] = lambda line: None,
     until: float | None = None,
 ) -> Study:
-    """Carry out the ``plan``, ``until`` a time of ``working_clock`` if steps are chosen (its
-    budget from now if it is not given). ``progress`` is told of every run, ``tell`` of what a
-    reader may want to know meanwhile. The ``reference`` is found if it is not given.
+    """Carry out the ``plan``.
 
-    Raises ``ResultError`` if there is no reference, ``StartError`` if there is no start.
+    ``progress`` is called with a name of every run, ``report`` with a line on every curve that was
+    finished. The ``reference`` is found if it is not given. If the study chooses the steps, it ends
+    at the time ``until`` of ``working_clock`` (default: the plan's budget from now).
+
+    Raises ``ResultError`` if there is no reference, ``StartError`` if there are no consistent
+    initial conditions.
     """
     until = working_clock() + plan.budget if until is None else until
     reference = reference or find_reference(plan)
+    observer = Observer(stopped, report, progress)
     if plan.steps:
-        return _listed(plan, reference, progress, stopped)
-    return _searched(plan, reference, progress, stopped, tell, until)
+        return _at_given_steps(plan, reference, observer)
+    return _searched(plan, reference, observer, until)
 
 
 def find_reference(plan: Plan) -> Reference:
-    """True values for all runs of the ``plan``."""
+    """Return the reference for all runs of the ``plan``."""
     times = np.linspace(0.0, plan.model.simulation.t_final, TIMES)
     seconds = OF_REFERENCE * plan.budget
     return choose_reference(plan.reference, plan.model, times, plan.accuracy, seconds)
 
 
-def _listed(
-    plan: Plan,
-    reference: Reference,
-    progress: Callable[[str], Any],
-    stopped: Callable[[], bool],
-) -> Study:
-    """Runs at the steps of the ``plan``."""
+def _at_given_steps(plan: Plan, reference: Reference, observer: Observer) -> Study:
+    """Make runs at the step sizes of the ``plan``."""
     dynamics = Dynamics(plan.model)
     schemes = [scheme for scheme in plan.studied if scheme != AUTO]
     cases = [Case(scheme, dt) for dt in plan.steps for scheme in schemes]
-    trials = try_all(
+    trials = run_trials(
         plan.model,
         cases,
         plan.repeats or 3,
-        lambda case: progress(f"{case.scheme} {case.size:g}"),
-        stopped,
+        lambda case: observer.progress(f"{case.scheme} {case.size:g}"),
+        observer.stopped,
     )
-    points = [Point(trial, measure_errors(trial.run, reference, dynamics)) for trial in trials]
-    return _fitted(Study(plan, reference, points, own_case(plan), stopped()))
+    runs = [StudyRun(trial, compute_errors(trial.run, reference, dynamics)) for trial in trials]
+    return _fitted(Study(plan, reference, runs, deck_case(plan), observer.stopped()))
 
 
-def _searched(
-    plan: Plan,
-    reference: Reference,
-    progress: Callable[[str], Any],
-    stopped: Callable[[], bool],
-    tell: Callable[[str], Any],
-    until: float,
-) -> Study:
-    """Runs at steps found by a ``Search``."""
-    search = Search(plan, reference, Dynamics(plan.model), until, stopped, tell, progress)
-    own = own_case(plan)
+def _searched(plan: Plan, reference: Reference, observer: Observer, until: float) -> Study:
+    """Make runs at step sizes found by a ``Search``."""
+    search = Search(plan, reference, Dynamics(plan.model), until, observer)
+    own = deck_case(plan)
     if own is not None:
         search.run(own)
-    search.part = OF_CURVES
+    search.fraction = OF_CURVES
     search.explore()
-    search.part = OF_RUNS
+    search.fraction = OF_RUNS
     search.refine()
     search.compare()
-    result = Study(plan, reference, search.points, own, stopped())
+    result = Study(plan, reference, search.runs, own, observer.stopped())
     best = result.fastest
     search.estimate(best.trial.scheme if best else plan.studied[0])
-    search.part = 1.0
+    search.fraction = 1.0
     search.complete()
     return _fitted(result)
 
 
 def _fitted(result: Study) -> Study:
     for scheme in result.schemes:
-        for measure in MEASURES:
-            result.fits[scheme, measure.key] = _fit(result, scheme, measure)
+        for metric in METRICS:
+            result.fits[scheme, metric.key] = _fit(result, scheme, metric)
     return result
 
 
-def _fit(result: Study, scheme: str, measure: Measure) -> Fit | None:
-    points, errors = result.series(scheme, measure.key)
+def _fit(result: Study, scheme: str, metric: ErrorMetric) -> Fit | None:
+    runs, errors = result.series(scheme, metric.key)
     if scheme == AUTO or not np.any(errors > FLAT):
         return None
-    return fit_order([point.trial.dt for point in points], errors.tolist())
+    return fit_order([run.trial.dt for run in runs], errors.tolist())

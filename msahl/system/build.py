@@ -7,11 +7,11 @@ import numpy as np
 
 from msahl.algebra.functions import Law, Laws, build_laws
 from msahl.algebra.vector import ZERO, Vector, sub
-from msahl.elements.along import Along
 from msahl.elements.constraints.coincide import Coincide
-from msahl.elements.constraints.coordinates import Quantities
-from msahl.elements.constraints.equations import Rows
-from msahl.elements.constraints.products import DOT, PARTS, Measures
+from msahl.elements.constraints.coordinates import Coordinates
+from msahl.elements.constraints.equations import ConstraintEquations
+from msahl.elements.constraints.products import DOT, PARTS, Products
+from msahl.elements.constraints.scalar import ScalarConstraints
 from msahl.elements.forces import Forces
 from msahl.elements.forces.concentrated import ConcentratedLoads
 from msahl.elements.forces.drag import Drags
@@ -24,9 +24,9 @@ from msahl.joints.joint import (
     CHILD,
     GROUND,
     PARENT,
+    Coordinate,
     Equation,
     Product,
-    Quantity,
     X,
     Y,
     Z,
@@ -84,8 +84,8 @@ class _Builder:
         self.r_BG = [*(body.r_BG for body in model.bodies), ZERO]
         self.joints = {joint.name: joint for joint in model.joints}
         self.arms: list[list[float]] = [[] for _ in range(self.ground + 1)]
-        self.measures: list[tuple[Any, ...]] = []
-        self.quantities: list[tuple[Quantity, _Pair]] = []
+        self.products: list[tuple[Any, ...]] = []
+        self.coordinates: list[tuple[Coordinate, _Pair]] = []
         self.freedoms: dict[tuple[str, str], int] = {}
         self.coincide: list[tuple[int, _Pair]] = []
         self.rows: list[dict[str, Any]] = []
@@ -114,12 +114,12 @@ class _Builder:
         coincide = self._coincide(frames)
         loads, drags = self._concentrated(), self._drags()
         laws = build_laws(self.laws)
-        along = self._along(frames, laws) if self.quantities else None
+        scalar = self._along(frames, laws) if self.coordinates else None
         return System(
             frames=frames,
             bodies=bodies,
             coincide=coincide,
-            along=along,
+            scalar=scalar,
             reactions=self._reactions(),
             laws=laws,
             forces=Forces(
@@ -130,7 +130,7 @@ class _Builder:
                 laws=laws,
             ),
             shown=self._shown(),
-            unit=self._units(coincide, along, len(nodes)),
+            unit=self._units(coincide, scalar, len(nodes)),
             decay=decay_of(self.model),
             relaxation=self.relaxation,
             multipliers=self._multipliers(nodes),
@@ -139,13 +139,13 @@ class _Builder:
             constant=self.blocks.constant_values(),
         )
 
-    def _along(self, frames: Frames, laws: Laws) -> Along:
-        quantities = self._quantities()
-        return Along(
-            quantities=quantities,
-            rows=self._rows(frames),
+    def _along(self, frames: Frames, laws: Laws) -> ScalarConstraints:
+        coords = self._quantities()
+        return ScalarConstraints(
+            coordinates=coords,
+            equations=self._rows(frames),
             laws=laws,
-            row_column=_indices(self.columns["rows"]),
+            equation_column=_indices(self.columns["rows"]),
         )
 
     def _point(self, body: int, point: Vector) -> Vector:
@@ -159,11 +159,11 @@ class _Builder:
         s_a, s_b = self._point(a, joint.parent_point), self._point(b, joint.child_point)
         return _Pair(a, b, s_a, s_b)
 
-    def _quantity(self, quantity: Quantity, pair: _Pair) -> int:
+    def _quantity(self, coordinate: Coordinate, pair: _Pair) -> int:
         """Add a quantity; its number."""
-        self.quantities.append((quantity, pair))
-        self.measures += [_measure(product, pair, self.ground) for product in quantity.products]
-        return len(self.quantities) - 1
+        self.coordinates.append((coordinate, pair))
+        self.products += [_measure(product, pair, self.ground) for product in coordinate.products]
+        return len(self.coordinates) - 1
 
     def _freedom(self, joint_name: str, coordinate: str) -> int:
         """The quantity of a joint's free motion, the same for all that act along it."""
@@ -190,22 +190,22 @@ class _Builder:
         first_freedom, second_freedom = COORDINATES[coupling.kind]
         follower = self._freedom(coupling.second, second_freedom)
         leader = self._freedom(coupling.first, first_freedom)
-        equation = Equation(self.quantities[follower][0], None)
+        equation = Equation(self.coordinates[follower][0], None)
         factor = -1.0 if coupling.lift is not None else -coupling.ratio
         self.load_rows.append(len(self.rows))
         self._row(element, follower, leader, factor, equation, function=self._law(coupling.lift))
 
     def _motion(self, element: int, column: int, motion: JointMotion | PointMotion) -> None:
         if isinstance(motion, JointMotion):
-            quantity = self._freedom(motion.joint, motion.coordinate)
+            coordinate = self._freedom(motion.joint, motion.coordinate)
         else:
             b = self.index[motion.body]
             pair = _Pair(self.ground, b, ZERO, self._point(b, motion.point))
             equation = in_plane(motion.direction)
-            quantity = self._quantity(equation.first, pair)
-        equation = Equation(self.quantities[quantity][0], None)
+            coordinate = self._quantity(equation.first, pair)
+        equation = Equation(self.coordinates[coordinate][0], None)
         self.load_rows.append(len(self.rows))
-        self._row(element, quantity, -1, 0.0, equation, self._law(motion.law), column)
+        self._row(element, coordinate, -1, 0.0, equation, self._law(motion.law), column)
 
     def _row(
         self,
@@ -240,22 +240,22 @@ class _Builder:
 
     def _load(self, column: int, load: Any) -> None:
         if isinstance(load, SpringDamper):
-            quantity = self._quantity(distance(), self._pair(load))
+            coordinate = self._quantity(distance(), self._pair(load))
             free = np.nan if load.free_length is None else load.free_length
-            self._spring(column, quantity, load.stiffness, load.damping, free, load)
+            self._spring(column, coordinate, load.stiffness, load.damping, free, load)
         elif isinstance(load, JointSpring):
-            quantity = self._freedom(load.joint, load.coordinate)
-            self._spring(column, quantity, load.stiffness, load.damping, load.free, load)
+            coordinate = self._freedom(load.joint, load.coordinate)
+            self._spring(column, coordinate, load.stiffness, load.damping, load.free, load)
         elif isinstance(load, Bushing):
             pair = self._pair(load)
             for product, k, c in zip(_bushing(load), load.stiffness, load.damping, strict=True):
                 if k or c:
                     self._spring(column, self._quantity(product, pair), k, c, np.nan, None)
         elif isinstance(load, Friction):
-            quantity = self._freedom(load.joint, load.coordinate)
+            coordinate = self._freedom(load.joint, load.coordinate)
             number = [joint.name for joint in self.model.joints].index(load.joint)
             lever = load.coefficient * load.radius
-            self.frictions.append((quantity, number, lever, load.width, column))
+            self.frictions.append((coordinate, number, lever, load.width, column))
         else:
             kind = "drags" if isinstance(load, Drag) else "loads"
             self.columns[kind].append(column)
@@ -263,7 +263,7 @@ class _Builder:
     def _spring(
         self,
         column: int,
-        quantity: int,
+        coordinate: int,
         stiffness: float,
         damping: float,
         free: float,
@@ -274,7 +274,7 @@ class _Builder:
         origin = np.nan if isinstance(load, JointSpring) else 0.0
         steepest = _steepest(load.table) if load and load.table else stiffness
         lag = 0.5 * decay_of(self.model).chi * steepest
-        entry = (quantity, stiffness, damping, origin, free, preload, table, lag, column)
+        entry = (coordinate, stiffness, damping, origin, free, preload, table, lag, column)
         self.springs.append(entry)
 
     def _frames(self) -> Frames:
@@ -329,14 +329,14 @@ class _Builder:
         ]
         open_nodes: dict[tuple[int, bool], tuple[int, int]] = {}
         for row in self.rows:
-            quantities = [self.quantities[q] for q in row["quantity"] if q >= 0]
-            key = (row["element"], all(q.angular for q, _ in quantities))
+            coords = [self.coordinates[q] for q in row["quantity"] if q >= 0]
+            key = (row["element"], all(q.angular for q, _ in coords))
             if key not in open_nodes:
                 open_nodes[key] = (len(nodes), 0)
                 nodes.append((*key, set()))
             node, slot = open_nodes.pop(key)
             row["place"] = (node, slot)
-            nodes[node][2].update(body for _, pair in quantities for body in (pair.a, pair.b))
+            nodes[node][2].update(body for _, pair in coords for body in (pair.a, pair.b))
             if slot < 2:
                 open_nodes[key] = (node, slot + 1)
         return nodes
@@ -346,7 +346,9 @@ class _Builder:
         b = np.array([pair.b for _, pair in self.coincide], dtype=np.int64)
         mass = 1.0 / (frames.inverse_mass[a] + frames.inverse_mass[b])
         first = first_multiplier(frames)
-        moment_by_turn, moment_by_force, gap_by_turn = np.zeros((3, a.size, 2), dtype=np.int64)
+        moment_by_rotation, moment_by_force, constraint_by_rotation = np.zeros(
+            (3, a.size, 2), dtype=np.int64
+        )
         for k, (_, pair) in enumerate(self.coincide):
             for side, (sign, body) in enumerate(zip((-1.0, 1.0), (pair.a, pair.b), strict=True)):
                 u, turn = displacement_node(frames, body), rotation_node(frames, body)
@@ -354,9 +356,9 @@ class _Builder:
                 share = float(frames.inverse_mass[body] * mass[k])
                 self.blocks.constant(u, node, -sign * share)
                 self.blocks.constant(node, u, sign)
-                moment_by_turn[k, side] = self.blocks.place(turn, turn)
+                moment_by_rotation[k, side] = self.blocks.place(turn, turn)
                 moment_by_force[k, side] = self.blocks.place(turn, node)
-                gap_by_turn[k, side] = self.blocks.place(node, turn)
+                constraint_by_rotation[k, side] = self.blocks.place(node, turn)
         return Coincide(
             a=a,
             b=b,
@@ -364,43 +366,45 @@ class _Builder:
             s_b=_vectors(pair.s_b for _, pair in self.coincide),
             mass=mass,
             row=first + np.arange(a.size, dtype=np.int64),
-            moment_by_turn=moment_by_turn,
+            moment_by_rotation=moment_by_rotation,
             moment_by_force=moment_by_force,
-            gap_by_turn=gap_by_turn,
+            constraint_by_rotation=constraint_by_rotation,
         )
 
-    def _quantities(self) -> Quantities:
-        sizes = [len(quantity.products) for quantity, _ in self.quantities]
+    def _quantities(self) -> Coordinates:
+        sizes = [len(coordinate.products) for coordinate, _ in self.coordinates]
         blocks = [
             [self.blocks.place(row, column) for row in parts for column in parts]
-            for parts in (_parts(self.frames, quantity, pair) for quantity, pair in self.quantities)
+            for parts in (
+                _parts(self.frames, coordinate, pair) for coordinate, pair in self.coordinates
+            )
         ]
-        columns = list(zip(*self.measures, strict=True)) or [()] * len(Measures._fields)
-        vectors = dict(zip(Measures._fields, columns, strict=True))
-        measures = Measures(
+        columns = list(zip(*self.products, strict=True)) or [()] * len(Products._fields)
+        vectors = dict(zip(Products._fields, columns, strict=True))
+        products = Products(
             **{key: np.array(vectors[key], dtype=np.int64) for key in ("kind", "a", "b", "owner")},
             **{key: _vectors(vectors[key]) for key in ("n", "s_a", "s_b", "e")},
         )
-        return Quantities(
-            measures=measures,
-            kind=np.array([quantity.kind for quantity, _ in self.quantities], dtype=np.int64),
+        return Coordinates(
+            products=products,
+            kind=np.array([coordinate.kind for coordinate, _ in self.coordinates], dtype=np.int64),
             first=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
-            radius=np.array([quantity.radius for quantity, _ in self.quantities], dtype=float),
+            radius=np.array([coordinate.radius for coordinate, _ in self.coordinates], dtype=float),
             block=np.array(blocks, dtype=np.int64).reshape(-1, PARTS * PARTS),
         )
 
-    def _rows(self, frames: Frames) -> Rows:
+    def _rows(self, frames: Frames) -> ConstraintEquations:
         count, first = len(self.rows), first_multiplier(frames)
-        force_block, gap_block = np.zeros((2, count, 2, PARTS), dtype=np.int64)
+        force_block, constraint_block = np.zeros((2, count, 2, PARTS), dtype=np.int64)
         mass, lengths = np.zeros(count), np.ones(count)
         for r, row in enumerate(self.rows):
             node = first + row["place"][0]
             for side, q in enumerate(row["quantity"]):
                 if q >= 0:
-                    parts = _parts(frames, *self.quantities[q])
+                    parts = _parts(frames, *self.coordinates[q])
                     force_block[r, side] = [self.blocks.place(part, node) for part in parts]
-                    gap_block[r, side] = [self.blocks.place(node, part) for part in parts]
-            pair = self.quantities[row["quantity"][0]][1]
+                    constraint_block[r, side] = [self.blocks.place(node, part) for part in parts]
+            pair = self.coordinates[row["quantity"][0]][1]
             moving = [body for body in (pair.a, pair.b) if body != self.ground]
             mass[r] = 1.0 / sum(frames.inverse_mass[body] for body in moving)
             if row["angular"]:
@@ -411,9 +415,9 @@ class _Builder:
             return values.reshape(-1, width) if width else values
 
         coefficients = [row["coefficient"] for row in self.rows]
-        return Rows(
+        return ConstraintEquations(
             place=integers("place", 2),
-            quantity=integers("quantity", 2),
+            coordinate=integers("quantity", 2),
             coefficient=np.array(coefficients, dtype=float).reshape(-1, 2),
             function=integers("function"),
             law=integers("law"),
@@ -422,7 +426,7 @@ class _Builder:
             mass=mass,
             scale=lengths,
             force_block=force_block,
-            gap_block=gap_block,
+            constraint_block=constraint_block,
         )
 
     def _reactions(self) -> Reactions:
@@ -434,7 +438,7 @@ class _Builder:
             child=np.array(child, dtype=np.int64),
             s=_vectors(arms),
             coincide=np.array([coincide.get(e, -1) for e in range(len(joints))], dtype=np.int64),
-            first_row=np.array(self.joint_rows, dtype=np.int64),
+            first_equation=np.array(self.joint_rows, dtype=np.int64),
         )
 
     def _concentrated(self) -> ConcentratedLoads:
@@ -444,10 +448,12 @@ class _Builder:
             for key in ("body", "force_basis", "moment_basis")
         )
         place = self.blocks.place
-        turning = np.stack([body, f_axes, m_axes], axis=1).tolist()
+        rotational = np.stack([body, f_axes, m_axes], axis=1).tolist()
         rotation = self.frames.rotation
-        moment_by_turn = [[place(rotation[t[0]], rotation[c]) for c in t] for t in turning]
-        force_by_turn = [place(self.frames.displacement[b], rotation[c]) for b, c, _ in turning]
+        moment_by_rotation = [[place(rotation[t[0]], rotation[c]) for c in t] for t in rotational]
+        force_by_rotation = [
+            place(self.frames.displacement[b], rotation[c]) for b, c, _ in rotational
+        ]
         arms = [sub(load.point, self.r_BG[self.index[load.body]]) for load in loads]
         return ConcentratedLoads(
             frame=body,
@@ -457,8 +463,8 @@ class _Builder:
             m=_vectors(load.moment for load in loads),
             m_axes=m_axes,
             law=np.array([self._law(load.law) for load in loads], dtype=np.int64),
-            force_by_turn=np.array(force_by_turn, dtype=np.int64),
-            moment_by_turn=np.array(moment_by_turn, dtype=np.int64).reshape(-1, 3),
+            force_by_rotation=np.array(force_by_rotation, dtype=np.int64),
+            moment_by_rotation=np.array(moment_by_rotation, dtype=np.int64).reshape(-1, 3),
             column=_indices(self.columns["loads"]),
         )
 
@@ -490,15 +496,17 @@ class _Builder:
         model = self.model
         return Shown(
             moment=np.array([KINDS[joint.kind].moment for joint in model.joints], dtype=bool),
-            load_row=np.array(self.load_rows, dtype=np.int64),
+            load_equation=np.array(self.load_rows, dtype=np.int64),
         )
 
-    def _units(self, coincide: Coincide, along: Along | None, nodes: int) -> np.ndarray:
+    def _units(
+        self, coincide: Coincide, scalar: ScalarConstraints | None, nodes: int
+    ) -> np.ndarray:
         unit = np.ones((nodes, 3))
         unit[: coincide.a.size] = coincide.mass[:, None]
-        if along is not None:
-            place = along.rows.place
-            unit[place[:, 0], place[:, 1]] = along.rows.mass * along.rows.scale
+        if scalar is not None:
+            place = scalar.equations.place
+            unit[place[:, 0], place[:, 1]] = scalar.equations.mass * scalar.equations.scale
         return unit
 
     def _multipliers(self, nodes: list[tuple[int, bool, set[int]]]) -> Multipliers:
@@ -510,7 +518,7 @@ class _Builder:
         return Multipliers(
             node=first + np.arange(len(nodes), dtype=np.int64),
             element=np.array([element for element, _, _ in nodes], dtype=np.int64),
-            turning=np.array([turning for _, turning, _ in nodes], dtype=bool),
+            rotational=np.array([rotational for _, rotational, _ in nodes], dtype=bool),
             bodies=np.array(touched, dtype=np.int64).reshape(-1, 4),
         )
 
@@ -522,15 +530,15 @@ def _measure(product: Product, pair: _Pair, ground: int) -> tuple[Any, ...]:
     return product.kind, pair.a, pair.b, owner, product.n, s_a, pair.s_b, product.e
 
 
-def _parts(frames: Frames, quantity: Quantity, pair: _Pair) -> list[int]:
+def _parts(frames: Frames, coordinate: Coordinate, pair: _Pair) -> list[int]:
     """Nodes of the four parts; -1 for displacements that the quantity does not see."""
-    seen = any(product.kind != DOT for product in quantity.products)
+    seen = any(product.kind != DOT for product in coordinate.products)
     u_a, u_b = frames.displacement[[pair.a, pair.b]] if seen else (-1, -1)
     rotation_a, rotation_b = frames.rotation[[pair.a, pair.b]]
     return [int(node) for node in (u_a, rotation_a, u_b, rotation_b)]
 
 
-def _bushing(bushing: Bushing) -> list[Quantity]:
+def _bushing(bushing: Bushing) -> list[Coordinate]:
     """Three slides along the parent's frame and three turns about it, small ones as products."""
     frame, child = bushing.parent_axes, bushing.child_axes
     slides = [in_plane(axis).first for axis in frame]

@@ -8,7 +8,7 @@ from msahl.elements import forces
 from msahl.elements.constraints.coordinates import prepare
 from msahl.elements.constraints.equations import left_side
 from msahl.model import Model, decays
-from msahl.system.arrays import State, System, new_quantity_start, quantity_count
+from msahl.system.arrays import State, System, coordinate_count, new_coordinates_workspace
 
 
 def build_state(model: Model, system: System) -> State:
@@ -38,7 +38,7 @@ def build_state(model: Model, system: System) -> State:
         force_trend=np.zeros((3, *multipliers)),
         foresight=np.ones(1),
         violation=np.zeros(multipliers),
-        angle=np.zeros(quantity_count(system)),
+        angle=np.zeros(coordinate_count(system)),
         reaction=np.zeros(joints),
         reaction_trend=np.zeros(joints),
         work=np.zeros(work_count(model)),
@@ -53,12 +53,12 @@ def build_state(model: Model, system: System) -> State:
 def settle(system: System, state: State) -> None:
     """Fill in constants of rows and springs that are what their quantities are at t = 0."""
     x, p = state.x, state.p
-    if system.along is None:
+    if system.scalar is None:
         return
-    quantities, rows = system.along.quantities, system.along.rows
+    coords, rows = system.scalar.coordinates, system.scalar.equations
     R = np.array([matrix(at(p, b)) for b in range(len(p))])
-    start = new_quantity_start(quantities)
-    prepare(quantities, x, R, np.zeros(quantities.kind.size), start)
+    start = new_coordinates_workspace(coords)
+    prepare(coords, x, R, np.zeros(coords.kind.size), start)
     for r in np.flatnonzero(np.isnan(rows.offset)):
         rows.offset[r] = left_side(rows, system.laws, start, int(r))
     forces.set_origins(system.forces, start.value)

@@ -186,8 +186,8 @@ def test_quiet_says_nothing_and_verbose_more(tmp_path):
     assert run(*words, "-q").output == ""
     normal, verbose = run(*words).stderr, run(*words, "-v").stderr
     assert "initial velocities opened a joint at 0.198 m/s and were changed" in normal
-    assert "unknowns in 1 islands" not in normal
-    for word in ("prepare: ", "loop: ", "output: ", "9 unknowns in 1 islands", "0 halvings"):
+    assert "unknowns in 1 subsystems" not in normal
+    for word in ("prepare: ", "loop: ", "output: ", "9 unknowns in 1 subsystems", "0 halvings"):
         assert word in verbose
 
 
@@ -388,22 +388,38 @@ main()
 """
 
 
-@pytest.mark.slow
-def test_an_installed_msahl_works_from_any_folder(installed, tmp_path):
-    def call_installed(*words):
-        return subprocess.Popen(
-            [sys.executable, "-c", FROM_TARGET, installed, *words],
-            cwd=tmp_path,
-            env=os.environ | {"PYTHONPATH": str(installed), "NUMBA_CACHE_DIR": str(tmp_path / "c")},
-            stderr=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
+def call_installed(installed, folder, words, **environment):
+    """A process of the installed msahl in a folder that is not the checkout."""
+    return subprocess.Popen(
+        [sys.executable, "-c", FROM_TARGET, installed, *words],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(installed)} | environment,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
 
-    checking = call_installed("check", SINGLE)
+
+def test_an_installed_msahl_works_from_any_folder(installed, tmp_path):
+    """Its sources are those of the checkout, and so are the compiled kernels that it loads."""
+    checking = call_installed(installed, tmp_path, ["check", SINGLE])
     assert checking.communicate() == (f"{SINGLE}: good\n", "")
-    # Two at once, both with nothing compiled yet: they must not trip over each other's cache.
-    running = [call_installed("run", SINGLE, "--t-final", "0.1", "-o", f"out{n}") for n in "12"]
+    words = [SINGLE, "--t-final", "0.1"]
+    running = call_installed(installed, tmp_path, ["run", *words, "-o", "out"])
+    told = running.communicate()[1]
+    assert running.returncode == 0, told
+    assert "50 steps to t = 0.1 s" in told
+    run(*words, "-o", tmp_path / "checkout")
+    tables = [(tmp_path / name / "states.csv").read_bytes() for name in ("out", "checkout")]
+    assert tables[0] == tables[1]
+
+
+@pytest.mark.slow
+def test_two_first_runs_of_an_installed_msahl_compile_side_by_side(installed, tmp_path):
+    """Nothing is compiled yet: neither may disturb what the other keeps."""
+    words = ["run", SINGLE, "--t-final", "0.1", "-o"]
+    kept = {"NUMBA_CACHE_DIR": str(tmp_path / "c")}
+    running = [call_installed(installed, tmp_path, [*words, f"out{n}"], **kept) for n in "12"]
     for one in running:
         told = one.communicate()[1]
         assert one.returncode == 0, told

@@ -12,7 +12,7 @@ from lxml import etree
 from msahl.algebra.functions import Law
 from msahl.algebra.vector import IDENTITY, ZERO
 from msahl.deck import read_deck
-from msahl.deck.cam import lift
+from msahl.deck.cam_profile import lift
 from msahl.deck.diagnosis import add_faults
 from msahl.deck.faults import Faults
 from msahl.deck.parse import parse

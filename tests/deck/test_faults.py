@@ -190,15 +190,15 @@ MEANING_FAULTS = {
     ),
     "missing child": (
         ("<name>Bob</name>\n          <p", "<name>Bib</name>\n          <p"),
-        ":24: joint 'Pivot': child 'Bib' is not a body of this deck (bodies: Base, Bob)",
+        ":24: joint 'Pivot': child 'Bib' is not a body of this model (bodies: Base, Bob)",
     ),
     "missing basis": (
         ('basis="Bob"', 'basis="Rob"'),
-        ":12: body 'Bob', initialConditions/position: basis 'Rob' is not a body of this deck",
+        ":12: body 'Bob', initialConditions/position: basis 'Rob' is not a body of this model",
     ),
     "missing load body": (
         ("<body>Bob<", "<body>Bab<"),
-        ":32: load 'Push': body 'Bab' is not a body of this deck",
+        ":32: load 'Push': body 'Bab' is not a body of this model",
     ),
     "loaded ground": (
         ("<body>Bob<", "<body>Base<"),
@@ -220,10 +220,10 @@ MEANING_FAULTS = {
         ("<name>Bob</name>\n          <p", "<name>Wall</name>\n          <p"),
         ":20: joint 'Pivot': 'Base' and 'Wall' are both grounds; name a body that moves",
     ),
-    "gap": (
+    "points apart": (
         (">-5.0<", ">-4.0<"),
-        ":20: joint 'Pivot': open by 1 m at t = 0: its point is at (0, 0, 0) m on parent 'Base' "
-        "but at (0.707106781, 0, 0.707106781) m on child 'Bob'",
+        ":20: joint 'Pivot': its points are 1 m apart at t = 0: (0, 0, 0) m on parent 'Base' "
+        "but (0.707106781, 0, 0.707106781) m on child 'Bob'",
     ),
     "negative mass": (
         (">2.0<", ">-2.0<"),
@@ -415,7 +415,7 @@ def test_misspelt_references_are_told_beside_faults_of_the_schema(tmp_path, slip
     there = changed(tmp_path, ARM, DRIVEN, slip)
     own = faults_of(there)
     assert own
-    assert "of this deck" not in "".join(own)
+    assert "of this model" not in "".join(own)
     text = there.read_text()
     for right, wrong in (
         ("<body>Bob<", "<body>Bub<"),
@@ -426,7 +426,7 @@ def test_misspelt_references_are_told_beside_faults_of_the_schema(tmp_path, slip
         text = text.replace(right, wrong)
     there.write_text(text)
     told = "\n".join(faults_of(there))
-    assert told.count("of this deck") == 5  # both joints have the ground for a parent
+    assert told.count("of this model") == 5  # both joints have the ground for a parent
     for phrase in ("body 'Bub'", "parent 'Bose'", "joint 'Hunge'", "basis 'Bib'"):
         assert phrase in told
     assert all(fault.split(": ", 1)[1] in told for fault in own)

@@ -21,7 +21,8 @@ from msahl.model.couplings import COORDINATES
 from msahl.model.scheme import EXPONENTIAL, SCHEMES
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.midpoint import equations, newton
-from msahl.system.arrays import new_start, node_count
+from msahl.system import evaluate
+from msahl.system.arrays import new_system_workspace, node_count
 from msahl.system.build import build_system
 from msahl.system.names import joint_columns
 from msahl.system.reductions import all_unknowns
@@ -75,8 +76,8 @@ class Step:
         self.state = build_state(model, self.system)
         if reaction is not None:
             self.state.reaction[:] = reaction(self.state.reaction.shape)
-        self.start = new_start(self.system, self.state)
-        equations.prepare(self.system, self.state, self.start)
+        self.start = new_system_workspace(self.system, self.state)
+        evaluate.prepare(self.system, self.state, self.start)
         self.unknowns = choose(self.system, all_unknowns(self.system))
         self.shape = (node_count(self.system), 3)
         equations.load(self.system, self.state, self.start, h)
@@ -137,18 +138,18 @@ class Step:
 
     def elastic(self):
         """Energy of all springs in the prepared state [J]."""
-        if self.system.along is None:
+        if self.system.scalar is None:
             return 0.0
         violation = np.zeros_like(self.state.violation)
-        equations.observe(self.system, self.state, self.start, violation, violation.copy())
+        evaluate.observe(self.system, self.state, self.start, violation, violation.copy())
         return float(self.start.forces.elastic.sum())
 
     def multipliers(self):
         """(k, 3) [N or N m], and what their rows opened by over the step [m or rad]."""
         nodes = self.system.multipliers.node
         scale = np.ones((nodes.size, 3))
-        if self.system.along:
-            rows = self.system.along.rows
+        if self.system.scalar:
+            rows = self.system.scalar.equations
             scale[rows.place[:, 0], rows.place[:, 1]] = rows.scale
         lam = self.Z[nodes] * self.system.unit / self.dt2
         return lam, self.residual(self.Z)[nodes] / scale
@@ -312,7 +313,7 @@ def test_published_work_and_elastic_energy_are_what_the_elements_do(make, seed):
     before = step.elastic()
     F = step.residual(step.Z)
     equations.accept(step.system, step.state, step.start, step.h, step.Z, F)
-    equations.prepare(step.system, step.state, step.start)
+    evaluate.prepare(step.system, step.state, step.start)
     known = np.sum(lam * opened) + step.state.work.sum() - (step.elastic() - before)
     size = np.abs(lam).sum() + np.abs(step.state.work).sum() + abs(before) + abs(step.elastic())
     assert work == pytest.approx(known, abs=2e-13 * size)

@@ -9,10 +9,10 @@ from msahl.algebra.rotation import compose, from_axis_angle, from_step_turn, mat
 from msahl.elements.constraints import coordinates
 from msahl.joints.registry import KINDS
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.schemes.midpoint import equations
 from msahl.start.redundancy import constraint_matrix, constraint_rank
 from msahl.start.velocities import StartError
-from msahl.system.arrays import multiplier_count, new_start
+from msahl.system import evaluate
+from msahl.system.arrays import multiplier_count, new_system_workspace
 from msahl.system.build import build_system
 from msahl.system.state import build_state
 from tests.support.element_samples import JOINTS, joint_between, random_frame, vector
@@ -40,12 +40,14 @@ class Held:
         system = build_system(self.model())
         build_state(self.model(), system)  # the equations are those of the body where it was
         state = build_state(self.model(body), system)
-        start = new_start(system, state)
-        equations.prepare(system, state, start)
-        if system.along:
-            coordinates.count_turns(system.along.quantities, start.along.quantities, state.angle)
+        start = new_system_workspace(system, state)
+        evaluate.prepare(system, state, start)
+        if system.scalar:
+            coordinates.count_rotations(
+                system.scalar.coordinates, start.scalar.coordinates, state.angle
+            )
         violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
-        equations.observe(system, state, start, violation, rate)
+        evaluate.observe(system, state, start, violation, rate)
         return violation, rate
 
     def moving(self, twist):

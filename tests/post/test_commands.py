@@ -49,10 +49,8 @@ def test_a_partial_and_a_thinned_run_say_so(tmp_path):
     write(tmp_path / "thin", states[::4], reactions[::4], info=info)
     result = call("work", tmp_path / "part", tmp_path / "thin")
     assert result.exit_code == 0
-    assert (
-        "part: the run is not whole (cut off by force, rows to t = 0.4 of 0.4 s)" in result.stderr
-    )
-    assert "thin: virtual work is not available: only every 4th step" in result.stderr
+    assert "part: the run is incomplete (killed, results to t = 0.4 s of 0.4 s)" in result.stderr
+    assert "thin: virtual work is not available: only one of 4 steps" in result.stderr
     assert call("plot", tmp_path / "thin", "work", "-o", tmp_path).exit_code == 2
 
 
@@ -75,7 +73,7 @@ def test_plot_of_one_kind_and_body(run):
     assert result.stdout.strip() == str(run / "plots" / "path-zx.png")
     result = call("plot", run, "--joint", "Elbow")
     assert result.exit_code == 2
-    assert result.stderr == "msahl-post: no joint 'Elbow' (there are: Pivot)\n"
+    assert result.stderr == "msahl-post: no joint 'Elbow' in the model (it has: Pivot)\n"
 
 
 def test_report_holds_everything(run):

@@ -14,7 +14,7 @@ from msahl.cli.main import main as engine
 from msahl.post.cli import main as post
 from msahl.post.metrics import Energy
 from msahl.post.report import build_report
-from msahl.post.run_verdicts import read_judged, verdict_table
+from msahl.post.run_verdicts import read_verdict, verdict_table
 from msahl.post.table import as_text
 from msahl.results.read import ResultError, read_run
 from msahl.run.verdict import FAIL, PASS
@@ -98,7 +98,7 @@ def run(tmp_path):
 @pytest.fixture
 def light(monkeypatch):
     """Reports without pictures, which depend on nothing in run.json."""
-    monkeypatch.setattr(msahl.post.report, "_pictures", lambda run, measures: [])
+    monkeypatch.setattr(msahl.post.report, "_pictures", lambda run, metrics: [])
 
 
 def places(value, path=()):
@@ -129,7 +129,7 @@ def read_or_refused(folder):
 
 def test_the_folder_itself_is_sound(run):
     assert post_of(run, "verdict").exit_code == 0
-    assert read_judged(run).word == PASS
+    assert read_verdict(run).word == PASS
 
 
 @pytest.mark.parametrize("name", [command[0] for command in COMMANDS])
@@ -155,9 +155,9 @@ def test_whatever_a_run_json_holds_it_is_refused_or_read(run, text, light):
 
 
 def test_every_field_may_hold_any_json_value(run, light):
-    # One set of measures does for all: of run.json they depend on the non-unique reactions alone.
+    # One set of metrics does for all: of run.json they depend on the non-unique reactions alone.
     sound = read_run(run)
-    measured = msahl.post.metrics.measure(sound)
+    measured = msahl.post.metrics.compute_metrics(sound)
     refused = 0
     for path in places(INFO):
         for text in VALUES:
@@ -170,7 +170,7 @@ def test_every_field_may_hold_any_json_value(run, light):
                 continue
             build_report(read, measured)
             msahl.post.metrics._reactions(read)
-            assert as_text(verdict_table([read_judged(run)]))
+            assert as_text(verdict_table([read_verdict(run)]))
     # Most values are of the wrong type for their field.
     assert refused > 0.6 * len(VALUES) * len(list(places(INFO)))
 
@@ -192,7 +192,7 @@ def test_a_report_and_its_verdict_of_each_field_alone(run, light):
             continue
         for part in (
             msahl.post.report._status, msahl.post.report._warnings,
-            msahl.post.report._judgement, msahl.post.report._facts,
+            msahl.post.report._verdict, msahl.post.report._facts,
         ):  # fmt: skip
             part(read)
 
@@ -272,7 +272,7 @@ def test_a_changed_table_is_refused_and_its_verdict_is_fail(run, tables, change,
         assert result.exit_code == 2
         assert told in result.stderr
         assert "run the deck again: msahl run" in result.stderr
-    judged = read_judged(run)
+    judged = read_verdict(run)
     assert judged.word == FAIL
     assert told in judged.reasons[0]
     assert post_of(run, "verdict").exit_code == 1
@@ -298,7 +298,7 @@ def test_without_run_json_whole_tables_have_as_many_rows_as_each_other(run):
 
 
 def test_energies_that_are_no_numbers_are_not_round_off():
-    assert "round-off" not in msahl.post.sentences.energy_verdict(spoilt_energy())
+    assert "rounding error" not in msahl.post.sentences.describe_energy(spoilt_energy())
 
 
 def spoilt_energy():

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from msahl.cli.main import main as msahl
 from msahl.deck import read_deck
 from msahl.post.cli import main as post
-from msahl.post.events import passages, turns
+from msahl.post.events import crossings, extrema
 from msahl.results.read import ResultError, Run, read_run
 from msahl.study.exact import recognise
 from tests.support.models import THESIS
@@ -36,13 +36,13 @@ def exact(time):
 def test_passages_are_where_the_closed_form_passes(folder):
     run = read_run(folder)
     bob = run.model.bodies[0].name
-    found = passages(run, f"{bob}.x", 0.0)
+    found = crossings(run, f"{bob}.x", 0.0)
     assert len(found) == 4
     for event in found:
         # Degree 5 at 0.02 s of a motion of 4.7 s: 0.02^6 of its sixth derivative, over its speed.
         assert abs(exact(event.time)[0, 0]) <= 1e-10
-        assert event.apart is not None
-        assert 0.0 < event.apart <= 1e-6
+        assert event.uncertainty is not None
+        assert 0.0 < event.uncertainty <= 1e-6
     assert [np.sign(e.slope) for e in found] == [-1, 1, -1, 1]
     # Half a period apart, all of them.
     assert np.ptp(np.diff([e.time for e in found])) <= 1e-9
@@ -51,7 +51,7 @@ def test_passages_are_where_the_closed_form_passes(folder):
 def test_turns_are_where_the_pendulum_stands(folder):
     run = read_run(folder)
     bob = run.model.bodies[0].name
-    for event in turns(run, f"{bob}.x"):
+    for event in extrema(run, f"{bob}.x"):
         # Where it is known to 1e-8 s the speed is that times the acceleration, 7 m/s^2.
         assert np.abs(exact(event.time)[0, 6:9]).max() <= 1e-6
 
@@ -69,7 +69,7 @@ def test_where_a_run_starts_or_ends_at_rest_nothing_turns(factor, noise):
     # The motion of one who begins at rest, and is at rest again at the end of the second period.
     grain = np.random.default_rng(7).normal(size=101)
     run = rows_of(lambda t: factor * (np.cos(t) + noise * grain), 4.0 * np.pi)
-    found = [event.time for event in turns(run, "Bob.x")]
+    found = [event.time for event in extrema(run, "Bob.x")]
     # 50 rows a period: degree 5 places a turn to 1e-6 of a row's spacing; noise moves it by itself
     # over the spacing and the acceleration.
     assert found == pytest.approx([np.pi, 2.0 * np.pi, 3.0 * np.pi], abs=1e-6)
@@ -78,7 +78,7 @@ def test_where_a_run_starts_or_ends_at_rest_nothing_turns(factor, noise):
 def test_the_pendulum_does_not_turn_where_it_starts(folder):
     run = read_run(folder)
     bob = run.model.bodies[0].name
-    first = turns(run, f"{bob}.x")[0].time
+    first = extrema(run, f"{bob}.x")[0].time
     # It starts at rest, and stands again half a period later: no period of a pendulum is shorter
     # than that of small swings.
     assert first > np.pi * np.sqrt(5.0 / 9.80665)
@@ -86,17 +86,17 @@ def test_the_pendulum_does_not_turn_where_it_starts(folder):
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_what_rests_for_an_instant_and_goes_on_does_not_turn(sign):
-    assert turns(rows_of(lambda t: sign * (t - 0.513) ** 3, 1.0), "Bob.x") == []
+    assert extrema(rows_of(lambda t: sign * (t - 0.513) ** 3, 1.0), "Bob.x") == []
 
 
 def test_what_rests_all_along_has_no_events():
-    assert turns(rows_of(np.ones_like, 1.0), "Bob.x") == []
-    assert passages(rows_of(np.ones_like, 1.0), "Bob.x", 1.0) == []
+    assert extrema(rows_of(np.ones_like, 1.0), "Bob.x") == []
+    assert crossings(rows_of(np.ones_like, 1.0), "Bob.x", 1.0) == []
 
 
 def test_to_begin_at_a_level_is_not_to_pass_it():
     run = rows_of(np.sin, 7.0)
-    assert [e.time for e in passages(run, "Bob.x", 0.0)] == pytest.approx([np.pi, 2.0 * np.pi])
+    assert [e.time for e in crossings(run, "Bob.x", 0.0)] == pytest.approx([np.pi, 2.0 * np.pi])
 
 
 def test_the_command_and_what_it_refuses(folder):
@@ -106,5 +106,5 @@ def test_the_command_and_what_it_refuses(folder):
     assert len(json.loads(result.stdout)) == 4
     for column, word in (("Nobody.x", "no column"), (f"{bob}.P1", "jump at half a turn")):
         with pytest.raises(ResultError, match=word):
-            passages(read_run(folder), column, 0.0)
+            crossings(read_run(folder), column, 0.0)
         assert CliRunner().invoke(post, ["events", str(folder), column]).exit_code == 2

@@ -9,13 +9,13 @@ import pytest
 from msahl.algebra.rotation import matrix
 from msahl.elements import rigid_body
 from msahl.post.compare import compare
-from msahl.post.metrics import Energy, Spread, measure
+from msahl.post.metrics import Energy, Statistics, compute_metrics
 from msahl.post.summary import energy_table, no_work_note, partial_note, work_table
 from msahl.post.table import as_csv, as_json, as_text
 from msahl.post.tolerance import Tolerance
 from msahl.results.read import ResultError, read_run, read_table
-from msahl.schemes.midpoint import equations
-from msahl.system.arrays import new_start
+from msahl.system import evaluate
+from msahl.system.arrays import new_system_workspace
 from msahl.system.build import build_system
 from msahl.system.state import build_state
 from tests.support.run_folders import (
@@ -38,18 +38,18 @@ ROUND_OFF = 1e-14
 
 
 def test_the_conical_pendulum_has_no_error(tmp_path):
-    measures = measure(read_conical(tmp_path))
-    energy, joints = measures.energy, measures.constraints
+    metrics = compute_metrics(read_conical(tmp_path))
+    energy, joints = metrics.energy, metrics.constraints
     assert energy.absolute_error.max < ROUND_OFF * abs(energy.total[0])
     assert np.nanmax(joints.violation) < ROUND_OFF * LENGTH
     assert np.nanmax(joints.rate) < ROUND_OFF * joints.speed
-    assert np.abs(measures.work.sharp).max() < ROUND_OFF * LENGTH * MASS * GRAVITY
+    assert np.abs(metrics.work.reaction).max() < ROUND_OFF * LENGTH * MASS * GRAVITY
     assert joints.speed == pytest.approx(OMEGA * RADIUS, rel=ROUND_OFF)
     assert joints.length == LENGTH
 
 
 def test_energies_are_those_of_the_formulas(tmp_path):
-    energy = measure(read_conical(tmp_path)).energy
+    energy = compute_metrics(read_conical(tmp_path)).energy
     assert energy.linear == pytest.approx(0.5 * MASS * (OMEGA * RADIUS) ** 2, rel=ROUND_OFF)
     assert energy.rotational == pytest.approx(0.5 * INERTIA * OMEGA**2, rel=ROUND_OFF)
     depth = LENGTH * math.cos(ALPHA)
@@ -60,15 +60,15 @@ def test_a_moved_row_shows_its_gap_its_energy_and_its_work(tmp_path):
     states, reactions = conical_rows()
     move = np.array([1e-3, -2e-3, 4e-3])
     states[3, 1:4] += move
-    measures = measure(read_conical(tmp_path, states, reactions))
-    violation = measures.constraints.violation[:, 0, 0]
+    metrics = compute_metrics(read_conical(tmp_path, states, reactions))
+    violation = metrics.constraints.violation[:, 0, 0]
     assert violation[3] == pytest.approx(
         np.linalg.norm(move), rel=1e-11
     )  # cancelled from lengths of 5 m
     assert np.delete(violation, 3).max() < ROUND_OFF * LENGTH
-    assert measures.energy.error[3] == pytest.approx(-MASS * GRAVITY * move[2], rel=1e-11)
+    assert metrics.energy.error[3] == pytest.approx(-MASS * GRAVITY * move[2], rel=1e-11)
     # The joint opens over step 3 and closes over step 4.
-    force, sharp = reactions[:, 1:], measures.work.sharp[:, 0]
+    force, sharp = reactions[:, 1:], metrics.work.reaction[:, 0]
     assert sharp[2] == pytest.approx(force[3] @ move, rel=1e-10)
     assert sharp[3] == pytest.approx(-force[4] @ move, rel=1e-10)
 
@@ -77,7 +77,7 @@ def test_a_row_with_another_velocity_shows_its_gap_rate(tmp_path):
     states, reactions = conical_rows()
     kick = np.array([0.1, 0.2, -0.3])
     states[5, 7:10] += kick  # body axes: the size is the same in any
-    rate = measure(read_conical(tmp_path, states, reactions)).constraints.rate[:, 0, 0]
+    rate = compute_metrics(read_conical(tmp_path, states, reactions)).constraints.rate[:, 0, 0]
     assert rate[5] == pytest.approx(np.linalg.norm(kick), rel=1e-12)
     assert np.delete(rate, 5).max() < ROUND_OFF * OMEGA * LENGTH
 
@@ -86,16 +86,16 @@ def test_hainges_measure_by_hand(tmp_path):
     # The true mean force over a step points along its middle, the velocity carried to the end of
     # the step lies half a step's turn ahead: lam . C V dt = m Omega^3 r^2 sin(Omega dt / 2) dt.
     states, reactions = conical_rows(force_at=-0.5 * DT)
-    work = measure(read_conical(tmp_path, states, reactions)).work
+    work = compute_metrics(read_conical(tmp_path, states, reactions)).work
     expected = MASS * OMEGA**3 * RADIUS**2 * math.sin(0.5 * OMEGA * DT) * DT
     assert work.hainge[:, 0] == pytest.approx(expected, rel=1e-11)
-    assert Spread.of(work.hainge[:, 0]).mean == pytest.approx(expected, rel=1e-11)
+    assert Statistics.of(work.hainge[:, 0]).mean == pytest.approx(expected, rel=1e-11)
 
 
 def test_hainges_measure_takes_the_velocity_of_rows_before_and_after(tmp_path):
     states, reactions = conical_rows()
     states[2, 7:10] = (1.0, 2.0, 3.0)
-    work = measure(read_conical(tmp_path, states, reactions)).work
+    work = compute_metrics(read_conical(tmp_path, states, reactions)).work
     for end in (2, 3):
         C = np.array(matrix(tuple(states[end, 4:7])))
         mean = 0.5 * (states[end - 1, 7:10] + states[end, 7:10])
@@ -110,8 +110,8 @@ def test_recall_undoes_publish(tmp_path):
     rng = np.random.default_rng(5)
     for array in (state.x, state.p, state.v, state.w):
         array[0] = rng.normal(size=3)
-    start, table = new_start(system, state), np.zeros((1, 12))
-    equations.prepare(system, state, start)
+    start, table = new_system_workspace(system, state), np.zeros((1, 12))
+    evaluate.prepare(system, state, start)
     rigid_body.write_states(system.bodies, state.x, state.p, start.frames, state.w, table, 0)
     rigid_body.read_states(system.bodies, table, 0, found.x, found.p, found.v, found.w)
     for name in ("x", "p", "v", "w"):
@@ -128,7 +128,7 @@ def energy_of(kinetic, potential, work=0.0, elastic=0.0):
 def test_the_error_is_measured_by_both_energies():
     energy = energy_of([0.0, 4.0, 2.0], [-2.0, -6.0, -3.9])
     assert energy.error == pytest.approx([0.0, 0.0, 0.1])
-    assert energy.error_over_first == Spread(
+    assert energy.error_over_first == Statistics(
         *map(pytest.approx, (0.05 / math.sqrt(3.0), 0.05 / 3.0, 0.05))
     )
     assert energy.error_over_kinetic.max == pytest.approx(0.025)
@@ -136,7 +136,7 @@ def test_the_error_is_measured_by_both_energies():
 
 def test_work_of_loads_is_no_error():
     energy = energy_of([0.0, 1.0, 3.0], [0.0, 0.0, 0.0], work=[0.0, 1.0, 3.0])
-    assert energy.absolute_error == Spread(0.0, 0.0, 0.0)
+    assert energy.absolute_error == Statistics(0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("rest", [0.0, 1e-15])
@@ -153,12 +153,12 @@ def test_a_scene_at_rest_has_no_kinetic_energy_to_compare_with():
 
 @pytest.mark.parametrize("size", [1.0, 1e-200, 1e200])
 def test_spread_at_any_size(size):
-    spread = Spread.of(size * np.array([3.0, -4.0, 0.0, 0.0]))
-    assert spread == Spread(*(pytest.approx(size * value) for value in (2.5, -0.25, 4.0)))
+    spread = Statistics.of(size * np.array([3.0, -4.0, 0.0, 0.0]))
+    assert spread == Statistics(*(pytest.approx(size * value) for value in (2.5, -0.25, 4.0)))
 
 
 def test_spread_of_nothing():
-    assert Spread.of(np.array([])) == Spread(0.0, 0.0, 0.0)
+    assert Statistics.of(np.array([])) == Statistics(0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("told", [True, False])
@@ -166,12 +166,12 @@ def test_a_thinned_run_has_no_virtual_work(tmp_path, told):
     states, reactions = conical_rows()
     info = {"options": {"every": 10}} if told else None
     run = read_conical(tmp_path, states[::10], reactions[::10], info=info)
-    measures = measure(run)
+    metrics = compute_metrics(run)
     assert run.every == 10
-    assert measures.work is None
-    assert measures.energy.absolute_error.max < ROUND_OFF * abs(measures.energy.total[0])
-    assert "every 10th step" in no_work_note(run)
-    assert "n/a" in as_text(work_table([("run", measures)]))
+    assert metrics.work is None
+    assert metrics.energy.absolute_error.max < ROUND_OFF * abs(metrics.energy.total[0])
+    assert "one of 10 steps" in no_work_note(run)
+    assert "n/a" in as_text(work_table([("run", metrics)]))
 
 
 def test_a_run_cut_off_is_read_to_its_last_whole_row(tmp_path):
@@ -182,8 +182,8 @@ def test_a_run_cut_off_is_read_to_its_last_whole_row(tmp_path):
     run = read_run(tmp_path)
     assert run.partial
     assert len(run.time) == len(run.reactions) == text.count("\n") - 2
-    assert "not whole" in partial_note(run)
-    assert measure(run).constraints.violation[:, 0, 0].max() < ROUND_OFF * LENGTH
+    assert "incomplete" in partial_note(run)
+    assert compute_metrics(run).constraints.violation[:, 0, 0].max() < ROUND_OFF * LENGTH
 
 
 def test_a_run_without_rows_is_no_run(tmp_path):
@@ -208,7 +208,7 @@ def test_tables_read_back_every_double(tmp_path):
 
 
 def test_forms_of_a_table(tmp_path):
-    measured = [("one", measure(read_conical(tmp_path)))]
+    measured = [("one", compute_metrics(read_conical(tmp_path)))]
     lines = as_text(energy_table(measured)).splitlines()
     assert len(lines) == 3
     assert lines[0].rstrip().endswith("error over max KE------")
@@ -222,9 +222,9 @@ def test_forms_of_a_table(tmp_path):
 
 
 def test_an_undefined_figure_is_null(tmp_path):
-    measures = measure(read_conical(tmp_path))
-    object.__setattr__(measures, "energy", energy_of([0.0, 4.0], [0.0, -4.0]))
-    table = energy_table([("run", measures)])
+    metrics = compute_metrics(read_conical(tmp_path))
+    object.__setattr__(metrics, "energy", energy_of([0.0, 4.0], [0.0, -4.0]))
+    table = energy_table([("run", metrics)])
     assert json.loads(as_json(table))[0]["error_over_start_max"] is None
     assert as_text(table).count("undefined") == 3
 

@@ -7,8 +7,8 @@ import pytest
 from click.testing import CliRunner
 
 from msahl.cli.main import main
-from msahl.post.axes import in_joint_axes
 from msahl.post.cli import main as post
+from msahl.post.joint_axes import in_joint_axes
 from msahl.results.read import read_run
 
 DECKS = Path(__file__).parents[2] / "decks"

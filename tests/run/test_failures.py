@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 import msahl.run.loop
+from msahl.cli import main as cli
 from msahl.cli.main import Interruption, main
 from msahl.deck import read_deck
 from msahl.jit import compiled
@@ -46,8 +47,8 @@ def test_the_documents_list_the_statuses():
     """The table of docs/results.md has every status of a run, and that of a bad verdict."""
     text = (ROOT / "docs" / "results.md").read_text()
     listed = dict(re.findall(r"^\| (\d+) \| `([a-z ]+)` \|", text, flags=re.MULTILINE))
-    statuses = {str(number): status for status, number in main.STATUS.items()}
-    assert listed == statuses | {"143": "interrupted", str(main.BAD_VERDICT): "completed"}
+    statuses = {str(number): status for status, number in cli.STATUS.items()}
+    assert listed == statuses | {"143": "interrupted", str(cli.BAD_VERDICT): "completed"}
 
 
 # The disk ----------------------------------------------------------------------------------------
@@ -238,7 +239,7 @@ def test_a_command_that_is_interrupted_says_so_in_one_line(monkeypatch):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(main, "_read", interrupt)
+    monkeypatch.setattr(cli, "_read", interrupt)
     result = call("check", SINGLE)
     assert (result.exit_code, result.stderr) == (130, "msahl: interrupted\n")
 

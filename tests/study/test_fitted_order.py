@@ -26,7 +26,7 @@ def test_coarse_and_rounded_steps_are_left_out():
     assert (fit.coarsest, fit.finest) == (0.01, 0.001)
     words = describe(fit, STEPS, errors)
     assert "pre-asymptotic above" in words
-    assert "round-off" in words
+    assert "rounding errors" in words
 
 
 def test_uncertainty_covers_the_truth():
@@ -56,5 +56,5 @@ def test_slopes_that_still_fall_are_no_order():
 
 
 def test_words_without_order():
-    assert describe(None, STEPS, [1e-15] * 7) == "round-off at every step"
+    assert describe(None, STEPS, [1e-15] * 7) == "rounding error at every step"
     assert describe(None, STEPS, [1.0] * 7).startswith("none")

@@ -17,15 +17,15 @@ from msahl.model import ConcentratedLoad, JointMotion, Model, RigidBody, Simulat
 from msahl.post.draw import style
 from msahl.results.read import ResultError
 from msahl.run.loop import OFF, Options
-from msahl.study import independent as independent_module
-from msahl.study.breaks import breaks, longest_step
-from msahl.study.errors import measure_errors
+from msahl.study import reference_cache
+from msahl.study.breakpoints import breakpoints, longest_step
+from msahl.study.errors import compute_errors
 from msahl.study.independent import Solution, TooSlowError, independent
-from msahl.study.own import own_reference
 from msahl.study.pictures import pictures
 from msahl.study.plan import Plan
+from msahl.study.refined_runs import refined_reference
 from msahl.study.report import recommendation
-from msahl.study.rounding import MANTISSAS, next_round, round_down, rung, rung_below
+from msahl.study.rounding import MANTISSAS, next_round, round_down, series_index, series_value
 from msahl.study.runs import Case, run_in_memory, with_step
 from msahl.study.study import find_reference, study
 from tests.support.models import GROUND, deck
@@ -40,7 +40,7 @@ SOME = ("preserving", "gauss4", "gauss5")
 def own_cache(tmp_path, monkeypatch):
     """References are made, not found."""
     monkeypatch.setattr(
-        independent_module.platformdirs, "user_cache_dir", lambda *a, **k: str(tmp_path / "cache")
+        reference_cache.platformdirs, "user_cache_dir", lambda *a, **k: str(tmp_path / "cache")
     )
 
 
@@ -53,7 +53,7 @@ def result(tmp_path_factory):
     """A study of two schemes whose curves end by their errors."""
     with pytest.MonkeyPatch.context() as patch:
         cache = str(tmp_path_factory.mktemp("cache"))
-        patch.setattr(independent_module.platformdirs, "user_cache_dir", lambda *a, **k: cache)
+        patch.setattr(reference_cache.platformdirs, "user_cache_dir", lambda *a, **k: cache)
         return study(Plan(pendulum(5.0), schemes=SOME[1:], budget=AMPLE))
 
 
@@ -66,8 +66,8 @@ def test_round_numbers():
         assert below <= x * (1.0 + 1e-9) < next_round(below) * (1.0 + 1e-9)
         assert float(f"{below:.3g}") == below
     assert [round_down(m) for m in MANTISSAS] == list(MANTISSAS)
-    assert [rung(k) for k in (-2, -1, 0, 1, 2, 3)] == [0.2, 0.5, 1.0, 2.0, 5.0, 10.0]
-    assert all(rung_below(rung(k)) == k for k in range(-12, 5))
+    assert [series_value(k) for k in (-2, -1, 0, 1, 2, 3)] == [0.2, 0.5, 1.0, 2.0, 5.0, 10.0]
+    assert all(series_index(series_value(k)) == k for k in range(-12, 5))
 
 
 def test_curves_span_the_errors(result):
@@ -86,11 +86,11 @@ def test_the_recommended_step_is_round_and_as_large_as_may_be(result):
     assert best.largest("position") <= result.plan.target
     assert round_down(size) == size
     # Of each scheme's runs the largest step that meets the target, or one that took no longer.
-    meeting = [p for p in result.points if p.keeps("position", result.plan.target)]
+    meeting = [p for p in result.runs if p.meets("position", result.plan.target)]
     assert best.trial.seconds == min(p.trial.seconds for p in meeting)
     of_scheme = [p.trial.case.size for p in meeting if p.trial.scheme == best.trial.scheme]
     above = next_round(max(of_scheme))
-    errors = {p.trial.case.size: p.largest("position") for p in result.points
+    errors = {p.trial.case.size: p.largest("position") for p in result.runs
               if p.trial.scheme == best.trial.scheme}  # fmt: skip
     larger = [errors[s] for s in errors if s >= above]
     assert larger
@@ -98,14 +98,14 @@ def test_the_recommended_step_is_round_and_as_large_as_may_be(result):
 
 
 def test_the_decks_own_run_is_among_them(result):
-    assert result.of_deck.trial.case == Case("preserving", 0.002)
-    assert result.of_deck.largest("position") > 0.0
+    assert result.deck_run.trial.case == Case("preserving", 0.002)
+    assert result.deck_run.largest("position") > 0.0
 
 
 def test_estimates_go_along_with_the_errors(result):
     judged = [
         (p.estimate, p.largest("position"))
-        for p in result.points
+        for p in result.runs
         if p.estimate and p.largest("position") > 30.0 * result.reference.error
     ]
     assert len(judged) >= 3
@@ -116,14 +116,16 @@ def test_estimates_go_along_with_the_errors(result):
 def test_a_study_without_time_has_the_decks_own_run():
     plan = Plan(pendulum(), schemes=SOME)
     found = study(plan, reference=find_reference(plan), until=working_clock())
-    assert [p.trial.case for p in found.points] in ([], [Case("preserving", 0.002)])
+    assert [p.trial.case for p in found.runs] in ([], [Case("preserving", 0.002)])
 
 
 def test_a_run_that_chooses_its_steps_is_studied():
     told = []
     plan = Plan(pendulum(1.0), schemes=("auto",), budget=AMPLE)
-    found = study(plan, tell=told.append)
-    sizes = {p.trial.case.size: p.largest("position") for p in found.points if p.trial.case.chooses}
+    found = study(plan, report=told.append)
+    sizes = {
+        p.trial.case.size: p.largest("position") for p in found.runs if p.trial.case.chooses_steps
+    }
     # A tolerance is a bound of the error, to twice of it (docs/validation/error.md).
     assert all(error <= 2.0 * size for size, error in sizes.items() if size >= 1e-9)
     assert len(sizes) >= 6
@@ -162,11 +164,11 @@ def test_the_reference_does_not_alias_a_sine():
     np.testing.assert_allclose(x, 1000.0 * (1.0 - np.cos(omega * times)) / omega**2, atol=1e-12)
 
 
-def test_breaks_of_laws():
+def test_breakpoints_of_laws():
     ramp, table = Law("ramp", (0.0, 1.0, 0.25, 0.5)), Law("periodic", (0, 0.1, 0.2, 0, 1, 0))
-    np.testing.assert_allclose(breaks(free_body(ramp), 1.0), [0.25, 0.5], rtol=1e-12)
-    np.testing.assert_allclose(breaks(free_body(table), 1.0), np.arange(1, 10) / 10, rtol=1e-9)
-    assert breaks(free_body(Law("constant", (1.0,))), 1.0).size == 0
+    np.testing.assert_allclose(breakpoints(free_body(ramp), 1.0), [0.25, 0.5], rtol=1e-12)
+    np.testing.assert_allclose(breakpoints(free_body(table), 1.0), np.arange(1, 10) / 10, rtol=1e-9)
+    assert breakpoints(free_body(Law("constant", (1.0,))), 1.0).size == 0
     assert longest_step(free_body(Law("sine", (1.0, 2.0 * np.pi, 0.0, 0.0)))) == pytest.approx(0.25)
 
 
@@ -189,17 +191,17 @@ def test_forces_of_a_spring_that_turns_fast_between_rows():
     model = replace(model, joints=(off,), loads=(replace(wire, damping=0.0),))
     _, run = run_in_memory(model, Options(error=OFF, every=20))
     assert np.abs(run.states.iloc[:, 12]).max() * 1.0 > np.pi  # rad in a second
-    errors = measure_errors(run, independent(model, np.linspace(0.0, 5.0, 501), 1e-6))
+    errors = compute_errors(run, independent(model, np.linspace(0.0, 5.0, 501), 1e-6))
     # A turn too few is a moment of 2 pi 0.05 N m, and 1 N at the axle; errors of the states are
     # 1e-9 m and less.
-    assert errors.figures["instantaneous_reaction"].max < 1e-6
+    assert errors.statistics["instantaneous_reaction"].max < 1e-6
 
 
 def test_own_runs_as_the_reference():
     model = pendulum()
     nothing = Solution(np.zeros(1), np.zeros((0, 8, 26)))
-    found = own_reference(model, 1e-6, AMPLE, nothing)
-    assert "msahl itself" in found.words
+    found = refined_reference(model, 1e-6, AMPLE, nothing)
+    assert "msahl itself" in found.description
     times = found.times[found.times > 0.0]
     true = independent(model, times, 1e-6).states(times)
     apart = np.abs(found.states(times) - true).reshape(len(times), 2, 12)[:, :, :3].max()
@@ -214,13 +216,13 @@ def test_what_takes_too_long_is_not_waited_for():
         independent(pendulum(), times, 1e-6, seconds=0.0)
     nothing = Solution(np.zeros(1), np.zeros((0, 8, 26)))
     with pytest.raises(ResultError, match="--budget"):
-        own_reference(pendulum(), 1e-6, 0.0, nothing)
+        refined_reference(pendulum(), 1e-6, 0.0, nothing)
 
 
 def test_a_prescribed_motion_has_breaks():
     motion = JointMotion("Turn", "Axle", "angle", Law("ramp", (0.0, 1.0, 0.5, 1.5)))
     model = replace(deck("torsional_spring"), motions=(motion,))
-    np.testing.assert_allclose(breaks(model, 5.0), [0.5, 1.5], rtol=1e-12)
+    np.testing.assert_allclose(breakpoints(model, 5.0), [0.5, 1.5], rtol=1e-12)
 
 
 # The report --------------------------------------------------------------------------------------
@@ -239,27 +241,27 @@ def test_the_command_and_its_recommendation(tmp_path):
     assert text.index("error-time.png") < text.index("| run |")
     for name in ("error-time.png", "all-errors-time.png", "error-step.png"):
         assert (out / name).stat().st_size > 1000
-    line = text.split("at every output time: msahl ")[1].split(". Its")[0].split()
+    line = text.split("at every output time is: msahl ")[1].split(". Its")[0].split()
     run = CliRunner().invoke(main, [*line, "-q", "-o", str(tmp_path / "run")])
     assert run.exit_code == 0, run.output
     states = pd.read_csv(tmp_path / "run" / "states.csv").to_numpy()
     true = independent(pendulum(), states[:, 0], 1e-6).states(states[:, 0])
     error = (states[:, 1:] - true).reshape(-1, 2, 12)[:, :, :3]
     assert np.sqrt((error**2).sum(axis=2)).max() <= 1e-4
-    assert "whole command" in text
-    assert "than the deck's own setting" in text
+    assert "complete command" in text
+    assert "than the deck's own settings" in text
 
 
 def test_an_error_that_is_round_off_is_told():
     # The wheel turns about its own reference point, which rests: positions say nothing.
     model = with_step(deck("torsional_spring"), 0.05, 0.5)
     found = study(Plan(model, (0.05, 0.025), ("preserving",), repeats=1))
-    assert "choose another --measure" in recommendation(found)
+    assert "choose another --metric" in recommendation(found)
     with style():
         for _, _, figure in pictures(found):
             figure.canvas.draw()  # warnings, of axes without a range, are errors here
-    other = study(Plan(model, (0.05, 0.025), ("preserving",), repeats=1, measure="orientation"))
-    assert "choose another --measure" not in recommendation(other)
+    other = study(Plan(model, (0.05, 0.025), ("preserving",), repeats=1, metric="orientation"))
+    assert "choose another --metric" not in recommendation(other)
 
 
 def test_steps_of_a_scheme_that_chooses_them_are_refused(tmp_path):

@@ -18,6 +18,7 @@ from msahl.model.scheme import SCHEMES, decaying
 from msahl.post.draw import style
 from msahl.run.loop import Options
 from msahl.study import independent as independent_module
+from msahl.study import reference_cache
 from msahl.study.dynamics import Dynamics
 from msahl.study.exact import recognise
 from msahl.study.independent import independent
@@ -35,7 +36,7 @@ HALVED = (0.02, 0.01, 0.005, 0.0025)
 def own_cache(tmp_path, monkeypatch):
     """References are made, not found."""
     monkeypatch.setattr(
-        independent_module.platformdirs, "user_cache_dir", lambda *a, **k: str(tmp_path / "cache")
+        reference_cache.platformdirs, "user_cache_dir", lambda *a, **k: str(tmp_path / "cache")
     )
 
 
@@ -122,10 +123,10 @@ def test_the_exact_reference_comes_first_and_can_be_refused():
     single, double = deck("thesis/single_pendulum_45"), deck("thesis/double_pendulum_45")
     plan = Plan(single, HALVED, ("preserving",), repeats=1)
     by_exact = study(plan)
-    assert "exact" in by_exact.reference.words
-    assert "independent" in find_reference(replace(plan, model=double)).words
+    assert "exact" in by_exact.reference.description
+    assert "independent" in find_reference(replace(plan, model=double)).description
     by_other = study(replace(plan, reference="independent"))
-    for one, other in zip(by_other.points, by_exact.points, strict=True):
+    for one, other in zip(by_other.runs, by_exact.runs, strict=True):
         # Both references are good to 1e-11 m, the errors are 1e-5 and more.
         assert one.largest("position") == pytest.approx(other.largest("position"), rel=1e-4)
 
@@ -138,11 +139,11 @@ def test_stored_run_as_reference(tmp_path):
     plan = Plan(deck("thesis/double_pendulum_45"), HALVED, ("preserving",), repeats=1)
     by_run = study(replace(plan, reference=str(tmp_path / "fine")))
     by_ode = study(plan)
-    one, other = (result.points[0].largest("position") for result in (by_run, by_ode))
+    one, other = (result.runs[0].largest("position") for result in (by_run, by_ode))
     # The stored run's own error is (0.0005/0.02)^2 of the one measured.
     assert one == pytest.approx(other, rel=2e-3)
     # Mid-steps of 0.0025 s are not among its rows; those of 0.02 and 0.01 s are.
-    assert by_run.points[0].largest("mean_reaction") is not None
+    assert by_run.runs[0].largest("mean_reaction") is not None
 
 
 def test_horizon_of_a_chaotic_scene():
@@ -151,14 +152,14 @@ def test_horizon_of_a_chaotic_scene():
     reference = independent(model, times, 1e-6)
     # It parts from 1e-10 by five decades and more; by 60 s nothing is left of either.
     assert 10.0 < reference.horizon < 50.0
-    assert "not reported" in reference.words
+    assert "not reported" in reference.description
     result = study(Plan(model, (0.04, 0.02, 0.01), ("preserving",), repeats=1))
     assert result.reference.horizon < 50.0
-    point = result.points[0]
+    point = result.runs[0]
     assert point.largest("position") is not None
     assert point.trial.run.time[-1] == pytest.approx(60.0)
     assert point.largest("energy_over_kinetic") < 1e-10  # over all of the run
-    kept = [p.errors.kept_to("position", 0.1) for p in result.points]
+    kept = [p.errors.within_until("position", 0.1) for p in result.runs]
     assert kept == sorted(kept)  # finer steps follow it longer
     assert 1.0 < kept[0] < kept[-1] < result.reference.horizon
 
@@ -169,6 +170,19 @@ def test_reference_is_cached(monkeypatch):
     monkeypatch.setattr(independent_module, "_compared", None)
     second = independent(with_step(model, 0.5), times, 1e-6)
     np.testing.assert_array_equal(first.states(times), second.states(times))
+
+
+def test_a_damaged_reference_is_computed_again():
+    model, times = deck("thesis/double_pendulum_45"), np.linspace(0.0, 0.2, 3)
+    first = independent(model, times, 1e-6)
+    (file,) = reference_cache.cache_folder().iterdir()
+    content = bytearray(file.read_bytes())
+    content[-200] ^= 1  # one bit of a number
+    file.write_bytes(content)
+    assert reference_cache.load(model, times, 1e-6) is None
+    second = independent(model, times, 1e-6)
+    np.testing.assert_array_equal(first.states(times), second.states(times))
+    assert reference_cache.load(model, times, 1e-6) is not None
 
 
 def test_no_run_meets_the_target():

@@ -6,8 +6,8 @@ from msahl.model.scheme import split
 from msahl.schemes.collocation import equations
 from msahl.schemes.collocation.tableau import new_rule
 from msahl.schemes.collocation.workspace import new_stages
-from msahl.schemes.midpoint import equations as midpoint
-from msahl.system.arrays import new_start, node_count
+from msahl.system import evaluate
+from msahl.system.arrays import new_system_workspace, node_count
 from msahl.system.build import build_system
 from msahl.system.reductions import all_unknowns
 from msahl.system.state import build_state
@@ -22,8 +22,8 @@ class Step:
         self.h = h
         self.system = build_system(model)
         self.state = build_state(model, self.system)
-        self.start = new_start(self.system, self.state)
-        midpoint.prepare(self.system, self.state, self.start)
+        self.start = new_system_workspace(self.system, self.state)
+        evaluate.prepare(self.system, self.state, self.start)
         self.unknowns = choose(self.system, all_unknowns(self.system))
         rule = new_rule(scheme, self.degree)
         self.stages = new_stages(self.system, self.unknowns, self.state, rule)

@@ -39,6 +39,13 @@ OUTSIDE = (
 LINK = re.compile(r"(\]\()([^)\s:#]+)(#[^)\s]*)?(\))")
 
 
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """List the pages of the packages in the navigation."""
+    pages = [{package_name(package): f"api/{package_name(package)}.md"} for package in packages()]
+    config.nav = [*(config.nav or []), {"API": ["api/index.md", *pages]}]
+    return config
+
+
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add every generated page and every file from outside docs/."""
     pages = {**example_pages(), **api_pages(), "commands.md": commands_page()}
@@ -99,9 +106,9 @@ compares the result with that. Run one, and write a report with pictures:
     msahl run decks/mechanisms/four_bar.xml
     msahl-post report results/four_bar
 
-The pictures show the bodies at equal intervals of time (light to dark: early to late), as lines from
-the mass centre to the points where joints and loads act, and the paths of their reference points.
-Where no point moves, they show angular velocities against time.
+The pictures show the bodies at equal intervals of time (light to dark: early to late), as lines
+from the mass centre to the points where joints and loads act, and the paths of their reference
+points. Where nothing moves off a line, they show angular velocities or displacements against time.
 """
 
 
@@ -166,14 +173,23 @@ def help_of(name: str, command: click.Command, parent: click.Context | None = No
     return command.get_help(context)
 
 
+def packages() -> list[Path]:
+    """Return the folders of all packages of msahl."""
+    return sorted({path.parent for path in (ROOT / "msahl").rglob("*.py")})
+
+
+def package_name(package: Path) -> str:
+    """Return the dotted name of the package in a folder."""
+    return ".".join(package.relative_to(ROOT).parts)
+
+
 def api_pages() -> dict[str, str]:
     """Return a page for every package of msahl, with the documentation of its modules."""
     pages, index = {}, ["# API\n", generated("the docstrings of msahl"), API_INTRODUCTION]
-    packages = sorted({path.parent for path in (ROOT / "msahl").rglob("*.py")})
-    for package in packages:
-        name = ".".join(package.relative_to(ROOT).parts)
-        modules = sorted(path for path in package.glob("*.py") if path.stem != "__init__")
-        names = [name] + [f"{name}.{path.stem}" for path in modules if path.stem != "__main__"]
+    for package in packages():
+        name = package_name(package)
+        modules = [path.stem for path in sorted(package.glob("*.py"))]
+        names = [name, *(f"{name}.{each}" for each in modules if not each.startswith("__"))]
         body = "\n\n".join(f"::: {each}" for each in names)
         pages[f"api/{name}.md"] = f"# {name}\n\n{generated('docstrings')}\n{body}\n"
         summary = first_line(package / "__init__.py")

@@ -1,16 +1,17 @@
-"""Draw a small picture of every deck for the examples of the documentation site.
+"""Draw a small picture of every deck, and those of other pages, for the documentation site.
 
 Usage: python tools/docs/pictures.py [--results FOLDER] [DECK...]
 
 Runs each deck (or reads its results from FOLDER/<family>/<deck>) and writes
-docs/examples/pictures/<family>/<deck>.png. A picture shows the bodies at equal intervals of time, as
-lines from the mass centre to the attachment points, light to dark, and the paths of their reference
-points. Where no point moves it shows the angular velocities against time. The same results give the
-same bytes.
+docs/examples/pictures/<family>/<deck>.png. A picture shows the bodies at equal intervals of time,
+as lines from the mass centre to the attachment points, light to dark, and the paths of their
+reference points. Where nothing moves off a line it shows angular velocities or displacements
+against time. The same results give the same bytes.
 """
 
 import argparse
 import io
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -30,6 +31,7 @@ from msahl.model.model import Model
 
 ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "docs" / "examples" / "pictures"
+IMAGES = ROOT / "docs" / "img"
 SIZE, DPI = (3.6, 2.7), 100
 INSTANTS = 11
 """Instants at which the bodies are drawn."""
@@ -49,7 +51,7 @@ def attachment_points(model: Model) -> tuple[Points, np.ndarray]:
     points: dict[str, list[tuple[float, ...]]] = {
         body.name: [body.r_BG] for body in model.bodies if isinstance(body, RigidBody)
     }
-    ground = []
+    ground: list[tuple[float, ...]] = []
     for part in [*model.joints, *model.loads]:
         for end, place in (("parent", "parent_point"), ("child", "child_point"), ("body", "point")):
             name, point = getattr(part, end, None), getattr(part, place, None)
@@ -87,7 +89,7 @@ def projection(places: np.ndarray) -> np.ndarray:
 
 
 def draw_motion(axes: Axes, model: Model, states: pd.DataFrame) -> bool:
-    """Draw bodies and paths; return False, with nothing drawn, if no point moves."""
+    """Draw bodies and paths; return False, with nothing drawn, if no point moves off a line."""
     points, ground = attachment_points(model)
     origins = {name: states[[f"{name}.{c}" for c in "xyz"]].to_numpy() for name in points}
     frames = {
@@ -99,9 +101,10 @@ def draw_motion(axes: Axes, model: Model, states: pd.DataFrame) -> bool:
     }
     everything = np.concatenate([each.reshape(-1, 3) for each in [*places.values(), ground]])
     moved = max(np.ptp(each, axis=0).max() for each in places.values())
-    if moved < 1e-6 * max(1e-3, np.ptp(everything, axis=0).max()):
-        return False
     view = projection(everything)
+    extent = np.ptp(everything @ view.T, axis=0)
+    if extent.min() < 0.03 * extent.max() or moved < max(1e-3 * extent.max(), 1e-9):
+        return False
     instants = np.unique(np.linspace(0, SHARE * (len(states) - 1), INSTANTS).astype(int))
     for number, name in enumerate(points):
         colour = f"C{number % 6}"
@@ -114,7 +117,8 @@ def draw_motion(axes: Axes, model: Model, states: pd.DataFrame) -> bool:
                 axes.plot(
                     *line.T, color=colour, lw=1.2, alpha=shade, solid_capstyle="round", zorder=2
                 )
-            axes.plot(*(view @ centre), ".", color=colour, ms=5, alpha=shade, mew=0, zorder=3)
+            size = 5 if len(places[name][k]) > 1 else 9
+            axes.plot(*(view @ centre), ".", color=colour, ms=size, alpha=shade, mew=0, zorder=3)
     if len(ground):
         axes.plot(*(ground @ view.T).T, "^", color="0.3", ms=4, mew=0, zorder=4)
     axes.set_aspect("equal", adjustable="datalim")
@@ -128,32 +132,53 @@ def mass_centre(model: Model, name: str) -> tuple[float, float, float]:
     return body.r_BG
 
 
-def draw_rates(axes: Axes, states: pd.DataFrame) -> None:
-    """Draw the angular velocities that change most against time."""
+def draw_against_time(axes: Axes, states: pd.DataFrame) -> None:
+    """Draw the angular velocities that are largest, or else the displacements that are."""
     rates = states[[c for c in states.columns if c.endswith((".wx", ".wy", ".wz"))]]
-    shown = rates.abs().max().sort_values(ascending=False).index[:3]
-    for column in sorted(shown):
-        axes.plot(states["time"], states[column], lw=0.8, label=column)
-    axes.set_xlabel("time [s]", fontsize=7)
-    axes.set_ylabel("[rad/s]", fontsize=7)
-    axes.tick_params(labelsize=7)
-    axes.legend(fontsize=7, frameon=False)
+    places = states[[c for c in states.columns if c.endswith((".x", ".y", ".z"))]]
+    values, unit = rates, "[rad/s]"
+    change = np.ptp(rates.to_numpy(), axis=0).max() * states["time"].iloc[-1]
+    if change < 0.01 and np.ptp(places.to_numpy(), axis=0).max() > 1e-9:
+        values, unit = places - places.iloc[0], "displacement [m]"
+    sizes = values.abs().max().sort_values(ascending=False)
+    for column in sorted(sizes.index[: max(1, (sizes > 0.01 * sizes.iloc[0]).sum())][:3]):
+        axes.plot(states["time"], values[column], lw=0.9, label=column)
+    axes.ticklabel_format(useOffset=False)
+    top = 1.2 * sizes.iloc[0] or 1.0
+    if np.ptp(values.to_numpy(), axis=0).max() < 1e-3 * top:
+        axes.set_ylim(-top if values.to_numpy().min() < 0.0 else 0.0, top)
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel(unit)
+    axes.legend(frameon=False)
 
 
-def draw(deck: Path, results: Path) -> bytes:
-    """Return the picture of a deck from the tables of its run, as a PNG of few colours."""
+def draw(deck: Path, results: Path) -> bytes | None:
+    """Return the picture of a deck from the tables of its run, as a PNG of few colours; None if
+    nothing moves.
+    """
     states = pd.read_csv(results / "states.csv")
     states = states.iloc[:: max(1, len(states) // 1000)]
+    if np.ptp(states.drop(columns="time").to_numpy(), axis=0).max() < 1e-9:
+        return None
     with mpl.rc_context({"font.size": 7, "axes.spines.top": False, "axes.spines.right": False}):
         figure = Figure(figsize=SIZE, dpi=DPI, layout="tight")
         axes = figure.add_subplot()
         if not draw_motion(axes, read_deck(deck), states):
-            draw_rates(axes, states)
+            draw_against_time(axes, states)
         raw, packed = io.BytesIO(), io.BytesIO()
         figure.savefig(raw, format="png")
     image = Image.open(raw).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
     image.save(packed, format="PNG", optimize=True)
     return packed.getvalue()
+
+
+def draw_pages(folder: Path) -> None:
+    """Write the pictures of pages other than the examples, as ``msahl-post plot`` draws them."""
+    results = run(ROOT / "decks" / "mechanisms" / "four_bar.xml", folder / "four_bar")
+    plot = [sys.executable, "-m", "msahl.post.cli", "plot", str(results), "reactions"]
+    subprocess.run([*plot, "--joint", "Motor", "-o", str(folder)], check=True, capture_output=True)
+    IMAGES.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(folder / "reactions.png", IMAGES / "four_bar_motor.png")
 
 
 def run(deck: Path, folder: Path) -> Path:
@@ -169,6 +194,9 @@ def main(arguments: Iterable[str] | None = None) -> None:
     parser.add_argument("--results", type=Path, help="read results from FOLDER/<family>/<deck>")
     parser.add_argument("decks", nargs="*", type=Path, help="decks (default: all of decks/)")
     options = parser.parse_args(None if arguments is None else list(arguments))
+    if not options.decks:
+        with tempfile.TemporaryDirectory() as temporary:
+            draw_pages(Path(temporary))
     for deck in options.decks or sorted((ROOT / "decks").glob("*/*.xml")):
         family, name = deck.resolve().parent.name, deck.stem
         with tempfile.TemporaryDirectory() as temporary:
@@ -176,7 +204,9 @@ def main(arguments: Iterable[str] | None = None) -> None:
             results = given or run(deck, Path(temporary) / name)
             picture = PICTURES / family / f"{name}.png"
             picture.parent.mkdir(parents=True, exist_ok=True)
-            picture.write_bytes(draw(deck, results))
+            picture.unlink(missing_ok=True)
+            if drawn := draw(deck, results):
+                picture.write_bytes(drawn)
 
 
 if __name__ == "__main__":

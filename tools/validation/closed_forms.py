@@ -17,7 +17,7 @@ from msahl.post.document import Block, Heading, Items, Paragraph, as_markdown
 from msahl.post.table import Cell, Column, Table
 from msahl.results.read import ResultError
 from msahl.study.dynamics import Dynamics
-from msahl.study.errors import MEASURES, state_errors
+from msahl.study.errors import METRICS, state_errors
 from msahl.study.exact import recognise
 from msahl.study.independent import solve
 from msahl.study.plan import Plan
@@ -31,7 +31,7 @@ STEPS = (0.1, 0.04, 0.01, 0.004, 0.002, 0.001, 0.0004)
 SHORT = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25, 0.125)
 """Steps, in the deck's own, where fewer than five of these make ``COARSE`` steps or more."""
 COARSE = 20
-TRUE = [measure for measure in MEASURES if measure.true]
+TRUE = [measure for measure in METRICS if measure.true]
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from msahl.algebra.rotation_arrays import rotations
 from msahl.deck import read_deck
 from msahl.model import Model
-from msahl.post.metrics import Measures, measure
+from msahl.post.metrics import Metrics, compute_metrics
 from msahl.results.read import Run
 from msahl.run.loop import Options, Report
 from msahl.study.runs import run_in_memory, with_step
@@ -21,11 +21,11 @@ FIGURES = OUT / "figures"
 
 @dataclass(frozen=True)
 class Measured:
-    """A run and its measures; ``work`` (m - 1, k) is the virtual work taken at mid-step [J]."""
+    """A run and its metrics; ``work`` (m - 1, k) is the virtual work taken at mid-step [J]."""
 
     report: Report
     run: Run
-    measures: Measures
+    metrics: Metrics
     work: np.ndarray
 
 
@@ -42,11 +42,11 @@ def run_deck(deck: str, dt: float, t_final: float, as_given: bool = False) -> Me
     if as_given:
         model = replace(model, velocity="asGiven")
     report, run = run_in_memory(model, Options())
-    measures = measure(run)
-    return Measured(report, run, measures, mid_work(run, measures))
+    metrics = compute_metrics(run)
+    return Measured(report, run, metrics, mid_work(run, metrics))
 
 
-def mid_work(run: Run, measures: Measures) -> np.ndarray:
+def mid_work(run: Run, metrics: Metrics) -> np.ndarray:
     """lam . (C_0 V_0 + C_1 V_1)/2 dt of every step and joint, V of the joint's child [J].
 
     The reading of eq. 3.16-3.18 that takes force and velocity at the middle of the step.
@@ -57,5 +57,5 @@ def mid_work(run: Run, measures: Measures) -> np.ndarray:
     child = [names.index(joint.child) for joint in run.model.joints]
     mean = 0.5 * (v[1:] + v[:-1])[:, child]
     return np.asarray(
-        (measures.reactions.force[1:] * mean).sum(axis=2) * np.diff(run.time)[:, None]
+        (metrics.reactions.force[1:] * mean).sum(axis=2) * np.diff(run.time)[:, None]
     )

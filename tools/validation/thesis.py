@@ -13,7 +13,7 @@ from printed import RUNS, STEPS, TRENDS, TRIPLES, Printed
 from msahl.model.scheme import DEFAULT
 from msahl.post.document import Block, Heading, Items, Paragraph, Picture, as_markdown
 from msahl.post.table import Cell, Column, Table
-from msahl.study.runs import try_all, with_step
+from msahl.study.runs import run_trials, with_step
 
 PAIRS = (
     ("45 and 44.99 degrees", "chaos_45", "chaos_44_99"),
@@ -282,7 +282,7 @@ def trends() -> Iterator[Block]:
 
 def _seconds(deck: str) -> list[float]:
     model = with_step(model_of(deck), 0.1, 10.0)
-    return [t.seconds for t in try_all(model, [(DEFAULT, dt) for dt in STEPS], REPEATS)]
+    return [t.seconds for t in run_trials(model, [(DEFAULT, dt) for dt in STEPS], REPEATS)]
 
 
 def chaos() -> Iterator[Block]:

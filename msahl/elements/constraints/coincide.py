@@ -52,12 +52,12 @@ class Coincide(NamedTuple):
     s_b: np.ndarray  # (k, 3) likewise of b [m]
     mass: np.ndarray  # (k,) m, the mass that scales the multiplier [kg]
     row: np.ndarray  # (k,) node of the multiplier and of the gap
-    moment_by_turn: np.ndarray  # (k, 2) starts of the blocks of a and b
+    moment_by_rotation: np.ndarray  # (k, 2) starts of the blocks of a and b
     moment_by_force: np.ndarray  # (k, 2)
-    gap_by_turn: np.ndarray  # (k, 2)
+    constraint_by_rotation: np.ndarray  # (k, 2)
 
 
-class CoincideStart(NamedTuple):
+class CoincideWorkspace(NamedTuple):
     """Arms at the start of the step in inertial axes (k, 3) [m], and the gap left there."""
 
     r_a: np.ndarray
@@ -66,7 +66,7 @@ class CoincideStart(NamedTuple):
 
 
 @kernel
-def prepare(group: Coincide, R: np.ndarray, start: CoincideStart) -> None:
+def prepare(group: Coincide, R: np.ndarray, start: CoincideWorkspace) -> None:
     """Carry the arms into inertial axes."""
     for k in range(group.a.size):
         put(start.r_a, k, times(matrix_at(R, group.a[k]), at(group.s_a, k)))
@@ -75,7 +75,7 @@ def prepare(group: Coincide, R: np.ndarray, start: CoincideStart) -> None:
 
 @kernel
 def add_force(
-    group: Coincide, start: CoincideStart, frames: Frames, Z: np.ndarray, F: np.ndarray
+    group: Coincide, start: CoincideWorkspace, frames: Frames, Z: np.ndarray, F: np.ndarray
 ) -> None:
     """Add the joint forces by mass at one configuration to the rows of the frames; ``Z`` holds the
     multipliers by mass.
@@ -89,7 +89,7 @@ def add_force(
 
 @kernel
 def add_derivatives(
-    group: Coincide, start: CoincideStart, frames: Frames, Z: np.ndarray, values: np.ndarray
+    group: Coincide, start: CoincideWorkspace, frames: Frames, Z: np.ndarray, values: np.ndarray
 ) -> None:
     """Set the derivatives at one configuration: of ``add_force`` by the multipliers, and of the
     violation by the rotations; add those of ``add_force`` by the rotations.
@@ -107,15 +107,15 @@ def add_derivatives(
             for i in range(3):
                 for j in range(3):
                     ij = 3 * i + j
-                    values[group.gap_by_turn[k, side] + ij] = -sign * T[i][j]
+                    values[group.constraint_by_rotation[k, side] + ij] = -sign * T[i][j]
                     values[group.moment_by_force[k, side] + ij] = c * group.mass[k] * arm[i][j]
-                    values[group.moment_by_turn[k, side] + ij] += c * lever[i][j]
+                    values[group.moment_by_rotation[k, side] + ij] += c * lever[i][j]
 
 
 @kernel
 def residual(
     group: Coincide,
-    start: CoincideStart,
+    start: CoincideWorkspace,
     frames: Frames,
     dt2: float,
     Z: np.ndarray,
@@ -131,12 +131,12 @@ def residual(
         mean_b = mean(frames, Z, b, at(start.r_b, k))
         push(frames, dt2, F, a, scale(-1.0, force), cross(force, mean_a))
         push(frames, dt2, F, b, force, cross(mean_b, force))
-    close(group, start, frames, Z, F)
+    set_violations(group, start, frames, Z, F)
 
 
 @kernel
-def close(
-    group: Coincide, start: CoincideStart, frames: Frames, Z: np.ndarray, F: np.ndarray
+def set_violations(
+    group: Coincide, start: CoincideWorkspace, frames: Frames, Z: np.ndarray, F: np.ndarray
 ) -> None:
     """Set the gap's rows."""
     for k in range(group.a.size):
@@ -150,7 +150,7 @@ def close(
 @kernel
 def jacobian(
     group: Coincide,
-    start: CoincideStart,
+    start: CoincideWorkspace,
     frames: Frames,
     dt2: float,
     Z: np.ndarray,
@@ -170,13 +170,13 @@ def jacobian(
             for i in range(3):
                 for j in range(3):
                     ij = 3 * i + j
-                    values[group.gap_by_turn[k, side] + ij] = -sign * T[i][j]
+                    values[group.constraint_by_rotation[k, side] + ij] = -sign * T[i][j]
                     values[group.moment_by_force[k, side] + ij] = -c * group.mass[k] * arm[i][j]
-                    values[group.moment_by_turn[k, side] + ij] -= 0.5 * dt2 * c * lever[i][j]
+                    values[group.moment_by_rotation[k, side] + ij] -= 0.5 * dt2 * c * lever[i][j]
 
 
 @kernel
-def violation(group: Coincide, start: CoincideStart, x: np.ndarray, out: np.ndarray) -> None:
+def violation(group: Coincide, start: CoincideWorkspace, x: np.ndarray, out: np.ndarray) -> None:
     """Set ``out`` (k, 3) to child point minus parent point [m], from absolute positions."""
     for k in range(group.a.size):
         P_a = add(at(x, group.a[k]), at(start.r_a, k))
@@ -186,7 +186,7 @@ def violation(group: Coincide, start: CoincideStart, x: np.ndarray, out: np.ndar
 
 @kernel
 def violation_rate(
-    group: Coincide, start: CoincideStart, frames: FramesWorkspace, out: np.ndarray
+    group: Coincide, start: CoincideWorkspace, frames: FramesWorkspace, out: np.ndarray
 ) -> None:
     """Set ``out`` (k, 3) to the velocity [m/s] of child point relative to parent point."""
     for k in range(group.a.size):
@@ -197,8 +197,8 @@ def violation_rate(
 
 
 @kernel
-def free_gap_acceleration(
-    group: Coincide, start: CoincideStart, W: np.ndarray, F: np.ndarray
+def free_acceleration(
+    group: Coincide, start: CoincideWorkspace, W: np.ndarray, F: np.ndarray
 ) -> None:
     """Set the gap's rows to minus its acceleration [m/s^2] at zero accelerations of the bodies."""
     for k in range(group.a.size):

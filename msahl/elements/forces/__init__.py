@@ -28,11 +28,11 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws, evaluate
-from msahl.elements.along import Along, AlongStart
 from msahl.elements.constraints import coordinates
-from msahl.elements.constraints.coordinates import Derivatives, QuantityStart
+from msahl.elements.constraints.coordinates import CoordinatesWorkspace, Derivatives
+from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.forces import concentrated, drag, friction, spring
-from msahl.elements.forces.concentrated import ConcentratedLoads, ConcentratedStart
+from msahl.elements.forces.concentrated import ConcentratedLoads, ConcentratedWorkspace
 from msahl.elements.forces.drag import Drags
 from msahl.elements.forces.friction import Frictions
 from msahl.elements.forces.spring import Springs
@@ -54,32 +54,32 @@ ReactionForces = Frictions
 """The forces that depend on the joints' reactions."""
 
 
-class ForceStart(NamedTuple):
+class ForcesWorkspace(NamedTuple):
     """What the forces need of the configuration they are evaluated at, in inertial axes."""
 
     motion: FramesWorkspace
-    place: AlongStart  # coordinates and their rates; None where the system has none
-    concentrated: ConcentratedStart
+    place: ScalarWorkspace  # coordinates and their rates; None where the system has none
+    concentrated: ConcentratedWorkspace
     drag: np.ndarray  # (d, 3) arms [m]
     reactions: np.ndarray  # (j, 6) the joints' reactions extrapolated to the step [N, N m]
     elastic: np.ndarray  # (s,) elastic energies of the springs [J]
     stretch: np.ndarray  # (s,) smoothed changes of the springs' coordinates, the state's own
 
 
-def new_start(
+def new_workspace(
     forces: Forces,
     motion: FramesWorkspace,
-    place: AlongStart,
+    place: ScalarWorkspace,
     reaction: np.ndarray,
     stretch: np.ndarray,
-) -> ForceStart:
+) -> ForcesWorkspace:
     """Return the arrays that ``prepare`` fills beside ``motion`` and ``place``, which are shared;
     ``reaction`` (j, 6) and ``stretch`` (s,) are those of the state.
     """
-    return ForceStart(
+    return ForcesWorkspace(
         motion=motion,
         place=place,
-        concentrated=concentrated.new_start(forces.concentrated),
+        concentrated=concentrated.new_workspace(forces.concentrated),
         drag=np.zeros_like(forces.drag.s),
         reactions=np.zeros_like(reaction),
         elastic=np.zeros(forces.spring.coordinate.size),
@@ -90,8 +90,8 @@ def new_start(
 @kernel
 def prepare(
     forces: Forces,
-    start: ForceStart,
-    along: Along | None,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
     reaction: np.ndarray,
     trend: np.ndarray,
 ) -> None:
@@ -99,7 +99,7 @@ def prepare(
     ``reaction`` (j, 6) by its ``trend``.
     """
     drag.prepare(forces.drag, start.motion.R, start.drag)
-    if along is None:
+    if scalar is None:
         return
     for j in range(reaction.shape[0]):
         for i in range(6):
@@ -107,7 +107,7 @@ def prepare(
 
 
 @kernel
-def set_time(forces: Forces, start: ForceStart, t: float) -> None:
+def set_time(forces: Forces, start: ForcesWorkspace, t: float) -> None:
     """Set the forces that depend on time to their values at the time ``t``."""
     concentrated.at_time(forces.concentrated, forces.laws, t, start.concentrated.factor)
     set_node(forces, start, start.concentrated.factor)
@@ -129,7 +129,7 @@ def node_factors(
 
 
 @kernel
-def set_node(forces: Forces, start: ForceStart, factor: np.ndarray) -> None:
+def set_node(forces: Forces, start: ForcesWorkspace, factor: np.ndarray) -> None:
     """Set the forces that depend on time to their values by the ``factor`` (k,) of one node."""
     concentrated.prepare(forces.concentrated, factor, start.motion.R, start.concentrated)
 
@@ -137,20 +137,20 @@ def set_node(forces: Forces, start: ForceStart, factor: np.ndarray) -> None:
 @kernel
 def add_forces(
     forces: Forces,
-    start: ForceStart,
-    along: Along | None,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
     frames: Frames,
     reaction: np.ndarray,
     F: np.ndarray,
 ) -> None:
     """Add all forces at one configuration by mass to the rows ``F`` (nodes, 3) [m/s^2], after
-    ``along.rates``; ``reaction`` (j, 6) are the joints' reactions.
+    ``scalar.rates``; ``reaction`` (j, 6) are the joints' reactions.
     """
-    if along is not None:
-        q = start.place.quantities
-        spring.add_load(forces.spring, forces.laws, along.quantities, q, start.place.rate)
+    if scalar is not None:
+        q = start.place.coordinates
+        spring.add_load(forces.spring, forces.laws, scalar.coordinates, q, start.place.rate)
         friction.add_load(forces.friction, reaction, q, start.place.rate)
-        coordinates.push(along.quantities, q, frames, 1.0, F)
+        coordinates.push(scalar.coordinates, q, frames, 1.0, F)
     concentrated.add_force(forces.concentrated, start.concentrated, frames, F)
     drag.add_force(forces.drag, start.drag, frames, start.motion, F)
 
@@ -158,30 +158,32 @@ def add_forces(
 @kernel
 def add_derivatives(
     forces: Forces,
-    start: ForceStart,
-    along: Along | None,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
     frames: Frames,
     reaction: np.ndarray,
     out: Derivatives,
 ) -> None:
-    """Add the derivatives of ``add_forces``, after it and after ``along.differentiate``."""
+    """Add the derivatives of ``add_forces``, after it and after ``scalar.differentiate``."""
     motion = start.motion
     concentrated.add_derivatives(forces.concentrated, start.concentrated, frames, out.by_place)
     drag.add_derivatives(forces.drag, start.drag, frames, motion, out.by_place, out.by_rate)
-    if along is None:
+    if scalar is None:
         return
-    place, group = start.place, along.quantities
-    spring.add_derivatives(forces.spring, forces.laws, group, place.quantities, frames, motion, out)
+    place, group = start.place, scalar.coordinates
+    spring.add_derivatives(
+        forces.spring, forces.laws, group, place.coordinates, frames, motion, out
+    )
     friction.add_derivatives(forces.friction, reaction, group, place, frames, motion, out)
     # The unit forces' mean over a step changes by half as much as the forces themselves.
-    coordinates.stiffness(group, place.quantities, frames, 2.0, out.still, out.by_place)
+    coordinates.stiffness(group, place.coordinates, frames, 2.0, out.still, out.by_place)
 
 
 @kernel
 def add_power(
     forces: Forces,
-    start: ForceStart,
-    along: Along | None,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
     reaction: np.ndarray,
     dt: float,
     work: np.ndarray,
@@ -192,14 +194,14 @@ def add_power(
     """
     concentrated.add_power(forces.concentrated, start.concentrated, start.motion, dt, work)
     drag.add_power(forces.drag, start.drag, start.motion, dt, work)
-    if along is None:
+    if scalar is None:
         return
     spring.add_power(forces.spring, start.place.rate, dt, work)
     friction.add_power(forces.friction, reaction, start.place.rate, dt, work)
 
 
 @kernel
-def over_step(forces: Forces, start: ForceStart, t: float, h: float) -> bool:
+def over_step(forces: Forces, start: ForcesWorkspace, t: float, h: float) -> bool:
     """Set the forces that depend on time to their means over a step ``h`` from ``t``; return
     whether they have first moments as well.
     """
@@ -210,22 +212,22 @@ def over_step(forces: Forces, start: ForceStart, t: float, h: float) -> bool:
 @kernel
 def mean_residual(
     forces: Forces,
-    start: ForceStart,
-    along: Along | None,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
     frames: Frames,
     step: tuple[float, float],
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
     """Take all mean forces over the ``step`` (h, dt2), and the loads of constraint equations along
-    coordinates, from the rows ``F`` (nodes, 3) [m]. It comes after ``along.residual`` at ``Z``.
+    coordinates, from the rows ``F`` (nodes, 3) [m]. It comes after ``scalar.residual`` at ``Z``.
     """
     h, dt2 = step
-    if along is not None:
-        q = start.place.quantities
-        spring.add_mean_load(forces.spring, forces.laws, along.quantities, q, start.stretch, h)
+    if scalar is not None:
+        q = start.place.coordinates
+        spring.add_mean_load(forces.spring, forces.laws, scalar.coordinates, q, start.stretch, h)
         friction.add_mean_load(forces.friction, start.reactions, q, h)
-        coordinates.push(along.quantities, q, frames, -dt2, F)
+        coordinates.push(scalar.coordinates, q, frames, -dt2, F)
     concentrated.mean_residual(forces.concentrated, start.concentrated, frames, dt2, Z, F)
     drag.mean_residual(forces.drag, start.drag, frames, h, dt2, Z, F)
 
@@ -233,19 +235,19 @@ def mean_residual(
 @kernel
 def mean_jacobian(
     forces: Forces,
-    start: ForceStart,
-    along: Along | None,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
     frames: Frames,
     step: tuple[float, float],
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
     """Add the derivatives of ``mean_residual`` to the block ``values``, after it and after
-    ``along.joint_jacobian`` at the same ``Z``.
+    ``scalar.joint_jacobian`` at the same ``Z``.
     """
     h, dt2 = step
-    if along is not None:
-        q, group = start.place.quantities, along.quantities
+    if scalar is not None:
+        q, group = start.place.coordinates, scalar.coordinates
         spring.mean_jacobian(forces.spring, forces.laws, group, q, frames, step, values)
         friction.mean_jacobian(forces.friction, start.reactions, group, q, frames, step, values)
         coordinates.stiffness(group, q, frames, -dt2, Z, values)
@@ -256,8 +258,8 @@ def mean_jacobian(
 @kernel
 def mean_work(
     forces: Forces,
-    start: ForceStart,
-    along: Along | None,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
     frames: Frames,
     h: float,
     Z: np.ndarray,
@@ -266,20 +268,20 @@ def mean_work(
     """Add the work of all mean forces over the solved step to ``work`` (w,) [J]."""
     concentrated.mean_work(forces.concentrated, start.concentrated, frames, Z, work)
     drag.mean_work(forces.drag, start.drag, frames, h, Z, work)
-    if along is None:
+    if scalar is None:
         return
-    spring.mean_work(forces.spring, start.place.quantities, h, work)
-    friction.mean_work(forces.friction, start.reactions, start.place.quantities, h, work)
+    spring.mean_work(forces.spring, start.place.coordinates, h, work)
+    friction.mean_work(forces.friction, start.reactions, start.place.coordinates, h, work)
 
 
 @kernel
-def has_first(start: ForceStart) -> bool:
+def has_first(start: ForcesWorkspace) -> bool:
     """Return whether a force has a first moment over the step."""
     return concentrated.has_first(start.concentrated)
 
 
 @kernel
-def add_first(forces: Forces, start: ForceStart, frames: Frames, F: np.ndarray) -> None:
+def add_first(forces: Forces, start: ForcesWorkspace, frames: Frames, F: np.ndarray) -> None:
     """Add the forces' first moments over the step by mass to the rows ``F`` (nodes, 3)."""
     concentrated.add_first(forces.concentrated, start.concentrated, frames, F)
 
@@ -287,7 +289,7 @@ def add_first(forces: Forces, start: ForceStart, frames: Frames, F: np.ndarray) 
 @kernel
 def work_of_first(
     forces: Forces,
-    start: ForceStart,
+    start: ForcesWorkspace,
     h: float,
     a: np.ndarray,
     alpha: np.ndarray,
@@ -302,24 +304,28 @@ def work_of_first(
 
 
 @kernel
-def smooth(forces: Forces, start: ForceStart, along: Along | None, pole: float) -> float:
+def smooth(
+    forces: Forces, start: ForcesWorkspace, scalar: ScalarConstraints | None, pole: float
+) -> float:
     """Return the energy [J] that a decaying scheme took from the springs over the accepted step."""
-    if along is None:
+    if scalar is None:
         return 0.0
-    return spring.smooth(forces.spring, start.place.quantities, pole, start.stretch)
+    return spring.smooth(forces.spring, start.place.coordinates, pole, start.stretch)
 
 
 @kernel
-def elastic_energy(forces: Forces, start: ForceStart, along: Along | None) -> float:
+def elastic_energy(
+    forces: Forces, start: ForcesWorkspace, scalar: ScalarConstraints | None
+) -> float:
     """Set ``start.elastic`` to the elastic energy of each spring; return their sum [J]."""
-    if along is None:
+    if scalar is None:
         return 0.0
-    return spring.energy(forces.spring, forces.laws, start.place.quantities, start.elastic)
+    return spring.energy(forces.spring, forces.laws, start.place.coordinates, start.elastic)
 
 
 @kernel
 def publish_energy(
-    forces: Forces, start: ForceStart, first: int, table: np.ndarray, row: int
+    forces: Forces, start: ForcesWorkspace, first: int, table: np.ndarray, row: int
 ) -> None:
     """Add each spring's elastic energy to its column of ``table``, counted from ``first``."""
     column = forces.spring.energy_column
@@ -379,7 +385,7 @@ def set_origins(forces: Forces, value: np.ndarray) -> None:
 
 
 def vectors(
-    forces: Forces, start: ForceStart
+    forces: Forces, start: ForcesWorkspace
 ) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
     """Return the vectors (k, 3) of all forces at points that lie in the plane of a planar system:
     forces and their arms; and those normal to it: moments. Inertial axes, sizes without the laws of
@@ -426,18 +432,18 @@ def rate_breakpoints(forces: Forces) -> tuple[np.ndarray, np.ndarray]:
 
 
 def unresolved_speed(
-    forces: Forces, along: Along | None, frames: Frames, reaction: np.ndarray, h: float
+    forces: Forces, scalar: ScalarConstraints | None, frames: Frames, reaction: np.ndarray, h: float
 ) -> float:
     """Return half the largest speed [m/s] within which a force changes fast and which the system
     passes within one step ``h`` under the joints' ``reaction`` (j, 6).
     """
-    if along is None:
+    if scalar is None:
         return 0.0
-    return friction.unresolved_speed(forces.friction, along.quantities, frames, reaction, h)
+    return friction.unresolved_speed(forces.friction, scalar.coordinates, frames, reaction, h)
 
 
 def numbers_at_points(
-    forces: Forces, start: ForceStart, v: np.ndarray
+    forces: Forces, start: ForcesWorkspace, v: np.ndarray
 ) -> Iterator[tuple[int, np.ndarray]]:
     """Yield the column of work and the numbers of each force at a point, for the message about
     numbers that are not finite; ``v`` (n+1, 3) are the state's velocities.
@@ -449,7 +455,7 @@ def numbers_at_points(
         yield column, np.array(forces.drag.coefficient[k] * speed**2)
 
 
-def numbers_along(forces: Forces, start: QuantityStart) -> Iterator[tuple[int, np.ndarray]]:
+def numbers_along(forces: Forces, start: CoordinatesWorkspace) -> Iterator[tuple[int, np.ndarray]]:
     """Yield the same of each force along a coordinate."""
     group = forces.spring
     for s, column in enumerate(group.column):

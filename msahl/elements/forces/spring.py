@@ -32,9 +32,9 @@ import numpy as np
 from msahl.algebra.functions import Laws, evaluate, mean
 from msahl.elements.constraints.coordinates import (
     BLUR,
+    Coordinates,
+    CoordinatesWorkspace,
     Derivatives,
-    Quantities,
-    QuantityStart,
     add_damper,
     add_spring,
     extent,
@@ -60,7 +60,7 @@ class Springs(NamedTuple):
 
 
 @kernel
-def elongation(group: Springs, start: QuantityStart, s: int) -> float:
+def elongation(group: Springs, start: CoordinatesWorkspace, s: int) -> float:
     """Return q of spring ``s`` at the configuration of ``start``, counted from the origin."""
     return start.value[group.coordinate[s]] - group.origin[s]
 
@@ -88,8 +88,8 @@ def potential(group: Springs, laws: Laws, s: int, q: float) -> float:
 def add_load(
     group: Springs,
     laws: Laws,
-    quantities: Quantities,
-    start: QuantityStart,
+    coords: Coordinates,
+    start: CoordinatesWorkspace,
     rate: np.ndarray,
 ) -> None:
     """Add springs and dampers at the coordinates' rates ``rate`` (q,) to the coordinates' loads."""
@@ -97,7 +97,7 @@ def add_load(
         q = group.coordinate[s]
         T, slope = tension(group, laws, s, elongation(group, start, s))
         start.load[q] -= T + group.damping[s] * rate[q]
-        unsure = BLUR * abs(0.5 * slope) * extent(quantities, start, q)
+        unsure = BLUR * abs(0.5 * slope) * extent(coords, start, q)
         start.size[q] += abs(T) + abs(group.damping[s] * rate[q]) + unsure
 
 
@@ -105,8 +105,8 @@ def add_load(
 def add_derivatives(
     group: Springs,
     laws: Laws,
-    quantities: Quantities,
-    start: QuantityStart,
+    coords: Coordinates,
+    start: CoordinatesWorkspace,
     frames: Frames,
     motion: FramesWorkspace,
     out: Derivatives,
@@ -115,9 +115,9 @@ def add_derivatives(
     for s in range(group.coordinate.size):
         q = group.coordinate[s]
         _, slope = tension(group, laws, s, elongation(group, start, s))
-        add_spring(quantities, start, frames, 1.0, q, -slope, out.by_place)
+        add_spring(coords, start, frames, 1.0, q, -slope, out.by_place)
         slope = -group.damping[s]
-        add_damper(quantities, start, frames, motion, q, slope, out)
+        add_damper(coords, start, frames, motion, q, slope, out)
 
 
 @kernel
@@ -142,8 +142,8 @@ def mean_tension(group: Springs, laws: Laws, s: int, q0: float, dq: float) -> tu
 def add_mean_load(
     group: Springs,
     laws: Laws,
-    quantities: Quantities,
-    start: QuantityStart,
+    coords: Coordinates,
+    start: CoordinatesWorkspace,
     stretch: np.ndarray,
     h: float,
 ) -> None:
@@ -156,7 +156,7 @@ def add_mean_load(
         start.load[q] -= T + lag
         # A tension whose mean vanishes can be large at both ends, and that of a stiff spring is no
         # more accurate than its length.
-        unsure = BLUR * abs(slope) * extent(quantities, start, q)
+        unsure = BLUR * abs(slope) * extent(coords, start, q)
         start.size[q] += abs(T) + abs(slope * dq) + abs(lag) + unsure
 
 
@@ -164,8 +164,8 @@ def add_mean_load(
 def mean_jacobian(
     group: Springs,
     laws: Laws,
-    quantities: Quantities,
-    start: QuantityStart,
+    coords: Coordinates,
+    start: CoordinatesWorkspace,
     frames: Frames,
     step: tuple[float, float],
     values: np.ndarray,
@@ -176,11 +176,11 @@ def mean_jacobian(
         q = group.coordinate[s]
         _, slope = mean_tension(group, laws, s, elongation(group, start, s), start.change[q])
         slope = -slope - group.damping[s] / h - group.decay[s]
-        add_spring(quantities, start, frames, -dt2, q, slope, values)
+        add_spring(coords, start, frames, -dt2, q, slope, values)
 
 
 @kernel
-def mean_work(group: Springs, start: QuantityStart, h: float, total: np.ndarray) -> None:
+def mean_work(group: Springs, start: CoordinatesWorkspace, h: float, total: np.ndarray) -> None:
     """Add the work [J] of each damper over the step to its column of ``total``."""
     for s in range(group.coordinate.size):
         dq = start.change[group.coordinate[s]]
@@ -188,7 +188,7 @@ def mean_work(group: Springs, start: QuantityStart, h: float, total: np.ndarray)
 
 
 @kernel
-def smooth(group: Springs, start: QuantityStart, pole: float, stretch: np.ndarray) -> float:
+def smooth(group: Springs, start: CoordinatesWorkspace, pole: float, stretch: np.ndarray) -> float:
     """Advance the smoothed changes ``stretch`` (s,) of a decaying scheme by the accepted step;
     return the energy [J] that the scheme took from the springs.
     """
@@ -201,7 +201,7 @@ def smooth(group: Springs, start: QuantityStart, pole: float, stretch: np.ndarra
 
 
 @kernel
-def energy(group: Springs, laws: Laws, start: QuantityStart, out: np.ndarray) -> float:
+def energy(group: Springs, laws: Laws, start: CoordinatesWorkspace, out: np.ndarray) -> float:
     """Set ``out`` (s,) to each spring's elastic energy [J]; return their sum."""
     total = 0.0
     for s in range(group.coordinate.size):

@@ -19,14 +19,14 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import along, forces
-from msahl.elements.constraints import coincide
+from msahl.elements import forces
+from msahl.elements.constraints import coincide, scalar
 from msahl.elements.constraints.products import add_block
 from msahl.elements.frames import first_multiplier, rotation_node
 from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.workspace import BODY, GAP, Stages, moment_in_chart
-from msahl.system.arrays import Start, System
+from msahl.system.arrays import System, SystemWorkspace
 
 
 @kernel
@@ -50,7 +50,7 @@ def hold(system: System, stages: Stages, h: float, row: int, k: int) -> None:
 
 
 @kernel
-def act(system: System, start: Start, stages: Stages, h: float, i: int) -> None:
+def act(system: System, start: SystemWorkspace, stages: Stages, h: float, i: int) -> None:
     """Add what the inertia of the turns and the loads at c_i contribute."""
     _add_turning(system, start, stages, h, i)
     if not stages.idle:
@@ -68,7 +68,7 @@ def _hold(system: System, stages: Stages) -> None:
     for e in range(values.size):
         values[e] = stages.linear[e]
     coincide.add_derivatives(system.coincide, node.coincide, frames, stages.still, values)
-    along.add_joint_derivatives(system.along, node.along, frames, stages.still, values)
+    scalar.add_constraint_derivatives(system.scalar, node.scalar, frames, stages.still, values)
 
 
 @kernel
@@ -77,10 +77,10 @@ def _act(system: System, stages: Stages, i: int) -> None:
     place, rate, node, frames = stages.by_place, stages.by_rate, stages.start, system.frames
     for e in range(place.size):
         place[e], rate[e] = 0.0, 0.0
-    group, out = system.along, stages.derivatives
-    along.differentiate(group, node.along, frames, out.still)
+    group, out = system.scalar, stages.derivatives
+    scalar.differentiate(group, node.scalar, frames, out.still)
     forces.add_derivatives(system.forces, node.forces, group, frames, stages.reaction[i], out)
-    along.roll_jacobian(group, node.along, frames, node.frames, out)
+    scalar.add_rate_derivatives(group, node.scalar, frames, node.frames, out)
 
 
 @kernel
@@ -181,7 +181,7 @@ def _enter_acting(system: System, stages: Stages, h: float, i: int) -> None:
 
 
 @kernel
-def _add_turning(system: System, start: Start, stages: Stages, h: float, i: int) -> None:
+def _add_turning(system: System, start: SystemWorkspace, stages: Stages, h: float, i: int) -> None:
     """Take the derivatives of the inertia of the turns at c_i into the Jacobian."""
     rule, frames = stages.rule, system.frames
     if not rule.varied:

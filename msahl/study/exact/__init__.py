@@ -1,7 +1,8 @@
-"""Closed forms: scenes whose motion is known, recognised from the model.
+"""Recognise models whose motion is known in closed form, and return it as a reference.
 
-Each island of a scene is matched on its own; a scene all of whose islands match is exact. A new
-form is a module with ``recognise(scene)`` that returns it or None, and one entry in ``FORMS``.
+The independent subsystems of a model are matched one by one; a model is exact if all of them match.
+A new form is a module with ``recognise(single)`` that returns the form or None, and one entry in
+``FORMS``.
 """
 
 from collections.abc import Callable
@@ -10,10 +11,10 @@ import numpy as np
 
 from msahl.model import Model
 from msahl.study.exact import free, oscillator, pendulum, top
-from msahl.study.exact.motion import Form, Scene, publish, read_scene
+from msahl.study.exact.motion import Form, SingleBody, publish, read_single_body
 from msahl.system.subsystems import split
 
-FORMS: tuple[Callable[[Scene], Form | None], ...] = (
+FORMS: tuple[Callable[[SingleBody], Form | None], ...] = (
     free.recognise,
     pendulum.recognise,
     top.recognise,
@@ -22,44 +23,44 @@ FORMS: tuple[Callable[[Scene], Form | None], ...] = (
 
 
 class ExactReference:
-    """The closed forms of all islands of a scene; trusted at any time."""
+    """The closed forms of all subsystems of a model; trusted at any time."""
 
     horizon = float("inf")
     error = 1e-13
-    """Round-off of closed forms in double precision, times lengths of a metre [m]."""
+    """Rounding error of closed forms in double precision, for lengths of about a metre [m]."""
 
-    def __init__(self, model: Model, forms: dict[str, tuple[Scene, Form]]) -> None:
+    def __init__(self, model: Model, forms: dict[str, tuple[SingleBody, Form]]) -> None:
         self.model, self.forms = model, forms
-        names = sorted({form.words for _, form in forms.values()})
-        self.words = f"The reference is exact: {'; '.join(names)}."
+        names = sorted({form.description for _, form in forms.values()})
+        self.description = f"The reference is exact: {'; '.join(names)}."
 
     def states(self, times: np.ndarray) -> np.ndarray:
-        """(m, 12 n) states at ``times``."""
+        """Return the states (m, 12 n) at ``times``."""
         tables = []
         for body in self.model.bodies:
-            scene, form = self.forms[body.name]
-            tables.append(publish(scene.body, form.motion(times)))
+            single, form = self.forms[body.name]
+            tables.append(publish(single.body, form.motion(times)))
         return np.hstack(tables)
 
     def forces(self, times: np.ndarray) -> np.ndarray:
-        """(m, 3 k) joint forces [N] at ``times``."""
+        """Return the joint forces (m, 3 k) [N] at ``times``."""
         tables = [np.zeros((len(times), 0))]
         for joint in self.model.joints:
             sign = -1.0 if joint.parent in self.forms else 1.0
-            scene, form = self.forms[joint.parent if sign < 0.0 else joint.child]
+            single, form = self.forms[joint.parent if sign < 0.0 else joint.child]
             motion = form.motion(times)
-            force = scene.body.mass * (motion.a - scene.gravity)
+            force = single.body.mass * (motion.a - single.gravity)
             tables.append(sign * (force if motion.load is None else force - motion.load))
         return np.hstack(tables)
 
 
 def recognise(model: Model) -> ExactReference | None:
-    """The closed form of ``model``, or None if there is none for some island."""
+    """Return the closed form of ``model``, or None if there is none for some subsystem."""
     forms = {}
     for subsystem in split(model):
-        scene = read_scene(subsystem)
-        form = next((f for f in (make(scene) for make in FORMS) if f), None) if scene else None
-        if scene is None or form is None:
+        single = read_single_body(subsystem)
+        form = next((f for f in (make(single) for make in FORMS) if f), None) if single else None
+        if single is None or form is None:
             return None
-        forms[scene.body.name] = scene, form
+        forms[single.body.name] = single, form
     return ExactReference(model, forms)

@@ -1,12 +1,12 @@
-"""Elliptic functions and integrals, with the complementary parameter given.
+"""Compute elliptic functions and integrals from the complementary parameter.
 
     u = F(phi | m),   sn u = sin phi,   cn u = cos phi,   dn u = sqrt(1 - m sn^2 u)
     Pi(n; phi | m) = int_0^phi dt / ((1 - n sin^2 t) sqrt(1 - m sin^2 t))
 
-m1 = 1 - m and n1 = 1 - n are arguments of their own: near a separatrix they are known far better
-than the difference. Amplitudes may be of any size. Source: Abramowitz and Stegun 16.4 (descending
-Landen transformation), 17.2; Carlson, Computing elliptic integrals by duplication, Numer. Math. 33
-(1979).
+m1 = 1 - m and n1 = 1 - n are arguments of their own: near a separatrix they are known much more
+accurately than by the difference. Amplitudes may be of any size. Source: Abramowitz and Stegun 16.4
+(descending Landen transformation), 17.2; Carlson, Computing elliptic integrals by duplication,
+Numer. Math. 33 (1979).
 """
 
 from typing import NamedTuple
@@ -25,7 +25,7 @@ class Jacobi(NamedTuple):
 
 
 def jacobi(u: np.ndarray, m: float, m1: float) -> Jacobi:
-    """The functions of ``u`` (real, any size), 0 <= m <= 1."""
+    """Return the functions of ``u`` (real, any size), 0 <= m <= 1."""
     if m1 <= 0.0:
         return Jacobi(np.arctan(np.sinh(u)), np.tanh(u), 1.0 / np.cosh(u), 1.0 / np.cosh(u))
     a, b = [1.0], np.sqrt(m1)
@@ -42,18 +42,18 @@ def jacobi(u: np.ndarray, m: float, m1: float) -> Jacobi:
 
 
 def first_kind(phi: float, m1: float) -> float:
-    """F(phi | 1 - m1)."""
-    turns = round(phi / np.pi)
-    s, c = np.sin(phi - turns * np.pi), np.cos(phi - turns * np.pi)
-    whole = 2.0 * turns * elliprf(0.0, m1, 1.0) if turns else 0.0
-    return float(whole + s * elliprf(c * c, c * c + m1 * s * s, 1.0))
+    """Return F(phi | 1 - m1)."""
+    periods = round(phi / np.pi)
+    s, c = np.sin(phi - periods * np.pi), np.cos(phi - periods * np.pi)
+    complete = 2.0 * periods * elliprf(0.0, m1, 1.0) if periods else 0.0
+    return float(complete + s * elliprf(c * c, c * c + m1 * s * s, 1.0))
 
 
 def third_kind(phi: np.ndarray, n: float, n1: float, m1: float) -> np.ndarray:
-    """Pi(n; phi | 1 - m1)."""
-    turns = np.round(phi / np.pi)
-    s, c = np.sin(phi - turns * np.pi), np.cos(phi - turns * np.pi)
-    whole = elliprf(0.0, m1, 1.0) + n / 3.0 * elliprj(0.0, m1, 1.0, n1)
+    """Return Pi(n; phi | 1 - m1)."""
+    periods = np.round(phi / np.pi)
+    s, c = np.sin(phi - periods * np.pi), np.cos(phi - periods * np.pi)
+    complete = elliprf(0.0, m1, 1.0) + n / 3.0 * elliprj(0.0, m1, 1.0, n1)
     x, y, p = c * c, c * c + m1 * s * s, c * c + n1 * s * s
     part = s * elliprf(x, y, 1.0) + n / 3.0 * s**3 * elliprj(x, y, 1.0, p)
-    return np.asarray(2.0 * turns * whole + part)
+    return np.asarray(2.0 * periods * complete + part)

@@ -1,13 +1,14 @@
-"""Free flight: the mass centre on its parabola, the body turning without moment (Euler, Jacobi).
+"""Compute free flight: the mass centre on a parabola, rotation without moment (Euler, Jacobi).
 
     w1 = w1m cn,  w2 = +- w2m sn,  w3 = +- w3m dn         of lam t + u0, principal axes
     lam^2 = (L^2 - 2 T J1)(J3 - J2) / (J1 J2 J3)
     m = (2 T J3 - L^2)(J2 - J1) / ((L^2 - 2 T J1)(J3 - J2))
     phi_dot = L/J3 + L (J3 - J1)/(J1 J3) / (1 - n sn^2),   1 - n = J2 (J3 - J1)/(J1 (J3 - J2))
 
-Axis 3 is the one that the spin goes round: the largest moment if L^2 > 2 T J2, else the smallest.
-phi turns about the angular momentum L, which stays where it is. All differences are sums of terms
-of one sign in the first spin, so none cancels. Source: Landau and Lifshitz, Mechanics, art. 37.
+Axis 3 is the one about which the angular velocity w circles: that of the largest moment of inertia
+if L^2 > 2 T J2, else of the smallest. phi is the angle of rotation about the constant angular
+momentum L. All differences are sums of terms of one sign in the initial angular velocity, so no
+digits cancel. Source: Landau and Lifshitz, Mechanics, art. 37.
 """
 
 from dataclasses import dataclass
@@ -15,44 +16,44 @@ from dataclasses import dataclass
 import numpy as np
 
 from msahl.study.exact.elliptic import first_kind, jacobi, third_kind
-from msahl.study.exact.motion import Motion, Scene, about, parallel
+from msahl.study.exact.motion import Motion, SingleBody, about, parallel
 
 SEPARATRIX = 1e-12
-"""1 - m below which the period is not defined by the numbers given."""
+"""If 1 - m is below this value, the period is not defined by the given numbers."""
 
 
 @dataclass(frozen=True)
 class Free:
-    """Ballistic flight with the turning motion ``spinning`` (None: about a fixed axis)."""
+    """Ballistic flight with the rotation ``spinning`` (None: about a fixed axis)."""
 
-    scene: Scene
+    single: SingleBody
     spinning: "Spinning | None"
-    words = "free flight, parabola and Euler's motion by elliptic functions"
+    description = "free flight, parabola and Euler's motion by elliptic functions"
 
     def motion(self, t: np.ndarray) -> Motion:
-        """The body at the times ``t``."""
-        scene, time = self.scene, t[:, None]
-        x = scene.x + scene.v * time + 0.5 * scene.gravity * time**2
-        v = scene.v + scene.gravity * time
-        a = np.broadcast_to(scene.gravity, v.shape)
+        """Return the motion at the times ``t``."""
+        single, time = self.single, t[:, None]
+        x = single.x + single.v * time + 0.5 * single.gravity * time**2
+        v = single.v + single.gravity * time
+        a = np.broadcast_to(single.gravity, v.shape)
         if self.spinning is not None:
-            return Motion(x, *self._turning(t, self.spinning, v), a)
-        rate = float(np.linalg.norm(scene.W))
-        axis = scene.W / rate if rate else np.eye(3)[2]
-        return Motion(x, about(axis, rate * t) @ scene.R, v, np.tile(scene.W, (len(t), 1)), a)
+            return Motion(x, *self._rotating(t, self.spinning, v), a)
+        rate = float(np.linalg.norm(single.W))
+        axis = single.W / rate if rate else np.eye(3)[2]
+        return Motion(x, about(axis, rate * t) @ single.R, v, np.tile(single.W, (len(t), 1)), a)
 
-    def _turning(
+    def _rotating(
         self, t: np.ndarray, spinning: "Spinning", v: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        E, w = spinning.turn(t)
-        first, _ = spinning.turn(np.zeros(1))
-        R = (self.scene.R @ spinning.axes @ first[0].T) @ E @ spinning.axes.T
+        E, w = spinning.rotation(t)
+        first, _ = spinning.rotation(np.zeros(1))
+        R = (self.single.R @ spinning.axes @ first[0].T) @ E @ spinning.axes.T
         return R, v, np.einsum("mij,jk,mk->mi", R, spinning.axes, w)
 
 
 @dataclass(frozen=True)
 class Spinning:
-    """Principal ``axes`` (columns, body axes), moments J, and the first spin w along them."""
+    """Principal ``axes`` (columns, body axes), moments J, initial angular velocity w along them."""
 
     axes: np.ndarray
     J: np.ndarray
@@ -60,7 +61,7 @@ class Spinning:
 
     @property
     def parts(self) -> tuple[float, float, float]:
-        """2 T J3 - L^2, L^2 - 2 T J1 and L^2 - 2 T J2, negative all three if J3 is the smallest."""
+        """Return 2 T J3 - L^2, L^2 - 2 T J1, L^2 - 2 T J2: all negative if J3 is the smallest."""
         (J1, J2, J3), (w1, w2, w3) = self.J, self.w
         above = J1 * (J3 - J1) * w1**2 + J2 * (J3 - J2) * w2**2
         below = J2 * (J2 - J1) * w2**2 + J3 * (J3 - J1) * w3**2
@@ -69,13 +70,13 @@ class Spinning:
 
     @property
     def m1(self) -> float:
-        """1 - m."""
+        """Return 1 - m."""
         _, below, between = self.parts
         J1, J2, J3 = self.J
         return float(between * (J3 - J1) / (below * (J3 - J2)))
 
-    def turn(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(m, 3, 3) principal axes in axes fixed to L, and (m, 3) spins."""
+    def rotation(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the principal axes (m, 3, 3) in axes fixed to L, and angular velocities (m, 3)."""
         (J1, J2, J3), (w1, w2, w3) = self.J, self.w
         above, below, _ = self.parts
         most1, most2, most3 = np.sqrt(
@@ -97,18 +98,18 @@ class Spinning:
         return about(z, phi) @ about(x, theta) @ about(z, psi), w
 
 
-def recognise(scene: Scene) -> Free | None:
-    """The flight that ``scene`` is, or None."""
-    if scene.joint is not None or scene.loads:
+def recognise(single: SingleBody) -> Free | None:
+    """Return the flight of a free body without loads; None for other models."""
+    if single.joint is not None or single.loads:
         return None
-    spin = scene.R.T @ scene.W
-    inertia = np.array(scene.body.inertia)
+    spin = single.R.T @ single.W
+    inertia = np.array(single.body.inertia)
     if parallel(inertia @ spin, spin):
-        return Free(scene, None)
+        return Free(single, None)
     J, axes = np.linalg.eigh(inertia)
     axes[:, 2] *= np.linalg.det(axes)
     spinning = Spinning(axes, J, axes.T @ spin)
     if spinning.parts[2] < 0.0:
         axes = np.stack([axes[:, 2], axes[:, 1], -axes[:, 0]], axis=1)
         spinning = Spinning(axes, J[::-1], axes.T @ spin)
-    return Free(scene, spinning) if spinning.m1 > SEPARATRIX else None
+    return Free(single, spinning) if spinning.m1 > SEPARATRIX else None

@@ -1,0 +1,1 @@
+"""Implement the subcommands of ``msahl-post``; all printing of the package is done here."""
