@@ -5,9 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.motion import Motion
-from msahl.model import Model
+from msahl.model import Model, Options
 from msahl.model.scheme import EXPONENTIAL, choices, split
-from msahl.run.loop import OFF, Options, Report, run
+from msahl.model.settings import OFF
+from msahl.run.loop import run
+from msahl.run.report import Report
+from msahl.run.tables import STATES, MemorySink
 
 VARIANTS = {
     "msahl newton": Options(solver="newton", error=OFF),
@@ -20,7 +23,7 @@ SETTINGS = {
     "msahl newton": "the compiled loop, reductions as found",
     "msahl auto": "the default: scipy.optimize.root for the first step and for hard ones",
     "msahl root": "scipy.optimize.root (hybr) for every step; at most 10 bodies",
-    "msahl newton --full": "the compiled loop with nothing left out",
+    "msahl newton --full": "the compiled loop with the complete equations",
     "msahl newton --rotation-update exponential": "the compiled loop, rotations updated by the "
     "exponential map (see docs/deck.md, Scheme)",
 }
@@ -31,40 +34,13 @@ SCHEMES = tuple(f"msahl {word}" for word in choices() if word != AUTO)
 BY_TOLERANCE = ("msahl by tolerance",) if AUTO in choices() else ()
 
 
-class _Rows:
-    """A sink that keeps the states."""
-
-    def __init__(self) -> None:
-        self.states: list[np.ndarray] = []
-
-    def write(
-        self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray, errors: np.ndarray
-    ) -> None:
-        self.states.append(states)
-
-    def restart(self) -> None:
-        self.states.clear()
-
-
-class _Nothing:
-    """A sink that keeps nothing."""
-
-    def write(
-        self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray, errors: np.ndarray
-    ) -> None:
-        pass
-
-    def restart(self) -> None:
-        pass
-
-
 def loop_report(model: Model, h: float, steps: int, options: Options) -> Report:
     """Report of ``steps`` steps of which only the last is published."""
-    return run(_lasting(model, h, steps), replace(options, every=steps), _Nothing())
+    return run(_lasting(model, h, steps), replace(options, every=steps), MemorySink(only=()))
 
 
 def loop_seconds(model: Model, h: float, steps: int, variant: str) -> float:
-    """Seconds in the loop; it watches energy and gaps at every step, as it always does."""
+    """Seconds in the loop; it monitors energy and constraint violation at every step, as always."""
     report = loop_report(_of_scheme(model, variant), h, steps, _options(variant))
     if report.status != "completed":
         raise RuntimeError(report.message)
@@ -75,20 +51,20 @@ def motion(
     model: Model, h: float, steps: int, variant: str, every: int = 1, accuracy: float | None = None
 ) -> Motion:
     """A scheme that is given an ``accuracy`` has rows every ``h`` and steps of its own."""
-    rows, options = _Rows(), replace(_options(variant), every=every)
+    rows, options = MemorySink(only=(STATES,)), replace(_options(variant), every=every)
     chosen = _lasting(_of_scheme(model, variant), h, steps)
     if variant in BY_TOLERANCE:
         steered = {
             "scheme": AUTO,
             "local_tolerance": accuracy,
-            "interval": h,
+            "output_interval": h,
             "dt": model.simulation.dt,
         }
         chosen = replace(chosen, simulation=replace(chosen.simulation, **steered))
     report = run(chosen, options, rows)
     if report.status != "completed":
         raise RuntimeError(report.message)
-    table = np.concatenate(rows.states)
+    table = rows.table(STATES)
     states = table[:, 1:].reshape(len(table), len(model.bodies), 4, 3)
     R = _matrices(states[:, :, 1])
     v = np.einsum("tbij,tbj->tbi", R, states[:, :, 2])
@@ -121,5 +97,5 @@ def _matrices(p: np.ndarray) -> np.ndarray:
     square = np.sum(p * p, axis=-1, keepdims=True) / 16.0
     q0, q = (1.0 - square) / (1.0 + square), 0.5 * p / (1.0 + square)
     eye = np.eye(3)
-    turned = [e + 2.0 * np.cross(q, np.cross(q, e) + q0 * e) for e in eye]
-    return np.stack(turned, axis=-1)
+    rotated = [e + 2.0 * np.cross(q, np.cross(q, e) + q0 * e) for e in eye]
+    return np.stack(rotated, axis=-1)

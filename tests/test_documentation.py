@@ -64,7 +64,7 @@ def test_options_in_the_documentation_exist():
     from msahl.cli.main import main as msahl
     from msahl.post.cli import main as msahl_post
 
-    known = {"--help", "--quick", "--scene", "--code", "--page", "--no-deps"}
+    known = {"--help", "--quick", "--problem", "--code", "--page", "--no-deps"}
     for group in (msahl, msahl_post):
         context = click.Context(group)
         for command in [

@@ -24,7 +24,7 @@ def law_findings(law: Law, argument: str = "the argument") -> Iterator[Finding]:
     """Find what is wrong with a law; ``argument`` is what messages call that of a table."""
     found = list(_shape_findings(law)) or list(_value_findings(law, argument))
     if not found and not _is_drawn(closed(law)):
-        message = "no curve can be computed through it; space its places wider or more evenly"
+        message = "no curve can be computed through it; space its entries wider or more evenly"
         found = [Finding("", message)]
     yield from found
 

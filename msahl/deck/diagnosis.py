@@ -139,7 +139,7 @@ def _children(element: Element, rule: _Rule) -> Iterator[Departure]:
         if name not in known:
             yield child, partial(_unknown_child, name, tag, tuple(known))
         elif rule.model == "all" and name in seen:
-            yield child, partial("<{}> stands twice in <{}>; keep one".format, name, tag)
+            yield child, partial("<{}> is given twice in <{}>; keep one".format, name, tag)
         seen.add(_present(child, known))
     for name in rule.required:
         if name not in seen:
@@ -147,12 +147,12 @@ def _children(element: Element, rule: _Rule) -> Iterator[Departure]:
     if rule.model == "choice" and rule.once and len(element) > 1:
         first, *others = element
         for child in others:
-            yield child, partial("<{}> stands beside <{}>; keep one".format, child.tag, first.tag)
+            yield child, partial("<{}> is given beside <{}>; keep one".format, child.tag, first.tag)
     elif rule.model in ("choice", "sequence") and rule.needed and not seen & known.keys():
         yield element, partial("<{}> is empty; add {}".format, tag, _listed(_tags(tuple(known))))
     stray = _stray_text(element)
     if not rule.model and element.text:
-        yield element, partial("<{}> holds nothing, not even spaces; write <{}/>".format, tag, tag)
+        yield element, partial("<{}> must be empty, without spaces; write <{}/>".format, tag, tag)
     elif stray:
         holds = _listed(_tags(tuple(known)))
         yield element, partial("stray text '{}'; <{}> holds {}".format, stray, tag, holds)

@@ -29,7 +29,7 @@ BLASTED = """<data><system><gravity><g3>9.8</g3></gravity><bodies><ground><name>
 <loads><concentrated><name>Blast</name><body>Bob</body><position><z>1</z></position>
 <force basis="Bob"><xForce>1e100</xForce><zForce>1e100</zForce></force></concentrated></loads>
 </system><simulation><deltaT>0.01</deltaT><tFinal>1</tFinal></simulation></data>"""
-"""No step of it can be solved: a force of 1e100 N that turns with the body it turns."""
+"""No step of it can be solved: a force of 1e100 N that rotates with the body that it rotates."""
 
 
 def call(*words):
@@ -69,7 +69,7 @@ def test_a_run_writes_its_tables_its_deck_and_what_happened(tmp_path):
     result = run(SINGLE, "-o", tmp_path, "--t-final", 1)
     assert names(tmp_path) == {"states.csv", "reactions.csv", "error.csv", "run.json", "deck.xml"}
     assert result.stdout == ""
-    assert "PASS: 500 steps to t = 1 s; energy kept to" in result.stderr
+    assert "PASS: 500 steps to t = 1 s; energy conserved to" in result.stderr
     assert str(tmp_path) in result.stderr
     told = info(tmp_path)
     assert (told["status"], told["steps"], told["outputTimes"], told["time"]) == (
@@ -101,7 +101,7 @@ def test_a_run_writes_its_tables_its_deck_and_what_happened(tmp_path):
     assert states["time"].tolist() == [k / 500 for k in range(501)]
 
 
-def test_what_a_scene_lacks_has_no_table(tmp_path):
+def test_what_a_model_lacks_has_no_table(tmp_path):
     run(FREE, "-o", tmp_path / "free", "--t-final", 0.1)
     assert names(tmp_path / "free") == {"states.csv", "error.csv", "run.json", "deck.xml"}
     run(LOADS, "-o", tmp_path / "loads", "--t-final", 0.1)
@@ -167,14 +167,14 @@ def test_every_thins_the_rows_but_not_the_run(tmp_path, every):
 
 
 @pytest.mark.parametrize("solver", ["newton", "root", "auto"])
-def test_the_solver_is_told_and_counted(tmp_path, solver):
+def test_the_solver_is_reported_and_counted(tmp_path, solver):
     run(SINGLE, "-o", tmp_path, "--t-final", 0.1, "--solver", solver)
     told = info(tmp_path)
     assert told["options"]["solver"] == solver
     assert told["scipySteps"] == {"newton": 0, "root": 50, "auto": 1}[solver]
 
 
-def test_full_leaves_nothing_out(tmp_path):
+def test_full_omits_nothing(tmp_path):
     for flags in ((), ("--full",)):
         run(SINGLE, "-o", tmp_path / str(len(flags)), "--t-final", 0.1, *flags)
     assert [info(tmp_path / n)["unknowns"] for n in "01"] == [5, 9]
@@ -242,7 +242,7 @@ def test_bad_usage_is_status_2(tmp_path, words, told):
 
 
 def test_a_folder_that_cannot_be_written_is_named_with_a_remedy(tmp_path):
-    (tmp_path / "file").write_text("in the way")
+    (tmp_path / "file").write_text("a file")
     result = run(SINGLE, "-o", tmp_path / "file" / "out", status=2)
     assert str(tmp_path / "file") in result.stderr
     assert "choose another folder with -o" in result.stderr
@@ -284,7 +284,7 @@ def test_an_interrupted_run_keeps_its_rows_and_says_so(tmp_path, number):
 # Other commands ----------------------------------------------------------------------------------
 
 
-def test_check_tells_every_fault_of_every_deck(tmp_path):
+def test_check_reports_every_fault_of_every_deck(tmp_path):
     good = call("check", *DECKS)
     assert good.exit_code == 0
     assert good.stdout.splitlines() == [f"{path}: good" for path in DECKS]
@@ -298,7 +298,7 @@ def test_check_tells_every_fault_of_every_deck(tmp_path):
 
 
 @pytest.mark.parametrize("path", DECKS, ids=lambda path: path.stem)
-def test_explain_knows_every_deck(path):
+def test_explain_covers_every_deck(path):
     result = call("explain", path)
     assert result.exit_code == 0, result.output
     assert len(result.stdout.splitlines()) > 3

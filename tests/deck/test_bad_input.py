@@ -61,7 +61,7 @@ AT_THE_EDGE = {
 
 
 @pytest.mark.parametrize("case", AT_THE_EDGE)
-def test_numbers_at_the_edge_make_a_start_or_are_told_by_name(tmp_path, case):
+def test_numbers_at_the_edge_make_a_start_or_are_reported_by_name(tmp_path, case):
     told = call(main, "explain", hinge(tmp_path, **AT_THE_EDGE[case]))
     assert told.exit_code == 0 or "numbers of body 'B0' went beyond" in told.stderr
 
@@ -184,7 +184,7 @@ def test_reading_takes_time_with_the_number_of_faults_not_with_its_square(
 def test_libxml2_takes_as_long_for_faulty_elements_as_for_good_ones(tmp_path):
     # Of a tree in memory lxml notes the path of every error, a walk past all siblings before it:
     # a hundred times as long as reading these bodies takes, and longer with their number. As they
-    # are read it takes five times as long; thirty leaves room for a busy machine.
+    # are read it takes five times as long; thirty leaves workspace for a busy machine.
     n = 20_000
     root = etree.fromstring(
         "<data><system><bodies>" + "<rigidBody/>" * n + "</bodies></system></data>"
@@ -230,7 +230,7 @@ def test_wrong_children_are_looked_at_once(tmp_path, monkeypatch):
     assert len(asked) == 90
 
 
-def test_islands_are_split_in_one_look_at_every_element(tmp_path, monkeypatch):
+def test_subsystems_are_split_in_one_look_at_every_element(tmp_path, monkeypatch):
     drag = "<drag><name>F{i}</name><body>B{i}</body><coefficient>1</coefficient></drag>"
     bodies, loads = (
         "".join(text.format(**PLAIN | {"i": i}) for i in range(50)) for text in (BODY, drag)
@@ -280,7 +280,7 @@ def test_a_study_to_no_end_is_refused(tmp_path, end):
 def test_a_tolerance_that_is_no_number_compares_nothing(tmp_path):
     told = call(post, "compare", tmp_path, tmp_path, "--rtol", "nan")
     assert told.exit_code == 2
-    assert "a tolerance is a number" in told.stderr
+    assert "a tolerance must be a number" in told.stderr
 
 
 def test_a_file_name_need_not_be_utf_8(tmp_path):
@@ -290,7 +290,7 @@ def test_a_file_name_need_not_be_utf_8(tmp_path):
     assert "\ufffd.xml" in (tmp_path / "run" / "run.json").read_text(encoding="utf-8")
 
 
-def test_a_scene_whose_joints_bear_nothing_has_a_report(tmp_path):
+def test_a_model_whose_joints_bear_nothing_has_a_report(tmp_path):
     path = hinge(tmp_path)
     path.write_text(path.read_text().replace("<title>", "<title>$x_{ \u4e2d"))
     assert call(main, "run", path, "-o", tmp_path / "run").exit_code == 0

@@ -1,4 +1,4 @@
-"""What can be wrong with a joint, coupling, motion or load is told: line, element and remedy."""
+"""Faults of joints, couplings, motions and loads are reported with line, element and remedy."""
 
 from pathlib import Path
 
@@ -297,8 +297,8 @@ MOTIONS = {
         ":25: motion 'M': joint 'H', a revolute, has no coordinate slide (it has: angle)",
     ),
     "unknown coordinate": (
-        joint_motion("<constant>1</constant>", coordinate="turn"),
-        ":26: motion 'M', coordinate: unknown value 'turn'; expected one of angle, slide",
+        joint_motion("<constant>1</constant>", coordinate="rotation"),
+        ":26: motion 'M', coordinate: unknown value 'rotation'; expected one of angle, slide",
     ),
     "unit of the other coordinate": (
         joint_motion('<constant units="m">1</constant>'),
@@ -310,7 +310,7 @@ MOTIONS = {
     ),
     "two laws": (
         joint_motion("<constant>1</constant><polynomial><c1>1</c1></polynomial>"),
-        ":27: motion 'M', law/polynomial: <polynomial> stands beside <constant>; keep one",
+        ":27: motion 'M', law/polynomial: <polynomial> is given beside <constant>; keep one",
     ),
     "polynomial of nothing": (
         joint_motion("<polynomial/>"),
@@ -453,7 +453,7 @@ LOADS = {
         tags("bushing", name="S", **SHORT),
         ":26: load 'S': it has neither stiffness nor damping; add one",
     ),
-    "bushing that drives": (
+    "bushing that joint motions": (
         tags("bushing", name="S", **SHORT, angularDamping="<x>-1</x>"),
         ":26: load 'S': a damping is less than zero; a damper only removes energy",
     ),
@@ -528,7 +528,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_a_fault_is_told_once_where_it_is(tmp_path, case):
+def test_a_fault_is_reported_once_where_it_is(tmp_path, case):
     group, text, expected = CASES[case]
     (found,) = faults_of(written(tmp_path, **{group: text}))
     assert expected in found

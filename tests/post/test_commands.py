@@ -95,7 +95,7 @@ def test_report_holds_everything(run):
         assert (run / "report" / picture).read_bytes().startswith(b"\x89PNG")
 
 
-def test_compare_tells_by_its_status(run, tmp_path):
+def test_compare_reports_by_its_status(run, tmp_path):
     write(tmp_path / "reference")
     assert call("compare", run, tmp_path / "reference").exit_code == 0
     states, reactions = conical_rows()

@@ -1,4 +1,4 @@
-"""Measures of hand-made runs whose energies, gaps and works are known in closed form."""
+"""Measures of hand-made runs whose energies, violations and works are known in closed form."""
 
 import json
 import math
@@ -56,7 +56,7 @@ def test_energies_are_those_of_the_formulas(tmp_path):
     assert energy.potential == pytest.approx(-MASS * GRAVITY * depth, rel=ROUND_OFF)
 
 
-def test_a_moved_row_shows_its_gap_its_energy_and_its_work(tmp_path):
+def test_a_moved_row_shows_its_violation_its_energy_and_its_work(tmp_path):
     states, reactions = conical_rows()
     move = np.array([1e-3, -2e-3, 4e-3])
     states[3, 1:4] += move
@@ -73,7 +73,7 @@ def test_a_moved_row_shows_its_gap_its_energy_and_its_work(tmp_path):
     assert sharp[3] == pytest.approx(-force[4] @ move, rel=1e-10)
 
 
-def test_a_row_with_another_velocity_shows_its_gap_rate(tmp_path):
+def test_a_row_with_another_velocity_shows_its_violation_rate(tmp_path):
     states, reactions = conical_rows()
     kick = np.array([0.1, 0.2, -0.3])
     states[5, 7:10] += kick  # body axes: the size is the same in any
@@ -84,7 +84,7 @@ def test_a_row_with_another_velocity_shows_its_gap_rate(tmp_path):
 
 def test_hainges_measure_by_hand(tmp_path):
     # The true mean force over a step points along its middle, the velocity carried to the end of
-    # the step lies half a step's turn ahead: lam . C V dt = m Omega^3 r^2 sin(Omega dt / 2) dt.
+    # the step lies half a step's rotation ahead: lam . C V dt = m Omega^3 r^2 sin(Omega dt / 2) dt.
     states, reactions = conical_rows(force_at=-0.5 * DT)
     work = compute_metrics(read_conical(tmp_path, states, reactions)).work
     expected = MASS * OMEGA**3 * RADIUS**2 * math.sin(0.5 * OMEGA * DT) * DT
@@ -147,7 +147,7 @@ def test_an_error_over_no_energy_is_undefined(rest):
     assert energy.error_over_kinetic.max == pytest.approx(0.025)
 
 
-def test_a_scene_at_rest_has_no_kinetic_energy_to_compare_with():
+def test_a_model_at_rest_has_no_kinetic_energy_to_compare_with():
     assert energy_of([0.0, 0.0], [1.0, 1.0]).error_over_kinetic is None
 
 
@@ -174,7 +174,7 @@ def test_a_thinned_run_has_no_virtual_work(tmp_path, told):
     assert "n/a" in as_text(work_table([("run", metrics)]))
 
 
-def test_a_run_cut_off_is_read_to_its_last_whole_row(tmp_path):
+def test_a_run_cut_off_is_read_to_its_last_complete_row(tmp_path):
     write_conical(tmp_path, whole=False)
     part = tmp_path / "states.csv.part"
     text = part.read_text()
@@ -211,7 +211,7 @@ def test_forms_of_a_table(tmp_path):
     measured = [("one", compute_metrics(read_conical(tmp_path)))]
     lines = as_text(energy_table(measured)).splitlines()
     assert len(lines) == 3
-    assert lines[0].rstrip().endswith("error over max KE------")
+    assert lines[0].rstrip().endswith("-balance error over max KE--")
     assert lines[1].rstrip().endswith("work at end [J]")
     (row,) = json.loads(as_json(energy_table(measured)))
     header, values = as_csv(energy_table(measured)).splitlines()
@@ -274,7 +274,7 @@ class TestCompare:
         states, reactions = conical_rows()
         self.rewrite(pair[1], states[::5], reactions[::5])
         assert all(c.rows == len(states[::5]) for c in compare(*pair, Tolerance()))
-        with pytest.raises(ResultError, match="different times"):
+        with pytest.raises(ResultError, match="different output times"):
             compare(pair[1], pair[0], Tolerance())
 
     def test_files_and_folders_mix(self, pair):
@@ -299,10 +299,10 @@ class TestCompare:
             compare(*pair, Tolerance(), ("Nobody.*",))
         with pytest.raises(ResultError, match="no such file"):
             compare(pair[0], pair[0] / "elsewhere", Tolerance())
-        with pytest.raises(ResultError, match="no rows"):
+        with pytest.raises(ResultError, match="no output times"):
             compare(*pair, Tolerance(), until=-1.0)
 
-    def test_an_orientation_and_its_shadow_are_the_same(self, pair):
+    def test_an_orientation_and_its_shadow_parameters_are_the_same(self, pair):
         states, _ = conical_rows()
         p = np.array([3.9, 0.5, -0.7])
         states[6, 4:7] = p

@@ -16,10 +16,11 @@ from click.testing import CliRunner
 import msahl.run.loop
 from msahl.cli.main import main
 from msahl.deck import read_deck
-from msahl.results.checkpoint import _check
-from msahl.run.loop import Options, run
+from msahl.model import Options
+from msahl.results.checkpoint import _checksum
 from msahl.run.snapshot import ResumeError
-from tests.support.models import DECKS, ROOT, Rows, body, deck, pendulum, scene
+from msahl.run.tables import TABLES
+from tests.support.models import DECKS, ROOT, body, build_model, deck, pendulum, run_in_memory
 from tests.system.test_nonfinite import push
 
 THESIS = ROOT / "decks" / "thesis"
@@ -42,8 +43,8 @@ COUNTED = (
 
 
 def advance(model, options, **others):
-    rows = Rows()
-    return run(model, options, rows, **others), rows.tables
+    report, sink = run_in_memory(model, options, **others)
+    return report, [sink.table(name) for name in TABLES]
 
 
 def stop_after(chunks):
@@ -74,34 +75,34 @@ def bits(*runs):
 
 def same_run(monkeypatch, model, options, steps):
     """Hold a run in two parts to the one that does not stop; the report of that one."""
-    whole, rows = advance(model, options)
+    complete, rows = advance(model, options)
     (_, first), (rest, second) = in_two_parts(monkeypatch, model, options, steps)
     assert bits(first, second) == bits(rows)
-    assert [getattr(rest, key) for key in COUNTED] == [getattr(whole, key) for key in COUNTED]
+    assert [getattr(rest, key) for key in COUNTED] == [getattr(complete, key) for key in COUNTED]
     assert rest.resumed == [pytest.approx(steps * model.simulation.dt, rel=1e-12)]
     # Sums are taken chunk by chunk, so their last digits are of the chunks.
-    for key, value in whole.extremes.items():
+    for key, value in complete.extremes.items():
         summed = value is not None and key in ("energyErrorRms", "localErrorSum")
         expected = pytest.approx(value, rel=1e-12) if summed else value
         assert rest.extremes[key] == expected
-    assert (rest.error, rest.verdict["word"]) == (whole.error, whole.verdict["word"])
-    return whole
+    assert (rest.error, rest.verdict["word"]) == (complete.error, complete.verdict["word"])
+    return complete
 
 
 @pytest.mark.parametrize("path", DECKS, ids=lambda path: path.stem)
 def test_every_deck_goes_on_bit_for_bit(monkeypatch, path):
-    """Thinned rows and a last step of its own size; schemes and reactions take turns."""
+    """Thinned rows and a last step of its own size; schemes and reactions alternate."""
     model, variant = read_deck(path), VARIANTS[DECKS.index(path) % len(VARIANTS)]
     t_final = 50.5 * model.simulation.dt
     model = replace(model, simulation=replace(model.simulation, t_final=t_final, **variant))
     same_run(monkeypatch, model, Options(every=3), 20)
 
 
-SCENES = ("triple_pendulum_45", "spring_damper", "friction_hinge", "joint_motion_table", "bricard",
+DECKS = ("triple_pendulum_45", "spring_damper", "friction_hinge", "joint_motion_table", "bricard",
           "two_pendulums", "knife_edge")  # fmt: skip
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", DECKS)
 @pytest.mark.parametrize("options", [Options("root"), Options("newton", full=True)], ids=str)
 def test_every_solver_goes_on_bit_for_bit(monkeypatch, name, options):
     model = deck(name)
@@ -127,7 +128,7 @@ def test_steps_of_higher_degree_go_on_bit_for_bit(monkeypatch, name, scheme):
 
 
 @pytest.mark.parametrize("name", ["triple_pendulum_45", "friction_hinge"])
-def test_rows_between_steps_go_on_bit_for_bit(monkeypatch, name):
+def test_output_between_steps_goes_on_bit_for_bit(monkeypatch, name):
     """Where they stand in their steps does not depend on where chunks begin."""
     model = deck(name)
     dt = model.simulation.dt
@@ -148,16 +149,20 @@ def test_the_run_at_half_the_step_goes_on_too(monkeypatch):
 def test_a_step_that_failed_fails_again(monkeypatch):
     """A load of (10 t)^400 N: nothing to see before 0.1 s, beyond all numbers after 0.6 s."""
     sudden = push(1e200, *[0.0] * 400, 1e200)
-    model = scene([body(velocity=(1.0, 0.0, 0.0))], loads=[sudden], dt=0.01, t_final=1.0)
-    whole, rows = advance(model, Options())
-    assert whole.status == "not converged"
-    assert whole.steps > 3
+    model = build_model([body(velocity=(1.0, 0.0, 0.0))], loads=[sudden], dt=0.01, t_final=1.0)
+    complete, rows = advance(model, Options())
+    assert complete.status == "not converged"
+    assert complete.steps > 3
     (_, first), (rest, second) = in_two_parts(monkeypatch, model, Options(), 3)
-    assert (rest.status, rest.steps, rest.message) == (whole.status, whole.steps, whole.message)
+    assert (rest.status, rest.steps, rest.message) == (
+        complete.status,
+        complete.steps,
+        complete.message,
+    )
     assert bits(first, second) == bits(rows)
 
 
-def test_a_snapshot_of_another_scene_is_refused(monkeypatch):
+def test_a_snapshot_of_another_model_is_refused(monkeypatch):
     saved = []
     monkeypatch.setattr(msahl.run.loop, "CHUNK_SECONDS", 0.0)
     advance(pendulum(), Options(), stopped=stop_after(3), save=saved.append)
@@ -175,7 +180,7 @@ def call(*words):
 
 def interrupted(monkeypatch, folder, *words, number=signal.SIGINT, after=4):
     """The run of a deck stopped by a signal after some chunks of a step each."""
-    hand_over, chunks = msahl.run.loop._Run._hand_over, []
+    hand_over, chunks = msahl.run.loop.TimeLoop._hand_over, []
 
     def ask(self, *given):
         hand_over(self, *given)
@@ -185,7 +190,7 @@ def interrupted(monkeypatch, folder, *words, number=signal.SIGINT, after=4):
 
     with monkeypatch.context() as patch:
         patch.setattr(msahl.run.loop, "CHUNK_SECONDS", 0.0)
-        patch.setattr(msahl.run.loop._Run, "_hand_over", ask)
+        patch.setattr(msahl.run.loop.TimeLoop, "_hand_over", ask)
         result = call(*words, "-o", folder)
     assert result.exit_code == 128 + number, result.output
     return result
@@ -207,9 +212,9 @@ def test_the_message_of_a_stopped_run_is_the_command_that_goes_on(tmp_path, monk
     assert "--resume" in again
     rest = CliRunner().invoke(main, shlex.split(again))
     assert rest.exit_code == 0, rest.output
-    whole = call(*words, "-o", tmp_path / "whole")
-    assert whole.exit_code == 0
-    assert tables(tmp_path / "a b") == tables(tmp_path / "whole")
+    complete = call(*words, "-o", tmp_path / "complete")
+    assert complete.exit_code == 0
+    assert tables(tmp_path / "a b") == tables(tmp_path / "complete")
     assert not list((tmp_path / "a b").glob("checkpoint*"))
     assert not list((tmp_path / "a b").glob("*.part"))
     told = json.loads((tmp_path / "a b" / "run.json").read_text())
@@ -228,8 +233,8 @@ def test_a_run_killed_while_its_tables_took_their_names_goes_on(tmp_path, monkey
     (tmp_path / "out" / "states.csv.part").rename(tmp_path / "out" / "states.csv")
     (tmp_path / "out" / "run.json").unlink()
     assert call(*words, "-o", tmp_path / "out", "--resume").exit_code == 0
-    assert call(*words, "-o", tmp_path / "whole").exit_code == 0
-    assert tables(tmp_path / "out") == tables(tmp_path / "whole")
+    assert call(*words, "-o", tmp_path / "complete").exit_code == 0
+    assert tables(tmp_path / "out") == tables(tmp_path / "complete")
 
 
 def test_a_run_that_ends_at_once_makes_no_checkpoint(monkeypatch):
@@ -296,7 +301,7 @@ def _head_with(**changes):
         line, _, memory = (folder / "checkpoint").read_bytes().partition(b"\n")
         head = json.loads(line) | changes
         del head["check"]
-        head |= {"check": _check(head, memory)}
+        head |= {"check": _checksum(head, memory)}
         (folder / "checkpoint").write_bytes(json.dumps(head).encode() + b"\n" + memory)
 
     return change
@@ -405,9 +410,9 @@ def _begin(folder, words, until):
 def test_a_run_killed_and_resumed_writes_the_rows_of_one_that_was_not(tmp_path, number, t_final):
     pendulum = THESIS / "triple_pendulum_45.xml"
     words = (pendulum, "--dt", 0.00004, "--t-final", t_final, "--every", 17)
-    assert call(*words, "-o", tmp_path / "whole").exit_code == 0
-    whole = tables(tmp_path / "whole")
-    assert all(len(text) > 100_000 * t_final / 4 for text in whole.values())
+    assert call(*words, "-o", tmp_path / "complete").exit_code == 0
+    complete = tables(tmp_path / "complete")
+    assert all(len(text) > 100_000 * t_final / 4 for text in complete.values())
     chance, kills, runs, resumed = random.Random(1), 0, 0, 0
     while kills < number or not runs:
         folder = tmp_path / str(runs)
@@ -423,6 +428,6 @@ def test_a_run_killed_and_resumed_writes_the_rows_of_one_that_was_not(tmp_path, 
             kills += 1
             continue
         assert process.returncode == 0, told
-        assert tables(folder) == whole
+        assert tables(folder) == complete
         runs += 1
     assert resumed > number // 2

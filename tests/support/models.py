@@ -1,4 +1,4 @@
-"""Scenes built in Python, and runs of them kept in memory."""
+"""Models built in Python, and runs of them kept in memory."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,9 +8,11 @@ import numpy as np
 from msahl.algebra.rotation import compose, from_axis_angle, matrix
 from msahl.algebra.vector import ZERO, add, sub, times
 from msahl.deck import read_deck
-from msahl.model import ConcentratedLoad, Ground, Joint, Model, RigidBody, Simulation
+from msahl.model import ConcentratedLoad, Ground, Joint, Model, Options, RigidBody, Simulation
 from msahl.model.scheme import split
-from msahl.run.loop import Options, Report, run
+from msahl.run.loop import Hooks, run
+from msahl.run.report import Report
+from msahl.run.tables import TABLES, MemorySink
 from msahl.system.names import reaction_columns, work_columns
 
 ROOT = Path(__file__).parents[2]
@@ -76,18 +78,10 @@ class Result:
         return self.reaction(joint, "M")
 
 
-class Rows:
-    """A sink that keeps every row."""
-
-    def __init__(self):
-        self.restart()
-
-    def write(self, *tables):
-        for kept, table in zip(self.tables, tables, strict=True):
-            kept.append(np.array(table))
-
-    def restart(self):
-        self.tables = ([], [], [], [])
+def run_in_memory(model, options, since=None, **hooks):
+    """Report and sink of a run; ``hooks`` as in ``Hooks``."""
+    sink = MemorySink()
+    return run(model, options, sink, Hooks(**hooks), since), sink
 
 
 def simulate(model, dt=None, t_final=None, scheme=None, damping=None, **options):
@@ -96,12 +90,11 @@ def simulate(model, dt=None, t_final=None, scheme=None, damping=None, **options)
     given = {"dt": dt, "t_final": t_final, "scheme": name, "degree": degree, "damping": damping}
     changes = {name: value for name, value in given.items() if value is not None}
     model = replace(model, simulation=replace(model.simulation, **changes))
-    rows = Rows()
-    report = run(model, Options(**options), rows)
-    return Result(model, report, *map(np.concatenate, rows.tables))
+    report, sink = run_in_memory(model, Options(**options))
+    return Result(model, report, *map(sink.table, TABLES))
 
 
-def scene(
+def build_model(
     bodies, joints=(), loads=(), gravity=ZERO, dt=0.01, t_final=1.0, grounds=(GROUND,), **others
 ):
     """A model of these records."""
@@ -125,11 +118,11 @@ def body(name="Bob", mass=2.0, inertia=0.008, position=ZERO, **others):
 
 
 def pendulum(degrees=45.0, axis=(0.0, 1.0, 0.0), arm=(0.0, 0.0, 5.0), **others):
-    """The thesis's single pendulum, turned about ``axis``, with the bob at ``arm``."""
-    turn = from_axis_angle(axis, np.radians(degrees))
-    bob = body(position=times(matrix(turn), arm), orientation=turn)
+    """The thesis's single pendulum, rotated about ``axis``, with the bob at ``arm``."""
+    rotation = from_axis_angle(axis, np.radians(degrees))
+    bob = body(position=times(matrix(rotation), arm), orientation=rotation)
     joint = Joint("Pivot", "spherical", GROUND.name, bob.name, ZERO, sub(ZERO, arm))
-    return scene([bob], [joint], gravity=DOWN, **others)
+    return build_model([bob], [joint], gravity=DOWN, **others)
 
 
 def frame(edges, pins, **others):
@@ -151,7 +144,7 @@ def frame(edges, pins, **others):
         origins = [ZERO if e is None else bodies[e].position for e in (i, j)]
         place = tuple(float(x) for x in point)
         joints.append(Joint(f"Pin{k}", "spherical", *ends, *(sub(place, o) for o in origins)))
-    return scene(bodies, joints, gravity=DOWN, **others)
+    return build_model(bodies, joints, gravity=DOWN, **others)
 
 
 def path(points, grounded=(), closed=False, **others):
@@ -232,7 +225,7 @@ def random_body(rng, name):
 def free_bodies(rng, n=3, gravity=True):
     """Bodies that nothing holds."""
     bodies = [random_body(rng, f"B{i}") for i in range(n)]
-    return scene(bodies, gravity=random_vector(rng, 5.0) if gravity else ZERO)
+    return build_model(bodies, gravity=random_vector(rng, 5.0) if gravity else ZERO)
 
 
 def jointed(rng, n=4, gravity=True, grounded=True):
@@ -284,19 +277,21 @@ def loaded(rng, gravity=True):
     return replace(model, loads=tuple(loads))
 
 
-def moved(model, turn, shift):
-    """The whole scene, gravity included, turned by ``turn`` and then displaced by ``shift``."""
-    A = matrix(turn)
+def moved(model, rotation, shift):
+    """The complete model, gravity included, rotated by ``rotation`` and then displaced by
+    ``shift``.
+    """
+    A = matrix(rotation)
     grounds = {ground.name for ground in model.grounds}
 
     def place(point):
         return add(times(A, point), shift)
 
-    def turned(vector, basis):
+    def rotated(vector, basis):
         return times(A, vector) if basis in grounds else vector
 
     bodies = [
-        replace(b, position=place(b.position), orientation=compose(turn, b.orientation))
+        replace(b, position=place(b.position), orientation=compose(rotation, b.orientation))
         for b in model.bodies
     ]
 
@@ -313,8 +308,8 @@ def moved(model, turn, shift):
 
     def moved_load(load):
         if isinstance(load, ConcentratedLoad):
-            force = turned(load.force, load.force_basis)
-            return replace(load, force=force, moment=turned(load.moment, load.moment_basis))
+            force = rotated(load.force, load.force_basis)
+            return replace(load, force=force, moment=rotated(load.moment, load.moment_basis))
         return moved_ends(load) if hasattr(load, "parent") else load
 
     def moved_motion(motion):

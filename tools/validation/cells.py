@@ -24,13 +24,13 @@ from lxml import etree
 
 from msahl.algebra.rotation import to_axis_angle
 from msahl.algebra.rotation_arrays import angles
-from msahl.cli.main import BAD_INPUT, main
+from msahl.cli.console import BAD_INPUT
+from msahl.cli.main import main
 from msahl.deck import read_deck
 from msahl.linalg import dense
-from msahl.model import Model
-from msahl.model.scheme import DEFAULT, DEGREE, HIGHER, SCHEMES
+from msahl.model import Model, Options
+from msahl.model.scheme import COLLOCATION, DEFAULT, DEGREE, ORDER_TWO
 from msahl.results.read import ResultError, read_run
-from msahl.run.loop import Options
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.verdict import ENERGY_SPOILT
 from msahl.schemes.collocation import newton, predictor, scipy_root
@@ -43,7 +43,7 @@ from msahl.study.reference import choose_reference
 from msahl.study.runs import run_in_memory, with_step
 from msahl.system.build import build_system
 
-COMPARED = (*SCHEMES, *(f"{name}{DEGREE}" for name in HIGHER))
+COMPARED = (*ORDER_TWO, *(f"{name}{DEGREE}" for name in COLLOCATION))
 """Schemes of the table: those of order 2, and those of higher order with the degree they have where
 none is given."""
 STEPS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
@@ -250,7 +250,7 @@ def judge(
 
 def energy_asked(scheme: str) -> float:
     """Energy error over the largest kinetic energy that is asked of a ``scheme``."""
-    return KEPT if scheme in SCHEMES else KEPT_NEARLY
+    return KEPT if scheme in ORDER_TWO else KEPT_NEARLY
 
 
 def cell(
@@ -447,7 +447,7 @@ def run_group(name: str, x: float, schemes: Iterable[str], steps: Iterable[float
         for run in runs:
             true = truth.at(run.times)
             for scheme in schemes:
-                known = condition(model, run.dt, DEFAULT if scheme in SCHEMES else scheme)
+                known = condition(model, run.dt, DEFAULT if scheme in ORDER_TWO else scheme)
                 out = home / f"{run.dt:g}-{scheme}"
                 info = run_deck(deck, out, scheme, run, family.bound)
                 found = errors(states(out, run, len(model.bodies)), true, lengths)

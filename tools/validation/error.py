@@ -24,10 +24,10 @@ from error_scenes import REFINEMENTS, SCENES, Scene
 from measured import OUT
 
 from msahl.algebra.rotation_arrays import angles
-from msahl.model import Model, tolerance_of
+from msahl.model import Model, Options, resolve
 from msahl.model.scheme import AUTO, choices, split
-from msahl.run.loop import Options, run
-from msahl.study.runs import Memory
+from msahl.run.loop import run
+from msahl.run.tables import STATES, MemorySink
 from msahl.system.build import build_system
 
 CSV = OUT / "error.csv"
@@ -121,7 +121,7 @@ def at_steps(scene: Scene, word: str, per_row: int) -> tuple[Model, Options]:
         scheme=name,
         degree=degree or given.degree,
         tolerance=None,
-        interval=None,
+        output_interval=None,
     )
     return replace(scene.model, simulation=simulation), Options(every=per_row)
 
@@ -131,7 +131,7 @@ def by_tolerance(scene: Scene, tolerance: float, kind: str) -> tuple[Model, Opti
     simulation = replace(
         scene.model.simulation,
         dt=scene.t_final / scene.rows,
-        interval=scene.t_final / scene.rows,
+        output_interval=scene.t_final / scene.rows,
         t_final=scene.t_final,
         scheme=AUTO,
         tolerance=tolerance if kind == GLOBAL else None,
@@ -142,10 +142,10 @@ def by_tolerance(scene: Scene, tolerance: float, kind: str) -> tuple[Model, Opti
 
 def first_row(scene: Scene) -> np.ndarray:
     """(12 n,) published states at t = 0, made consistent as every run has them."""
-    memory = Memory()
+    memory = MemorySink(only=(STATES,))
     model, _ = at_steps(scene, SCHEMES[0], 1)
     run(replace(model, simulation=replace(model.simulation, t_final=1e-9)), Options(), memory)
-    return np.array(memory.tables()[0][0, 1:])
+    return np.array(memory.table(STATES)[0, 1:])
 
 
 def truth_of(scene: Scene) -> reference.Truth:
@@ -219,9 +219,9 @@ def _cell(
     lengths: np.ndarray,
     floors: dict[str, float],
 ) -> Cell:
-    memory = Memory()
+    memory = MemorySink(only=(STATES,))
     report = run(model, options, memory)
-    rows = memory.tables()[0]
+    rows = memory.table(STATES)
     true: dict[str, float] = {}
     if report.status == "completed" and len(rows) == len(truth.times):
         true = apart(rows[:, 1:], truth.states, lengths)
@@ -237,7 +237,7 @@ def _cell(
         )
     }
     seconds = report.seconds["loop"]
-    if tolerance_of(model) is not None:
+    if resolve(model.simulation).tolerance is not None:
         seconds += report.seconds.get("companion", 0.0)
     return Cell(
         scene=scene.name,

@@ -13,19 +13,18 @@ from longdouble import LONG
 from measured import OUT, ROOT
 
 from msahl.deck import read_deck
-from msahl.model import Model
+from msahl.model import Model, Options
 from msahl.model.loads import SpringDamper
-from msahl.model.scheme import HIGHER, choices, split
+from msahl.model.scheme import COLLOCATION, choices, split
 from msahl.post.document import Block, Heading, Items, Paragraph, as_markdown
 from msahl.post.table import Cell, Column, Table
-from msahl.run.loop import Options
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import state_errors
 from msahl.study.independent import solve
 from msahl.study.order import AGREE, LEAST_POINTS, Fit, fit_order
 from msahl.study.runs import run_in_memory, with_step
 
-WORDS = tuple(word for word in choices() if split(word)[0] in HIGHER)
+WORDS = tuple(word for word in choices() if split(word)[0] in COLLOCATION)
 """The schemes measured."""
 LADDER = (
     *range(1, 8),
@@ -55,7 +54,7 @@ def order_of(word: str) -> int:
     """Order in theory of a scheme."""
     name, degree = split(word)
     assert degree is not None
-    return 2 * degree - HIGHER[name].decays
+    return 2 * degree - COLLOCATION[name].decays
 
 
 def number_of(word: str) -> type:

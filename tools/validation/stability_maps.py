@@ -29,9 +29,8 @@ from matplotlib.patches import Patch
 from measured import FIGURES
 
 from msahl.deck import read_deck
-from msahl.model import Model
+from msahl.model import Model, Options
 from msahl.post.draw import looks, style
-from msahl.run.loop import Options
 from msahl.study.runs import run_in_memory, with_step
 
 LOOKS = {

@@ -31,7 +31,7 @@ from extreme import FAMILIES, FIRM, STIFF
 from measured import OUT
 from stability_maps import label_of, maps, ringing, title_of
 
-from msahl.model.scheme import SCHEMES
+from msahl.model.scheme import ORDER_TWO
 from msahl.post.document import Block, Heading, Items, Paragraph, Picture, as_markdown
 from msahl.post.table import Cell as Entry
 from msahl.post.table import Column, Table
@@ -217,13 +217,13 @@ def expectations(cells: Sequence[Cell]) -> Iterator[tuple[str, str]]:
             f"{worst_of.dt:g} s ({worst_of.scheme}): off by {worst_of.energy:.1e} of the largest "
             "kinetic energy. The last line of the run says so; read it.",
         )
-    ends = [cell for cell in cells if cell.outcome == COARSE and cell.scheme in SCHEMES]
+    ends = [cell for cell in cells if cell.outcome == COARSE and cell.scheme in ORDER_TWO]
     worst = max((cell.energy or 0.0 for cell in ends), default=0.0)
     yield (
         "Energy says nothing about position",
-        f"The {len(ends)} coarse runs by {' and '.join(SCHEMES)} keep their energy to {worst:.1e} "
-        "and better, and are somewhere else than they should be. Halve the step and compare, or "
-        "use msahl study.",
+        f"The {len(ends)} coarse runs by {' and '.join(ORDER_TWO)} keep their energy to "
+        f"{worst:.1e} and better, and are somewhere else than they should be. "
+        "Halve the step and compare, or use msahl study.",
     )
 
 

@@ -1,5 +1,5 @@
-"""Rows between steps: as accurate as the ends, on the joints, with reactions and work of their own
-time; and how they are asked for.
+"""Output between steps: as accurate as the ends, on the joints, with reactions and work of their
+own time; and how they are asked for.
 """
 
 import json
@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from msahl.cli.main import main
 from msahl.deck import check_simulation
-from msahl.run.loop import Grid
+from msahl.run.time_grid import TimeGrid
 from msahl.schemes.collocation import dense_output
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.study.exact import recognise
@@ -23,12 +23,12 @@ SINGLE = THESIS[0].parent / "single_pendulum_45.xml"
 
 def between_rows(model, degree, dt, interval, t_final, **options):
     """A run by steps of ``dt`` with rows at the ``interval``."""
-    given = replace(model.simulation, scheme="gauss", degree=degree, interval=interval)
+    given = replace(model.simulation, scheme="gauss", degree=degree, output_interval=interval)
     return simulate(replace(model, simulation=given), dt=dt, t_final=t_final, **options)
 
 
 @pytest.mark.parametrize("degree", [1, 2, 3, 4])
-def test_rows_between_are_of_the_order_of_the_ends(degree):
+def test_output_between_steps_is_of_the_order_of_the_ends(degree):
     """0.07 s never divides the steps. At degree 4 errors come down to 1e-13 m: two are left."""
     model, order = deck("single_pendulum_45"), 2 * degree
     runs = [between_rows(model, degree, dt, 0.07, 2.1) for dt in (0.3, 0.15)]
@@ -56,8 +56,8 @@ def test_rows_between_are_of_the_order_of_the_ends(degree):
     ],
 )
 def test_reactions_and_work_between_are_as_good(name, dt, degree, t_final):
-    """Of a damper, a drive and a joint between rates, against steps so small that none is between.
-    The rows' own error is of the steps' order, and at most a few times theirs.
+    """Of a damper, a joint motion and a joint between rates, against steps so small that none is
+    between. The rows' own error is of the steps' order, and at most a few times theirs.
     """
     model = deck(name)
     known = between_rows(model, 5, t_final / 40, None, t_final)
@@ -121,17 +121,17 @@ def test_the_command_and_the_deck_ask_for_rows(tmp_path):
     assert options["outputInterval"] == 0.04
 
 
-def test_the_lowest_order_has_rows_at_whole_steps():
+def test_the_lowest_order_has_rows_at_whole_number_steps():
     model = deck("single_pendulum_45")
     known = simulate(model, dt=0.02, t_final=1.0, every=3)
-    thinned = replace(model, simulation=replace(model.simulation, interval=0.06))
+    thinned = replace(model, simulation=replace(model.simulation, output_interval=0.06))
     run = simulate(thinned, dt=0.02, t_final=1.0)
     np.testing.assert_array_equal(run.states[:, 1:], known.states[:, 1:])
     np.testing.assert_array_equal(run.reactions[:, 1:], known.reactions[:, 1:])
     np.testing.assert_allclose(run.time, known.time, rtol=1e-15)  # 33 times 0.02, 11 times 0.06
-    odd = replace(model.simulation, dt=0.02, interval=0.05)
+    odd = replace(model.simulation, dt=0.02, output_interval=0.05)
     (fault,) = check_simulation(odd)
     assert fault.startswith("outputInterval: 0.05 s are no whole number of steps of 0.02 s")
-    (fault,) = check_simulation(replace(odd, scheme="gauss", interval=1e-6))
+    (fault,) = check_simulation(replace(odd, scheme="gauss", output_interval=1e-6))
     assert "more than 1000 rows" in fault
-    assert Grid.of_rows(replace(odd, t_final=1.0)).n == 20
+    assert TimeGrid.of_output(replace(odd, t_final=1.0)).n == 20
