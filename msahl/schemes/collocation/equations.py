@@ -18,9 +18,7 @@ That is for parameters that are varied. Where they are not (radau), the balance 
 the angular momentum itself: R J R^T W for pi, M for dT/dc + H^T M, and no E.
 
 Forces are evaluated at one configuration at a time. A law of time enters by its moments over the
-step (``elements.forces.concentrated``), not by its values at the nodes. Joint forces are those of a
-midpoint step without motion: its discrete gradients are the gradients themselves, its Jacobian has
-half of their derivatives.
+step (``elements.forces.concentrated``), not by its values at the nodes.
 
 Source: see ``schemes.rule``; the chart of the rotation, the scaling and the treatment of equations
 between rates (at c_i, with their forces where those of the others are) are ours.
@@ -146,8 +144,8 @@ def _close(
     frames, violation = system.frames, stages.violation
     t, dt = state.time[0], h * stages.rule.closing[k]
     coincide.set_violations(system.coincide, start.coincide, frames, stages.moved, violation)
-    scalar.add_constraint_forces(
-        system.scalar, start.scalar, frames, state.violation, t, dt, stages.moved, violation
+    scalar.set_violations(
+        system.scalar, start.scalar, frames, state.violation, (t, dt), stages.moved, violation
     )
     scalar.raise_term_sizes(system.scalar, start.scalar, 1.0, stages.pull)
     for node in range(first_multiplier(frames), violation.shape[0]):
@@ -164,14 +162,12 @@ def _hold(system: System, stages: Stages, h: float, k: int, weight: float) -> No
     for n in range(row.shape[0]):
         put(row, n, ZERO)
     for n in range(first, row.shape[0]):
-        # The kernels of the lowest order make a force of an unknown by unit/reach; here reach = -1.
-        put(stages.still, n, scale(-2.0 / (h * h), at(stages.Z[k], n)))
-    coincide.subtract_forces(system.coincide, node.coincide, frames, -1.0, stages.still, row)
-    violation, t = stages.state.violation, stages.state.time[0]
-    scalar.add_constraint_forces(
-        system.scalar, node.scalar, frames, violation, 0.0, 0.0, stages.still, row
-    )
-    scalar.motion_work(system.scalar, frames, t, -h * weight, stages.still, stages.work)
+        # The multiplier by mass: unknowns are h^2/2 times it.
+        put(stages.still, n, scale(2.0 / (h * h), at(stages.Z[k], n)))
+    coincide.add_force(system.coincide, node.coincide, frames, stages.still, row)
+    scalar.add_constraint_forces(system.scalar, node.scalar, frames, stages.still, row)
+    t = stages.state.time[0]
+    scalar.motion_work(system.scalar, frames, t, h * weight, stages.still, stages.work)
 
 
 @kernel
@@ -185,14 +181,11 @@ def _act(system: System, stages: Stages, h: float, i: int) -> None:
     for b in range(frame_count(frames)):
         put(row, displacement_node(frames, b), g)
         put(row, rotation_node(frames, b), ZERO)
-    motion, dt = node.frames, h * stages.rule.weight[i]
-    group, reaction = system.scalar, stages.reaction[i]
-    scalar.rates(group, node.scalar, frames, motion.v, motion.W, stages.still)
-    forces.set_node(system.forces, node.forces, stages.factor[i], motion.R)
-    forces.add_forces(system.forces, node.forces, group, node.scalar, frames, motion, reaction, row)
-    forces.add_power(
-        system.forces, node.forces, group, node.scalar, motion, reaction, dt, stages.work
-    )
+    group, reaction, dt = system.scalar, stages.reaction[i], h * stages.rule.weight[i]
+    scalar.rates(group, node.scalar, frames, node.frames, stages.still)
+    forces.set_node(system.forces, node.forces, stages.factor[i])
+    forces.add_forces(system.forces, node.forces, group, frames, reaction, row)
+    forces.add_power(system.forces, node.forces, group, reaction, dt, stages.work)
     scalar.set_rate_equations(system.scalar, node.scalar, frames, h, stages.F[i])
 
 

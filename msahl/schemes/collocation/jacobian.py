@@ -61,13 +61,13 @@ def act(system: System, start: SystemWorkspace, stages: Stages, h: float, i: int
 
 @kernel
 def _hold(system: System, stages: Stages) -> None:
-    """Set ``by_place`` to the derivative of ``element._hold``, halved where bodies meet bodies, and
-    of the gaps.
+    """Set ``by_place`` to the derivatives of ``equations._hold`` by the places and by the
+    multipliers by mass, and to those of the violations.
     """
     values, node, frames = stages.by_place, stages.start, system.frames
     for e in range(values.size):
         values[e] = stages.linear[e]
-    coincide.jacobian(system.coincide, node.coincide, frames, -1.0, stages.still, values)
+    coincide.add_derivatives(system.coincide, node.coincide, frames, stages.still, values)
     scalar.add_constraint_derivatives(system.scalar, node.scalar, frames, stages.still, values)
 
 
@@ -77,30 +77,16 @@ def _act(system: System, stages: Stages, i: int) -> None:
     place, rate, node, frames = stages.by_place, stages.by_rate, stages.start, system.frames
     for e in range(place.size):
         place[e], rate[e] = 0.0, 0.0
-    group, still, room = system.scalar, stages.still, stages.room
-    v, W = node.frames.v, node.frames.W
-    scalar.differentiate(group, node.scalar, frames, still)
-    forces.add_derivatives(
-        system.forces,
-        node.forces,
-        group,
-        node.scalar,
-        frames,
-        node.frames,
-        stages.reaction[i],
-        still,
-        room,
-        place,
-        rate,
-    )
-    scalar.add_rate_derivatives(group, node.scalar, frames, v, W, still, room, place, rate)
+    group, out = system.scalar, stages.derivatives
+    scalar.differentiate(group, node.scalar, frames, out.still)
+    forces.add_derivatives(system.forces, node.forces, group, frames, stages.reaction[i], out)
+    scalar.add_rate_derivatives(group, node.scalar, frames, node.frames, out)
 
 
 @kernel
 def _into_chart(system: System, stages: Stages, rated: bool) -> None:
     """Bring the derivatives by and of turns from inertial axes into the chart: H^T (.) H, and what
-    the change of H does to the moments of ``stages.row`` and, where ``rated``, to the rates. Those
-    of joint forces, not ``rated``, are halved.
+    the change of H does to the moments of ``stages.row`` and, where ``rated``, to the rates.
     """
     frames, bodies = system.frames, system.bodies
     first = first_multiplier(frames)
@@ -124,12 +110,11 @@ def _into_chart(system: System, stages: Stages, rated: bool) -> None:
         put_block(stages.by_place, m, place)
     if not stages.rule.varied:
         return
-    share = 1.0 if rated else 0.5
     for b in range(bodies.frame.size):
         f = bodies.frame[b]
         moment = at(stages.row, rotation_node(frames, f))
         slope = local_rotation.rate_slope(at(stages.turn, f), moment)
-        add_block(stages.by_place, bodies.block[b], share / frames.length[f], slope)
+        add_block(stages.by_place, bodies.block[b], 1.0 / frames.length[f], slope)
 
 
 @kernel
@@ -163,9 +148,9 @@ def _enter_held(stages: Stages, h: float, row: int, k: int) -> None:
             if row >= 0 and not stages.rolling[e]:
                 values[e, row, row] = value
         elif k >= 0 and (sort != BODY or row >= 0):
-            column, share = (row, h * h) if sort == BODY else (k, -1.0)
+            column, share = (row, h * h) if sort == BODY else (k, 2.0)
             for j in range(chi.shape[0]):
-                values[e, column, j] += 2.0 * share * chi[j, k] * value
+                values[e, column, j] += share * chi[j, k] * value
 
 
 @kernel

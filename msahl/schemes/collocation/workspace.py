@@ -20,6 +20,7 @@ from msahl.algebra.vector import (
 )
 from msahl.elements import forces
 from msahl.elements.constraints import scalar
+from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.elements.frames import (
     Frames,
     displacement,
@@ -65,7 +66,7 @@ class Stages(NamedTuple):
     violation: np.ndarray  # (nodes, 3) how open the joints are there
     by_place: np.ndarray  # (9 m,) derivatives at the node
     by_rate: np.ndarray  # (9 m,)
-    room: np.ndarray  # (9 m,)
+    derivatives: Derivatives  # these two and what it takes to compute them
     Z: np.ndarray  # (s, nodes, 3) z_1..z_s, multipliers 0..s-1
     F: np.ndarray  # (s, nodes, 3) rows
     impulse: np.ndarray  # (nodes, 3) change of momentum over the step, by mass
@@ -100,9 +101,13 @@ def new_stages(system: System, unknowns: Unknowns, state: State, rule: Rule) -> 
     needed = np.union1d(unknowns.elimination.source, unknowns.dense_from)
     slot = np.full(system.constant.size, -1)
     slot[needed] = np.arange(needed.size)
+    # Accelerations by multipliers have the opposite sign of the rows of a step by its unknowns.
+    sign = np.select([sort == BODY, sort == GAP], [0.0, 1.0], -1.0)
+    by_place, by_rate, scratch = np.zeros((3, system.constant.size))
+    derivatives = Derivatives(by_place, by_rate, scratch, np.zeros(nodes))
     return Stages(
         rule=rule,
-        linear=np.where(np.repeat(sort, 9) == BODY, 0.0, system.constant),
+        linear=np.repeat(sign, 9) * system.constant,
         needed=needed,
         sort=sort[needed // 9],
         rolling=_rolling(system)[needed],
@@ -117,13 +122,13 @@ def new_stages(system: System, unknowns: Unknowns, state: State, rule: Rule) -> 
         tangent=np.zeros((*vectors, 3)),
         bow=np.zeros((*vectors, 3)),
         bow_rate=np.zeros((*vectors, 3)),
-        still=np.zeros(nodes),
+        still=derivatives.still,
         moved=np.zeros(nodes),
         row=np.zeros(nodes),
         violation=np.zeros(nodes),
-        by_place=np.zeros_like(system.constant),
-        by_rate=np.zeros_like(system.constant),
-        room=np.zeros_like(system.constant),
+        by_place=derivatives.by_place,
+        by_rate=derivatives.by_rate,
+        derivatives=derivatives,
         Z=np.zeros(stages),
         F=np.zeros(stages),
         impulse=np.zeros(nodes),

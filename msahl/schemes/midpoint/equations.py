@@ -49,8 +49,7 @@ from msahl.system.evaluate import dt2, joint_jacobian, set_reactions
 @kernel
 def load(system: System, state: State, start: SystemWorkspace, h: float) -> bool:
     """Set the loads to their means over a step ``h``; whether they have first moments, too."""
-    t, R = state.time[0], start.frames.R
-    return forces.over_step(system.forces, start.forces, t, h, R)
+    return forces.over_step(system.forces, start.forces, state.time[0], h)
 
 
 @kernel
@@ -118,9 +117,7 @@ def residual(
     rigid_body.residual(system.bodies, frames, start.bodies, start.frames, h, h2, Z, F)
     coincide.residual(system.coincide, start.coincide, frames, h2, Z, F)
     scalar.residual(system.scalar, start.scalar, frames, state.violation, t, h, h2, Z, F)
-    forces.mean_residual(
-        system.forces, start.forces, system.scalar, start.scalar, frames, h, h2, Z, F
-    )
+    forces.mean_residual(system.forces, start.forces, system.scalar, frames, (h, h2), Z, F)
 
 
 @kernel
@@ -133,7 +130,7 @@ def jacobian(
     joint_jacobian(system, start, h, Z, values)
     h2 = dt2(system, h)
     forces.mean_jacobian(
-        system.forces, start.forces, system.scalar, start.scalar, system.frames, h, h2, Z, values
+        system.forces, start.forces, system.scalar, system.frames, (h, h2), Z, values
     )
 
 
@@ -161,9 +158,7 @@ def accept(
     frames, bodies, t, h2 = system.frames, system.bodies, state.time[0], dt2(system, h)
     decay, per_step = system.decay, h / dt2(system, h)
     loss, gained = 0.0, 0.0
-    forces.mean_work(
-        system.forces, start.forces, system.scalar, start.scalar, frames, h, Z, state.work
-    )
+    forces.mean_work(system.forces, start.forces, system.scalar, frames, h, Z, state.work)
     scalar.accept(system.scalar, start.scalar, frames, t, h, h2, Z, state.angle, state.work)
     for b in range(moving_count(frames)):
         u = at(Z, displacement_node(frames, b))
@@ -197,7 +192,7 @@ def accept(
         forces.work_of_first(system.forces, start.forces, h, state.a, state.alpha, lost, state.work)
     state.foresight[0] = 1.0 if gained >= 0.0 else 0.0
     if decay.chi > 0.0:
-        loss += forces.smooth(system.forces, start.forces, system.scalar, start.scalar, decay.pole)
+        loss += forces.smooth(system.forces, start.forces, system.scalar, decay.pole)
         state.work[state.work.size - 1] -= loss
     _enter_multipliers(system, state, start, h, Z, F)
     state.time[0] += h
