@@ -1,8 +1,8 @@
-"""Which functions may be compiled.
+"""Marks the functions that may be compiled.
 
-``@kernel`` marks a function of floats, tuples and arrays that the time loop needs compiled. It is
-returned as it is: an element's module stays plain Python, imports no compiler, and *is* the
-uncompiled twin of its own kernel. ``msahl.jit.compiled`` hands the marked functions to numba.
+``@kernel`` marks a function of floats, tuples and arrays that the time loop needs compiled, and
+returns it unchanged. So an element's module stays plain Python, imports no compiler, and is its own
+uncompiled reference. ``msahl.jit.compiled`` registers the marked functions with numba.
 """
 
 from collections.abc import Callable
@@ -24,9 +24,9 @@ def kernel(function: Function) -> Function:
 
 
 def apart(function: Function) -> Function:
-    """As ``kernel``, but never made part of its callers: compiled once, however many they are.
+    """Mark a kernel that is never inlined: it is compiled once, however many callers it has.
 
-    For what is called from several places and does much in a call.
+    This is for functions that are called from several places and do much work in a call.
     """
     APART.append(function)
     return kernel(function)

@@ -72,7 +72,7 @@ def _free(
 ) -> None:
     _unpack(y, state)
     _prepare(system, state, start)
-    accelerations.free(system, state, start, instant)
+    accelerations.assemble(system, state, start, instant)
 
 
 @kernel
@@ -124,7 +124,7 @@ def _open(
 ) -> None:
     """Set the rows to minus the violations (``level`` 0) or their rates (1); factor the matrix."""
     _prepare(system, state, start)
-    accelerations.free(system, state, start, instant)
+    accelerations.assemble(system, state, start, instant)
     evaluate.observe(system, state, start, violation, rate)
     first = first_multiplier(system.frames)
     for node in range(instant.rows.shape[0]):
@@ -290,7 +290,7 @@ class Dynamics:
 _compiled_unpack = compiled(_unpack)
 _compiled_pack = compiled(_pack)
 _compiled_solve = compiled(accelerations.solve)
-_compiled_react = compiled(accelerations.react)
+_compiled_react = compiled(accelerations.set_reactions)
 _compiled_rates = compiled(_all_rates)
 _compiled_free = compiled(_free)
 _compiled_open = compiled(_open)
