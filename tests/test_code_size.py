@@ -54,8 +54,7 @@ MANY_PARAMETERS = {
     "msahl.study.dynamics._open",
 }
 
-REASONED = {
-}
+REASONED = {}
 """Functions that keep more parameters, with the reason."""
 
 
