@@ -28,8 +28,8 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws, evaluate
-from msahl.elements.constraints import coordinates
-from msahl.elements.constraints.coordinates import CoordinatesWorkspace
+from msahl.elements.constraints import coordinate_jacobians, coordinates
+from msahl.elements.constraints.coordinate_kinds import CoordinatesWorkspace
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.forces import concentrated, drag, friction, spring
 from msahl.elements.forces.concentrated import ConcentratedLoads, ConcentratedWorkspace
@@ -191,7 +191,7 @@ def add_derivatives(
         by_rate,
     )
     # At rest the unit forces' mean over a step changes by half as much as the forces themselves.
-    coordinates.stiffness(coords, q, frames, 2.0, Z, by_place)
+    coordinate_jacobians.stiffness(coords, q, frames, 2.0, Z, by_place)
 
 
 @kernel
@@ -269,7 +269,7 @@ def mean_jacobian(
         q, coords = place.coordinates, scalar.coordinates
         spring.mean_jacobian(forces.spring, forces.laws, coords, q, frames, h, dt2, values)
         friction.mean_jacobian(forces.friction, start.reactions, coords, q, frames, h, dt2, values)
-        coordinates.stiffness(coords, q, frames, -dt2, Z, values)
+        coordinate_jacobians.stiffness(coords, q, frames, -dt2, Z, values)
     concentrated.mean_jacobian(forces.concentrated, start.concentrated, frames, dt2, Z, values)
     drag.mean_jacobian(forces.drag, start.drag, frames, h, dt2, Z, values)
 

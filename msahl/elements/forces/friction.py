@@ -23,13 +23,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements.constraints.coordinates import (
-    ANGLE,
-    Coordinates,
-    CoordinatesWorkspace,
-    add_damper,
-    add_spring,
-)
+from msahl.elements.constraints.coordinate_jacobians import add_damper, add_spring
+from msahl.elements.constraints.coordinate_kinds import ANGLE, Coordinates, CoordinatesWorkspace
 from msahl.elements.frames import Frames
 from msahl.jit.kernel import kernel
 
