@@ -78,13 +78,14 @@ def motion(
     rows, options = _Rows(), replace(_options(variant), every=every)
     chosen = _lasting(_of_scheme(model, variant), h, steps)
     if variant in BY_TOLERANCE:
-        steered = {
-            "scheme": AUTO,
-            "local_tolerance": accuracy,
-            "interval": h,
-            "dt": model.simulation.dt,
-        }
-        chosen = replace(chosen, simulation=replace(chosen.simulation, **steered))
+        by_tolerance = replace(
+            chosen.simulation,
+            scheme=AUTO,
+            local_tolerance=accuracy,
+            interval=h,
+            dt=model.simulation.dt,
+        )
+        chosen = replace(chosen, simulation=by_tolerance)
     report = run(chosen, options, rows)
     if report.status != "completed":
         raise RuntimeError(report.message)

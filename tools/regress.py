@@ -72,8 +72,9 @@ def cases() -> list[Case]:
 def compare(case: Case, folder: Path) -> int:
     """Exit status of ``msahl-post compare``, which prints what it finds."""
     print(f"{case.name}:", flush=True)
-    words = ["compare", folder, STORED / case.name, *TOLERANCES]
-    return subprocess.run([BIN / "msahl-post", *words], check=False).returncode
+    paths = str(folder), str(STORED / case.name)
+    command = [str(BIN / "msahl-post"), "compare", *paths, *TOLERANCES]
+    return subprocess.run(command, check=False).returncode
 
 
 def check(case: Case, folder: Path) -> bool:

@@ -11,8 +11,8 @@ import sys
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-from printed import SCENES, STEPS
-from stepping import Program, condition, reach
+from benchmarks.convergence.printed import SCENES, STEPS
+from benchmarks.convergence.stepping import Program, condition, reach
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results.json"
@@ -80,6 +80,6 @@ def measure():
 if __name__ == "__main__":
     if "--page" not in sys.argv:
         RESULTS.write_text(json.dumps(measure(), indent=1) + "\n")
-    from page import write_page
+    from benchmarks.convergence.page import write_page
 
     write_page(json.loads(RESULTS.read_text()))

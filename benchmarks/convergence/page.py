@@ -6,7 +6,7 @@ from pathlib import Path
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
-from printed import HUNDRED_SECONDS, SCENES, STEPS, TEN_SECONDS
+from benchmarks.convergence.printed import HUNDRED_SECONDS, SCENES, STEPS, TEN_SECONDS
 
 from msahl.post.document import Block, Heading, Items, Paragraph, Picture, as_markdown
 from msahl.post.draw import looks, style

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from element import Chain, State, apply, jacobian, matrix, residual
+from benchmarks.convergence.element import Chain, State, apply, jacobian, matrix, residual
 from scipy.optimize._minpack_py import _minpack
 
 from msahl.algebra.rotation import compose

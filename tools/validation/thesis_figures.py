@@ -4,14 +4,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from drawn import bounded, save_small
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from measured import FIGURES, Measured, run_deck
-from printed import RUNS, STEPS
 
 from msahl.post.draw import looks, peaks, plain, style, thinned
+from tools.validation.small_pictures import bounded, save_small
+from tools.validation.thesis_printed import RUNS, STEPS
+from tools.validation.thesis_runs import FIGURES, Measured, run_deck
 
 TINY = 1e-18
 """Smaller values are drawn at the lower edge."""
@@ -38,7 +38,7 @@ def case_figure(deck: str, title: str, runs: Sequence[tuple[str, Measured]]) -> 
 
 def _path(axes: Axes, measured: Measured, plane: str, name: str) -> None:
     states, model = measured.run.states, measured.run.model
-    i, j = plane
+    i, j = plane[0], plane[1]
     for body, look in zip(model.bodies, looks(), strict=False):
         x, y = (states[f"{body.name}.{c}"].to_numpy() for c in (i, j))
         step = max(1, len(x) // 6000)
@@ -50,7 +50,7 @@ def _path(axes: Axes, measured: Measured, plane: str, name: str) -> None:
 
 
 def _energy(axes: Axes, measured: Measured, name: str) -> None:
-    energy = measured.measures.energy
+    energy = measured.metrics.energy
     error = np.abs(energy.error[:, None]) / energy.largest_kinetic
     time, error = peaks(energy.time, error)
     axes.plot(time, np.maximum(error, TINY), linewidth=0.7)
@@ -77,7 +77,7 @@ def trend_figure(name: str, decks: Sequence[str], title: str, seconds: np.ndarra
             label = deck.replace("_", " ")
             marks = {"marker": "o", "markersize": 3, **look}
             cost.loglog(STEPS, taken, label=label, **marks)
-            spreads = [m.measures.energy.error_over_kinetic for m in runs]
+            spreads = [m.metrics.energy.error_over_kinetic for m in runs]
             energy.loglog(STEPS, [s.rms if s else np.nan for s in spreads], **marks)
             mean = [float(np.abs(m.work.mean(axis=0)).max()) for m in runs]
             work.loglog(STEPS, mean, **marks)

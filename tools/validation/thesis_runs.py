@@ -9,7 +9,7 @@ import numpy as np
 from msahl.algebra.rotation_arrays import rotations
 from msahl.deck import read_deck
 from msahl.model import Model
-from msahl.post.metrics import compute_metrics
+from msahl.post.metrics import Metrics, compute_metrics
 from msahl.results.read import Run
 from msahl.run.loop import Options, Report
 from msahl.study.runs import run_in_memory, with_step
@@ -56,6 +56,4 @@ def mid_work(run: Run, metrics: Metrics) -> np.ndarray:
     names = [body.name for body in run.model.bodies]
     child = [names.index(joint.child) for joint in run.model.joints]
     mean = 0.5 * (v[1:] + v[:-1])[:, child]
-    return np.asarray(
-        (metrics.reactions.force[1:] * mean).sum(axis=2) * np.diff(run.time)[:, None]
-    )
+    return np.asarray((metrics.reactions.force[1:] * mean).sum(axis=2) * np.diff(run.time)[:, None])
