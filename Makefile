@@ -5,10 +5,11 @@ DECK ?= decks/thesis/single_pendulum_45.xml
 
 BIN := .venv/bin
 RESULTS := results
-# Processes the tests run in.
+# Number of processes that run tests.
 WORKERS ?= 2
-# How long bad decks are tried out.
+# Seconds that make fuzz takes.
 SECONDS ?= 300
+PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 OUT := $(RESULTS)/$(basename $(notdir $(DECK)))
 
 SITE := build/site
@@ -19,25 +20,30 @@ SWEEP_DECKS := $(foreach n,single double,$(foreach a,45 89 135,$(n)_pendulum_$(a
 SWEEP_STEPS := 0.1 0.04 0.01 0.004 0.002
 SWEEP_RUNS := $(foreach d,$(SWEEP_DECKS),$(foreach h,$(SWEEP_STEPS),$(SWEEP)/$(d)/$(h)/states.csv))
 
-.PHONY: help run test fuzz lint regress regress-update sweep bench thesis validation convergence \
+.PHONY: help run test test-slow coverage mutate fuzz lint regress regress-update sweep bench thesis validation convergence \
   stability error-table docs examples clean
 .DELETE_ON_ERROR:
 
 help:
-	@echo 'make run             set up .venv, run DECK ($(DECK)), write its report'
-	@echo 'make test            set up .venv for tests; lint, compare stored results, run all tests'
-	@echo 'make fuzz            try out bad decks for SECONDS ($(SECONDS))'
-	@echo 'make lint            ruff and mypy'
-	@echo 'make regress         run the stored cases again and compare with tests/regression'
-	@echo 'make regress-update  write tests/regression anew and say what changed'
-	@echo 'make sweep           angles by steps of the thesis -> $(SWEEP).csv (in parallel: make -j2 sweep)'
-	@echo 'make bench           measure speed, and seconds to an error, against peers'
-	@echo 'make thesis          write docs/validation/thesis.md (make validation: all its pages)'
-	@echo 'make stability       run extreme scenes at all steps, write docs/validation/stability.md'
-	@echo 'make error-table     compare error estimates with true errors, write docs/validation/error.md'
+	@echo 'make run             set up .venv, run DECK ($(DECK)) and write its report'
+	@echo 'make test            set up .venv, check the style and types, run all tests but the slow ones'
+	@echo 'make test-slow       run the slow tests'
+	@echo 'make lint            check the sources with ruff and mypy'
+	@echo 'make coverage        measure which lines and branches the tests execute'
+	@echo 'make mutate          falsify lines of physics one by one and check that a test fails'
+	@echo 'make fuzz            generate malformed decks for SECONDS ($(SECONDS)) and run them'
+	@echo 'make regress         run the stored cases again and print the differences to tests/regression'
+	@echo 'make regress-update  replace the results in tests/regression and print what changed'
+	@echo 'make sweep           run the angles and steps of the thesis and write $(SWEEP).csv (or make -j2 sweep)'
+	@echo 'make bench           compare speed, and time to a given error, with other programs'
+	@echo 'make thesis          write docs/validation/thesis.md'
+	@echo 'make validation      write all pages of docs/validation from the stored measurements'
+	@echo 'make stability       run extreme models at all steps and write docs/validation/stability.md'
+	@echo 'make error-table     compare error estimates with true errors and write docs/validation/error.md'
+	@echo 'make convergence     repeat the experiment on the convergence errors of the thesis'
 	@echo 'make docs            build the documentation site in $(SITE)'
 	@echo 'make examples        run all decks and draw their pictures for the documentation'
-	@echo 'make clean           remove results and build products; .venv stays'
+	@echo 'make clean           remove results and build products, but keep .venv'
 
 run: .venv/installed
 	$(BIN)/msahl run $(DECK) -o $(OUT)
@@ -46,11 +52,25 @@ run: .venv/installed
 	@echo 'report:   $(OUT)/report/report.html (or report.md)'
 	@echo 'pictures: $(OUT)/report/'
 
-# Tests come last, so that what they say in the end is the end.
-test: lint regress
-	@$(BIN)/python -m pytest -n $(WORKERS)
+# The tests include those of make regress.
+test: lint
+	@$(PYTEST) -m 'not slow'
 
-# What make test draws the same every time, drawn anew; -s shows how many there were.
+test-slow: .venv/tested
+	@$(PYTEST) -m slow
+
+# Compiled kernels are not traced: they run as plain Python, except in the tests of the compiler.
+coverage: .venv/tested
+	$(BIN)/coverage erase
+	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run -m pytest -q -n $(WORKERS) --dist worksteal $(COVERED)
+	$(BIN)/coverage run -m pytest -q tests/jit
+	$(BIN)/coverage combine -q
+	$(BIN)/coverage report
+
+mutate: .venv/tested
+	$(BIN)/python tools/mutate.py
+
+# make test generates the same examples every time, make fuzz new ones; -s prints their number.
 fuzz: .venv/tested
 	MSAHL_FUZZ_SECONDS=$(SECONDS) $(BIN)/python -m pytest -q -s tests/fuzz
 
@@ -71,13 +91,13 @@ $(SWEEP).csv: $(SWEEP_RUNS) tools/sweep_table.py
 	@$(BIN)/python tools/sweep_table.py $(SWEEP_RUNS) > $@
 	@echo 'table: $@'
 
-# Seconds in the table are those of a warm start: what compiles, once, is this.
+# This run compiles the kernels, so that the times in the table do not contain the compilation.
 $(SWEEP)/compiled: | .venv/installed
 	$(BIN)/msahl run $(DECK) --t-final 0.01 -q -o $(SWEEP)/first
 	@touch $@
 
-# Exit status 1 is the verdict FAIL, as large steps have: the tables are complete.
-# A run that was stopped has written run.json, but its tables have no names yet: it is made again.
+# Exit status 1 is the verdict FAIL, which large steps have; their tables are complete. A run that was
+# interrupted has no states.csv yet, so make repeats it.
 define sweep_rule
 $(SWEEP)/$(1)/$(2)/states.csv: decks/thesis/$(1).xml | $(SWEEP)/compiled
 	$(BIN)/msahl run $$< --dt $(2) --t-final 10 -q -o $$(@D) || [ $$$$? -eq 1 ]
@@ -89,7 +109,7 @@ bench: .venv/installed
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.precision
 
-# Every printed number of the thesis beside ours, and the other pages of docs/validation.
+# Compares every number that the thesis prints with the computed one.
 thesis: .venv/installed
 	$(BIN)/python -m tools.validation.thesis
 
@@ -99,11 +119,11 @@ validation: thesis error-table
 	$(BIN)/python -m benchmarks.convergence.experiment --page
 	$(BIN)/python -m tools.validation.stability --page
 
-# About five minutes on two cores; the first time reference solutions and kernels take five more each.
+# Takes about five minutes on two cores, and about ten more when reference solutions and kernels are new.
 error-table: .venv/installed
 	$(BIN)/python -m tools.validation.error
 
-# An hour or so on two cores; make validation writes the page from the cells kept in docs/validation/stability.csv.
+# Takes about an hour on two cores. make validation writes the page from docs/validation/stability.csv.
 stability: .venv/installed
 	$(BIN)/python -m tools.validation.stability
 
@@ -119,7 +139,7 @@ examples: .venv/documented
 	$(BIN)/python tools/docs/pictures.py
 
 clean:
-	rm -rf $(RESULTS) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(RESULTS) .coverage build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
 
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv

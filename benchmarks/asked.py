@@ -28,7 +28,7 @@ class Results:
 
 def verdicts(results: Results) -> list[Verdict]:
     parts: tuple[Callable[[Results], Iterable[Verdict]], ...] = (
-        _small_scenes,
+        _small_problems,
         _chains,
         _growth,
         _auto,
@@ -41,11 +41,11 @@ def verdicts(results: Results) -> list[Verdict]:
 
 
 def _groups(results: Results) -> Iterable[tuple[str, dict[str, Measured]]]:
-    """The codes that were timed, by scene and step."""
+    """The codes that were timed, by problem and step."""
     groups: dict[str, dict[str, Measured]] = {}
     for row in results.loops:
         if row.samples:
-            groups.setdefault(f"{row.scene.name}, h = {row.h:g}", {})[row.code] = row
+            groups.setdefault(f"{row.problem.name}, h = {row.h:g}", {})[row.code] = row
     return groups.items()
 
 
@@ -53,7 +53,7 @@ def _exudyn(rows: dict[str, Measured]) -> list[Measured]:
     return [row for code, row in rows.items() if code.startswith("exudyn")]
 
 
-def _small_scenes(results: Results) -> Iterable[Verdict]:
+def _small_problems(results: Results) -> Iterable[Verdict]:
     for name, rows in _groups(results):
         peer = rows.get(GENERALISED_ALPHA)
         if name.startswith("chain") or not peer:
@@ -90,9 +90,9 @@ def _chains(results: Results) -> Iterable[Verdict]:
 
 def _growth(results: Results) -> Iterable[Verdict]:
     times = {
-        row.scene.bodies: row.per_step_and_body
+        row.problem.bodies: row.per_step_and_body
         for row in results.loops
-        if row.code == "msahl newton" and row.scene.name.startswith("chain")
+        if row.code == "msahl newton" and row.problem.name.startswith("chain")
     }
     if 10 in times and 1000 in times:
         what = "newton, time per step and body: chain of 1000 / chain of 10"
@@ -108,7 +108,7 @@ def _auto(results: Results) -> Iterable[Verdict]:
             yield _at_most(f"{name}: auto / newton, time of {steps} steps", 1.2, ratio)
     for row in results.loops:
         if row.code == "msahl auto" and not row.samples:
-            what = f"{row.scene.name}, h = {row.h:g}: auto / newton, time"
+            what = f"{row.problem.name}, h = {row.h:g}: auto / newton, time"
             yield Verdict(what, "<= 1.2", row.note, False)
 
 

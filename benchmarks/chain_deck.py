@@ -4,7 +4,7 @@
 
 Every body has m = 2 kg, I = 0.008 kg m^2 and hangs on the one before it, 5 m on, by a spherical
 joint; z is down, the line leaves it by ``angle`` towards x. Ten such bodies and two are the same
-scene as the thesis's double pendulum but for the number.
+problem as the thesis's double pendulum but for the number.
 """
 
 import argparse

@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks import equivalent, ours
 from benchmarks.motion import Motion
 from benchmarks.peers import PEERS
-from benchmarks.scenes import Scene
+from benchmarks.problems import Problem
 from msahl.model.scheme import split
 
 LARGEST_ORDER = 10
@@ -28,13 +28,13 @@ TARGETS = (1e-3, 1e-6, 1e-9)
 GRID, ROWS = 0.5, 20
 """Interval [s] at whose ends all codes are compared, and how many: 10 s."""
 NEAR = 2.0
-"""How far the best run may miss an error whose seconds its order then tells."""
+"""Factor by which the best run may miss an error that its order is then used to extrapolate to."""
 COARSEST_ACCURACY = 0.1
 MOST_RUNGS = 8
 """Up which a code is taken at once: a step 16 times finer."""
 SHORT, UP_A_DECADE = 10, 4
 """Bodies beyond which the ladder is entered further up, by so many rungs for ten times as many:
-steps four times smaller, the quickest motions of a chain being about as many times quicker.
+steps four times smaller, as the fastest motions of a chain are faster by about this factor.
 """
 LOST = 0.1
 """Error [m] of a step so large that its iterations say nothing about the cost of finer ones."""
@@ -42,8 +42,8 @@ FLOOR, FLAT = 1e-5, 0.8
 """Below the first error [m], one that falls by less than the second factor is round-off's."""
 WARMED = 0.001
 """Step [s] at which our kernels are loaded, or compiled, before anything counts."""
-TURNS, ENOUGH = 7, 2.5
-"""Samples of each run, and the seconds, scenes built and all, after which a code gets no more."""
+MOST_SAMPLES, ENOUGH = 7, 2.5
+"""Samples of each run, and the seconds, problems built and all, after which a code gets no more."""
 
 
 class Code(NamedTuple):
@@ -60,7 +60,7 @@ class Point:
 
     rung: int
     error: float
-    samples: list[float] = field(default_factory=list)  # loop seconds of the whole motion
+    samples: list[float] = field(default_factory=list)  # loop seconds of the complete motion
     steps: int = 0
     iterations: int = 0
     note: str = ""
@@ -82,9 +82,9 @@ class Reached(NamedTuple):
 
 @dataclass(slots=True)
 class Curve:
-    """One code on one scene."""
+    """One code on one problem."""
 
-    scene: Scene
+    problem: Problem
     code: Code
     points: dict[int, Point] = field(default_factory=dict)
     stopped: str = ""  # why it was refined no more
@@ -111,13 +111,13 @@ class Curve:
         worse, good = self.bracket(target)
         if good is None:
             return self._lower_bound(target)
-        quickest = min(p.seconds for p in self.sorted() if p.error <= target)
+        fastest = min(p.seconds for p in self.sorted() if p.error <= target)
         if worse is None or not math.isfinite(worse.error):
-            how = "<=" if quickest == good.seconds else ""
-            return Reached(quickest, how, "its coarsest run that succeeds is better")
+            how = "<=" if fastest == good.seconds else ""
+            return Reached(fastest, how, "its coarsest run that succeeds is better")
         share = math.log(worse.error / target) / math.log(worse.error / good.error)
         between = worse.seconds * (good.seconds / worse.seconds) ** share
-        return Reached(min(between, quickest), "")
+        return Reached(min(between, fastest), "")
 
     def _lower_bound(self, target: float) -> Reached:
         finite = [p for p in self.sorted() if math.isfinite(p.error)]
@@ -131,7 +131,7 @@ class Curve:
         return Reached(seconds, how, reason)
 
 
-def all_codes(scene: Scene) -> list[Code]:
+def all_codes(problem: Problem) -> list[Code]:
     """Every scheme of ours and the solvers of the peers that are installed."""
     codes = [Code(name, ours, order_of(name.removeprefix("msahl "))) for name in ours.SCHEMES]
     codes += [Code(name, ours, LARGEST_ORDER, controlled=True) for name in ours.BY_TOLERANCE]
@@ -139,12 +139,12 @@ def all_codes(scene: Scene) -> list[Code]:
         for name in module.VARIANTS:
             controlled = name in getattr(module, "CONTROLLED", ())
             codes.append(Code(name, module, module.ORDERS[name], controlled))
-    return [_that_can(code, scene) for code in codes]
+    return [_that_can(code, problem) for code in codes]
 
 
-def _that_can(code: Code, scene: Scene) -> Code:
+def _that_can(code: Code, problem: Problem) -> Code:
     """The code, or what stands for it where it would take hours."""
-    if scene.bodies < equivalent.FROM or code.name not in equivalent.TABLEAUS:
+    if problem.bodies < equivalent.FROM or code.name not in equivalent.TABLEAUS:
         return code
     return code._replace(module=equivalent, estimated=True)
 
@@ -173,25 +173,25 @@ def knob(code: Code, rung: int) -> float:
     return COARSEST_ACCURACY / fine if code.controlled else GRID / fine
 
 
-def run(scene: Scene, code: Code, rung: int) -> Motion:
+def run(problem: Problem, code: Code, rung: int) -> Motion:
     if code.controlled:
         motion: Motion = code.module.motion(
-            scene.model, GRID, ROWS, code.name, accuracy=knob(code, rung)
+            problem.model, GRID, ROWS, code.name, accuracy=knob(code, rung)
         )
         return motion
     k = per_interval(rung)
-    motion = code.module.motion(scene.model, GRID / k, ROWS * k, code.name, every=k)
+    motion = code.module.motion(problem.model, GRID / k, ROWS * k, code.name, every=k)
     return motion
 
 
-def trace(scene: Scene, code: Code, exact: np.ndarray, longest: float, budget: float) -> Curve:
+def trace(problem: Problem, code: Code, exact: np.ndarray, longest: float, budget: float) -> Curve:
     """Runs around every target; none is begun that would take more than ``longest`` seconds in the
     loop, nor any once all took ``budget``.
     """
-    curve = Curve(scene, code)
+    curve = Curve(problem, code)
     if code.module is ours:
         accuracy = COARSEST_ACCURACY if code.controlled else None
-        ours.motion(scene.model, WARMED, 2, code.name, accuracy=accuracy)
+        ours.motion(problem.model, WARMED, 2, code.name, accuracy=accuracy)
     for target in TARGETS:
         for rung in _wanted(curve, target):
             expected = _expected(curve, rung)
@@ -213,7 +213,7 @@ def _spent(curve: Curve) -> float:
 
 def _measured(curve: Curve, rung: int, exact: np.ndarray) -> Point:
     try:
-        motion = run(curve.scene, curve.code, rung)
+        motion = run(curve.problem, curve.code, rung)
     except (RuntimeError, ValueError, ArithmeticError) as error:
         return Point(rung, math.inf, note=" ".join(str(error).split())[:80])
     error = float(np.linalg.norm(motion.x - exact, axis=-1).max())
@@ -258,8 +258,8 @@ def _first(curve: Curve) -> int:
 
 
 def _up(curve: Curve) -> int:
-    """How many rungs quicker the quick motions are than those of a short chain."""
-    return round(UP_A_DECADE * math.log10(max(1.0, curve.scene.bodies / SHORT)))
+    """Return by how many rungs the fast motions are faster than those of a short chain."""
+    return round(UP_A_DECADE * math.log10(max(1.0, curve.problem.bodies / SHORT)))
 
 
 def _foot(curve: Curve) -> int:
@@ -332,17 +332,17 @@ def _expected(curve: Curve, rung: int) -> float:
     return near.seconds * (fineness(code, rung) / fineness(code, near.rung)) ** power
 
 
-def take_turns(curves: list[Curve]) -> None:
+def take_samples_in_turn(curves: list[Curve]) -> None:
     """Further samples of the runs next to the targets, code after code."""
     measured = [curve for curve in curves if not curve.code.estimated]
     wanted = [(curve, point) for curve in measured for point in _next_to_targets(curve)]
     spent = dict.fromkeys((curve.code.name for curve in measured), 0.0)
-    for _ in range(1, TURNS):
+    for _ in range(1, MOST_SAMPLES):
         for curve, point in wanted:
             name = curve.code.name
             if spent[name] + point.seconds < ENOUGH:
                 began = time.perf_counter()
-                point.samples.append(run(curve.scene, curve.code, point.rung).seconds)
+                point.samples.append(run(curve.problem, curve.code, point.rung).seconds)
                 spent[name] += time.perf_counter() - began
 
 

@@ -1,7 +1,8 @@
 """Drake: a continuous MultibodyPlant in minimal coordinates, explicit Runge-Kutta of order 3 and 5.
 
-Its ball joint has roll, pitch and yaw, singular at a pitch of 90 degrees. So joint axes are turned:
-motions in the x-z plane are rolls alone; those of a top near the vertical stay clear of the pole.
+Its ball joint has roll, pitch and yaw, singular at a pitch of 90 degrees. So joint axes are
+rotated: motions in the x-z plane are rolls alone; those of a top near the vertical stay clear of
+the pole.
 """
 
 import time
@@ -38,7 +39,7 @@ LARGEST, SMALLEST = 0.1, 1e-6
 """Steps under error control [s]; where a smaller one is asked for, it gives up."""
 ORDERS = {code: variant.order for code, variant in VARIANTS.items()}
 CONTROLLED = tuple(code for code, variant in VARIANTS.items() if variant.controlled)
-_COMMON = "continuous plant (time_step = 0), BallRpyJoint with frames turned clear of its pole"
+_COMMON = "continuous plant (time_step = 0), BallRpyJoint with frames rotated away from its pole"
 _STEPS = {
     True: f"error control by target accuracy, steps at most {LARGEST:g} s (its default)",
     False: "fixed steps",
@@ -49,13 +50,13 @@ SETTINGS = {
 }
 
 ROLLING = RotationMatrix(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
-"""Joint axes whose x, about which roll goes, is y of the scene."""
+"""Joint axes whose x, about which roll goes, is y of the problem."""
 
 
 def motion(
     model: Model, h: float, steps: int, variant: str, every: int = 1, accuracy: float | None = None
 ) -> Motion:
-    """Steps ``h``, or as many as ``accuracy`` asks for; either way some end at the rows' times."""
+    """Steps ``h``, or as many as ``accuracy`` asks for; either way some end at the output times."""
     simulator = _simulator(model, h, variant, accuracy)
     rows, seconds = [_look(simulator, model)], 0.0
     t = h * every * np.arange(steps // every + 1)
@@ -119,8 +120,8 @@ def _compile(model: Model) -> MultibodyPlant:
 
 def _axes(model: Model) -> RotationMatrix:
     """Axes of every joint, in those of its bodies."""
-    turning = any(any(body.angular_velocity) for body in model.bodies)
-    return RotationMatrix() if turning else ROLLING
+    spinning = any(any(body.angular_velocity) for body in model.bodies)
+    return RotationMatrix() if spinning else ROLLING
 
 
 def _place(plant: MultibodyPlant, context: object, model: Model) -> None:

@@ -1,10 +1,10 @@
 """The formulas of explicit peers in the angles of a planar chain, where a peer takes hours.
 
-A chain that stays in its plane has relative turns about one axis. MuJoCo's quaternions and Drake's
-rolls then advance as those angles do, absolute angles are sums of them, and a Runge-Kutta formula
-does not see a linear change of coordinates: the peer's error is that of its formula applied to
-``reference.chain_equation``, but for round-off. What a step costs is measured by the peer itself,
-over a few steps. ``check`` compares such errors with the peer's own on a shorter chain.
+A chain that stays in its plane has relative rotations about one axis. MuJoCo's quaternions and
+Drake's rolls then advance as those angles do, absolute angles are sums of them, and a Runge-Kutta
+formula does not see a linear change of coordinates: the peer's error is that of its formula applied
+to ``reference.chain_equation``, but for rounding errors. What a step costs is measured by the peer
+itself, over a few steps. ``check`` compares such errors with the peer's own on a shorter chain.
 """
 
 from functools import lru_cache

@@ -2,7 +2,7 @@
 
 Gragg's modified midpoint rule with 2, 4, ... 2 K substeps of a step H has an error in even powers
 of the substep only; Aitken-Neville's scheme takes K - 1 of them away and leaves order 2 K. Its
-numbers are whole, so no coefficient limits the precision. Source: Hairer, Norsett and Wanner,
+numbers are integers, so no coefficient limits the precision. Source: Hairer, Norsett and Wanner,
 Solving Ordinary Differential Equations I (1993), II.9.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 
 COLUMNS = 8
 """K: order 16, at 72 evaluations a step."""
-MOST_HALVINGS = 6
+MOST_SUBDIVISIONS = 6
 
 Rate = Callable[[np.ndarray], np.ndarray]
 
@@ -30,7 +30,7 @@ def refine(
 ) -> Refined:
     """Halve the step, from ``grid`` on, until that moves no mass centre by ``accuracy`` [m]."""
     x, apart = places(_solution(rate, start, grid, rows, 1)), np.inf
-    for subdivisions in range(1, MOST_HALVINGS + 1):
+    for subdivisions in range(1, MOST_SUBDIVISIONS + 1):
         finer = places(_solution(rate, start, grid, rows, 2**subdivisions))
         apart = float(np.linalg.norm((finer - x).astype(float), axis=-1).max())
         x = finer

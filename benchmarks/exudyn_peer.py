@@ -1,7 +1,7 @@
 """Exudyn: rigid bodies in redundant coordinates and spherical joints, implicit integration.
 
 Its kinematic tree (minimal coordinates, explicit) has no spherical joint, and three revolutes in
-its place are singular in the plane of these motions; so it is left out.
+its place are singular in the plane of these motions; so it is omitted.
 """
 
 import os
@@ -55,7 +55,7 @@ SETTINGS = {
 def loop_seconds(model: Model, h: float, steps: int, variant: str) -> float:
     """Seconds as Exudyn's solver counts them, without output."""
     mbs = _build(model, VARIANTS[variant].node)[0]
-    return _solve(mbs, model, h, steps, variant, watched=0)
+    return _solve(mbs, model, h, steps, variant, stored=0)
 
 
 def motion(model: Model, h: float, steps: int, variant: str, every: int = 1) -> Motion:
@@ -64,7 +64,7 @@ def motion(model: Model, h: float, steps: int, variant: str, every: int = 1) -> 
     wanted = (kinds.Position, kinds.RotationMatrix, kinds.Velocity, kinds.AngularVelocityLocal)
     sensors = [[_sensor(mbs, body, kind) for body in bodies] for kind in wanted]
     mbs.Assemble()
-    seconds = _solve(mbs, model, h, steps, variant, watched=every)
+    seconds = _solve(mbs, model, h, steps, variant, stored=every)
     iterations = int(mbs.sys["dynamicSolver"].it.newtonStepsCount)
     tables = [np.stack([mbs.GetSensorStoredData(s) for s in group], axis=1) for group in sensors]
     x, R, v, w = (table[:, :, 1:] for table in tables)
@@ -100,12 +100,12 @@ def _build(model: Model, node: Any) -> tuple[Any, list[int]]:
     return mbs, [items[body.name] for body in model.bodies]
 
 
-def _solve(mbs: Any, model: Model, h: float, steps: int, variant: str, watched: int) -> float:
-    """``watched`` steps pass from one row to the next; 0 for no rows."""
+def _solve(mbs: Any, model: Model, h: float, steps: int, variant: str, stored: int) -> float:
+    """Rows are stored every ``stored`` steps; none if 0."""
     settings = exu.SimulationSettings()
     settings.solution.file.write = False
-    settings.solution.sensors.active = watched > 0
-    settings.solution.sensors.writePeriod = h * max(watched, 1)
+    settings.solution.sensors.active = stored > 0
+    settings.solution.sensors.writePeriod = h * max(stored, 1)
     settings.timeIntegration.numberOfSteps = steps
     settings.timeIntegration.endTime = steps * h
     settings.timeIntegration.adaptiveStep = False

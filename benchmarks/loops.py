@@ -1,4 +1,4 @@
-"""Time of the loop, and its errors, of every code on every scene."""
+"""Time of the loop, and its errors, of every code on every problem."""
 
 import multiprocessing
 import statistics
@@ -12,8 +12,8 @@ import numpy as np
 from benchmarks import ours
 from benchmarks.motion import Errors, errors_of
 from benchmarks.peers import PEERS
+from benchmarks.problems import Problem
 from benchmarks.reference import converged_positions
-from benchmarks.scenes import Scene
 
 _MODULES = [ours, *(PEERS[package] for package in ("exudyn", "mujoco") if package in PEERS)]
 CODES: dict[str, ModuleType] = {name: m for m in _MODULES for name in m.VARIANTS}
@@ -21,7 +21,7 @@ SETTINGS = {name: text for m in _MODULES for name, text in m.SETTINGS.items()}
 MOST_BODIES = {"msahl root": 10}
 """A dense solver: its cost grows like the cube of the bodies."""
 PATIENCE = 10.0
-"""Seconds for the samples of one code on one scene, and for the run whose errors are taken; more
+"""Seconds for the samples of one code on one problem, and for the run whose errors are taken; more
 are not begun. One sample there is always."""
 LONGEST_FIRST = 60.0
 """Seconds after which a code's first step of a very long chain is called too long."""
@@ -29,9 +29,9 @@ LONGEST_FIRST = 60.0
 
 @dataclass(slots=True)
 class Measured:
-    """One code on one scene at one step size."""
+    """One code on one problem at one step size."""
 
-    scene: Scene
+    problem: Problem
     h: float
     code: str
     steps: int = 0  # of one timing sample
@@ -46,12 +46,12 @@ class Measured:
 
     @property
     def per_step_and_body(self) -> float:
-        return self.per_step / self.scene.bodies
+        return self.per_step / self.problem.bodies
 
 
-def measure(scene: Scene, h: float, repeats: int, sample: float) -> list[Measured]:
-    """Every code on ``scene`` at ``h``: samples of about ``sample`` seconds, interleaved."""
-    rows = [Measured(scene, h, code) for code in CODES if _can(code, scene)]
+def measure(problem: Problem, h: float, repeats: int, sample: float) -> list[Measured]:
+    """Every code on ``problem`` at ``h``: samples of about ``sample`` seconds, interleaved."""
+    rows = [Measured(problem, h, code) for code in CODES if _can(code, problem)]
     for row in rows:
         _attempt(row, partial(_choose_steps, row, sample))
     _give_auto_the_steps_of_newton(rows)
@@ -59,14 +59,14 @@ def measure(scene: Scene, h: float, repeats: int, sample: float) -> list[Measure
         for row in rows:
             if not row.note and sum(row.samples) * row.steps < PATIENCE:
                 _attempt(row, partial(_take_sample, row))
-    converged = converged_positions(scene.model, h * np.arange(round(scene.span / h) + 1))
+    converged = converged_positions(problem.model, h * np.arange(round(problem.span / h) + 1))
     for row in rows:
         _attempt(row, partial(_take_errors, row, converged))
     return rows
 
 
-def _can(code: str, scene: Scene) -> bool:
-    return scene.bodies <= MOST_BODIES.get(code, scene.bodies)
+def _can(code: str, problem: Problem) -> bool:
+    return problem.bodies <= MOST_BODIES.get(code, problem.bodies)
 
 
 def _attempt(row: Measured, part: Callable[[], None]) -> None:
@@ -78,18 +78,18 @@ def _attempt(row: Measured, part: Callable[[], None]) -> None:
 
 
 def _loop(row: Measured, steps: int) -> float:
-    seconds: float = CODES[row.code].loop_seconds(row.scene.model, row.h, steps, row.code)
+    seconds: float = CODES[row.code].loop_seconds(row.problem.model, row.h, steps, row.code)
     return seconds
 
 
 def _choose_steps(row: Measured, sample: float) -> None:
     """How many steps a sample has; the trial also compiles and warms up."""
-    if row.scene.bodies >= 1000 and CODES[row.code] is ours:
+    if row.problem.bodies >= 1000 and CODES[row.code] is ours:
         _finish_first_step(row)
-    trial = max(1, 200 // row.scene.bodies)
+    trial = max(1, 200 // row.problem.bodies)
     _loop(row, trial)
     per_step = _loop(row, trial) / trial
-    most = round(row.scene.timed / row.h)
+    most = round(row.problem.timed / row.h)
     row.steps = min(most, max(1, round(sample / per_step)))
 
 
@@ -121,5 +121,5 @@ def _take_errors(row: Measured, converged: np.ndarray) -> None:
     if row.note or row.per_step * steps > PATIENCE:
         row.note = row.note or "too slow for the errors"
         return
-    motion = CODES[row.code].motion(row.scene.model, row.h, steps, row.code)
-    row.errors = errors_of(row.scene.model, motion, converged)
+    motion = CODES[row.code].motion(row.problem.model, row.h, steps, row.code)
+    row.errors = errors_of(row.problem.model, motion, converged)

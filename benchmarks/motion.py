@@ -1,7 +1,8 @@
 """A motion as every code reports it, and how wrong it is.
 
-Energy, gaps and position errors are computed here, from positions and velocities, for all codes
-alike; no code judges itself. Bodies have their mass centre in B (as all our scenes do).
+Energy, constraint violations and position errors are computed here, from positions and
+velocities, for all codes alike; no code judges itself. Bodies have their mass centre in B (as all
+our problems do).
 """
 
 from typing import NamedTuple
@@ -26,7 +27,7 @@ class Motion(NamedTuple):
 
 class Errors(NamedTuple):
     energy: float  # RMS of E - E(0) over the largest kinetic energy
-    gap: float  # largest distance of two points that a joint holds together [m]
+    violation: float  # largest distance of two points that a joint connects [m]
     position: float  # largest distance of a mass centre from the converged solution [m]
 
 
@@ -35,7 +36,7 @@ def errors_of(model: Model, motion: Motion, converged: np.ndarray) -> Errors:
     kinetic, total = _energies(model, motion)
     energy = np.sqrt(np.mean((total - total[0]) ** 2)) / kinetic.max()
     position = np.linalg.norm(motion.x - converged, axis=-1).max()
-    return Errors(float(energy), _gap(model, motion), float(position))
+    return Errors(float(energy), _violation(model, motion), float(position))
 
 
 def _energies(model: Model, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
@@ -47,7 +48,7 @@ def _energies(model: Model, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     return kinetic, kinetic + potential
 
 
-def _gap(model: Model, motion: Motion) -> float:
+def _violation(model: Model, motion: Motion) -> float:
     index = {body.name: i for i, body in enumerate(model.bodies)}
 
     def place(name: str, point: tuple[float, float, float]) -> np.ndarray:
@@ -56,8 +57,8 @@ def _gap(model: Model, motion: Motion) -> float:
         b = index[name]
         return motion.x[:, b] + motion.R[:, b] @ np.array(point)
 
-    gaps = [
+    distances = [
         place(joint.child, joint.child_point) - place(joint.parent, joint.parent_point)
         for joint in model.joints
     ]
-    return float(np.linalg.norm(gaps, axis=-1).max())
+    return float(np.linalg.norm(distances, axis=-1).max())

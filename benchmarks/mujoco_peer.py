@@ -56,7 +56,7 @@ def _fresh(model: Model, h: float) -> tuple[mujoco.MjModel, mujoco.MjData]:
 
 @lru_cache(maxsize=1)
 def _compile(model: Model) -> mujoco.MjModel:
-    """Kept for the scene at hand: a chain of 1000 takes half a minute."""
+    """Kept for the problem at hand: a chain of 1000 takes half a minute."""
     spec = mujoco.MjSpec()
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
     spec.option.gravity = model.gravity

@@ -20,7 +20,7 @@ SETTINGS = {
     "msahl newton": "the compiled loop, reductions as found",
     "msahl auto": "the default: scipy.optimize.root for the first step and for hard ones",
     "msahl root": "scipy.optimize.root (hybr) for every step; at most 10 bodies",
-    "msahl newton --full": "the compiled loop with nothing left out",
+    "msahl newton --full": "the compiled loop with the complete equations",
     "msahl newton --rotation-update exponential": "the compiled loop, rotations updated by the "
     "exponential map (see docs/deck.md, Scheme)",
 }
@@ -64,7 +64,7 @@ def loop_report(model: Model, h: float, steps: int, options: Options) -> Report:
 
 
 def loop_seconds(model: Model, h: float, steps: int, variant: str) -> float:
-    """Seconds in the loop; it watches energy and gaps at every step, as it always does."""
+    """Seconds in the loop; it monitors energy and constraint violation at every step, as always."""
     report = loop_report(_of_scheme(model, variant), h, steps, _options(variant))
     if report.status != "completed":
         raise RuntimeError(report.message)
@@ -122,5 +122,5 @@ def _matrices(p: np.ndarray) -> np.ndarray:
     square = np.sum(p * p, axis=-1, keepdims=True) / 16.0
     q0, q = (1.0 - square) / (1.0 + square), 0.5 * p / (1.0 + square)
     eye = np.eye(3)
-    turned = [e + 2.0 * np.cross(q, np.cross(q, e) + q0 * e) for e in eye]
-    return np.stack(turned, axis=-1)
+    rotated = [e + 2.0 * np.cross(q, np.cross(q, e) + q0 * e) for e in eye]
+    return np.stack(rotated, axis=-1)

@@ -8,7 +8,7 @@ PACKAGES = {
     "mujoco": "benchmarks.mujoco_peer",
     "pydrake": "benchmarks.drake_peer",
 }
-"""What each needs, and where we drive it."""
+"""The package that each needs, and our module that runs it."""
 
 PEERS: dict[str, ModuleType] = {}
 MISSING: dict[str, str] = {}

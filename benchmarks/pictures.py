@@ -44,8 +44,8 @@ def _draw_bodies(rows: list[Measured], path: Path) -> None:
     figure, axes = plt.subplots(figsize=(7.5, 5.0), layout="constrained")
     for code in CODES:
         mine = [r for r in rows if r.code == code and r.h == 0.01 and r.samples]
-        chains = [r for r in mine if not r.scene.name.startswith("top")]
-        points = sorted((r.scene.bodies, 1e6 * r.per_step_and_body) for r in chains)
+        chains = [r for r in mine if not r.problem.name.startswith("top")]
+        points = sorted((r.problem.bodies, 1e6 * r.per_step_and_body) for r in chains)
         if points:
             axes.loglog(*zip(*points, strict=True), label=code, markersize=5, **STYLES[code])
     axes.set_xlabel("bodies (pendulums, then chains)")
@@ -58,12 +58,14 @@ def _draw_bodies(rows: list[Measured], path: Path) -> None:
 
 
 def _draw_precision(rows: list[Measured], path: Path) -> None:
-    names = list(dict.fromkeys(r.scene.name for r in rows if not r.scene.name.startswith("chain")))
+    names = list(
+        dict.fromkeys(r.problem.name for r in rows if not r.problem.name.startswith("chain"))
+    )
     figure, grid = plt.subplots(2, 2, figsize=(9.5, 7.0), layout="constrained", squeeze=False)
     for axes, name in zip(grid.flat, names, strict=False):
         for code in CODES:
-            mine = [r for r in rows if r.code == code and r.scene.name == name and r.errors]
-            points = [(r.per_step * r.scene.span / r.h, r.errors.position) for r in mine]
+            mine = [r for r in rows if r.code == code and r.problem.name == name and r.errors]
+            points = [(r.per_step * r.problem.span / r.h, r.errors.position) for r in mine]
             if points:
                 axes.loglog(*zip(*points, strict=True), label=code, markersize=5, **STYLES[code])
         axes.set_title(name)
@@ -80,7 +82,7 @@ def _draw_precision(rows: list[Measured], path: Path) -> None:
 
 
 def draw_curves(name: str, curves: list[Curve], path: Path) -> None:
-    """Error against loop seconds of every code on one scene."""
+    """Error against loop seconds of every code on one problem."""
     figure, axes = plt.subplots(figsize=(9.0, 5.5), layout="constrained")
     for curve in curves:
         points = [(p.seconds, p.error) for p in curve.sorted() if p.samples]

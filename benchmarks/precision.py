@@ -1,7 +1,7 @@
 """Loop seconds to an error: ``python -m benchmarks.precision [--quick] [-o DIR]``.
 
-Results: precision.md, precision_points.csv (every run) and a picture of each scene. ``--quick`` is
-a smoke test on three scenes and with short runs; its figures mean nothing.
+Results: precision.md, precision_points.csv (every run) and a picture of each problem. ``--quick``
+is a smoke test on three problems and with short runs; its figures mean nothing.
 """
 
 import argparse
@@ -21,7 +21,7 @@ from benchmarks.curves import (
     Reached,
     all_codes,
     knob,
-    take_turns,
+    take_samples_in_turn,
     trace,
 )
 from benchmarks.equivalent import FROM, TABLEAUS, check
@@ -29,8 +29,8 @@ from benchmarks.machine import describe
 from benchmarks.peers import PEERS, versions
 from benchmarks.pictures import draw_curves
 from benchmarks.precision_asked import JUDGED, Found, StepCost, verdicts
+from benchmarks.problems import Problem, all_problems
 from benchmarks.reference import known
-from benchmarks.scenes import Scene, all_scenes
 from benchmarks.speed import RESULTS, tell
 from benchmarks.verdict import table_of_verdicts
 
@@ -43,14 +43,14 @@ STEP = 0.01
 CHECKED = (0.005, 400)
 """Step and steps of the runs that show a formula to be its peer's."""
 FAMILIES = ("msahl", "exudyn", "mujoco", "drake")
-HEADER = ("scene", "bodies", "code", "step [s] or accuracy", "position error [m]", "loop [s]",
+HEADER = ("problem", "bodies", "code", "step [s] or accuracy", "position error [m]", "loop [s]",
           "samples", "steps", "us per step", "iterations per step", "note")  # fmt: skip
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="smoke test")
-    parser.add_argument("--scene", action="append", help="only this one (more than once: these)")
+    parser.add_argument("--problem", action="append", help="only this one (more than once: these)")
     parser.add_argument("--code", default="", help="only codes with this in their names")
     parser.add_argument("-o", "--output", type=Path, default=None, metavar="DIR")
     options = parser.parse_args()
@@ -58,49 +58,49 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     began = time.perf_counter()
     machine = [*describe(), ""]
-    names = options.scene or (QUICK if options.quick else None)
-    scenes = [s for s in all_scenes(quick=False) if names is None or s.name in names]
+    names = options.problem or (QUICK if options.quick else None)
+    problems = [s for s in all_problems(quick=False) if names is None or s.name in names]
     found = []
-    for scene in scenes:
-        found.append(measure(scene, options.quick, options.code))
-        draw_curves(scene.name, found[-1].curves, folder / picture(scene))
-        # After every scene: what was measured is there to be read should a later one be stopped.
-        machine[-1] = f"whole benchmark: {time.perf_counter() - began:.0f} s"
+    for problem in problems:
+        found.append(measure(problem, options.quick, options.code))
+        draw_curves(problem.name, found[-1].curves, folder / picture(problem))
+        # After every problem: what was measured is there to be read should a later one be stopped.
+        machine[-1] = f"complete benchmark: {time.perf_counter() - began:.0f} s"
         (folder / "precision.md").write_text(report(found, machine, options.quick))
         write_csv(found, folder / "precision_points.csv")
     print((folder / "precision.md").read_text())
 
 
-def measure(scene: Scene, quick: bool, wanted: str = "") -> Found:
-    """Every code with ``wanted`` in its name on one scene."""
-    tell(f"{scene.name}: reference")
-    found = Found(scene, known(scene.model, GRID, ROWS))
-    limits = QUICK_LIMITS if quick else LIMITS[max(n for n in LIMITS if n <= scene.bodies)]
-    for code in (c for c in all_codes(scene) if wanted in c.name):
+def measure(problem: Problem, quick: bool, wanted: str = "") -> Found:
+    """Every code with ``wanted`` in its name on one problem."""
+    tell(f"{problem.name}: reference")
+    found = Found(problem, known(problem.model, GRID, ROWS))
+    limits = QUICK_LIMITS if quick else LIMITS[max(n for n in LIMITS if n <= problem.bodies)]
+    for code in (c for c in all_codes(problem) if wanted in c.name):
         began = time.perf_counter()
-        curve = trace(scene, code, found.known.x, *limits)
+        curve = trace(problem, code, found.known.x, *limits)
         found.curves.append(curve)
-        tell(f"{scene.name}: {code.name}, {time.perf_counter() - began:.1f} s")
+        tell(f"{problem.name}: {code.name}, {time.perf_counter() - began:.1f} s")
     if not quick:
-        take_turns(found.curves)
-    found.step = step_cost(scene, repeats=1 if quick else 5)
+        take_samples_in_turn(found.curves)
+    found.step = step_cost(problem, repeats=1 if quick else 5)
     return found
 
 
-def step_cost(scene: Scene, repeats: int) -> StepCost:
+def step_cost(problem: Problem, repeats: int) -> StepCost:
     """A step of gauss3 and one of the lowest order, in turn."""
-    steps = max(20, 2000 // scene.bodies)
+    steps = max(20, 2000 // problem.bodies)
     names = ("msahl gauss3", "msahl preserving")
     samples: dict[str, list[float]] = {name: [] for name in names}
     for _ in range(repeats + 1):
         for name in names:
-            samples[name].append(ours.loop_seconds(scene.model, STEP, steps, name) / steps)
-    # The first is left out: it may have compiled.
+            samples[name].append(ours.loop_seconds(problem.model, STEP, steps, name) / steps)
+    # The first is omitted: it may have compiled.
     return StepCost(STEP, *(statistics.median(samples[name][1:]) for name in names))
 
 
-def picture(scene: Scene) -> str:
-    return f"precision_{scene.name.replace(' ', '_')}.png"
+def picture(problem: Problem) -> str:
+    return f"precision_{problem.name.replace(' ', '_')}.png"
 
 
 def report(found: list[Found], machine: list[str], quick: bool) -> str:
@@ -115,8 +115,8 @@ def report(found: list[Found], machine: list[str], quick: bool) -> str:
         "## Asked and measured",
         table_of_verdicts(verdicts(found)),
         "## Loop seconds to an error",
-        *(part for one in found for part in (f"### {one.scene.name}", _table(one.curves),
-          f"![{one.scene.name}]({picture(one.scene)})")),
+        *(part for one in found for part in (f"### {one.problem.name}", _table(one.curves),
+          f"![{one.problem.name}]({picture(one.problem)})")),
         "## What a run of ours is made of",
         "Of the coarsest run that is as good as the error; iterations are Newton's.",
         _work_table(found),
@@ -132,10 +132,10 @@ def report(found: list[Found], machine: list[str], quick: bool) -> str:
 def _summary(found: list[Found]) -> str:
     """Proposed for the project's README."""
     heads = [f"{family} {target:.0e}" for target in JUDGED for family in FAMILIES]
-    lines = [f"| scene | {' | '.join(heads)} |", "|---|" + "---|" * len(heads)]
+    lines = [f"| problem | {' | '.join(heads)} |", "|---|" + "---|" * len(heads)]
     for one in found:
         cells = [_best_cell(one, family, target) for target in JUDGED for family in FAMILIES]
-        lines.append(f"| {one.scene.name} | {' | '.join(cells)} |")
+        lines.append(f"| {one.problem.name} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
@@ -168,15 +168,15 @@ def _table(curves: list[Curve]) -> str:
 
 
 def _work_table(found: list[Found]) -> str:
-    names = ("scene", "error", "scheme", "h [s]", "steps", "iterations/step", "µs/step",
+    names = ("problem", "error", "scheme", "h [s]", "steps", "iterations/step", "µs/step",
              "µs/iteration/body")  # fmt: skip
     lines = [f"| {' | '.join(names)} |", "|" + "---|" * len(names)]
     for one in found:
         for target in JUDGED:
             for curve, point in _ours_at(one, target):
                 each = 1e6 * point.seconds
-                per = each / max(point.iterations, 1) / one.scene.bodies
-                cells = [one.scene.name, f"{target:.0e}", curve.code.name.removeprefix("msahl "),
+                per = each / max(point.iterations, 1) / one.problem.bodies
+                cells = [one.problem.name, f"{target:.0e}", curve.code.name.removeprefix("msahl "),
                          f"{knob(curve.code, point.rung):.4g}", f"{point.steps}",
                          f"{point.iterations / point.steps:.2f}", f"{each / point.steps:.3g}",
                          f"{per:.3g}"]  # fmt: skip
@@ -192,8 +192,8 @@ def _ours_at(found: Found, target: float) -> Iterable[tuple[Curve, Point]]:
 
 
 def _reference_table(found: list[Found]) -> str:
-    lines = ["| scene | reference | the two apart [m] |", "|---|---|---|"]
-    lines += [f"| {f.scene.name} | {f.known.words} | {f.known.apart:.1e} |" for f in found]
+    lines = ["| problem | reference | the two apart [m] |", "|---|---|---|"]
+    lines += [f"| {f.problem.name} | {f.known.words} | {f.known.apart:.1e} |" for f in found]
     return "\n".join(lines)
 
 
@@ -201,20 +201,20 @@ def _equivalents(found: list[Found]) -> str:
     """Formulas in place of peers, checked on a chain that those can do."""
     if not any(curve.code.estimated for one in found for curve in one.curves):
         return ""
-    scene = next(s for s in all_scenes(quick=True) if s.name == "chain 100")
+    problem = next(s for s in all_problems(quick=True) if s.name == "chain 100")
     h, steps = CHECKED
-    at_end = known(scene.model, h * steps, 1).x[-1]
+    at_end = known(problem.model, h * steps, 1).x[-1]
     lines = [
         f"For chains of {FROM} the errors of these codes are those of their formulas in the "
         "chain's angles (`equivalent.py`), and the seconds are steps times the peer's own seconds "
-        f"a step. Both ways on the {scene.name}, {steps} steps of {h:g} s:",
+        f"a step. Both ways on the {problem.name}, {steps} steps of {h:g} s:",
         "",
         "| code | error, the peer's own [m] | its formula's [m] |",
         "|---|---|---|",
     ]
     for code, tableau in TABLEAUS.items():
         if tableau.package in PEERS:
-            own, formula = check(scene.model, h, steps, code, at_end)
+            own, formula = check(problem.model, h, steps, code, at_end)
             lines.append(f"| {code} | {own:.4e} | {formula:.4e} |")
     return "\n".join(lines)
 
@@ -232,12 +232,12 @@ def write_csv(found: list[Found], path: Path) -> None:
         writer.writerow(HEADER)
         for one in found:
             for curve in one.curves:
-                writer.writerows(_csv_row(one.scene, curve, point) for point in curve.sorted())
+                writer.writerows(_csv_row(one.problem, curve, point) for point in curve.sorted())
 
 
-def _csv_row(scene: Scene, curve: Curve, p: Point) -> list[object]:
+def _csv_row(problem: Problem, curve: Curve, p: Point) -> list[object]:
     per_step = [1e6 * p.seconds / p.steps, p.iterations / p.steps] if p.steps else ["", ""]
-    return [scene.name, scene.bodies, curve.code.name, knob(curve.code, p.rung), p.error,
+    return [problem.name, problem.bodies, curve.code.name, knob(curve.code, p.rung), p.error,
             p.seconds, len(p.samples), p.steps, *per_step, p.note]  # fmt: skip
 
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from benchmarks.curves import Curve, Reached
+from benchmarks.problems import Problem
 from benchmarks.reference import Known
-from benchmarks.scenes import Scene
 from benchmarks.verdict import Verdict
 
 OURS = "msahl"
@@ -27,19 +27,19 @@ class StepCost(NamedTuple):
 
 @dataclass(slots=True)
 class Found:
-    """All that was found on one scene."""
+    """All that was found on one problem."""
 
-    scene: Scene
+    problem: Problem
     known: Known
     curves: list[Curve] = field(default_factory=list)
     step: StepCost | None = None
 
     @property
     def is_chain(self) -> bool:
-        return self.scene.name.startswith("chain")
+        return self.problem.name.startswith("chain")
 
     def best(self, family: str, target: float) -> tuple[str, Reached] | None:
-        """The quickest code of a family at an error. A peer's lower bound counts as its seconds:
+        """The fastest code of a family at an error. A peer's lower bound counts as its seconds:
         it can only be slower. Of ours, what was not reached does not count.
         """
         counted = ("", "<=") if family == OURS else ("", "<=", ">=")
@@ -71,7 +71,7 @@ def _others(found: Found) -> Iterable[Verdict]:
 def _ratio(found: Found, family: str, target: float, asked: float) -> Verdict:
     peer, ours = found.best(family, target), found.best(OURS, target)
     codes = f"{peer[0] if peer else family} / {ours[0] if ours else OURS}"
-    what, wanted = f"{found.scene.name}, {target:.0e} m: {codes}", f">= {asked:g}"
+    what, wanted = f"{found.problem.name}, {target:.0e} m: {codes}", f">= {asked:g}"
     if peer is None or ours is None:
         return Verdict(what, wanted, "not measured", False)
     ratio = peer[1].seconds / ours[1].seconds
@@ -86,5 +86,5 @@ def _step(found: Found) -> Iterable[Verdict]:
     if step is None:
         return
     ratio = step.gauss3 / step.lowest
-    what = f"{found.scene.name}, h = {step.h:g} s: step of gauss3 / of the lowest order"
+    what = f"{found.problem.name}, h = {step.h:g} s: step of gauss3 / of the lowest order"
     yield Verdict(what, f"<= {GAUSS3_STEP:g}", f"{ratio:.3g}", ratio <= GAUSS3_STEP)

@@ -1,4 +1,4 @@
-"""What a user waits for: whole processes, cold and warm, and their peak memory."""
+"""Measure what a user waits for: complete processes, cold and warm, and their peak memory."""
 
 import json
 import os
@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks.chain_deck import chain_deck
-from benchmarks.scenes import THESIS
+from benchmarks.problems import THESIS
 
 IMPORTS = [sys.executable, "-c", "import numpy, lxml, click"]
 MSAHL = [sys.executable, "-c", "from msahl.cli.main import main; main()"]
 LAUNCH = Path(__file__).with_name("launch.py")
 LONG_STEP = 0.002
-ROOM = 8e9
+FREE_SPACE = 8e9
 """Free bytes on the disk from which the long run may write every row (about 3 GB)."""
 
 
@@ -68,10 +68,10 @@ def measure_starts(repeats: int) -> tuple[Ended, dict[str, Starts]]:
 
 def measure_long_run(steps: int) -> LongRun:
     """``steps`` steps of the chain of ten bodies by ``msahl run``, every row written if there is
-    room."""
+    free space."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        every = 1 if shutil.disk_usage(folder).free > ROOM else 10
+        every = 1 if shutil.disk_usage(folder).free > FREE_SPACE else 10
         deck = folder / "chain.xml"
         deck.write_text(chain_deck(10, LONG_STEP, steps * LONG_STEP))
         results = folder / "results"

@@ -9,13 +9,14 @@ Chain of n bodies in the x-z plane, th_i the angle of body i from z towards x, L
 
 With f_i/m = T_i e_i - k q_i n_i, where q_i = L th_i'' and k = J/(m L^2), elimination of a leaves a
 banded system in (T_i, q_i): the cost is O(n), and no q is a small difference of large forces. Top:
-turn about the pivot, J_p w' = (J_p w) x w + r x m R^T g and the quaternion's rate, in body axes.
+rotation about the pivot, J_p w' = (J_p w) x w + r x m R^T g and the quaternion's rate, in body
+axes.
 
 ``converged_positions`` integrates in double precision by an explicit method of order 8, ``known``
 also by extrapolation in the machine's longest precision (``benchmarks.extended``): two methods in
 two precisions, whose difference says how good they are.
 
-    python -m benchmarks.reference        # both for every scene, the longest chain too (minutes)
+    python -m benchmarks.reference        # both for every problem, the longest chain too (minutes)
 """
 
 from collections.abc import Callable
@@ -32,7 +33,7 @@ TOLERANCE = 1e-13
 LOOSER = 1e-12
 """A second tolerance, to see how good the first is."""
 AGREED = 1e-11
-"""Change [m] by the last halving of the step at which extrapolation ends."""
+"""Change [m] by the last subdivision of the step at which extrapolation ends."""
 LONG = np.longdouble
 LARGEST_LONG = 100
 """Bodies up to which extended precision takes seconds."""
@@ -43,7 +44,7 @@ DIAGONAL, BANDS = 3, 7
 
 
 class Equation(NamedTuple):
-    """y' = rate(y), and the mass centres (rows, n, 3) at rows of y."""
+    """y' = rate(y), and the mass centres (rows, n, 3) of each row of y."""
 
     start: np.ndarray
     rate: Callable[[np.ndarray], np.ndarray]
@@ -74,8 +75,8 @@ def converged_positions(model: Model, t: np.ndarray, tolerance: float = TOLERANC
 
 
 def known(model: Model, grid: float, rows: int, thorough: bool = False) -> Known:
-    """Mass centres at ``rows`` equal intervals ``grid`` [s]; unless ``thorough``, the longest chain
-    has double precision alone.
+    """Mass centres after ``rows`` equal intervals ``grid`` [s]; unless ``thorough``, the longest
+    chain has double precision alone.
     """
     converged = converged_positions(model, grid * np.arange(rows + 1))
     if len(model.bodies) > LARGEST_LONG and not thorough:
@@ -85,7 +86,7 @@ def known(model: Model, grid: float, rows: int, thorough: bool = False) -> Known
     equation = equation_of(model, LONG)
     x, halved = refine(equation.rate, equation.places, equation.start, grid, rows, AGREED)
     digits = np.finfo(LONG).precision
-    words = f"extrapolation in {digits} digits, moved {halved:.0e} m by its last halving"
+    words = f"extrapolation in {digits} digits, moved {halved:.0e} m by its last subdivision"
     return Known(x, f"{words}; beside it DOP853 in double precision", _distance(converged, x))
 
 
@@ -95,8 +96,8 @@ def _distance(x: np.ndarray, y: np.ndarray) -> float:
 
 def equation_of(model: Model, kind: Any) -> Equation:
     """The equation of motion of a chain or a top, in numbers of ``kind``."""
-    turning = any(any(body.angular_velocity) for body in model.bodies)
-    return _top(model, kind) if turning else chain_equation(model, kind)
+    spinning = any(any(body.angular_velocity) for body in model.bodies)
+    return _top(model, kind) if spinning else chain_equation(model, kind)
 
 
 def chain_equation(model: Model, kind: Any) -> Equation:
@@ -120,7 +121,7 @@ def chain_equation(model: Model, kind: Any) -> Equation:
 
 
 def _chain_accelerations(th: np.ndarray, th_dot: np.ndarray, k: Any, L: Any, g: Any) -> np.ndarray:
-    """th'' from the rows e_i . (a_i - a_(i-1)) and n_i . (a_i - a_(i-1)); a_0 = 0."""
+    """th'' from the equations e_i . (a_i - a_(i-1)) and n_i . (a_i - a_(i-1)); a_0 = 0."""
     n = len(th)
     own = np.full(n, 2.0, dtype=th.dtype)
     own[0] = 1.0
@@ -180,34 +181,34 @@ def _top(model: Model, kind: Any) -> Equation:
 
     def rate(y: np.ndarray) -> np.ndarray:
         q0, q, w = y[0], y[1:4], y[4:]
-        moment = mass * np.cross(r, _turned(y[:4], gravity, inverse=True))
+        moment = mass * np.cross(r, _rotated(y[:4], gravity, inverse=True))
         w_dot = inverse @ (np.cross(J @ w, w) + moment)
         return np.array([-(q @ w) / 2, *((q0 * w + np.cross(q, w)) / 2), *w_dot])
 
     def places(y: np.ndarray) -> np.ndarray:
-        return np.array([_turned(row[:4], r) for row in y])[:, None, :]
+        return np.array([_rotated(row[:4], r) for row in y])[:, None, :]
 
-    turn = np.array([np.cos(tilt), 0.0, np.sin(tilt), 0.0], dtype=kind)
+    quaternion = np.array([np.cos(tilt), 0.0, np.sin(tilt), 0.0], dtype=kind)
     return Equation(
-        np.concatenate([turn, np.array(body.angular_velocity, dtype=kind)]), rate, places
+        np.concatenate([quaternion, np.array(body.angular_velocity, dtype=kind)]), rate, places
     )
 
 
-def _turned(quaternion: np.ndarray, a: np.ndarray, inverse: bool = False) -> np.ndarray:
-    """``a`` turned by a quaternion whose length may have drifted in its last digits."""
+def _rotated(quaternion: np.ndarray, a: np.ndarray, inverse: bool = False) -> np.ndarray:
+    """``a`` rotated by a quaternion whose length may have drifted in its last digits."""
     q0, q = quaternion[0], quaternion[1:] * (-1.0 if inverse else 1.0)
-    turned = a + 2.0 * np.cross(q, np.cross(q, a) + q0 * a) / (quaternion @ quaternion)
-    return turned
+    rotated = a + 2.0 * np.cross(q, np.cross(q, a) + q0 * a) / (quaternion @ quaternion)
+    return rotated
 
 
 def main() -> None:
-    # The scenes read decks, which the equations above have no need of.
+    # The problems read decks, which the equations above have no need of.
     from benchmarks.curves import GRID, ROWS
-    from benchmarks.scenes import all_scenes
+    from benchmarks.problems import all_problems
 
-    for scene in all_scenes(quick=False):
-        solution = known(scene.model, GRID, ROWS, thorough=True)
-        print(f"{scene.name}: {solution.words}: {solution.apart:.1e} m apart")
+    for problem in all_problems(quick=False):
+        solution = known(problem.model, GRID, ROWS, thorough=True)
+        print(f"{problem.name}: {solution.words}: {solution.apart:.1e} m apart")
 
 
 if __name__ == "__main__":

@@ -15,16 +15,16 @@ from benchmarks.asked import Results, verdicts
 from benchmarks.loops import SETTINGS, Measured, measure
 from benchmarks.machine import describe
 from benchmarks.peers import versions
+from benchmarks.problems import all_problems, chain
 from benchmarks.process import Starts, measure_long_run, measure_starts
-from benchmarks.scenes import all_scenes, chain
 from benchmarks.verdict import table_of_verdicts
 from benchmarks.writers import ROWS, measure_writers, table_of_writers
 
 RESULTS = Path(__file__).parent / "results"
 LONG_STEPS = 1_000_000
-HEADER = ("scene", "bodies", "h [s]", "code", "us per step and body", "us per step", "steps timed",
-          "samples", "energy RMS / max kinetic", "gap [m]", "position error [m]", "errors over [s]",
-          "note")  # fmt: skip
+HEADER = ("problem", "bodies", "h [s]", "code", "us per step and body", "us per step",
+          "steps timed", "samples", "energy RMS / max kinetic", "violation [m]",
+          "position error [m]", "errors over [s]", "note")  # fmt: skip
 
 
 def main() -> None:
@@ -37,7 +37,7 @@ def main() -> None:
     machine = describe()
     results = measure_all(options.quick)
     folder.mkdir(parents=True, exist_ok=True)
-    machine.append(f"whole benchmark: {time.perf_counter() - began:.0f} s")
+    machine.append(f"complete benchmark: {time.perf_counter() - began:.0f} s")
     (folder / "speed.md").write_text(report(results, machine, options.quick))
     write_csv(results.loops, folder / "speed.csv")
     pictures.draw_all(results.loops, folder)
@@ -45,20 +45,20 @@ def main() -> None:
 
 
 def measure_all(quick: bool) -> Results:
-    """Whole processes first, while this one is still small."""
+    """Complete processes first, while this one is still small."""
     results = Results()
-    tell("whole processes")
+    tell("complete processes")
     results.imports, results.starts = measure_starts(repeats=1 if quick else 7)
     results.long_run = measure_long_run(LONG_STEPS // (100 if quick else 1))
     tell("writers")
     results.writers, results.computing = measure_writers(
         repeats=1 if quick else 3, rows=5_001 if quick else ROWS
     )
-    for scene in all_scenes(quick):
-        for h in scene.steps:
-            tell(f"{scene.name}, h = {h:g} s")
+    for problem in all_problems(quick):
+        for h in problem.steps:
+            tell(f"{problem.name}, h = {h:g} s")
             results.loops += measure(
-                scene, h, repeats=1 if quick else 5, sample=0.02 if quick else 0.15
+                problem, h, repeats=1 if quick else 5, sample=0.02 if quick else 0.15
             )
     if not quick:
         tell("chain of 1000, 10 s")
@@ -83,7 +83,7 @@ def report(results: Results, machine: list[str], quick: bool) -> str:
         _loop_table(results.loops),
         "![time per step and body](bodies.png)",
         "![error against time](precision.png)",
-        "## Whole processes",
+        "## Complete processes",
         _process_table(results),
         "## Writing a table",
         table_of_writers(results.writers, results.computing),
@@ -94,12 +94,21 @@ def report(results: Results, machine: list[str], quick: bool) -> str:
 
 
 def _loop_table(rows: list[Measured]) -> str:
-    names = ("scene", "h", "code", "µs/step/body", "energy", "gap [m]", "position [m]", "note")
+    names = (
+        "problem",
+        "h",
+        "code",
+        "µs/step/body",
+        "energy",
+        "violation [m]",
+        "position [m]",
+        "note",
+    )
     lines = [f"| {' | '.join(names)} |", "|" + "---|" * len(names)]
     for r in rows:
         time_text = f"{1e6 * r.per_step_and_body:.3g}" if r.samples else "-"
         errors = [f"{e:.1e}" for e in r.errors] if r.errors else ["-", "-", "-"]
-        cells = [r.scene.name, f"{r.h:g}", r.code, time_text, *errors, r.note]
+        cells = [r.problem.name, f"{r.h:g}", r.code, time_text, *errors, r.note]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 
@@ -145,8 +154,8 @@ def write_csv(rows: list[Measured], path: Path) -> None:
             errors = r.errors if r.errors else ("", "", "")
             times = (1e6 * r.per_step_and_body, 1e6 * r.per_step)
             writer.writerow(
-                [r.scene.name, r.scene.bodies, r.h, r.code, *times, r.steps, len(r.samples),
-                 *errors, r.scene.span, r.note]
+                [r.problem.name, r.problem.bodies, r.h, r.code, *times, r.steps, len(r.samples),
+                 *errors, r.problem.span, r.note]
             )  # fmt: skip
 
 

@@ -3,8 +3,8 @@
     python -m benchmarks.writers
 
 50 001 rows of 19 columns, full-length numbers (the longest decimals, so the slowest case), beside
-the seconds that the time loop takes for as many steps. A candidate that is not installed is left
-out.
+the seconds that the time loop takes for as many steps. A candidate that is not installed is
+omitted.
 """
 
 import csv
@@ -21,7 +21,7 @@ import numpy as np
 
 from benchmarks.machine import describe
 from benchmarks.ours import loop_seconds
-from benchmarks.scenes import THESIS
+from benchmarks.problems import THESIS
 from msahl.deck import read_deck
 from msahl.results.write import Table
 

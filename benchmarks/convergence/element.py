@@ -1,14 +1,14 @@
 """The time element as a first program might have it: 12 unknowns a body, 3 a joint, SI units.
 
     x1 - x0 - h (v0 + v1)/2                  = 0   [m]
-    turn(R0, R1) - h (w0 + w1)/2             = 0   [rad]      body axes
+    rotation(R0, R1) - h (w0 + w1)/2         = 0   [rad]      body axes
     m (v1 - v0) - h f                        = 0   [N s]
     R1 J w1 - R0 J w0 - h tau                = 0   [N m s]
-    gap of every joint at the end            = 0   [m]
+    violation of every joint at the end      = 0   [m]
 
-Two ways to describe the turn, in Wiener-Milenkovic parameters:
+Two ways to describe the rotation, in Wiener-Milenkovic parameters:
 
-    increment   c of the step,   turn = c / (1 - c.c/16)
+    increment   c of the step,   Q = c / (1 - c.c/16)
     total       p of the body, never rescaled,   p1 - p0 = h B((p0 + p1)/8) (w0 + w1)/2
 
 Nothing of msahl's engine is used, so that each weakness can be had alone. Everything is written so
@@ -85,7 +85,7 @@ def product(A, B):
 
 @numba.njit(cache=True)
 def residual(chain, R0, p0, x0, v0, w0, h, total, z, F):
-    """Set ``F`` (15 n,) at ``z``: per body x1, turn, v1, w1, then all multipliers."""
+    """Set ``F`` (15 n,) at ``z``: per body x1, rotation, v1, w1, then all multipliers."""
     n = chain.mass.size
     one = z[:1] * 0.0 + 1.0
     R1 = np.empty((n, 3, 3), z.dtype)
@@ -120,10 +120,12 @@ def residual(chain, R0, p0, x0, v0, w0, h, total, z, F):
         L1 = apply(R1[b], apply(chain.inertia[b] * one[0], w1))
         L0 = apply(R0[b], apply(chain.inertia[b], w0[b]))
         F[k + 9 : k + 12] = L1 - L0 - h * moment
-        gap = x1 + apply(R1[b], chain.up[b])
+        violation = x1 + apply(R1[b], chain.up[b])
         if b > 0:
-            gap = gap - z[12 * b - 12 : 12 * b - 9] - apply(R1[b - 1], chain.down[b - 1])
-        F[12 * n + 3 * b : 12 * n + 3 * b + 3] = gap
+            violation = (
+                violation - z[12 * b - 12 : 12 * b - 9] - apply(R1[b - 1], chain.down[b - 1])
+            )
+        F[12 * n + 3 * b : 12 * n + 3 * b + 3] = violation
 
 
 @numba.njit(cache=True)

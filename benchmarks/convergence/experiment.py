@@ -11,13 +11,13 @@ import sys
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-from benchmarks.convergence.printed import SCENES, STEPS
+from benchmarks.convergence.printed import PROBLEMS, STEPS
 from benchmarks.convergence.stepping import Program, condition, reach
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results.json"
 CONDITION_STEPS = (0.1, 0.04, 0.01, 0.004, 0.002, 1e-3, 1e-4, 1e-5)
-CONDITION_SCENES = (
+CONDITION_PROBLEMS = (
     "single_pendulum_89",
     "double_pendulum_89",
     "triple_pendulum_89",
@@ -44,13 +44,13 @@ LONG = tuple(p for p in SHORT if p.name in ("none", "both 1e-11", "both 1e-12"))
 
 
 def one(case):
-    """Outcome of a program on a scene with a step."""
-    program, t_final, scene, h = case
-    reached, why, error, residual = reach(scene, h, t_final, program)
+    """Outcome of a program on a problem with a step."""
+    program, t_final, problem, h = case
+    reached, why, error, residual = reach(problem, h, t_final, program)
     return {
         "program": program.name,
         "t_final": t_final,
-        "scene": scene,
+        "problem": problem,
         "h": h,
         "reached": reached,
         "why": why,
@@ -61,16 +61,16 @@ def one(case):
 
 def measure():
     """All outcomes and condition numbers."""
-    cases = [(p, 10.0, scene, h) for p in SHORT + ABSOLUTE for scene in SCENES for h in STEPS]
-    cases += [(p, 100.0, scene, h) for p in LONG for scene in SCENES for h in STEPS]
+    cases = [(p, 10.0, problem, h) for p in SHORT + ABSOLUTE for problem in PROBLEMS for h in STEPS]
+    cases += [(p, 100.0, problem, h) for p in LONG for problem in PROBLEMS for h in STEPS]
     with ProcessPoolExecutor(2) as pool:
         outcomes = []
         for outcome in pool.map(one, cases):
             outcomes.append(outcome)
             print(*outcome.values(), flush=True)
     conditions = [
-        {"scene": scene, "h": h, "scaled": scaled, "condition": condition(scene, h, scaled)}
-        for scene in CONDITION_SCENES
+        {"problem": problem, "h": h, "scaled": scaled, "condition": condition(problem, h, scaled)}
+        for problem in CONDITION_PROBLEMS
         for h in CONDITION_STEPS
         for scaled in (False, True)
     ]

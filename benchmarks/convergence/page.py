@@ -6,7 +6,7 @@ from pathlib import Path
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
-from benchmarks.convergence.printed import HUNDRED_SECONDS, SCENES, STEPS, TEN_SECONDS
+from benchmarks.convergence.printed import HUNDRED_SECONDS, PROBLEMS, STEPS, TEN_SECONDS
 
 from msahl.post.document import Block, Heading, Items, Paragraph, Picture, as_markdown
 from msahl.post.draw import looks, style
@@ -15,7 +15,7 @@ from msahl.post.table import Column, Table
 OUT = Path(__file__).parents[2] / "docs" / "validation"
 
 ALONE = {
-    "none": "No weakness: scaled, true Jacobian, turns by increment, consistent velocities",
+    "none": "No weakness: scaled, true Jacobian, rotation increments, consistent velocities",
     "unscaled": "Unscaled unknowns and rows, alone",
     "differences": "Jacobian by finite differences, alone",
     "total": "Total Wiener-Milenkovic parameters without rescaling, alone",
@@ -33,7 +33,7 @@ def write_page(results):
 
 
 def build(results) -> list[Block]:
-    outcomes = {(o["program"], o["t_final"], o["scene"], o["h"]): o for o in results["outcomes"]}
+    outcomes = {(o["program"], o["t_final"], o["problem"], o["h"]): o for o in results["outcomes"]}
     return [
         Heading(1, "Where the thesis's convergence errors come from"),
         Paragraph(
@@ -47,7 +47,7 @@ def build(results) -> list[Block]:
         ),
         Heading(2, "What the thesis reports"),
         Paragraph(
-            "whole: the run was completed; failed: it was not; empty: nothing is said of it. Of "
+            "complete: the run was completed; failed: it was not; empty: not reported. Of "
             "100 s the double pendulum's best came to 26 s (45 degrees, 0.003 s), 25 s (89) and "
             "19 s (135, both 0.002 s)."
         ),
@@ -55,8 +55,8 @@ def build(results) -> list[Block]:
         Heading(2, "One weakness at a time"),
         Paragraph(
             "Time reached [s] of 10 s by step, at a tolerance of 1e-12 for the relative change of "
-            "the unknowns; whole where it is all of it. Scenes that are whole at every step are "
-            "left out."
+            "the unknowns; complete if the run was completed. Problems that are complete at every "
+            "step are omitted."
         ),
         *(b for name, text in ALONE.items() for b in outcome_blocks(outcomes, name, text, 10.0)),
         Heading(2, "Unscaled and finite differences together"),
@@ -105,46 +105,46 @@ def long_title(name):
 
 def printed_table() -> Table:
     columns = (
-        Column("scene", "scene"),
+        Column("problem", "problem"),
         *(Column(f"{t}_{h}", f"{h:g} s", f"{t} s") for t in (10, 100) for h in STEPS),
     )
-    words = {True: "whole", False: "failed", None: ""}
+    words = {True: "complete", False: "failed", None: ""}
     rows = [
         (
-            scene.replace("_", " "),
+            problem.replace("_", " "),
             *(
-                words[told.get(scene, {}).get(h)]
+                words[told.get(problem, {}).get(h)]
                 for told in (TEN_SECONDS, HUNDRED_SECONDS)
                 for h in STEPS
             ),
         )
-        for scene in SCENES
+        for problem in PROBLEMS
     ]
     return Table(columns, tuple(rows))
 
 
 def outcome_blocks(outcomes, program, title, t_final) -> list[Block]:
     rows = []
-    for scene in SCENES:
-        ends = [outcomes[program, t_final, scene, h] for h in STEPS]
+    for problem in PROBLEMS:
+        ends = [outcomes[program, t_final, problem, h] for h in STEPS]
         if any(end["why"] for end in ends):
-            cells = ("whole" if not end["why"] else f"{end['reached']:.3g}" for end in ends)
-            rows.append((scene.replace("_", " "), *cells))
+            cells = ("complete" if not end["why"] else f"{end['reached']:.3g}" for end in ends)
+            rows.append((problem.replace("_", " "), *cells))
     if not rows:
-        return [Heading(3, title), Paragraph("Every scene is whole at every step.")]
-    columns = (Column("scene", "scene"), *(Column(str(h), f"{h:g} s") for h in STEPS))
+        return [Heading(3, title), Paragraph("Every problem is complete at every step.")]
+    columns = (Column("problem", "problem"), *(Column(str(h), f"{h:g} s") for h in STEPS))
     return [Heading(3, title), Table(columns, tuple(rows))]
 
 
 def agreement(outcomes, program, t_final, told):
     """How many of the settings the thesis completed, and of those it did not, end alike here."""
     counts = {True: [0, 0], False: [0, 0]}
-    for scene, by_step in told.items():
-        for h, whole in by_step.items():
-            outcome = outcomes.get((program, t_final, scene, h))
+    for problem, by_step in told.items():
+        for h, complete in by_step.items():
+            outcome = outcomes.get((program, t_final, problem, h))
             if outcome is not None:
-                counts[whole][0] += (not outcome["why"]) == whole
-                counts[whole][1] += 1
+                counts[complete][0] += (not outcome["why"]) == complete
+                counts[complete][1] += 1
     return [f"{alike} of {n}" if n else "" for alike, n in (counts[True], counts[False])]
 
 
@@ -154,7 +154,7 @@ def agreement_table(outcomes) -> Table:
         *(
             Column(f"{key}_{end}", words, f"{end} s")
             for end in (10, 100)
-            for key, words in (("whole", "completed there, and here"), ("failed", "in neither"))
+            for key, words in (("complete", "completed there, and here"), ("failed", "in neither"))
         ),
     )
     rows = [
@@ -168,9 +168,11 @@ def agreement_table(outcomes) -> Table:
     return Table(columns, tuple(rows))
 
 
-def slope(conditions, scene, scaled):
+def slope(conditions, problem, scaled):
     values = {
-        c["h"]: c["condition"] for c in conditions if (c["scene"], c["scaled"]) == (scene, scaled)
+        c["h"]: c["condition"]
+        for c in conditions
+        if (c["problem"], c["scaled"]) == (problem, scaled)
     }
     return values
 
@@ -184,7 +186,7 @@ def condition_text(conditions):
         f"degrees) {raw[0.1]:.1e} at 0.1 s, {raw[0.01]:.1e} at 0.01 s, {raw[0.002]:.1e} at 0.002 s "
         f"and {raw[1e-5]:.1e} at 1e-5 s. With lengths in arms, velocities by h, multipliers by "
         f"h^2/2m and the rows to match it is {scaled[0.1]:.1e} at 0.1 s and {scaled[1e-5]:.1e} at "
-        f"1e-5 s; no scene and step shown is above {worst:.1e}. A forward difference of relative "
+        f"1e-5 s; no problem and step shown is above {worst:.1e}. A forward difference of relative "
         "size 1.5e-8 leaves nothing of a direction whose condition number is its inverse, 7e7."
     )
 
@@ -192,19 +194,19 @@ def condition_text(conditions):
 def findings(outcomes, conditions):
     def failures(program):
         return sum(
-            bool(outcomes[program, 10.0, scene, h]["why"]) for scene in SCENES for h in STEPS
+            bool(outcomes[program, 10.0, problem, h]["why"]) for problem in PROBLEMS for h in STEPS
         )
 
     def failed_by(program, kind):
         return sum(
-            bool(outcomes[program, 10.0, scene, h]["why"])
-            for scene in SCENES
-            if scene.startswith(kind)
+            bool(outcomes[program, 10.0, problem, h]["why"])
+            for problem in PROBLEMS
+            if problem.startswith(kind)
             for h in STEPS
         )
 
     by_step = ", ".join(
-        f"{sum(bool(outcomes['both 1e-12', 10.0, s, h]['why']) for s in SCENES)} at {h:g} s"
+        f"{sum(bool(outcomes['both 1e-12', 10.0, s, h]['why']) for s in PROBLEMS)} at {h:g} s"
         for h in STEPS
     )
     ends = [
@@ -214,10 +216,10 @@ def findings(outcomes, conditions):
     ]
     left, middle = max(ends), sorted(ends)[len(ends) // 2]
     hard = [
-        f"{scene.replace('_', ' ')} at {h:g} s"
-        for scene in SCENES
+        f"{problem.replace('_', ' ')} at {h:g} s"
+        for problem in PROBLEMS
         for h in STEPS
-        if outcomes["none", 100.0, scene, h]["why"]
+        if outcomes["none", 100.0, problem, h]["why"]
     ]
     counts = {name: failures(name) for name in (*ALONE, *TOGETHER)}
     by_kind = ", ".join(
@@ -249,12 +251,12 @@ def findings(outcomes, conditions):
             "Large steps are another matter",
             "Over 100 s some runs without a weakness end, too, at steps too large for a violent "
             f"moment: {'; '.join(hard) or 'none'}. There the equations are hard; msahl takes "
-            "such a step in halves and goes on.",
+            "such a step and goes on.",
         ),
         (
             "Total parameters",
-            f"{counts['total']} runs fail, of other scenes: those whose bodies turn past 360 "
-            "degrees, where the parameters are infinite (a step may jump across). The tops turn "
+            f"{counts['total']} runs fail, of other problems: those whose bodies rotate past 360 "
+            "degrees, where the parameters are infinite (a step may jump across). The tops rotate "
             "soonest, and the thesis's tops never failed: it is not this, and the thesis says that "
             "it rescales.",
         ),
@@ -276,9 +278,9 @@ def findings(outcomes, conditions):
         ),
         (
             "What msahl does",
-            "Scaled unknowns and rows, an analytic Jacobian, turns by increment, a residual judged "
-            "against the step's own length, consistent velocities. Every run of chapter IV comes "
-            "to its end (see thesis.md).",
+            "Scaled unknowns and equations, an analytic Jacobian, rotation increments, a residual "
+            "judged against the step's own length, consistent velocities. Every run of chapter IV "
+            "is completed (see thesis.md).",
         ),
     )
 
@@ -289,12 +291,12 @@ def picture(conditions):
         figure = Figure(figsize=(8.0, 3.8))
         FigureCanvasAgg(figure)
         axes = figure.subplots()
-        scenes = list(dict.fromkeys(c["scene"] for c in conditions))
-        for scene, look in zip(scenes, looks(), strict=False):
+        problems = list(dict.fromkeys(c["problem"] for c in conditions))
+        for problem, look in zip(problems, looks(), strict=False):
             for scaled, line in ((False, "-"), (True, "--")):
-                chosen = [c for c in conditions if (c["scene"], c["scaled"]) == (scene, scaled)]
+                chosen = [c for c in conditions if (c["problem"], c["scaled"]) == (problem, scaled)]
                 x, y = [c["h"] for c in chosen], [c["condition"] for c in chosen]
-                label = f"{scene.replace('_', ' ')}{', scaled' if scaled else ''}"
+                label = f"{problem.replace('_', ' ')}{', scaled' if scaled else ''}"
                 axes.loglog(
                     x, y, marker="o", markersize=3, label=label, **(look | {"linestyle": line})
                 )

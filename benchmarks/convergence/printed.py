@@ -1,6 +1,6 @@
 """What Hainge (2010, chapter IV) says of his runs: which came to their end, which did not."""
 
-SCENES = (
+PROBLEMS = (
     "single_pendulum_45",
     "single_pendulum_89",
     "single_pendulum_135",
@@ -27,10 +27,10 @@ TEN_SECONDS = {
     "double_pendulum_45": _ALL,
     "double_pendulum_89": {0.002: True},
     "double_pendulum_135": {0.002: True},
-    **{scene: _NONE for scene in SCENES if scene.startswith("triple")},
-    **{scene: _ALL for scene in SCENES if scene.startswith("top")},
+    **{problem: _NONE for problem in PROBLEMS if problem.startswith("triple")},
+    **{problem: _ALL for problem in PROBLEMS if problem.startswith("top")},
 }
-"""Whether the run of 10 s was completed; steps of which nothing is said are left out."""
+"""Whether the run of 10 s was completed; steps that are not reported are omitted."""
 
 HUNDRED_SECONDS = {
     "single_pendulum_45": {0.01: False, 0.004: False, 0.002: False},
@@ -38,8 +38,8 @@ HUNDRED_SECONDS = {
     "single_pendulum_135": {0.01: True, 0.004: False, 0.002: False},
     "double_pendulum_89": _NONE,
     "double_pendulum_135": _NONE,
-    **{scene: _NONE for scene in SCENES if scene.startswith("triple")},
-    **{scene: {0.002: True} for scene in SCENES if scene.startswith("top")},
+    **{problem: _NONE for problem in PROBLEMS if problem.startswith("triple")},
+    **{problem: {0.002: True} for problem in PROBLEMS if problem.startswith("top")},
 }
 """Likewise of 100 s. Of the double pendulum at 45 degrees it says that 0.003 s was used and came
 to 26 s; at 89 and 135 degrees 0.002 s came to 25 s and to 19 s."""

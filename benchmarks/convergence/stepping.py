@@ -48,7 +48,7 @@ def read_chain(deck, as_given=False):
 
 
 def scales(chain, h):
-    """Sizes of the unknowns and of the rows, lengths in arms, velocities by h."""
+    """Sizes of the unknowns and of the equations, lengths in arms, velocities by h."""
     n, length = chain.mass.size, np.linalg.norm(chain.up, axis=1)
     columns, rows = np.ones(15 * n), np.ones(15 * n)
     for b in range(n):
@@ -62,7 +62,7 @@ def scales(chain, h):
 
 
 class Stepper:
-    """A chain on its way."""
+    """The state of a chain between two steps."""
 
     def __init__(self, chain, state, h, program):
         self.chain, self.state, self.h, self.program = chain, state, h, program
@@ -79,8 +79,8 @@ class Stepper:
     def guess(self):
         """The state goes on with its velocities, the multipliers as they were."""
         s, h = self.state, self.h
-        turn = s.p.copy() if self.program.total else h * s.w
-        parts = [np.stack([s.x + h * s.v, turn, s.v, s.w], axis=1).reshape(-1), self.lam]
+        rotation = s.p.copy() if self.program.total else h * s.w
+        parts = [np.stack([s.x + h * s.v, rotation, s.v, s.w], axis=1).reshape(-1), self.lam]
         return np.concatenate(parts)
 
     def step(self):
@@ -114,12 +114,12 @@ class Stepper:
 
     def accept(self, z):
         n = self.chain.mass.size
-        x, turn, v, w = np.moveaxis(z[: 12 * n].reshape(n, 4, 3), 1, 0)
+        x, rotation, v, w = np.moveaxis(z[: 12 * n].reshape(n, 4, 3), 1, 0)
         if self.program.total:
-            p = turn.copy()
+            p = rotation.copy()
         else:
             p = np.array(
-                [compose(tuple(a), tuple(c)) for a, c in zip(self.state.p, turn, strict=True)]
+                [compose(tuple(a), tuple(c)) for a, c in zip(self.state.p, rotation, strict=True)]
             )
         self.state = State(x.copy(), p, v.copy(), w.copy())
         self.lam = z[12 * n :].copy()

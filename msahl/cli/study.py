@@ -57,7 +57,8 @@ COMMANDS = 1.6
               help="Run each case N times and take the least time (default: 3 with --dt, else as "
               "often as there is time for).")  # fmt: skip
 @click.option("--target", type=Number(min=0.0, min_open=True), default=1e-6,
-              show_default=True, help="Largest error allowed, in the unit of --metric.")  # fmt: skip
+              show_default=True,
+              help="Largest error allowed, in the unit of --metric.")  # fmt: skip
 @click.option("--metric", type=click.Choice(METRIC_KEYS), default="position",
               show_default=True, help="Error that the target limits.")  # fmt: skip
 @click.option(

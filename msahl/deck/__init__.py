@@ -1,8 +1,8 @@
-"""The deck: XML text -> validated -> frozen model. The last place that knows XML."""
+"""Reader and writer of decks: XML text -> validated -> model. No other package reads XML."""
 
+from msahl.check import check_simulation
 from msahl.deck.faults import DeckError, Fault
 from msahl.deck.read import read_deck
-from msahl.deck.simulation import check_simulation
 from msahl.deck.write import deck_digest, effective_deck
 
 __all__ = [

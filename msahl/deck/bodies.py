@@ -1,93 +1,75 @@
-"""Grounds and rigid bodies: elements -> records, and the inertia that is possible."""
+"""Reader of grounds and rigid bodies: elements -> records."""
 
 import numpy as np
 
 from msahl.algebra.vector import Matrix, Vector
+from msahl.check.bodies import body_findings
+from msahl.check.context import INERTIAL
 from msahl.deck.faults import Element, attribute, text
-from msahl.deck.values import INERTIAL, Reader
+from msahl.deck.values import Reader
 from msahl.model.bodies import Ground, RigidBody
-
-TRIANGLE = 1e-9
-"""A principal moment may exceed the sum of the other two by this part of the largest entry given:
-room for the round-off of flat plates and thin rods, which reach the sum exactly."""
-
-POSITIVE = 1e-12
-"""A principal moment below this part of the largest entry given counts as zero."""
 
 _ENTRIES = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 
 
 def read_ground(element: Element, reader: Reader) -> Ground:
-    """Record of a ``<ground>``."""
+    """Return the record of a ``<ground>``."""
     return Ground(text(element.find("name")))
 
 
 def read_rigid_body(element: Element, reader: Reader) -> RigidBody:
-    """Record of a ``<rigidBody>``; position of B in inertial axes, all else in its own."""
+    """Return the record of a ``<rigidBody>``: position in inertial axes, all else in its own."""
     name = text(element.find("name"))
     start = element.find("initialConditions")
     start = element if start is None else start  # then none of its children is found either
-    mass = _mass(element, reader)
+    mass = reader.number(element.find("mass"), "mass")
     r_BG = reader.components(element.find("rGB"))
-    return RigidBody(
+    inertia, largest = _inertia(element, mass, r_BG, reader)
+    body = RigidBody(
         name=name,
         mass=mass,
         r_BG=r_BG,
-        inertia=_inertia(element, mass, r_BG, reader),
+        inertia=inertia,
         position=reader.vector(start.find("position"), own=name, wanted=INERTIAL),
         orientation=reader.orientation(element),
         velocity=reader.vector(start.find("velocity"), own=name, wanted=name),
         angular_velocity=reader.vector(start.find("angularVelocity"), own=name, wanted=name),
     )
+    _check(element, body, largest, reader)
+    return body
 
 
-def _mass(body: Element, reader: Reader) -> float:
-    element = body.find("mass")
-    mass = reader.number(element, "mass")
-    if mass <= 0.0 and element is not None and reader.faults.sound(element):
-        reader.faults.add(element, f"the mass is {mass:g} kg; it must be greater than zero")
-    return mass
+def _check(element: Element, body: RigidBody, largest: float, reader: Reader) -> None:
+    """Add what is wrong with mass and inertia; a tensor about B counts only if the mass and the
+    place of the mass centre, by which it is taken to G, are right."""
+    findings = list(body_findings(body, largest))
+    moi = element.find("moi")
+    if moi is not None and attribute(moi, "about", "G") == "B":
+        others = [*element.iterfind("mass"), *element.iterfind("rGB")]
+        if body.mass <= 0.0 or not all(map(reader.faults.sound, others)):
+            findings = [finding for finding in findings if finding.part != "inertia"]
+    reader.add(element, findings)
 
 
-def _inertia(body: Element, mass: float, r_BG: Vector, reader: Reader) -> Matrix:
-    """Tensor about G in body axes [kg m^2], checked."""
+def _inertia(body: Element, mass: float, r_BG: Vector, reader: Reader) -> tuple[Matrix, float]:
+    """Return the tensor about G in body axes [kg m^2] and the largest entry as it is given."""
     moi = body.find("moi")
     assert moi is not None  # the schema requires it
     J = symmetric(*reader.numbers(moi, _ENTRIES, "inertia"))
-    scale = float(np.abs(J).max())
-    sources = [moi]
+    largest = float(np.abs(J).max())
     if attribute(moi, "about", "G") == "B":
         J = about_mass_centre(J, mass, r_BG)
-        sources += [*body.iterfind("mass"), *body.iterfind("rGB")]
-    if all(map(reader.faults.sound, sources)):
-        complaint = impossible(J, scale)
-        if complaint:
-            reader.faults.add(moi, complaint)
-    return J
+    return J, largest
 
 
 def symmetric(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> Matrix:
-    """The symmetric matrix of its six entries."""
+    """Return the symmetric matrix of its six entries."""
     return ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
 
 
 def about_mass_centre(J_B: Matrix, mass: float, r: Vector) -> Matrix:
-    """``J_G = J_B - m (r.r 1 - r r^T)``, the parallel-axis theorem; ``r`` from B to G."""
+    """Return ``J_G = J_B - m (r.r 1 - r r^T)``, the parallel-axis theorem; ``r`` from B to G."""
     x, y, z = r
     part = symmetric(y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -x * z, -y * z)
     rows = (np.array(J_B) - mass * np.array(part)).tolist()
     return (tuple(rows[0]), tuple(rows[1]), tuple(rows[2]))
-
-
-def impossible(J: Matrix, scale: float) -> str:
-    """Why no body has the inertia tensor ``J`` about its mass centre; "" for a possible one.
-
-    ``scale`` is the largest entry as given, whose round-off ``J`` carries.
-    """
-    smallest, middle, largest = np.linalg.eigvalsh(J).tolist()
-    moments = f"principal moments about G {smallest:.6g}, {middle:.6g}, {largest:.6g} kg-m^2"
-    if smallest <= POSITIVE * scale:
-        return f"{moments}: all must be greater than zero; give a small one in place of zero"
-    if largest > smallest + middle + TRIANGLE * scale:
-        return f"{moments}: none may exceed the sum of the other two; check entries and units"
-    return ""

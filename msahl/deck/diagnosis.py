@@ -1,8 +1,9 @@
-"""Departures from the schema in the words of a deck: what is wrong, and what would be right.
+"""Diagnosis of a deck that is not valid by the schema: what is wrong, and what would be right.
 
 The rules are those of xmlschema's components. Every element is checked once, whatever is wrong with
-others, and a message is made only if it is kept, so the time is proportional to the deck. To find
-its own errors xmlschema takes time that grows with the square of the number of unknown elements.
+others, and a message is made only if it is kept, so the time is proportional to the size of the
+deck. xmlschema's own search for errors takes a time that grows with the square of the number of
+unknown elements.
 """
 
 import difflib
@@ -18,7 +19,7 @@ if TYPE_CHECKING:  # a run of a valid deck does not import it
     from xmlschema.validators import XsdElement, XsdSimpleType
 
 NAMES = ("name", "body", "joint", "first", "second")
-"""Elements that hold a name."""
+"""Elements whose text is a name."""
 
 RENAMED = {
     "drive": "jointMotion",
@@ -29,22 +30,22 @@ RENAMED = {
     "angle": "exponential",
     "station": "instantaneous",
 }
-"""New name of each renamed element, attribute or value; told only where the new name is valid."""
+"""New name of each renamed element, attribute or value; messages give it where it is valid."""
 
 Departure = tuple[Element, Callable[[], str]]
-"""An element that is wrong, and the message."""
+"""An element with a fault, and a function that returns the message."""
 
 _PYTHONS_OWN = re.compile(r"(?![ \t\r\n0-9])[\s\d]")
-"""Spaces and digits to Python, and so to xmlschema, that are neither to XML."""
+"""Characters that are spaces or digits for Python, and so for xmlschema, but not in XML."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Rule:
-    """What an element may hold: text of the type ``word``, or ``children`` in a group of one
+    """What an element may contain: text of the type ``word``, or ``children`` in a group of one
     ``model`` (empty: no children).
 
-    ``once`` says that the group is not repeated, ``needed`` that it may not be empty; ``required``
-    are the children that may not be missing. ``optional`` text may be empty, for it has a default.
+    ``once`` means that the group is not repeated, ``needed`` that it may not be empty; ``required``
+    are the children that may not be missing. ``optional`` text may be empty, as it has a default.
     """
 
     word: "XsdSimpleType | None"
@@ -81,7 +82,7 @@ def _present(element: Element, known: Collection[str]) -> str:
 
 @cache
 def _rule(declaration: "XsdElement") -> _Rule:
-    """The rule of an element, collected once: xmlschema finds the parts of it anew at each look."""
+    """Return the rule of an element, kept because xmlschema collects its parts anew each time."""
     group = declaration.type.model_group
     members: list[Any] = [] if group is None else list(group.iter_elements())  # no wildcards
     attributes: dict[Any, Any] = dict(declaration.attributes.items())
@@ -101,14 +102,14 @@ def _rule(declaration: "XsdElement") -> _Rule:
     )
 
 
-@lru_cache(maxsize=10_000)  # most words of a deck recur: units, names, small numbers
+@lru_cache(maxsize=10_000)  # most texts of a deck recur: units, names, small numbers
 def _accepts(word: "XsdSimpleType", given: str) -> bool:
-    """Whether text is valid by xmlschema; white space is collapsed first."""
+    """Return whether text is valid by xmlschema; white space is collapsed first."""
     return word.text_is_valid(_PYTHONS_OWN.sub("\ufffd", collapsed(given)))
 
 
 def _departures(element: Element, rule: _Rule) -> Iterator[Departure]:
-    """What is wrong with an element, apart from what its known children hold."""
+    """Yield what is wrong with an element, apart from the contents of its known children."""
     yield from _attributes(element, rule)
     if rule.word is None:
         yield from _children(element, rule)
@@ -120,7 +121,7 @@ def _departures(element: Element, rule: _Rule) -> Iterator[Departure]:
 
 
 def _attributes(element: Element, rule: _Rule) -> Iterator[Departure]:
-    """Attributes the element does not take, or not with this value. (None is required.)"""
+    """Yield attributes that are unknown or have a wrong value. (None is required.)"""
     for key, value in element.attrib.items():
         name, word = str(key), rule.attributes.get(str(key))
         if word is None:
@@ -130,7 +131,7 @@ def _attributes(element: Element, rule: _Rule) -> Iterator[Departure]:
 
 
 def _children(element: Element, rule: _Rule) -> Iterator[Departure]:
-    """Children that are unknown, repeated or missing, and text where children belong."""
+    """Yield children that are unknown, repeated or missing, and text where children belong."""
     tag, known = str(element.tag), rule.children
     seen: set[str] = set()
     for child in element:
@@ -138,7 +139,7 @@ def _children(element: Element, rule: _Rule) -> Iterator[Departure]:
         if name not in known:
             yield child, partial(_unknown_child, name, tag, tuple(known))
         elif rule.model == "all" and name in seen:
-            yield child, partial("<{}> stands twice in <{}>; keep one".format, name, tag)
+            yield child, partial("<{}> is given twice in <{}>; keep one".format, name, tag)
         seen.add(_present(child, known))
     for name in rule.required:
         if name not in seen:
@@ -146,19 +147,19 @@ def _children(element: Element, rule: _Rule) -> Iterator[Departure]:
     if rule.model == "choice" and rule.once and len(element) > 1:
         first, *others = element
         for child in others:
-            yield child, partial("<{}> stands beside <{}>; keep one".format, child.tag, first.tag)
+            yield child, partial("<{}> is given beside <{}>; keep one".format, child.tag, first.tag)
     elif rule.model in ("choice", "sequence") and rule.needed and not seen & known.keys():
         yield element, partial("<{}> is empty; add {}".format, tag, _listed(_tags(tuple(known))))
     stray = _stray_text(element)
     if not rule.model and element.text:
-        yield element, partial("<{}> holds nothing, not even spaces; write <{}/>".format, tag, tag)
+        yield element, partial("<{}> must be empty, without spaces; write <{}/>".format, tag, tag)
     elif stray:
         holds = _listed(_tags(tuple(known)))
         yield element, partial("stray text '{}'; <{}> holds {}".format, stray, tag, holds)
 
 
 def _stray_text(element: Element) -> str:
-    """Text between the children, shortened."""
+    """Return the text between the children, shortened."""
     pieces = [element.text, *(child.tail for child in element)]
     return collapsed(" ".join(piece for piece in pieces if piece))[:40]
 
@@ -176,7 +177,7 @@ def _unknown_child(name: str, tag: str, known: tuple[str, ...]) -> str:
 
 
 def _wrong_attribute(name: str, value: str, word: "XsdSimpleType") -> str:
-    """Why an attribute's value is refused."""
+    """Return why an attribute's value is refused."""
     allowed = _allowed(word)
     if allowed:
         what = "unknown unit " if name == "units" else f"unknown value {name}="
@@ -188,7 +189,7 @@ def _wrong_attribute(name: str, value: str, word: "XsdSimpleType") -> str:
 
 
 def _wrong_text(tag: str, given: str, word: "XsdSimpleType") -> str:
-    """Why the text of an element is refused."""
+    """Return why the text of an element is refused."""
     allowed = _allowed(word)
     if allowed:
         return f"unknown value '{given}'{_choice(given, allowed)}"
@@ -198,12 +199,12 @@ def _wrong_text(tag: str, given: str, word: "XsdSimpleType") -> str:
 
 
 def _allowed(word: "XsdSimpleType") -> tuple[str, ...]:
-    """The only words that are valid; empty if they are not listed."""
+    """Return the only words that are valid; empty if they are not listed."""
     return tuple(map(str, word.enumeration or ()))
 
 
 def _choice(given: str, known: tuple[str, ...]) -> str:
-    """The remedy for an unknown word: its new name, or the likely one first, then all."""
+    """Return the remedy for an unknown word: its new name, or the likely one first, then all."""
     if not known:
         return "; none is expected here"
     plain = given.strip("<>")

@@ -1,14 +1,12 @@
-"""Faults of a deck: collected, told all at once, each with file, line, place and remedy."""
+"""Faults of a deck: collected and raised all at once, each with file, line, place and remedy."""
 
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import islice
 from typing import NoReturn
 
 from lxml import etree
 
-from msahl.algebra.vector import Vector
 from msahl.printable import printable
 
 Element = etree._Element
@@ -17,15 +15,13 @@ KINDS = {"bodies": "body", "joints": "joint", "motions": "motion", "loads": "loa
 """What a child of these elements is called in a message."""
 
 MOST_SHOWN = 100
-"""Messages given at once; of further faults only their number is told."""
+"""Messages given at once; further faults are only counted."""
 MOST_KEPT = 1000
-"""Faults whose messages are made; those given are the first of them in the order of lines."""
+"""Faults whose messages are made; the first of them in the order of lines are given."""
 MOST_COUNTED = 1_000_000
 """Faults after which the search ends: each that is counted takes memory."""
-MOST_LISTED = 20
-"""Names listed in a message."""
 LONGEST = 600
-"""Characters of each part of a message; of a longer one the middle is left out."""
+"""Characters of each part of a message; a longer part is given without its middle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +40,8 @@ class Fault:
 
 
 class DeckError(Exception):
-    """A deck that cannot be run; ``faults`` holds those found, in the order of lines, and of very
-    many the first ones and the number of the others."""
+    """A deck that cannot be run. ``faults`` holds its faults in the order of lines; if there are
+    very many, the first ones and the number of the others."""
 
     def __init__(self, faults: tuple[Fault, ...]) -> None:
         super().__init__(faults)
@@ -56,7 +52,7 @@ class DeckError(Exception):
 
 
 class Faults:
-    """Collects the faults of the deck ``file``, and knows which elements are free of them."""
+    """Collects the faults of the deck ``file``, and says which elements are free of them."""
 
     def __init__(self, file: str) -> None:
         self.file = file
@@ -69,10 +65,10 @@ class Faults:
     def add(
         self, element: Element, message: str | Callable[[], str], at: Element | None = None
     ) -> None:
-        """A fault of ``element``, on the line of ``at`` if that is given. A ``message`` that takes
-        time to make may be a function, which is called only if it is kept.
+        """Add a fault of ``element``, on the line of ``at`` if that is given. A ``message`` that
+        takes time to make may be a function, which is called only if the message is kept.
 
-        Raises ``DeckError`` where there are too many to go on.
+        Raises ``DeckError`` if there are too many faults to go on.
         """
         if self._made < MOST_KEPT:
             self._made += 1
@@ -87,15 +83,15 @@ class Faults:
         self.doubt(element)
 
     def doubt(self, element: Element) -> None:
-        """``element`` is not sound, through no fault of its own."""
+        """Mark ``element`` as not sound, for a fault that is not its own."""
         self._touched.update((element, *element.iterancestors()))
 
     def own(self, element: Element) -> bool:
-        """A fault was found in ``element`` itself, not only in something inside it."""
+        """Return whether ``element`` itself has a fault, not only something inside it."""
         return element in self._own
 
     def sound(self, element: Element) -> bool:
-        """No fault was found in ``element`` or in anything inside it."""
+        """Return whether neither ``element`` nor anything inside it has a fault."""
         return element not in self._touched
 
     def stop(self, message: str, line: int = 0) -> NoReturn:
@@ -103,13 +99,12 @@ class Faults:
         raise DeckError((Fault(self.file, line, "", message),))
 
     def raise_if_any(self) -> None:
-        """Raise ``DeckError`` if there are any faults: with the first ones and how many more there
-        are."""
+        """Raise ``DeckError`` with the first faults and the number of others, if there are any."""
         if self._found:
             self._raise()
 
     def _raise(self, about: str = "") -> NoReturn:
-        """Raise ``DeckError``; ``about`` stands before the number of faults that are not shown."""
+        """Raise ``DeckError``; ``about`` precedes the number of faults that are not shown."""
         found = sorted(self._found, key=lambda fault: fault.line)
         shown, more = found[:MOST_SHOWN], len(found[MOST_SHOWN:]) + self._more
         if more:
@@ -119,43 +114,37 @@ class Faults:
 
 
 def line_of(element: Element) -> int:
-    """Line of an element in its file; 0 if it came from no file."""
+    """Return the line of an element in its file; 0 if it came from no file."""
     line = element.sourceline
     return line if isinstance(line, int) else 0
 
 
 def collapsed(given: str) -> str:
-    """``given`` with white space collapsed: XML's own four characters, which the schema collapses,
-    and none of those that Python counts as well."""
-    # Of what is ASCII XML admits no other white space, and Python's own way is ten times as quick.
+    """Return ``given`` with white space collapsed: XML's own four characters, which the schema
+    collapses, and none of those that Python counts as well."""
+    # ASCII text in XML has no other white space, and Python's own function is ten times as fast.
     return " ".join(given.split() if given.isascii() else re.findall(r"[^ \t\r\n]+", given))
 
 
 def text(element: Element | None) -> str:
-    """Text of an element with white space collapsed; empty without element."""
+    """Return the text of an element with white space collapsed; empty without element."""
     return "" if element is None else collapsed(element.text or "")
 
 
 def attribute(element: Element, name: str, default: str = "") -> str:
-    """Value of an attribute with white space collapsed; ``default`` without it."""
+    """Return an attribute with white space collapsed, or ``default`` if there is none."""
     return collapsed(element.get(name, default))
 
 
-def listed(names: Collection[str]) -> str:
-    """Names for a reader: the first of them, and how many more there are."""
-    more = f", and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
-    return ", ".join(islice(names, MOST_LISTED)) + more
-
-
 def _fit(part: str) -> str:
-    """A part of a message as it may be shown: printable, and not of any length."""
+    """Return a part of a message as it may be shown: printable, and of bounded length."""
     if len(part) > LONGEST:
         part = f"{part[: LONGEST // 2]} ... {part[-LONGEST // 2 :]}"
     return printable(part)
 
 
 def where(element: Element) -> str:
-    """Place of an element for a reader: ``body 'Bob', moi/Ixx`` or ``system/gravity/g3``."""
+    """Return the place of an element: ``body 'Bob', moi/Ixx`` or ``system/gravity/g3``."""
     path: list[str] = []
     for step in (element, *element.iterancestors()):
         record = _record(step)
@@ -166,16 +155,10 @@ def where(element: Element) -> str:
 
 
 def _record(element: Element) -> str:
-    """``body 'Bob'`` for a body, joint, motion or load; "" for any other element."""
+    """Return ``body 'Bob'`` for a body, joint, motion or load; "" for any other element."""
     parent = element.getparent()
     kind = KINDS.get(str(parent.tag)) if parent is not None else None
     if parent is None or kind is None:
         return ""
     name = text(element.find("name"))
     return f"{kind} '{name}'" if name else f"{kind} {parent.index(element) + 1}"
-
-
-def shown(a: Vector) -> str:
-    """A vector for a reader."""
-    x, y, z = (component + 0.0 for component in a)  # no minus before a zero
-    return f"({x:.9g}, {y:.9g}, {z:.9g})"

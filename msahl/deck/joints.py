@@ -1,12 +1,14 @@
-"""Joints: elements -> records. What each kind takes stands in ``msahl.joints``, with its law."""
+"""Reader of joints: elements -> records. What each kind takes is in ``msahl.joints``."""
 
 import math
 
 from msahl.algebra.vector import IDENTITY, Matrix, cross, dot, sub
+from msahl.check.directions import facing_back
+from msahl.check.ends import points
+from msahl.check.joint_fit import fit_findings
+from msahl.check.joints import joint_findings
 from msahl.deck.ends import Ends, carried, is_placed, own_frame, read_ends, shared_frame
 from msahl.deck.faults import Element, text
-from msahl.deck.fit import complaints
-from msahl.deck.frames import turned_round
 from msahl.deck.values import Reader
 from msahl.joints.joint import Kind
 from msahl.joints.registry import KINDS
@@ -16,14 +18,13 @@ Frames = tuple[Matrix, Matrix]
 
 
 def read_joint(element: Element, reader: Reader) -> Joint:
-    """Record of a joint of any kind; each point and frame in its own body's axes."""
+    """Return the record of a joint of any kind; each point and frame in its own body's axes."""
     kind = KINDS[str(element.tag)]
     ends = read_ends(element, reader)
     reaction = element.find("initialConditions/reaction")
-    if reaction is not None:  # only a first guess, of which nothing but its faults is used
+    if reaction is not None:  # read for its faults only: the reaction is computed
         reader.components(reaction)
         reader.basis(reaction)
-    _check_parent(element, kind, ends, reader)
     parent_axes, child_axes = _frames(element, kind, ends, reader)
     joint = Joint(
         name=text(element.find("name")),
@@ -36,42 +37,36 @@ def read_joint(element: Element, reader: Reader) -> Joint:
         child_axes=carried(child_axes, ends.child, reader),
         parameters=_parameters(element, kind, reader),
     )
+    reader.add(element, joint_findings(joint, reader.context))
     if is_placed(element, ends, reader):
-        for message in complaints(joint, ends, reader):
-            reader.faults.add(element, message)
+        reader.add(element, fit_findings(joint, reader.context))
     if reader.faults.sound(element):
         reader.joints[joint.name] = joint
     return joint
 
 
-def _check_parent(element: Element, kind: Kind, ends: Ends, reader: Reader) -> None:
-    if kind.on_ground and ends.parent in reader.axes and ends.parent not in reader.grounds:
-        message = f"the parent of a {element.tag} is a ground; '{ends.parent}' is a body"
-        reader.faults.add(element, message, element.find("parent/name"))
-
-
 def _parameters(element: Element, kind: Kind, reader: Reader) -> tuple[tuple[str, float], ...]:
-    """Every parameter of the kind by name [SI]; what may be left out has its default."""
+    """Return every parameter of the kind by name [SI], or its default."""
     values = []
-    for name, quantity, default, bound in kind.parameters:
+    for name, quantity, default, _ in kind.parameters:
         place = element.find(name)
-        value = reader.number(place, quantity)
-        if place is None and default is not None:
-            value = default
-        elif value <= bound and place is not None and reader.faults.sound(place):
-            reader.faults.add(place, f"it is {value:g}; it must be greater than {bound:g}")
-        values.append((name, value))
+        absent = place is None and default is not None
+        value = default if absent else reader.number(place, quantity)
+        values.append((name, value if value is not None else math.nan))
     return tuple(values)
 
 
 def _frames(element: Element, kind: Kind, ends: Ends, reader: Reader) -> Frames:
-    """Frames of parent and child, inertial axes at t = 0."""
+    """Return the frames of parent and child, inertial axes at t = 0."""
     if kind.axes == 0:
         return IDENTITY, IDENTITY
     if kind.axes == 1:
         shared = shared_frame(element, reader)
         if shared is None and reader.faults.sound(element):
-            message = "<axis> is missing; add it to <parent> or <child>, <axis><z>1</z></axis> say"
+            message = (
+                "<axis> is missing; add it to <parent> or <child>, for example "
+                "<axis><z>1</z></axis>"
+            )
             reader.faults.add(element, message)
         return shared or IDENTITY, shared or IDENTITY
     parent, child = own_frame(element, "parent", reader), own_frame(element, "child", reader)
@@ -83,8 +78,7 @@ def _frames(element: Element, kind: Kind, ends: Ends, reader: Reader) -> Frames:
 
 
 def _facing(parent: Matrix, child: Matrix, ends: Ends, reader: Reader) -> Matrix:
-    """The child's frame, turned round if its axis b has D . (a x b) < 0: the two face alike."""
-    here = reader.placed(ends.parent, ends.parent_point)
-    there = reader.placed(ends.child, ends.child_point)
+    """Return the child's frame, reversed if its axis b has D . (a x b) < 0: the two face alike."""
+    here, there = points(ends, reader.context)
     volume = dot(sub(there, here), cross(parent[2], child[2]))
-    return turned_round(child) if math.copysign(1.0, volume) < 0.0 else child
+    return facing_back(child) if math.copysign(1.0, volume) < 0.0 else child

@@ -1,7 +1,7 @@
-"""Bytes -> XML tree, on guard: a deck is data and opens nothing but itself.
+"""Safe parser of decks: bytes -> XML tree, without access to any other file or address.
 
-A document type declaration is refused before anything in it is read, for all an entity can do is
-expand or fetch; comments are dropped; size, depth and text length are bounded.
+A document type declaration is refused before anything in it is read, since entities can only expand
+or fetch. Comments are dropped; size, depth and text length are bounded.
 """
 
 from contextlib import suppress
@@ -17,7 +17,8 @@ MAX_BYTES = 64 * 2**20
 """Largest deck read, in bytes: some hundred thousand bodies."""
 
 MOST_ATTRIBUTES = 16
-"""Of an element; none has more than four, and time goes with their square."""
+"""Attributes accepted in an element. None needs more than four, and parsing time grows with their
+square."""
 
 _XSI = "{http://www.w3.org/2001/XMLSchema-instance}"
 _LOCATIONS = ("schemaLocation", "noNamespaceSchemaLocation")
@@ -28,7 +29,7 @@ _NO_DTD = (
 
 
 def read_bytes(path: Path, faults: Faults) -> bytes:
-    """The file as it is; raises ``DeckError`` if it cannot be read, is empty or too large."""
+    """Return the file's bytes; raise ``DeckError`` if it cannot be read, is empty or too large."""
     try:
         with path.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)
@@ -43,7 +44,7 @@ def read_bytes(path: Path, faults: Faults) -> bytes:
 
 
 def parse(data: bytes, faults: Faults) -> Element:
-    """Root of the tree, free of comments; raises ``DeckError`` unless it is a ``<data>`` deck."""
+    """Return the root without comments; raise ``DeckError`` unless it is a ``<data>`` deck."""
     line = _doctype_line(data)
     if line:
         faults.stop(_NO_DTD, line)
@@ -64,12 +65,12 @@ def parse(data: bytes, faults: Faults) -> Element:
 
 
 def parse_with_comments(data: bytes) -> Element:
-    """Root of a deck that ``parse`` has accepted, comments and all."""
+    """Return the root of a deck that ``parse`` has accepted, with its comments."""
     return etree.fromstring(data, _parser(keep_comments=True))
 
 
 def _parser(keep_comments: bool) -> etree.XMLParser:
-    """A parser that expands no entity, loads no DTD, uses no network and bounds its memory."""
+    """Return a parser that expands no entity, loads no DTD, uses no network and bounds memory."""
     return etree.XMLParser(
         resolve_entities=False,
         load_dtd=False,
@@ -82,11 +83,11 @@ def _parser(keep_comments: bool) -> etree.XMLParser:
 
 
 class _Enough(Exception):  # noqa: N818 - ends a search, no error
-    """The search has its answer."""
+    """Ends the search for a document type declaration."""
 
 
 def _doctype_line(data: bytes) -> int:
-    """Line of the document type declaration, 0 without one; reads no further than the root."""
+    """Return the line of the document type declaration, 0 without one; read only up to the root."""
     parser = expat.ParserCreate()
     found = 0
 
@@ -100,20 +101,20 @@ def _doctype_line(data: bytes) -> int:
 
     parser.StartDoctypeDeclHandler = on_doctype
     parser.StartElementHandler = on_root
-    # What is not well-formed is told by the parser that builds the tree.
+    # The parser that builds the tree reports what is not well-formed.
     with suppress(_Enough, expat.ExpatError, ValueError, LookupError):
         parser.Parse(data, True)
     return found
 
 
 def _found(root: Element, path: str) -> list[Element]:
-    """The elements at an XPath, looked for by libxml2 itself."""
+    """Return the elements at an XPath, found by libxml2."""
     return cast(list[Element], root.xpath(path, namespaces={"xsi": _XSI[1:-1]}))
 
 
 def _drop_instance_attributes(root: Element, faults: Faults) -> None:
     """Drop every ``xsi:`` attribute: a schema named by the deck is ignored, never opened; others
-    (``xsi:type``, ``xsi:nil``) would bend our own schema and are faults."""
+    (``xsi:type``, ``xsi:nil``) would change the meaning of our own schema and are faults."""
     for element in _found(root, "//*[@xsi:*]"):
         for name in [str(key) for key in element.attrib if str(key).startswith(_XSI)]:
             del element.attrib[name]

@@ -1,10 +1,10 @@
-"""A deck file -> the model. All faults at once.
+"""Reader of a deck file: returns the model, or raises all faults at once.
 
     bytes -> tree -> schema -> names -> axes -> bodies -> joints -> couplings, motions, loads
           -> model
 
-Only records that the schema finds sound are read further, but every name counts, and every
-reference: a slip in one record neither makes references to it look wrong nor hides its own.
+Only records without faults by the schema are read further, but every name and every reference is
+checked: a fault in one record neither makes references to it wrong nor hides its own references.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -14,6 +14,8 @@ from typing import Any
 
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import IDENTITY, ZERO, Vector
+from msahl.check.context import INERTIAL, Context
+from msahl.check.names import RESERVED, name_messages
 from msahl.deck.bodies import read_ground, read_rigid_body
 from msahl.deck.couplings import read_coupling
 from msahl.deck.faults import KINDS, Element, Faults, line_of, text
@@ -25,17 +27,16 @@ from msahl.deck.loads import (
     read_drag,
     read_friction,
 )
-from msahl.deck.motions import check_driven_once, read_joint_motion, read_point_motion
+from msahl.deck.motions import check_prescribed_once, read_joint_motion, read_point_motion
 from msahl.deck.parse import parse, read_bytes
 from msahl.deck.references import check_references, is_complete
 from msahl.deck.schema import check_schema
 from msahl.deck.simulation import Assembly, read_assembly, read_simulation
 from msahl.deck.springs import read_bushing, read_joint_spring, read_spring_damper
-from msahl.deck.values import INERTIAL, Reader
+from msahl.deck.values import Reader
 from msahl.joints.registry import KINDS as JOINT_KINDS
 from msahl.model import Ground, Model, RigidBody, Simulation
 from msahl.model.couplings import COORDINATES
-from msahl.model.scheme import WORKER
 
 Read = Callable[[Element, Reader], Any]
 
@@ -53,20 +54,17 @@ LOADS: Mapping[str, Read] = {
     "friction": read_friction,
 }
 TAGS = frozenset((*BODIES, *JOINT_KINDS, *COORDINATES, *MOTIONS, *LOADS))
-"""Of all records."""
+"""Tags of all records."""
 
 ONE_NAME = (("bodies",), ("joints", "motions", "loads"))
-"""Groups whose records share one set of names. Columns are called NAME.QUANTITY, and no quantity of
-a body is one of another element."""
-
-FORBIDDEN = frozenset(",;\"'")
-"""Characters no name may hold, beside those that do not print: names become CSV columns."""
+"""Groups whose records share one set of names. Columns of results are called NAME.VALUE, and values
+of bodies and of other elements have different names."""
 
 
 def read_deck(path: str | PathLike[str], thorough: bool = False) -> Model:
-    """The model of the deck at ``path``; raises ``DeckError`` with every fault found.
+    """Return the model of the deck at ``path``; raise ``DeckError`` with every fault found.
 
-    ``thorough`` has a valid deck validated by both libraries (see ``deck.schema``).
+    With ``thorough`` a valid deck is validated by both libraries (see ``deck.schema``).
     """
     path = Path(path)
     faults = Faults(str(path))
@@ -78,12 +76,12 @@ def read_deck(path: str | PathLike[str], thorough: bool = False) -> Model:
 
 
 def _read_model(root: Element, faults: Faults) -> Model:
-    """What can be read of the deck; complete if ``faults`` stays empty."""
+    """Return what can be read of the deck; it is complete if ``faults`` stays empty."""
     unit_system = "US" if text(root.find("unitSystem")) == "US" else "SI"
     simulation = root.find("simulation")
     usable = simulation is not None and faults.sound(simulation)
     assembly = read_assembly(root) if usable else Assembly()
-    reader = Reader(unit_system, faults, assembly.position == "project")
+    reader = Reader(unit_system, faults, Context(project=assembly.position == "project"))
     sound = {group: _sound(root.iterfind(f"system/{group}/*"), faults) for group in KINDS}
     for groups in ONE_NAME:
         _check_names(root, groups, faults)
@@ -95,7 +93,7 @@ def _read_model(root: Element, faults: Faults) -> Model:
     joints = [read_joint(e, reader) for e in sound["joints"] if e.tag in JOINT_KINDS]
     couplings = [read_coupling(e, reader) for e in sound["joints"] if e.tag in COORDINATES]
     motions = [MOTIONS[str(e.tag)](e, reader) for e in sound["motions"]]
-    check_driven_once(sound["motions"], reader)
+    check_prescribed_once(sound["motions"], reader)
     return Model(
         gravity=_gravity(root, reader),
         grounds=tuple(body for body in bodies if isinstance(body, Ground)),
@@ -112,83 +110,77 @@ def _read_model(root: Element, faults: Faults) -> Model:
 
 
 def _sound(elements: Iterable[Element], faults: Faults) -> list[Element]:
-    """Those elements which are free of faults so far."""
+    """Return the elements that are free of faults so far."""
     return [element for element in elements if faults.sound(element)]
 
 
 def _check_names(root: Element, groups: Collection[str], faults: Faults) -> None:
-    """Names are printable, fit to head a column, and unique within their groups."""
-    taken: dict[str, Element] = {}
-    for record in (record for group in groups for record in root.iterfind(f"system/{group}/*")):
-        label = record.find("name")
-        name = text(label)
-        if label is None or not name:
-            continue  # told by the schema
-        if name in taken:
-            first = line_of(taken[name])
-            faults.add(label, f"the name is taken by line {first}; choose another")
-            faults.doubt(taken[name])  # which of the two others mean is not known
-        taken.setdefault(name, label)
-        if name == WORKER and "loads" in groups:
-            message = "the name is that of the scheme's own column in work.csv; choose another"
-            faults.add(label, message)
-        bad = sorted({c for c in name if c in FORBIDDEN or not c.isprintable()})
-        if bad:
-            shown = " ".join(ascii(c)[1:-1] for c in bad)
-            faults.add(label, f"a name must not contain {shown} (names head columns of results)")
+    """Add a fault for every name that is taken within its groups or cannot head a column."""
+    records = (record for group in groups for record in root.iterfind(f"system/{group}/*"))
+    labels = [label for record in records if (label := record.find("name")) is not None]
+    reserved = RESERVED if "loads" in groups else ()
+
+    def line(index: int) -> str:
+        return f"line {line_of(labels[index])}"
+
+    for index, message, first in name_messages([*map(text, labels)], line, reserved):
+        faults.add(labels[index], message)
+        if first is not None:
+            faults.doubt(labels[first])  # a reference may mean either of the two
 
 
 def _read_axes(root: Element, sound: list[Element], reader: Reader) -> None:
     """Make every body's axes known before anything refers to them.
 
-    A body with faults is known by name, so that references to it hold.
+    A body with faults is known by name, so that references to it resolve.
     """
+    context = reader.context
     for element in root.iterfind("system/bodies/*/name"):
-        reader.axes.setdefault(text(element), IDENTITY)
+        context.axes.setdefault(text(element), IDENTITY)
     for element in root.iterfind("system/bodies/ground"):
-        reader.grounds[text(element.find("name"))] = None
+        context.grounds[text(element.find("name"))] = None
     if not is_complete(root, "bodies", TAGS):
-        reader.grounds.setdefault(INERTIAL)
+        context.grounds.setdefault(INERTIAL)
     for element in sound:
-        reader.axes[text(element.find("name"))] = matrix(reader.orientation(element))
+        context.axes[text(element.find("name"))] = matrix(reader.orientation(element))
 
 
 def _read_kinds(root: Element, reader: Reader) -> None:
-    """Make every joint's kind known, faults or not, before anything refers to it."""
+    """Make every joint's kind known, with faults or without, before anything refers to it."""
     for element in root.iterfind("system/joints/*"):
         if element.tag in JOINT_KINDS:
-            reader.kinds.setdefault(text(element.find("name")), str(element.tag))
+            reader.context.kinds.setdefault(text(element.find("name")), str(element.tag))
 
 
 def _read_body(element: Element, reader: Reader) -> Ground | RigidBody:
-    """Record of a ground or body; its place becomes known to the joints if it has no fault."""
+    """Return the record of a ground or body, and make its place known if that has no fault."""
     body: Ground | RigidBody = BODIES[str(element.tag)](element, reader)
     start = element.find("initialConditions")
     placed = start is None or reader.faults.sound(start)
     label = element.find("name")
     if placed and label is not None and reader.faults.sound(label):
-        reader.place(body.name, getattr(body, "position", ZERO))
+        reader.context.place(body.name, getattr(body, "position", ZERO))
     if isinstance(body, RigidBody) and reader.faults.sound(element):
         reader.bodies[body.name] = body
     return body
 
 
 def _check_some_body(root: Element, faults: Faults) -> None:
-    """A scene has something that moves."""
+    """Add a fault if the model has no rigid body."""
     bodies = root.find("system/bodies")
     if bodies is not None and faults.sound(bodies) and bodies.find("rigidBody") is None:
         faults.add(bodies, "nothing here moves; add a <rigidBody>")
 
 
 def _gravity(root: Element, reader: Reader) -> Vector:
-    """Acceleration of gravity [m/s^2], inertial axes; zero without element."""
+    """Return the acceleration of gravity [m/s^2], inertial axes; zero without element."""
     element = root.find("system/gravity")
     usable = element is not None and reader.faults.sound(element)
     return reader.components(element) if usable else ZERO
 
 
 def _simulation(root: Element, reader: Reader) -> Simulation:
-    """Record of ``<simulation>``; an empty one if the schema found fault with it."""
+    """Return the record of ``<simulation>``; an empty one if it has a fault by the schema."""
     element = root.find("simulation")
     if element is None or not reader.faults.sound(element):
         return Simulation("", 0.0, 0.0)

@@ -1,6 +1,6 @@
-"""References by name to bodies and joints: each is checked, sound or not the element that makes it.
+"""Check of references by name to bodies and joints, also those in elements with other faults.
 
-A name counts as known if it may be that of an element with a fault of its own, which is told
+A name counts as known if it may be that of an element with a fault of its own, which is reported
 already: a record under a misspelt tag, or one whose name is missing.
 """
 
@@ -9,8 +9,9 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
-from msahl.deck.faults import KINDS, Element, Faults, attribute, listed, text
-from msahl.deck.values import INERTIAL, Reader
+from msahl.check.names import unresolved
+from msahl.deck.faults import KINDS, Element, Faults, attribute, text
+from msahl.deck.values import Reader
 
 ENDS = ("parent", "child")
 BODIES = ("system/*/*/parent/name", "system/*/*/child/name", "system/*/*/body")
@@ -21,7 +22,7 @@ JOINTS = ("system/*/*/first", "system/*/*/second", "system/*/*/joint")
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """A ``name`` in some ``role`` of ``owner``, and the element ``at`` which it stands."""
+    """A ``name`` in some ``role`` of ``owner``, and the element ``at`` which it is given."""
 
     owner: Element
     at: Element
@@ -32,10 +33,10 @@ class Reference:
 def check_references(root: Element, tags: Collection[str], reader: Reader) -> None:
     """Add a fault for every name of a body or joint that no element has; ``tags`` are those of all
     records of a deck: bodies, joints, motions and loads."""
-    bodies = [name for name in reader.axes if name != INERTIAL]
+    context = reader.context
     for kind, group, names, references in (
-        ("body", "bodies", bodies, _to_bodies(root, reader.faults)),
-        ("joint", "joints", list(reader.kinds), _to_joints(root, reader.faults)),
+        ("body", "bodies", context.bodies(), _to_bodies(root, reader.faults)),
+        ("joint", "joints", list(context.kinds), _to_joints(root, reader.faults)),
     ):
         known = set(names)
         unknown = [r for r in references if r.name and r.name not in known]
@@ -43,14 +44,12 @@ def check_references(root: Element, tags: Collection[str], reader: Reader) -> No
             reader.faults.doubt(r.at)
         if unknown:
             unknown = _without_cause(root, unknown, group, tags)
-        there = listed(names) or "none"
         for r in unknown:
-            message = f"{r.role} '{r.name}' is not a {kind} of this deck ({group}: {there})"
-            reader.faults.add(r.owner, message, r.at)
+            reader.faults.add(r.owner, unresolved(r.role, r.name, kind, names), r.at)
 
 
 def _to_bodies(root: Element, faults: Faults) -> Iterator[Reference]:
-    """All references to bodies, but those in a place where none belongs."""
+    """Yield all references to bodies except those in a place where none belongs."""
     for end, label in _places(root, BODIES, faults):
         if end.tag not in ENDS:
             yield Reference(end, label, str(label.tag), text(label))
@@ -62,7 +61,7 @@ def _to_bodies(root: Element, faults: Faults) -> Iterator[Reference]:
 
 
 def _to_joints(root: Element, faults: Faults) -> Iterator[Reference]:
-    """All references to joints, but those in a place where none belongs."""
+    """Yield all references to joints except those in a place where none belongs."""
     for owner, label in _places(root, JOINTS, faults):
         yield Reference(owner, label, str(label.tag), text(label))
 
@@ -70,7 +69,7 @@ def _to_joints(root: Element, faults: Faults) -> Iterator[Reference]:
 def _places(
     root: Element, paths: Sequence[str], faults: Faults
 ) -> Iterator[tuple[Element, Element]]:
-    """Elements at the ``paths`` which are free of faults, each after the one that holds it."""
+    """Yield (parent, element) for the elements at the ``paths`` that are free of faults."""
     for label in chain.from_iterable(map(root.iterfind, paths)):
         holder = label.getparent()
         if holder is not None and faults.sound(label):
@@ -80,7 +79,7 @@ def _places(
 def _without_cause(
     root: Element, unknown: list[Reference], group: str, tags: Collection[str]
 ) -> list[Reference]:
-    """Those of the ``unknown`` references by which no element with a fault can be meant."""
+    """Return those ``unknown`` references that cannot mean an element with a fault."""
     elsewhere = _names_elsewhere(root, tags)
     unknown = [r for r in unknown if r.name not in elsewhere]
     # Records without a name may be meant by as many names, whichever these are.
@@ -88,7 +87,7 @@ def _without_cause(
 
 
 def _names_elsewhere(root: Element, tags: Collection[str]) -> set[str]:
-    """Names of elements that are no record, as of a misspelt tag or in a wrong place."""
+    """Return names of elements that are no record, as of a misspelt tag or in a wrong place."""
     return {
         text(label)
         for label in root.iter("name")
@@ -99,28 +98,28 @@ def _names_elsewhere(root: Element, tags: Collection[str]) -> set[str]:
 
 
 def _is_record(element: Element, tags: Collection[str]) -> bool:
-    """An element of a known tag in one of the system's groups."""
+    """Return whether an element has a known tag and is in one of the system's groups."""
     group = element.getparent()
     return group is not None and group.tag in KINDS and element.tag in tags
 
 
 def _nameless(root: Element, group: str) -> float:
-    """How many records of a group have no name that can be read; without limit if there is no such
-    group but something else in its place."""
+    """Return how many records of a group have no name that can be read; infinity if the group is
+    missing and something else is in its place."""
     if not _has_place(root, group):
         return math.inf
     return sum(not text(record.find("name")) for record in root.iterfind(f"system/{group}/*"))
 
 
 def is_complete(root: Element, group: str, tags: Collection[str]) -> bool:
-    """Whether the records of a group are in place, and all of them of known ``tags``."""
+    """Return whether the records of a group are in place, and all of them of known ``tags``."""
     return _has_place(root, group) and all(
         record.tag in tags for record in root.iterfind(f"system/{group}/*")
     )
 
 
 def _has_place(root: Element, group: str) -> bool:
-    """Whether a group is there, or nothing that may be meant by it."""
+    """Return whether a group is there, or nothing that may be meant by it."""
     system = root.find("system")
     if system is None:
         return False

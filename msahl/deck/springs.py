@@ -1,14 +1,11 @@
-"""Springs and dampers between two bodies: elements -> records."""
-
-import math
+"""Reader of springs and dampers between two bodies or along a joint: elements -> records."""
 
 from msahl.algebra.functions import Law
 from msahl.algebra.vector import IDENTITY, Matrix, transpose
-from msahl.deck.ends import Ends, carried, is_placed, open_by, read_ends, shared_frame, tolerance
+from msahl.check.loads import element_findings, start_findings
+from msahl.deck.ends import Ends, carried, is_placed, read_ends, shared_frame
 from msahl.deck.faults import Element, text
 from msahl.deck.laws import read_table
-from msahl.deck.loads import not_negative
-from msahl.deck.named import named_joint
 from msahl.deck.values import Reader
 from msahl.model.loads import Bushing, JointSpring, SpringDamper
 
@@ -18,70 +15,64 @@ ALONG = {
     "torsionalSpringDamper": ("angle", "freeAngle", "angle", "moment"),
     "slideSpringDamper": ("slide", "freeSlide", "length", "force"),
 }
-"""Of a spring on a joint: the free motion, the tag of its unloaded place, the quantities (and tags
-of a table's entries) of motion and load."""
+"""Of a spring on a joint: the joint coordinate, the tag of its unloaded value, the physical
+quantities (and tags of a table's entries) of displacement and load."""
 
 QUANTITIES = {"angle": ("angularStiffness", "angularDamping"), "slide": ("stiffness", "damping")}
-"""Of stiffness and damping along each free motion."""
+"""Physical quantities of stiffness and damping along each joint coordinate."""
 
 
 def read_spring_damper(element: Element, reader: Reader) -> SpringDamper:
-    """Record of a ``<springDamper>`` between two points."""
+    """Return the record of a ``<springDamper>`` between two points."""
     ends = read_ends(element, reader)
     table = _table(element, "freeLength", ("length", "force"), reader)
     free = element.find("freeLength")
-    if is_placed(element, ends, reader):
-        _check_length(element, ends, reader)
-    return SpringDamper(
+    spring = SpringDamper(
         name=text(element.find("name")),
         parent=ends.parent,
         child=ends.child,
         parent_point=ends.parent_point,
         child_point=ends.child_point,
         stiffness=reader.number(element.find("stiffness"), "stiffness"),
-        damping=not_negative(element, "damping", "damping", reader),
-        free_length=None if free is None else not_negative(element, "freeLength", "length", reader),
+        damping=reader.number(element.find("damping"), "damping"),
+        free_length=None if free is None else reader.number(free, "length"),
         preload=reader.number(element.find("preload"), "force"),
         table=table,
     )
+    _check(element, spring, ends, reader)
+    return spring
 
 
 def read_joint_spring(element: Element, reader: Reader) -> JointSpring:
-    """Record of a ``<torsionalSpringDamper>`` or ``<slideSpringDamper>``."""
-    coordinate, free, motion, load = ALONG[str(element.tag)]
-    table = _table(element, free, (motion, load), reader)
+    """Return the record of a ``<torsionalSpringDamper>`` or ``<slideSpringDamper>``."""
+    coordinate, free, displacement, load = ALONG[str(element.tag)]
+    table = _table(element, free, (displacement, load), reader)
     stiffness, damping = QUANTITIES[coordinate]
-    return JointSpring(
+    spring = JointSpring(
         name=text(element.find("name")),
-        joint=named_joint(element, "joint", coordinate, reader),
+        joint=text(element.find("joint")),
         coordinate=coordinate,
         stiffness=reader.number(element.find("stiffness"), stiffness),
-        damping=not_negative(element, "damping", damping, reader),
-        free=reader.number(element.find(free), motion),
+        damping=reader.number(element.find("damping"), damping),
+        free=reader.number(element.find(free), displacement),
         preload=reader.number(element.find("preload"), load),
         table=table,
     )
+    reader.add(element, element_findings(spring, reader.context))
+    return spring
 
 
 def read_bushing(element: Element, reader: Reader) -> Bushing:
-    """Record of a ``<bushing>``; its frame is the parent's axes unless an end gives an axis."""
+    """Return the record of a ``<bushing>``; its frame is the parent's axes unless an end gives an
+    axis."""
     ends = read_ends(element, reader)
     shared = shared_frame(element, reader)
     if shared is None:
         shared = _parents_axes(ends, reader)
         if element.find("*/reference") is not None:
-            reader.faults.add(element, "<reference> says nothing without <axis>; add one")
-    if is_placed(element, ends, reader) and not reader.project:
-        violation = open_by(ends, reader)
-        if violation:
-            reader.faults.add(element, violation)
-    stiffness = _six(element, ("stiffness", "angularStiffness"), reader)
-    damping = _six(element, ("damping", "angularDamping"), reader)
-    if min(damping) < 0.0:
-        reader.faults.add(element, "a damping is less than zero; a damper takes energy out only")
-    if not any((*stiffness, *damping)) and reader.faults.sound(element):
-        reader.faults.add(element, "it has neither stiffness nor damping; add one")
-    return Bushing(
+            message = "<reference> has no effect without <axis>; add an <axis>"
+            reader.faults.add(element, message)
+    bushing = Bushing(
         name=text(element.find("name")),
         parent=ends.parent,
         child=ends.child,
@@ -89,15 +80,26 @@ def read_bushing(element: Element, reader: Reader) -> Bushing:
         child_point=ends.child_point,
         parent_axes=carried(shared, ends.parent, reader),
         child_axes=carried(shared, ends.child, reader),
-        stiffness=stiffness,
-        damping=damping,
+        stiffness=_six(element, ("stiffness", "angularStiffness"), reader),
+        damping=_six(element, ("damping", "angularDamping"), reader),
     )
+    _check(element, bushing, ends, reader)
+    return bushing
+
+
+def _check(element: Element, spring: SpringDamper | Bushing, ends: Ends, reader: Reader) -> None:
+    """Add what is wrong with a spring between two bodies."""
+    findings = list(element_findings(spring, reader.context))
+    if not findings and is_placed(element, ends, reader):
+        findings += start_findings(spring, reader.context)
+    reader.add(element, findings)
 
 
 def _table(element: Element, free: str, entry: tuple[str, str], reader: Reader) -> Law | None:
-    """The table in place of stiffness, preload and unloaded place; one of the two must be there.
+    """Return the table that replaces stiffness, preload and unloaded value; one of the two is
+    needed.
 
-    ``entry`` has the quantities of motion and load, which are the tags of their columns.
+    ``entry`` has the quantities of displacement and load, which are the tags of their columns.
     """
     table = element.find("table")
     stiffness, damping = element.find("stiffness"), element.find("damping")
@@ -109,27 +111,19 @@ def _table(element: Element, free: str, entry: tuple[str, str], reader: Reader) 
     for tag in ("stiffness", "preload", free):
         place = element.find(tag)
         if place is not None:
-            reader.faults.add(place, f"<table> says it already; delete <{tag}> or the table")
-    motion, load = entry
-    return read_table(table, (motion, motion), (load, load), reader)
-
-
-def _check_length(element: Element, ends: Ends, reader: Reader) -> None:
-    """The points are apart at t = 0, or the spring has no direction."""
-    here = reader.placed(ends.parent, ends.parent_point)
-    there = reader.placed(ends.child, ends.child_point)
-    if math.dist(here, there) <= tolerance(ends, ends.arm(), reader):
-        message = "its length is zero at t = 0, so it has no direction; move one of its points"
-        reader.faults.add(element, message)
+            message = f"<table> gives it already; delete <{tag}> or the table"
+            reader.faults.add(place, message)
+    displacement, load = entry
+    return read_table(table, (displacement, displacement), (load, load), reader)
 
 
 def _parents_axes(ends: Ends, reader: Reader) -> Matrix:
-    """The parent's own axes as rows, inertial axes."""
-    return transpose(reader.axes.get(ends.parent, IDENTITY))
+    """Return the parent's own axes as rows, inertial axes."""
+    return transpose(reader.context.axes.get(ends.parent, IDENTITY))
 
 
 def _six(element: Element, tags: tuple[str, str], reader: Reader) -> Six:
-    """Three numbers along and three about the frame's axes [SI]; zero where left out."""
+    """Return three numbers along and three about the frame's axes [SI]; zero by default."""
     (a, b, c), (d, e, f) = (_three(element.find(tag), tag, reader) for tag in tags)
     return (a, b, c, d, e, f)
 

@@ -1,7 +1,7 @@
-"""Units: what a deck may write, and the exact factor of each to SI.
+"""Units that a deck may use, and the exact factor of each to SI.
 
-The schema lists the same names per quantity (type ``lengthUnits`` and so on); a test holds the two
-together. ``sec`` and ``s`` are the same unit. Definitions: foot 0.3048 m, pound 0.45359237 kg,
+The schema lists the same names for each physical quantity (type ``lengthUnits`` and so on), which a
+test checks. ``sec`` and ``s`` are the same unit. Definitions: foot 0.3048 m, pound 0.45359237 kg,
 standard gravity 9.80665 m/s^2, all exact (NIST SP 811); a slug is the mass to which one lbf gives
 1 ft/s^2.
 """
@@ -46,13 +46,13 @@ _FORCE_PER_LENGTH = {
 
 
 def _per_second(factors: Factors, power: str = "") -> dict[str, Fraction]:
-    """The units ``u/sec`` and ``u/s`` (``power`` "^2": per second squared) of each ``u``."""
+    """Return the units ``u/sec`` and ``u/s`` (``power`` "^2": per second squared) of each ``u``."""
     return {f"{u}/{s}{power}": f for u, f in factors.items() for s in ("sec", "s")}
 
 
 def _times_second(factors: Factors, power: str = "") -> dict[str, Fraction]:
-    """The units ``a-sec/b`` and ``a-s/b`` of each ``a/b``: of damping, where that of stiffness is
-    ``a/b``; ``power`` as above."""
+    """Return the units ``a-sec/b`` and ``a-s/b`` of each ``a/b``: those of damping from those of
+    stiffness; ``power`` as above."""
     seconds = [f"-{s}{power}/" for s in ("sec", "s")]
     return {u.replace("/", s): f for u, f in factors.items() for s in seconds}
 
@@ -97,7 +97,7 @@ UNITS: Mapping[str, Factors] = {
     "lineLoad": _FORCE_PER_LENGTH,
     "dragCoefficient": _times_second({"N/m^2": Fraction(1), "lbf/ft^2": _LBF / _FT**2}, "^2"),
 }
-"""Factor to SI of every unit of every quantity."""
+"""Factor to SI of every unit of every physical quantity."""
 
 DEFAULTS: Mapping[str, Mapping[str, str]] = {
     "SI": {quantity: next(iter(factors)) for quantity, factors in UNITS.items()},
@@ -125,7 +125,7 @@ DEFAULTS: Mapping[str, Mapping[str, str]] = {
 
 
 def to_si(value: float, unit: str, quantity: str) -> float:
-    """``value`` in SI, rounded once: 9 mm is 0.009 m, and SI units pass through bit for bit.
+    """Return ``value`` in SI, rounded once: 9 mm is 0.009 m, and values in SI are unchanged.
 
     A result too large for a double is infinite.
     """

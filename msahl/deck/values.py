@@ -1,18 +1,21 @@
-"""Elements -> numbers and vectors in SI, in the axes the model wants.
+"""Reader of numbers and vectors: elements -> SI units, in the axes that the model uses.
 
-Axes are named by ``basis`` and taken as they stand at t = 0; a ground's are the inertial axes. A
-vector given in the axes it is wanted in passes unchanged, bit for bit. What cannot be read becomes
-a fault and a harmless value, so that reading goes on to the next fault.
+An element's ``basis`` names the axes of its components, taken as they stand at t = 0; those of a
+ground are the inertial axes. A vector given in the axes it is needed in is read bit for bit. What
+cannot be read becomes a fault and a harmless value, so that reading goes on to the next fault.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from msahl.algebra.rotation import from_axis_angle
-from msahl.algebra.vector import IDENTITY, ZERO, Matrix, Vector, add, times, transpose
+from msahl.algebra.vector import ZERO, Vector
+from msahl.check.context import INERTIAL, Context
+from msahl.check.directions import unit
+from msahl.check.faults import LARGEST, SMALLEST, Finding
+from msahl.check.loads import direction_findings
 from msahl.deck.faults import Element, Faults, attribute, text
-from msahl.deck.frames import unit
 from msahl.deck.units import DEFAULTS, UNITS, to_si
 from msahl.model.bodies import RigidBody
 from msahl.model.joints import Joint
@@ -33,47 +36,61 @@ VECTORS: Mapping[str, tuple[str, tuple[str, str, str]]] = {
     "reference": ("", ("x", "y", "z")),
     "direction": ("", ("x", "y", "z")),
 }
-"""Quantity and components of every vector element."""
+"""Physical quantity and components of every vector element."""
 
-LARGEST, SMALLEST = 1e100, 1e-100
-"""Sizes of numbers in SI between which products of three can be computed with; or zero. The largest
-things there are stay far below: the universe weighs some 1e53 kg."""
+PLACES = {"inertia": "moi", "free_length": "freeLength"}
+"""Child that holds a part of a record, where its tag is not the part's name."""
 
-INERTIAL = ""
-"""Stands for the inertial axes where a frame is named; no body's name is empty."""
+REFERENCES = {
+    "body": "body",
+    "joint": "joint",
+    "first": "first",
+    "second": "second",
+    "parent": "parent/name",
+}
+"""Child on whose line a reference is wrong; the fault is one of the element that refers."""
+
+CERTAIN = frozenset((*REFERENCES, "ends", "entries", "numbers"))
+"""Parts whose findings are right even if other parts of the element could not be read."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reader:
-    """What reading needs to know: default units, what was read already, where faults go.
+    """What reading needs: default units, what was read already, and where faults go.
 
-    ``axes`` holds R (body to inertial components at t = 0) by name of body or ground; ``origins``
-    the point B in inertial axes [m], of those whose place is free of faults, and ``reach`` alone
-    the distance of the farthest; ``grounds`` the names of all grounds, faults or not, and
-    ``INERTIAL`` if there may be others; ``kinds`` the kind of every joint by name. ``bodies`` and
-    ``joints`` hold the records free of faults. With ``project`` joints need not fit at t = 0.
+    ``context`` holds what checks need of other elements. It contains names and kinds of elements
+    with faults too, but places of bodies only if they are free of faults. ``bodies`` and ``joints``
+    hold the records free of faults.
     """
 
     unit_system: str
     faults: Faults
-    project: bool = False
-    axes: dict[str, Matrix] = field(default_factory=lambda: {INERTIAL: IDENTITY})
-    origins: dict[str, Vector] = field(default_factory=dict)
-    dt2: list[float] = field(default_factory=lambda: [0.0])
-    grounds: dict[str, None] = field(default_factory=dict)
+    context: Context = field(default_factory=Context)
     bodies: dict[str, RigidBody] = field(default_factory=dict)
-    kinds: dict[str, str] = field(default_factory=dict)
     joints: dict[str, Joint] = field(default_factory=dict)
 
+    def add(self, element: Element, findings: Iterable[Finding]) -> None:
+        """Add findings about the record of ``element`` to the faults, each at the child that holds
+        its part. Findings that may follow from a fault already found there are dropped."""
+        kept = []
+        for part, message in findings:
+            child = None if part in CERTAIN else element.find(PLACES.get(part, part) or ".")
+            place = element if child is None else child
+            if part in CERTAIN or self.faults.sound(place):
+                at = element.find(REFERENCES[part]) if part in REFERENCES else None
+                kept.append((place, message, at))
+        for place, message, at in kept:
+            self.faults.add(place, message, at)
+
     def number(self, element: Element | None, quantity: str = "") -> float:
-        """Value in SI; without element zero; numbers too large or too small to compute with are
-        faults."""
+        """Return the value in SI, zero without element; numbers too large or too small to compute
+        with are faults."""
         if element is None:
             return 0.0
         value = float(text(element))
         if quantity:
             name = attribute(element, "units") or DEFAULTS[self.unit_system][quantity]
-            if name not in UNITS[quantity]:  # where the schema cannot know which of two it is
+            if name not in UNITS[quantity]:  # where the schema allows units of two quantities
                 units = ", ".join(UNITS[quantity])
                 self.faults.add(element, f"'{name}' does not fit here; expected one of {units}")
                 return 0.0
@@ -93,11 +110,11 @@ class Reader:
     def numbers(
         self, parent: Element, tags: Sequence[str], quantity: str = ""
     ) -> tuple[float, ...]:
-        """Values of the children ``tags`` in SI; missing ones are zero."""
+        """Return the values of the children ``tags`` in SI; missing ones are zero."""
         return tuple(self.number(parent.find(tag), quantity) for tag in tags)
 
     def components(self, element: Element | None) -> Vector:
-        """The three components of a vector element as they are given, in SI."""
+        """Return the three components of a vector element as they are given, in SI."""
         if element is None:
             return ZERO
         quantity, tags = VECTORS[str(element.tag)]
@@ -105,51 +122,37 @@ class Reader:
         return (x, y, z)
 
     def vector(self, element: Element | None, own: str, wanted: str) -> Vector:
-        """Components of a vector element in the axes of ``wanted``; its basis is ``own`` unless it
-        names another."""
+        """Return a vector element's components in the axes of ``wanted``; its basis is ``own``
+        unless it names another."""
         if element is None:
             return ZERO
         basis = self.basis(element) or own
-        return self.turned(self.components(element), basis, wanted)
+        return self.context.rotated(self.components(element), basis, wanted)
 
     def basis(self, element: Element) -> str:
-        """The frame an element's ``basis`` names, "" if it names none or an unknown one."""
+        """Return the frame that ``basis`` names, "" if it names none or an unknown one."""
         name = attribute(element, "basis")
-        return name if name in self.axes else ""
-
-    def turned(self, a: Vector, basis: str, wanted: str) -> Vector:
-        """``a`` from the axes of ``basis`` to those of ``wanted``."""
-        if self.axes[basis] != self.axes[wanted]:
-            a = times(transpose(self.axes[wanted]), times(self.axes[basis], a))
-        return a
+        return name if name in self.context.axes else ""
 
     def direction(self, element: Element | None, own: str) -> Vector | None:
-        """Unit vector along a vector element, inertial axes; None without element or if zero."""
+        """Return the unit vector along an element, inertial axes; None without one or if zero."""
         if element is None:
             return None
         a = self.vector(element, own, INERTIAL)
         if math.hypot(*a) == 0.0:
-            self.faults.add(element, f"the {element.tag} is zero; give a direction, 0 0 1 say")
+            self.add(element, direction_findings(str(element.tag), a))
             return None
         return unit(a)
 
-    def place(self, body: str, origin: Vector) -> None:
-        """Put a body's point B at ``origin``, inertial axes [m]."""
-        self.origins[body] = origin
-        self.dt2[0] = max(self.dt2[0], math.hypot(*origin))
-
-    def placed(self, body: str, point: Vector) -> Vector:
-        """A point of a body from the inertial origin, inertial axes [m]."""
-        return add(self.origins[body], self.turned(point, body, INERTIAL))
-
     def orientation(self, body: Element) -> Vector:
-        """Wiener-Milenkovic parameters of a body's axes relative to the inertial ones."""
+        """Return the Wiener-Milenkovic parameters of a body's axes in the inertial axes."""
         rotation = body.find("initialConditions/orientation/eulerRotation")
         if rotation is None:
             return ZERO
         phi = self.number(rotation.find("phi"), "angle")
         u1, u2, u3 = self.numbers(rotation, ("u1", "u2", "u3"))
         if math.hypot(u1, u2, u3) == 0.0:
-            self.faults.add(rotation, "the axis (u1, u2, u3) is zero; give a direction, 0 0 1 say")
+            message = "the axis (u1, u2, u3) is zero; give a direction, for example 0 0 1"
+            self.faults.add(rotation, message)
             return ZERO
         return from_axis_angle((u1, u2, u3), phi)

@@ -1,9 +1,10 @@
-"""The deck as it ran: the user's own bytes, with step and end as the run had them."""
+"""Writer of the deck as it ran: the user's own bytes, with the changes that the run was given."""
 
 import hashlib
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
+from typing import TypedDict, Unpack, cast
 
 from lxml.etree import SubElement
 
@@ -13,62 +14,71 @@ from msahl.deck.parse import parse, parse_with_comments, read_bytes
 OTHER = {"tolerance": "localTolerance", "localTolerance": "tolerance"}
 """Elements that replace one another."""
 
+ELEMENTS = {
+    "dt": ("deltaT", "sec"),
+    "t_final": ("tFinal", "sec"),
+    "interval": ("outputInterval", "sec"),
+    "tolerance": ("tolerance", "m"),
+    "local_tolerance": ("localTolerance", "m"),
+}
+"""Tag and unit of the changes that are children of ``<simulation>``."""
 
-def effective_deck(
-    path: str | PathLike[str],
-    dt: float | None = None,
-    t_final: float | None = None,
-    scheme: str | None = None,
-    damping: float | None = None,
-    rotation_update: str | None = None,
-    reactions: str | None = None,
-    degree: int | None = None,
-    interval: float | None = None,
-    tolerance: float | None = None,
-    local_tolerance: float | None = None,
-) -> bytes:
-    """The deck at ``path``, which ``read_deck`` has accepted, with what is given of how it is run:
-    ``dt``, ``t_final`` and ``interval`` [s], ``tolerance`` or ``local_tolerance`` [m], ``scheme``,
-    ``damping``, ``rotation_update``, ``reactions`` and ``degree``.
+ATTRIBUTES = {
+    "scheme": "scheme",
+    "degree": "degree",
+    "damping": "damping",
+    "rotation_update": "rotationUpdate",
+    "reactions": "reactions",
+}
+"""Names of the changes that are attributes of ``<simulation>``."""
 
-    With nothing given the bytes are those of the file; otherwise the document is the same, comments
-    included, but for ``<simulation>``. Raises ``DeckError`` if the file is no deck any more.
+
+class Changes(TypedDict, total=False):
+    """Changes of how a deck is run: times [s], tolerances [m], scheme and its settings. None leaves
+    the deck's own value."""
+
+    dt: float | None
+    t_final: float | None
+    scheme: str | None
+    damping: float | None
+    rotation_update: str | None
+    reactions: str | None
+    degree: int | None
+    interval: float | None
+    tolerance: float | None
+    local_tolerance: float | None
+
+
+def effective_deck(path: str | PathLike[str], **given: Unpack[Changes]) -> bytes:
+    """Return the deck at ``path``, which ``read_deck`` has accepted, with the changes ``given``.
+
+    Without changes the bytes are those of the file; otherwise the document is the same, comments
+    included, apart from ``<simulation>``. Raises ``DeckError`` if the file is no deck any more.
     """
     path = Path(path)
     faults = Faults(str(path))
     data = read_bytes(path, faults)
     parse(data, faults)
-    numbers = {
-        "deltaT": (dt, "sec"),
-        "tFinal": (t_final, "sec"),
-        "outputInterval": (interval, "sec"),
-        "tolerance": (tolerance, "m"),
-        "localTolerance": (local_tolerance, "m"),
-    }
-    changes = {
-        tag: (repr(float(value)), unit)
-        for tag, (value, unit) in numbers.items()
-        if value is not None
-    }
-    share = None if damping is None else repr(float(damping))
-    power = None if degree is None else str(degree)
-    words = {
-        "scheme": scheme,
-        "degree": power,
-        "damping": share,
-        "rotationUpdate": rotation_update,
-        "reactions": reactions,
-    }
-    attributes = {key: word for key, word in words.items() if word is not None}
-    return _with_simulation(data, changes, attributes) if changes or attributes else data
+    elements: dict[str, tuple[str, str]] = {}
+    attributes: dict[str, str] = {}
+    for key, value in given.items():
+        if value is None:
+            continue
+        if key in ELEMENTS:
+            tag, unit = ELEMENTS[key]
+            elements[tag] = (repr(float(cast(float, value))), unit)
+        else:
+            attributes[ATTRIBUTES[key]] = (
+                repr(float(cast(float, value))) if key == "damping" else str(value)
+            )
+    return _with_simulation(data, elements, attributes) if elements or attributes else data
 
 
 def _with_simulation(
     data: bytes, changes: dict[str, tuple[str, str]], attributes: dict[str, str]
 ) -> bytes:
-    """The document with some children of ``<simulation>``, number and unit, and attributes replaced
-    or added.
-    """
+    """Return the document with children of ``<simulation>`` (number and unit) and attributes
+    replaced or added."""
     root = parse_with_comments(data)
     for simulation in root.iterfind("simulation"):
         for key, word in attributes.items():
@@ -92,5 +102,5 @@ def _with_simulation(
 
 
 def deck_digest(data: bytes) -> str:
-    """SHA-256 of a deck's bytes, in hexadecimal."""
+    """Return the SHA-256 of a deck's bytes, in hexadecimal."""
     return hashlib.sha256(data).hexdigest()

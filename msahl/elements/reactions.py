@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import ZERO, Vector, add, at, axpy, cross, matrix_at, put, sub, times
-from msahl.elements.along import Along, AlongStart
-from msahl.elements.constraints.coordinates import QuantityStart
+from msahl.elements.constraints.coordinates import CoordinatesWorkspace
 from msahl.elements.constraints.equations import coefficients, law_rate
 from msahl.elements.constraints.products import Q_B, U_B
+from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.frames import Frames, mean
 from msahl.jit.kernel import kernel
 
@@ -26,7 +26,7 @@ class Shown(NamedTuple):
     """What the results show of joints."""
 
     moment: np.ndarray  # (j,) whether a joint's moment is shown beside its force
-    load_row: np.ndarray  # (e,) rows whose multiplier is shown: couplings and motions
+    load_equation: np.ndarray  # (e,) rows whose multiplier is shown: couplings and motions
 
 
 class Reactions(NamedTuple):
@@ -35,23 +35,25 @@ class Reactions(NamedTuple):
     child: np.ndarray  # (j,) body
     s: np.ndarray  # (j, 3) the joint's point on the child from its mass centre, its axes [m]
     coincide: np.ndarray  # (j,) or -1
-    first_row: np.ndarray  # (j + 1,)
+    first_equation: np.ndarray  # (j + 1,)
 
 
 @kernel
-def prepare(group: Reactions, along: Along | None, R: np.ndarray, r: np.ndarray) -> None:
+def prepare(
+    group: Reactions, scalar: ScalarConstraints | None, R: np.ndarray, r: np.ndarray
+) -> None:
     """Carry the arms into inertial axes (j, 3); points alone exert no moments."""
-    if along is None:
+    if scalar is None:
         return
     for j in range(group.child.size):
         put(r, j, times(matrix_at(R, group.child[j]), at(group.s, j)))
 
 
 @kernel
-def gather(
+def sum_reactions(
     group: Reactions,
-    along: Along | None,
-    start: AlongStart,
+    scalar: ScalarConstraints | None,
+    start: ScalarWorkspace,
     frames: Frames,
     arms: np.ndarray,
     Z: np.ndarray,
@@ -61,13 +63,13 @@ def gather(
     """Set ``out`` (j, 6) from the ``multipliers`` (k, 3), by their nodes, of the step solved by
     ``Z``; ``arms`` (j, 3) are those of the joints' points at its start.
     """
-    if along is None:
+    if scalar is None:
         for j in range(group.child.size):
             for i in range(3):
                 out[j, i] = multipliers[group.coincide[j], i]
         return
     for j in range(group.child.size):
-        force, moment = _of_rows(group, along, start, multipliers, j)
+        force, moment = _of_rows(group, scalar, start, multipliers, j)
         arm = mean(frames, Z, group.child[j], at(arms, j))
         moment = sub(moment, cross(arm, force))
         if group.coincide[j] >= 0:
@@ -79,31 +81,35 @@ def gather(
 
 @kernel
 def _of_rows(
-    group: Reactions, along: Along, start: AlongStart, multipliers: np.ndarray, j: int
+    group: Reactions,
+    scalar: ScalarConstraints,
+    start: ScalarWorkspace,
+    multipliers: np.ndarray,
+    j: int,
 ) -> tuple[Vector, Vector]:
     """Force of joint ``j``'s rows on the child, and their moment about its mass centre."""
     force, moment = ZERO, ZERO
-    for r in range(group.first_row[j], group.first_row[j + 1]):
-        lam = multipliers[along.rows.place[r, 0], along.rows.place[r, 1]]
+    for r in range(group.first_equation[j], group.first_equation[j + 1]):
+        lam = multipliers[scalar.equations.place[r, 0], scalar.equations.place[r, 1]]
         for side in range(2):
-            q = along.rows.quantity[r, side]
+            q = scalar.equations.coordinate[r, side]
             if q >= 0:
-                c = lam * coefficients(along.rows, along.laws, start.quantities, r, side)[1]
-                force = axpy(c, _part_force(start.quantities, q, U_B), force)
-                moment = axpy(c, _part_force(start.quantities, q, Q_B), moment)
+                c = lam * coefficients(scalar.equations, scalar.laws, start.coordinates, r, side)[1]
+                force = axpy(c, _part_force(start.coordinates, q, U_B), force)
+                moment = axpy(c, _part_force(start.coordinates, q, Q_B), moment)
     return force, moment
 
 
 @kernel
-def _part_force(start: QuantityStart, q: int, part: int) -> Vector:
+def _part_force(start: CoordinatesWorkspace, q: int, part: int) -> Vector:
     """Unit force of a quantity on one part."""
     return (start.force[q, part, 0], start.force[q, part, 1], start.force[q, part, 2])
 
 
 @kernel
-def publish(
+def write_reactions(
     shown: Shown,
-    along: Along | None,
+    scalar: ScalarConstraints | None,
     reaction: np.ndarray,
     force: np.ndarray,
     t: float,
@@ -116,20 +122,20 @@ def publish(
         for i in range(6 if shown.moment[j] else 3):
             table[row, column] = reaction[j, i]
             column += 1
-    if along is None:
+    if scalar is None:
         return
-    for e in range(shown.load_row.size):
-        r = shown.load_row[e]
-        load = force[along.rows.place[r, 0], along.rows.place[r, 1]]
+    for e in range(shown.load_equation.size):
+        r = shown.load_equation[e]
+        load = force[scalar.equations.place[r, 0], scalar.equations.place[r, 1]]
         table[row, column] = load
         column += 1
-        if along.rows.law[r] >= 0:
-            table[row, column] = load * law_rate(along.rows, along.laws, r, t)
+        if scalar.equations.law[r] >= 0:
+            table[row, column] = load * law_rate(scalar.equations, scalar.laws, r, t)
             column += 1
 
 
 @kernel
-def stands(reaction: np.ndarray, last: np.ndarray) -> bool:
+def is_unchanged(reaction: np.ndarray, last: np.ndarray) -> bool:
     """Whether the reactions (j, 6) are those of the ``last`` round, but for round-off."""
     change, size = 0.0, 0.0
     for j in range(reaction.shape[0]):

@@ -38,6 +38,7 @@ from msahl.algebra.vector import (
     add,
     at,
     axpy,
+    combine,
     cross,
     dot,
     matrix_at,
@@ -215,6 +216,32 @@ def free_acceleration(
         put(F, displacement_node(frames, f), g)
         c = bodies.inverse_mass[b] / frames.length[f]
         put(F, rotation_node(frames, f), scale(c, moment))
+
+
+@kernel
+def add_derivatives(
+    bodies: RigidBodies,
+    frames: Frames,
+    start: RigidBodiesWorkspace,
+    motion: FramesWorkspace,
+    by_place: np.ndarray,
+    by_rate: np.ndarray,
+) -> None:
+    """Add the derivatives of the gyroscopic moment (J W) x W in ``free_acceleration`` to the block
+    values: by l times the rotation, d(J W) = dtheta x (J W) - J (dtheta x W), and by l times W.
+    """
+    for b in range(bodies.frame.size):
+        f = bodies.frame[b]
+        W, J = skew(at(motion.W, f)), matrix_at(start.J, b)
+        L = skew(times(J, at(motion.W, f)))
+        WJ = product(W, J)
+        by_W = combine(-1.0, WJ, L)
+        by_theta = combine(-1.0, product(WJ, W), product(W, L))
+        c = bodies.inverse_mass[b] / (frames.length[f] * frames.length[f])
+        for i in range(3):
+            for j in range(3):
+                by_place[bodies.block[b] + 3 * i + j] += c * by_theta[i][j]
+                by_rate[bodies.block[b] + 3 * i + j] += c * by_W[i][j]
 
 
 @kernel

@@ -34,7 +34,7 @@ class Product:
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
+class Coordinate:
     """A quantity between parent and child, of some products; ``angular`` if it is in radians."""
 
     kind: int
@@ -50,9 +50,9 @@ class Equation:
     ``rate`` marks an equation between rates, which has no position law to be checked or assembled.
     """
 
-    first: Quantity
+    first: Coordinate
     value: float | None = 0.0
-    second: Quantity | None = None
+    second: Coordinate | None = None
     coefficient: float = 0.0
     rate: bool = False
 
@@ -90,7 +90,7 @@ class Kind:
 
 def perpendicular(d: Vector, e: Vector) -> Equation:
     """A direction ``d`` of the parent stays at a right angle to a direction ``e`` of the child."""
-    return Equation(Quantity(PLAIN, (Product(DOT, d, e=e),), angular=True))
+    return Equation(Coordinate(PLAIN, (Product(DOT, d, e=e),), angular=True))
 
 
 def parallel_axes(joint: Joint) -> Equations:
@@ -112,54 +112,54 @@ def on_axis(joint: Joint) -> Equations:
 
 def in_plane(normal: Vector, offset: float = 0.0) -> Equation:
     """The child's point stays at ``offset`` [m] above a plane of the parent through its point."""
-    return Equation(Quantity(PLAIN, (Product(SLIDE, normal),)), offset)
+    return Equation(Coordinate(PLAIN, (Product(SLIDE, normal),)), offset)
 
 
-def slide(joint: Joint) -> Quantity:
+def slide(joint: Joint) -> Coordinate:
     """Way of the child's point along the parent's axis [m]."""
-    return Quantity(PLAIN, (Product(SLIDE, joint.parent_axes[Z]),))
+    return Coordinate(PLAIN, (Product(SLIDE, joint.parent_axes[Z]),))
 
 
-def angle(joint: Joint) -> Quantity:
+def angle(joint: Joint) -> Coordinate:
     """Turn of the child about the parent's axis, counted over all turns [rad]."""
     sine = Product(DOT, joint.parent_axes[Y], e=joint.child_axes[X])
     cosine = Product(DOT, joint.parent_axes[X], e=joint.child_axes[X])
-    return Quantity(ANGLE, (sine, cosine), angular=True)
+    return Coordinate(ANGLE, (sine, cosine), angular=True)
 
 
-def distance() -> Quantity:
+def distance() -> Coordinate:
     """Distance of the two points [m]."""
-    return Quantity(RADIUS, tuple(Product(SLIDE, axis, GROUND) for axis in IDENTITY))
+    return Coordinate(RADIUS, tuple(Product(SLIDE, axis, GROUND) for axis in IDENTITY))
 
 
-def axis_distance(joint: Joint) -> Quantity:
+def axis_distance(joint: Joint) -> Coordinate:
     """Distance of the child's point from the parent's axis [m]."""
     x, y, _ = joint.parent_axes
-    return Quantity(RADIUS, (Product(SLIDE, x), Product(SLIDE, y)))
+    return Coordinate(RADIUS, (Product(SLIDE, x), Product(SLIDE, y)))
 
 
-def skew_distance(joint: Joint, distance: float) -> Quantity:
+def skew_distance(joint: Joint, distance: float) -> Coordinate:
     """Distance of the two axes less ``distance`` [m], times the square of their angle's sine."""
     d, e = joint.parent_axes[Z], joint.child_axes[Z]
     across = tuple(Product(SLIDE, axis, GROUND) for axis in IDENTITY)
     along = (Product(SLIDE, d), Product(SLIDE, e, CHILD), Product(DOT, d, e=e))
-    return Quantity(SKEW, across + along, radius=distance)
+    return Coordinate(SKEW, across + along, radius=distance)
 
 
-def rim_height(joint: Joint, radius: float) -> Quantity:
+def rim_height(joint: Joint, radius: float) -> Coordinate:
     """Height of a disk's lowest point above the parent's plane [m]; the child's z is its axis."""
     normal = joint.parent_axes[Z]
     products = (Product(SLIDE, normal), Product(DOT, normal, e=joint.child_axes[Z]))
-    return Quantity(ROUND, products, radius=radius)
+    return Coordinate(ROUND, products, radius=radius)
 
 
 def slip(direction: Vector, owner: str = PARENT) -> Equation:
     """The child's point does not move along ``direction`` relative to the parent's."""
-    return Equation(Quantity(PLAIN, (Product(SLIP, direction, owner),)), rate=True)
+    return Equation(Coordinate(PLAIN, (Product(SLIP, direction, owner),)), rate=True)
 
 
 def roll(joint: Joint, direction: Vector, radius: float) -> Equation:
     """The lowest point of the child's disk does not move along ``direction``."""
     up = scale(radius, joint.parent_axes[Z])
     product = Product(ROLL, direction, e=joint.child_axes[Z], up=up)
-    return Equation(Quantity(PLAIN, (product,)), rate=True)
+    return Equation(Coordinate(PLAIN, (product,)), rate=True)

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
-from msahl.elements import along
+from msahl.elements.constraints import scalar
 from msahl.jit.kernel import kernel
 from msahl.schemes.midpoint import equations
-from msahl.system.arrays import Start, State, System
+from msahl.system.arrays import State, System, SystemWorkspace
 from msahl.system.unknowns import Unknowns
 
 FAR = 1e3
@@ -35,7 +35,7 @@ def guess(
     system: System,
     unknowns: Unknowns,
     state: State,
-    start: Start,
+    start: SystemWorkspace,
     h: float,
     Z: np.ndarray,
     z: np.ndarray,
@@ -50,7 +50,7 @@ def residual(
     system: System,
     unknowns: Unknowns,
     state: State,
-    start: Start,
+    start: SystemWorkspace,
     h: float,
     z: np.ndarray,
     Z: np.ndarray,
@@ -69,7 +69,7 @@ def jacobian(
     system: System,
     unknowns: Unknowns,
     state: State,
-    start: Start,
+    start: SystemWorkspace,
     h: float,
     z: np.ndarray,
     Z: np.ndarray,
@@ -89,7 +89,12 @@ def jacobian(
 
 @kernel
 def judge(
-    system: System, unknowns: Unknowns, start: Start, h: float, Z: np.ndarray, F: np.ndarray
+    system: System,
+    unknowns: Unknowns,
+    start: SystemWorkspace,
+    h: float,
+    Z: np.ndarray,
+    F: np.ndarray,
 ) -> tuple[float, int, float]:
     """Largest free row relative to the step's length, or to the loads in it if they are larger; its
     index among the flat rows; and the step's length [m].
@@ -99,7 +104,9 @@ def judge(
     for i in range(unknowns.free.size):
         unknown = unknowns.free[i]
         node = unknown // 3
-        row = abs(F[node, unknown % 3]) * along.relief(system.along, start.along, node, step)
+        row = abs(F[node, unknown % 3]) * scalar.tolerance_factor(
+            system.scalar, start.scalar, node, step
+        )
         # Written so that a nan is the worst of all.
         if not row <= largest:
             worst, largest = unknown, row

@@ -1,4 +1,4 @@
-"""Bodies and grounds as the deck gives them, in SI units."""
+"""Records of bodies and grounds, in SI units."""
 
 from dataclasses import dataclass
 
@@ -7,14 +7,14 @@ from msahl.algebra.vector import Matrix, Vector
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """A name for the inertial frame; a deck may have several."""
+    """A name of the inertial frame; a model may have several."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
 class RigidBody:
-    """A rigid body as the deck gives it.
+    """A rigid body with axes of its own at its reference point B.
 
     ``mass`` [kg]; ``r_BG`` [m] from B to the mass centre G, in B; ``inertia`` [kg m^2] about G, in
     B, a symmetric tensor; ``position`` [m] of point B, in I; ``orientation``, Wiener-Milenkovic

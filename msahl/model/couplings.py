@@ -1,11 +1,11 @@
-"""Couplings: equations between the free motions of two joints.
+"""Records of couplings: constraint equations between the coordinates of two joints.
 
     gear            angle_2 = ratio angle_1                    ratio < 0 for external teeth
     rackAndPinion   slide_2 = radius angle_1
     camFollower     slide_2 = lift(angle_1)                    a planar cam on a revolute joint
 
-Motions count from t = 0. The bodies between the two joints need not be ground. Their one multiplier
-is the load along the second joint's motion.
+Coordinates count from t = 0. The joints' parents may be any bodies. The one multiplier of a
+coupling is the load along the second joint's coordinate.
 """
 
 from dataclasses import dataclass
@@ -31,4 +31,4 @@ COORDINATES = {
     "rackAndPinion": ("angle", "slide"),
     "camFollower": ("angle", "slide"),
 }
-"""Which free motion of its two joints each kind couples."""
+"""Coordinates of the two joints that each kind relates."""

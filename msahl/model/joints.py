@@ -1,4 +1,4 @@
-"""Joints as the deck gives them, in SI units; the laws of the kinds stand in ``msahl.joints``."""
+"""Records of joints, in SI units; ``msahl.joints`` has the equations of each kind."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,9 @@ from msahl.algebra.vector import IDENTITY, Matrix, Vector
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """``parent_point`` and ``child_point`` [m] from each body's B, and ``parent_axes`` and
+    """A joint of a ``kind`` between two bodies, ``parent`` and ``child``, by name.
+
+    ``parent_point`` and ``child_point`` [m] are given from each body's B, and ``parent_axes`` and
     ``child_axes``, the rows x, y, z of the joint's frame, in that body's axes; ``parameters`` by
     name, in SI.
     """
@@ -23,5 +25,5 @@ class Joint:
     parameters: tuple[tuple[str, float], ...] = ()
 
     def parameter(self, name: str) -> float:
-        """Value of the parameter ``name`` [SI]."""
+        """Return the value of the parameter ``name`` [SI]."""
         return dict(self.parameters)[name]

@@ -1,4 +1,4 @@
-"""Loads as the deck gives them; their laws stand in the modules named after them."""
+"""Records of loads; ``msahl.elements.forces`` has their laws."""
 
 from dataclasses import dataclass
 
@@ -10,8 +10,8 @@ from msahl.algebra.vector import Matrix, Vector
 class ConcentratedLoad:
     """``point`` [m] from B in the body's axes; ``force`` [N] and ``moment`` [N m] have constant
     components in the axes of the bodies (or grounds) named by ``force_basis`` and
-    ``moment_basis``, and turn with them; ``law`` of time multiplies both. Body forces and
-    distributed loads are read as their resultant.
+    ``moment_basis``, and rotate with them; ``law`` of time multiplies both. Body forces and
+    distributed loads become their resultant.
     """
 
     name: str
@@ -44,8 +44,8 @@ class SpringDamper:
 
 @dataclass(frozen=True, slots=True)
 class JointSpring:
-    """Spring-damper along the ``freedom`` of ``joint``: units of N, m or N m, rad; ``free`` counts
-    from the configuration at t = 0."""
+    """Spring-damper along the ``coordinate`` of ``joint``: units of N, m or N m, rad. The spring is
+    unloaded at ``free``, counted from t = 0."""
 
     name: str
     joint: str
@@ -59,8 +59,8 @@ class JointSpring:
 
 @dataclass(frozen=True, slots=True)
 class Bushing:
-    """Three slides of the child's point along the parent's frame and three small turns about it,
-    each with a stiffness and a damping, zero at t = 0: N/m and N m/rad in that order."""
+    """Stiffness and damping of three displacements of the child's point along the parent's frame
+    and of three small rotations about it, all zero at t = 0: N/m and N m/rad in that order."""
 
     name: str
     parent: str
@@ -75,7 +75,8 @@ class Bushing:
 
 @dataclass(frozen=True, slots=True)
 class Drag:
-    """``coefficient`` [N s^2/m^2] at ``point`` [m] from B, body axes."""
+    """Drag of ``coefficient`` [N s^2/m^2] times the squared velocity of ``point`` [m] (from B, body
+    axes)."""
 
     name: str
     body: str
@@ -85,8 +86,9 @@ class Drag:
 
 @dataclass(frozen=True, slots=True)
 class Friction:
-    """Along the ``freedom`` of ``joint``: ``coefficient`` times ``radius`` [m] (1 for a slide)
-    times the joint's reaction, risen at a rate of about ``width`` [m/s or rad/s]."""
+    """Friction along the ``coordinate`` of ``joint``: ``coefficient`` times ``radius`` [m] (1 for a
+    slide) times the joint's reaction, nearly fully developed at the speed ``width`` [m/s or rad/s].
+    """
 
     name: str
     joint: str

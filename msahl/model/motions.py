@@ -1,4 +1,4 @@
-"""Prescribed motions: a law of time for a joint's free motion, or for a point of a body."""
+"""Records of prescribed motions: a law of time for a joint coordinate, or for a point of a body."""
 
 from dataclasses import dataclass
 
@@ -8,8 +8,8 @@ from msahl.algebra.vector import Vector
 
 @dataclass(frozen=True, slots=True)
 class JointMotion:
-    """The ``freedom`` ("angle" [rad] or "slide" [m]) of ``joint`` moves from where it is at t = 0
-    by what ``law`` has changed since."""
+    """The ``coordinate`` ("angle" [rad] or "slide" [m]) of ``joint`` has its value at t = 0 plus
+    the change of ``law`` since then."""
 
     name: str
     joint: str
@@ -19,8 +19,8 @@ class JointMotion:
 
 @dataclass(frozen=True, slots=True)
 class PointMotion:
-    """``point`` [m] of ``body`` (from B, its axes) moves along ``direction`` (inertial axes) by
-    what ``law`` [m] has changed since t = 0; across it the point is free."""
+    """``point`` [m] of ``body`` (from B, its axes) moves along the unit vector ``direction``
+    (inertial axes) by the change of ``law`` [m] since t = 0, and is free at right angles to it."""
 
     name: str
     body: str

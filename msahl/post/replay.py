@@ -12,16 +12,16 @@ import numpy as np
 
 from msahl.algebra.vector import at, put
 from msahl.elements import forces
-from msahl.elements.along import Along, AlongStart
 from msahl.elements.constraints import coordinates
+from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.frames import FramesWorkspace
 from msahl.elements.rigid_body import RigidBodies, energy, read_states
 from msahl.jit.compiled import compiled
 from msahl.jit.kernel import kernel
 from msahl.model import Model
 from msahl.results.read import Run
-from msahl.schemes.midpoint import equations
-from msahl.system.arrays import Start, State, System, new_start
+from msahl.system import evaluate
+from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace
 from msahl.system.build import build_system
 from msahl.system.state import build_state
 
@@ -59,7 +59,7 @@ def observe(run: Run) -> Rows:
     history = History(*(np.zeros((m, n + 1, 3)) for _ in History._fields))
     violation, rate = np.zeros((2, m, *state.violation.shape))
     elastic = np.zeros(m)
-    start = new_start(system, state)
+    start = new_system_workspace(system, state)
     _observe(system, state, start, run.time, table, history, violation, rate, elastic)
     energies = [_energies_of(run.model, b, history) for b in range(n)]
     linear, rotational, potential = np.moveaxis(np.array(energies), 0, 2)
@@ -82,8 +82,8 @@ def _slots(system: System) -> tuple[np.ndarray, np.ndarray]:
     used, holonomic = np.zeros((2, system.multipliers.node.size, 3), dtype=bool)
     points = system.coincide.a.size
     used[:points] = holonomic[:points] = True
-    if system.along:
-        rows = system.along.rows
+    if system.scalar:
+        rows = system.scalar.equations
         used[rows.place[:, 0], rows.place[:, 1]] = True
         holonomic[rows.place[:, 0], rows.place[:, 1]] = rows.holonomic
     return used, holonomic
@@ -93,7 +93,7 @@ def _sizes(system: System, values: np.ndarray, kept: np.ndarray, elements: int) 
     """(m, e, 2) lengths of the ``kept`` (k, 3) of ``values`` (m, k, 3), in m and in rad apart."""
     squares = (values * values).sum(axis=2, where=kept)
     total, seen = np.zeros((len(values), elements, 2)), np.zeros((elements, 2), dtype=bool)
-    places = zip(system.multipliers.element, system.multipliers.turning.astype(int), strict=True)
+    places = zip(system.multipliers.element, system.multipliers.rotational.astype(int), strict=True)
     for k, place in enumerate(places):
         total[:, *place] += squares[:, k]
         seen[place] |= kept[k].any()
@@ -120,7 +120,7 @@ def body_columns(run: Run) -> np.ndarray:
 def _observe_rows(
     system: System,
     state: State,
-    start: Start,
+    start: SystemWorkspace,
     time: np.ndarray,
     table: np.ndarray,
     history: History,
@@ -133,11 +133,13 @@ def _observe_rows(
         h = time[row] - state.time[0] if row else 0.0
         state.time[0] = time[row]
         # The rates of the row before are in ``start`` until they are observed anew.
-        _expect(system.along, start.along, state.angle, 0.5 * h)
-        equations.prepare(system, state, start)
-        _count(system.along, start.along, start.frames, state.angle, 0.5 * h)
-        equations.observe(system, state, start, violation[row], rate[row])
-        elastic[row] = forces.elastic_energy(system.forces, start.forces, system.along, start.along)
+        _expect(system.scalar, start.scalar, state.angle, 0.5 * h)
+        evaluate.prepare(system, state, start)
+        _count(system.scalar, start.scalar, start.frames, state.angle, 0.5 * h)
+        evaluate.observe(system, state, start, violation[row], rate[row])
+        elastic[row] = forces.elastic_energy(
+            system.forces, start.forces, system.scalar, start.scalar
+        )
         for b in range(state.x.shape[0]):
             put(history.x[row], b, at(state.x, b))
             put(history.p[row], b, at(state.p, b))
@@ -146,9 +148,11 @@ def _observe_rows(
 
 
 @kernel
-def _expect(along: Along | None, start: AlongStart, angle: np.ndarray, h: float) -> None:
+def _expect(
+    scalar: ScalarConstraints | None, start: ScalarWorkspace, angle: np.ndarray, h: float
+) -> None:
     """Carry the angles on by the quantities' rates of ``start``, over ``h`` [s]."""
-    if along is None:
+    if scalar is None:
         return
     for q in range(angle.size):
         angle[q] += h * start.rate[q]
@@ -156,18 +160,22 @@ def _expect(along: Along | None, start: AlongStart, angle: np.ndarray, h: float)
 
 @kernel
 def _count(
-    along: Along | None, start: AlongStart, frames: FramesWorkspace, angle: np.ndarray, h: float
+    scalar: ScalarConstraints | None,
+    start: ScalarWorkspace,
+    frames: FramesWorkspace,
+    angle: np.ndarray,
+    h: float,
 ) -> None:
     """Count the angles on to those of the prepared row.
 
     Thinned rows may be turns apart: the mean of both rows' rates tells how many.
     """
-    if along is None:
+    if scalar is None:
         return
-    coordinates.slopes(along.quantities, start.quantities)
-    coordinates.rates(along.quantities, start.quantities, frames.v, frames.W, start.rate)
-    _expect(along, start, angle, h)
-    coordinates.count_turns(along.quantities, start.quantities, angle)
+    coordinates.slopes(scalar.coordinates, start.coordinates)
+    coordinates.rates(scalar.coordinates, start.coordinates, frames.v, frames.W, start.rate)
+    _expect(scalar, start, angle, h)
+    coordinates.count_rotations(scalar.coordinates, start.coordinates, angle)
 
 
 @kernel

@@ -32,7 +32,8 @@ from msahl.joints.registry import KINDS
 from msahl.model import Joint, Model
 from msahl.post.replay import History, body_columns
 from msahl.results.read import Run
-from msahl.system.build import body_index, build_system
+from msahl.system.build import build_system
+from msahl.system.collect import frame_index
 
 
 class Joints(NamedTuple):
@@ -48,7 +49,7 @@ class Joints(NamedTuple):
 
 def joints_of(model: Model) -> Joints:
     """The joints of ``model``."""
-    index, reactions = body_index(model), build_system(model).reactions
+    index, reactions = frame_index(model), build_system(model).reactions
     return Joints(
         parent=np.array([index[joint.parent] for joint in model.joints], dtype=np.int64),
         child=reactions.child,

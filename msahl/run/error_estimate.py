@@ -316,7 +316,7 @@ def unresolved_friction(integrator: SubsystemIntegrator, h: float, t_final: floa
     over within a step, which leaves a rate wrong by up to half the width until ``t_final``.
     """
     system, reaction = integrator.workspace.system, integrator.workspace.state.reaction
-    passed = forces.unresolved_speed(system.forces, system.along, system.frames, reaction, h)
+    passed = forces.unresolved_speed(system.forces, system.scalar, system.frames, reaction, h)
     return passed * t_final
 
 

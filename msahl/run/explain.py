@@ -128,7 +128,7 @@ def _left_out(model: Model, integrators: list[SubsystemIntegrator]) -> Iterator[
         "gravity (zero)": not np.any(model.gravity),
         "joints (none)": not model.joints,
         "equations along quantities: axes, slides, springs (none)": all(
-            integrator.workspace.system.along is None for integrator in integrators
+            integrator.workspace.system.scalar is None for integrator in integrators
         ),
         "loads (none)": not model.loads,
     }

@@ -7,15 +7,22 @@ import numpy as np
 from msahl.model import Model, degree_of, local_tolerance_of, scheme_of
 from msahl.model.scheme import AUTO
 from msahl.schemes.fixed_stepper import FixedStepper
-from msahl.schemes.midpoint import equations, workspace
+from msahl.schemes.midpoint import workspace
 from msahl.schemes.midpoint.stepper import MidpointMethod
 from msahl.schemes.midpoint.workspace import Workspace, new_workspace
 from msahl.schemes.stepper import Advance, Chunk, Stepper
 from msahl.start.positions import assemble
 from msahl.start.redundancy import constraint_rank, is_regular, non_unique_reactions
 from msahl.start.velocities import StartError, make_consistent, solve_accelerations
-from msahl.system.arrays import State, System, multiplier_count, new_start, quantity_count
-from msahl.system.build import build_system
+from msahl.system import evaluate
+from msahl.system.arrays import (
+    State,
+    System,
+    coordinate_count,
+    multiplier_count,
+    new_system_workspace,
+)
+from msahl.system.build import Places, build_system
 from msahl.system.nonfinite import find_nonfinite, overflow
 from msahl.system.reductions import (
     all_unknowns,
@@ -25,7 +32,7 @@ from msahl.system.reductions import (
     stay_in_plane,
     symmetric_rows,
 )
-from msahl.system.state import build_state, settle
+from msahl.system.state import build_state
 from msahl.system.unknowns import choose
 
 
@@ -49,8 +56,8 @@ class SubsystemIntegrator:
         try:
             self._make_scene(system, state, full, chunk)
         except np.linalg.LinAlgError as error:  # what LAPACK says of inf and nan
-            start = new_start(system, state)
-            equations.prepare(system, state, start)
+            start = new_system_workspace(system, state)
+            evaluate.prepare(system, state, start)
             name = find_nonfinite(model, system, state, start, model.simulation.dt) or "the joints"
             raise StartError(overflow(0.0, name)) from error
         self.stepper = _new_stepper(model, self.workspace, solver, instantaneous)
@@ -63,23 +70,22 @@ class SubsystemIntegrator:
         self.redundant = multiplier_count(system) - self.rank
         self.shared: dict[str, list[str]] = {}
         self._add_shared(system, state)
-        start = new_start(system, state)
-        equations.prepare(system, state, start)
+        start = new_system_workspace(system, state)
+        evaluate.prepare(system, state, start)
         self.axis = None if full else plane_normal(system, start)
         free = all_unknowns(system) if full else needed_unknowns(system, start, self.axis)
         unknowns = choose(system, free)
         self.change = make_consistent(system, state, free, model.velocity)
         if self.redundant and not is_regular(system, state, unknowns):
-            system = build_system(model, relaxed=True)
-            settle(system, state)
+            system = build_system(model, relaxed=True, places=Places(state.x, state.p))
             unknowns = choose(system, free)
         solve_accelerations(system, state, unknowns)
         if self.axis is not None:
             system = stay_in_plane(system, self.axis)
             system = drop_rows(system, symmetric_rows(system, start, self.axis))
-            state = state._replace(angle=np.zeros(quantity_count(system)))
+            state = state._replace(angle=np.zeros(coordinate_count(system)))
         self.workspace: Workspace = new_workspace(system, unknowns, state, chunk)
-        equations.prepare(system, state, self.workspace.start)
+        evaluate.prepare(system, state, self.workspace.start)
 
     def _add_shared(self, system: System, state: State) -> None:
         """Add the reactions that are not unique in this state to those that were not before."""

@@ -13,17 +13,18 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import add, at, copy, matrix_at, put, scale, times, transpose
-from msahl.elements import along, forces
+from msahl.elements import forces
+from msahl.elements.constraints import scalar
 from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
-from msahl.elements.reactions import MOST_ROUNDS, stands
-from msahl.elements.reactions import publish as publish_reactions
+from msahl.elements.reactions import MOST_ROUNDS, is_unchanged, write_reactions
 from msahl.jit.kernel import apart, kernel
 from msahl.linalg import dense, sparse_lu
-from msahl.schemes.midpoint import equations, newton
+from msahl.schemes.midpoint import newton
 from msahl.schemes.midpoint.load_moments import NO_STEP
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.start.redundancy import INDEPENDENT
-from msahl.system.arrays import Start, State, System, node_count
+from msahl.system import evaluate
+from msahl.system.arrays import State, System, SystemWorkspace, node_count
 from msahl.system.reductions import all_unknowns
 from msahl.system.unknowns import Unknowns, choose
 
@@ -63,13 +64,13 @@ def new_instant(system: System, unknowns: Unknowns | None = None) -> Instant:
 
 
 @kernel
-def free(system: System, state: State, start: Start, instant: Instant) -> None:
+def free(system: System, state: State, start: SystemWorkspace, instant: Instant) -> None:
     """Set the ``rows`` to what accelerations must balance, and factor the matrix."""
     for node in range(instant.rows.shape[0]):
         for i in range(3):
             instant.rows[node, i] = 0.0
-    equations.free_acceleration(system, state, start, instant.Z, instant.rows)
-    equations.joint_jacobian(system, start, NO_STEP, instant.Z, instant.values)
+    evaluate.free_acceleration(system, state, start, instant.Z, instant.rows)
+    evaluate.joint_jacobian(system, start, NO_STEP, instant.Z, instant.values)
     sparse_lu.factor(instant.unknowns.elimination, instant.values, instant.factor)
 
 
@@ -83,29 +84,31 @@ def solve(instant: Instant) -> None:
 
 
 @kernel
-def react(system: System, state: State, start: Start, instant: Instant) -> None:
+def react(system: System, state: State, start: SystemWorkspace, instant: Instant) -> None:
     """Set the state's multipliers and reactions from the ``solution``."""
     first = first_multiplier(system.frames)
     for k in range(state.force.shape[0]):
         for i in range(3):
             state.force[k, i] = instant.solution[first + k, i] * system.unit[k, i]
-    equations.react(system, state, start, instant.Z)
+    evaluate.set_reactions(system, state, start, instant.Z)
 
 
 @apart
-def accelerate(system: System, state: State, start: Start, instant: Instant) -> None:
+def accelerate(system: System, state: State, start: SystemWorkspace, instant: Instant) -> None:
     """Set the ``solution`` to accelerations a, l alpha and multipliers over their units, and the
     state's reactions; ``start`` is prepared.
 
-    Friction presses by the reaction, which depends on friction: rounds until it stands still, each
-    of which leaves about the coefficient of friction times the change before.
+    Friction presses by the reaction, which depends on friction: rounds until it is
+    unchanged, each of which leaves about the coefficient of friction times the change before.
     """
     for _ in range(MOST_ROUNDS):
         copy(state.reaction, instant.last)
         free(system, state, start, instant)
         solve(instant)
         react(system, state, start, instant)
-        if not forces.depend_on_reactions(system.forces) or stands(state.reaction, instant.last):
+        if not forces.depend_on_reactions(system.forces) or is_unchanged(
+            state.reaction, instant.last
+        ):
             break
 
 
@@ -119,7 +122,7 @@ def rounds(system: System) -> int:
 
 @kernel
 def undo(
-    system: System, state: State, start: Start, violation: np.ndarray, instant: Instant
+    system: System, state: State, start: SystemWorkspace, violation: np.ndarray, instant: Instant
 ) -> None:
     """Set the ``solution`` to the least change by mass that takes away the ``gap`` (k, 3) [m]."""
     first = first_multiplier(system.frames)
@@ -134,7 +137,7 @@ def undo(
 def keep_closed(
     system: System,
     state: State,
-    start: Start,
+    start: SystemWorkspace,
     violation: np.ndarray,
     rate: np.ndarray,
     instant: Instant,
@@ -144,16 +147,16 @@ def keep_closed(
     """
     frames = system.frames
     for _ in range(rounds(system)):
-        equations.observe(system, state, start, violation, rate)
-        along.in_metres(system.along, violation, rate)
+        evaluate.observe(system, state, start, violation, rate)
+        scalar.in_metres(system.scalar, violation, rate)
         undo(system, state, start, rate, instant)
         for b in range(moving_count(frames)):
             R = matrix_at(start.frames.R, b)
             dW = scale(1.0 / frames.length[b], at(instant.solution, rotation_node(frames, b)))
             put(state.v, b, add(at(state.v, b), at(instant.solution, displacement_node(frames, b))))
             put(state.w, b, add(at(state.w, b), times(transpose(R), dW)))
-        along.motion_work(system.along, frames, state.time[0], 1.0, instant.solution, state.work)
-        equations.prepare(system, state, start)
+        scalar.motion_work(system.scalar, frames, state.time[0], 1.0, instant.solution, state.work)
+        evaluate.prepare(system, state, start)
 
 
 @kernel
@@ -167,9 +170,9 @@ def publish(workspace: Workspace, instant: Instant, row: int) -> None:
     copy(state.force, force)
     copy(state.reaction, reaction)
     accelerate(system, state, start, instant)
-    publish_reactions(
+    write_reactions(
         system.shown,
-        system.along,
+        system.scalar,
         state.reaction,
         state.force,
         state.time[0],

@@ -12,11 +12,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from msahl.schemes.midpoint import equations
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.schemes.outcome import EVALUATION, STEP_WORK, Outcome, Requests
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import Advance, Chunk, Events, Stepper
+from msahl.system import evaluate
 from msahl.system.arrays import State
 
 MAX_SUBDIVISIONS = 10
@@ -204,7 +204,7 @@ class FixedStepper:
                 if not outcome.converged:
                     return outcome
             events.apply(workspace)
-            equations.prepare(workspace.system, workspace.state, workspace.start)
+            evaluate.prepare(workspace.system, workspace.state, workspace.start)
             self.reset_prediction()
             left -= part * left
             if left <= 0.0:
@@ -219,7 +219,7 @@ class FixedStepper:
         """Bring the workspace back to what was saved."""
         for array, value in zip(self._changing(), saved, strict=True):
             array[:] = value
-        equations.prepare(self.workspace.system, self.workspace.state, self.workspace.start)
+        evaluate.prepare(self.workspace.system, self.workspace.state, self.workspace.start)
 
     def _changing(self) -> list[np.ndarray]:
         workspace = self.workspace

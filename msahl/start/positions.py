@@ -11,11 +11,11 @@ import numpy as np
 
 from msahl.algebra.rotation import compose, from_step_turn
 from msahl.algebra.vector import at, scale
-from msahl.elements import along
+from msahl.elements.constraints import scalar
 from msahl.elements.frames import first_multiplier, frame_count, moving_count, rotation_node
-from msahl.schemes.midpoint import equations
 from msahl.start.velocities import StartError, solve_at_rest
-from msahl.system.arrays import State, System, new_start, node_count
+from msahl.system import evaluate
+from msahl.system.arrays import State, System, new_system_workspace, node_count
 from msahl.system.reductions import all_unknowns
 from msahl.system.unknowns import choose
 
@@ -62,11 +62,11 @@ def assemble(system: System, state: State) -> Assembled:
 
 def _gaps(system: System, state: State) -> np.ndarray:
     """(k, 3) gaps [m], rows in radians times their length."""
-    start = new_start(system, state)
-    equations.prepare(system, state, start)
+    start = new_system_workspace(system, state)
+    evaluate.prepare(system, state, start)
     violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
-    equations.observe(system, state, start, violation, rate)
-    along.in_metres(system.along, violation, rate)
+    evaluate.observe(system, state, start, violation, rate)
+    scalar.in_metres(system.scalar, violation, rate)
     return violation
 
 

@@ -14,9 +14,10 @@ import numpy as np
 
 from msahl.elements.constraints import coordinates
 from msahl.elements.frames import first_multiplier
-from msahl.schemes.midpoint import equations
-from msahl.start.velocities import jacobian_at_rest, solve_sparse
-from msahl.system.arrays import State, System, multiplier_count, new_start, node_count
+from msahl.start.velocities import solve_sparse
+from msahl.system import evaluate
+from msahl.system.arrays import State, System, multiplier_count, new_system_workspace, node_count
+from msahl.system.evaluate import jacobian_at_rest
 from msahl.system.names import FORCE_COLUMNS, LOAD_COLUMN, MOMENT_COLUMNS
 from msahl.system.reductions import all_unknowns
 from msahl.system.unknowns import Unknowns, choose
@@ -82,8 +83,8 @@ def non_unique_reactions(system: System, state: State) -> dict[int, list[str]]:
         j: [column for column, size in zip(columns, sizes, strict=True) if size > PART]
         for j, sizes in enumerate(joints)
     }
-    if system.along:
-        places = system.along.rows.place[system.shown.load_row]
+    if system.scalar:
+        places = system.scalar.equations.place[system.shown.load_equation]
         loads = np.linalg.norm(null[:, places[:, 0], places[:, 1]], axis=0)
         for e, load in enumerate(loads, start=len(joints)):
             shared[e] = [LOAD_COLUMN] if load > PART else []
@@ -107,16 +108,16 @@ def _components(system: System, state: State, null: np.ndarray) -> np.ndarray:
     space give to each joint's reaction, by its columns; those not shown are zero.
     """
     unit, rest = np.ones_like(state.force), state._replace(reaction=np.zeros_like(state.reaction))
-    start, Z = new_start(system, rest), np.zeros((node_count(system), 3))
-    equations.prepare(system, rest, start)
-    if system.along:
-        rows = system.along.rows
+    start, Z = new_system_workspace(system, rest), np.zeros((node_count(system), 3))
+    evaluate.prepare(system, rest, start)
+    if system.scalar:
+        rows = system.scalar.equations
         unit[rows.place[:, 0], rows.place[:, 1]] = rows.scale
-        coordinates.evaluate(system.along.quantities, start.along.quantities, system.frames, Z)
+        coordinates.evaluate(system.scalar.coordinates, start.scalar.coordinates, system.frames, Z)
     squares = np.zeros_like(state.reaction)
     for vector in null:
         held = rest._replace(force=vector * unit)
-        equations.react(system, held, start, Z)
+        evaluate.set_reactions(system, held, start, Z)
         squares += held.reaction**2
     sizes = np.sqrt(squares)
     sizes[:, 3:] /= system.frames.length[system.reactions.child, None]

@@ -17,13 +17,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements import along, forces, reactions
-from msahl.elements.constraints import coordinates
+from msahl.elements import forces, reactions
+from msahl.elements.constraints import scalar
 from msahl.elements.frames import first_multiplier, moving_count
 from msahl.elements.reactions import MOST_ROUNDS
 from msahl.linalg import sparse_lu
-from msahl.schemes.midpoint import equations
-from msahl.system.arrays import Start, State, System, new_start, node_count
+from msahl.system import evaluate
+from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
+from msahl.system.evaluate import jacobian_at_rest
 from msahl.system.unknowns import Unknowns, choose
 
 CONSISTENT = 1e-12
@@ -66,7 +67,7 @@ def make_consistent(
     odds).
     """
     n = moving_count(system.frames)
-    start = new_start(system, state)
+    start = new_system_workspace(system, state)
     v0, w0 = state.v.copy(), state.w.copy()
     given = _largest(_gap_rate(system, state, start))
     speed = max(np.abs(v0).max(), (np.abs(start.frames.W) * system.frames.length[:, None]).max())
@@ -104,19 +105,21 @@ def solve_accelerations(system: System, state: State, unknowns: Unknowns) -> Non
 
     Friction presses by the reaction, which depends on friction: rounds until it stands still.
     """
-    start = new_start(system, state)
+    start = new_system_workspace(system, state)
     rows, Z = np.zeros((2, node_count(system), 3))
     frames = system.frames
     for _ in range(MOST_ROUNDS):
         last = state.reaction.copy()
-        equations.prepare(system, state, start)
-        equations.free_acceleration(system, state, start, Z, rows)
+        evaluate.prepare(system, state, start)
+        evaluate.free_acceleration(system, state, start, Z, rows)
         solution = solve_at_rest(system, state, rows, unknowns)
         state.a[:] = solution[frames.displacement]
         state.alpha[:] = solution[frames.rotation] / frames.length[:, None]
         state.force[:] = solution[first_multiplier(frames) :] * system.unit
-        equations.react(system, state, start, Z)
-        if not forces.depend_on_reactions(system.forces) or reactions.stands(state.reaction, last):
+        evaluate.set_reactions(system, state, start, Z)
+        if not forces.depend_on_reactions(system.forces) or reactions.is_unchanged(
+            state.reaction, last
+        ):
             break
 
 
@@ -125,12 +128,12 @@ def _largest(vectors: np.ndarray) -> float:
     return float(np.linalg.norm(vectors, axis=1).max(initial=0.0))
 
 
-def _gap_rate(system: System, state: State, start: Start) -> np.ndarray:
+def _gap_rate(system: System, state: State, start: SystemWorkspace) -> np.ndarray:
     """(k, 3) gap rates of the state [m/s], radians times their length; prepares ``start``."""
-    equations.prepare(system, state, start)
+    evaluate.prepare(system, state, start)
     violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
-    equations.observe(system, state, start, violation, rate)
-    along.in_metres(system.along, violation, rate)
+    evaluate.observe(system, state, start, violation, rate)
+    scalar.in_metres(system.scalar, violation, rate)
     return rate
 
 
@@ -141,7 +144,7 @@ def _translations(system: System, free: np.ndarray) -> np.ndarray:
     return translations
 
 
-def _project(system: System, state: State, start: Start, unknowns: Unknowns) -> None:
+def _project(system: System, state: State, start: SystemWorkspace, unknowns: Unknowns) -> None:
     """Change the velocities among ``unknowns``, least by mass, so that the gap rate is 0."""
     rows = np.zeros((node_count(system), 3))
     frames = system.frames
@@ -150,18 +153,6 @@ def _project(system: System, state: State, start: Start, unknowns: Unknowns) -> 
     state.v[:] += change[frames.displacement]
     dW = change[frames.rotation] / frames.length[:, None]
     state.w[:] += np.einsum("bji,bj->bi", start.frames.R, dW)
-
-
-def jacobian_at_rest(system: System, state: State) -> np.ndarray:
-    """Block values of the Jacobian in the state's configuration without motion, h^2 = 2."""
-    rest = state._replace(v=np.zeros_like(state.v), w=np.zeros_like(state.w))
-    start = new_start(system, rest)
-    equations.prepare(system, rest, start)
-    values, Z = np.zeros_like(system.constant), np.zeros((node_count(system), 3))
-    if system.along:
-        coordinates.evaluate(system.along.quantities, start.along.quantities, system.frames, Z)
-    equations.joint_jacobian(system, start, np.sqrt(2.0), Z, values)
-    return values
 
 
 def solve_at_rest(system: System, state: State, rows: np.ndarray, unknowns: Unknowns) -> np.ndarray:

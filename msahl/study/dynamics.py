@@ -11,17 +11,18 @@ import numpy as np
 
 from msahl.algebra.rotation import compose, from_step_turn
 from msahl.algebra.vector import add, at, matrix_at, put, scale, times, transpose
-from msahl.elements import along, rigid_body
+from msahl.elements import rigid_body
+from msahl.elements.constraints import scalar
 from msahl.elements.frames import displacement, first_multiplier, moving_count, rotation_increment
 from msahl.jit.compiled import compiled
 from msahl.jit.kernel import kernel
 from msahl.model import Model
 from msahl.schemes import accelerations
 from msahl.schemes.accelerations import Instant, new_instant, solve_least
-from msahl.schemes.midpoint import equations
 from msahl.start.redundancy import is_regular
 from msahl.study.start import first_state
-from msahl.system.arrays import Start, State, System, new_start
+from msahl.system import evaluate
+from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace
 
 SIZE = 13
 """Numbers of a body in y."""
@@ -58,21 +59,25 @@ def _pack(state: State, y: np.ndarray) -> None:
 
 
 @kernel
-def _prepare(system: System, state: State, start: Start) -> None:
+def _prepare(system: System, state: State, start: SystemWorkspace) -> None:
     """As the scheme does, and with the angles counted on to where the state is."""
-    equations.prepare(system, state, start)
-    along.count_turns(system.along, start.along, state.angle)
+    evaluate.prepare(system, state, start)
+    scalar.count_rotations(system.scalar, start.scalar, state.angle)
 
 
 @kernel
-def _free(system: System, state: State, start: Start, room: Instant, y: np.ndarray) -> None:
+def _free(
+    system: System, state: State, start: SystemWorkspace, room: Instant, y: np.ndarray
+) -> None:
     _unpack(y, state)
     _prepare(system, state, start)
     accelerations.free(system, state, start, room)
 
 
 @kernel
-def _rates(system: System, start: Start, room: Instant, y: np.ndarray, dy: np.ndarray) -> None:
+def _rates(
+    system: System, start: SystemWorkspace, room: Instant, y: np.ndarray, dy: np.ndarray
+) -> None:
     """Read ``dy`` off the accelerations in ``room``."""
     for b in range(y.size // SIZE):
         k = SIZE * b
@@ -92,7 +97,12 @@ def _rates(system: System, start: Start, room: Instant, y: np.ndarray, dy: np.nd
 
 @kernel
 def _all_rates(
-    system: System, state: State, start: Start, room: Instant, y: np.ndarray, dy: np.ndarray
+    system: System,
+    state: State,
+    start: SystemWorkspace,
+    room: Instant,
+    y: np.ndarray,
+    dy: np.ndarray,
 ) -> None:
     _unpack(y, state)
     _prepare(system, state, start)
@@ -104,7 +114,7 @@ def _all_rates(
 def _open(
     system: System,
     state: State,
-    start: Start,
+    start: SystemWorkspace,
     room: Instant,
     violation: np.ndarray,
     rate: np.ndarray,
@@ -114,7 +124,7 @@ def _open(
     """Set the rows to minus the gaps (``level`` 0) or their rates (1), and factor the matrix."""
     _prepare(system, state, start)
     accelerations.free(system, state, start, room)
-    equations.observe(system, state, start, violation, rate)
+    evaluate.observe(system, state, start, violation, rate)
     first = first_multiplier(system.frames)
     for node in range(room.rows.shape[0]):
         for i in range(3):
@@ -135,7 +145,7 @@ def _move(system: System, state: State, room: Instant) -> None:
 
 
 @kernel
-def _push(system: System, state: State, start: Start, room: Instant) -> None:
+def _push(system: System, state: State, start: SystemWorkspace, room: Instant) -> None:
     """Change the velocities by the solution."""
     for b in range(moving_count(system.frames)):
         turn = rotation_increment(system.frames, room.solution, b)
@@ -146,12 +156,12 @@ def _push(system: System, state: State, start: Start, room: Instant) -> None:
 
 @kernel
 def _publish_rows(
-    system: System, state: State, start: Start, ys: np.ndarray, table: np.ndarray
+    system: System, state: State, start: SystemWorkspace, ys: np.ndarray, table: np.ndarray
 ) -> None:
     """Write the states ``ys`` into the rows of ``table``, in the columns of ``states.csv``."""
     for row in range(ys.shape[0]):
         _unpack(ys[row], state)
-        equations.prepare(system, state, start)
+        evaluate.prepare(system, state, start)
         rigid_body.write_states(system.bodies, state.x, state.p, start.frames, state.w, table, row)
 
 
@@ -159,7 +169,7 @@ def _publish_rows(
 def _recall(
     system: System,
     state: State,
-    start: Start,
+    start: SystemWorkspace,
     room: Instant,
     times: np.ndarray,
     table: np.ndarray,
@@ -182,7 +192,7 @@ class Dynamics:
     def __init__(self, model: Model) -> None:
         self.model = model
         self.system, self.state = first_state(model)
-        self.start = new_start(self.system, self.state)
+        self.start = new_system_workspace(self.system, self.state)
         self.room = new_instant(self.system)
         self.joints = len(model.joints)
         self.regular = is_regular(self.system, self.state, self.room.unknowns)
@@ -191,9 +201,9 @@ class Dynamics:
             np.zeros_like(self.state.violation),
         )
         self.scale = np.ones_like(self.state.violation)
-        if self.system.along:
+        if self.system.scalar:
             # Rows in radians are metres in the matrix.
-            rows = self.system.along.rows
+            rows = self.system.scalar.equations
             self.scale[rows.place[:, 0], rows.place[:, 1]] = rows.scale
         self.first_angle = self.state.angle.copy()
         self.first = np.zeros(SIZE * len(model.bodies))
@@ -202,7 +212,7 @@ class Dynamics:
         self.table = self.publish(self.first[None, :])
 
     @property
-    def parts(self) -> tuple[System, State, Start, Instant]:
+    def parts(self) -> tuple[System, State, SystemWorkspace, Instant]:
         """What the kernels take first."""
         return self.system, self.state, self.start, self.room
 

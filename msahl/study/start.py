@@ -4,13 +4,10 @@ from msahl.model import Model
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.system.arrays import State, System
 from msahl.system.build import build_system
-from msahl.system.state import build_state
 
 
 def first_state(model: Model) -> tuple[System, State]:
     """The system of ``model``, and its state at t = 0, made consistent as the deck wishes."""
     integrator = SubsystemIntegrator(model, "newton", full=True, chunk=1)
     # The runner's own system may be relaxed, which is not what the equations say.
-    system = build_system(model)
-    build_state(model, system)  # settles what the system takes from the state at t = 0
-    return system, integrator.workspace.state
+    return build_system(model), integrator.workspace.state

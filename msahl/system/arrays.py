@@ -11,12 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws
-from msahl.elements.along import Along, AlongStart
-from msahl.elements.constraints.coincide import Coincide, CoincideStart
-from msahl.elements.constraints.coordinates import MOST, Quantities, QuantityStart
-from msahl.elements.constraints.products import MeasureStart
-from msahl.elements.forces import Forces, ForceStart, energy_columns
-from msahl.elements.forces import new_start as new_force_start
+from msahl.elements.constraints.coincide import Coincide, CoincideWorkspace
+from msahl.elements.constraints.coordinates import MOST, Coordinates, CoordinatesWorkspace
+from msahl.elements.constraints.products import ProductsWorkspace
+from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
+from msahl.elements.forces import Forces, ForcesWorkspace, energy_columns
+from msahl.elements.forces import new_workspace as new_forces_workspace
 from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.elements.reactions import Reactions, Shown
 from msahl.elements.rigid_body import STATE_SIZE, RigidBodies, RigidBodiesWorkspace
@@ -28,7 +28,7 @@ class Multipliers(NamedTuple):
 
     node: np.ndarray  # (k,)
     element: np.ndarray  # (k,) joint, coupling or motion it belongs to
-    turning: np.ndarray  # (k,) whether its rows see nothing but turns
+    rotational: np.ndarray  # (k,) whether its rows see nothing but turns
     bodies: np.ndarray  # (k, 4) bodies its rows touch; the ground fills up
 
 
@@ -38,7 +38,7 @@ class System(NamedTuple):
     frames: Frames
     bodies: RigidBodies
     coincide: Coincide
-    along: Along | None
+    scalar: ScalarConstraints | None
     reactions: Reactions
     laws: Laws
     forces: Forces
@@ -86,14 +86,14 @@ class Tables(NamedTuple):
     work: np.ndarray  # (rows, ...) [J]
 
 
-class Start(NamedTuple):
+class SystemWorkspace(NamedTuple):
     """What the step's equations need of its start, in inertial axes; made by ``prepare``."""
 
     frames: FramesWorkspace
     bodies: RigidBodiesWorkspace
-    coincide: CoincideStart
-    along: AlongStart  # None where the system's is
-    forces: ForceStart
+    coincide: CoincideWorkspace
+    scalar: ScalarWorkspace  # None where the system's is
+    forces: ForcesWorkspace
     reaction_arms: np.ndarray  # (j, 3) from the children's mass centres to the joints [m]
 
 
@@ -104,29 +104,29 @@ def node_count(system: System) -> int:
 
 def multiplier_count(system: System) -> int:
     """Number of joint equations."""
-    return 3 * int(system.coincide.a.size) + row_count(system)
+    return 3 * int(system.coincide.a.size) + equation_count(system)
 
 
-def quantity_count(system: System) -> int:
+def coordinate_count(system: System) -> int:
     """Number of quantities."""
-    return int(system.along.quantities.kind.size) if system.along else 0
+    return int(system.scalar.coordinates.kind.size) if system.scalar else 0
 
 
-def row_count(system: System) -> int:
+def equation_count(system: System) -> int:
     """Number of scalar joint equations, those of coinciding points left out."""
-    return int(system.along.rows.function.size) if system.along else 0
+    return int(system.scalar.equations.function.size) if system.scalar else 0
 
 
-def new_quantity_start(group: Quantities, nodes: int = 0) -> QuantityStart:
+def new_coordinates_workspace(group: Coordinates, nodes: int = 0) -> CoordinatesWorkspace:
     """Room for what is computed of quantities and measures."""
-    m, q = group.measures.kind.size, group.kind.size
-    measures = MeasureStart(
+    m, q = group.products.kind.size, group.kind.size
+    products = ProductsWorkspace(
         *(np.zeros((m, 3)) for _ in range(5)),
         *(np.zeros(m) for _ in range(2)),
         *(np.zeros((m, 3)) for _ in range(3)),
     )
-    return QuantityStart(
-        measures=measures,
+    return CoordinatesWorkspace(
+        products=products,
         value=np.zeros(q),
         change=np.zeros(q),
         weights=np.zeros((q, MOST)),
@@ -136,24 +136,24 @@ def new_quantity_start(group: Quantities, nodes: int = 0) -> QuantityStart:
         slope=np.zeros((q, 4, 3)),
         load=np.zeros(q),
         size=np.zeros(q),
-        pull=np.zeros(nodes),
+        term_size=np.zeros(nodes),
     )
 
 
-def new_start(system: System, state: State) -> Start:
+def new_system_workspace(system: System, state: State) -> SystemWorkspace:
     """Room for the start of a step; gap and stretch are the state's own arrays."""
     vectors, matrices = state.x.shape, (*state.x.shape, 3)
     k = system.coincide.a.size
-    along = system.along and AlongStart(
-        quantities=new_quantity_start(system.along.quantities, node_count(system)),
-        rate=np.zeros(system.along.quantities.kind.size),
+    scalar = system.scalar and ScalarWorkspace(
+        coordinates=new_coordinates_workspace(system.scalar.coordinates, node_count(system)),
+        rate=np.zeros(system.scalar.coordinates.kind.size),
     )
-    return Start(
+    return SystemWorkspace(
         frames=FramesWorkspace(np.zeros(matrices), *(np.zeros(vectors) for _ in range(6))),
         bodies=RigidBodiesWorkspace(np.zeros_like(system.bodies.inertia)),
-        coincide=CoincideStart(np.zeros((k, 3)), np.zeros((k, 3)), state.violation),
-        along=along,  # type: ignore[arg-type]
-        forces=new_force_start(system.forces, state.reaction, state.stretch),
+        coincide=CoincideWorkspace(np.zeros((k, 3)), np.zeros((k, 3)), state.violation),
+        scalar=scalar,  # type: ignore[arg-type]
+        forces=new_forces_workspace(system.forces, state.reaction, state.stretch),
         reaction_arms=np.zeros((system.reactions.child.size, 3)),
     )
 
@@ -161,8 +161,8 @@ def new_start(system: System, state: State) -> Start:
 def new_tables(system: System, state: State, rows: int) -> Tables:
     """Room for ``rows`` rows of results."""
     states, shown = STATE_SIZE * system.bodies.frame.size, system.shown
-    reactions = int(np.where(shown.moment, 6, 3).sum()) + shown.load_row.size
-    if system.along:
-        reactions += int(np.count_nonzero(system.along.rows.law[shown.load_row] >= 0))
+    reactions = int(np.where(shown.moment, 6, 3).sum()) + shown.load_equation.size
+    if system.scalar:
+        reactions += int(np.count_nonzero(system.scalar.equations.law[shown.load_equation] >= 0))
     work = state.work.size + energy_columns(system.forces)
     return Tables(*(np.zeros((rows, width)) for width in (states, reactions, work)))

@@ -18,11 +18,11 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import at, dot, sub
-from msahl.elements import along
+from msahl.elements.constraints import scalar
 from msahl.elements.frames import moving_count
 from msahl.jit.kernel import apart, kernel
-from msahl.schemes.midpoint import equations
-from msahl.system.arrays import Start, State, System
+from msahl.system import evaluate
+from msahl.system.arrays import State, System, SystemWorkspace
 
 BALANCE, KINETIC, GAP, GAP_RATE, GAP_WORK, SPEED, TURN, DISTANCE, WAY, LOCAL = range(10)
 AT_REST = 1e-12
@@ -55,14 +55,16 @@ def new_monitor(state: State, steps: int) -> Monitor:
 
 
 @kernel
-def look(system: System, state: State, start: Start, h: float, monitor: Monitor, row: int) -> None:
+def look(
+    system: System, state: State, start: SystemWorkspace, h: float, monitor: Monitor, row: int
+) -> None:
     """Fill a row with the figures of the accepted, prepared state after a step ``h``."""
-    kinetic, potential = equations.observe(system, state, start, monitor.violation, monitor.rate)
+    kinetic, potential = evaluate.observe(system, state, start, monitor.violation, monitor.rate)
     work = 0.0
     for k in range(state.force.shape[0]):
         for i in range(3):
             work += abs(state.force[k, i] * monitor.violation[k, i])
-    along.in_metres(system.along, monitor.violation, monitor.rate)
+    scalar.in_metres(system.scalar, monitor.violation, monitor.rate)
     monitor.rows[row, BALANCE] = balanced(kinetic + potential, state)
     monitor.rows[row, KINETIC] = kinetic
     monitor.rows[row, GAP] = largest_length(monitor.violation)
@@ -81,16 +83,16 @@ def balanced(energy: float, state: State) -> float:
 
 @apart
 def energy_balance(
-    system: System, state: State, start: Start, violation: np.ndarray, rate: np.ndarray
+    system: System, state: State, start: SystemWorkspace, violation: np.ndarray, rate: np.ndarray
 ) -> float:
     """Energy balance [J] of the prepared state; ``gap`` and ``rate`` (k, 3) are room."""
-    kinetic, potential = equations.observe(system, state, start, violation, rate)
+    kinetic, potential = evaluate.observe(system, state, start, violation, rate)
     return balanced(kinetic + potential, state)
 
 
 @kernel
 def look_at_bodies(
-    system: System, state: State, start: Start, h: float, monitor: Monitor, row: int
+    system: System, state: State, start: SystemWorkspace, h: float, monitor: Monitor, row: int
 ) -> None:
     """Fill in speed, turn, distance, way and local error, each of the body where it is largest."""
     speed, turn, distance, way, local = 0.0, 0.0, 0.0, 0.0, 0.0

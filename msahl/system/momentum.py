@@ -10,7 +10,7 @@ import numpy as np
 
 from msahl.elements import forces
 from msahl.elements.frames import moving_count
-from msahl.system.arrays import Start, State, System
+from msahl.system.arrays import State, System, SystemWorkspace
 
 
 class Momentum(NamedTuple):
@@ -26,13 +26,13 @@ def is_alone(system: System) -> bool:
     """Whether no joint, spring or motion ties the island to the ground and no load acts on it."""
     ground = moving_count(system.frames)
     ends = [system.coincide.a, system.coincide.b]
-    if system.along is not None:
-        ends += [system.along.quantities.measures.a, system.along.quantities.measures.b]
+    if system.scalar is not None:
+        ends += [system.scalar.coordinates.products.a, system.scalar.coordinates.products.b]
     tied = any(bool((end == ground).any()) for end in ends)
     return not (tied or forces.acts_at_points(system.forces))
 
 
-def momentum(system: System, state: State, start: Start) -> Momentum:
+def momentum(system: System, state: State, start: SystemWorkspace) -> Momentum:
     """Of the prepared ``state``."""
     bodies = system.bodies
     m = 1.0 / bodies.inverse_mass[:, None]

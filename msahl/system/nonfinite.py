@@ -10,11 +10,11 @@ import numpy as np
 from msahl.algebra.functions import evaluate
 from msahl.elements import forces
 from msahl.model import Model
-from msahl.system.arrays import Start, State, System
+from msahl.system.arrays import State, System, SystemWorkspace
 
 
 def find_nonfinite(
-    model: Model, system: System, state: State, start: Start, h: float
+    model: Model, system: System, state: State, start: SystemWorkspace, h: float
 ) -> str | None:
     """The first element of the island ``model`` whose part of the step ``h`` from its prepared
     ``state`` is not finite, in words; None if there is none.
@@ -36,7 +36,7 @@ def overflow(t: float, name: str) -> str:
 
 
 def _parts(
-    model: Model, system: System, state: State, start: Start, h: float
+    model: Model, system: System, state: State, start: SystemWorkspace, h: float
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Names and numbers of all elements: bodies first, then what acts on them."""
     t = float(state.time[0])
@@ -51,16 +51,16 @@ def _parts(
     workers = (*model.loads, *model.motions)
     for column, numbers in forces.numbers_at_points(system.forces, start.forces, state.v):
         yield f"load '{workers[column].name}'", numbers
-    if system.along is None:
+    if system.scalar is None:
         return
-    quantities, rows = start.along.quantities, system.along.rows
+    coords, rows = start.scalar.coordinates, system.scalar.equations
     elements = [*model.joints, *model.couplings, *model.motions]
     for r, (node, _) in enumerate(rows.place):
         element = elements[int(system.multipliers.element[node])]
-        parts = [quantities.value[q] for q in rows.quantity[r] if q >= 0]
+        parts = [coords.value[q] for q in rows.coordinate[r] if q >= 0]
         if rows.law[r] >= 0:
             parts += evaluate(system.laws, rows.law[r], t)
             parts += evaluate(system.laws, rows.law[r], t + h)
         yield f"{type(element).__name__.lower()} '{element.name}'", np.array(parts)
-    for column, numbers in forces.numbers_along(system.forces, quantities):
+    for column, numbers in forces.numbers_along(system.forces, coords):
         yield f"load '{workers[column].name}'", numbers

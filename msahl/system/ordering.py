@@ -87,9 +87,11 @@ def _elements(system: System, ground: int) -> dict[int, tuple[set[int], list[int
     elements: dict[int, tuple[set[int], list[int], list[int]]] = {}
     multipliers = system.multipliers
     for k, node in enumerate(multipliers.node.tolist()):
-        bodies, pushing, turning = elements.setdefault(int(multipliers.element[k]), (set(), [], []))
+        bodies, pushing, rotational = elements.setdefault(
+            int(multipliers.element[k]), (set(), [], [])
+        )
         bodies.update(b for b in multipliers.bodies[k].tolist() if b != ground)
-        (turning if multipliers.turning[k] else pushing).append(node)
+        (rotational if multipliers.rotational[k] else pushing).append(node)
     return elements
 
 

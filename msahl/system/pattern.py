@@ -1,26 +1,34 @@
-"""The Jacobian's pattern of 3 x 3 blocks, while the elements ask for theirs."""
+"""Pattern of the Jacobian: its 3 x 3 blocks by row and column node, as the elements ask for them.
+
+The values of the blocks stand one after the other in one array, 9 each; block 0 takes what belongs
+to the ground and is never read.
+"""
 
 import numpy as np
 
-from msahl.elements.frames import Frames, displacement_node, ground_of, rotation_node
-
 
 class Blocks:
-    """The Jacobian's pattern while it grows: a block's place by its row and column node."""
+    """The pattern while it grows."""
 
-    def __init__(self, frames: Frames) -> None:
-        ground = ground_of(frames)
-        self.ground = {displacement_node(frames, ground), rotation_node(frames, ground)}
+    def __init__(self, displacement: np.ndarray, rotation: np.ndarray) -> None:
+        """Without blocks; the ground's nodes are the last of ``displacement`` and ``rotation``."""
+        self.ground = {int(displacement[-1]), int(rotation[-1])}
         self.starts: dict[tuple[int, int], int] = {(-1, -1): 0}
-        self.constants: list[tuple[int, float]] = []
         self.varying: set[int] = set()
+        self.diagonal: set[int] = set()
 
     def place(self, row: int, column: int) -> int:
-        """Start of the block in the value array, to be filled in every step; 0 if it belongs to
-        the ground or to nobody.
+        """Return where a block starts in the value array, to be set in every step; 0 if it belongs
+        to the ground or to no node (-1).
         """
         start = self._start(int(row), int(column))
         self.varying.add(start)
+        return start
+
+    def constant(self, row: int, column: int) -> int:
+        """Return where a block starts that is always a number times the unit matrix; likewise 0."""
+        start = self._start(int(row), int(column))
+        self.diagonal.add(start)
         return start
 
     def _start(self, row: int, column: int) -> int:
@@ -28,27 +36,17 @@ class Blocks:
             return 0
         return self.starts.setdefault((row, column), 9 * len(self.starts))
 
-    def constant(self, row: int, column: int, value: float) -> None:
-        """A block ``value`` times the unit matrix."""
-        self.constants.append((self._start(row, column), value))
-
     def nodes(self) -> np.ndarray:
         """(m, 2) row and column node of each block."""
         nodes = np.array(list(self.starts), dtype=np.int64)
         nodes[0] = 0
         return nodes
 
-    def constant_values(self) -> np.ndarray:
-        """The value array with nothing but the constant blocks."""
-        values = np.zeros(9 * len(self.starts))
-        for start, value in self.constants:
-            if start:
-                values[start : start + 9 : 4] = value
-        return values
-
     def pattern(self) -> np.ndarray:
-        """(9 m,) which values are not zero for ever."""
-        pattern = self.constant_values() != 0.0
+        """(9 m,) which values are not always zero."""
+        pattern = np.zeros(9 * len(self.starts), dtype=bool)
+        for start in self.diagonal - {0}:
+            pattern[start : start + 9 : 4] = True
         for start in self.varying - {0}:
             pattern[start : start + 9] = True
         return pattern

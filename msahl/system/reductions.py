@@ -17,18 +17,18 @@ are therefore zero, not small: every velocity and every guess passes through ``r
 import numpy as np
 
 from msahl.elements import forces
-from msahl.elements.constraints.coordinates import PLAIN, RADIUS, Quantities
-from msahl.elements.constraints.equations import Rows
-from msahl.elements.constraints.products import DOT, SLIDE, SLIP, Measures, MeasureStart
+from msahl.elements.constraints.coordinates import PLAIN, RADIUS, Coordinates
+from msahl.elements.constraints.equations import ConstraintEquations
+from msahl.elements.constraints.products import DOT, SLIDE, SLIP, Products, ProductsWorkspace
 from msahl.elements.frames import first_multiplier, ground_of, moving_count
-from msahl.system.arrays import Start, System, node_count
+from msahl.system.arrays import System, SystemWorkspace, node_count
 
 ROUND_OFF = 16 * np.finfo(float).eps
 """Component, relative to its vector's length, that is round-off: a vector carried from one frame to
 another by two matrices of rotation loses a few machine epsilons of its length."""
 
 
-def plane_normal(system: System, start: Start) -> int | None:
+def plane_normal(system: System, start: SystemWorkspace) -> int | None:
     """Index of the inertial axis along which nothing ever happens, or None; ``start`` prepared."""
     for axis in (1, 2, 0):
         if _is_planar(system, start, axis):
@@ -36,7 +36,7 @@ def plane_normal(system: System, start: Start) -> int | None:
     return None
 
 
-def _is_planar(system: System, start: Start, axis: int) -> bool:
+def _is_planar(system: System, start: SystemWorkspace, axis: int) -> bool:
     in_plane = [i for i in range(3) if i != axis]
     ground = ground_of(system.frames)
     motion, coincide, J = start.frames, start.coincide, start.bodies.J
@@ -44,20 +44,20 @@ def _is_planar(system: System, start: Start, axis: int) -> bool:
     # The ground's arms are places, not levers.
     arms_a = coincide.r_a[system.coincide.a != ground]
     arms_b = coincide.r_b[system.coincide.b != ground]
-    along = (system.bodies.gravity[None], motion.v, arms_a, arms_b, *vectors)
-    lies = all(_is_zero(a[:, [axis]], a) for a in along)
+    in_the_plane = (system.bodies.gravity[None], motion.v, arms_a, arms_b, *vectors)
+    lies = all(_is_zero(a[:, [axis]], a) for a in in_the_plane)
     lies = lies and all(_is_zero(a[:, in_plane], a) for a in (motion.W, *moments))
     lies = lies and _is_zero(J[:, axis, in_plane], J.reshape(-1, 9))
-    if system.along is None or not lies:
+    if system.scalar is None or not lies:
         return lies
-    group, measures = system.along.quantities, start.along.quantities.measures
-    if not all(_fits(group, measures, ground, q, axis) for q in range(group.kind.size)):
+    group, products = system.scalar.coordinates, start.scalar.coordinates.products
+    if not all(_fits(group, products, ground, q, axis) for q in range(group.kind.size)):
         return False
     # What pushes or drives across the plane breaks the symmetry.
-    rows = system.along.rows
-    active = rows.quantity[(rows.law >= 0) | (rows.quantity[:, 1] >= 0)].reshape(-1)
+    rows = system.scalar.equations
+    active = rows.coordinate[(rows.law >= 0) | (rows.coordinate[:, 1] >= 0)].reshape(-1)
     acting = np.concatenate([active, forces.coordinates_of(system.forces)])
-    return not _held(group, measures, axis)[acting[acting >= 0]].any()
+    return not _held(group, products, axis)[acting[acting >= 0]].any()
 
 
 def _is_zero(part: np.ndarray, whole: np.ndarray) -> bool:
@@ -65,25 +65,25 @@ def _is_zero(part: np.ndarray, whole: np.ndarray) -> bool:
     return bool(np.all(np.abs(part) <= ROUND_OFF * np.linalg.norm(whole, axis=1)[:, None]))
 
 
-def _fits(group: Quantities, measures: MeasureStart, ground: int, q: int, axis: int) -> bool:
+def _fits(group: Coordinates, products: ProductsWorkspace, ground: int, q: int, axis: int) -> bool:
     """Whether a quantity is its own mirror image: its vectors along or across the normal."""
     for k in range(group.first[q], group.first[q + 1]):
-        kind = group.measures.kind[k]
+        kind = group.products.kind[k]
         if kind not in (DOT, SLIDE, SLIP):
             return False
-        n_along = _along(measures.n[k], axis)
+        n_along = _along(products.n[k], axis)
         if n_along is None:
             return False
         if kind == DOT:
-            e_along = _along(measures.e[k], axis)
+            e_along = _along(products.e[k], axis)
             mixed = n_along != e_along
             if e_along is None or (n_along and e_along) or (mixed and group.kind[q] != PLAIN):
                 return False
         else:
-            a, b = group.measures.a[k], group.measures.b[k]
-            ends = ((a, measures.r_a[k]), (b, measures.r_b[k]))
+            a, b = group.products.a[k], group.products.b[k]
+            ends = ((a, products.r_a[k]), (b, products.r_b[k]))
             arms = [arm for body, arm in ends if body != ground]
-            lengths = np.array([*arms, measures.D[k]])
+            lengths = np.array([*arms, products.D[k]])
             if not _is_zero(lengths[:, axis][None], lengths.reshape(1, -1)):
                 return False
             if n_along and group.kind[q] not in (PLAIN, RADIUS):
@@ -98,24 +98,24 @@ def _along(vector: np.ndarray, axis: int) -> bool | None:
     return False if _is_zero(vector[None, [axis]], vector[None]) else None
 
 
-def symmetric_rows(system: System, start: Start, axis: int) -> np.ndarray:
+def symmetric_rows(system: System, start: SystemWorkspace, axis: int) -> np.ndarray:
     """(r,) rows that hold by symmetry in a planar scene, whatever its motion in the plane."""
-    if system.along is None:
+    if system.scalar is None:
         return np.zeros(0, dtype=bool)
-    rows = system.along.rows
-    held = _held(system.along.quantities, start.along.quantities.measures, axis)
-    symmetric: np.ndarray = held[rows.quantity[:, 0]] & (rows.quantity[:, 1] < 0)
+    rows = system.scalar.equations
+    held = _held(system.scalar.coordinates, start.scalar.coordinates.products, axis)
+    symmetric: np.ndarray = held[rows.coordinate[:, 0]] & (rows.coordinate[:, 1] < 0)
     return symmetric
 
 
-def _held(group: Quantities, measures: MeasureStart, axis: int) -> np.ndarray:
+def _held(group: Coordinates, products: ProductsWorkspace, axis: int) -> np.ndarray:
     """(q,) quantities that a motion in the plane cannot change."""
     held = np.zeros(group.kind.size, dtype=bool)
     for q in np.flatnonzero(group.kind == PLAIN):
         k = group.first[q]
-        n_along = _along(measures.n[k], axis)
-        if group.measures.kind[k] == DOT:
-            held[q] = n_along != _along(measures.e[k], axis)
+        n_along = _along(products.n[k], axis)
+        if group.products.kind[k] == DOT:
+            held[q] = n_along != _along(products.e[k], axis)
         else:
             held[q] = bool(n_along)
     return held
@@ -132,36 +132,36 @@ def drop_rows(system: System, held: np.ndarray) -> System:
 
     Nodes and blocks stay where they are.
     """
-    along = system.along
-    if along is None or not held.any():
+    scalar = system.scalar
+    if scalar is None or not held.any():
         return system
-    rows, group = along.rows, along.quantities
+    rows, group = scalar.equations, scalar.coordinates
     kept = np.flatnonzero(~held)
-    acting = (rows.quantity[kept].reshape(-1), forces.coordinates_of(system.forces))
+    acting = (rows.coordinate[kept].reshape(-1), forces.coordinates_of(system.forces))
     used = np.unique(np.concatenate(acting))
     used = used[used >= 0]
     number = np.full(group.kind.size + 1, -1)  # the last entry serves -1
     number[used] = np.arange(used.size)
     spans = [np.arange(group.first[q], group.first[q + 1]) for q in used]
-    measures = np.concatenate([*spans, np.zeros(0, dtype=np.int64)]).astype(np.int64)
-    quantities = Quantities(
-        measures=Measures(*(array[measures] for array in group.measures)),
+    products = np.concatenate([*spans, np.zeros(0, dtype=np.int64)]).astype(np.int64)
+    coords = Coordinates(
+        products=Products(*(array[products] for array in group.products)),
         kind=group.kind[used],
         first=np.concatenate([[0], np.cumsum([s.size for s in spans])]).astype(np.int64),
         radius=group.radius[used],
         block=group.block[used],
     )
-    fewer = Rows(*(array[kept] for array in rows))
+    fewer = ConstraintEquations(*(array[kept] for array in rows))
     left = np.concatenate([[0], np.cumsum(~held)])
     return system._replace(
-        along=along._replace(
-            quantities=quantities,
-            rows=fewer._replace(quantity=number[fewer.quantity]),
-            row_column=along.row_column[kept],
+        scalar=scalar._replace(
+            coordinates=coords,
+            equations=fewer._replace(coordinate=number[fewer.coordinate]),
+            equation_column=scalar.equation_column[kept],
         ),
         forces=forces.renumbered(system.forces, number),
-        reactions=system.reactions._replace(first_row=left[system.reactions.first_row]),
-        shown=system.shown._replace(load_row=left[system.shown.load_row]),
+        reactions=system.reactions._replace(first_equation=left[system.reactions.first_equation]),
+        shown=system.shown._replace(load_equation=left[system.shown.load_equation]),
     )
 
 
@@ -176,13 +176,13 @@ def _all(system: System) -> np.ndarray:
     needed[system.frames.displacement[moving]] = True
     needed[system.frames.rotation[moving]] = True
     needed[first : first + system.coincide.a.size] = True
-    if system.along:
-        place = system.along.rows.place
+    if system.scalar:
+        place = system.scalar.equations.place
         needed[first + place[:, 0], place[:, 1]] = True
     return needed
 
 
-def needed_unknowns(system: System, start: Start, axis: int | None) -> np.ndarray:
+def needed_unknowns(system: System, start: SystemWorkspace, axis: int | None) -> np.ndarray:
     """(f,) the flat unknowns left to solve for; ``axis`` is the normal of a planar scene."""
     frames, k = system.frames, int(system.coincide.a.size)
     first = first_multiplier(frames)
@@ -193,7 +193,7 @@ def needed_unknowns(system: System, start: Start, axis: int | None) -> np.ndarra
         needed[frames.rotation] &= normal
         needed[frames.displacement] &= ~normal
         needed[first : first + k] &= ~normal
-        if system.along:
-            place = system.along.rows.place[symmetric_rows(system, start, axis)]
+        if system.scalar:
+            place = system.scalar.equations.place[symmetric_rows(system, start, axis)]
             needed[first + place[:, 0], place[:, 1]] = False
     return np.flatnonzero(needed)

@@ -1,4 +1,6 @@
-"""Wiener-Milenkovic parameters and step turns, against axis and angle and matrix exponentials."""
+"""Wiener-Milenkovic parameters and rotation increments, against axis and angle and matrix
+exponentials.
+"""
 
 import math
 
@@ -31,14 +33,14 @@ axes = st.tuples(numbers, numbers, numbers).filter(lambda a: math.hypot(*a) > 0.
 angles = st.floats(-20.0, 20.0)
 small = st.floats(-12.0, -1.0).map(lambda e: 10.0**e)
 near_half = small.map(lambda e: math.pi - e)
-turns = st.one_of(angles, small, near_half, st.sampled_from([0.0, math.pi, -math.pi, 1e-300]))
+rotations = st.one_of(angles, small, near_half, st.sampled_from([0.0, math.pi, -math.pi, 1e-300]))
 
 
 def exponential(axis, phi):
     return expm(phi * np.array(skew(axis)) / math.hypot(*axis))
 
 
-@given(axes, turns)
+@given(axes, rotations)
 def test_the_matrix_is_the_exponential_and_orthogonal(axis, phi):
     p = from_axis_angle(axis, phi)
     R = np.array(matrix(p))
@@ -49,7 +51,7 @@ def test_the_matrix_is_the_exponential_and_orthogonal(axis, phi):
     assert np.abs(R - exponential(axis, phi)).max() < 1e-14 * max(1.0, abs(phi)) * 4
 
 
-@given(axes, turns, axes, turns)
+@given(axes, rotations, axes, rotations)
 def test_composition_is_the_product_of_the_matrices(a, phi, b, psi):
     p, q = from_axis_angle(a, phi), from_axis_angle(b, psi)
     both = compose(p, q)
@@ -58,8 +60,8 @@ def test_composition_is_the_product_of_the_matrices(a, phi, b, psi):
     assert np.abs(np.array(matrix(both)) - product).max() < ROUND_OFF
 
 
-@given(axes, turns)
-def test_a_turn_and_its_inverse_are_no_turn(axis, phi):
+@given(axes, rotations)
+def test_a_rotation_and_its_inverse_are_no_rotation(axis, phi):
     p = from_axis_angle(axis, phi)
     assert math.hypot(*compose(p, inverse(p))) < ROUND_OFF
 
@@ -81,7 +83,7 @@ def test_axis_and_angle_come_back(axis, phi):
         assert unit == pytest.approx(np.array(axis) / math.hypot(*axis), abs=ROUND_OFF)
 
 
-def test_no_turn_has_an_axis_all_the_same():
+def test_no_rotation_has_an_axis_all_the_same():
     assert to_axis_angle((0.0, 0.0, 0.0)) == ((0.0, 0.0, 1.0), 0.0)
 
 
@@ -95,18 +97,18 @@ def test_rescaling_keeps_the_orientation(axis, length):
 
 
 @given(axes, st.one_of(st.floats(0.0, 3.1), small))
-def test_step_turn_and_parameters_say_the_same(axis, phi):
+def test_rotation_increment_and_parameters_say_the_same(axis, phi):
     unit = np.array(axis) / math.hypot(*axis)
     Q = tuple(2.0 * math.tan(phi / 2) * unit)
     c = from_step_turn(Q)
     assert c == pytest.approx(4.0 * math.tan(phi / 4) * unit, rel=1e-14, abs=1e-300)
-    # Near half a turn 1 - c.c/16 cancels: its relative error is eps over itself.
+    # Near half a revolution 1 - c.c/16 cancels: its relative error is eps over itself.
     loss = 1.0 / (1.0 - np.dot(c, c) / 16.0)
     assert to_step_turn(c) == pytest.approx(Q, rel=ROUND_OFF * loss, abs=1e-300)
 
 
 @given(axes, st.one_of(st.floats(0.0, 3.1), small), axes)
-def test_the_change_of_a_turned_vector_does_not_cancel(axis, phi, a):
+def test_the_change_of_a_rotated_vector_does_not_cancel(axis, phi, a):
     unit = np.array(axis) / math.hypot(*axis)
     Q = tuple(2.0 * math.tan(phi / 2) * unit)
     # Rodrigues' formula, 1 - cos by the half angle.
@@ -116,7 +118,7 @@ def test_the_change_of_a_turned_vector_does_not_cancel(axis, phi, a):
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-8, 1e-3, 0.5, 2.0, 30.0])
-def test_the_tangent_of_a_turn_is_its_derivative_on_the_manifold(size):
+def test_the_tangent_of_a_rotation_is_its_derivative_on_the_manifold(size):
     rng = np.random.default_rng(3)
     Q = size * rng.normal(size=3)
     D = np.array(turn_tangent(tuple(Q)))

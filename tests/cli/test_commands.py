@@ -29,7 +29,7 @@ BLASTED = """<data><system><gravity><g3>9.8</g3></gravity><bodies><ground><name>
 <loads><concentrated><name>Blast</name><body>Bob</body><position><z>1</z></position>
 <force basis="Bob"><xForce>1e100</xForce><zForce>1e100</zForce></force></concentrated></loads>
 </system><simulation><deltaT>0.01</deltaT><tFinal>1</tFinal></simulation></data>"""
-"""No step of it can be solved: a force of 1e100 N that turns with the body it turns."""
+"""No step of it can be solved: a force of 1e100 N that rotates with the body that it rotates."""
 
 
 def call(*words):
@@ -101,7 +101,7 @@ def test_a_run_writes_its_tables_its_deck_and_what_happened(tmp_path):
     assert states["time"].tolist() == [k / 500 for k in range(501)]
 
 
-def test_what_a_scene_lacks_has_no_table(tmp_path):
+def test_what_a_model_lacks_has_no_table(tmp_path):
     run(FREE, "-o", tmp_path / "free", "--t-final", 0.1)
     assert names(tmp_path / "free") == {"states.csv", "error.csv", "run.json", "deck.xml"}
     run(LOADS, "-o", tmp_path / "loads", "--t-final", 0.1)
@@ -167,14 +167,14 @@ def test_every_thins_the_rows_but_not_the_run(tmp_path, every):
 
 
 @pytest.mark.parametrize("solver", ["newton", "root", "auto"])
-def test_the_solver_is_told_and_counted(tmp_path, solver):
+def test_the_solver_is_reported_and_counted(tmp_path, solver):
     run(SINGLE, "-o", tmp_path, "--t-final", 0.1, "--solver", solver)
     told = info(tmp_path)
     assert told["options"]["solver"] == solver
     assert told["scipySteps"] == {"newton": 0, "root": 50, "auto": 1}[solver]
 
 
-def test_full_leaves_nothing_out(tmp_path):
+def test_full_omits_nothing(tmp_path):
     for flags in ((), ("--full",)):
         run(SINGLE, "-o", tmp_path / str(len(flags)), "--t-final", 0.1, *flags)
     assert [info(tmp_path / n)["unknowns"] for n in "01"] == [5, 9]
@@ -186,8 +186,8 @@ def test_quiet_says_nothing_and_verbose_more(tmp_path):
     assert run(*words, "-q").output == ""
     normal, verbose = run(*words).stderr, run(*words, "-v").stderr
     assert "initial velocities opened a joint at 0.198 m/s and were changed" in normal
-    assert "unknowns in 1 islands" not in normal
-    for word in ("prepare: ", "loop: ", "output: ", "9 unknowns in 1 islands", "0 halvings"):
+    assert "unknowns in 1 subsystems" not in normal
+    for word in ("prepare: ", "loop: ", "output: ", "9 unknowns in 1 subsystems", "0 halvings"):
         assert word in verbose
 
 
@@ -242,7 +242,7 @@ def test_bad_usage_is_status_2(tmp_path, words, told):
 
 
 def test_a_folder_that_cannot_be_written_is_named_with_a_remedy(tmp_path):
-    (tmp_path / "file").write_text("in the way")
+    (tmp_path / "file").write_text("a file")
     result = run(SINGLE, "-o", tmp_path / "file" / "out", status=2)
     assert str(tmp_path / "file") in result.stderr
     assert "choose another folder with -o" in result.stderr
@@ -284,7 +284,7 @@ def test_an_interrupted_run_keeps_its_rows_and_says_so(tmp_path, number):
 # Other commands ----------------------------------------------------------------------------------
 
 
-def test_check_tells_every_fault_of_every_deck(tmp_path):
+def test_check_reports_every_fault_of_every_deck(tmp_path):
     good = call("check", *DECKS)
     assert good.exit_code == 0
     assert good.stdout.splitlines() == [f"{path}: good" for path in DECKS]
@@ -298,7 +298,7 @@ def test_check_tells_every_fault_of_every_deck(tmp_path):
 
 
 @pytest.mark.parametrize("path", DECKS, ids=lambda path: path.stem)
-def test_explain_knows_every_deck(path):
+def test_explain_covers_every_deck(path):
     result = call("explain", path)
     assert result.exit_code == 0, result.output
     assert len(result.stdout.splitlines()) > 3
@@ -388,22 +388,38 @@ main()
 """
 
 
-@pytest.mark.slow
-def test_an_installed_msahl_works_from_any_folder(installed, tmp_path):
-    def call_installed(*words):
-        return subprocess.Popen(
-            [sys.executable, "-c", FROM_TARGET, installed, *words],
-            cwd=tmp_path,
-            env=os.environ | {"PYTHONPATH": str(installed), "NUMBA_CACHE_DIR": str(tmp_path / "c")},
-            stderr=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
+def call_installed(installed, folder, words, **environment):
+    """A process of the installed msahl in a folder that is not the checkout."""
+    return subprocess.Popen(
+        [sys.executable, "-c", FROM_TARGET, installed, *words],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(installed)} | environment,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
 
-    checking = call_installed("check", SINGLE)
+
+def test_an_installed_msahl_works_from_any_folder(installed, tmp_path):
+    """Its sources are those of the checkout, and so are the compiled kernels that it loads."""
+    checking = call_installed(installed, tmp_path, ["check", SINGLE])
     assert checking.communicate() == (f"{SINGLE}: good\n", "")
-    # Two at once, both with nothing compiled yet: they must not trip over each other's cache.
-    running = [call_installed("run", SINGLE, "--t-final", "0.1", "-o", f"out{n}") for n in "12"]
+    words = [SINGLE, "--t-final", "0.1"]
+    running = call_installed(installed, tmp_path, ["run", *words, "-o", "out"])
+    told = running.communicate()[1]
+    assert running.returncode == 0, told
+    assert "50 steps to t = 0.1 s" in told
+    run(*words, "-o", tmp_path / "checkout")
+    tables = [(tmp_path / name / "states.csv").read_bytes() for name in ("out", "checkout")]
+    assert tables[0] == tables[1]
+
+
+@pytest.mark.slow
+def test_two_first_runs_of_an_installed_msahl_compile_side_by_side(installed, tmp_path):
+    """Nothing is compiled yet: neither may disturb what the other keeps."""
+    words = ["run", SINGLE, "--t-final", "0.1", "-o"]
+    kept = {"NUMBA_CACHE_DIR": str(tmp_path / "c")}
+    running = [call_installed(installed, tmp_path, [*words, f"out{n}"], **kept) for n in "12"]
     for one in running:
         told = one.communicate()[1]
         assert one.returncode == 0, told

@@ -1,4 +1,4 @@
-"""What can be wrong with a joint, coupling, motion or load is told: line, element and remedy."""
+"""Faults of joints, couplings, motions and loads are reported with line, element and remedy."""
 
 from pathlib import Path
 
@@ -87,7 +87,7 @@ JOINTS = {
     "axes that differ": (
         joint("revolute", Z, axis("0 1e-3 1")),
         ":22: joint 'J': the axis is (0, 0, 1) on the parent but (0, 0.0009999995, 0.9999995) on "
-        "the child (inertial axes, t = 0); give it on one side only, or turn one",
+        "the child (inertial axes, t = 0); give it on one side only, or rotate one",
     ),
     "axes that are opposite": (joint("revolute", Z, axis("0 0 -1")), "give it on one side only"),
     "reference along the axis": (
@@ -100,11 +100,11 @@ JOINTS = {
     ),
     "universal with parallel axes": (
         joint("universal", X, X),
-        ":22: joint 'J': its two axes are parallel; a universal needs two directions, turn one",
+        ":22: joint 'J': its two axes are parallel; a universal needs two directions, rotate one",
     ),
     "universal askew": (
         joint("universal", X, axis("1 1 0")),
-        ":22: joint 'J': its axes are at 45 deg at t = 0 and must be at a right angle; turn one",
+        ":22: joint 'J': its axes are at 45 deg at t = 0 and must be at 90 deg; rotate one",
     ),
     "edge not in its plane": (joint("edgeSlider", Z, axis("0 1 1")), "its axes are at 45 deg"),
     "crossed cylinders with parallel axes": (
@@ -113,12 +113,12 @@ JOINTS = {
     ),
     "crossed cylinders apart": (
         joint("crossedCylinders", Y, Z, RADII.format(0.3, 0.2), "GB"),
-        ":22: joint 'J': the surfaces are 0.5 m apart at t = 0 (less than zero: one is in the "
-        "other); move the child by (-0.5, 0, 0) m",
+        ":22: joint 'J': the surfaces are 0.5 m apart at t = 0 (less than zero: they "
+        "overlap); move the child by (-0.5, 0, 0) m",
     ),
     "crossed cylinders in each other": (
         joint("crossedCylinders", Y, axis("0 0 -1"), RADII.format(1, 0.2), "GB"),
-        "the surfaces are -0.2 m apart at t = 0 (less than zero: one is in the other); move the "
+        "the surfaces are -0.2 m apart at t = 0 (less than zero: they overlap); move the "
         "child by (0.2, 0, 0) m",
     ),
     "radius zero": (
@@ -135,34 +135,34 @@ JOINTS = {
     ),
     "parallel cylinders apart": (
         joint("parallelCylinders", Z, rest=RADII.format(0.5, 0.2), ends="GB"),
-        ":22: joint 'J': the distance it keeps is 1 m at t = 0, but parentRadius and childRadius "
-        "say 0.7 m; move the child",
+        ":22: joint 'J': the constrained distance is 1 m at t = 0, but parentRadius and "
+        "childRadius say 0.7 m; move the child",
     ),
     "rod too long": (
         joint("distance", rest="<length>1.5</length>", ends="GB"),
-        ":22: joint 'J': the distance it keeps is 1 m at t = 0, but length says 1.5 m",
+        ":22: joint 'J': the constrained distance is 1 m at t = 0, but length says 1.5 m",
     ),
     "rod of no length": (
         joint("distance"),
-        ":22: joint 'J': the distance it keeps is zero at t = 0; move one of the two points",
+        ":22: joint 'J': the constrained distance is zero at t = 0; move one of the two points",
     ),
     "open hinge": (
         joint("revolute", Z, at(0.25)),
-        ":22: joint 'J': open by 0.25 m at t = 0: its point is at (0, 0, 0) m on parent 'G' but at "
+        ":22: joint 'J': its points are 0.25 m apart at t = 0: (0, 0, 0) m on parent 'G' but "
         "(0.25, 0, 0) m on child 'A' (inertial axes); move the child by (-0.25, 0, 0) m",
     ),
     "off the axis": (
         joint("cylindrical", Z, at(0.25)),
-        ":22: joint 'J': open by 0.25 m at t = 0: the child's point is not on the parent's axis; "
-        "move the child by (-0.25, 0, 0) m",
+        ":22: joint 'J': the child's point is 0.25 m from where the parent's axis requires "
+        "it at t = 0; move the child by (-0.25, 0, 0) m",
     ),
     "off the plane": (
         joint("planar", X, at(0.25)),
-        "the child's point is not where the parent's plane wants it; move the child by (-0.25, 0",
+        "from where the parent's plane requires it at t = 0; move the child by (-0.25, 0",
     ),
     "above the plane": (
         joint("cylindricalSlider", X, Z, RADIUS, "GB"),
-        ":22: joint 'J': open by 0.5 m at t = 0: the child's point is not where",
+        ":22: joint 'J': the child's point is 0.5 m from where the parent's plane",
     ),
     "disk off the floor": (
         joint("rollingDisk", X, Z, RADIUS, "GB"),
@@ -219,11 +219,11 @@ COUPLINGS = {
     "gear of one joint": (gear(), ":22: joint 'T': first and second are both 'H'; couple two"),
     "gear of no joint": (
         gear(second="K"),
-        ":24: joint 'T': second 'K' is not a joint of this deck (joints: H, R)",
+        ":24: joint 'T': second 'K' is not a joint of this model (joints: H, R)",
     ),
     "gear of a slide": (
         gear(second="R"),
-        ":24: joint 'T': joint 'R', a prismatic, has no free angle to act along (it has: slide); "
+        ":24: joint 'T': joint 'R', a prismatic, has no coordinate angle (it has: slide); "
         "name one of revolute, cylindrical, screw",
     ),
     "coupling with a joint's name": (
@@ -259,14 +259,14 @@ COUPLINGS = {
     ),
     "follower along the cam's axis": (
         SECOND.replace("<z>1</z>", "<x>1</x>") + cam(SQUARE, first="H2"),
-        ":24: joint 'C': the way of 'R' is at 0 deg to the axis of 'H2' and must be at a right",
+        ":24: joint 'C': the axis of 'R' is at 0 deg to the axis of 'H2' and must be at 90",
     ),
     "roller past the axis": (
         SECOND.replace("<x>1</x>", "<x>1</x><y>0.5</y>").replace(
             "<name>B</name>", "<name>B</name><position><y>0.5</y></position>"
         )
         + cam(SQUARE, "roller", ROLLER.format(0.1), "H2"),
-        ":24: joint 'C': the way of 'R' passes the axis of 'H2' at 0.5 m",
+        ":24: joint 'C': the axis of 'R' passes the axis of 'H2' at a distance of 0.5 m",
     ),
 }
 
@@ -290,15 +290,15 @@ RAMP = "<ramp><to>1</to><start>{}</start><end>{}</end></ramp>"
 MOTIONS = {
     "unknown joint": (
         joint_motion("<constant>1</constant>", joint="K"),
-        ":25: motion 'M': joint 'K' is not a joint of this deck (joints: H, R)",
+        ":25: motion 'M': joint 'K' is not a joint of this model (joints: H, R)",
     ),
     "no such coordinate": (
         joint_motion("<constant>1</constant>", coordinate="slide"),
-        ":25: motion 'M': joint 'H', a revolute, has no free slide to act along (it has: angle)",
+        ":25: motion 'M': joint 'H', a revolute, has no coordinate slide (it has: angle)",
     ),
     "unknown coordinate": (
-        joint_motion("<constant>1</constant>", coordinate="turn"),
-        ":26: motion 'M', coordinate: unknown value 'turn'; expected one of angle, slide",
+        joint_motion("<constant>1</constant>", coordinate="rotation"),
+        ":26: motion 'M', coordinate: unknown value 'rotation'; expected one of angle, slide",
     ),
     "unit of the other coordinate": (
         joint_motion('<constant units="m">1</constant>'),
@@ -310,7 +310,7 @@ MOTIONS = {
     ),
     "two laws": (
         joint_motion("<constant>1</constant><polynomial><c1>1</c1></polynomial>"),
-        ":27: motion 'M', law/polynomial: <polynomial> stands beside <constant>; keep one",
+        ":27: motion 'M', law/polynomial: <polynomial> is given beside <constant>; keep one",
     ),
     "polynomial of nothing": (
         joint_motion("<polynomial/>"),
@@ -318,7 +318,7 @@ MOTIONS = {
     ),
     "sine without frequency": (
         joint_motion(SINE.format(0)),
-        "law/sine/frequency: it is zero; give one, or",
+        "law/sine/frequency: it is zero; give another frequency, or",
     ),
     "ramp backward": (
         joint_motion(RAMP.format(1, 1)),
@@ -431,7 +431,7 @@ LOADS = {
             stiffness=1,
             table=ENTRY.format(0, 0) + ENTRY.format(1, 1),
         ),
-        ":29: load 'S', stiffness: <table> says it already; delete <stiffness> or the table",
+        ":29: load 'S', stiffness: <table> gives it already; delete <stiffness> or the table",
     ),
     "spring table that does not increase": (
         tags("springDamper", name="S", **ENDS, table=ENTRY.format(1, 0) + ENTRY.format(0, 1)),
@@ -439,23 +439,23 @@ LOADS = {
     ),
     "torsion of a slide": (
         tags("torsionalSpringDamper", name="S", joint="R", stiffness=1),
-        ":27: load 'S': joint 'R', a prismatic, has no free angle to act along",
+        ":27: load 'S': joint 'R', a prismatic, has no coordinate angle",
     ),
     "slide spring of no joint": (
         tags("slideSpringDamper", name="S", joint="K", stiffness=1),
-        ":27: load 'S': joint 'K' is not a joint of this deck",
+        ":27: load 'S': joint 'K' is not a joint of this model",
     ),
     "open bushing": (
         tags("bushing", name="S", **ENDS, stiffness="<x>1</x>"),
-        ":26: load 'S': open by 1 m at t = 0",
+        ":26: load 'S': its points are 1 m apart at t = 0",
     ),
     "bushing of nothing": (
         tags("bushing", name="S", **SHORT),
         ":26: load 'S': it has neither stiffness nor damping; add one",
     ),
-    "bushing that drives": (
+    "bushing that joint motions": (
         tags("bushing", name="S", **SHORT, angularDamping="<x>-1</x>"),
-        ":26: load 'S': a damping is less than zero; a damper takes energy out only",
+        ":26: load 'S': a damping is less than zero; a damper only removes energy",
     ),
     "bushing with half a frame": (
         tags(
@@ -465,7 +465,7 @@ LOADS = {
             child="<name>A</name>",
             parent="<name>G</name><reference><x>1</x></reference>",
         ),
-        ":26: load 'S': <reference> says nothing without <axis>; add one",
+        ":26: load 'S': <reference> has no effect without <axis>; add an <axis>",
     ),
     "negative drag": (
         tags("drag", name="D", body="A", coefficient=-1),
@@ -493,7 +493,7 @@ LOADS = {
     ),
     "friction of no joint": (
         tags("friction", **(FRICTION | {"joint": "K"})),
-        ":27: load 'F': joint 'K' is not a joint of this deck",
+        ":27: load 'F': joint 'K' is not a joint of this model",
     ),
 }
 
@@ -528,7 +528,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_a_fault_is_told_once_where_it_is(tmp_path, case):
+def test_a_fault_is_reported_once_where_it_is(tmp_path, case):
     group, text, expected = CASES[case]
     (found,) = faults_of(written(tmp_path, **{group: text}))
     assert expected in found
@@ -538,7 +538,7 @@ def test_friction_is_known_in_three_kinds_only(tmp_path):
     screw = joint("screw", Z, rest="<pitch>1</pitch>")
     load = tags("friction", **(FRICTION | {"joint": "J"}))
     (found,) = faults_of(written(tmp_path, joints=screw, loads=load))
-    assert "load 'F': friction in a screw is not known; name one of revolute, prismatic" in found
+    assert "load 'F': friction in a screw is not modelled; name one of revolute, prismatic" in found
 
 
 def test_a_cam_and_its_follower_have_one_parent(tmp_path):

@@ -12,7 +12,7 @@ from lxml import etree
 from msahl.algebra.functions import Law
 from msahl.algebra.vector import IDENTITY, ZERO
 from msahl.deck import read_deck
-from msahl.deck.cam import lift
+from msahl.deck.cam_profile import lift
 from msahl.deck.diagnosis import add_faults
 from msahl.deck.faults import Faults
 from msahl.deck.parse import parse
@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[2]
 DECKS = sorted((*ROOT.glob("decks/*/*.xml"), *ROOT.glob("msahl/deck/templates/*.xml")))
 ROUND_OFF = 1e-15  # a few operations on numbers of order one
 
-SCENE = """<data>{units}<system><bodies><ground><name>G</name></ground>
+DECK = """<data>{units}<system><bodies><ground><name>G</name></ground>
 <rigidBody><name>A</name><mass>2</mass><rGB><x>0.5</x></rGB>
 <moi><Ixx>1</Ixx><Iyy>1</Iyy><Izz>1</Izz></moi>
 <initialConditions><orientation><eulerRotation><phi units="deg">90</phi><u3>1</u3></eulerRotation>
@@ -43,7 +43,7 @@ RAIL = """<prismatic><name>R</name><parent><name>G</name><axis><x>2</x></axis></
 
 @pytest.fixture
 def read(tmp_path):
-    def read_scene(
+    def read_model(
         joints: str = HINGE + RAIL,
         motions: str = "",
         loads: str = "",
@@ -53,10 +53,10 @@ def read(tmp_path):
         path = tmp_path / "deck.xml"
         groups = {"joints": joints, "motions": motions, "loads": loads}
         rest = "".join(f"<{tag}>{text}</{tag}>" for tag, text in groups.items() if text)
-        path.write_text(SCENE.format(rest=rest, more=more, units=units))
+        path.write_text(DECK.format(rest=rest, more=more, units=units))
         return read_deck(path, thorough=True)
 
-    return read_scene
+    return read_model
 
 
 @pytest.mark.parametrize("path", DECKS, ids=lambda path: path.stem)
@@ -113,7 +113,7 @@ def test_the_schema_has_every_kind_and_its_parameters():
 def test_a_frame_along_a_coordinate_direction_is_exact(read):
     hinge, rail = read().joints
     assert hinge.parent_axes == IDENTITY
-    # A is turned by 90 degrees about z: carried into its axes, x is -y and y is x, exactly.
+    # A is rotated by 90 degrees about z: carried into its axes, x is -y and y is x, exactly.
     assert hinge.child_axes == ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     assert rail.parent_axes == rail.child_axes
     assert rail.parent_axes == ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
@@ -146,7 +146,7 @@ def test_a_reference_fixes_x(read):
     assert x == pytest.approx((math.sqrt(0.5), math.sqrt(0.5), 0.0))
 
 
-def test_a_basis_turns_an_axis(read):
+def test_a_basis_rotates_an_axis(read):
     hinge = HINGE.replace("<axis><z>1</z>", '<axis basis="A"><x>1</x>')
     joint = read(hinge).joints[0]
     assert joint.parent_axes[2] == (0.0, 1.0, 0.0)
@@ -358,9 +358,9 @@ def test_assembly(read):
 
 def test_every_deck_in_the_guide_is_valid(tmp_path, read):
     texts = re.findall(r"```xml\n(.*?)```", (ROOT / "docs/deck.md").read_text(), re.DOTALL)
-    whole, *parts = texts
+    complete, *parts = texts
     path = tmp_path / "deck.xml"
-    path.write_text(whole)
+    path.write_text(complete)
     assert read_deck(path).bodies[0].velocity == (1.0, 0.0, 0.0)
     assert len(parts) > 5
     schema = etree.XMLSchema(etree.fromstring(schema_bytes()))
@@ -370,7 +370,7 @@ def test_every_deck_in_the_guide_is_valid(tmp_path, read):
             groups[_group(str(element.tag))] += etree.tostring(element).decode()
         more = groups.pop("simulation")
         rest = "".join(f"<{tag}>{text}</{tag}>" for tag, text in groups.items())
-        root = etree.fromstring(SCENE.format(rest=rest, more=more, units=""))
+        root = etree.fromstring(DECK.format(rest=rest, more=more, units=""))
         assert schema.validate(root), (part, schema.error_log)
 
 

@@ -1,4 +1,4 @@
-"""Every fault of a deck is told: file, line, what, and what would be right; all at once."""
+"""Every fault of a deck is reported: file, line, what, and what would be right; all at once."""
 
 import os
 from itertools import pairwise
@@ -100,7 +100,7 @@ SCHEMA_FAULTS = {
     ),
     "repeated element": (
         ("<title>t</title>", "<title>t</title><title>u</title>"),
-        ":38: simulation/title: <title> stands twice in <simulation>; keep one",
+        ":38: simulation/title: <title> is given twice in <simulation>; keep one",
     ),
     "unknown joint": (
         ("<joints>", "<joints>\n<sphericle/>"),
@@ -178,7 +178,7 @@ SCHEMA_FAULTS = {
 MEANING_FAULTS = {
     "accuracy of zero": (
         ("<deltaT>", "<verdict><accuracy>0</accuracy></verdict><deltaT>"),
-        ":39: simulation/verdict/accuracy: the limit is 0; no run is that good: give more than",
+        ":39: simulation/verdict/accuracy: the limit is 0; it must be greater than",
     ),
     "duplicate name": (
         ("<name>Base</name></ground>", "<name>Bob</name></ground>"),
@@ -190,15 +190,15 @@ MEANING_FAULTS = {
     ),
     "missing child": (
         ("<name>Bob</name>\n          <p", "<name>Bib</name>\n          <p"),
-        ":24: joint 'Pivot': child 'Bib' is not a body of this deck (bodies: Base, Bob)",
+        ":24: joint 'Pivot': child 'Bib' is not a body of this model (bodies: Base, Bob)",
     ),
     "missing basis": (
         ('basis="Bob"', 'basis="Rob"'),
-        ":12: body 'Bob', initialConditions/position: basis 'Rob' is not a body of this deck",
+        ":12: body 'Bob', initialConditions/position: basis 'Rob' is not a body of this model",
     ),
     "missing load body": (
         ("<body>Bob<", "<body>Bab<"),
-        ":32: load 'Push': body 'Bab' is not a body of this deck",
+        ":32: load 'Push': body 'Bab' is not a body of this model",
     ),
     "loaded ground": (
         ("<body>Bob<", "<body>Base<"),
@@ -220,10 +220,10 @@ MEANING_FAULTS = {
         ("<name>Bob</name>\n          <p", "<name>Wall</name>\n          <p"),
         ":20: joint 'Pivot': 'Base' and 'Wall' are both grounds; name a body that moves",
     ),
-    "gap": (
+    "points apart": (
         (">-5.0<", ">-4.0<"),
-        ":20: joint 'Pivot': open by 1 m at t = 0: its point is at (0, 0, 0) m on parent 'Base' "
-        "but at (0.707106781, 0, 0.707106781) m on child 'Bob'",
+        ":20: joint 'Pivot': its points are 1 m apart at t = 0: (0, 0, 0) m on parent 'Base' "
+        "but (0.707106781, 0, 0.707106781) m on child 'Bob'",
     ),
     "negative mass": (
         (">2.0<", ">-2.0<"),
@@ -282,7 +282,7 @@ FAULTS = SCHEMA_FAULTS | MEANING_FAULTS
 
 
 @pytest.mark.parametrize("case", FAULTS)
-def test_a_fault_is_told_where_it_is(tmp_path, case):
+def test_a_fault_is_reported_where_it_is(tmp_path, case):
     *changes, expected = FAULTS[case]
     found = faults_of(changed(tmp_path, *changes))
     assert sum(expected in fault for fault in found) == 1, found
@@ -311,7 +311,7 @@ def test_all_readers_of_the_schema_agree(tmp_path, case):
         ("<simulation>", "<simulation degree='\N{FULLWIDTH DIGIT THREE}'>"),
     ],
 )
-def test_what_only_python_takes_for_a_space_or_a_digit_is_told(tmp_path, wrong):
+def test_what_only_python_takes_for_a_space_or_a_digit_is_reported(tmp_path, wrong):
     (fault,) = faults_of(changed(tmp_path, wrong))
     assert "not valid" not in fault  # in our words, not in those of libxml2
 
@@ -401,6 +401,33 @@ def test_an_old_name_is_answered_with_the_new_one(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("old", "message"),
+    [
+        ('turn="angle"', "unknown attribute turn; it is called rotationUpdate now"),
+        (
+            'rotationUpdate="tangent"',
+            "unknown value rotationUpdate='tangent'; it is called cayley now",
+        ),
+        (
+            'rotationUpdate="angle"',
+            "unknown value rotationUpdate='angle'; it is called exponential now",
+        ),
+        (
+            'reactions="station"',
+            "unknown value reactions='station'; it is called instantaneous now",
+        ),
+        (
+            "><verdict><gap>1</gap></verdict",
+            "unknown element <gap> in <verdict>; it is called <constraintViolation> now",
+        ),
+    ],
+)
+def test_an_old_setting_of_the_simulation_is_answered_with_the_new_one(tmp_path, old, message):
+    (fault,) = faults_of(changed(tmp_path, ("<simulation>", f"<simulation {old}>")))
+    assert fault.endswith(message)
+
+
+@pytest.mark.parametrize(
     "slip",
     [
         ("<rGB><x>0</x></rGB>", "<rGB><x>o</x></rGB>"),  # in another record
@@ -411,11 +438,11 @@ def test_an_old_name_is_answered_with_the_new_one(tmp_path):
         ("<force>", '<foo/><force basis="Bob">'),
     ],
 )
-def test_misspelt_references_are_told_beside_faults_of_the_schema(tmp_path, slip):
+def test_misspelt_references_are_reported_beside_faults_of_the_schema(tmp_path, slip):
     there = changed(tmp_path, ARM, DRIVEN, slip)
     own = faults_of(there)
     assert own
-    assert "of this deck" not in "".join(own)
+    assert "of this model" not in "".join(own)
     text = there.read_text()
     for right, wrong in (
         ("<body>Bob<", "<body>Bub<"),
@@ -426,7 +453,7 @@ def test_misspelt_references_are_told_beside_faults_of_the_schema(tmp_path, slip
         text = text.replace(right, wrong)
     there.write_text(text)
     told = "\n".join(faults_of(there))
-    assert told.count("of this deck") == 5  # both joints have the ground for a parent
+    assert told.count("of this model") == 5  # both joints have the ground for a parent
     for phrase in ("body 'Bub'", "parent 'Bose'", "joint 'Hunge'", "basis 'Bib'"):
         assert phrase in told
     assert all(fault.split(": ", 1)[1] in told for fault in own)
@@ -457,7 +484,7 @@ def test_a_reference_to_an_element_with_a_fault_of_its_own_is_not_misspelt(
     assert len(found) == told, found
 
 
-def test_more_unknown_names_than_nameless_bodies_are_told(tmp_path):
+def test_more_unknown_names_than_nameless_bodies_are_reported(tmp_path):
     slips = (("<name>Arm</name><mass>", "<mass>"), ("<body>Bob<", "<body>Bub<"))
     told = "\n".join(faults_of(changed(tmp_path, ARM, DRIVEN, *slips)))
     assert "body 'Bub' is not a body" in told  # one of Arm and Bub is the nameless one, not both
@@ -516,7 +543,7 @@ FILES = {
 
 
 @pytest.mark.parametrize("case", FILES)
-def test_a_file_that_is_no_deck_is_told_in_one_line(tmp_path, case):
+def test_a_file_that_is_no_deck_is_reported_in_one_line(tmp_path, case):
     text, expected = FILES[case]
     path = tmp_path / "deck.xml"
     path.write_text(text)
@@ -558,7 +585,7 @@ def test_a_file_too_large_is_not_read(tmp_path):
     assert faults_of(path) == [": larger than 64 MiB, the largest deck accepted"]
 
 
-def test_check_simulation_tells_what_an_override_breaks():
+def test_check_simulation_reports_what_an_override_breaks():
     assert check_simulation(Simulation("", 0.1, 1.0)) == []
     assert check_simulation(Simulation("", -1.0, float("inf"))) == [
         "deltaT: it is -1 s; it must be greater than zero, 1e-100 to 1e+100 s",

@@ -25,7 +25,9 @@ ROUND_OFF = 4 * sys.float_info.epsilon  # a few operations on numbers of order o
 XSI = "http://www.w3.org/2001/XMLSchema-instance"
 
 
-def scene(bodies: str = "", rest: str = "", simulation: str = "", root: str = "<data>") -> str:
+def build_model(
+    bodies: str = "", rest: str = "", simulation: str = "", root: str = "<data>"
+) -> str:
     return f"""{root}<system><bodies><ground><name>Earth</name></ground>
       <rigidBody><name>A</name><mass>2</mass>
       <moi><Ixx>1</Ixx><Iyy>1</Iyy><Izz>1</Izz></moi>
@@ -125,34 +127,34 @@ def test_numbers_in_their_own_axes_pass_bit_for_bit(read):
         f"<position basis='Earth'>{p}</position><velocity>{v}</velocity>"
         f"<angularVelocity basis='B'>{w}</angularVelocity>"
     )
-    b = read(scene(body(f"{MOI}<initialConditions>{start}</initialConditions>"))).bodies[1]
+    b = read(build_model(body(f"{MOI}<initialConditions>{start}</initialConditions>"))).bodies[1]
     assert b.position == b.velocity == b.angular_velocity == numbers
 
 
 def test_a_basis_may_be_any_body_even_a_later_one(read):
     start = "<position basis='{0}'><x>1</x></position><velocity basis='{0}'><v2>2</v2></velocity>"
     first = body(f"{MOI}<initialConditions>{start.format('C')}</initialConditions>")
-    turned = "<orientation><eulerRotation><phi units='deg'>90</phi><u1>1</u1></eulerRotation>"
+    rotated = "<orientation><eulerRotation><phi units='deg'>90</phi><u1>1</u1></eulerRotation>"
     later = body(
-        f"{MOI}<initialConditions>{turned}</orientation>{start.format('A')}</initialConditions>",
+        f"{MOI}<initialConditions>{rotated}</orientation>{start.format('A')}</initialConditions>",
         "C",
     )
-    _, b, c = read(scene(first + later)).bodies
-    # C is turned by 90 deg about x: its y axis is the inertial z axis; B is not turned.
+    _, b, c = read(build_model(first + later)).bodies
+    # C is rotated by 90 deg about x: its y axis is the inertial z axis; B is not rotated.
     assert b.position == (1.0, 0.0, 0.0)
     assert b.velocity == pytest.approx((0.0, 0.0, 2.0), abs=ROUND_OFF)
-    # A is turned by 90 deg about z: its x axis is the inertial y, its y axis the inertial -x.
+    # A is rotated by 90 deg about z: its x axis is the inertial y, its y axis the inertial -x.
     assert c.position == pytest.approx((0.0, 1.0, 0.0), abs=ROUND_OFF)
     assert c.velocity == pytest.approx((-2.0, 0.0, 0.0), abs=ROUND_OFF)
 
 
-def test_joint_points_are_turned_into_their_bodies_axes(read):
+def test_joint_points_are_rotated_into_their_bodies_axes(read):
     ends = (
         "<parent><name>Earth</name><position basis='A'><x>1</x></position></parent>"
         "<child><name>A</name><position basis='Earth'><y>1</y></position></child>"
     )
     joint = f"<joints><spherical><name>J</name>{ends}</spherical></joints>"
-    (j,) = read(scene(rest=joint)).joints
+    (j,) = read(build_model(rest=joint)).joints
     assert j.parent_point == pytest.approx((0.0, 1.0, 0.0), abs=ROUND_OFF)
     assert j.child_point == pytest.approx((1.0, 0.0, 0.0), abs=ROUND_OFF)
 
@@ -164,16 +166,16 @@ def test_inertia_about_b_is_moved_to_the_mass_centre():
 
 
 @pytest.mark.parametrize("moments", [(1, 1, 2), (0.3, 0.1, 0.2), (1, 1e-9, 1)])
-def test_flat_and_thin_bodies_are_possible_however_they_are_turned(read, moments):
+def test_flat_and_thin_bodies_are_possible_however_they_are_rotated(read, moments):
     R = np.array(matrix((0.4, -1.1, 2.0)))
     J = R @ np.diag(moments) @ R.T
     entries = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
     moi = "".join(f"<I{tag}>{float(J[at])!r}</I{tag}>" for tag, at in entries.items())
-    assert read(scene(body(f"<moi>{moi}</moi>"))).bodies[1].inertia[1][2] == J[1, 2]
+    assert read(build_model(body(f"<moi>{moi}</moi>"))).bodies[1].inertia[1][2] == J[1, 2]
 
 
-def test_what_is_left_out_is_zero(read):
-    model = read(scene(body(MOI)))
+def test_what_is_omitted_is_zero(read):
+    model = read(build_model(body(MOI)))
     b = model.bodies[1]
     assert b.r_BG == b.position == b.orientation == b.velocity == b.angular_velocity == ZERO
     assert model.gravity == ZERO
@@ -182,7 +184,7 @@ def test_what_is_left_out_is_zero(read):
 
 def test_white_space_and_comments_do_not_count(read):
     text = "<name>\n  Two <!-- or more --> words </name><mass>\n 3<!-- kg --> </mass>"
-    model = read(scene(f"<rigidBody>{text}{MOI}</rigidBody>"))
+    model = read(build_model(f"<rigidBody>{text}{MOI}</rigidBody>"))
     assert (model.bodies[1].name, model.bodies[1].mass) == ("Two words", 3.0)
 
 
@@ -233,7 +235,7 @@ def test_the_us_deck_is_the_si_deck():
 
 def test_times_have_units_too(read):
     times = "<deltaT units='ms'>5</deltaT><tFinal units='min'>0.5</tFinal>"
-    assert read(scene(simulation=times)).simulation == Simulation("", 0.005, 30.0)
+    assert read(build_model(simulation=times)).simulation == Simulation("", 0.005, 30.0)
 
 
 @pytest.mark.parametrize("hint", ["noNamespaceSchemaLocation", "schemaLocation"])
@@ -244,7 +246,7 @@ def test_a_schema_that_the_deck_names_is_never_opened(read, tmp_path, monkeypatc
     value = str(pipe) if hint.startswith("no") else f"urn:other {pipe}"
     for location in (value, value.replace(str(pipe), "http://localhost:9/other.xsd")):
         root = f"<data xmlns:xsi='{XSI}' xsi:{hint}='{location}'>"
-        assert read(scene(root=root)).bodies
+        assert read(build_model(root=root)).bodies
 
 
 def test_reading_a_good_deck_loads_no_heavy_package():

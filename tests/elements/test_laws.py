@@ -1,4 +1,4 @@
-"""Laws that every element keeps, in random states of random scenes.
+"""Laws that every element keeps, in random states of random models.
 
 A new element needs one entry in the tables of ``elements``; a kind without one fails here.
 """
@@ -21,7 +21,8 @@ from msahl.model.couplings import COORDINATES
 from msahl.model.scheme import EXPONENTIAL, SCHEMES
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.midpoint import equations, newton
-from msahl.system.arrays import new_start, node_count
+from msahl.system import evaluate
+from msahl.system.arrays import new_system_workspace, node_count
 from msahl.system.build import build_system
 from msahl.system.names import joint_columns
 from msahl.system.reductions import all_unknowns
@@ -66,7 +67,7 @@ def with_scheme(model, scheme):
 
 
 class Step:
-    """The step's equations of a scene in plain Python."""
+    """The step's equations of a model in plain Python."""
 
     def __init__(self, model, h=H, reaction=None):
         self.h = h
@@ -75,14 +76,14 @@ class Step:
         self.state = build_state(model, self.system)
         if reaction is not None:
             self.state.reaction[:] = reaction(self.state.reaction.shape)
-        self.start = new_start(self.system, self.state)
-        equations.prepare(self.system, self.state, self.start)
+        self.start = new_system_workspace(self.system, self.state)
+        evaluate.prepare(self.system, self.state, self.start)
         self.unknowns = choose(self.system, all_unknowns(self.system))
         self.shape = (node_count(self.system), 3)
         equations.load(self.system, self.state, self.start, h)
 
     def random(self, rng):
-        """Unknowns of a step of large turns; those that are not free stay where they are."""
+        """Unknowns of a step of large rotations; those that are not free stay where they are."""
         Z = np.zeros(self.shape)
         Z.reshape(-1)[self.unknowns.free] = 0.5 * rng.normal(size=self.unknowns.free.size)
         return Z
@@ -104,8 +105,8 @@ class Step:
     def free(self, F):
         return F.reshape(-1)[self.unknowns.free]
 
-    def turned(self, F, A):
-        """Rows or unknowns of the scene turned by ``A``: numbers of joints' rows stay."""
+    def rotated(self, F, A):
+        """Rows or unknowns of the model rotated by ``A``: numbers of joints' rows stay."""
         first = first_multiplier(self.system.frames) + self.system.coincide.a.size
         return np.concatenate([F[:first] @ A.T, F[first:]])
 
@@ -137,18 +138,18 @@ class Step:
 
     def elastic(self):
         """Energy of all springs in the prepared state [J]."""
-        if self.system.along is None:
+        if self.system.scalar is None:
             return 0.0
         violation = np.zeros_like(self.state.violation)
-        equations.observe(self.system, self.state, self.start, violation, violation.copy())
+        evaluate.observe(self.system, self.state, self.start, violation, violation.copy())
         return float(self.start.forces.elastic.sum())
 
     def multipliers(self):
         """(k, 3) [N or N m], and what their rows opened by over the step [m or rad]."""
         nodes = self.system.multipliers.node
         scale = np.ones((nodes.size, 3))
-        if self.system.along:
-            rows = self.system.along.rows
+        if self.system.scalar:
+            rows = self.system.scalar.equations
             scale[rows.place[:, 0], rows.place[:, 1]] = rows.scale
         lam = self.Z[nodes] * self.system.unit / self.dt2
         return lam, self.residual(self.Z)[nodes] / scale
@@ -206,27 +207,27 @@ def test_a_complex_step_gives_the_jacobian_to_round_off(make, seed):
 
 @every_element
 @every_seed
-def test_the_residual_turns_with_the_scene(make, seed):
+def test_the_residual_rotates_with_the_model(make, seed):
     rng = np.random.default_rng(seed)
-    model, turn = make(rng), from_axis_angle(random_vector(rng), rng.uniform(-3, 3))
-    here, there = Step(model), Step(moved(model, turn, random_vector(rng, 3.0)))
-    A = np.array(matrix(turn))
+    model, rotation = make(rng), from_axis_angle(random_vector(rng), rng.uniform(-3, 3))
+    here, there = Step(model), Step(moved(model, rotation, random_vector(rng, 3.0)))
+    A = np.array(matrix(rotation))
     Z = here.random(rng)
-    F = here.turned(here.residual(Z), A)
-    # Joint gaps of the random state differ by what the gap was at the start: zero in both.
-    # What is measured between places some metres out carries their round-off.
-    assert np.abs(there.residual(here.turned(Z, A)) - F).max() <= 2e-13 * np.abs(F).max()
+    F = here.rotated(here.residual(Z), A)
+    # Joint violations of the random state differ by what the violation was at the start: zero in
+    # both. What is measured between places some metres out carries their round-off.
+    assert np.abs(there.residual(here.rotated(Z, A)) - F).max() <= 2e-13 * np.abs(F).max()
 
 
 @every_element
-def test_a_rigid_motion_of_the_scene_moves_the_answer(make):
+def test_a_rigid_motion_of_the_model_moves_the_answer(make):
     rng = np.random.default_rng(5)
-    model, turn = make(rng), from_axis_angle(random_vector(rng), 2.5)
+    model, rotation = make(rng), from_axis_angle(random_vector(rng), 2.5)
     shift = random_vector(rng, 3.0)
     here = simulate(model, dt=0.01, t_final=0.5)
-    there = simulate(moved(model, turn, shift), dt=0.01, t_final=0.5)
+    there = simulate(moved(model, rotation, shift), dt=0.01, t_final=0.5)
     assert here.report.status == there.report.status == "completed"
-    A = np.array(matrix(turn))
+    A = np.array(matrix(rotation))
     # Half a second of steps solved to 1e-14, positions of some metres, forces of some 100 N.
     for b in range(len(model.bodies)):
         assert there.of("position", b) == pytest.approx(
@@ -247,7 +248,7 @@ def test_a_rigid_motion_of_the_scene_moves_the_answer(make):
 
 
 def _is_inner(make):
-    """Whether nothing of a scene acts from outside: no ground, no load on one body alone."""
+    """Whether nothing of a model acts from outside: no ground, no load on one body alone."""
     model = make(np.random.default_rng(0))
     elements = (*model.joints, *model.loads)
     ends = {getattr(e, side, None) for e in elements for side in ("parent", "child")}
@@ -274,8 +275,8 @@ def test_action_is_reaction(make, seed):
     force, moment = step.all_pushes()
     size = np.abs(force).max(initial=np.abs(moment).max())
     assert np.abs(force.sum(axis=0)).max() <= 1e-13 * size
-    # About the origin, at the bodies' mean places, forces in pairs leave their mean gap x force:
-    # nothing, were the points closed at both ends.
+    # About the origin, at the bodies' mean places, forces in pairs leave their mean distance x
+    # force: nothing, were the points closed at both ends.
     n = len(force)
     places = step.state.x[:n] + 0.5 * step.Z[0 : 2 * n : 2]
     about = moment.sum(axis=0) + np.cross(places, force).sum(axis=0)
@@ -312,7 +313,7 @@ def test_published_work_and_elastic_energy_are_what_the_elements_do(make, seed):
     before = step.elastic()
     F = step.residual(step.Z)
     equations.accept(step.system, step.state, step.start, step.h, step.Z, F)
-    equations.prepare(step.system, step.state, step.start)
+    evaluate.prepare(step.system, step.state, step.start)
     known = np.sum(lam * opened) + step.state.work.sum() - (step.elastic() - before)
     size = np.abs(lam).sum() + np.abs(step.state.work).sum() + abs(before) + abs(step.elastic())
     assert work == pytest.approx(known, abs=2e-13 * size)
@@ -320,7 +321,7 @@ def test_published_work_and_elastic_energy_are_what_the_elements_do(make, seed):
 
 @every_seed
 @pytest.mark.parametrize("grounded", [True, False])
-def test_joint_forces_work_on_the_gap_alone(seed, grounded):
+def test_joint_forces_work_on_the_violation_alone(seed, grounded):
     rng = np.random.default_rng(seed)
     step = Step(jointed(rng, 5, grounded=grounded))
     step.Z = step.random(rng)
@@ -382,7 +383,7 @@ def test_momentum_is_kept_where_nothing_outside_acts(seed):
 
 @pytest.mark.parametrize("h", [0.01, 0.0025])
 @every_scheme
-def test_a_scene_of_all_elements_keeps_its_balance(h, scheme):
+def test_a_model_of_all_elements_keeps_its_balance(h, scheme):
     """Energy changes by the work of loads, motions and scheme, to the solver's tolerance."""
     model = with_scheme(everything(np.random.default_rng(4)), scheme)
     run = simulate(model, dt=h, t_final=1.0, solver="newton")
@@ -412,7 +413,7 @@ def test_every_element_is_approached_with_order_two(make, scheme):
 @every_element
 @every_scheme
 def test_the_compiled_loop_is_its_plain_self(make, scheme):
-    """The same marked functions run as Python are the oracle of the whole compiled loop."""
+    """The same marked functions run as Python are the oracle of the complete compiled loop."""
     model = with_scheme(make(np.random.default_rng(11)), scheme)
     steps = 5
     plain, fast = (SubsystemIntegrator(model, "newton", True, steps).workspace for _ in range(2))
@@ -434,16 +435,18 @@ def test_the_compiled_equations_are_their_plain_selves(make):
     step = Step(make(rng))
     z = step.free(step.random(rng))
     size = z.size
-    room, again = ((np.zeros(step.shape), np.zeros(size), np.zeros(step.shape)) for _ in range(2))
+    workspace, again = (
+        (np.zeros(step.shape), np.zeros(size), np.zeros(step.shape)) for _ in range(2)
+    )
     given = (step.system, step.unknowns, step.state, step.start, H, z)
-    judged = dense.residual(*given, *room)
+    judged = dense.residual(*given, *workspace)
     assert scipy_root._residual(*given, *again) == pytest.approx(judged, rel=1e-13)
-    for a, b in zip(room, again, strict=True):
+    for a, b in zip(workspace, again, strict=True):
         assert a == pytest.approx(b, rel=1e-13, abs=1e-13 * np.abs(a).max())
     A, B = np.zeros(size * size), np.zeros(size * size)
     values = np.zeros_like(step.system.constant)
-    dense.jacobian(*given, room[0], room[2], values, A)
-    scipy_root._jacobian(*given, room[0], room[2], values, B)
+    dense.jacobian(*given, workspace[0], workspace[2], values, A)
+    scipy_root._jacobian(*given, workspace[0], workspace[2], values, B)
     assert pytest.approx(B, rel=1e-13, abs=1e-13 * np.abs(A).max()) == A
 
 
@@ -522,18 +525,18 @@ def test_a_chain_is_solved_wherever_it_hangs_and_however_it_is_listed(hung, grou
 
 def test_a_loop_costs_its_bodies():
     for counts in zip(*(operations(ring(n, (0,))) for n in (10, 30, 50)), strict=True):
-        # One joint of the loop stays to the end, coupled to the next body on the way: the same
+        # One joint of the loop stays to the end, coupled to the next body in between: the same
         # number for every link, 404 operations.
         assert counts[2] - counts[1] == counts[1] - counts[0] <= 20 * 404
 
 
-def test_what_a_scene_does_not_contain_costs_nothing():
+def test_what_a_model_does_not_contain_costs_nothing():
     """Blocks and operations of a tree are the same with loads elsewhere in the program."""
     rng = np.random.default_rng(2)
     model = jointed(rng, 4)
     system = build_system(model)
     assert not forces.acts_at_points(system.forces)
-    # One block a body for its turn and one for its displacement; a joint on the ground adds 3
+    # One block a body for its rotation and one for its displacement; a joint on the ground adds 3
     # couplings of the body and one block of the unit matrix, a joint of two bodies twice that.
     ends = sum(2 - ("Earth" in (j.parent, j.child)) for j in model.joints)
     assert len(system.blocks) - 1 == 2 * len(model.bodies) + 4 * ends

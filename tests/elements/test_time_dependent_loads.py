@@ -9,7 +9,7 @@ from numpy.polynomial import legendre
 from msahl.algebra.functions import MOMENTS, Law, build_laws, evaluate, moments
 from msahl.algebra.vector import ZERO
 from msahl.model import ConcentratedLoad
-from tests.support.models import GROUND, body, pendulum, scene, simulate
+from tests.support.models import GROUND, body, build_model, pendulum, simulate
 
 FORCE = 1000.0
 PULSE = Law("linear", (0.1312, 0.1313, 0.1314, 0.0, 1.0, 0.0))
@@ -24,7 +24,7 @@ def push(law, moment=ZERO, **others):
     """A free body of 1 kg under a force along x times ``law``."""
     load = ConcentratedLoad("Push", "Bob", ZERO, (FORCE, 0.0, 0.0), GROUND.name, moment,
                             GROUND.name, law)  # fmt: skip
-    return scene([body(mass=1.0, inertia=(0.1, 0.2, 0.3))], loads=[load], **others)
+    return build_model([body(mass=1.0, inertia=(0.1, 0.2, 0.3))], loads=[load], **others)
 
 
 def exact(law, t):
@@ -70,21 +70,22 @@ def test_the_impulse_is_exact_by_every_scheme(name, scheme):
     assert run.of("velocity")[-1, 0] == pytest.approx(exact(law, 1.0)[0], abs=1e-12)
 
 
-def test_a_moment_turns_a_free_body_as_exactly():
+def test_a_moment_rotates_a_free_body_as_exactly():
     law = sine(100.0)
     model = push(law, moment=(0.0, 0.0, 0.3 * FORCE))
     run = simulate(model, dt=0.01, t_final=0.3)
     v, x = exact(law, 0.3)
     assert run.of("spin")[-1, 2] == pytest.approx(v, abs=1e-12)
-    # One step turns by 2 atan(Q/2), Q = h times the mean spin and the offset: 2e-7 of a turn less.
+    # One rotation increments by 2 atan(Q/2), Q = h times the mean spin and the offset: 2e-7 of a
+    # revolution less.
     q = exact(law, 0.01)[1]
-    turned = 30 * 2.0 * math.atan(q / 2.0)
-    assert 4.0 * math.atan(run.of("orientation")[-1, 2] / 4.0) == pytest.approx(turned, abs=1e-12)
-    assert turned == pytest.approx(x, rel=1e-4)
+    rotated = 30 * 2.0 * math.atan(q / 2.0)
+    assert 4.0 * math.atan(run.of("orientation")[-1, 2] / 4.0) == pytest.approx(rotated, abs=1e-12)
+    assert rotated == pytest.approx(x, rel=1e-4)
 
 
 def bent(law, scheme, dt):
-    """Where a pendulum ends under a load that turns with it, across and along the arm."""
+    """Where a pendulum ends under a load that rotates with it, across and along the arm."""
     load = ConcentratedLoad("Push", "Bob", (0.0, 0.0, 0.5), (40.0, 0.0, 30.0), "Bob", ZERO,
                             GROUND.name, law)  # fmt: skip
     model = pendulum(loads=[load])
@@ -100,7 +101,7 @@ def test_a_held_body_keeps_its_energy_balance_and_its_joint(law):
     assert extremes["energyErrorMaxRelative"] <= 1e-12
     assert extremes["constraintViolationMax"] <= 1e-12
     # Unless joints were asked, the first moment along the arm would open this one at up to 2 h c_1
-    # f/m = 0.1 m/s. What is left is by how far the arm turns in a step, 0.02 rad.
+    # f/m = 0.1 m/s. What is left is by how far the arm rotations in a step, 0.02 rad.
     assert extremes["constraintViolationRateMax"] <= 2e-3
 
 
@@ -109,7 +110,7 @@ def test_smooth_laws_leave_a_scheme_its_order(scheme, order):
     law = sine(1.5, 0.4)
     truth = bent(law, "gauss5", 0.02).of("position")[-1]
     errors = [np.abs(bent(law, scheme, dt).of("position")[-1] - truth).max() for dt in (0.04, 0.02)]
-    # As tests/schemes/test_orders.py has it of other scenes, where it fits over more steps.
+    # As tests/schemes/test_orders.py has it of other models, where it fits over more steps.
     assert math.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.25)
 
 

@@ -25,7 +25,7 @@ from click.testing import CliRunner
 import msahl
 
 SECONDS = 300
-"""For one example; it takes some tenths of a second, but the first of a kind of scene compiles."""
+"""For one example; it takes some tenths of a second, but the first of a kind of model compiles."""
 MEMORY = 2 * 2**30
 """Bytes that one example may ask for beyond those in use; it needs some tens of megabytes."""
 LONGEST_LINE = 3000
@@ -35,7 +35,7 @@ PACKAGE = Path(msahl.__file__).resolve().parents[1]
 OPEN_TO_ALL = tuple(
     str(path)
     for path in (
-        *(PACKAGE / room for room in ("msahl", "schemas", "decks")),
+        *(PACKAGE / workspace for workspace in ("msahl", "schemas", "decks")),
         *map(Path, {sys.prefix, sys.base_prefix, *sysconfig.get_paths().values()}),
         *map(Path, ("/proc/self", "/dev", "/etc/mime.types", "/etc/localtime", "/usr/share")),
     )
@@ -47,14 +47,14 @@ STORE = "msahl.jit.kernel_store"
 CALLS = ("socket.connect", "socket.getaddrinfo", "subprocess.Popen", "os.system", "os.exec",
          "os.posix_spawn", "urllib.Request", "ftplib.connect", "webbrowser.open")  # fmt: skip
 
-_watched: list[Path] = []
+_folders: list[Path] = []
 """The folder of the example under way; empty between examples."""
 _touched: list[str] = []
 
 
 def _note(event: str, arguments: tuple) -> None:
     """Audit hook: what an example opens outside its folder, and whom it calls."""
-    if not _watched:
+    if not _folders:
         return
     if event in CALLS and not str(arguments[0]).startswith("file:"):  # those show as open
         _touched.append(f"{event} {arguments[:2]}")
@@ -63,7 +63,7 @@ def _note(event: str, arguments: tuple) -> None:
         if sys._getframe(1).f_globals.get("__name__") == STORE:
             return
         path = os.path.abspath(os.fsdecode(arguments[0]))  # noqa: PTH100 - of any string at all
-        known = path.startswith((str(_watched[0]), *OPEN_TO_ALL))
+        known = path.startswith((str(_folders[0]), *OPEN_TO_ALL))
         if not known and not any(name in path for name in CACHES):
             _touched.append(f"open {path}")
 
@@ -109,11 +109,11 @@ def guarded(folder: Path):
     resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + MEMORY, hard))
     before = signal.signal(signal.SIGALRM, _too_long)
     signal.alarm(SECONDS)
-    _watched.append(folder.resolve())
+    _folders.append(folder.resolve())
     try:
         yield
     finally:
-        _watched.clear()
+        _folders.clear()
         signal.alarm(0)
         signal.signal(signal.SIGALRM, before)
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))

@@ -1,4 +1,4 @@
-"""Decks gone wrong: mutants of good ones, trees of the schema's words, scenes of extreme numbers,
+"""Decks gone wrong: mutants of good ones, trees of the schema's words, models of extreme numbers,
 and bytes that are no deck at all.
 """
 
@@ -40,7 +40,7 @@ WORDS = (
 
 @cache
 def tags() -> tuple[str, ...]:
-    """Every element the schema knows, and some it does not."""
+    """Every element the schema has, and some it does not."""
     root = etree.fromstring(schema_bytes())
     known = {e.get("name") for e in root.iter("{*}element") if e.get("name")}
     return (
@@ -54,7 +54,7 @@ def tags() -> tuple[str, ...]:
 
 @cache
 def attributes() -> dict[str, tuple[str, ...]]:
-    """Values for every attribute the schema knows, and for some it does not."""
+    """Values for every attribute the schema has, and for some it does not."""
     units = sorted({unit for factors in UNITS.values() for unit in factors})
     location = "{http://www.w3.org/2001/XMLSchema-instance}"
     return {
@@ -202,10 +202,10 @@ def trees(draw) -> bytes:
                 child.text = _of(draw, NUMBERS + WORDS)
 
     root = etree.Element("data")
-    for room in ("bodies", "joints", "motions", "loads"):
+    for workspace in ("bodies", "joints", "motions", "loads"):
         parent = root.find("system")
         parent = etree.SubElement(root, "system") if parent is None else parent
-        grow(etree.SubElement(parent, room), 3)
+        grow(etree.SubElement(parent, workspace), 3)
     grow(etree.SubElement(root, "simulation"), 2)
     return etree.tostring(root)
 
@@ -277,7 +277,7 @@ sizes = numbers.map(abs).filter(bool)
 
 
 @st.composite
-def scenes(draw) -> bytes:
+def models(draw) -> bytes:
     """One to three bodies with joints, couplings, motions and loads of any kind and number."""
     count = draw(st.integers(1, 3))
     names = ["G", *(f"B{i}" for i in range(count))]
@@ -327,15 +327,15 @@ def _body(draw, name):
         f"<rigidBody><name>{name}</name>{_number(draw, 'mass', sizes)}"
         f"{_maybe(draw, _vector, 'rGB')}"
         f"<moi>{moments}</moi><initialConditions>{_maybe(draw, _vector, 'position')}"
-        f"{_maybe(draw, _turn)}{_maybe(draw, _vector, 'velocity', 'v1 v2 v3')}"
+        f"{_maybe(draw, _rotation)}{_maybe(draw, _vector, 'velocity', 'v1 v2 v3')}"
         f"{_maybe(draw, _vector, 'angularVelocity', 'omega1 omega2 omega3')}"
         "</initialConditions></rigidBody>"
     )
 
 
-def _turn(draw):
-    turn = _number(draw, "phi") + _number(draw, "u1") + _number(draw, "u3")
-    return f"<orientation><eulerRotation>{turn}</eulerRotation></orientation>"
+def _rotation(draw):
+    rotation = _number(draw, "phi") + _number(draw, "u1") + _number(draw, "u3")
+    return f"<orientation><eulerRotation>{rotation}</eulerRotation></orientation>"
 
 
 def _ends(draw, names, axes=0):

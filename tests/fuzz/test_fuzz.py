@@ -1,7 +1,7 @@
 """Whatever the deck: faults in words or numbers that are numbers, and never a traceback.
 
 ``make test`` draws the same few examples every time, ``make fuzz`` new ones for as long as it is
-told to.
+asked to.
 """
 
 import json
@@ -25,7 +25,7 @@ from msahl.deck.parse import parse
 from msahl.deck.schema import built, objection, schema_bytes
 from msahl.post.cli import main as post
 from tests.fuzz.guard import call, guarded
-from tests.fuzz.strategies import NUMBERS, files, gentle_mutants, mutants, scenes, trees
+from tests.fuzz.strategies import NUMBERS, files, gentle_mutants, models, mutants, trees
 from tests.support.models import ROOT
 
 SECONDS = float(os.environ.get("MSAHL_FUZZ_SECONDS", "0"))
@@ -33,7 +33,7 @@ ROUND = 100
 """Examples between two looks at the clock."""
 STEPS = 4
 MOST_STEPS = 1000
-"""Of a run with options drawn: what asks for more is left out, for it is only slow."""
+"""Of a run with options drawn: what asks for more is omitted, for it is only slow."""
 
 
 def over(strategy, examples, share):
@@ -157,12 +157,12 @@ def test_a_mutant_is_good_or_told_why_not(data):
 
 
 @over(trees(), 30, 0.1)
-def test_a_tree_of_words_is_told_why_it_is_no_deck(data):
+def test_a_tree_of_words_is_reported_why_it_is_no_deck(data):
     return is_judged(data)
 
 
 @over(files(), 60, 0.15)
-def test_bytes_are_told_why_they_are_no_deck(data):
+def test_bytes_are_reported_why_they_are_no_deck(data):
     return is_judged(data)
 
 
@@ -211,8 +211,8 @@ def test_a_deck_with_other_numbers_runs_or_says_why_not(example):
     return is_run(data, options, pictures)
 
 
-@over(st.tuples(scenes(), ways), 40, 0.25)
-def test_a_scene_of_extreme_numbers_runs_or_says_why_not(example):
+@over(st.tuples(models(), ways), 40, 0.25)
+def test_a_model_of_extreme_numbers_runs_or_says_why_not(example):
     data, (options, pictures) = example
     return is_run(data, options, pictures)
 
@@ -234,7 +234,7 @@ def test_options_are_taken_or_refused(given):
         _number(given.get("--dt", "0.002")) or math.nan
     )
     if MOST_STEPS < steps <= 1e9:
-        return "left out"
+        return "omitted"
     words = [f"{name}={text}" for name, text in given.items()]
     with Example(SINGLE.read_bytes()) as example:
         run = example.folder / "run"

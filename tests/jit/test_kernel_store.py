@@ -108,8 +108,8 @@ def test_a_link_in_the_place_of_the_folder_is_not_followed(store):
     assert store.trouble
 
 
-def test_a_folder_that_cannot_be_made_is_told(tmp_path):
-    (tmp_path / "file").write_text("in the way")
+def test_a_folder_that_cannot_be_made_is_reported(tmp_path):
+    (tmp_path / "file").write_text("a file")
     store = Store(tmp_path / "file" / "sources")
     store.save(NAME, CONTENT)
     assert store.load(NAME) is None
@@ -139,25 +139,25 @@ def test_damaged_code_is_compiled_again_without_a_word(tmp_path, monkeypatch):
     monkeypatch.setattr(compiled, "STORE", Store(tmp_path / "root" / "sources"))
     assert compiled.compiled(twice)(3.0) == 6.0
     (path,) = compiled.STORE.folder.iterdir()
-    whole = path.read_bytes()
+    complete = path.read_bytes()
     chance = np.random.default_rng(0)
-    for place in chance.integers(0, len(whole), 4):
-        path.write_bytes(whole[:place] + bytes([whole[place] ^ 0x40]) + whole[place + 1 :])
+    for place in chance.integers(0, len(complete), 4):
+        path.write_bytes(complete[:place] + bytes([complete[place] ^ 0x40]) + complete[place + 1 :])
         assert compiled.compiled(twice)(3.0) == 6.0
-        path.write_bytes(whole[:place])
+        path.write_bytes(complete[:place])
         assert compiled.compiled(twice)(3.0) == 6.0
-    # What is whole is loaded and not compiled, nor written, again.
+    # What is complete is loaded and not compiled, nor written, again.
     before = path.stat().st_mtime_ns
     assert compiled.compiled(twice)(3.0) == 6.0
     assert path.stat().st_mtime_ns == before
-    # Whole, and yet no code: as of another compiler that says it is the same.
+    # Complete, and yet no code: as of another compiler that says it is the same.
     compiled.STORE.save(path.name, b"no pickle")
     assert compiled.compiled(twice)(3.0) == 6.0
-    assert path.read_bytes() != whole[:32] + b"no pickle"
+    assert path.read_bytes() != complete[:32] + b"no pickle"
     assert compiled.trouble() == ""
 
 
-def test_an_unsafe_folder_is_told_with_a_remedy(store, monkeypatch):
+def test_an_unsafe_folder_is_reported_with_a_remedy(store, monkeypatch):
     monkeypatch.setattr(compiled, "STORE", store)
     store.folder.chmod(0o777)
     assert store.load(NAME) is None

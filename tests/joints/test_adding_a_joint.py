@@ -15,7 +15,16 @@ import msahl
 from msahl.joints.registry import KINDS
 from tests.elements import test_laws
 from tests.joints import test_degrees_of_freedom
-from tests.support.element_samples import JOINTS, Sample, X, Z, joint_scene, slide, turn, turns
+from tests.support.element_samples import (
+    JOINTS,
+    Sample,
+    X,
+    Z,
+    joint_model,
+    rotation,
+    rotations,
+    slide,
+)
 
 ROOT = Path(__file__).parents[2]
 GUIDE = (ROOT / "docs" / "adding-an-element.md").read_text()
@@ -80,7 +89,7 @@ def test_the_deck_of_the_guide_is_checked_and_run(checkout):
     assert list(forces.columns) == ["time", "Pipe.Fx", "Pipe.Fy", "Pipe.Fz"]
 
 
-def test_a_wrong_deck_of_the_guide_is_told_as_it_says(checkout):
+def test_a_wrong_deck_of_the_guide_is_reported_as_it_says(checkout):
     (told,) = re.findall(rf"^ +({MODULE}\.xml:30: .*)$", GUIDE, re.M)
     wrong = DECK_TEXT.replace('<radius units="m">0.5<', '<radius units="m">0.6<')
     folder = checkout / "wrong"
@@ -92,22 +101,23 @@ def test_a_wrong_deck_of_the_guide_is_told_as_it_says(checkout):
 
 
 def test_the_test_entry_of_the_guide_holds_the_joint_to_all_laws(monkeypatch):
-    room = {}
-    exec(MODULE_TEXT, room)
-    names = {"Sample": Sample, "slide": slide, "turn": turn, "turns": turns, "X": X, "Z": Z}
+    namespace = {}
+    exec(MODULE_TEXT, namespace)
+    names = {"Sample": Sample, "slide": slide, "rotation": rotation, "rotations": rotations}
+    names |= {"X": X, "Z": Z}
     ((name, sample),) = eval(f"{{{SAMPLE_TEXT}}}", names).items()
     assert name == NAME
-    monkeypatch.setitem(KINDS, NAME, room["KIND"])
+    monkeypatch.setitem(KINDS, NAME, namespace["KIND"])
     monkeypatch.setitem(JOINTS, NAME, sample)
 
     def make(rng):
-        return joint_scene(NAME, rng)
+        return joint_model(NAME, rng)
 
-    test_degrees_of_freedom.test_the_table_of_free_motions_is_whole()
+    test_degrees_of_freedom.test_the_table_of_degrees_of_freedom_is_complete()
     test_degrees_of_freedom.test_a_joint_between_two_bodies_takes_away_what_it_should(NAME)
     test_degrees_of_freedom.test_free_velocities_open_nothing_and_the_rest_do(NAME, 0)
-    test_degrees_of_freedom.test_free_motions_open_nothing_and_the_rest_do(NAME, 0)
-    test_degrees_of_freedom.test_a_body_set_going_along_its_freedom_goes_on(NAME, 0)
+    test_degrees_of_freedom.test_degrees_of_freedom_open_nothing_and_the_rest_do(NAME, 0)
+    test_degrees_of_freedom.test_a_body_set_going_along_its_degree_of_freedom_goes_on(NAME, 0)
     test_laws.test_the_jacobian_is_the_derivative_of_the_residual(make, 0, "preserving")
-    test_laws.test_the_residual_turns_with_the_scene(make, 0)
+    test_laws.test_the_residual_rotates_with_the_model(make, 0)
     test_laws.test_every_element_is_approached_with_order_two(make, "preserving")

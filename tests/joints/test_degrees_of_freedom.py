@@ -1,4 +1,4 @@
-"""Every joint leaves its free motions, and no others."""
+"""Every joint leaves its degrees of freedom, and no others."""
 
 from dataclasses import replace
 
@@ -9,14 +9,14 @@ from msahl.algebra.rotation import compose, from_axis_angle, from_step_turn, mat
 from msahl.elements.constraints import coordinates
 from msahl.joints.registry import KINDS
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.schemes.midpoint import equations
 from msahl.start.redundancy import constraint_matrix, constraint_rank
 from msahl.start.velocities import StartError
-from msahl.system.arrays import multiplier_count, new_start
+from msahl.system import evaluate
+from msahl.system.arrays import multiplier_count, new_system_workspace
 from msahl.system.build import build_system
 from msahl.system.state import build_state
 from tests.support.element_samples import JOINTS, joint_between, random_frame, vector
-from tests.support.models import GROUND, random_body, scene, simulate
+from tests.support.models import GROUND, build_model, random_body, simulate
 
 every_joint = pytest.mark.parametrize("kind", JOINTS)
 every_seed = pytest.mark.parametrize("seed", range(3))
@@ -33,19 +33,20 @@ class Held:
         self.joint = joint_between([self.body], kind, "J", GROUND.name, "B", self.frame)
 
     def model(self, body=None, **others):
-        return scene([body or self.body], [self.joint], **others)
+        return build_model([body or self.body], [self.joint], **others)
 
     def opened(self, body):
-        """Gaps and rates of all the joint's equations."""
+        """Violations and rates of all the joint's equations."""
         system = build_system(self.model())
-        build_state(self.model(), system)  # the equations are those of the body where it was
         state = build_state(self.model(body), system)
-        start = new_start(system, state)
-        equations.prepare(system, state, start)
-        if system.along:
-            coordinates.count_turns(system.along.quantities, start.along.quantities, state.angle)
+        start = new_system_workspace(system, state)
+        evaluate.prepare(system, state, start)
+        if system.scalar:
+            coordinates.count_rotations(
+                system.scalar.coordinates, start.scalar.coordinates, state.angle
+            )
         violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
-        equations.observe(system, state, start, violation, rate)
+        evaluate.observe(system, state, start, violation, rate)
         return violation, rate
 
     def moving(self, twist):
@@ -59,14 +60,20 @@ class Held:
         """The body displaced by x -> A x + c in the axes of the joint's frame."""
         R, point = self.frame.R, self.frame.point
         place = point + R @ (A @ (R.T @ (np.array(self.body.position) - point)) + c)
-        turn = R @ A @ R.T
-        axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-        angle = np.arctan2(np.linalg.norm(axis), np.trace(turn) - 1.0)
-        turned = from_axis_angle(vector(axis), angle) if axis.any() else (0.0, 0.0, 0.0)
+        rotation = R @ A @ R.T
+        axis = np.array(
+            [
+                rotation[2, 1] - rotation[1, 2],
+                rotation[0, 2] - rotation[2, 0],
+                rotation[1, 0] - rotation[0, 1],
+            ]
+        )
+        angle = np.arctan2(np.linalg.norm(axis), np.trace(rotation) - 1.0)
+        rotated = from_axis_angle(vector(axis), angle) if axis.any() else (0.0, 0.0, 0.0)
         return replace(
             self.body,
             position=vector(place),
-            orientation=compose(turned, self.body.orientation),
+            orientation=compose(rotated, self.body.orientation),
         )
 
     def twists(self):
@@ -77,7 +84,7 @@ class Held:
         return rows[:rank], rows[rank:]
 
 
-def test_the_table_of_free_motions_is_whole():
+def test_the_table_of_degrees_of_freedom_is_complete():
     assert {*JOINTS} == {*KINDS}
 
 
@@ -89,7 +96,7 @@ def test_a_joint_between_two_bodies_takes_away_what_it_should(kind):
     ends = [held.body] if held.sample.on_ground else [held.body, random_body(rng, "A")]
     parent = GROUND.name if held.sample.on_ground else "A"
     joint = joint_between(ends, kind, "J", parent, "B", held.frame)
-    model = scene(ends, [joint])
+    model = build_model(ends, [joint])
     system = build_system(model)
     state = build_state(model, system)
     coordinates = 6 * len(ends) - constraint_rank(system, state)
@@ -126,7 +133,7 @@ def test_free_velocities_open_nothing_and_the_rest_do(kind, seed):
 
 @pytest.mark.parametrize("kind", [kind for kind in JOINTS if not JOINTS[kind].of_rates])
 @every_seed
-def test_free_motions_open_nothing_and_the_rest_do(kind, seed):
+def test_degrees_of_freedom_open_nothing_and_the_rest_do(kind, seed):
     held = Held(kind, seed)
     for screw in held.sample.free:
         for amount in (0.6, -0.5):
@@ -141,7 +148,7 @@ def test_free_motions_open_nothing_and_the_rest_do(kind, seed):
 
 @every_joint
 @every_seed
-def test_a_body_set_going_along_its_freedom_goes_on(kind, seed):
+def test_a_body_set_going_along_its_degree_of_freedom_goes_on(kind, seed):
     """Left alone, along any mixture of them: energy is kept, nothing opens, and it gets away."""
     held = Held(kind, seed)
     free, _ = held.twists()

@@ -20,13 +20,13 @@ from msahl.model import (
     SpringDamper,
 )
 from tests.support.element_samples import Frame, Sample, joint_between, vector
-from tests.support.models import GROUND, body, deck, scene, simulate
+from tests.support.models import GROUND, body, build_model, deck, simulate
 
 X, Y, Z = np.eye(3)
 EARTH = GROUND.name
 G = 9.80665
 SIZES = (0.02, 0.03, 0.04)
-"""Principal moments of inertia of bodies whose turning about z is the point [kg m^2]."""
+"""Principal moments of inertia of bodies whose rotating about z is the point [kg m^2]."""
 
 
 def across(axis):
@@ -38,7 +38,7 @@ def across(axis):
 
 
 def join(bodies, kind, name, parent, child, point, axis=Z, **parameters):
-    """A joint at ``point`` of the scene as it stands, the same axis on both sides."""
+    """A joint at ``point`` of the model as it stands, the same axis on both sides."""
     frame = Frame(np.asarray(point, dtype=float), across(axis))
     sample = Sample([], parameters=tuple(parameters.items()))
     return joint_between(bodies, kind, name, parent, child, frame, sample)
@@ -50,8 +50,8 @@ def extrapolated(model, t, h, of):
     return (4 * ends[1] - ends[0]) / 3
 
 
-def turned(run, body=-1):
-    """Angle about z, counted over all turns."""
+def rotated(run, body=-1):
+    """Angle about z, counted over all revolutions."""
     R = run.matrices(body)
     return np.unwrap(np.arctan2(R[:, 1, 0], R[:, 0, 0]))
 
@@ -59,13 +59,15 @@ def turned(run, body=-1):
 def wheel(**loads):
     """A wheel on an axle along z."""
     own = body("Wheel", inertia=SIZES)
-    return scene([own], [join([own], "revolute", "Axle", EARTH, "Wheel", ZERO)], **loads)
+    return build_model([own], [join([own], "revolute", "Axle", EARTH, "Wheel", ZERO)], **loads)
 
 
 def sledge(axis=X, **others):
     """2 kg that slide along an axis."""
     own = body("Sledge", inertia=SIZES)
-    return scene([own], [join([own], "prismatic", "Rail", EARTH, "Sledge", ZERO, axis)], **others)
+    return build_model(
+        [own], [join([own], "prismatic", "Rail", EARTH, "Sledge", ZERO, axis)], **others
+    )
 
 
 # Springs, drag, friction -------------------------------------------------------------------------
@@ -75,11 +77,11 @@ def test_a_torsion_pendulum_swings_harmonically():
     model = wheel(loads=[JointSpring("S", "Axle", "angle", 0.9, 0.0, free=2.5)])
     omega = np.sqrt(0.9 / 0.04)
     run = simulate(model, dt=0.001, t_final=4.0)
-    # A turn of 0.012 rad a step is taken for 2 tan of its half: 1.2e-5 of 30 rad.
-    assert turned(run) == pytest.approx(2.5 * (1 - np.cos(omega * run.time)), abs=5e-4)
-    end = extrapolated(model, 4.0, 0.001, lambda r: turned(r)[-1])
+    # A rotation of 0.012 rad a step is taken for 2 tan of its half: 1.2e-5 of 30 rad.
+    assert rotated(run) == pytest.approx(2.5 * (1 - np.cos(omega * run.time)), abs=5e-4)
+    end = extrapolated(model, 4.0, 0.001, lambda r: rotated(r)[-1])
     assert end == pytest.approx(2.5 * (1 - np.cos(omega * 4.0)), abs=1e-6)
-    stored = 0.5 * 0.9 * (turned(run) - 2.5) ** 2
+    stored = 0.5 * 0.9 * (rotated(run) - 2.5) ** 2
     assert run.column("S.energy") == pytest.approx(stored, abs=1e-12)
 
 
@@ -108,7 +110,7 @@ def test_drag_lets_a_body_fall_at_its_limit():
     m, c = 2.0, 0.3
     limit = np.sqrt(m * G / c)
     ball = body("Ball")
-    model = scene([ball], loads=[Drag("D", "Ball", ZERO, c)], gravity=(0.0, 0.0, G))
+    model = build_model([ball], loads=[Drag("D", "Ball", ZERO, c)], gravity=(0.0, 0.0, G))
 
     def ends(run):
         return np.array([run.of("position")[-1, 2], run.of("velocity")[-1, 2]])
@@ -144,21 +146,21 @@ def test_friction_in_a_hinge_slows_a_wheel():
     model = replace(model, bodies=(replace(model.bodies[0], angular_velocity=(0.0, 0.0, w0)),))
     run = simulate(model, dt=0.002, t_final=1.0)
     known = w0 - mu * r * 2.0 * G / 0.04 * run.time
-    # The turn of a step, 0.016 rad, is taken for 2 tan of its half: 2e-5.
+    # The rotation of a step, 0.016 rad, is taken for 2 tan of its half: 2e-5.
     assert run.of("spin")[:, 2] == pytest.approx(known, abs=1e-4)
 
 
 # Couplings ---------------------------------------------------------------------------------------
 
 
-def test_a_nut_turns_as_it_sinks():
+def test_a_nut_rotates_as_it_sinks():
     pitch, m = 0.1, 2.0
     own = body("Nut", mass=m, inertia=SIZES)
     nut = join([own], "screw", "Thread", EARTH, "Nut", ZERO, pitch=pitch)
-    model = scene([own], [nut], gravity=(0.0, 0.0, -G))
+    model = build_model([own], [nut], gravity=(0.0, 0.0, -G))
     a = G / (1 + 0.04 * (2 * np.pi / pitch) ** 2 / m)
     run = simulate(model, dt=0.005, t_final=3.0)
-    assert run.of("position")[:, 2] == pytest.approx(turned(run) * pitch / (2 * np.pi), abs=1e-12)
+    assert run.of("position")[:, 2] == pytest.approx(rotated(run) * pitch / (2 * np.pi), abs=1e-12)
     end = extrapolated(model, 3.0, 0.004, lambda r: r.of("position")[-1, 2])
     assert end == pytest.approx(-0.5 * a * 9.0, rel=1e-6)
 
@@ -174,19 +176,19 @@ def test_a_gear_pair_under_a_moment(ratio):
     ]
     push = ConcentratedLoad("M", "First", ZERO, ZERO, EARTH, (0.0, 0.0, 0.5), EARTH)
     gear = Coupling("Gear", "gear", "Axle0", "Axle1", ratio)
-    model = scene(pair, joints, [push], couplings=(gear,))
+    model = build_model(pair, joints, [push], couplings=(gear,))
     alpha = 0.5 / (0.04 + ratio**2 * 0.15)
     run = simulate(model, dt=0.005, t_final=2.0)
-    assert turned(run, 1) == pytest.approx(ratio * turned(run, 0), abs=1e-11)
-    end = extrapolated(model, 2.0, 0.01, lambda r: turned(r, 0)[-1])
+    assert rotated(run, 1) == pytest.approx(ratio * rotated(run, 0), abs=1e-11)
+    end = extrapolated(model, 2.0, 0.01, lambda r: rotated(r, 0)[-1])
     assert end == pytest.approx(0.5 * alpha * 4.0, rel=1e-6)
-    # The teeth turn the second wheel.
+    # The teeth rotate the second wheel.
     load = run.column("Gear.load")[1:]
     assert load == pytest.approx(np.full_like(load, ratio * alpha * 0.15), rel=1e-3)
 
 
 def test_a_pinion_rolls_down_its_rack():
-    """A cylinder that rolls: its turning is mass as well."""
+    """A cylinder that rolls: its rotating is mass as well."""
     radius, tilt = 0.2, np.radians(20.0)
     cylinder = body("Cylinder", mass=2.0, inertia=SIZES)
     carriage = body("Carriage", mass=0.5, inertia=SIZES)
@@ -197,10 +199,10 @@ def test_a_pinion_rolls_down_its_rack():
     ]
     rack = Coupling("Rack", "rackAndPinion", "Axle", "Way", radius)
     g = (G * np.sin(tilt), -G * np.cos(tilt), 0.0)
-    model = scene(pair, joints, gravity=g, couplings=(rack,))
+    model = build_model(pair, joints, gravity=g, couplings=(rack,))
     a = 2.5 * G * np.sin(tilt) / (2.5 + 0.04 / radius**2)
     run = simulate(model, dt=0.005, t_final=1.0)
-    assert run.of("position")[:, 0] == pytest.approx(radius * turned(run), abs=1e-12)
+    assert run.of("position")[:, 0] == pytest.approx(radius * rotated(run), abs=1e-12)
     end = extrapolated(model, 1.0, 0.01, lambda r: r.of("position")[-1, 0])
     assert end == pytest.approx(0.5 * a, rel=1e-6)
 
@@ -215,7 +217,7 @@ def test_a_cam_lifts_along_its_spline():
         join(pair, "prismatic", "Guide", EARTH, "Follower", ZERO, Y),
     ]
     lift = Law("periodic", (*angles.tolist(), *heights.tolist()))
-    model = scene(
+    model = build_model(
         pair,
         joints,
         gravity=(0.0, -G, 0.0),
@@ -226,7 +228,7 @@ def test_a_cam_lifts_along_its_spline():
     spline = CubicSpline(angles, heights, bc_type="periodic")
     angle = 5.0 * run.time + run.time**2
     assert angle[-1] > 3 * 2 * np.pi
-    assert turned(run, 0) == pytest.approx(angle, abs=1e-10)
+    assert rotated(run, 0) == pytest.approx(angle, abs=1e-10)
     assert run.of("position")[:, 1] == pytest.approx(spline(angle), abs=1e-11)
     assert run.column("Motor.work")[-1] == pytest.approx(
         0.5 * 0.04 * (run.of("spin", 0)[-1, 2] ** 2 - 25.0)
@@ -266,7 +268,7 @@ def test_a_driven_slider_crank_follows_its_formula(h):
         join(all3, "prismatic", "Way", EARTH, "Slider", (r + length, 0.0, 0.0), X),
     ]
     motor = JointMotion("Motor", "Main", "angle", Law("polynomial", (0.0, w)))
-    model = scene(all3, joints, gravity=(0.0, -G, 0.0), motions=(motor,))
+    model = build_model(all3, joints, gravity=(0.0, -G, 0.0), motions=(motor,))
     run = simulate(model, dt=h, t_final=4.0)
     phi = w * run.time
     known = r * np.cos(phi) + np.sqrt(length**2 - (r * np.sin(phi)) ** 2)
@@ -278,12 +280,12 @@ def test_a_driven_slider_crank_follows_its_formula(h):
 
 
 @pytest.mark.parametrize("degrees", [20.0, 45.0])
-def test_a_universal_joint_does_not_turn_evenly(degrees):
+def test_a_universal_joint_does_not_rotation_evenly(degrees):
     beta, w = np.radians(degrees), 3.0
     b = np.cos(beta) * Z + np.sin(beta) * X
-    turn = from_axis_angle((0.0, 1.0, 0.0), beta)
+    rotation = from_axis_angle((0.0, 1.0, 0.0), beta)
     first = body("First", inertia=SIZES, position=(0.0, 0.0, -1.0))
-    second = body("Second", inertia=SIZES, position=vector(b), orientation=turn)
+    second = body("Second", inertia=SIZES, position=vector(b), orientation=rotation)
     pair = [first, second]
     middle = Frame(np.zeros(3), np.column_stack([Z, X, Y]))
     # The first yoke holds the cross along y, the second along y x b.
@@ -295,7 +297,7 @@ def test_a_universal_joint_does_not_turn_evenly(degrees):
         joint_between(pair, "universal", "Cross", "First", "Second", middle, cross),
     ]
     motor = JointMotion("Motor", "In", "angle", Law("polynomial", (0.0, w)))
-    run = simulate(scene(pair, joints, motions=(motor,)), dt=0.01, t_final=4.0)
+    run = simulate(build_model(pair, joints, motions=(motor,)), dt=0.01, t_final=4.0)
     theta = w * run.time
     R = np.einsum("ji,tjk->tik", np.array(across(b)), run.matrices(1) @ run.matrices(1)[0].T)
     R = R @ across(b)
@@ -311,12 +313,12 @@ def test_a_driven_pendulum_takes_the_torque_that_inverse_dynamics_gives():
     pivot = join([bob], "revolute", "Pivot", EARTH, "Bob", ZERO)
     amplitude, omega = 0.8, 3.0
     motor = JointMotion("Motor", "Pivot", "angle", Law("sine", (amplitude, omega, 0.0, 0.0)))
-    model = scene([bob], [pivot], gravity=(0.0, -G, 0.0), motions=(motor,))
+    model = build_model([bob], [pivot], gravity=(0.0, -G, 0.0), motions=(motor,))
     errors = []
     for h in (0.02, 0.01, 0.005):
         run = simulate(model, dt=h, t_final=2.0)
         load, power = (run.column(f"Motor.{what}")[1:] for what in ("load", "power"))
-        # Power is load times speed in the middle of the row's step, as the load is its mean.
+        # Power is load times speed in the middle of the step, as the load is its mean.
         speed = amplitude * omega * np.cos(omega * (run.time[1:] - h / 2))
         assert power == pytest.approx(load * speed, rel=1e-9)
         # A law of time is met at the ends of steps; the load alternates about its course by O(h),
@@ -335,7 +337,7 @@ def test_a_point_follows_its_law_and_is_free_across_it():
     ball = body("Ball", velocity=(0.0, 1.0, 0.0))
     law = Law("sine", (0.3, 5.0, 0.0, 0.0))
     motion = PointMotion("P", "Ball", ZERO, (0.0, 0.0, 1.0), law)
-    run = simulate(scene([ball], motions=(motion,)), dt=0.01, t_final=2.0)
+    run = simulate(build_model([ball], motions=(motion,)), dt=0.01, t_final=2.0)
     assert run.of("position")[:, 2] == pytest.approx(0.3 * np.sin(5 * run.time), abs=1e-12)
     assert run.of("position")[:, 1] == pytest.approx(run.time, abs=1e-11)
 
@@ -354,15 +356,15 @@ def test_a_rolling_disk_goes_in_a_circle(beta, precession):
     e, d = s * X + c * Z, -c * X + s * Z
     tau = np.cross(e, d)
     spin = w3 * e + W * s * d
-    turn = from_axis_angle((0.0, 1.0, 0.0), beta)
-    own = body("Disk", mass=m, inertia=(A, A, C), position=(0.0, 0.0, a * s), orientation=turn)
+    rotation = from_axis_angle((0.0, 1.0, 0.0), beta)
+    own = body("Disk", mass=m, inertia=(A, A, C), position=(0.0, 0.0, a * s), orientation=rotation)
     R = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
     v = a * w3 * tau
     own = replace(own, velocity=vector(R.T @ v), angular_velocity=vector(R.T @ spin))
     frame = Frame(np.zeros(3), np.eye(3))
     sample = Sample([], a * s * Z, tuple(R.T), (("radius", a),))
     joint = joint_between([own], "rollingDisk", "Roll", EARTH, "Disk", frame, sample)
-    model = replace(scene([own], [joint], gravity=(0.0, 0.0, -G)), velocity="refuse")
+    model = replace(build_model([own], [joint], gravity=(0.0, 0.0, -G)), velocity="refuse")
     run = simulate(model, dt=0.002, t_final=3.0)
     # Steady to the order of the step.
     assert run.of("position")[:, 2] == pytest.approx(a * s, abs=2e-4)

@@ -1,4 +1,4 @@
-"""Scenes far from what a step resolves, or from each other's size: they run, and stay bounded."""
+"""Models far from what a step resolves, or from each other's size: they run, and stay bounded."""
 
 from dataclasses import replace
 
@@ -19,15 +19,15 @@ TILT = 1e-3
 
 @every_scheme
 @pytest.mark.parametrize("spin", [1e3, 1e4, 1e5])
-def test_a_sleeping_top_sleeps_however_many_turns_a_step(spin, scheme):
+def test_a_sleeping_top_sleeps_however_many_revolutions_a_step(spin, scheme):
     """Ten to a thousand radians a step of 1 ms: it precesses at m g a / (C w), tilted as it was."""
     model = deck("top_1")
-    turn = from_axis_angle((1.0, 0.0, 0.0), TILT)
+    rotation = from_axis_angle((1.0, 0.0, 0.0), TILT)
     (body,) = model.bodies
     body = replace(
         body,
-        position=times(matrix(turn), HEIGHT),
-        orientation=turn,
+        position=times(matrix(rotation), HEIGHT),
+        orientation=rotation,
         velocity=ZERO,
         angular_velocity=(0.0, 0.0, spin),
     )
@@ -39,7 +39,7 @@ def test_a_sleeping_top_sleeps_however_many_turns_a_step(spin, scheme):
     assert np.ptp(x[:, 2]) < 1e-12
     rate = 1.0 * 3.0 * 0.2 / (0.75 * spin)
     precession = np.arctan2(x[-1, 0] - x[0, 0], -x[-1, 1])
-    # The discrete nutation, one turn of some 2e-8 rad a step, is a part of 1e-3 of the way.
+    # The discrete nutation, one rotation of some 2e-8 rad a step, is 1e-3 of the displacement.
     assert abs(precession) == pytest.approx(2.0 * rate, rel=2e-2)
 
 

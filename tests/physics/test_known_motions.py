@@ -11,7 +11,17 @@ from msahl.algebra.vector import ZERO
 from msahl.deck import read_deck
 from msahl.model import ConcentratedLoad
 from msahl.system.names import work_columns
-from tests.support.models import DECKS, GROUND, body, deck, frame, loaded, pendulum, scene, simulate
+from tests.support.models import (
+    DECKS,
+    GROUND,
+    body,
+    build_model,
+    deck,
+    frame,
+    loaded,
+    pendulum,
+    simulate,
+)
 from tests.support.reference_motions import PendulumChain, euler_motion, pendulum_path, top_path
 
 TOPS = {1: (0.0, 0.9888, 7.5167), 2: (0.0, 0.20905, 6.2964), 3: (0.0, 0.0, 6.3794)}
@@ -41,7 +51,7 @@ def test_the_single_pendulum_is_approached_with_order_two(degrees):
 
 @pytest.mark.parametrize(("degrees", "t_final"), [(45, 10.0), (89, 10.0), (135, 5.0)])
 def test_the_double_pendulum_is_approached_with_order_two(degrees, t_final):
-    # At 135 degrees the bobs fly through a sharp turn before 10 s; coarse steps miss it.
+    # At 135 degrees the bobs fly through a sharp rotation before 10 s; coarse steps miss it.
     steps = [0.008, 0.004, 0.002, 0.001]
     known = PendulumChain(2).path(np.radians(degrees), [0.0, t_final])[-1, 1]
     errors = at_rest_of(deck(f"double_pendulum_{degrees}"), t_final, steps, known)
@@ -169,7 +179,7 @@ def test_a_thrown_body_follows_the_parabola_exactly(h):
     assert spin == pytest.approx(np.broadcast_to((0.0, 20.0, 0.0), spin.shape), abs=1e-11)
 
 
-def test_a_wobbling_cylinder_turns_as_it_should():
+def test_a_wobbling_cylinder_rotates_as_it_should():
     run = simulate(deck("ballistic_cylinder"), dt=0.0005)
     angle = 30 * (0.02 - 0.19 / 3) / (0.19 / 3) * run.time
     known = np.stack([2 * np.cos(angle), 2 * np.sin(angle), np.full_like(angle, 30.0)], axis=1)
@@ -235,8 +245,8 @@ def test_an_offset_body_swings_as_eulers_equations_say():
     # The h^4 that extrapolation leaves is 1.4e-6 here, and falls by 16 when h is halved.
     spins = [run.of("spin")[-1] for run in runs]
     assert (4 * spins[1] - spins[0]) / 3 == pytest.approx(w[-1], abs=5e-6)
-    turns = [run.matrices()[-1] for run in runs]
-    assert (4 * turns[1] - turns[0]) / 3 == pytest.approx(R[-1], abs=5e-6)
+    rotations = [run.matrices()[-1] for run in runs]
+    assert (4 * rotations[1] - rotations[0]) / 3 == pytest.approx(R[-1], abs=5e-6)
     places = [run.of("position")[-1] for run in runs]
     assert (4 * places[1] - places[0]) / 3 == pytest.approx(-R[-1] @ pivot, abs=5e-6)
 
@@ -247,7 +257,7 @@ def test_an_offset_body_swings_as_eulers_equations_say():
 def test_positions_do_not_wear_out():
     """A kilometre out, a hundred thousand small steps; plain sums would lose 1e-9 m."""
     far = body("A", position=(1000.0, 0.0, 0.0), velocity=(1.0 / 3.0, 0.1, 0.0))
-    run = simulate(scene([far]), dt=1e-4, t_final=10.0, every=1000)
+    run = simulate(build_model([far]), dt=1e-4, t_final=10.0, every=1000)
     known = np.array([1000.0, 0.0, 0.0]) + run.time[:, None] * np.array([1.0 / 3.0, 0.1, 0.0])
     # A rounding or two of a number of 1000.
     assert np.abs(run.of("position") - known).max() < 5e-13
@@ -255,10 +265,10 @@ def test_positions_do_not_wear_out():
 
 @pytest.mark.parametrize("away", [0.0, 1000.0])
 def test_forces_stay_quiet_at_tiny_steps_and_far_out(away):
-    """The gap is followed by increments: its round-off is that of a step, not of a place.
+    """The violation is followed by increments: its round-off is that of a step, not of a place.
 
-    The force is the gap's round-off times 2 m/h^2 = 4e12 N/m: 1e-3 N from a place at 1 m, 1 N from
-    one at 1 km, 1e-5 N from the arm's change in a step at 0.1 m/s.
+    The force is the violation's rounding error times 2 m/h^2 = 4e12 N/m: 1e-3 N from a
+    place at 1 m, 1 N from one at 1 km, 1e-5 N from the arm's change in a step at 0.1 m/s.
     """
     model = pendulum()
     place = (away, 0.0, 0.0)
@@ -278,14 +288,14 @@ def test_initial_reactions_follow_from_the_accelerations(n, degrees):
     name = ["single", "double", "triple"][n - 1]
     path = deck("triple_pendulum_5" if n == 3 else f"{name}_pendulum_45")
     bodies = []
-    turn = from_axis_angle((0.0, 1.0, 0.0), np.radians(degrees))
+    rotation = from_axis_angle((0.0, 1.0, 0.0), np.radians(degrees))
     for k, old in enumerate(path.bodies):
         place = (
             5.0 * (k + 1) * np.array([np.sin(np.radians(degrees)), 0, np.cos(np.radians(degrees))])
         )
-        bodies.append(body(old.name, position=tuple(map(float, place)), orientation=turn))
+        bodies.append(body(old.name, position=tuple(map(float, place)), orientation=rotation))
     run = simulate(
-        scene(bodies, path.joints, gravity=path.gravity, grounds=path.grounds),
+        build_model(bodies, path.joints, gravity=path.gravity, grounds=path.grounds),
         dt=0.01,
         t_final=0.01,
     )
@@ -304,7 +314,7 @@ def test_the_tops_velocity_is_made_to_fit_its_spin(case, speed):
 
 
 def test_velocities_that_no_translation_mends_change_by_the_least_mass():
-    """A rod with both ends on the ground can turn about itself alone."""
+    """A rod with both ends on the ground can rotate about itself alone."""
     ends = (-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)
     rod = frame([ends], [(None, 0, end) for end in ends])
     spun = replace(rod.bodies[0], angular_velocity=(3.0, 0.0, 0.0))
@@ -354,7 +364,7 @@ def test_every_deck_keeps_its_energy_and_its_joints(path, h):
     assert extremes["constraintViolationMax"] < 1e-9
     balance, kinetic = energy_balance(run)
     error = np.abs(balance - balance[0]).max()
-    # run.json tells what the published rows show, to their round-off.
+    # run.json reports what the published rows show, to their round-off.
     size = np.abs(balance).max() + np.abs(run.work[:, 1:]).max(initial=0.0)
     slack = 1e-14 * size + 1e-13 * kinetic.max()
     assert extremes["energyErrorMax"] == pytest.approx(error, abs=4 * slack)
@@ -373,7 +383,7 @@ def test_the_work_of_loads_is_the_energy_gained(seed, h):
 def test_a_constant_push_gives_a_parabola_and_its_work():
     thrown = body("A", mass=2.0, inertia=(0.1, 0.2, 0.25))
     push = ConcentratedLoad("P", "A", ZERO, (4.0, 0.0, -2.0), GROUND.name, ZERO, GROUND.name)
-    run = simulate(scene([thrown], loads=[push]), dt=0.1, t_final=2.0)
+    run = simulate(build_model([thrown], loads=[push]), dt=0.1, t_final=2.0)
     t = run.time[:, None]
     assert run.of("position") == pytest.approx(t**2 * np.array([1.0, 0.0, -0.5]), abs=1e-12)
     assert run.work[:, 1] == pytest.approx(5.0 * run.time**2, abs=1e-12)

@@ -1,4 +1,4 @@
-"""Whole mechanisms: published numbers, redundant loops, assembly, starts that are refused."""
+"""Complete mechanisms: published numbers, redundant loops, assembly, starts that are refused."""
 
 import json
 from dataclasses import replace
@@ -15,7 +15,7 @@ from msahl.cli.main import main
 from msahl.model import Joint, JointMotion, Law
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.start.velocities import StartError
-from tests.support.models import GROUND, deck, pendulum, scene, simulate
+from tests.support.models import GROUND, build_model, deck, pendulum, simulate
 from tests.support.models import body as new_body
 
 DECKS = Path(__file__).parents[2] / "decks"
@@ -25,8 +25,8 @@ BETA, THETA = 15.81077119629904, -15.75637105984298
 BETA_0 = -0.0617138900142764
 
 
-def turned(run, body):
-    """Angle about z from the start, counted over all turns, at the end."""
+def rotated(run, body):
+    """Angle about z from the start, counted over all revolutions, at the end."""
     R = run.matrices(body)
     angle = np.unwrap(np.arctan2(R[:, 1, 0], R[:, 0, 0]))
     return angle[-1] - angle[0]
@@ -38,8 +38,8 @@ def test_andrews_squeezer_comes_to_its_reference_with_order_two():
     found = []
     for h in (4e-5, 2e-5, 1e-5, 5e-6):
         run = simulate(model, dt=h, t_final=0.03, solver="newton")
-        beta = BETA_0 + turned(run, names.index("K1"))
-        found.append((beta, BETA_0 + turned(run, names.index("K2")) - beta))
+        beta = BETA_0 + rotated(run, names.index("K1"))
+        found.append((beta, BETA_0 + rotated(run, names.index("K2")) - beta))
         assert run.report.extremes["energyErrorMaxRelative"] < 1e-10
         assert run.report.extremes["constraintViolationMax"] < 1e-13
         # All that comes in is the moment's work, and a term that vanishes with the step.
@@ -94,10 +94,10 @@ def test_forces_of_a_four_bar_are_unique_in_its_plane():
         assert run.force(j)[:, ::2] == pytest.approx(known, abs=1e-9 * np.abs(known).max())
 
 
-def test_reactions_that_cease_to_be_unique_on_the_way():
+def test_reactions_that_cease_to_be_unique_during_the_motion():
     """A door on two hinges, of which one would do; their axis, along x at first, is carried round.
 
-    Hinges bear no moment about their axis, so Mx is unique until the axis has turned.
+    Hinges bear no moment about their axis, so Mx is unique until the axis has rotated.
     """
     X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     frame = new_body("Frame", 2.0, 0.1, position=X)
@@ -106,8 +106,8 @@ def test_reactions_that_cease_to_be_unique_on_the_way():
     for name, x in (("H1", -0.4), ("H2", 0.4)):
         ends = ((x, 0.0, 0.0), (x, -0.5, 0.0))
         joints.append(Joint(name, "revolute", "Frame", "Door", *ends, (Y, Z, X), (Y, Z, X)))
-    turn = JointMotion("Turn", "Post", "angle", Law("polynomial", (0.0, 1.0)))
-    model = scene([frame, door], joints, gravity=(0.0, 0.0, -9.8), motions=(turn,))
+    rotation = JointMotion("Rotation", "Post", "angle", Law("polynomial", (0.0, 1.0)))
+    model = build_model([frame, door], joints, gravity=(0.0, 0.0, -9.8), motions=(rotation,))
     at_first = SubsystemIntegrator(model, "newton", full=False, chunk=1).shared
     assert at_first == {name: ["Fx", "Fy", "Fz", "My", "Mz"] for name in ("H1", "H2")}
     later = simulate(model, dt=0.01, t_final=0.5).report.nonUniqueReactions
@@ -119,13 +119,13 @@ def shaken(model, size, seed=0):
     rng = np.random.default_rng(seed)
     bodies = []
     for body in model.bodies:
-        turn = from_axis_angle(tuple(rng.normal(size=3).tolist()), size * rng.normal())
+        rotation = from_axis_angle(tuple(rng.normal(size=3).tolist()), size * rng.normal())
         place = np.add(body.position, size * rng.normal(size=3))
         bodies.append(
             replace(
                 body,
                 position=tuple(place.tolist()),
-                orientation=compose(turn, body.orientation),
+                orientation=compose(rotation, body.orientation),
             )
         )
     return replace(model, bodies=tuple(bodies))
@@ -139,7 +139,7 @@ def test_a_loop_given_about_right_is_closed(name):
     assert "joints open by 0.0" in told
     for body in model.bodies:
         assert f"body '{body.name}' by " in told
-    # Closed from the first row on; Bricard's also slips along its freedom.
+    # Closed from the first row on; Bricard's also slips along its degree of freedom.
     assert run.report.extremes["constraintViolationMax"] < 1e-11
     for b in range(len(model.bodies)):
         moved = run.of("position", b)[0] - model.bodies[b].position

@@ -1,4 +1,4 @@
-"""The thesis's scenes at the thesis's steps, and the conditions in which its program died.
+"""The thesis's models at the thesis's steps, and the conditions in which its program died.
 
 Hainge (2010) lost the double pendulum after 19 to 26 s of 100 at a step of 0.002 s, and no step of
 any triple pendulum converged.
@@ -23,7 +23,7 @@ def check(run, t_final, h):
     report, extremes = run.report, run.report.extremes
     assert (report.status, report.message) == ("completed", "")
     assert (report.steps, report.time) == (round(t_final / h), t_final)
-    # The promise of the method, over all steps: round-off, some 1e-13, with room to spare.
+    # The promise of the method, over all steps: round-off, some 1e-13, with workspace to spare.
     assert extremes["energyErrorMaxRelative"] < 1e-9
     assert extremes["constraintViolationMax"] < 1e-9
 
@@ -71,16 +71,16 @@ def test_the_jacobian_is_as_well_conditioned_at_small_steps(path):
     """Unscaled, its condition number would grow as h^-2: by 1e10 from the first to the last."""
     conditions = []
     for h in (0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6):
-        scene = SubsystemIntegrator(read_deck(path), "newton", True, 1).workspace
-        size = scene.unknowns.free.size
-        equations.predict(scene.system, scene.state, scene.start, h, scene.Z)
-        z = scene.Z.reshape(-1)[scene.unknowns.free].copy()
+        workspace = SubsystemIntegrator(read_deck(path), "newton", True, 1).workspace
+        size = workspace.unknowns.free.size
+        equations.predict(workspace.system, workspace.state, workspace.start, h, workspace.Z)
+        z = workspace.Z.reshape(-1)[workspace.unknowns.free].copy()
         A = np.zeros(size * size)
-        given = (scene.system, scene.unknowns, scene.state, scene.start, h, z)
-        dense.jacobian(*given, scene.Z, scene.F, scene.values, A)
+        given = (workspace.system, workspace.unknowns, workspace.state, workspace.start, h, z)
+        dense.jacobian(*given, workspace.Z, workspace.F, workspace.values, A)
         conditions.append(np.linalg.cond(A.reshape(size, size)))
     # The unknowns and rows are lengths whatever h, so the matrix tends to a limit; what is left of
-    # h is the motion over the step itself: the tops turn by up to 0.76 rad in 0.1 s.
+    # h is the motion over the step itself: the tops rotate by up to 0.76 rad in 0.1 s.
     assert np.array(conditions) == pytest.approx(conditions[-1], rel=0.05)
     # The pendulums' bobs are small beside their arms: (L/k)^2 = 6250, and a little more.
     assert max(conditions) < 1.5e4

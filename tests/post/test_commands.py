@@ -49,9 +49,7 @@ def test_a_partial_and_a_thinned_run_say_so(tmp_path):
     write(tmp_path / "thin", states[::4], reactions[::4], info=info)
     result = call("work", tmp_path / "part", tmp_path / "thin")
     assert result.exit_code == 0
-    assert (
-        "part: the run is incomplete (killed, results to t = 0.4 s of 0.4 s)" in result.stderr
-    )
+    assert "part: the run is incomplete (killed, results to t = 0.4 s of 0.4 s)" in result.stderr
     assert "thin: virtual work is not available: only one of 4 steps" in result.stderr
     assert call("plot", tmp_path / "thin", "work", "-o", tmp_path).exit_code == 2
 
@@ -97,7 +95,7 @@ def test_report_holds_everything(run):
         assert (run / "report" / picture).read_bytes().startswith(b"\x89PNG")
 
 
-def test_compare_tells_by_its_status(run, tmp_path):
+def test_compare_reports_by_its_status(run, tmp_path):
     write(tmp_path / "reference")
     assert call("compare", run, tmp_path / "reference").exit_code == 0
     states, reactions = conical_rows()

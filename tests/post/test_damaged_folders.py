@@ -148,7 +148,7 @@ def test_whatever_a_run_json_holds_it_is_refused_or_read(run, text, light):
     (run / "run.json").write_text(text, errors="surrogatepass")
     for name in ("energy", "verdict", "report"):
         result = post_of(run, name)
-        # An object without known fields says as little as no file: the tables may be whole.
+        # An object without known fields says as little as no file: the tables may be complete.
         empty = text in ("{}", '{"a": [1]}')
         assert result.exit_code == (2 if not empty or "no verdict" in result.stderr else
                                     1 if name == "verdict" else 0)  # fmt: skip
@@ -176,7 +176,7 @@ def test_every_field_may_hold_any_json_value(run, light):
 
 
 def test_a_report_and_its_verdict_of_each_field_alone(run, light):
-    """What is left out of run.json is not needed, and its parts are."""
+    """What is omitted of run.json is not needed, and its parts are."""
     for path in places(INFO):
         if isinstance(path[-1], int):
             continue
@@ -289,7 +289,7 @@ def test_compare_refuses_tables_without_order(run, tmp_path, case):
         assert told in result.stderr
 
 
-def test_without_run_json_whole_tables_have_as_many_rows_as_each_other(run):
+def test_without_run_json_complete_tables_have_as_many_rows_as_each_other(run):
     (run / "run.json").unlink()
     assert len(read_run(run).time) == ROWS
     edited("reactions.csv", rows(lambda r: r[:-1]))(run)

@@ -1,4 +1,4 @@
-"""Events between rows: their times against closed forms, and what they are known to."""
+"""Events between output times: their times against closed forms, and what they are known to."""
 
 import json
 from pathlib import Path
@@ -48,7 +48,7 @@ def test_passages_are_where_the_closed_form_passes(folder):
     assert np.ptp(np.diff([e.time for e in found])) <= 1e-9
 
 
-def test_turns_are_where_the_pendulum_stands(folder):
+def test_extrema_are_where_the_pendulum_stands(folder):
     run = read_run(folder)
     bob = run.model.bodies[0].name
     for event in extrema(run, f"{bob}.x"):
@@ -65,17 +65,17 @@ def rows_of(values, end, rows=101):
 
 @pytest.mark.parametrize("noise", [0.0, 1e-12])
 @pytest.mark.parametrize("factor", [1.0, 1e-9, -5.0])
-def test_where_a_run_starts_or_ends_at_rest_nothing_turns(factor, noise):
+def test_where_a_run_starts_or_ends_at_rest_there_is_no_extremum(factor, noise):
     # The motion of one who begins at rest, and is at rest again at the end of the second period.
     grain = np.random.default_rng(7).normal(size=101)
     run = rows_of(lambda t: factor * (np.cos(t) + noise * grain), 4.0 * np.pi)
     found = [event.time for event in extrema(run, "Bob.x")]
-    # 50 rows a period: degree 5 places a turn to 1e-6 of a row's spacing; noise moves it by itself
-    # over the spacing and the acceleration.
+    # 50 rows a period: degree 5 places a rotation to 1e-6 of a row's spacing; noise moves it by
+    # itself over the spacing and the acceleration.
     assert found == pytest.approx([np.pi, 2.0 * np.pi, 3.0 * np.pi], abs=1e-6)
 
 
-def test_the_pendulum_does_not_turn_where_it_starts(folder):
+def test_the_pendulum_does_not_rotation_where_it_starts(folder):
     run = read_run(folder)
     bob = run.model.bodies[0].name
     first = extrema(run, f"{bob}.x")[0].time
@@ -85,7 +85,7 @@ def test_the_pendulum_does_not_turn_where_it_starts(folder):
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_what_rests_for_an_instant_and_goes_on_does_not_turn(sign):
+def test_what_rests_for_an_instant_and_goes_on_does_not_rotation(sign):
     assert extrema(rows_of(lambda t: sign * (t - 0.513) ** 3, 1.0), "Bob.x") == []
 
 
@@ -104,7 +104,10 @@ def test_the_command_and_what_it_refuses(folder):
     result = CliRunner().invoke(post, ["events", str(folder), f"{bob}.x", "--at", "0", "--json"])
     assert result.exit_code == 0
     assert len(json.loads(result.stdout)) == 4
-    for column, word in (("Nobody.x", "no column"), (f"{bob}.P1", "discontinuous at rotations by 180 degrees")):
+    for column, word in (
+        ("Nobody.x", "no column"),
+        (f"{bob}.P1", "discontinuous at rotations by 180 degrees"),
+    ):
         with pytest.raises(ResultError, match=word):
             crossings(read_run(folder), column, 0.0)
         assert CliRunner().invoke(post, ["events", str(folder), column]).exit_code == 2

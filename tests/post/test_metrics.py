@@ -1,4 +1,4 @@
-"""Measures of hand-made runs whose energies, gaps and works are known in closed form."""
+"""Measures of hand-made runs whose energies, violations and works are known in closed form."""
 
 import json
 import math
@@ -14,8 +14,8 @@ from msahl.post.summary import energy_table, no_work_note, partial_note, work_ta
 from msahl.post.table import as_csv, as_json, as_text
 from msahl.post.tolerance import Tolerance
 from msahl.results.read import ResultError, read_run, read_table
-from msahl.schemes.midpoint import equations
-from msahl.system.arrays import new_start
+from msahl.system import evaluate
+from msahl.system.arrays import new_system_workspace
 from msahl.system.build import build_system
 from msahl.system.state import build_state
 from tests.support.run_folders import (
@@ -56,7 +56,7 @@ def test_energies_are_those_of_the_formulas(tmp_path):
     assert energy.potential == pytest.approx(-MASS * GRAVITY * depth, rel=ROUND_OFF)
 
 
-def test_a_moved_row_shows_its_gap_its_energy_and_its_work(tmp_path):
+def test_a_moved_row_shows_its_violation_its_energy_and_its_work(tmp_path):
     states, reactions = conical_rows()
     move = np.array([1e-3, -2e-3, 4e-3])
     states[3, 1:4] += move
@@ -73,7 +73,7 @@ def test_a_moved_row_shows_its_gap_its_energy_and_its_work(tmp_path):
     assert sharp[3] == pytest.approx(-force[4] @ move, rel=1e-10)
 
 
-def test_a_row_with_another_velocity_shows_its_gap_rate(tmp_path):
+def test_a_row_with_another_velocity_shows_its_violation_rate(tmp_path):
     states, reactions = conical_rows()
     kick = np.array([0.1, 0.2, -0.3])
     states[5, 7:10] += kick  # body axes: the size is the same in any
@@ -84,7 +84,7 @@ def test_a_row_with_another_velocity_shows_its_gap_rate(tmp_path):
 
 def test_hainges_measure_by_hand(tmp_path):
     # The true mean force over a step points along its middle, the velocity carried to the end of
-    # the step lies half a step's turn ahead: lam . C V dt = m Omega^3 r^2 sin(Omega dt / 2) dt.
+    # the step lies half a step's rotation ahead: lam . C V dt = m Omega^3 r^2 sin(Omega dt / 2) dt.
     states, reactions = conical_rows(force_at=-0.5 * DT)
     work = compute_metrics(read_conical(tmp_path, states, reactions)).work
     expected = MASS * OMEGA**3 * RADIUS**2 * math.sin(0.5 * OMEGA * DT) * DT
@@ -110,8 +110,8 @@ def test_recall_undoes_publish(tmp_path):
     rng = np.random.default_rng(5)
     for array in (state.x, state.p, state.v, state.w):
         array[0] = rng.normal(size=3)
-    start, table = new_start(system, state), np.zeros((1, 12))
-    equations.prepare(system, state, start)
+    start, table = new_system_workspace(system, state), np.zeros((1, 12))
+    evaluate.prepare(system, state, start)
     rigid_body.write_states(system.bodies, state.x, state.p, start.frames, state.w, table, 0)
     rigid_body.read_states(system.bodies, table, 0, found.x, found.p, found.v, found.w)
     for name in ("x", "p", "v", "w"):
@@ -147,7 +147,7 @@ def test_an_error_over_no_energy_is_undefined(rest):
     assert energy.error_over_kinetic.max == pytest.approx(0.025)
 
 
-def test_a_scene_at_rest_has_no_kinetic_energy_to_compare_with():
+def test_a_model_at_rest_has_no_kinetic_energy_to_compare_with():
     assert energy_of([0.0, 0.0], [1.0, 1.0]).error_over_kinetic is None
 
 
@@ -174,7 +174,7 @@ def test_a_thinned_run_has_no_virtual_work(tmp_path, told):
     assert "n/a" in as_text(work_table([("run", metrics)]))
 
 
-def test_a_run_cut_off_is_read_to_its_last_whole_row(tmp_path):
+def test_a_run_cut_off_is_read_to_its_last_complete_row(tmp_path):
     write_conical(tmp_path, whole=False)
     part = tmp_path / "states.csv.part"
     text = part.read_text()
@@ -302,7 +302,7 @@ class TestCompare:
         with pytest.raises(ResultError, match="no output times"):
             compare(*pair, Tolerance(), until=-1.0)
 
-    def test_an_orientation_and_its_shadow_are_the_same(self, pair):
+    def test_an_orientation_and_its_shadow_parameters_are_the_same(self, pair):
         states, _ = conical_rows()
         p = np.array([3.9, 0.5, -0.7])
         states[6, 4:7] = p

@@ -23,15 +23,15 @@ def run(tmp_path_factory):
     return read_run(folder)
 
 
-def test_a_turned_vector_keeps_its_length(run):
+def test_a_rotated_vector_keeps_its_length(run):
     columns, rows = in_joint_axes(run)
     own = dict(zip(columns, rows.T, strict=True))
     for joint in run.model.joints:
         names = [f"{joint.name}.F{c}" for c in "xyz"]
-        turned = np.linalg.norm([own[name] for name in names], axis=0)
+        rotated = np.linalg.norm([own[name] for name in names], axis=0)
         given = np.linalg.norm(run.reactions[names].to_numpy(), axis=1)
         # Both are lengths of the same vectors; three products of round-off each.
-        np.testing.assert_allclose(turned, given, rtol=1e-13)
+        np.testing.assert_allclose(rotated, given, rtol=1e-13)
 
 
 def test_a_hinge_has_no_moment_about_its_own_axis(run):

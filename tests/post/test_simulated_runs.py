@@ -1,4 +1,4 @@
-"""Measures of real runs with drives, springs, redundant joints and joints of many kinds."""
+"""Measures of real runs with joint motions, springs, redundant joints and joints of many kinds."""
 
 from pathlib import Path
 
@@ -59,13 +59,13 @@ def test_ideal_joints_do_no_work_and_stay_closed(run_of, deck):
 def test_the_work_of_the_reaction_sees_forces_and_moments(run_of):
     run = run_of("joints/revolute")
     columns = [f"Hinge.{c}" for c in ("Mx", "My", "Mz")]
-    turned = run.reactions.copy()
-    turned[columns] += 1.0  # along the axis as well, where an ideal joint has none
-    wrong = compute_metrics(run.__class__(**(vars(run) | {"reactions": turned}))).work.reaction
+    rotated = run.reactions.copy()
+    rotated[columns] += 1.0  # along the axis as well, where an ideal joint has none
+    wrong = compute_metrics(run.__class__(**(vars(run) | {"reactions": rotated}))).work.reaction
     assert np.abs(wrong).max() > 1e-4
 
 
-def test_a_drive_has_load_work_and_a_gap_in_radians(run_of):
+def test_a_joint_motion_has_load_work_and_a_violation_in_radians(run_of):
     run = run_of("forces/joint_motion_sine")
     metrics = compute_metrics(run)
     found = metrics.constraints
@@ -82,7 +82,7 @@ def test_a_drive_has_load_work_and_a_gap_in_radians(run_of):
 
 
 @pytest.mark.parametrize("deck", ["forces/joint_motion_constant", "mechanisms/four_bar"])
-def test_turns_are_counted_in_thinned_runs(run_of, deck):
+def test_revolutions_are_counted_in_thinned_runs(run_of, deck):
     found = compute_metrics(run_of(deck, "--every", "37")).constraints
     motor = found.names.index("Motor")
     assert found.violation[:, motor, 1].max() < ROUND_OFF

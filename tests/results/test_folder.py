@@ -77,7 +77,7 @@ def _no_step(deck, monkeypatch):
     return 3
 
 
-def _no_room(deck, monkeypatch):
+def _no_workspace(deck, monkeypatch):
     append = Table._append
 
     def full(self, text):
@@ -102,7 +102,7 @@ def _no_name(deck, monkeypatch):
     return 4
 
 
-@pytest.mark.parametrize("fail", [_no_deck, _no_start, _no_step, _no_room, _no_name])
+@pytest.mark.parametrize("fail", [_no_deck, _no_start, _no_step, _no_workspace, _no_name])
 def test_a_run_that_fails_leaves_the_complete_one_before_it(tmp_path, monkeypatch, fail):
     deck, out = tmp_path / "deck.xml", tmp_path / "out"
     deck.write_bytes(SINGLE.read_bytes())
@@ -309,7 +309,7 @@ def test_a_table_that_became_a_link_is_not_gone_on_with(tmp_path, monkeypatch):
 # The folder's own end, and that of stderr ---------------------------------------------------------
 
 
-def test_a_folder_removed_during_the_run_is_told(tmp_path, monkeypatch):
+def test_a_folder_removed_during_the_run_is_reported(tmp_path, monkeypatch):
     def remove(self, *tables):
         for path in self.folder.iterdir():
             path.unlink()
@@ -318,7 +318,7 @@ def test_a_folder_removed_during_the_run_is_told(tmp_path, monkeypatch):
     monkeypatch.setattr(RunFolder, "write", remove)
     told = run(SINGLE, "--dt", 0.01, "--t-final", 0.01, "-o", tmp_path / "out", status=4)
     assert "the folder was removed or renamed while the run wrote into it" in told
-    assert "Make room" not in told
+    assert "Make workspace" not in told
 
 
 def test_an_empty_name_is_no_folder():

@@ -1,4 +1,4 @@
-"""Tables on disk: every number as it was, whole or visibly partial, never of two runs."""
+"""Tables on disk: every number as it was, complete or visibly partial, never of two runs."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,7 @@ def test_numbers_read_back_bit_for_bit(tmp_path):
     assert np.array_equal(bits(table), states.view(np.int64))
 
 
-def test_a_table_has_its_name_only_when_it_is_whole(tmp_path):
+def test_a_table_has_its_name_only_when_it_is_complete(tmp_path):
     rows = rows_of(np.ones((3, 13)))
     with folder_of(tmp_path) as results:
         results.write(*rows, NO_ERRORS)
@@ -98,10 +98,10 @@ def test_rows_of_the_equations_have_words():
     system = build_system(model)
     assert describe_row(model, system, 2) == "body 'Bob', force along z"
     assert describe_row(model, system, 4) == "body 'Bob', moment about y"
-    assert describe_row(model, system, 12) == "joint 'Pivot', gap along x"
+    assert describe_row(model, system, 12) == "joint 'Pivot', violation along x"
 
 
-def test_json_is_written_whole(tmp_path):
+def test_json_is_written_complete(tmp_path):
     write_json(tmp_path / "run.json", {"a": 1.5, "b": None})
     assert (tmp_path / "run.json").read_text() == '{\n  "a": 1.5,\n  "b": null\n}\n'
     assert not list(tmp_path.glob("*.part"))

@@ -22,9 +22,9 @@ NEAR = (0.3, 10.0)
 def true_errors(run):
     """(rows,) true error of positions, from the closed form of a deck of one body."""
     exact = recognise(run.model).states(run.time).reshape(len(run.time), 12)
-    way = np.linalg.norm(run.of("position") - exact[:, :3], axis=1)
-    turn = angles(run.of("orientation"), exact[:, 3:6])
-    return way, turn
+    distance = np.linalg.norm(run.of("position") - exact[:, :3], axis=1)
+    rotation = angles(run.of("orientation"), exact[:, 3:6])
+    return distance, rotation
 
 
 @pytest.mark.parametrize(
@@ -34,10 +34,10 @@ def true_errors(run):
 def test_the_estimate_is_near_the_error_at_every_time(name, scheme):
     dt = 0.1 if scheme == "gauss4" else 0.02
     run = simulate(deck(name), dt=dt, t_final=2.0, scheme=scheme, error="estimate")
-    way, _ = true_errors(run)
+    distance, _ = true_errors(run)
     # Where the error has a zero in time, or is round-off, the quotient says nothing.
-    told = way > np.maximum(0.1 * way.max(), 1e-11)
-    ratio = run.errors[told, 1] / way[told]
+    told = distance > np.maximum(0.1 * distance.max(), 1e-11)
+    ratio = run.errors[told, 1] / distance[told]
     assert told.any()
     assert (ratio > NEAR[0]).all()
     assert (ratio < NEAR[1]).all()
@@ -48,8 +48,8 @@ def test_a_companion_of_higher_order_serves_as_well(monkeypatch, scheme):
     monkeypatch.setattr(error_estimate, "WORTH", 0.0)
     run = simulate(deck("single_pendulum_89"), dt=0.01, t_final=2.0, scheme=scheme, every=3)
     assert "steps in one" in run.report.error["companion"]
-    way, _ = true_errors(run)
-    assert run.report.error["position"] == pytest.approx(SAFETY * way.max(), rel=0.05)
+    distance, _ = true_errors(run)
+    assert run.report.error["position"] == pytest.approx(SAFETY * distance.max(), rel=0.05)
     assert np.array_equal(run.errors[:, 0], run.time)
     # Means over steps have no counterpart in a scheme of higher order.
     assert ("force" in run.report.error) == (scheme != "preserving")
@@ -74,10 +74,10 @@ def by_tolerance(model, tolerance, **others):
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
 def test_the_tolerance_bounds_the_global_error(tolerance):
     run = simulate(by_tolerance(deck("single_pendulum_135"), tolerance), dt=0.1, t_final=10.0)
-    way, _ = true_errors(run)
+    distance, _ = true_errors(run)
     error = run.report.error
     assert max(error["position"], error["orientation"]) <= tolerance
-    assert way.max() <= error["position"]
+    assert distance.max() <= error["position"]
     assert run.report.verdict["word"] == PASS
 
 
@@ -97,7 +97,7 @@ def test_a_motion_that_magnifies_errors_is_run_again():
     assert len(run.time) == 161
 
 
-def test_beyond_double_precision_the_time_is_told():
+def test_beyond_double_precision_the_time_is_reported():
     """90 degrees: chaotic after 20 s or so; round-off is a metre before 60 s."""
     run = simulate(by_tolerance(deck("chaos_90"), 1e-9), dt=0.5, t_final=80.0)
     assert run.report.status == "completed"
@@ -108,7 +108,7 @@ def test_beyond_double_precision_the_time_is_told():
 
 
 @pytest.mark.parametrize("part", [1.0, 0.5, 0.25])
-def test_a_drive_that_moves_between_the_steps_is_not_passed(part):
+def test_a_joint_motion_that_moves_between_the_steps_is_not_passed(part):
     """A sine whose period is the step, or a part of it: both runs see it at rest."""
     model = deck("joint_motion_sine")
     (joint_motion,) = model.motions
@@ -120,12 +120,12 @@ def test_a_drive_that_moves_between_the_steps_is_not_passed(part):
     assert "up to t = 0 s" in run.report.verdict["reasons"][0]
 
 
-def test_what_rotates_fast_fails_and_is_told_the_remedy():
+def test_what_rotates_fast_fails_with_a_remedy():
     """The top of the thesis at 0.76 rad a step: its phase is lost, and nothing else is wrong."""
     run = simulate(deck("top_1"))
-    _, turn = true_errors(run)
+    _, rotation = true_errors(run)
     length = np.linalg.norm(run.model.joints[0].child_point)
-    assert run.report.error["orientation"] >= length * turn.max()
+    assert run.report.error["orientation"] >= length * rotation.max()
     assert run.report.verdict["word"] == FAIL
     assert "--rotation-update exponential" in run.report.verdict["reasons"][0]
 

@@ -1,4 +1,4 @@
-"""Ways a run can go wrong: each ends in a message, a status, whole rows and a run.json."""
+"""Ways a run can go wrong: each ends in a message, a status, complete rows and a run.json."""
 
 import json
 import re
@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 import msahl.run.loop
+from msahl.cli import main as cli
 from msahl.cli.main import Interruption, main
 from msahl.deck import read_deck
 from msahl.jit import compiled
@@ -46,8 +47,8 @@ def test_the_documents_list_the_statuses():
     """The table of docs/results.md has every status of a run, and that of a bad verdict."""
     text = (ROOT / "docs" / "results.md").read_text()
     listed = dict(re.findall(r"^\| (\d+) \| `([a-z ]+)` \|", text, flags=re.MULTILINE))
-    statuses = {str(number): status for status, number in main.STATUS.items()}
-    assert listed == statuses | {"143": "interrupted", str(main.BAD_VERDICT): "completed"}
+    statuses = {str(number): status for status, number in cli.STATUS.items()}
+    assert listed == statuses | {"143": "interrupted", str(cli.BAD_VERDICT): "completed"}
 
 
 # The disk ----------------------------------------------------------------------------------------
@@ -62,10 +63,10 @@ main()
 """
 
 
-def test_rows_before_a_full_disk_are_whole_and_the_run_can_go_on(tmp_path):
+def test_rows_before_a_full_disk_are_complete_and_the_run_can_go_on(tmp_path):
     """Files may not grow beyond 20 kB, far less than a run of 200 rows of 13 doubles writes."""
     words = [str(word) for word in (SINGLE, "--dt", 0.01, "--t-final", 2.0)]
-    assert call("run", *words, "-o", tmp_path / "whole").exit_code == 0  # compiles, too
+    assert call("run", *words, "-o", tmp_path / "complete").exit_code == 0  # compiles, too
     command = [sys.executable, "-c", SMALL_FILES, "20000", "run", *words, "-o", tmp_path / "out"]
     ran = subprocess.run(command, capture_output=True, text=True, check=False)
     assert ran.returncode == 4, ran.stderr
@@ -73,17 +74,17 @@ def test_rows_before_a_full_disk_are_whole_and_the_run_can_go_on(tmp_path):
     assert told["status"] == "not written"
     assert told["message"] in ran.stderr
     assert "states.csv.part: File too large; rows up to t = " in told["message"]
-    assert "Make room there; go on with: msahl run " in told["message"]
+    assert "Make workspace there; go on with: msahl run " in told["message"]
     assert "Traceback" not in ran.stderr
     run = read_run(tmp_path / "out")
     assert len(run.states) == len(run.reactions) == told["outputTimes"] == told["steps"] + 1 > 50
     for name in ("states.csv", "reactions.csv"):
-        whole = (tmp_path / "whole" / name).read_bytes()
+        complete = (tmp_path / "complete" / name).read_bytes()
         part = (tmp_path / "out" / f"{name}.part").read_bytes()
         assert part.endswith(b"\n")
-        assert whole.startswith(part)
+        assert complete.startswith(part)
     assert call("run", *words, "-o", tmp_path / "out", "--resume").exit_code == 0
-    assert tables(tmp_path / "out") == tables(tmp_path / "whole")
+    assert tables(tmp_path / "out") == tables(tmp_path / "complete")
 
 
 def test_a_table_that_cannot_be_written_takes_no_row_of_the_others(tmp_path, monkeypatch):
@@ -115,23 +116,23 @@ def test_run_json_has_its_room_from_the_start(tmp_path):
     before = part.stat()
     assert before.st_size > ROOM
     write_json(tmp_path / "run.json", {"status": "not written"})
-    # The same file, written over: no more room is needed.
+    # The same file, written over: no more workspace is needed.
     assert (tmp_path / "run.json").stat().st_ino == before.st_ino
     assert info(tmp_path) == {"status": "not written"}
 
 
 @pytest.mark.parametrize("below", ["", "out"])
 def test_a_file_in_the_place_of_the_folder_is_named(tmp_path, below):
-    (tmp_path / "file").write_text("in the way")
+    (tmp_path / "file").write_text("a file")
     for command in ("run", "study"):
         result = call(command, SINGLE, "-o", tmp_path / "file" / below)
         assert result.exit_code == 2, result.output
         assert str(tmp_path / "file") in result.stderr
         assert "choose another folder with -o" in result.stderr
-    assert (tmp_path / "file").read_text() == "in the way"
+    assert (tmp_path / "file").read_text() == "a file"
 
 
-def test_compiled_code_that_cannot_be_kept_is_told_and_the_run_goes_on(tmp_path, monkeypatch):
+def test_compiled_code_that_cannot_be_kept_is_reported_and_the_run_goes_on(tmp_path, monkeypatch):
     """A cache that others can write to is not trusted: code is compiled and not kept."""
     unsafe = Store(tmp_path / "root" / "sources")
     unsafe.save("points-auto", b"")
@@ -177,7 +178,7 @@ def test_a_killed_process_leaves_no_lock(tmp_path):
 # Stopped -----------------------------------------------------------------------------------------
 
 
-def test_a_second_signal_stops_at_once_with_whole_rows(tmp_path, monkeypatch):
+def test_a_second_signal_stops_at_once_with_complete_rows(tmp_path, monkeypatch):
     """It comes in the middle of a write; the rows of that chunk go, those before stay."""
     append, writes = Table._append, []
 
@@ -216,11 +217,11 @@ def test_figures_of_a_run_stopped_at_once_are_of_its_rows(tmp_path, monkeypatch,
         patch.setattr(msahl.run.loop, "CHUNK_SECONDS", 0.0)
         patch.setattr(msahl.run.loop._Run, "_publish", interrupt)
         assert call(*options, "-o", tmp_path / "stopped").exit_code == 130
-    assert call(*options, "--t-final", "0.02", "-o", tmp_path / "whole").exit_code == 0
-    stopped, whole = info(tmp_path / "stopped"), info(tmp_path / "whole")
-    assert stopped["steps"] == whole["steps"] == 2
-    assert stopped["extremes"] == whole["extremes"]
-    assert stopped["iterations"] > whole["iterations"]
+    assert call(*options, "--t-final", "0.02", "-o", tmp_path / "complete").exit_code == 0
+    stopped, complete = info(tmp_path / "stopped"), info(tmp_path / "complete")
+    assert stopped["steps"] == complete["steps"] == 2
+    assert stopped["extremes"] == complete["extremes"]
+    assert stopped["iterations"] > complete["iterations"]
 
 
 def test_a_second_signal_before_the_first_step_is_in_run_json(tmp_path, monkeypatch):
@@ -238,7 +239,7 @@ def test_a_command_that_is_interrupted_says_so_in_one_line(monkeypatch):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(main, "_read", interrupt)
+    monkeypatch.setattr(cli, "_read", interrupt)
     result = call("check", SINGLE)
     assert (result.exit_code, result.stderr) == (130, "msahl: interrupted\n")
 
@@ -350,8 +351,8 @@ def test_a_study_keeps_the_repeats_it_has():
     result = study(plan, ran.append, lambda: len(ran) == 3)
     assert (result.stopped, ran) == (True, ["preserving 0.1", "preserving 0.05", "preserving 0.1"])
     assert [point.trial.dt for point in result.points] == [0.1, 0.05]
-    whole = study(plan)
-    errors = [[p.largest("position") for p in r.points][:2] for r in (result, whole)]
+    complete = study(plan)
+    errors = [[p.largest("position") for p in r.points][:2] for r in (result, complete)]
     assert errors[0] == errors[1]
 
 

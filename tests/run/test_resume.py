@@ -19,7 +19,7 @@ from msahl.deck import read_deck
 from msahl.results.checkpoint import _check
 from msahl.run.loop import Options, run
 from msahl.run.snapshot import ResumeError
-from tests.support.models import DECKS, ROOT, Rows, body, deck, pendulum, scene
+from tests.support.models import DECKS, ROOT, Rows, body, build_model, deck, pendulum
 from tests.system.test_nonfinite import push
 
 THESIS = ROOT / "decks" / "thesis"
@@ -31,12 +31,12 @@ VARIANTS = [
     for reactions in ("mean", "instantaneous")
 ]
 COUNTED = (
-    "outputTimes",
+    "output_times",
     "steps",
     "time",
     "iterations",
     "factorisations",
-    "scipySteps",
+    "scipy_steps",
     "subdivisions",
 )
 
@@ -74,34 +74,34 @@ def bits(*runs):
 
 def same_run(monkeypatch, model, options, steps):
     """Hold a run in two parts to the one that does not stop; the report of that one."""
-    whole, rows = advance(model, options)
+    complete, rows = advance(model, options)
     (_, first), (rest, second) = in_two_parts(monkeypatch, model, options, steps)
     assert bits(first, second) == bits(rows)
-    assert [getattr(rest, key) for key in COUNTED] == [getattr(whole, key) for key in COUNTED]
+    assert [getattr(rest, key) for key in COUNTED] == [getattr(complete, key) for key in COUNTED]
     assert rest.resumed == [pytest.approx(steps * model.simulation.dt, rel=1e-12)]
     # Sums are taken chunk by chunk, so their last digits are of the chunks.
-    for key, value in whole.extremes.items():
+    for key, value in complete.extremes.items():
         summed = value is not None and key in ("energyErrorRms", "localErrorSum")
         expected = pytest.approx(value, rel=1e-12) if summed else value
         assert rest.extremes[key] == expected
-    assert (rest.error, rest.verdict["word"]) == (whole.error, whole.verdict["word"])
-    return whole
+    assert (rest.error, rest.verdict["word"]) == (complete.error, complete.verdict["word"])
+    return complete
 
 
 @pytest.mark.parametrize("path", DECKS, ids=lambda path: path.stem)
 def test_every_deck_goes_on_bit_for_bit(monkeypatch, path):
-    """Thinned rows and a last step of its own size; schemes and reactions take turns."""
+    """Thinned rows and a last step of its own size; schemes and reactions alternate."""
     model, variant = read_deck(path), VARIANTS[DECKS.index(path) % len(VARIANTS)]
     t_final = 50.5 * model.simulation.dt
     model = replace(model, simulation=replace(model.simulation, t_final=t_final, **variant))
     same_run(monkeypatch, model, Options(every=3), 20)
 
 
-SCENES = ("triple_pendulum_45", "spring_damper", "friction_hinge", "joint_motion_table", "bricard",
+DECKS = ("triple_pendulum_45", "spring_damper", "friction_hinge", "joint_motion_table", "bricard",
           "two_pendulums", "knife_edge")  # fmt: skip
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", DECKS)
 @pytest.mark.parametrize("options", [Options("root"), Options("newton", full=True)], ids=str)
 def test_every_solver_goes_on_bit_for_bit(monkeypatch, name, options):
     model = deck(name)
@@ -127,7 +127,7 @@ def test_steps_of_higher_degree_go_on_bit_for_bit(monkeypatch, name, scheme):
 
 
 @pytest.mark.parametrize("name", ["triple_pendulum_45", "friction_hinge"])
-def test_rows_between_steps_go_on_bit_for_bit(monkeypatch, name):
+def test_output_between_steps_goes_on_bit_for_bit(monkeypatch, name):
     """Where they stand in their steps does not depend on where chunks begin."""
     model = deck(name)
     dt = model.simulation.dt
@@ -148,16 +148,20 @@ def test_the_run_at_half_the_step_goes_on_too(monkeypatch):
 def test_a_step_that_failed_fails_again(monkeypatch):
     """A load of (10 t)^400 N: nothing to see before 0.1 s, beyond all numbers after 0.6 s."""
     sudden = push(1e200, *[0.0] * 400, 1e200)
-    model = scene([body(velocity=(1.0, 0.0, 0.0))], loads=[sudden], dt=0.01, t_final=1.0)
-    whole, rows = advance(model, Options())
-    assert whole.status == "not converged"
-    assert whole.steps > 3
+    model = build_model([body(velocity=(1.0, 0.0, 0.0))], loads=[sudden], dt=0.01, t_final=1.0)
+    complete, rows = advance(model, Options())
+    assert complete.status == "not converged"
+    assert complete.steps > 3
     (_, first), (rest, second) = in_two_parts(monkeypatch, model, Options(), 3)
-    assert (rest.status, rest.steps, rest.message) == (whole.status, whole.steps, whole.message)
+    assert (rest.status, rest.steps, rest.message) == (
+        complete.status,
+        complete.steps,
+        complete.message,
+    )
     assert bits(first, second) == bits(rows)
 
 
-def test_a_snapshot_of_another_scene_is_refused(monkeypatch):
+def test_a_snapshot_of_another_model_is_refused(monkeypatch):
     saved = []
     monkeypatch.setattr(msahl.run.loop, "CHUNK_SECONDS", 0.0)
     advance(pendulum(), Options(), stopped=stop_after(3), save=saved.append)
@@ -207,9 +211,9 @@ def test_the_message_of_a_stopped_run_is_the_command_that_goes_on(tmp_path, monk
     assert "--resume" in again
     rest = CliRunner().invoke(main, shlex.split(again))
     assert rest.exit_code == 0, rest.output
-    whole = call(*words, "-o", tmp_path / "whole")
-    assert whole.exit_code == 0
-    assert tables(tmp_path / "a b") == tables(tmp_path / "whole")
+    complete = call(*words, "-o", tmp_path / "complete")
+    assert complete.exit_code == 0
+    assert tables(tmp_path / "a b") == tables(tmp_path / "complete")
     assert not list((tmp_path / "a b").glob("checkpoint*"))
     assert not list((tmp_path / "a b").glob("*.part"))
     told = json.loads((tmp_path / "a b" / "run.json").read_text())
@@ -228,8 +232,8 @@ def test_a_run_killed_while_its_tables_took_their_names_goes_on(tmp_path, monkey
     (tmp_path / "out" / "states.csv.part").rename(tmp_path / "out" / "states.csv")
     (tmp_path / "out" / "run.json").unlink()
     assert call(*words, "-o", tmp_path / "out", "--resume").exit_code == 0
-    assert call(*words, "-o", tmp_path / "whole").exit_code == 0
-    assert tables(tmp_path / "out") == tables(tmp_path / "whole")
+    assert call(*words, "-o", tmp_path / "complete").exit_code == 0
+    assert tables(tmp_path / "out") == tables(tmp_path / "complete")
 
 
 def test_a_run_that_ends_at_once_makes_no_checkpoint(monkeypatch):
@@ -380,7 +384,6 @@ loop.CHUNK_SECONDS, loop.SAVE_SECONDS, loop.SAVE_SHARE = 0.005, 0.02, 1.0
 main()
 """
 """A run that saves some thirty times a second, so that kills fall before, between and within."""
-KILLS = 20
 LONGEST = 0.25
 """Seconds, at most, after its first checkpoint at which a run is killed."""
 
@@ -400,20 +403,23 @@ def _begin(folder, words, until):
     return process
 
 
-@pytest.mark.slow
-def test_twenty_kills_leave_the_rows_of_a_run_that_was_not(tmp_path):
-    words = (THESIS / "triple_pendulum_45.xml", "--dt", 0.00004, "--t-final", 32, "--every", 17)
-    assert call(*words, "-o", tmp_path / "whole").exit_code == 0
-    whole = tables(tmp_path / "whole")
-    assert all(len(text) > 1_000_000 for text in whole.values())
-    chance, kills, runs, went_on = random.Random(1), 0, 0, 0
-    while kills < KILLS or not runs:
+@pytest.mark.parametrize(
+    ("number", "t_final"), [(4, 10), pytest.param(20, 32, marks=pytest.mark.slow)]
+)
+def test_a_run_killed_and_resumed_writes_the_rows_of_one_that_was_not(tmp_path, number, t_final):
+    pendulum = THESIS / "triple_pendulum_45.xml"
+    words = (pendulum, "--dt", 0.00004, "--t-final", t_final, "--every", 17)
+    assert call(*words, "-o", tmp_path / "complete").exit_code == 0
+    complete = tables(tmp_path / "complete")
+    assert all(len(text) > 100_000 * t_final / 4 for text in complete.values())
+    chance, kills, runs, resumed = random.Random(1), 0, 0, 0
+    while kills < number or not runs:
         folder = tmp_path / str(runs)
         # Every fifth has not yet come to a checkpoint of its own.
         early = kills % 5 == 0
-        went_on += (folder / "checkpoint").exists()
+        resumed += (folder / "checkpoint").exists()
         process = _begin(folder, words, "run.json.part" if early else "checkpoint")
-        if kills < KILLS:
+        if kills < number:
             time.sleep(0.0 if early else chance.uniform(0.0, LONGEST))
             process.kill()
         _, told = process.communicate(timeout=300)
@@ -421,6 +427,6 @@ def test_twenty_kills_leave_the_rows_of_a_run_that_was_not(tmp_path):
             kills += 1
             continue
         assert process.returncode == 0, told
-        assert tables(folder) == whole
+        assert tables(folder) == complete
         runs += 1
-    assert went_on > KILLS // 2
+    assert resumed > number // 2

@@ -39,7 +39,7 @@ def advance(model, options, **others):
 def test_a_hard_step_that_is_stopped_is_taken_anew_when_the_run_goes_on(monkeypatch, asked, solver):
     """Bit for bit the rows of the run that was not stopped, though it stopped within a step."""
     monkeypatch.setattr(outcome, "ASKED_AFTER", 30_000)  # one or two evaluations
-    whole, rows = advance(violent(), Options(solver))
+    complete, rows = advance(violent(), Options(solver))
     counted, saved = [], []
 
     def stopped():
@@ -51,7 +51,7 @@ def test_a_hard_step_that_is_stopped_is_taken_anew_when_the_run_goes_on(monkeypa
     monkeypatch.setattr(msahl.run.loop, "PATIENCE", 1e9)
     first, begun = advance(violent(), Options(solver), stopped=stopped, save=saved.append)
     assert first.status == "interrupted"
-    assert first.steps < whole.steps
+    assert first.steps < complete.steps
     assert first.rows == first.steps + 1
     monkeypatch.setattr(msahl.run.loop, "CHUNK_SECONDS", 0.1)
     rest, gone_on = advance(violent(), Options(solver), since=saved[-1])

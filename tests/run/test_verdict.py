@@ -18,7 +18,17 @@ from msahl.run.error_estimate import SAFETY
 from msahl.run.verdict import BETWEEN, DONE, FAIL, PASS, WARN, WORDS, Figures, judge
 from msahl.study.exact import recognise
 from tests.schemes.midpoint.test_decaying import oscillator
-from tests.support.models import DECKS, DOWN, ROOT, body, chain, deck, pendulum, scene, simulate
+from tests.support.models import (
+    DECKS,
+    DOWN,
+    ROOT,
+    body,
+    build_model,
+    chain,
+    deck,
+    pendulum,
+    simulate,
+)
 
 GOOD = Figures(
     status="completed",
@@ -120,7 +130,7 @@ CASES = {
         "constraintViolation",
         PASS,
     ),
-    "joints part fast": (
+    "fast constraint violation at velocity level": (
         with_extremes(constraintViolationRateMax=1.0),
         {},
         "constraintViolationRate",
@@ -169,7 +179,7 @@ CASES = {
         "accuracy",
         DONE,
     ),
-    # The way of a step is 0.07 m, less 0.05 m that may be the turning.
+    # The displacement of a step is 0.07 m, less 0.05 m that may be the rotation.
     "to and fro within a step": (higher(displacementMax=0.009), {}, "accuracy", WARN),
     "to and fro in some steps": (higher(displacementMax=0.011), {}, "accuracy", DONE),
     # The run at half the step came to no end: what it was beside agrees, but not to the end.
@@ -183,7 +193,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_each_check_knows_its_limits(case):
+def test_each_check_covers_its_limits(case):
     changes, limits, check, word = CASES[case]
     verdict = judge(replace(GOOD, **changes), Limits(**limits))
     found = {finding.check: finding for finding in verdict.findings}
@@ -201,7 +211,7 @@ def test_the_worst_comes_first():
     assert len(verdict.reasons) == 3
 
 
-def test_a_remedy_is_told_where_the_step_is_coarse():
+def test_a_remedy_is_reported_where_the_step_is_coarse():
     verdict = judge(replace(GOOD, error=None, **with_extremes(localErrorSum=0.2)), Limits())
     # Four times too much: the error falls with the square of the step.
     assert "--dt 0.005 would do" in verdict.reasons[0]
@@ -217,10 +227,10 @@ def test_local_errors_add_up_to_about_the_true_one(name, dt):
     run = simulate(model, dt=dt, t_final=10.0)
     exact = recognise(run.model).states(run.time).reshape(len(run.time), 12)
     error = np.linalg.norm(run.of("position") - exact[:, :3], axis=1).max()
-    turn = angles(run.of("orientation"), exact[:, 3:6]).max()
+    rotation = angles(run.of("orientation"), exact[:, 3:6]).max()
     length = np.linalg.norm(model.joints[0].child_point)
     # Local errors of one sign add up, those of changing sign partly cancel: estimated from above.
-    ratio = run.report.extremes["localErrorSum"] / max(error, turn * length)
+    ratio = run.report.extremes["localErrorSum"] / max(error, rotation * length)
     assert 0.8 < ratio < 5.0
 
 
@@ -289,7 +299,7 @@ def test_the_companion_changes_nothing():
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_a_spring_quicker_than_the_step_is_not_passed(scheme):
+def test_a_spring_faster_than_the_step_is_not_passed(scheme):
     """At 1 m/s a period of 3 ms is an amplitude of 0.5 mm, one of 10 ns of 1.6 nm; what the step
     takes it for is not known to the run."""
     for period in (3e-3, 1e-8):
@@ -327,7 +337,7 @@ def linked(**others):
         body("B", 2.0, 0.3, (1.0, 0.2, 0.0), velocity=(0.0, 3.0, 1.0)),
     ]
     link = SpringDamper("Link", "A", "B", (0.1, 0.0, 0.0), (0.0, 0.1, 0.0), 50.0, 1.0)
-    return scene(bodies, loads=[link], gravity=DOWN, t_final=2.0, **others)
+    return build_model(bodies, loads=[link], gravity=DOWN, t_final=2.0, **others)
 
 
 def test_momentum_is_looked_at_where_it_is_kept():
@@ -439,6 +449,6 @@ def test_the_report_gives_the_verdict(runs):
     assert "**start, WARN**" in text
 
 
-def test_between_pass_and_fail_there_is_room():
+def test_between_pass_and_fail_there_is_workspace():
     """Two runs that both err by the tolerance may differ by twice as much, not by ten times."""
     assert BETWEEN > 2.0

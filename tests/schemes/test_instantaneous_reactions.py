@@ -1,4 +1,4 @@
-"""Reactions at the rows' own times: order 2 where means have order 1, and nothing else changed."""
+"""Reactions at the output times: order 2 where means have order 1, and nothing else changed."""
 
 import json
 from dataclasses import replace
@@ -68,7 +68,8 @@ def test_loads_and_moments_agree_with_the_means_in_the_limit(name):
         means = simulate(model, dt=h, t_final=0.2, solver="newton").reactions[:, 1:]
         rows = simulate(instantaneous(model), dt=h, t_final=0.2, solver="newton").reactions[:, 1:]
         both = 0.5 * (means[1:-1] + means[2:]) - rows[1:-1]
-        # A drive's power is its mean load times the rate at the row: of order 1 in the means.
+        # A joint motion's power is its mean load times the rate at the output time: of order 1 in
+        # the means.
         steady = [i for i, c in enumerate(columns(model)) if not c.endswith(".power")]
         differences.append(np.abs(both[:, steady]).max())
     assert np.log2(np.array(differences[:-1]) / differences[1:]) == pytest.approx(2.0, abs=0.3)
@@ -106,11 +107,11 @@ def test_friction_presses_by_the_reaction_that_it_makes(name):
     integrator = SubsystemIntegrator(model, "newton", False, 8)
     schedule = OutputSchedule.at_ends(np.zeros(5, dtype=bool))
     integrator.advance(Chunk(5, h=model.simulation.dt, schedule=schedule))
-    scene, room = integrator.workspace, new_instant(integrator.workspace.system)
-    state = scene.state
+    workspace, instant = integrator.workspace, new_instant(integrator.workspace.system)
+    state = workspace.state
     state.reaction[:] = 0.0
-    accelerations.accelerate(scene.system, state, scene.start, room)
+    accelerations.accelerate(workspace.system, state, workspace.start, instant)
     once = state.reaction.copy()
-    accelerations.accelerate(scene.system, state, scene.start, room)
+    accelerations.accelerate(workspace.system, state, workspace.start, instant)
     assert np.abs(once).max() > 0.0
     assert np.abs(state.reaction - once).max() <= 1e-13 * np.abs(once).max()

@@ -72,7 +72,7 @@ STEPS = {
         "radau3": (32, 40, 48),
     },
 }
-"""Steps from row to row, past the first that are too coarse and before round-off. What is left out
+"""Steps from row to row, past the first that are too coarse and before round-off. What is omitted
 has no such steps in double precision: its error is round-off before its slope has settled."""
 LONG_STEPS = {
     "double pendulum": (10, 12, 14),

@@ -16,7 +16,7 @@ from msahl.schemes.outcome import Outcome
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import Chunk
 from msahl.system.subsystems import split
-from tests.support.models import DECKS, GROUND, body, deck, loaded, pendulum, scene, simulate
+from tests.support.models import DECKS, GROUND, body, build_model, deck, loaded, pendulum, simulate
 
 
 @pytest.mark.parametrize("path", DECKS, ids=lambda path: path.stem)
@@ -83,7 +83,7 @@ def test_a_step_that_newton_refuses_goes_to_root(monkeypatch):
 
 @pytest.mark.parametrize("solver", ["auto", "newton", "root"])
 def test_violent_steps_are_halved_and_lose_nothing(solver):
-    """The triple pendulum from 135 degrees at 0.15 s: bobs turn by more than a step can follow."""
+    """The triple pendulum from 135 degrees at 0.15 s: bobs rotate more than a step can follow."""
     run = simulate(deck("triple_pendulum_135"), dt=0.15, t_final=15.0, solver=solver)
     report = run.report
     assert (report.status, report.steps, len(run.states)) == ("completed", 100, 101)
@@ -97,7 +97,7 @@ def test_violent_steps_are_halved_and_lose_nothing(solver):
         assert report.scipy_steps == 0
 
 
-def test_the_force_of_a_halved_step_is_the_mean_over_the_whole(monkeypatch):
+def test_the_force_of_a_halved_step_is_the_mean_over_the_complete(monkeypatch):
     """Impulse and momentum say the same, whatever pieces the step was taken in."""
     once = FixedStepper._solve_once
 
@@ -114,7 +114,7 @@ def test_the_force_of_a_halved_step_is_the_mean_over_the_whole(monkeypatch):
 
 
 def blasted():
-    """A pendulum under a force of 1e100 N that turns with it: round and round in any step."""
+    """A pendulum under a force of 1e100 N that rotates with it: round and round in any step."""
     force = (1e100, 0.0, 1e100)
     blast = ConcentratedLoad("Blast", "Bob", (0.0, 0.0, 1.0), force, "Bob", ZERO, GROUND.name)
     return replace(pendulum(), loads=(blast,))
@@ -125,7 +125,7 @@ def test_a_step_that_cannot_be_taken_ends_the_run_and_says_why(solver):
     run = simulate(blasted(), dt=0.01, t_final=0.1, solver=solver)
     report = run.report
     assert (report.status, report.steps, report.time) == ("not converged", 0, 0.0)
-    # One piece of each size, from the whole step to the 2^-10 of it.
+    # One piece of each size, from the complete step to the 2^-10 of it.
     assert report.subdivisions == MAX_SUBDIVISIONS
     assert len(run.states) == 1
     assert "step 1 from t = 0 s did not converge" in report.message
@@ -201,7 +201,7 @@ def _flat(start):
 
 
 def test_one_factorisation_a_step_is_enough():
-    """What a step costs, in iterations and factorisations, for scenes of the thesis."""
+    """What a step costs, in iterations and factorisations, for models of the thesis."""
     for name, iterations in {
         "single_pendulum_45": 1.2,
         "double_pendulum_89": 1.3,
@@ -213,12 +213,12 @@ def test_one_factorisation_a_step_is_enough():
         assert report.factorisations <= 1.05 * report.steps, name
 
 
-def test_unrelated_elements_elsewhere_cost_a_scene_nothing():
+def test_unrelated_elements_elsewhere_cost_a_model_nothing():
     """A pendulum is solved by the same counts alone and beside bodies under loads."""
     alone = pendulum()
     push = ConcentratedLoad("P", "Other", ZERO, (1.0, 2.0, 0.0), GROUND.name, ZERO, GROUND.name)
     other = body("Other", position=(9.0, 0.0, 0.0), inertia=(0.1, 0.2, 0.25))
-    beside = scene([*alone.bodies, other], alone.joints, [push], gravity=alone.gravity)
+    beside = build_model([*alone.bodies, other], alone.joints, [push], gravity=alone.gravity)
     counts = [_counts(model) for model in (alone, beside)]
     assert counts[0] == counts[1]
     # And its motion is the same to the last bit.
@@ -227,7 +227,7 @@ def test_unrelated_elements_elsewhere_cost_a_scene_nothing():
 
 
 def _counts(model):
-    """Unknowns, blocks, operations, iterations and factorisations of the first island."""
+    """Unknowns, blocks, operations, iterations and factorisations of the first subsystem."""
     integrator = SubsystemIntegrator(split(model)[0], "newton", False, 100)
     integrator.advance(Chunk(100, h=0.01, schedule=no_rows(100)))
     system, unknowns = integrator.workspace.system, integrator.workspace.unknowns
@@ -243,18 +243,18 @@ def test_loads_that_are_there_do_count():
     """The counts above would tell: the same tree without its loads has fewer blocks."""
     rng = np.random.default_rng(0)
     with_loads = loaded(rng)
-    without = scene(with_loads.bodies, with_loads.joints, gravity=with_loads.gravity)
+    without = build_model(with_loads.bodies, with_loads.joints, gravity=with_loads.gravity)
     assert _counts(with_loads)[1] > _counts(without)[1]
 
 
 @pytest.mark.parametrize("solver", ["auto", "root"])
 def test_a_chunk_that_is_broken_off_changes_nothing(solver, monkeypatch):
-    """Two islands: where the first stops to let interruptions be looked at, so does the other."""
+    """Two subsystems: where the first stops to check for interruptions, so does the other."""
     for model in (deck("two_pendulums"), deck("triple_pendulum_135")):
-        whole = simulate(model, dt=0.1, t_final=3.0, solver=solver)
+        complete = simulate(model, dt=0.1, t_final=3.0, solver=solver)
         with monkeypatch.context() as patch:
             patch.setattr(msahl.run.loop, "PATIENCE", 0.0)
             parts = simulate(model, dt=0.1, t_final=3.0, solver=solver)
-        assert np.array_equal(whole.states, parts.states)
-        assert np.array_equal(whole.reactions, parts.reactions)
+        assert np.array_equal(complete.states, parts.states)
+        assert np.array_equal(complete.reactions, parts.reactions)
         assert parts.report.steps == 30

@@ -9,7 +9,7 @@ import pytest
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import Chunk
-from tests.support.models import body, scene
+from tests.support.models import body, build_model
 
 G, HEIGHT = 9.80665, 1.0
 
@@ -27,7 +27,7 @@ class Floor:
         return root if root <= 1.0 else math.inf
 
     def apply(self, workspace):
-        """Turn the velocity round."""
+        """Reverse the velocity."""
         self.times.append(float(workspace.state.time[0]))
         workspace.state.v[0, 2] *= -1.0
         workspace.state.x[0, 2] = 0.0
@@ -35,7 +35,7 @@ class Floor:
 
 def falling(**simulation):
     ball = body("Ball", position=(0.0, 0.0, HEIGHT))
-    model = replace(scene([ball], []), gravity=(0.0, 0.0, -G))
+    model = replace(build_model([ball], []), gravity=(0.0, 0.0, -G))
     return replace(model, simulation=replace(model.simulation, dt=0.03, t_final=3.0, **simulation))
 
 

@@ -1,4 +1,4 @@
-"""Scenes of many bodies: decisions of linear algebra in memory that grows with the bodies."""
+"""Models of many bodies: decisions of linear algebra in memory that grows with the bodies."""
 
 from dataclasses import replace
 
@@ -59,7 +59,7 @@ def test_redundant_equations_are_found_by_dense_and_by_sparse_algebra(name, monk
 
 def test_a_long_chain_is_known_to_be_regular():
     """The round-off of pivots in a fixed order adds up along a chain, to 1e-12 of 2000 links and
-    1e-10 of 20,000, which was taken for redundancy; refined it is that of the rows' own terms.
+    1e-10 of 20,000, which was taken for redundancy; refined it is that of the equations' own terms.
     """
     model = chain(300)
     system = build_system(model)
@@ -76,7 +76,7 @@ def test_a_long_chain_is_known_to_be_regular():
 
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("wish", ["keepAngular", "massWeighted"])
-def test_velocities_of_redundant_scenes_are_mended_by_either_algebra(name, wish, monkeypatch):
+def test_velocities_of_redundant_models_are_mended_by_either_algebra(name, wish, monkeypatch):
     """Velocities at random, made consistent by least squares of the dense or the sparse matrix."""
     model = MODELS[name]()
     changes = []
@@ -91,23 +91,23 @@ def test_velocities_of_redundant_scenes_are_mended_by_either_algebra(name, wish,
     dense, sparse = changes
     assert dense.method == sparse.method
     size = max(np.abs(dense.dv).max(), np.abs(dense.dw).max(), 1e-300)
-    # The smallest change by mass is unique; matrices are ill-conditioned where scenes are long.
+    # The smallest change by mass is unique; matrices are ill-conditioned where models are long.
     assert np.abs(dense.dv - sparse.dv).max() < 1e-8 * size
     assert np.abs(dense.dw - sparse.dw).max() < 1e-8 * size
 
 
 def test_a_chain_needs_memory_in_proportion_to_its_links(monkeypatch):
-    """No array of a prepared scene grows faster than the bodies, and no dense matrix is made."""
+    """No array of a prepared system grows faster than the bodies, and no dense matrix is made."""
 
     def refuse(*_, **__):
-        raise AssertionError("a dense decomposition of a whole scene")
+        raise AssertionError("a dense decomposition of a complete model")
 
     for name in ("svd", "lstsq", "qr", "solve", "inv"):
         monkeypatch.setattr(np.linalg, name, refuse)
     sizes = []
     for n in (250, 500):
-        scene = SubsystemIntegrator(chain(n), "newton", False, 4).workspace
-        arrays = [leaf for leaf in _leaves(scene) if isinstance(leaf, np.ndarray)]
+        workspace = SubsystemIntegrator(chain(n), "newton", False, 4).workspace
+        arrays = [leaf for leaf in _leaves(workspace) if isinstance(leaf, np.ndarray)]
         sizes.append(sum(array.nbytes for array in arrays))
     assert sizes[1] == pytest.approx(2 * sizes[0], rel=0.01)
 

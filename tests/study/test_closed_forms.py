@@ -77,22 +77,22 @@ def test_no_closed_form(name):
 
 
 def oblique(model, axis, angle):
-    """The scene of one body, turned as a whole."""
+    """The model of one body, rotated as a whole."""
     from msahl.algebra.rotation import compose, from_axis_angle, matrix
     from msahl.algebra.vector import times
 
-    turn = from_axis_angle(axis, angle)
-    R = matrix(turn)
+    rotation = from_axis_angle(axis, angle)
+    R = matrix(rotation)
     (body,) = model.bodies
-    turned = replace(
-        body, position=times(R, body.position), orientation=compose(turn, body.orientation)
+    rotated = replace(
+        body, position=times(R, body.position), orientation=compose(rotation, body.orientation)
     )
-    return replace(model, gravity=times(R, model.gravity), bodies=(turned,))
+    return replace(model, gravity=times(R, model.gravity), bodies=(rotated,))
 
 
 @pytest.mark.parametrize("spin", [-0.5, 1.9, 4.0, -7.0], ids=lambda w: f"w={w}")
 def test_pendulum_in_any_plane_from_any_speed(spin):
-    # Below and above the rate at which it turns over, in both senses; B not at the mass centre.
+    # Below and above the rate at which it goes over the top, in both senses; B not at the mass centre.
     model = oblique(deck("thesis/single_pendulum_89"), (1.0, -2.0, 0.5), 1.1)
     (body,) = model.bodies
     moved = replace(body, angular_velocity=(0.0, spin, 0.0), r_BG=(0.3, 0.0, 0.4))
@@ -148,7 +148,7 @@ def test_a_wheel_off_its_axis_and_a_body_hung_on_a_spring():
     assert recognise(replace(hung, bodies=(replace(bob, velocity=(-30.0, 0.0, 0.0)),))) is None
 
 
-def test_scene_of_two_closed_forms_is_exact():
+def test_model_of_two_closed_forms_is_exact():
     top, ball = deck("thesis/top_1"), deck("basics/ballistic_sphere")
     both = replace(top, bodies=top.bodies + ball.bodies)
     assert recognise(both) is not None

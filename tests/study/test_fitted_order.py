@@ -18,7 +18,7 @@ def test_power_law():
     assert fit.step(3e-4) == pytest.approx(0.01)
 
 
-def test_coarse_and_rounded_steps_are_left_out():
+def test_coarse_and_rounded_steps_are_omitted():
     errors = [2.0, 1.5, 1e-4, 1.6e-5, 4e-6, 1e-6, 2e-6]
     fit = fit_order(STEPS, errors)
     assert fit is not None

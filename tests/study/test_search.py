@@ -182,9 +182,9 @@ def test_a_solution_is_known_at_any_time():
     np.testing.assert_allclose(one, other, atol=1e-10)
 
 
-def test_forces_of_a_spring_that_turns_fast_between_rows():
-    # In the second between two rows the wheel makes up to a turn. Its mass is off the axle, so that
-    # the spring's moment, by the angle counted over all turns, is in the reaction.
+def test_forces_of_a_spring_that_rotates_fast_between_rows():
+    # In the second between two rows the wheel makes up to a revolution. Its mass is off the axle,
+    # so that the spring's moment, by the angle counted over all revolutions, is in the reaction.
     model = with_step(deck("torsional_spring"), 0.05, 5.0, "gauss5")
     (joint,), (wire,) = model.joints, model.loads
     off = replace(joint, child_point=(0.2, 0.0, 0.0), parent_point=(0.2, 0.0, 0.0))
@@ -192,8 +192,8 @@ def test_forces_of_a_spring_that_turns_fast_between_rows():
     _, run = run_in_memory(model, Options(error=OFF, every=20))
     assert np.abs(run.states.iloc[:, 12]).max() * 1.0 > np.pi  # rad in a second
     errors = compute_errors(run, independent(model, np.linspace(0.0, 5.0, 501), 1e-6))
-    # A turn too few is a moment of 2 pi 0.05 N m, and 1 N at the axle; errors of the states are
-    # 1e-9 m and less.
+    # A revolution too few is a moment of 2 pi 0.05 N m, and 1 N at the axle; errors of the states
+    # are 1e-9 m and less.
     assert errors.statistics["instantaneous_reaction"].max < 1e-6
 
 
@@ -220,7 +220,7 @@ def test_what_takes_too_long_is_not_waited_for():
 
 
 def test_a_prescribed_motion_has_breaks():
-    motion = JointMotion("Turn", "Axle", "angle", Law("ramp", (0.0, 1.0, 0.5, 1.5)))
+    motion = JointMotion("Rotation", "Axle", "angle", Law("ramp", (0.0, 1.0, 0.5, 1.5)))
     model = replace(deck("torsional_spring"), motions=(motion,))
     np.testing.assert_allclose(breakpoints(model, 5.0), [0.5, 1.5], rtol=1e-12)
 
@@ -252,8 +252,8 @@ def test_the_command_and_its_recommendation(tmp_path):
     assert "than the deck's own settings" in text
 
 
-def test_an_error_that_is_round_off_is_told():
-    # The wheel turns about its own reference point, which rests: positions say nothing.
+def test_an_error_that_is_round_off_is_reported():
+    # The wheel rotates about its own reference point, which rests: positions show nothing.
     model = with_step(deck("torsional_spring"), 0.05, 0.5)
     found = study(Plan(model, (0.05, 0.025), ("preserving",), repeats=1))
     assert "choose another --metric" in recommendation(found)

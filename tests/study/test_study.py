@@ -86,7 +86,7 @@ def test_mean_reactions_of_the_top_alternate_by_an_order_one(name):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
 
 
-def test_station_forces_balance():
+def test_instantaneous_forces_balance():
     # Weight and centripetal force of a pendulum at rest, in closed form.
     model = deck("thesis/single_pendulum_45")
     dynamics = Dynamics(model)
@@ -146,7 +146,7 @@ def test_stored_run_as_reference(tmp_path):
     assert by_run.runs[0].largest("mean_reaction") is not None
 
 
-def test_horizon_of_a_chaotic_scene():
+def test_horizon_of_a_chaotic_model():
     model = deck("thesis/double_pendulum_135", 60.0)
     times = np.linspace(0.0, 60.0, 601)
     reference = independent(model, times, 1e-6)
@@ -193,7 +193,7 @@ def test_no_run_meets_the_target():
 
 
 def test_errors_of_a_rotated_body():
-    # Small angles keep their digits; p and its shadow are one orientation.
+    # Small angles keep their digits; p and its shadow parameters are one orientation.
     p = np.array([[0.5, 0.1, -0.2]])
     assert angles(p + np.array([1e-9, 0, 0]), p)[0] == pytest.approx(1e-9, rel=0.1)
     assert angles(p, -16.0 * p / (p @ p.T))[0] == pytest.approx(0.0, abs=1e-7)
@@ -222,7 +222,7 @@ def test_pictures_can_be_read():
 @pytest.mark.parametrize(
     "arguments", [["--reference", "nowhere"], ["--reference", "exact"], ["--dt", "99"]]
 )
-def test_faults_are_told(arguments, tmp_path):
+def test_faults_are_reported(arguments, tmp_path):
     name = str(DECKS / "thesis" / "double_pendulum_45.xml")
     result = CliRunner().invoke(command, [name, *arguments, "-o", str(tmp_path)])
     assert result.exit_code == 2

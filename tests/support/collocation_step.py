@@ -6,8 +6,8 @@ from msahl.model.scheme import split
 from msahl.schemes.collocation import equations
 from msahl.schemes.collocation.tableau import new_rule
 from msahl.schemes.collocation.workspace import new_stages
-from msahl.schemes.midpoint import equations as midpoint
-from msahl.system.arrays import new_start, node_count
+from msahl.system import evaluate
+from msahl.system.arrays import new_system_workspace, node_count
 from msahl.system.build import build_system
 from msahl.system.reductions import all_unknowns
 from msahl.system.state import build_state
@@ -22,8 +22,8 @@ class Step:
         self.h = h
         self.system = build_system(model)
         self.state = build_state(model, self.system)
-        self.start = new_start(self.system, self.state)
-        midpoint.prepare(self.system, self.state, self.start)
+        self.start = new_system_workspace(self.system, self.state)
+        evaluate.prepare(self.system, self.state, self.start)
         self.unknowns = choose(self.system, all_unknowns(self.system))
         rule = new_rule(scheme, self.degree)
         self.stages = new_stages(self.system, self.unknowns, self.state, rule)
@@ -42,18 +42,18 @@ class Step:
         """(s, f, s, f) at ``z``."""
         self.rows(self.z, fresh=True)
         s, nodes = self.degree, node_count(self.system)
-        whole = np.zeros((s, nodes, 3, s, nodes, 3))
+        complete = np.zeros((s, nodes, 3, s, nodes, 3))
         entries = np.zeros((self.system.constant.size, s, s))
         entries[self.stages.needed] = self.stages.values
         for m, (row, column) in enumerate(self.system.blocks.tolist()):
             if m > 0:
                 block = entries[9 * m : 9 * m + 9].reshape(3, 3, s, s)
-                whole[:, row, :, :, column, :] += block.transpose(3, 0, 2, 1)
-        flat = whole.reshape(s, 3 * nodes, s, 3 * nodes)
+                complete[:, row, :, :, column, :] += block.transpose(3, 0, 2, 1)
+        flat = complete.reshape(s, 3 * nodes, s, 3 * nodes)
         return flat[:, self.unknowns.free][..., self.unknowns.free]
 
     def difference(self, direction, step=1e-5):
-        """Derivative of the rows along ``direction``, by central differences."""
+        """Derivative of the equations along ``direction``, by central differences."""
         return (self.rows(self.z + step * direction) - self.rows(self.z - step * direction)) / (
             2.0 * step
         )

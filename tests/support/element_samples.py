@@ -1,4 +1,4 @@
-"""One random scene of two or three bodies for every kind of element, and its free motions.
+"""One random model of two or three bodies for every kind of element, and its degrees of freedom.
 
 A new kind of joint needs one entry in ``JOINTS``; a new load, motion or coupling one in the table
 of its own.
@@ -27,12 +27,12 @@ from msahl.model import (
 )
 from tests.support.models import (
     GROUND,
+    build_model,
     free_bodies,
     jointed,
     loaded,
     random_body,
     random_vector,
-    scene,
     tensor,
 )
 
@@ -44,40 +44,40 @@ HERE = np.zeros(3)
 
 @dataclass
 class Screw:
-    """A finite motion: a turn about ``axis`` through ``point``, with ``lead`` [m/rad] along it.
+    """A finite motion: a rotation about ``axis`` through ``point``, with ``lead`` [m/rad] along it.
 
-    A turn of zero with a lead is a slide: ``turning`` says which.
+    A rotation of zero with a lead is a slide: ``rotating`` says which.
     """
 
     axis: np.ndarray
     point: np.ndarray
     lead: float = 0.0
-    turning: bool = True
+    rotating: bool = True
 
     def twist(self):
         """(6,) velocity of the origin's material point, and spin."""
-        if not self.turning:
+        if not self.rotating:
             return np.concatenate([self.axis, HERE])
         return np.concatenate([self.lead * self.axis - np.cross(self.axis, self.point), self.axis])
 
     def displacement(self, amount):
         """Matrix and shift of a motion by ``amount`` [rad or m]: x -> A x + c."""
-        if not self.turning:
+        if not self.rotating:
             return np.eye(3), amount * self.axis
         A = np.array(matrix(from_axis_angle(tuple(self.axis), amount)))
         return A, self.point - A @ self.point + amount * self.lead * self.axis
 
 
-def turn(axis, point=HERE, lead=0.0):
+def rotation(axis, point=HERE, lead=0.0):
     return Screw(np.asarray(axis), np.asarray(point), lead)
 
 
-def turns(point=HERE):
-    return [turn(axis, point) for axis in (X, Y, Z)]
+def rotations(point=HERE):
+    return [rotation(axis, point) for axis in (X, Y, Z)]
 
 
 def slide(axis):
-    return Screw(np.asarray(axis), HERE, turning=False)
+    return Screw(np.asarray(axis), HERE, rotating=False)
 
 
 @dataclass
@@ -90,7 +90,7 @@ class Sample:
     axes: tuple = (X, Y, Z)
     parameters: tuple[tuple[str, float], ...] = ()
     on_ground: bool = False
-    of_rates: bool = False  # its free motions are not to be added up to finite ones
+    of_rates: bool = False  # its degrees of freedom are not to be added up to finite ones
 
 
 TILT = np.sin(0.7) * X + np.cos(0.7) * Z
@@ -102,44 +102,48 @@ RIM = 0.5 * np.cos(0.7) * X
 
 JOINTS = {
     "rigid": Sample([]),
-    "revolute": Sample([turn(Z)]),
+    "revolute": Sample([rotation(Z)]),
     "prismatic": Sample([slide(Z)], 0.2 * Z),
-    "cylindrical": Sample([turn(Z), slide(Z)], 0.2 * Z),
-    "spherical": Sample(turns()),
-    "planar": Sample([slide(X), slide(Y), turn(Z)], 0.5 * X - 0.3 * Y),
+    "cylindrical": Sample([rotation(Z), slide(Z)], 0.2 * Z),
+    "spherical": Sample(rotations()),
+    "planar": Sample([slide(X), slide(Y), rotation(Z)], 0.5 * X - 0.3 * Y),
     "parallelCylinders": Sample(
-        [turn(Z), turn(Z, 0.5 * X), slide(Z)],
+        [rotation(Z), rotation(Z, 0.5 * X), slide(Z)],
         0.5 * X + 0.7 * Z,
         parameters=(("parentRadius", 0.3), ("childRadius", 0.2)),
     ),
-    "edgeSlider": Sample([slide(X), slide(Y), turn(Z), turn(X, 0.3 * Y)], 0.5 * X + 0.3 * Y, LYING),
+    "edgeSlider": Sample(
+        [slide(X), slide(Y), rotation(Z), rotation(X, 0.3 * Y)], 0.5 * X + 0.3 * Y, LYING
+    ),
     "cylindricalSlider": Sample(
-        [slide(X), slide(Y), turn(Z), turn(X, 0.3 * Y + 0.3 * Z)],
+        [slide(X), slide(Y), rotation(Z), rotation(X, 0.3 * Y + 0.3 * Z)],
         0.5 * X + 0.3 * Y + 0.3 * Z,
         LYING,
         (("radius", 0.3),),
     ),
-    "pointSlider": Sample([slide(X), slide(Y), *turns(0.5 * X)], 0.5 * X),
+    "pointSlider": Sample([slide(X), slide(Y), *rotations(0.5 * X)], 0.5 * X),
     "sphericalSlider": Sample(
-        [slide(X), slide(Y), *turns(0.5 * X + 0.3 * Z)],
+        [slide(X), slide(Y), *rotations(0.5 * X + 0.3 * Z)],
         0.5 * X + 0.3 * Z,
         parameters=(("radius", 0.3),),
     ),
     "crossedCylinders": Sample(
-        [slide(Z), slide(TILT), turn(Z), turn(TILT, SKEW), turn(Y)],
+        [slide(Z), slide(TILT), rotation(Z), rotation(TILT, SKEW), rotation(Y)],
         SKEW,
         TILTED,
         (("parentRadius", 0.3), ("childRadius", 0.2)),
     ),
-    "universal": Sample([turn(Z), turn(X)], axes=LYING),
-    "screw": Sample([turn(Z, lead=0.3 / (2 * np.pi))], 0.2 * Z, parameters=(("pitch", 0.3),)),
-    "distance": Sample([*turns(0.9 * X), turn(Y), turn(Z)], 0.9 * X, parameters=(("length", 0.9),)),
-    "pointOnLine": Sample([slide(Z), *turns(0.2 * Z)], 0.2 * Z),
+    "universal": Sample([rotation(Z), rotation(X)], axes=LYING),
+    "screw": Sample([rotation(Z, lead=0.3 / (2 * np.pi))], 0.2 * Z, parameters=(("pitch", 0.3),)),
+    "distance": Sample(
+        [*rotations(0.9 * X), rotation(Y), rotation(Z)], 0.9 * X, parameters=(("length", 0.9),)
+    ),
+    "pointOnLine": Sample([slide(Z), *rotations(0.2 * Z)], 0.2 * Z),
     "knifeEdge": Sample(
-        [slide(X), slide(Y), *turns(0.5 * X)], 0.5 * X, on_ground=True, of_rates=True
+        [slide(X), slide(Y), *rotations(0.5 * X)], 0.5 * X, on_ground=True, of_rates=True
     ),
     "rollingDisk": Sample(
-        turns(RIM), HUB, TILTED, (("radius", 0.5),), on_ground=True, of_rates=True
+        rotations(RIM), HUB, TILTED, (("radius", 0.5),), on_ground=True, of_rates=True
     ),
 }
 
@@ -192,7 +196,7 @@ def joint_between(bodies, kind, name, parent, child, frame, sample=None):
     )
 
 
-def joint_scene(kind, rng, gravity=True):
+def joint_model(kind, rng, gravity=True):
     """Two bodies, or one on the ground, between them the joint."""
     sample = JOINTS[kind]
     bodies = [random_body(rng, name) for name in ("A", "B")]
@@ -200,7 +204,7 @@ def joint_scene(kind, rng, gravity=True):
     bodies = bodies[1:] if sample.on_ground else bodies
     parent = GROUND.name if sample.on_ground else "A"
     joint = joint_between(bodies, kind, "J", parent, "B", frame)
-    return scene(bodies, [joint], gravity=random_vector(rng, 5.0) if gravity else ZERO)
+    return build_model(bodies, [joint], gravity=random_vector(rng, 5.0) if gravity else ZERO)
 
 
 # Couplings, motions, loads -----------------------------------------------------------------------
@@ -220,7 +224,7 @@ def jointed_bodies(rng, gravity, *kinds):
         joint_between(bodies, kind, f"J{k}", "A", f"B{k}", random_frame(rng))
         for k, kind in enumerate(kinds)
     ]
-    return scene(bodies, joints, gravity=random_vector(rng, 5.0) if gravity else ZERO)
+    return build_model(bodies, joints, gravity=random_vector(rng, 5.0) if gravity else ZERO)
 
 
 def coupled(kind, first, second, **numbers):
@@ -299,10 +303,10 @@ COUPLINGS = {
     "camFollower": coupled("camFollower", "revolute", "prismatic", lift=CAM),
 }
 MOTIONS = {
-    "drive": driven("revolute", "angle", WAVE),
-    "drive, slide": driven("prismatic", "slide", Law("sine", (0.3, 3.0, 0.0, 0.0))),
-    "drive, cylindrical": driven("cylindrical", "angle", Law("ramp", (0.0, 1.0, 0.0, 0.4))),
-    "drive, table": driven(
+    "jointMotion": driven("revolute", "angle", WAVE),
+    "jointMotion, slide": driven("prismatic", "slide", Law("sine", (0.3, 3.0, 0.0, 0.0))),
+    "jointMotion, cylindrical": driven("cylindrical", "angle", Law("ramp", (0.0, 1.0, 0.0, 0.4))),
+    "jointMotion, table": driven(
         "revolute", "angle", Law("cubic", (0.0, 0.3, 0.5, 1.0, 0.0, 0.2, 0.1, 0.9))
     ),
     "pointMotion": point_moved,
@@ -342,7 +346,7 @@ LOADS = {
 
 
 def of_kind(kind: str) -> Callable:
-    return lambda rng, gravity=True: joint_scene(kind, rng, gravity)
+    return lambda rng, gravity=True: joint_model(kind, rng, gravity)
 
 
 POINTS = {
@@ -362,17 +366,17 @@ ELEMENTS = {
 
 
 def everything(rng, gravity=True):
-    """All of the above in one scene, held together by weak springs: one island."""
-    whole, leaders = side_by_side([make(rng, gravity) for make in ELEMENTS.values()])
+    """All of the above in one model, held together by weak springs: one subsystem."""
+    complete, leaders = side_by_side([make(rng, gravity) for make in ELEMENTS.values()])
     ties = [
         SpringDamper(f"Tie{k}", a, b, random_vector(rng), random_vector(rng), 0.5, 0.01)
         for k, (a, b) in enumerate(pairwise(leaders))
     ]
-    return replace(whole, loads=(*whole.loads, *ties))
+    return replace(complete, loads=(*complete.loads, *ties))
 
 
 def side_by_side(parts):
-    """All ``parts`` in one scene, with the gravity of the first, and their first bodies' names."""
+    """All ``parts`` in one model, with the gravity of the first, and their first bodies' names."""
     renamed = [_renamed(part, f"{k}") for k, part in enumerate(parts)]
     kinds = ("bodies", "joints", "couplings", "motions", "loads")
     everyone = {

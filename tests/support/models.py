@@ -1,4 +1,4 @@
-"""Scenes built in Python, and runs of them kept in memory."""
+"""Models built in Python, and runs of them kept in memory."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -101,7 +101,7 @@ def simulate(model, dt=None, t_final=None, scheme=None, damping=None, **options)
     return Result(model, report, *map(np.concatenate, rows.tables))
 
 
-def scene(
+def build_model(
     bodies, joints=(), loads=(), gravity=ZERO, dt=0.01, t_final=1.0, grounds=(GROUND,), **others
 ):
     """A model of these records."""
@@ -125,11 +125,11 @@ def body(name="Bob", mass=2.0, inertia=0.008, position=ZERO, **others):
 
 
 def pendulum(degrees=45.0, axis=(0.0, 1.0, 0.0), arm=(0.0, 0.0, 5.0), **others):
-    """The thesis's single pendulum, turned about ``axis``, with the bob at ``arm``."""
-    turn = from_axis_angle(axis, np.radians(degrees))
-    bob = body(position=times(matrix(turn), arm), orientation=turn)
+    """The thesis's single pendulum, rotated about ``axis``, with the bob at ``arm``."""
+    rotation = from_axis_angle(axis, np.radians(degrees))
+    bob = body(position=times(matrix(rotation), arm), orientation=rotation)
     joint = Joint("Pivot", "spherical", GROUND.name, bob.name, ZERO, sub(ZERO, arm))
-    return scene([bob], [joint], gravity=DOWN, **others)
+    return build_model([bob], [joint], gravity=DOWN, **others)
 
 
 def frame(edges, pins, **others):
@@ -151,7 +151,7 @@ def frame(edges, pins, **others):
         origins = [ZERO if e is None else bodies[e].position for e in (i, j)]
         place = tuple(float(x) for x in point)
         joints.append(Joint(f"Pin{k}", "spherical", *ends, *(sub(place, o) for o in origins)))
-    return scene(bodies, joints, gravity=DOWN, **others)
+    return build_model(bodies, joints, gravity=DOWN, **others)
 
 
 def path(points, grounded=(), closed=False, **others):
@@ -232,7 +232,7 @@ def random_body(rng, name):
 def free_bodies(rng, n=3, gravity=True):
     """Bodies that nothing holds."""
     bodies = [random_body(rng, f"B{i}") for i in range(n)]
-    return scene(bodies, gravity=random_vector(rng, 5.0) if gravity else ZERO)
+    return build_model(bodies, gravity=random_vector(rng, 5.0) if gravity else ZERO)
 
 
 def jointed(rng, n=4, gravity=True, grounded=True):
@@ -284,19 +284,21 @@ def loaded(rng, gravity=True):
     return replace(model, loads=tuple(loads))
 
 
-def moved(model, turn, shift):
-    """The whole scene, gravity included, turned by ``turn`` and then displaced by ``shift``."""
-    A = matrix(turn)
+def moved(model, rotation, shift):
+    """The complete model, gravity included, rotated by ``rotation`` and then displaced by
+    ``shift``.
+    """
+    A = matrix(rotation)
     grounds = {ground.name for ground in model.grounds}
 
     def place(point):
         return add(times(A, point), shift)
 
-    def turned(vector, basis):
+    def rotated(vector, basis):
         return times(A, vector) if basis in grounds else vector
 
     bodies = [
-        replace(b, position=place(b.position), orientation=compose(turn, b.orientation))
+        replace(b, position=place(b.position), orientation=compose(rotation, b.orientation))
         for b in model.bodies
     ]
 
@@ -313,8 +315,8 @@ def moved(model, turn, shift):
 
     def moved_load(load):
         if isinstance(load, ConcentratedLoad):
-            force = turned(load.force, load.force_basis)
-            return replace(load, force=force, moment=turned(load.moment, load.moment_basis))
+            force = rotated(load.force, load.force_basis)
+            return replace(load, force=force, moment=rotated(load.moment, load.moment_basis))
         return moved_ends(load) if hasattr(load, "parent") else load
 
     def moved_motion(motion):

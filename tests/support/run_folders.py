@@ -64,11 +64,11 @@ def conical_rows(force_at=0.0):
     """Rows of states and reactions; the force is that of the time ``force_at`` after each row."""
     times_ = DT * np.arange(ROWS)
     states = np.array([_state(t) for t in times_])
-    return states, np.array([(t, *_turned(FORCE, t + force_at)) for t in times_])
+    return states, np.array([(t, *_rotated(FORCE, t + force_at)) for t in times_])
 
 
-def _turned(vector, t):
-    """``vector`` after a turn by Omega t about z."""
+def _rotated(vector, t):
+    """``vector`` after a rotation by Omega t about z."""
     return times(matrix(from_axis_angle((0.0, 0.0, 1.0), OMEGA * t)), tuple(vector))
 
 

@@ -7,7 +7,7 @@ from msahl.algebra.vector import ZERO
 from msahl.model import ConcentratedLoad, Drag, Joint, JointMotion, Law
 from msahl.start.velocities import StartError
 from tests.schemes.midpoint.test_decaying import oscillator
-from tests.support.models import DOWN, GROUND, body, pendulum, scene, simulate
+from tests.support.models import DOWN, GROUND, body, build_model, pendulum, simulate
 
 SOLVERS = ("newton", "auto", "root")
 every_solver = pytest.mark.parametrize("solver", SOLVERS)
@@ -20,8 +20,8 @@ def push(size, *coefficients):
 
 
 STARTS = {
-    "a speed that cannot be squared": scene([body(velocity=(1e200, 0.0, 0.0))]),
-    "a spin that cannot be squared": scene([body(angular_velocity=(0.0, 1e160, 0.0))]),
+    "a speed that cannot be squared": build_model([body(velocity=(1e200, 0.0, 0.0))]),
+    "a spin that cannot be squared": build_model([body(angular_velocity=(0.0, 1e160, 0.0))]),
     "a weight": pendulum(),
 }
 
@@ -39,11 +39,11 @@ def _fields(model):
 
 
 GROWING = {
-    "load 'Push'": scene([body()], loads=[push(1e300, 0.0, 1e18)]),
-    "load 'Wind'": scene(
+    "load 'Push'": build_model([body()], loads=[push(1e300, 0.0, 1e18)]),
+    "load 'Wind'": build_model(
         [body(velocity=(1e100, 0.0, 0.0))], loads=[Drag("Wind", "Bob", ZERO, 1e200)]
     ),
-    "drive 'Motor'": scene(
+    "jointMotion 'Motor'": build_model(
         [body()],
         [Joint("Hinge", "revolute", GROUND.name, "Bob", ZERO, ZERO)],
         motions=(JointMotion("Motor", "Hinge", "angle", Law("polynomial", (*[0.0] * 400, 1.0))),),
@@ -67,14 +67,14 @@ def test_what_grows_beyond_all_numbers_is_named_and_never_written(name, solver):
 
 @every_solver
 def test_a_step_beyond_all_expectation_is_refused_with_its_reason(solver):
-    run = simulate(scene([body()], loads=[push(1e200, 0.0, 1.0)]), dt=1.0, solver=solver)
+    run = simulate(build_model([body()], loads=[push(1e200, 0.0, 1.0)]), dt=1.0, solver=solver)
     assert (run.report.status, run.report.output_times) == ("not converged", 1)
     assert "times as far" in run.report.message
 
 
 @every_solver
 def test_a_stiffness_near_the_largest_number_is_still_a_spring(solver):
-    # The square of its frequency is 4e305; a step from rest at the slack place turns the speed.
+    # The square of its frequency is 4e305; a step from rest at the slack place reverses the speed.
     run = simulate(oscillator(1e-152), dt=0.01, t_final=1.0, solver=solver)
     assert run.report.status == "completed"
     assert np.abs(run.of("velocity")[:, 2]) == pytest.approx(1.0, abs=1e-12)

@@ -31,7 +31,7 @@ from tests.support.element_samples import (
     side_by_side,
     vector,
 )
-from tests.support.models import GROUND, body, random_vector, scene, simulate, tensor
+from tests.support.models import GROUND, body, build_model, random_vector, simulate, tensor
 
 X, Y, Z = np.eye(3)
 FRAMES = {
@@ -42,7 +42,7 @@ FRAMES = {
 """Frames of joints (columns x, y, z) in the plane y = 0."""
 PIN = np.array([1.6, 0.0, 0.1])
 PUSH = Law("sine", (1.0, 5.0, 0.3, 0.5))
-TURN, SLIDE = (Law("sine", (a, 3.0, 0.5 * np.pi, 0.0)) for a in (0.4, 0.2))
+ROTATION, SLIDE = (Law("sine", (a, 3.0, 0.5 * np.pi, 0.0)) for a in (0.4, 0.2))
 STEPS, H = 1000, 0.002
 SCHEMES = [word for word in choices() if word != "auto"]
 
@@ -59,7 +59,7 @@ def links():
 def hung(bodies, joints=(), loads=(), **others):
     """The first body on a ball joint, with ``joints`` and ``loads``."""
     first = Joint("Hung", "spherical", GROUND.name, "A", ZERO, sub(ZERO, bodies[0].position))
-    return scene(bodies, [first, *joints], loads, gravity=(3.0, 0.0, -9.0), **others)
+    return build_model(bodies, [first, *joints], loads, gravity=(3.0, 0.0, -9.0), **others)
 
 
 def joined(kind, frame, *loads, **others):
@@ -110,8 +110,10 @@ ELEMENTS = {
         "revolute", "prismatic", Coupling("C", "rackAndPinion", "J0", "J1", ratio=0.4)
     ),
     "cam": branched("revolute", "prismatic", Coupling("C", "camFollower", "J0", "J1", lift=CAM)),
-    "drive": joined("revolute", "axis across", motions=(JointMotion("D", "J", "angle", TURN),)),
-    "drive, slide": joined(
+    "jointMotion": joined(
+        "revolute", "axis across", motions=(JointMotion("D", "J", "angle", ROTATION),)
+    ),
+    "jointMotion, slide": joined(
         "prismatic", "axis within", motions=(JointMotion("D", "J", "slide", SLIDE),)
     ),
     "pointMotion": hung(links(), motions=(PointMotion("P", "B", AT, vector(X), SLIDE),)),
@@ -147,16 +149,18 @@ ELEMENTS = {
 
 
 def reframed(model, rng):
-    """The same bodies with their own axes turned anyhow, in which everything fixed in them is."""
-    turns = {b.name: from_axis_angle(random_vector(rng), rng.uniform(-3, 3)) for b in model.bodies}
+    """The same bodies with their own axes rotated anyhow, in which everything fixed in them is."""
+    rotations = {
+        b.name: from_axis_angle(random_vector(rng), rng.uniform(-3, 3)) for b in model.bodies
+    }
 
     def own(name, a):
-        return times(transpose(matrix(turns[name])), a) if name in turns else a
+        return times(transpose(matrix(rotations[name])), a) if name in rotations else a
 
-    def turned(b):
-        A = np.array(matrix(turns[b.name]))
+    def rotated(b):
+        A = np.array(matrix(rotations[b.name]))
         J = tensor(A.T @ np.array(b.inertia) @ A)
-        return replace(b, orientation=compose(b.orientation, turns[b.name]), inertia=J)
+        return replace(b, orientation=compose(b.orientation, rotations[b.name]), inertia=J)
 
     def fixed(element):
         changes = {}
@@ -176,7 +180,7 @@ def reframed(model, rng):
 
     return replace(
         model,
-        bodies=tuple(map(turned, model.bodies)),
+        bodies=tuple(map(rotated, model.bodies)),
         joints=tuple(map(fixed, model.joints)),
         loads=tuple(map(fixed, model.loads)),
         motions=tuple(map(fixed, model.motions)),
@@ -193,7 +197,7 @@ def test_the_elements_lie_in_the_plane():
 
 
 def apart(names, scheme):
-    """Planar and spatial runs of these elements side by side, the bodies' axes turned anyhow: how
+    """Planar and spatial runs of these elements side by side, the bodies' axes rotated anyhow: how
     far apart bodies are, and what the planar one has out of its plane [m, rad/s].
     """
     rng = np.random.default_rng(5)
@@ -214,7 +218,7 @@ def apart(names, scheme):
 FAR, OFF = 1e-10, 1e-13
 """Bounds of the above. In space round-off leaves the plane and may grow (the bushing's by 1e4 in
 2 s). In the plane nothing is there to grow: a body's place is a sum of exact zeros, its spin is
-turned into its axes and back with a few machine epsilons of some 10 rad/s."""
+rotated into its axes and back with a few machine epsilons of some 10 rad/s."""
 
 
 @pytest.mark.parametrize("scheme", ["preserving", "decaying", "gauss1"])
@@ -228,7 +232,7 @@ def test_planar_and_spatial_equations_move_all_elements_alike(scheme):
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_nothing_grows_out_of_the_plane_in_a_thousand_steps(scheme):
     """By every scheme; an extrapolation multiplies what nobody solves for by up to 135 a step."""
-    few = ["spherical", "pointSlider", "distance", "pointOnLine", "springDamper", "drive"]
+    few = ["spherical", "pointSlider", "distance", "pointOnLine", "springDamper", "jointMotion"]
     far, off, spin = apart(few, scheme)
     assert far <= FAR
     assert off == 0.0

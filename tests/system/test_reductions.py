@@ -1,4 +1,4 @@
-"""What is left out of the equations is left out exactly, and only where it may be."""
+"""What is omitted of the equations is omitted exactly, and only where it may be."""
 
 import json
 import os
@@ -18,6 +18,7 @@ from tests.support.models import (
     DECKS,
     GROUND,
     body,
+    build_model,
     chain,
     deck,
     free_bodies,
@@ -25,7 +26,6 @@ from tests.support.models import (
     pendulum,
     random_body,
     ring,
-    scene,
     simulate,
 )
 
@@ -37,13 +37,13 @@ def test_the_reduced_equations_give_the_full_ones_answer(path, solver):
     h = model.simulation.dt
     t_final = min(300 * h, model.simulation.t_final)
     runs = [simulate(model, t_final=t_final, solver=solver, full=full) for full in (False, True)]
-    # Newton leaves out what is exactly zero or exact: the same to the last bits. Root's norms take
+    # Newton omits what is exactly zero or exact: the same to the last bits. Root's norms take
     # in all unknowns, so it stops elsewhere within its 1e-12 of a step.
     points = path.parent.name in ("thesis", "basics")
     # Rows along directions round a little more than points that coincide.
     tolerance = {"newton": 1e-13 if points else 1e-12, "root": 1e-10}[solver]
     if runs[1].report.nonUniqueReactions:
-        tolerance = 1e-10  # redundant joints are relaxed, and full scenes have more of them
+        tolerance = 1e-10  # redundant joints are relaxed, and full models have more of them
     for what in ("position", "orientation", "velocity", "spin"):
         for b in range(len(model.bodies)):
             known = runs[1].of(what, b)
@@ -59,13 +59,13 @@ def _size(values):
 
 
 def reduction(model):
-    """Islands, planar islands, unknowns."""
+    """Subsystems, planar subsystems, unknowns."""
     report = simulate(model, dt=0.01, t_final=0.01).report
     return report.subsystems, report.planar_subsystems, report.unknowns
 
 
 UNKNOWNS = {
-    # 6 a body and 3 a joint; in a plane 3 and 2; thrown freely 3 for the turn, or 1.
+    # 6 a body and 3 a joint; in a plane 3 and 2; thrown freely 3 for the rotation, or 1.
     "single_pendulum_45": (5, 9),
     "double_pendulum_89": (10, 18),
     "triple_pendulum_5": (15, 27),
@@ -111,7 +111,7 @@ IN_PLANE = {
     "as it is": BOB,
     "moving in the plane": changed(BOB, angular_velocity=(0.0, 1.0, 0.0)),
     "pushed in the plane": with_load(BOB, force=(1.0, 0.0, 2.0), point=(0.5, 0.0, 0.1)),
-    "turned by a moment": with_load(BOB, moment=(0.0, 3.0, 0.0)),
+    "rotated by a moment": with_load(BOB, moment=(0.0, 3.0, 0.0)),
     "a moment's arm does not matter": with_load(BOB, moment=(0.0, 3.0, 0.0), point=(0.0, 9.0, 0.0)),
     "unequal inertia": changed(BOB, inertia=((0.1, 0.0, 0.02), (0.0, 0.15, 0.0), (0.02, 0.0, 0.2))),
     "gravity across the pendulum": replace(BOB, gravity=(9.0, 0.0, -2.0)),
@@ -129,17 +129,17 @@ IN_PLANE = {
 }
 
 OUT_OF_PLANE = {
-    "velocity": scene([body(velocity=(1.0, 1e-12, 0.0))], gravity=(0.0, 0.0, -9.8)),
+    "velocity": build_model([body(velocity=(1.0, 1e-12, 0.0))], gravity=(0.0, 0.0, -9.8)),
     "spin": changed(BOB, angular_velocity=(0.0, 0.0, 1e-12)),
     "gravity": replace(BOB, gravity=(0.0, 1e-12, 9.8)),
     "arm": pendulum(arm=(0.0, 1e-9, 5.0)),
     "inertia": changed(BOB, inertia=((0.1, 1e-9, 0.0), (1e-9, 0.1, 0.0), (0.0, 0.0, 0.1))),
-    "turn": pendulum(axis=(0.0, 1.0, 1e-9)),
+    "rotation": pendulum(axis=(0.0, 1.0, 1e-9)),
     "force": with_load(BOB, force=(1.0, 1e-12, 2.0)),
     "force beside the plane": with_load(BOB, force=(1.0, 0.0, 2.0), point=(0.0, 1e-9, 0.0)),
     "moment": with_load(BOB, moment=(1e-12, 3.0, 0.0)),
     "another body": ring(7),
-    "a motion along the normal": scene(
+    "a motion along the normal": build_model(
         [body(velocity=(1.0, 0.0, 0.0))],
         gravity=(0.0, 0.0, -9.8),
         motions=(
@@ -153,13 +153,13 @@ OUT_OF_PLANE = {
 
 
 @pytest.mark.parametrize("model", IN_PLANE.values(), ids=IN_PLANE)
-def test_a_scene_in_a_plane_is_seen_as_one_and_moves_the_same(model):
+def test_a_model_in_a_plane_is_seen_as_one_and_moves_the_same(model):
     assert reduction(model)[1] == 1
     runs = [
         simulate(model, dt=0.01, t_final=2.0, solver="newton", full=full) for full in (False, True)
     ]
     for b in range(len(model.bodies)):
-        # What is left out is exactly zero in the full equations, too.
+        # What is omitted is exactly zero in the full equations, too.
         assert runs[0].of("position", b) == pytest.approx(runs[1].of("position", b), abs=1e-12)
         assert runs[0].of("spin", b) == pytest.approx(runs[1].of("spin", b), abs=1e-11)
 
@@ -169,10 +169,11 @@ def test_whatever_leaves_the_plane_is_not_planar(model):
     assert reduction(model)[1] == 0
 
 
-# Islands and free bodies -------------------------------------------------------------------------
+# Subsystems and free bodies
+# -------------------------------------------------------------------------
 
 
-def test_bodies_on_one_ground_are_islands_of_their_own():
+def test_bodies_on_one_ground_are_subsystems_of_their_own():
     assert reduction(jointed(np.random.default_rng(0), 4))[0] == 2
     assert reduction(chain(4))[0] == 1
     assert reduction(free_bodies(np.random.default_rng(0), 5)) == (5, 0, 15)
@@ -189,8 +190,8 @@ def test_a_load_in_another_bodys_axes_couples_the_two():
     assert reduction(replace(model, loads=(load,))) == (2, 0, 6 + 3 + 3)
 
 
-def test_islands_come_back_to_the_places_of_the_deck():
-    """Bodies, joints and loads of three islands, shuffled, have the columns the deck gives them."""
+def test_subsystems_come_back_to_the_places_of_the_deck():
+    """Bodies, joints and loads of three subsystems, shuffled, have the columns of the deck."""
     rng = np.random.default_rng(2)
     model = jointed(rng, 5)
     extra = random_body(rng, "Free")
@@ -213,8 +214,8 @@ def test_islands_come_back_to_the_places_of_the_deck():
     assert runs[0].work == pytest.approx(runs[1].work, abs=1e-11)
 
 
-def test_a_hard_island_does_not_disturb_an_easy_one():
-    """The triple pendulum halves its steps; the single one beside it takes them whole."""
+def test_a_hard_subsystem_does_not_disturb_an_easy_one():
+    """The triple pendulum halves its steps; the single one beside it takes them complete."""
     wild, calm = deck("triple_pendulum_135"), pendulum(30.0)
     away = (100.0, 0.0, 0.0)
     bob = replace(calm.bodies[0], position=tuple(np.add(calm.bodies[0].position, away).tolist()))
@@ -242,7 +243,7 @@ def test_several_grounds_are_one():
     assert np.array_equal(run.force(0), run.force(1))
 
 
-def test_a_body_between_two_grounds_is_one_island():
+def test_a_body_between_two_grounds_is_one_subsystem():
     model = chain(3)
     end = (2.1, 0.0, 2.1)
     last = model.bodies[-1]
@@ -253,10 +254,10 @@ def test_a_body_between_two_grounds_is_one_island():
     assert len(split(both)) == 1
 
 
-def test_a_scene_without_ground_joints_or_loads_drifts():
-    turn = from_axis_angle((1.0, 2.0, 3.0), 1.0)
-    lone = body("A", inertia=(1.0, 2.0, 2.5), orientation=turn, velocity=(1.0, 0.0, 0.0))
-    run = simulate(scene([lone], grounds=()), dt=0.25, t_final=2.0)
+def test_a_model_without_ground_joints_or_loads_drifts():
+    rotation = from_axis_angle((1.0, 2.0, 3.0), 1.0)
+    lone = body("A", inertia=(1.0, 2.0, 2.5), orientation=rotation, velocity=(1.0, 0.0, 0.0))
+    run = simulate(build_model([lone], grounds=()), dt=0.25, t_final=2.0)
     assert run.report.status == "completed"
     assert run.reactions.shape == run.work.shape == (9, 1)
     drift = run.of("position") @ run.of("position")[-1]
@@ -264,8 +265,8 @@ def test_a_scene_without_ground_joints_or_loads_drifts():
     assert run.report.extremes["constraintViolationMax"] == 0.0
 
 
-def test_a_scene_at_rest_stays_at_rest():
-    run = simulate(scene([body("A", inertia=(1.0, 2.0, 2.5))]), dt=0.1, t_final=1.0)
+def test_a_model_at_rest_stays_at_rest():
+    run = simulate(build_model([body("A", inertia=(1.0, 2.0, 2.5))]), dt=0.1, t_final=1.0)
     assert not run.states[:, 1:].any()
     assert run.report.iterations <= 1
     assert run.report.extremes["energyErrorMaxRelative"] is None

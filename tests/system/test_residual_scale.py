@@ -5,14 +5,16 @@ import pytest
 
 from msahl.model import JointMotion, Law
 from tests.support.element_samples import Frame, joint_between
-from tests.support.models import GROUND, body, scene, simulate
+from tests.support.models import GROUND, body, build_model, simulate
 
 ACROSS = np.column_stack([(0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)])
 STOP = 1.2
 
 
 def halted(pendulum):
-    """An arm that a drive turns by 1 rad until ``STOP``, with a pendulum on its end or without."""
+    """An arm that a joint motion rotates by 1 rad until ``STOP``, with a pendulum on its end or
+    without.
+    """
     bodies = [
         body("Arm", 2.0, (0.05, 0.2, 0.2), position=(0.5, 0.0, 0.0)),
         body("Bob", 1.0, (0.02, 0.02, 0.005), position=(1.0, 0.0, -0.4)),
@@ -22,7 +24,9 @@ def halted(pendulum):
     pin = joint_between(bodies, "revolute", "P", "Arm", "Bob", tip)
     n = 2 if pendulum else 1
     joint_motion = JointMotion("D", "H", "angle", Law("ramp", (0.0, 1.0, 0.0, STOP)))
-    return scene(bodies[:n], [hinge, pin][:n], gravity=(0.0, 0.0, -9.81), motions=(joint_motion,))
+    return build_model(
+        bodies[:n], [hinge, pin][:n], gravity=(0.0, 0.0, -9.81), motions=(joint_motion,)
+    )
 
 
 @pytest.mark.parametrize(
@@ -37,16 +41,17 @@ def halted(pendulum):
         (True, "gauss3", 1e-4),
     ],
 )
-def test_an_arm_that_a_drive_brings_to_a_halt(pendulum, scheme, h):
-    """The values of a drive's law have the round-off of a radian, however little it changes in a
-    step: no residual is smaller, and none need be.
+def test_an_arm_that_a_joint_motion_brings_to_a_halt(pendulum, scheme, h):
+    """The values of a joint motion's law have the round-off of a radian, however little it
+    changes in a step: no residual is smaller, and none need be.
     """
     run = simulate(halted(pendulum), h, 1.3 if pendulum else 1.5, scheme)
     assert run.report.status == "completed"
     assert run.report.subdivisions == 0
     # A guess that is good to round-off takes no more than its check.
     assert run.report.iterations <= 2.0 * len(run.time)
-    # Thousands of steps each close the arm's angle to a few round-offs: at random 1e-14 in all.
+    # Thousands of steps each close the arm's angle to a few machine epsilons: at random 1e-14 in
+    # all.
     arm = run.of("position", 0)[run.time >= STOP]
     expected = 0.5 * np.array([np.cos(1.0), 0.0, -np.sin(1.0)])
     assert arm == pytest.approx(np.broadcast_to(expected, arm.shape), abs=1e-13)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks import curves, extended, reference, scenes
+from benchmarks import curves, extended, problems, reference
 from msahl.study.exact import recognise
 
 EXTENDED = np.finfo(np.longdouble).eps < np.finfo(float).eps
@@ -13,7 +13,7 @@ EXTENDED = np.finfo(np.longdouble).eps < np.finfo(float).eps
 
 @pytest.mark.parametrize("name", ["single 45", "top 1"])
 def test_a_reference_is_where_the_closed_form_is(name):
-    model = next(s.model for s in scenes.all_scenes(quick=True) if s.name == name)
+    model = next(s.model for s in problems.all_problems(quick=True) if s.name == name)
     solution = reference.known(model, 0.5, 4)
     exact = recognise(model).states(0.5 * np.arange(5))
     x = exact.reshape(5, 1, 4, 3)[:, :, 0]
@@ -38,8 +38,8 @@ def test_extrapolation_goes_beyond_double_precision():
 def curve():
     """Errors h^4 of runs whose seconds go as 1/h, as a code of order 4 has."""
     code = curves.Code("any", curves, 4)
-    scene = scenes.Scene("any", scenes.chain(10), (), 10.0, 10.0)
-    made = curves.Curve(scene, code)
+    problem = problems.Problem("any", problems.chain(10), (), 10.0, 10.0)
+    made = curves.Curve(problem, code)
     for rung in range(2, 9):
         h = curves.knob(code, rung)
         made.points[rung] = curves.Point(rung, h**4, [1.0 / h], round(10.0 / h))
@@ -50,23 +50,23 @@ def test_seconds_are_read_off_between_two_runs(curve):
     target = 1.7 * curve.points[5].error
     worse, good = curve.bracket(target)
     assert (worse.rung, good.rung) == (4, 5)
-    seconds, how, _ = curve.dt2(target)
+    seconds, how, _ = curve.reach(target)
     assert how == ""
     assert seconds == pytest.approx(target**-0.25, rel=1e-12)
 
 
 def test_what_was_not_reached_is_a_lower_bound_by_the_order(curve):
     finest = curve.points[8].error
-    seconds, how, _ = curve.dt2(1e-3 * finest)
+    seconds, how, _ = curve.reach(1e-3 * finest)
     assert how == ">="
     assert seconds == pytest.approx(curve.points[8].seconds * 1e3**0.25)
-    assert curve.dt2(0.6 * finest).how == ""
+    assert curve.reach(0.6 * finest).how == ""
 
 
 def test_a_coarsest_run_that_is_better_is_an_upper_bound(curve):
-    assert curve.dt2(1.0).how == "<="
+    assert curve.reach(1.0).how == "<="
     curve.points[1] = curves.Point(1, math.inf)
-    assert curve.dt2(1.0).seconds == curve.points[2].seconds
+    assert curve.reach(1.0).seconds == curve.points[2].seconds
 
 
 def test_a_ladder_climbs():

@@ -20,14 +20,14 @@ def stepping():
 
 
 @pytest.mark.parametrize(
-    ("scaled", "differences", "whole"),
+    ("scaled", "differences", "complete"),
     [(True, False, True), (False, False, True), (True, True, True), (False, True, False)],
 )
-def test_triple_pendulum_at_a_small_step(stepping, scaled, differences, whole):
+def test_triple_pendulum_at_a_small_step(stepping, scaled, differences, complete):
     program = stepping.Program("", scaled=scaled, differences=differences, tolerance=1e-12)
-    reached, why, _, residual = stepping.dt2("triple_pendulum_45", 0.002, 0.2, program)
-    assert (reached == 0.2) == whole
-    assert bool(why) != whole
+    reached, why, _, residual = stepping.reach("triple_pendulum_45", 0.002, 0.2, program)
+    assert (reached == 0.2) == complete
+    assert bool(why) != complete
     # Where it gives up, it has stalled near the solution: the momenta are 10 N s and more.
     assert residual < 1e-6
 

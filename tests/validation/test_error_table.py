@@ -18,11 +18,11 @@ def tools():
     sys.path.insert(0, str(TOOLS))
     try:
         import error
+        import error_models
         import error_page
-        import error_scenes
         import reference
 
-        yield {"error": error, "page": error_page, "scenes": error_scenes, "reference": reference}
+        yield {"error": error, "page": error_page, "models": error_models, "reference": reference}
     finally:
         sys.path.remove(str(TOOLS))
 
@@ -40,9 +40,9 @@ def test_accelerations_are_those_of_the_engine(tools, name):
     assert own == pytest.approx(known, rel=1e-9, abs=1e-9 * np.abs(known).max())
 
 
-def test_a_kink_in_a_displacement_is_located(tools):
+def test_a_breakpoint_in_a_displacement_is_located(tools):
     """A ball falls on a one-sided spring and leaves it: free fall, half an oscillation, rise."""
-    scene = next(s for s in tools["scenes"].SCENES if s.name == "bouncing ball")
+    scene = next(s for s in tools["models"].SCENES if s.name == "bouncing ball")
     g, k, height = 9.80665, 4000.0, 0.4
     touch, speed, omega = np.sqrt(2.0 * height / g), np.sqrt(2.0 * g * height), np.sqrt(k)
     amplitude, sag = np.hypot(speed / omega, g / k), g / k
@@ -57,13 +57,13 @@ def test_a_kink_in_a_displacement_is_located(tools):
     start = np.zeros(12)
     start[2] = 0.5
     ys = tools["reference"].solve(equations, equations.first(start), times, 1e-12)
-    # A hundred times the tolerance: the kink multiplies errors by the jump of the stiffness.
+    # A hundred times the tolerance: the breakpoint multiplies errors by the jump of the stiffness.
     assert equations.publish(ys)[:, 2] - 0.1 == pytest.approx(z, abs=1e-10)
 
 
 def test_a_pendulum_by_elliptic_functions(tools):
     times = np.linspace(0.0, 1.0, 11)
-    model = tools["scenes"].pendulum(45.0)
+    model = tools["models"].pendulum(45.0)
     equations = tools["reference"].Equations(model)
     (bob,) = model.bodies
     first = equations.first(np.concatenate([bob.position, bob.orientation, np.zeros(6)]))
@@ -74,8 +74,8 @@ def test_a_pendulum_by_elliptic_functions(tools):
 
 def test_estimates_of_a_few_cells(tools):
     """Of a regular motion the estimate is above the true error and below twice that."""
-    error, scene = tools["error"], tools["scenes"].SCENES[0]
-    short = tools["scenes"].Scene("short", "pendulum", scene.build, 0.8, 10)
+    error, scene = tools["error"], tools["models"].SCENES[0]
+    short = tools["models"].Model("short", "pendulum", scene.build, 0.8, 10)
     cells = error.measure(short, only=("preserving", "decaying"), tolerances=())
     assert [cell.step for cell in cells[:3]] == pytest.approx([0.08, 0.02, 0.005])
     found = list(error.comparisons(cells))
@@ -101,8 +101,8 @@ def test_cells_are_read_as_they_were_written(tools, tmp_path):
     assert error.read_cells(tmp_path / "cells.csv") == cells
 
 
-def test_the_page_tells_what_is_outside(tools):
-    """Too small an estimate, one of an error that nobody knows, a run without one, a failed one."""
+def test_the_page_reports_what_is_outside(tools):
+    """Too small an estimate, one of an error that nobody has, a run without one, a failed one."""
     error, page = tools["error"], tools["page"]
     nothing = {name: None for q in error.QUANTITIES for name in (q, f"{q}_estimate")}
     local = {"scheme": "auto", "step": None, "tolerance": 1e-6, "kind": "local"}

@@ -1,4 +1,4 @@
-"""The stability table in small: extreme decks hold, lose no row, and are told apart."""
+"""The stability table in small: extreme decks hold, lose no row, and are reported apart."""
 
 import csv
 import sys
@@ -140,8 +140,9 @@ QUICK = (
 
 
 SMALLER = {"spin": 1e-5, "toggle": 1e-3}
-"""Largest steps [s] of higher orders, where others are whole turns or pass a near singular place by
-at once."""
+"""Largest steps [s] of higher orders, where others are complete revolutions or pass a near
+singular place by at once.
+"""
 
 
 @pytest.mark.parametrize("scheme", TOLD)
@@ -150,7 +151,7 @@ def test_extreme_cells_hold(name, value, steps, scheme, cells, extreme, monkeypa
     """A hundred steps each, no true positions: those are for the page."""
     if scheme not in SCHEMES:
         steps = (steps[0], SMALLER.get(name, steps[1]))
-    # It closes the jump as an inelastic blow does, and what that takes is told as an error.
+    # It closes the jump as an inelastic blow does, and what that takes is reported as an error.
     blow = (name, scheme) == ("inconsistent_as_given", "gauss3")
     family = replace(extreme.FAMILIES[name], steps=lambda x: 100, known=False)
     monkeypatch.setitem(extreme.FAMILIES, name, family)
@@ -229,13 +230,13 @@ def test_the_condition_is_the_same_at_any_step(scheme, cells, extreme):
     """Of a pendulum: scaled, as it is solved."""
     model = read_deck(extreme.FAMILIES["long_run"].path)
     found = [cells.condition(model, dt, scheme) for dt in (1e-6, 1e-3, 1e-1)]
-    # At a tenth of a second it turns by some percent of a radian a step.
+    # At a tenth of a second it rotates by some percent of a radian a step.
     assert found == pytest.approx([found[0]] * 3, rel=0.01)
     assert 1.0 < found[0] < 1e3
 
 
 def test_a_restart_from_the_last_row_goes_on(cells):
-    """Order 2 against the whole: 4e-5 m at 0.01 s of a swing of 1 m."""
+    """Order 2 against the complete solution: 4e-5 m at 0.01 s of a swing of 1 m."""
     made = cells.run_restarts("extreme/inverted", ("preserving",), (1e-2,))
     assert [(cell.outcome, cell.compared) for cell in made] == [(cells.GOOD, 2.0)]
 
@@ -291,13 +292,13 @@ def test_the_verdict_of_a_run_is_taken_up(cells):
         "iterations": 3,
         "subsystems": 1,
         "steps": 1,
-        "verdict": {"word": "WARN", "reasons": ["step too large", "half a turn a step"]},
+        "verdict": {"word": "WARN", "reasons": ["step too large", "half a revolution a step"]},
     }
     truth = cells.Truth(Path(), None, (), 1.0)
     made = cells.cell(
         "spin", 1.0, "decaying", cells.Run(1.0, 1, 1, 1), info, truth, cells.UNKNOWN, 1, 1, None
     )
-    assert (made.verdict, made.reasons) == ("WARN", "step too large; half a turn a step")
+    assert (made.verdict, made.reasons) == ("WARN", "step too large; half a revolution a step")
 
 
 def test_verdicts_tell_good_runs_from_bad():
@@ -308,7 +309,7 @@ def test_verdicts_tell_good_runs_from_bad():
         rows = [row for row in csv.DictReader(stream) if row["judged"]]
     assert len(rows) > 1000
     for row in rows:
-        error = max(float(row["error"]), float(row["turned"])) / float(row["tolerance"])
+        error = max(float(row["error"]), float(row["rotated"])) / float(row["tolerance"])
         if row["judged"] == "PASS":
             assert error <= 10.0, row
         if row["judged"] == "FAIL" and error <= 1.0:
@@ -316,7 +317,7 @@ def test_verdicts_tell_good_runs_from_bad():
             assert float(row["energy"]) > 1e-3 or row["outcome"] == "out of time", row
 
 
-def test_the_kept_table_is_whole():
+def test_the_kept_table_is_complete():
     """Every scheme and step of every value, no nan, no row lost but by a run stopped by force."""
     with KEPT.open(newline="") as stream:
         rows = list(csv.DictReader(stream))

@@ -1,4 +1,4 @@
-"""Draw a small picture of every deck for the examples of the documentation site.
+"""Draw a small picture of every deck, and those of other pages, for the documentation site.
 
 Usage: python tools/docs/pictures.py [--results FOLDER] [DECK...]
 
@@ -11,6 +11,7 @@ against time. The same results give the same bytes.
 
 import argparse
 import io
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -30,6 +31,7 @@ from msahl.model.model import Model
 
 ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "docs" / "examples" / "pictures"
+IMAGES = ROOT / "docs" / "img"
 SIZE, DPI = (3.6, 2.7), 100
 INSTANTS = 11
 """Instants at which the bodies are drawn."""
@@ -170,6 +172,15 @@ def draw(deck: Path, results: Path) -> bytes | None:
     return packed.getvalue()
 
 
+def draw_pages(folder: Path) -> None:
+    """Write the pictures of pages other than the examples, as ``msahl-post plot`` draws them."""
+    results = run(ROOT / "decks" / "mechanisms" / "four_bar.xml", folder / "four_bar")
+    plot = [sys.executable, "-m", "msahl.post.cli", "plot", str(results), "reactions"]
+    subprocess.run([*plot, "--joint", "Motor", "-o", str(folder)], check=True, capture_output=True)
+    IMAGES.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(folder / "reactions.png", IMAGES / "four_bar_motor.png")
+
+
 def run(deck: Path, folder: Path) -> Path:
     """Run a deck; return the folder of its results."""
     msahl = [sys.executable, "-m", "msahl.cli.main", "run", str(deck), "-q", "--error", "off"]
@@ -183,6 +194,9 @@ def main(arguments: Iterable[str] | None = None) -> None:
     parser.add_argument("--results", type=Path, help="read results from FOLDER/<family>/<deck>")
     parser.add_argument("decks", nargs="*", type=Path, help="decks (default: all of decks/)")
     options = parser.parse_args(None if arguments is None else list(arguments))
+    if not options.decks:
+        with tempfile.TemporaryDirectory() as temporary:
+            draw_pages(Path(temporary))
     for deck in options.decks or sorted((ROOT / "decks").glob("*/*.xml")):
         family, name = deck.resolve().parent.name, deck.stem
         with tempfile.TemporaryDirectory() as temporary:

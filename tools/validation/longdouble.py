@@ -21,7 +21,7 @@ from numpy.polynomial import Polynomial
 
 from msahl.algebra.rotation import compose, from_step_turn
 from msahl.algebra.vector import add, at, put, scale
-from msahl.elements import along
+from msahl.elements.constraints import scalar
 from msahl.jit.kernel import MARKED
 from msahl.model import Model
 from msahl.run.subsystem import SubsystemIntegrator
@@ -31,9 +31,9 @@ from msahl.schemes.collocation.newton import TARGET, CollocationWorkspace
 from msahl.schemes.collocation.stepper import CollocationMethod
 from msahl.schemes.collocation.tableau import Rule, new_rule
 from msahl.schemes.fixed_stepper import FixedStepper
-from msahl.schemes.midpoint import equations
 from msahl.schemes.outcome import TOLERANCE
 from msahl.schemes.output_schedule import OutputSchedule
+from msahl.system import evaluate
 
 LONG = np.longdouble
 ROUND_OFF = float(np.finfo(LONG).eps / np.finfo(float).eps)
@@ -165,15 +165,15 @@ def settle(island: CollocationWorkspace) -> None:
     scene, room = island.scene, island.station
     system, state, start, watch = scene.system, scene.state, scene.start, scene.watch
     length = system.frames.length
-    equations.prepare(system, state, start)
+    evaluate.prepare(system, state, start)
     # What a round leaves over is quadratic: nothing, after one of round-off.
     for _ in range(1 + accelerations.rounds(system)):
-        equations.observe(system, state, start, watch.gap, watch.rate)
-        along.in_metres(system.along, watch.gap, watch.rate)
+        evaluate.observe(system, state, start, watch.gap, watch.rate)
+        scalar.in_metres(system.scalar, watch.gap, watch.rate)
         accelerations.undo(system, state, start, watch.gap, room)
         for b in range(length.size - 1):
             turn = scale(1.0 / length[b], at(room.solution, 2 * b + 1))
             put(state.x, b, add(at(state.x, b), at(room.solution, 2 * b)))
             put(state.p, b, compose(from_step_turn(turn), at(state.p, b)))
-        equations.prepare(system, state, start)
+        evaluate.prepare(system, state, start)
     accelerations.keep_closed(system, state, start, watch.gap, watch.rate, room)

@@ -39,12 +39,12 @@ class Coincide(NamedTuple):
     s_b: np.ndarray  # (k, 3) likewise of b [m]
     mass: np.ndarray  # (k,) m, the mass that scales the multiplier [kg]
     row: np.ndarray  # (k,) node of the multiplier and of the gap
-    moment_by_turn: np.ndarray  # (k, 2) starts of the blocks of a and b
+    moment_by_rotation: np.ndarray  # (k, 2) starts of the blocks of a and b
     moment_by_force: np.ndarray  # (k, 2)
-    gap_by_turn: np.ndarray  # (k, 2)
+    constraint_by_rotation: np.ndarray  # (k, 2)
 
 
-class CoincideStart(NamedTuple):
+class CoincideWorkspace(NamedTuple):
     """Arms at the start of the step in inertial axes (k, 3) [m], and the gap left there."""
 
     r_a: np.ndarray
@@ -53,7 +53,7 @@ class CoincideStart(NamedTuple):
 
 
 @kernel
-def prepare(group: Coincide, R: np.ndarray, start: CoincideStart) -> None:
+def prepare(group: Coincide, R: np.ndarray, start: CoincideWorkspace) -> None:
     """Carry the arms into inertial axes."""
     for k in range(group.a.size):
         put(start.r_a, k, times(matrix_at(R, group.a[k]), at(group.s_a, k)))
@@ -63,21 +63,21 @@ def prepare(group: Coincide, R: np.ndarray, start: CoincideStart) -> None:
 @kernel
 def residual(
     group: Coincide,
-    start: CoincideStart,
+    start: CoincideWorkspace,
     frames: Frames,
     dt2: float,
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
     """Take the joint force from the bodies' rows and set the gap's."""
-    hold(group, start, frames, dt2, Z, F)
-    close(group, start, frames, Z, F)
+    subtract_forces(group, start, frames, dt2, Z, F)
+    set_violations(group, start, frames, Z, F)
 
 
 @kernel
-def hold(
+def subtract_forces(
     group: Coincide,
-    start: CoincideStart,
+    start: CoincideWorkspace,
     frames: Frames,
     dt2: float,
     Z: np.ndarray,
@@ -94,8 +94,8 @@ def hold(
 
 
 @kernel
-def close(
-    group: Coincide, start: CoincideStart, frames: Frames, Z: np.ndarray, F: np.ndarray
+def set_violations(
+    group: Coincide, start: CoincideWorkspace, frames: Frames, Z: np.ndarray, F: np.ndarray
 ) -> None:
     """Set the gap's rows."""
     for k in range(group.a.size):
@@ -109,7 +109,7 @@ def close(
 @kernel
 def jacobian(
     group: Coincide,
-    start: CoincideStart,
+    start: CoincideWorkspace,
     frames: Frames,
     dt2: float,
     Z: np.ndarray,
@@ -129,13 +129,13 @@ def jacobian(
             for i in range(3):
                 for j in range(3):
                     ij = 3 * i + j
-                    values[group.gap_by_turn[k, side] + ij] = -sign * T[i][j]
+                    values[group.constraint_by_rotation[k, side] + ij] = -sign * T[i][j]
                     values[group.moment_by_force[k, side] + ij] = -c * group.mass[k] * arm[i][j]
-                    values[group.moment_by_turn[k, side] + ij] -= 0.5 * dt2 * c * lever[i][j]
+                    values[group.moment_by_rotation[k, side] + ij] -= 0.5 * dt2 * c * lever[i][j]
 
 
 @kernel
-def violation(group: Coincide, start: CoincideStart, x: np.ndarray, out: np.ndarray) -> None:
+def violation(group: Coincide, start: CoincideWorkspace, x: np.ndarray, out: np.ndarray) -> None:
     """Set ``out`` (k, 3) to child point minus parent point [m], from absolute positions."""
     for k in range(group.a.size):
         P_a = add(at(x, group.a[k]), at(start.r_a, k))
@@ -145,7 +145,7 @@ def violation(group: Coincide, start: CoincideStart, x: np.ndarray, out: np.ndar
 
 @kernel
 def violation_rate(
-    group: Coincide, start: CoincideStart, frames: FramesWorkspace, out: np.ndarray
+    group: Coincide, start: CoincideWorkspace, frames: FramesWorkspace, out: np.ndarray
 ) -> None:
     """Set ``out`` (k, 3) to the velocity [m/s] of child point relative to parent point."""
     for k in range(group.a.size):
@@ -156,8 +156,8 @@ def violation_rate(
 
 
 @kernel
-def free_gap_acceleration(
-    group: Coincide, start: CoincideStart, W: np.ndarray, F: np.ndarray
+def free_acceleration(
+    group: Coincide, start: CoincideWorkspace, W: np.ndarray, F: np.ndarray
 ) -> None:
     """Set the gap's rows to minus its acceleration [m/s^2] at zero accelerations of the bodies."""
     for k in range(group.a.size):

@@ -21,7 +21,15 @@ import numpy as np
 
 from msahl.algebra.vector import ZERO, Vector, add, at, axpy, scale, sub
 from msahl.elements.constraints import products
-from msahl.elements.constraints.products import PARTS, Q_A, Q_B, U_A, U_B, Measures, MeasureStart
+from msahl.elements.constraints.products import (
+    PARTS,
+    Q_A,
+    Q_B,
+    U_A,
+    U_B,
+    Products,
+    ProductsWorkspace,
+)
 from msahl.elements.frames import Frames, displacement_node, rotation_node
 from msahl.jit.kernel import kernel
 
@@ -35,20 +43,20 @@ SMALL_TURN = 1e-4
 """tan of the angle below which series replace quotients; their error is its fourth power."""
 
 
-class Quantities(NamedTuple):
+class Coordinates(NamedTuple):
     """All quantities, one row each, and their measures."""
 
-    measures: Measures
+    products: Products
     kind: np.ndarray  # (q,)
     first: np.ndarray  # (q + 1,) first measure of each
     radius: np.ndarray  # (q,) r of a ROUND, L of a SKEW [m]
     block: np.ndarray  # (q, 16) starts of the blocks of its bodies' four parts by four parts
 
 
-class QuantityStart(NamedTuple):
+class CoordinatesWorkspace(NamedTuple):
     """Values at the start of the step, and what the equations at some Z have computed."""
 
-    measures: MeasureStart
+    products: ProductsWorkspace
     value: np.ndarray  # (q,) an angle's is counted on by the state
     change: np.ndarray  # (q,)
     weights: np.ndarray  # (q, MOST) w
@@ -58,23 +66,23 @@ class QuantityStart(NamedTuple):
     slope: np.ndarray  # (q, 4, 3) derivative of the change by the four parts' unknowns
     load: np.ndarray  # (q,) force or moment along q, gathered from all that act on it
     size: np.ndarray  # (q,) of the loads' largest terms, which may cancel
-    pull: np.ndarray  # (nodes,) largest of such terms, or what round-off asks, in a node's rows [m]
+    term_size: np.ndarray  # (nodes,) largest such term, or round-off of a law, in a node's rows [m]
 
 
 @kernel
 def prepare(
-    group: Quantities, x: np.ndarray, R: np.ndarray, angle: np.ndarray, start: QuantityStart
+    group: Coordinates, x: np.ndarray, R: np.ndarray, angle: np.ndarray, start: CoordinatesWorkspace
 ) -> None:
     """Evaluate measures and quantities at the start; ``angle`` (q,) as counted so far."""
-    products.prepare(group.measures, x, R, start.measures)
+    products.prepare(group.products, x, R, start.products)
     for q in range(group.kind.size):
         start.value[q] = value(group, start, angle[q], q)
 
 
 @kernel
-def value(group: Quantities, start: QuantityStart, angle: float, q: int) -> float:
+def value(group: Coordinates, start: CoordinatesWorkspace, angle: float, q: int) -> float:
     """The quantity from its measures' values at the start; an angle is the one counted."""
-    m, k = start.measures.value, group.first[q]
+    m, k = start.products.value, group.first[q]
     if group.kind[q] == ANGLE:
         return angle
     if group.kind[q] == RADIUS:
@@ -98,12 +106,14 @@ def skew_gap(m: np.ndarray, k: int, L: float) -> float:
 
 
 @kernel
-def evaluate(group: Quantities, start: QuantityStart, frames: Frames, Z: np.ndarray) -> None:
+def evaluate(
+    group: Coordinates, start: CoordinatesWorkspace, frames: Frames, Z: np.ndarray
+) -> None:
     """Fill changes, weights and unit forces at ``Z``, and clear the loads and their sizes."""
-    for node in range(start.pull.size):
-        start.pull[node] = 0.0
-    m = start.measures
-    products.evaluate(group.measures, m, frames, Z)
+    for node in range(start.term_size.size):
+        start.term_size[node] = 0.0
+    m = start.products
+    products.evaluate(group.products, m, frames, Z)
     for q in range(group.kind.size):
         start.load[q] = start.size[q] = 0.0
         _weigh(group, start, q)
@@ -122,16 +132,17 @@ def evaluate(group: Quantities, start: QuantityStart, frames: Frames, Z: np.ndar
 
 
 @kernel
-def differentiate(group: Quantities, start: QuantityStart, frames: Frames, Z: np.ndarray) -> None:
+def differentiate(
+    group: Coordinates, start: CoordinatesWorkspace, frames: Frames, Z: np.ndarray
+) -> None:
     """Fill the derivatives of the changes by the unknowns at ``Z``, after ``evaluate``."""
-    measures = group.measures
     for q in range(group.kind.size):
         first = group.first[q]
         for part in range(PARTS):
             for i in range(3):
                 start.slope[q, part, i] = 0.0
         for k in range(first, group.first[q + 1]):
-            j_u, j_a, j_b = products.end_gradient(measures, start.measures, frames, Z, k)
+            j_u, j_a, j_b = products.end_gradient(group.products, start.products, frames, Z, k)
             c = start.slopes[q, k - first]
             for i in range(3):
                 start.slope[q, U_A, i] -= c * j_u[i]
@@ -142,7 +153,7 @@ def differentiate(group: Quantities, start: QuantityStart, frames: Frames, Z: np
 
 @kernel
 def push(
-    group: Quantities, start: QuantityStart, frames: Frames, factor: float, F: np.ndarray
+    group: Coordinates, start: CoordinatesWorkspace, frames: Frames, factor: float, F: np.ndarray
 ) -> None:
     """Add ``factor`` times the gathered loads by mass to the rows of the bodies."""
     for q in range(group.kind.size):
@@ -152,17 +163,17 @@ def push(
             for i in range(3):
                 arm = c * start.force[q, part, i]
                 F[node, i] += arm * start.load[q]
-                start.pull[node] = max(start.pull[node], abs(arm) * start.size[q])
+                start.term_size[node] = max(start.term_size[node], abs(arm) * start.size[q])
 
 
 @kernel
-def extent(group: Quantities, start: QuantityStart, q: int) -> float:
+def extent(group: Coordinates, start: CoordinatesWorkspace, q: int) -> float:
     """Size [m, or 1 for an angle] of what the quantity is computed from at the start: it is known
     no better than the last digit of that.
     """
     if group.kind[q] == ANGLE:
         return max(1.0, abs(start.value[q]))
-    m, largest = start.measures, 0.0
+    m, largest = start.products, 0.0
     for k in range(group.first[q], group.first[q + 1]):
         for i in range(3):
             largest = max(largest, abs(m.D[k, i]), abs(m.r_a[k, i]), abs(m.r_b[k, i]))
@@ -170,29 +181,29 @@ def extent(group: Quantities, start: QuantityStart, q: int) -> float:
 
 
 @kernel
-def row_factor(group: Quantities, frames: Frames, factor: float, q: int, part: int) -> float:
+def row_factor(group: Coordinates, frames: Frames, factor: float, q: int, part: int) -> float:
     """Return what a unit force on a ``part`` adds to its rows: ``factor`` by mass, where ``factor``
     is 1 at one configuration and -dt2 over a step of the midpoint element.
     """
     first = group.first[q]
-    body = group.measures.a[first] if part < U_B else group.measures.b[first]
+    body = group.products.a[first] if part < U_B else group.products.b[first]
     c = factor * frames.inverse_mass[body]
     return c if part % 2 == U_A else c / frames.length[body]
 
 
 @kernel
-def part_node(group: Quantities, frames: Frames, q: int, part: int) -> int:
+def part_node(group: Coordinates, frames: Frames, q: int, part: int) -> int:
     """Node of a ``part``'s unknowns and rows."""
     first = group.first[q]
-    body = group.measures.a[first] if part < U_B else group.measures.b[first]
+    body = group.products.a[first] if part < U_B else group.products.b[first]
     is_displacement = part % 2 == U_A
     return displacement_node(frames, body) if is_displacement else rotation_node(frames, body)
 
 
 @kernel
 def stiffness(
-    group: Quantities,
-    start: QuantityStart,
+    group: Coordinates,
+    start: CoordinatesWorkspace,
     frames: Frames,
     factor: float,
     Z: np.ndarray,
@@ -216,8 +227,8 @@ def stiffness(
 
 @kernel
 def _stiffen(
-    group: Quantities,
-    start: QuantityStart,
+    group: Coordinates,
+    start: CoordinatesWorkspace,
     frames: Frames,
     Z: np.ndarray,
     q: int,
@@ -231,7 +242,7 @@ def _stiffen(
         if w != 0.0:
             c_w = (w * c[0], w * c[1], w * c[2], w * c[3])
             products.stiffness(
-                group.measures, start.measures, frames, Z, k, group.block, q, c_w, values
+                group.products, start.products, frames, Z, k, group.block, q, c_w, values
             )
     if group.kind[q] != PLAIN:
         _curve(group, start, frames, Z, q, c, values)
@@ -239,8 +250,8 @@ def _stiffen(
 
 @kernel
 def rate_gradient(
-    group: Quantities,
-    start: QuantityStart,
+    group: Coordinates,
+    start: CoordinatesWorkspace,
     frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
@@ -259,7 +270,7 @@ def rate_gradient(
                 room[e] = 0.0
     _stiffen(group, start, frames, Z, q, (1.0, 1.0, 1.0, 1.0), room)
     k = group.first[q]
-    a, b = group.measures.a[k], group.measures.b[k]
+    a, b = group.products.a[k], group.products.b[k]
     speed = (at(v, a), at(W, a), at(v, b), at(W, b))
     return (
         _contract(group, q, U_A, speed, room),
@@ -271,7 +282,7 @@ def rate_gradient(
 
 @kernel
 def _contract(
-    group: Quantities,
+    group: Coordinates,
     q: int,
     column: int,
     speed: tuple[Vector, Vector, Vector, Vector],
@@ -290,8 +301,8 @@ def _contract(
 
 @kernel
 def _curve(
-    group: Quantities,
-    start: QuantityStart,
+    group: Coordinates,
+    start: CoordinatesWorkspace,
     frames: Frames,
     Z: np.ndarray,
     q: int,
@@ -300,9 +311,9 @@ def _curve(
 ) -> None:
     """Add the part of the stiffness that comes from the weights: force_i (dw_i/dm_j) slope_j."""
     first, last = group.first[q], group.first[q + 1]
-    m = start.measures
+    m = start.products
     for other in range(first, last):
-        j_u, j_a, j_b = products.end_gradient(group.measures, m, frames, Z, other)
+        j_u, j_a, j_b = products.end_gradient(group.products, m, frames, Z, other)
         row = (scale(-1.0, j_u), j_a, j_u, j_b)
         force = (ZERO, ZERO, ZERO, ZERO)
         for k in range(first, last):
@@ -338,8 +349,8 @@ def add_outer(
 
 @kernel
 def add_spring(
-    group: Quantities,
-    start: QuantityStart,
+    group: Coordinates,
+    start: CoordinatesWorkspace,
     frames: Frames,
     factor: float,
     q: int,
@@ -362,8 +373,8 @@ def add_spring(
 
 @kernel
 def add_damper(
-    group: Quantities,
-    start: QuantityStart,
+    group: Coordinates,
+    start: CoordinatesWorkspace,
     frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
@@ -394,11 +405,11 @@ def add_damper(
 
 
 @kernel
-def _weigh(group: Quantities, start: QuantityStart, q: int) -> None:
+def _weigh(group: Coordinates, start: CoordinatesWorkspace, q: int) -> None:
     """Set change, weights and their derivatives from the measures."""
     kind = group.kind[q]
     if kind == PLAIN:
-        start.change[q] = start.measures.change[group.first[q]]
+        start.change[q] = start.products.change[group.first[q]]
         start.weights[q, 0] = 1.0
         start.slopes[q, 0] = 1.0
     elif kind == RADIUS:
@@ -412,10 +423,10 @@ def _weigh(group: Quantities, start: QuantityStart, q: int) -> None:
 
 
 @kernel
-def _weigh_radius(group: Quantities, start: QuantityStart, q: int) -> None:
+def _weigh_radius(group: Coordinates, start: CoordinatesWorkspace, q: int) -> None:
     """d sqrt(s) = ds / (sqrt(s0) + sqrt(s1)),  ds = sum (m0 + m1) dm."""
     first, n = group.first[q], group.first[q + 1] - group.first[q]
-    m0, dm = start.measures.value, start.measures.change
+    m0, dm = start.products.value, start.products.change
     square0, square1, change = 0.0, 0.0, 0.0
     for i in range(n):
         end = m0[first + i] + dm[first + i]
@@ -436,15 +447,15 @@ def _weigh_radius(group: Quantities, start: QuantityStart, q: int) -> None:
 
 
 @kernel
-def _weigh_angle(group: Quantities, start: QuantityStart, q: int) -> None:
+def _weigh_angle(group: Coordinates, start: CoordinatesWorkspace, q: int) -> None:
     """With X = c0 s1 - s0 c1 and Y = c0 c1 + s0 s1: dq = atan2(X, Y), X = mean(c) ds - mean(s) dc.
 
     So the weights are k mean(c) and -k mean(s) with k = dq / X. X is computed from the changes: as
     a difference of products it would have the round-off of a whole radian.
     """
     first = group.first[q]
-    s0, c0 = start.measures.value[first], start.measures.value[first + 1]
-    ds, dc = start.measures.change[first], start.measures.change[first + 1]
+    s0, c0 = start.products.value[first], start.products.value[first + 1]
+    ds, dc = start.products.change[first], start.products.change[first + 1]
     s1, c1 = s0 + ds, c0 + dc
     X, Y = c0 * ds - s0 * dc, c0 * c1 + s0 * s1
     turn = math.atan2(X, Y)
@@ -468,16 +479,16 @@ def _weigh_angle(group: Quantities, start: QuantityStart, q: int) -> None:
 
 
 @kernel
-def _weigh_round(group: Quantities, start: QuantityStart, q: int) -> None:
+def _weigh_round(group: Coordinates, start: CoordinatesWorkspace, q: int) -> None:
     """d sqrt(1 - m^2) = -(m0 + m1) dm / (sqrt(1 - m0^2) + sqrt(1 - m1^2))."""
     first = group.first[q]
-    m0, r = start.measures.value[first + 1], group.radius[q]
-    dm = start.measures.change[first + 1]
+    m0, r = start.products.value[first + 1], group.radius[q]
+    dm = start.products.change[first + 1]
     m1 = m0 + dm
     root0, root1 = math.sqrt(max(0.0, 1.0 - m0 * m0)), math.sqrt(max(0.0, 1.0 - m1 * m1))
     both = root0 + root1
     w = r * (m0 + m1) / both
-    start.change[q] = start.measures.change[first] + w * dm
+    start.change[q] = start.products.change[first] + w * dm
     start.weights[q, 0], start.weights[q, 1] = 1.0, w
     start.slopes[q, 0], start.slopes[q, 1] = 1.0, r * m1 / root1
     for i in range(2):
@@ -487,13 +498,13 @@ def _weigh_round(group: Quantities, start: QuantityStart, q: int) -> None:
 
 
 @kernel
-def _weigh_skew(group: Quantities, start: QuantityStart, q: int) -> None:
+def _weigh_skew(group: Coordinates, start: CoordinatesWorkspace, q: int) -> None:
     """A polynomial: every product changes by the sum of means times changes.
 
     With E = D.D - L^2 and c = 1 - s^2:  d(E c) = mean(E) dc + mean(c) dE,  dc = -2 mean(s) ds, ...
     """
     k, L = group.first[q], group.radius[q]
-    m0, dm = start.measures.value, start.measures.change
+    m0, dm = start.products.value, start.products.change
     c = 1.0 / (2.0 * L)
     a, b, s = m0[k + 3] + 0.5 * dm[k + 3], m0[k + 4] + 0.5 * dm[k + 4], m0[k + 5] + 0.5 * dm[k + 5]
     a1, b1, s1 = m0[k + 3] + dm[k + 3], m0[k + 4] + dm[k + 4], m0[k + 5] + dm[k + 5]
@@ -528,21 +539,21 @@ def _weigh_skew(group: Quantities, start: QuantityStart, q: int) -> None:
 
 
 @kernel
-def slopes(group: Quantities, start: QuantityStart) -> None:
+def slopes(group: Coordinates, start: CoordinatesWorkspace) -> None:
     """Set slopes and curves to those of the start itself, as for a step without motion."""
-    for k in range(group.measures.kind.size):
-        start.measures.change[k] = 0.0
+    for k in range(group.products.kind.size):
+        start.products.change[k] = 0.0
     for q in range(group.kind.size):
         _weigh(group, start, q)
 
 
 @kernel
-def count_turns(group: Quantities, start: QuantityStart, angle: np.ndarray) -> None:
+def count_rotations(group: Coordinates, start: CoordinatesWorkspace, angle: np.ndarray) -> None:
     """Bring the counted angles (q,) to the start's, less than half a turn away."""
     for q in range(group.kind.size):
         if group.kind[q] == ANGLE:
             first = group.first[q]
-            m = start.measures.value
+            m = start.products.value
             change = math.atan2(m[first], m[first + 1]) - angle[q]
             angle[q] += change - 2.0 * math.pi * round(change / (2.0 * math.pi))
             start.value[q] = angle[q]
@@ -550,30 +561,30 @@ def count_turns(group: Quantities, start: QuantityStart, angle: np.ndarray) -> N
 
 @kernel
 def rates(
-    group: Quantities, start: QuantityStart, v: np.ndarray, W: np.ndarray, rate: np.ndarray
+    group: Coordinates, start: CoordinatesWorkspace, v: np.ndarray, W: np.ndarray, rate: np.ndarray
 ) -> None:
     """Set ``rate`` (q,) to the quantities' rates at the start; wants its ``slopes``."""
     for q in range(group.kind.size):
         first = group.first[q]
         rate[q] = 0.0
         for k in range(first, group.first[q + 1]):
-            m_rate, _ = products.free_acceleration(group.measures, start.measures, v, W, k)
+            m_rate, _ = products.free_acceleration(group.products, start.products, v, W, k)
             rate[q] += start.slopes[q, k - first] * m_rate
 
 
 @kernel
-def quantity_acceleration(
-    group: Quantities, start: QuantityStart, v: np.ndarray, W: np.ndarray, q: int
+def coordinate_acceleration(
+    group: Coordinates, start: CoordinatesWorkspace, v: np.ndarray, W: np.ndarray, q: int
 ) -> float:
     """Second derivative of a quantity at zero accelerations; wants ``evaluate`` at rest."""
     first, last = group.first[q], group.first[q + 1]
     total = 0.0
     for k in range(first, last):
-        rate, second = products.free_acceleration(group.measures, start.measures, v, W, k)
+        rate, second = products.free_acceleration(group.products, start.products, v, W, k)
         total += start.slopes[q, k - first] * second
         if group.kind[q] == PLAIN:
             continue
         for i in range(first, last):
-            other, _ = products.free_acceleration(group.measures, start.measures, v, W, i)
+            other, _ = products.free_acceleration(group.products, start.products, v, W, i)
             total += 2.0 * start.curves[q, k - first, i - first] * rate * other
     return total

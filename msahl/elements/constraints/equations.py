@@ -17,10 +17,10 @@ import numpy as np
 from msahl.algebra.functions import Laws, evaluate, extent
 from msahl.elements.constraints.coordinates import (
     BLUR,
-    Quantities,
-    QuantityStart,
+    Coordinates,
+    CoordinatesWorkspace,
     add_spring,
-    quantity_acceleration,
+    coordinate_acceleration,
     rate_gradient,
     row_factor,
 )
@@ -32,11 +32,11 @@ SAME = 1e-7
 """Change of a quantity, relative to one unit, below which a quotient becomes a derivative."""
 
 
-class Rows(NamedTuple):
+class ConstraintEquations(NamedTuple):
     """All rows; the second quantity is -1 where there is none, as are function and law."""
 
     place: np.ndarray  # (r, 2) multiplier and gap: which of the multipliers' nodes, and its slot
-    quantity: np.ndarray  # (r, 2) the first is never -1
+    coordinate: np.ndarray  # (r, 2) the first is never -1
     coefficient: np.ndarray  # (r, 2)
     function: np.ndarray  # (r,) the law S
     law: np.ndarray  # (r,) of time
@@ -45,15 +45,15 @@ class Rows(NamedTuple):
     mass: np.ndarray  # (r,) [kg]
     scale: np.ndarray  # (r,) [m] or 1
     force_block: np.ndarray  # (r, 2, 4) starts of the blocks of each quantity's parts by the node
-    gap_block: np.ndarray  # (r, 2, 4) and of the node by the parts
+    constraint_block: np.ndarray  # (r, 2, 4) and of the node by the parts
 
 
 @kernel
 def coefficients(
-    rows: Rows, laws: Laws, start: QuantityStart, r: int, side: int
+    rows: ConstraintEquations, laws: Laws, start: CoordinatesWorkspace, r: int, side: int
 ) -> tuple[float, float, float, float]:
     """Of one side: its change, coefficient of the load, of the slope, derivative of the first."""
-    q, c = rows.quantity[r, side], rows.coefficient[r, side]
+    q, c = rows.coordinate[r, side], rows.coefficient[r, side]
     change = start.change[q]
     if side == 0 or rows.function[r] < 0:
         return c * change, c, c, 0.0
@@ -68,7 +68,7 @@ def coefficients(
 
 
 @kernel
-def law_change(rows: Rows, laws: Laws, r: int, t: float, h: float) -> float:
+def law_change(rows: ConstraintEquations, laws: Laws, r: int, t: float, h: float) -> float:
     """What the row's right-hand side changes by over the step from ``t``."""
     if rows.law[r] < 0:
         return 0.0
@@ -76,9 +76,11 @@ def law_change(rows: Rows, laws: Laws, r: int, t: float, h: float) -> float:
 
 
 @kernel
-def blur(rows: Rows, laws: Laws, start: QuantityStart, r: int, t: float, h: float) -> float:
+def blur(
+    rows: ConstraintEquations, laws: Laws, start: CoordinatesWorkspace, r: int, t: float, h: float
+) -> float:
     """What the round-off of a row's laws counts as [m]: the row has differences of their values."""
-    size, q = 0.0, rows.quantity[r, 1]
+    size, q = 0.0, rows.coordinate[r, 1]
     if rows.law[r] >= 0 and h != 0.0:
         size = max(extent(laws, rows.law[r], t), extent(laws, rows.law[r], t + h))
     if rows.function[r] >= 0 and abs(start.change[q]) >= SAME:
@@ -87,7 +89,9 @@ def blur(rows: Rows, laws: Laws, start: QuantityStart, r: int, t: float, h: floa
 
 
 @kernel
-def multiplier(rows: Rows, frames: Frames, dt2: float, Z: np.ndarray, r: int) -> float:
+def multiplier(
+    rows: ConstraintEquations, frames: Frames, dt2: float, Z: np.ndarray, r: int
+) -> float:
     """lam [N, or N m for a row in radians]."""
     node = first_multiplier(frames) + rows.place[r, 0]
     return Z[node, rows.place[r, 1]] * rows.mass[r] * rows.scale[r] / dt2
@@ -95,9 +99,9 @@ def multiplier(rows: Rows, frames: Frames, dt2: float, Z: np.ndarray, r: int) ->
 
 @kernel
 def residual(
-    rows: Rows,
+    rows: ConstraintEquations,
     laws: Laws,
-    start: QuantityStart,
+    start: CoordinatesWorkspace,
     frames: Frames,
     violation: np.ndarray,
     t: float,
@@ -112,7 +116,7 @@ def residual(
         node, slot = rows.place[r, 0], rows.place[r, 1]
         total = -law_change(rows, laws, r, t, h)
         for side in range(2):
-            q = rows.quantity[r, side]
+            q = rows.coordinate[r, side]
             if q >= 0:
                 change, c, _, _ = coefficients(rows, laws, start, r, side)
                 total += change
@@ -120,15 +124,15 @@ def residual(
                 start.size[q] += abs(lam * c)
         node += first_multiplier(frames)
         F[node, slot] = violation[rows.place[r, 0], slot] + rows.scale[r] * total
-        start.pull[node] = max(start.pull[node], blur(rows, laws, start, r, t, h))
+        start.term_size[node] = max(start.term_size[node], blur(rows, laws, start, r, t, h))
 
 
 @kernel
 def jacobian(
-    rows: Rows,
+    rows: ConstraintEquations,
     laws: Laws,
-    quantities: Quantities,
-    start: QuantityStart,
+    coords: Coordinates,
+    start: CoordinatesWorkspace,
     frames: Frames,
     dt2: float,
     Z: np.ndarray,
@@ -140,27 +144,27 @@ def jacobian(
         slot = rows.place[r, 1]
         by_unknown = rows.mass[r] * rows.scale[r] / dt2
         for side in range(2):
-            q = rows.quantity[r, side]
+            q = rows.coordinate[r, side]
             if q < 0:
                 continue
             _, c, slope, curve = coefficients(rows, laws, start, r, side)
             for part in range(PARTS):
-                down, right = rows.force_block[r, side, part], rows.gap_block[r, side, part]
+                down, right = rows.force_block[r, side, part], rows.constraint_block[r, side, part]
                 if down <= 0:
                     continue
-                factor = c * by_unknown * row_factor(quantities, frames, -dt2, q, part)
+                factor = c * by_unknown * row_factor(coords, frames, -dt2, q, part)
                 for i in range(3):
                     values[down + 3 * i + slot] += factor * start.force[q, part, i]
                     values[right + 3 * slot + i] += rows.scale[r] * slope * start.slope[q, part, i]
             if curve != 0.0:
-                add_spring(quantities, start, frames, -dt2, q, lam * curve, values)
+                add_spring(coords, start, frames, -dt2, q, lam * curve, values)
 
 
 @kernel
 def observe(
-    rows: Rows,
+    rows: ConstraintEquations,
     laws: Laws,
-    start: QuantityStart,
+    start: CoordinatesWorkspace,
     rate: np.ndarray,
     t: float,
     violation: np.ndarray,
@@ -176,7 +180,7 @@ def observe(
             value, slope, _ = evaluate(laws, rows.law[r], t)
             total, total_rate = total - value, -slope
         for side in range(2):
-            q = rows.quantity[r, side]
+            q = rows.coordinate[r, side]
             if q >= 0:
                 value, slope = start.value[q], 1.0
                 if side == 1 and rows.function[r] >= 0:
@@ -188,10 +192,10 @@ def observe(
         violation_rate[node, slot] = total_rate
 
 
-def left_side(rows: Rows, laws: Laws, start: QuantityStart, r: int) -> float:
+def left_side(rows: ConstraintEquations, laws: Laws, start: CoordinatesWorkspace, r: int) -> float:
     """The row's left-hand side at t = 0, less its law there: the offset that closes it."""
     total = 0.0
-    for side, q in enumerate(rows.quantity[r]):
+    for side, q in enumerate(rows.coordinate[r]):
         if q >= 0:
             value = start.value[q]
             if side == 1 and rows.function[r] >= 0:
@@ -201,17 +205,17 @@ def left_side(rows: Rows, laws: Laws, start: QuantityStart, r: int) -> float:
 
 
 @kernel
-def law_rate(rows: Rows, laws: Laws, r: int, t: float) -> float:
+def law_rate(rows: ConstraintEquations, laws: Laws, r: int, t: float) -> float:
     """Rate of the row's law of time."""
     return evaluate(laws, rows.law[r], t)[1]
 
 
 @kernel
 def free_acceleration(
-    rows: Rows,
+    rows: ConstraintEquations,
     laws: Laws,
-    quantities: Quantities,
-    start: QuantityStart,
+    coords: Coordinates,
+    start: CoordinatesWorkspace,
     frames: Frames,
     rate: np.ndarray,
     v: np.ndarray,
@@ -229,10 +233,10 @@ def free_acceleration(
         if rows.law[r] >= 0:
             total = -evaluate(laws, rows.law[r], t)[2]
         for side in range(2):
-            q = rows.quantity[r, side]
+            q = rows.coordinate[r, side]
             if q < 0:
                 continue
-            second = quantity_acceleration(quantities, start, v, W, q)
+            second = coordinate_acceleration(coords, start, v, W, q)
             if side == 1 and rows.function[r] >= 0:
                 _, slope, curve = evaluate(laws, rows.function[r], start.value[q])
                 second = slope * second + curve * rate[q] ** 2
@@ -242,7 +246,7 @@ def free_acceleration(
 
 @kernel
 def work(
-    rows: Rows,
+    rows: ConstraintEquations,
     laws: Laws,
     frames: Frames,
     t: float,
@@ -261,7 +265,7 @@ def work(
 
 @kernel
 def motion_work(
-    rows: Rows,
+    rows: ConstraintEquations,
     laws: Laws,
     frames: Frames,
     t: float,
@@ -280,19 +284,21 @@ def motion_work(
 
 
 @kernel
-def roll(rows: Rows, rate: np.ndarray, first: int, h: float, F: np.ndarray) -> None:
+def set_rate_equations(
+    rows: ConstraintEquations, rate: np.ndarray, first: int, h: float, F: np.ndarray
+) -> None:
     """Set the rows between rates to ``h`` times those of their quantities, ``rate`` (q,)."""
     for r in range(rows.function.size):
         if not rows.holonomic[r]:
             c = h * rows.scale[r] * rows.coefficient[r, 0]
-            F[first + rows.place[r, 0], rows.place[r, 1]] = c * rate[rows.quantity[r, 0]]
+            F[first + rows.place[r, 0], rows.place[r, 1]] = c * rate[rows.coordinate[r, 0]]
 
 
 @kernel
-def roll_jacobian(
-    rows: Rows,
-    quantities: Quantities,
-    start: QuantityStart,
+def add_rate_derivatives(
+    rows: ConstraintEquations,
+    coords: Coordinates,
+    start: CoordinatesWorkspace,
     frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
@@ -306,12 +312,12 @@ def roll_jacobian(
         if not rows.holonomic[r]:
             c, q, slot = (
                 rows.scale[r] * rows.coefficient[r, 0],
-                rows.quantity[r, 0],
+                rows.coordinate[r, 0],
                 rows.place[r, 1],
             )
-            half = rate_gradient(quantities, start, frames, v, W, Z, q, room)
+            half = rate_gradient(coords, start, frames, v, W, Z, q, room)
             for part in range(PARTS):
-                right = rows.gap_block[r, 0, part]
+                right = rows.constraint_block[r, 0, part]
                 if right > 0:
                     for i in range(3):
                         by_rate[right + 3 * slot + i] += c * start.slope[q, part, i]

@@ -57,7 +57,7 @@ PARTS = 4
 U_A, Q_A, U_B, Q_B = range(PARTS)
 
 
-class Measures(NamedTuple):
+class Products(NamedTuple):
     """All measures, one row each; those of one quantity stand together."""
 
     kind: np.ndarray  # (m,)
@@ -70,7 +70,7 @@ class Measures(NamedTuple):
     e: np.ndarray  # (m, 3) direction, axes of B
 
 
-class MeasureStart(NamedTuple):
+class ProductsWorkspace(NamedTuple):
     """Vectors at the start of the step, inertial axes (m, 3), the measures' values (m,), and what
     the equations at some Z have computed of the step."""
 
@@ -87,7 +87,7 @@ class MeasureStart(NamedTuple):
 
 
 @kernel
-def prepare(group: Measures, x: np.ndarray, R: np.ndarray, start: MeasureStart) -> None:
+def prepare(group: Products, x: np.ndarray, R: np.ndarray, start: ProductsWorkspace) -> None:
     """Carry the vectors into inertial axes and evaluate the measures."""
     for k in range(group.kind.size):
         a, b = group.a[k], group.b[k]
@@ -108,7 +108,9 @@ def prepare(group: Measures, x: np.ndarray, R: np.ndarray, start: MeasureStart) 
 
 
 @kernel
-def moved(group: Measures, start: MeasureStart, frames: Frames, Z: np.ndarray, k: int) -> Vector:
+def moved(
+    group: Products, start: ProductsWorkspace, frames: Frames, Z: np.ndarray, k: int
+) -> Vector:
     """Change of D over the step."""
     a, b = group.a[k], group.b[k]
     dr_a = turn_change(rotation_increment(frames, Z, a), at(start.r_a, k))
@@ -117,7 +119,7 @@ def moved(group: Measures, start: MeasureStart, frames: Frames, Z: np.ndarray, k
 
 
 @kernel
-def evaluate(group: Measures, start: MeasureStart, frames: Frames, Z: np.ndarray) -> None:
+def evaluate(group: Products, start: ProductsWorkspace, frames: Frames, Z: np.ndarray) -> None:
     """Fill in every measure's change over the step and its discrete gradient."""
     for k in range(group.kind.size):
         start.change[k], f, t_a, t_b = gradient(group, start, frames, Z, k)
@@ -128,7 +130,7 @@ def evaluate(group: Measures, start: MeasureStart, frames: Frames, Z: np.ndarray
 
 @kernel
 def gradient(
-    group: Measures, start: MeasureStart, frames: Frames, Z: np.ndarray, k: int
+    group: Products, start: ProductsWorkspace, frames: Frames, Z: np.ndarray, k: int
 ) -> tuple[float, Vector, Vector, Vector]:
     """Change dm over the step and its discrete gradient f, t_A, t_B."""
     a, b, owner = group.a[k], group.b[k], group.owner[k]
@@ -163,7 +165,7 @@ def gradient(
 
 @kernel
 def end_gradient(
-    group: Measures, start: MeasureStart, frames: Frames, Z: np.ndarray, k: int
+    group: Products, start: ProductsWorkspace, frames: Frames, Z: np.ndarray, k: int
 ) -> tuple[Vector, Vector, Vector]:
     """Derivative of dm by u_B (by u_A it is the opposite), by l_A Q_A and by l_B Q_B."""
     a, b, owner = group.a[k], group.b[k], group.owner[k]
@@ -230,8 +232,8 @@ def add_block(values: np.ndarray, start: int, c: float, M: Matrix) -> None:
 
 @kernel
 def stiffness(
-    group: Measures,
-    start: MeasureStart,
+    group: Products,
+    start: ProductsWorkspace,
     frames: Frames,
     Z: np.ndarray,
     k: int,
@@ -290,7 +292,7 @@ def stiffness(
 
 @kernel
 def free_acceleration(
-    group: Measures, start: MeasureStart, v: np.ndarray, W: np.ndarray, k: int
+    group: Products, start: ProductsWorkspace, v: np.ndarray, W: np.ndarray, k: int
 ) -> tuple[float, float]:
     """Rate of the measure, and its second derivative at zero accelerations of the bodies."""
     a, b, owner = group.a[k], group.b[k], group.owner[k]

@@ -28,11 +28,11 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws, evaluate
-from msahl.elements.along import Along, AlongStart
 from msahl.elements.constraints import coordinates
-from msahl.elements.constraints.coordinates import QuantityStart
+from msahl.elements.constraints.coordinates import CoordinatesWorkspace
+from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.forces import concentrated, drag, friction, spring
-from msahl.elements.forces.concentrated import ConcentratedLoads, ConcentratedStart
+from msahl.elements.forces.concentrated import ConcentratedLoads, ConcentratedWorkspace
 from msahl.elements.forces.drag import Drags
 from msahl.elements.forces.friction import Frictions
 from msahl.elements.forces.spring import Springs
@@ -54,22 +54,22 @@ ReactionForces = Frictions
 """The forces that depend on the joints' reactions."""
 
 
-class ForceStart(NamedTuple):
+class ForcesWorkspace(NamedTuple):
     """What the forces need of the configuration they are evaluated at, in inertial axes."""
 
-    concentrated: ConcentratedStart
+    concentrated: ConcentratedWorkspace
     drag: np.ndarray  # (d, 3) arms [m]
     reactions: np.ndarray  # (j, 6) the joints' reactions extrapolated to the step [N, N m]
     elastic: np.ndarray  # (s,) elastic energies of the springs [J]
     stretch: np.ndarray  # (s,) smoothed changes of the springs' coordinates, the state's own
 
 
-def new_start(forces: Forces, reaction: np.ndarray, stretch: np.ndarray) -> ForceStart:
+def new_workspace(forces: Forces, reaction: np.ndarray, stretch: np.ndarray) -> ForcesWorkspace:
     """Return the arrays that ``prepare`` fills; ``reaction`` (j, 6) and ``stretch`` (s,) are those
     of the state.
     """
-    return ForceStart(
-        concentrated=concentrated.new_start(forces.concentrated),
+    return ForcesWorkspace(
+        concentrated=concentrated.new_workspace(forces.concentrated),
         drag=np.zeros_like(forces.drag.s),
         reactions=np.zeros_like(reaction),
         elastic=np.zeros(forces.spring.coordinate.size),
@@ -80,8 +80,8 @@ def new_start(forces: Forces, reaction: np.ndarray, stretch: np.ndarray) -> Forc
 @kernel
 def prepare(
     forces: Forces,
-    start: ForceStart,
-    along: Along | None,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
     R: np.ndarray,
     reaction: np.ndarray,
     trend: np.ndarray,
@@ -90,7 +90,7 @@ def prepare(
     extrapolate the joints' ``reaction`` (j, 6) by its ``trend``.
     """
     drag.prepare(forces.drag, R, start.drag)
-    if along is None:
+    if scalar is None:
         return
     for j in range(reaction.shape[0]):
         for i in range(6):
@@ -98,7 +98,7 @@ def prepare(
 
 
 @kernel
-def set_time(forces: Forces, start: ForceStart, t: float, R: np.ndarray) -> None:
+def set_time(forces: Forces, start: ForcesWorkspace, t: float, R: np.ndarray) -> None:
     """Set the forces that depend on time to their values at the time ``t``."""
     concentrated.at_time(forces.concentrated, forces.laws, t, start.concentrated.factor)
     concentrated.prepare(forces.concentrated, start.concentrated.factor, R, start.concentrated)
@@ -120,7 +120,7 @@ def node_factors(
 
 
 @kernel
-def set_node(forces: Forces, start: ForceStart, factor: np.ndarray, R: np.ndarray) -> None:
+def set_node(forces: Forces, start: ForcesWorkspace, factor: np.ndarray, R: np.ndarray) -> None:
     """Set the forces that depend on time to their values at one node, by its ``factor`` (k,)."""
     concentrated.prepare(forces.concentrated, factor, R, start.concentrated)
 
@@ -128,9 +128,9 @@ def set_node(forces: Forces, start: ForceStart, factor: np.ndarray, R: np.ndarra
 @kernel
 def add_forces(
     forces: Forces,
-    start: ForceStart,
-    along: Along | None,
-    place: AlongStart,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    place: ScalarWorkspace,
     frames: Frames,
     motion: FramesWorkspace,
     reaction: np.ndarray,
@@ -141,11 +141,11 @@ def add_forces(
     ``motion`` holds velocities, ``place`` coordinates and rates (``along.rates`` comes first), and
     ``reaction`` (j, 6) the joints' reactions.
     """
-    if along is not None:
-        q = place.quantities
-        spring.add_load(forces.spring, forces.laws, along.quantities, q, place.rate)
+    if scalar is not None:
+        q = place.coordinates
+        spring.add_load(forces.spring, forces.laws, scalar.coordinates, q, place.rate)
         friction.add_load(forces.friction, reaction, q, place.rate)
-        coordinates.push(along.quantities, q, frames, 1.0, F)
+        coordinates.push(scalar.coordinates, q, frames, 1.0, F)
     concentrated.add_force(forces.concentrated, start.concentrated, frames, F)
     drag.add_force(forces.drag, start.drag, frames, motion.v, motion.W, F)
 
@@ -153,9 +153,9 @@ def add_forces(
 @kernel
 def add_derivatives(
     forces: Forces,
-    start: ForceStart,
-    along: Along | None,
-    place: AlongStart,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    place: ScalarWorkspace,
     frames: Frames,
     motion: FramesWorkspace,
     reaction: np.ndarray,
@@ -172,16 +172,14 @@ def add_derivatives(
     v, W = motion.v, motion.W
     concentrated.add_derivatives(forces.concentrated, start.concentrated, frames, by_place)
     drag.add_derivatives(forces.drag, start.drag, frames, v, W, by_place, by_rate)
-    if along is None:
+    if scalar is None:
         return
-    q, quantities, laws = place.quantities, along.quantities, forces.laws
-    spring.add_derivatives(
-        forces.spring, laws, quantities, q, frames, v, W, Z, room, by_place, by_rate
-    )
+    q, coords, laws = place.coordinates, scalar.coordinates, forces.laws
+    spring.add_derivatives(forces.spring, laws, coords, q, frames, v, W, Z, room, by_place, by_rate)
     friction.add_derivatives(
         forces.friction,
         reaction,
-        quantities,
+        coords,
         q,
         place.rate,
         frames,
@@ -193,15 +191,15 @@ def add_derivatives(
         by_rate,
     )
     # At rest the unit forces' mean over a step changes by half as much as the forces themselves.
-    coordinates.stiffness(quantities, q, frames, 2.0, Z, by_place)
+    coordinates.stiffness(coords, q, frames, 2.0, Z, by_place)
 
 
 @kernel
 def add_power(
     forces: Forces,
-    start: ForceStart,
-    along: Along | None,
-    place: AlongStart,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    place: ScalarWorkspace,
     motion: FramesWorkspace,
     reaction: np.ndarray,
     dt: float,
@@ -214,14 +212,14 @@ def add_power(
     v, W = motion.v, motion.W
     concentrated.add_power(forces.concentrated, start.concentrated, v, W, dt, work)
     drag.add_power(forces.drag, start.drag, v, W, dt, work)
-    if along is None:
+    if scalar is None:
         return
     spring.add_power(forces.spring, place.rate, dt, work)
     friction.add_power(forces.friction, reaction, place.rate, dt, work)
 
 
 @kernel
-def over_step(forces: Forces, start: ForceStart, t: float, h: float, R: np.ndarray) -> bool:
+def over_step(forces: Forces, start: ForcesWorkspace, t: float, h: float, R: np.ndarray) -> bool:
     """Set the forces that depend on time to their means over a step ``h`` from ``t``; return
     whether they have first moments as well.
     """
@@ -231,9 +229,9 @@ def over_step(forces: Forces, start: ForceStart, t: float, h: float, R: np.ndarr
 @kernel
 def mean_residual(
     forces: Forces,
-    start: ForceStart,
-    along: Along | None,
-    place: AlongStart,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    place: ScalarWorkspace,
     frames: Frames,
     h: float,
     dt2: float,
@@ -243,11 +241,11 @@ def mean_residual(
     """Take all mean forces over the step, and the loads of constraint equations along coordinates,
     from the rows ``F`` (nodes, 3) [m]. It comes after ``along.residual`` at ``Z``.
     """
-    if along is not None:
-        q = place.quantities
-        spring.add_mean_load(forces.spring, forces.laws, along.quantities, q, start.stretch, h)
+    if scalar is not None:
+        q = place.coordinates
+        spring.add_mean_load(forces.spring, forces.laws, scalar.coordinates, q, start.stretch, h)
         friction.add_mean_load(forces.friction, start.reactions, q, h)
-        coordinates.push(along.quantities, q, frames, -dt2, F)
+        coordinates.push(scalar.coordinates, q, frames, -dt2, F)
     concentrated.mean_residual(forces.concentrated, start.concentrated, frames, dt2, Z, F)
     drag.mean_residual(forces.drag, start.drag, frames, h, dt2, Z, F)
 
@@ -255,9 +253,9 @@ def mean_residual(
 @kernel
 def mean_jacobian(
     forces: Forces,
-    start: ForceStart,
-    along: Along | None,
-    place: AlongStart,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    place: ScalarWorkspace,
     frames: Frames,
     h: float,
     dt2: float,
@@ -267,13 +265,11 @@ def mean_jacobian(
     """Add the derivatives of ``mean_residual`` to the block ``values``, after it and after
     ``along.joint_jacobian`` at the same ``Z``.
     """
-    if along is not None:
-        q, quantities = place.quantities, along.quantities
-        spring.mean_jacobian(forces.spring, forces.laws, quantities, q, frames, h, dt2, values)
-        friction.mean_jacobian(
-            forces.friction, start.reactions, quantities, q, frames, h, dt2, values
-        )
-        coordinates.stiffness(quantities, q, frames, -dt2, Z, values)
+    if scalar is not None:
+        q, coords = place.coordinates, scalar.coordinates
+        spring.mean_jacobian(forces.spring, forces.laws, coords, q, frames, h, dt2, values)
+        friction.mean_jacobian(forces.friction, start.reactions, coords, q, frames, h, dt2, values)
+        coordinates.stiffness(coords, q, frames, -dt2, Z, values)
     concentrated.mean_jacobian(forces.concentrated, start.concentrated, frames, dt2, Z, values)
     drag.mean_jacobian(forces.drag, start.drag, frames, h, dt2, Z, values)
 
@@ -281,9 +277,9 @@ def mean_jacobian(
 @kernel
 def mean_work(
     forces: Forces,
-    start: ForceStart,
-    along: Along | None,
-    place: AlongStart,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    place: ScalarWorkspace,
     frames: Frames,
     h: float,
     Z: np.ndarray,
@@ -292,20 +288,20 @@ def mean_work(
     """Add the work of all mean forces over the solved step to ``work`` (w,) [J]."""
     concentrated.mean_work(forces.concentrated, start.concentrated, frames, Z, work)
     drag.mean_work(forces.drag, start.drag, frames, h, Z, work)
-    if along is None:
+    if scalar is None:
         return
-    spring.mean_work(forces.spring, place.quantities, h, work)
-    friction.mean_work(forces.friction, start.reactions, place.quantities, h, work)
+    spring.mean_work(forces.spring, place.coordinates, h, work)
+    friction.mean_work(forces.friction, start.reactions, place.coordinates, h, work)
 
 
 @kernel
-def has_first(start: ForceStart) -> bool:
+def has_first(start: ForcesWorkspace) -> bool:
     """Return whether a force has a first moment over the step."""
     return concentrated.has_first(start.concentrated)
 
 
 @kernel
-def add_first(forces: Forces, start: ForceStart, frames: Frames, F: np.ndarray) -> None:
+def add_first(forces: Forces, start: ForcesWorkspace, frames: Frames, F: np.ndarray) -> None:
     """Add the forces' first moments over the step by mass to the rows ``F`` (nodes, 3)."""
     concentrated.add_first(forces.concentrated, start.concentrated, frames, F)
 
@@ -313,7 +309,7 @@ def add_first(forces: Forces, start: ForceStart, frames: Frames, F: np.ndarray) 
 @kernel
 def work_of_first(
     forces: Forces,
-    start: ForceStart,
+    start: ForcesWorkspace,
     h: float,
     a: np.ndarray,
     alpha: np.ndarray,
@@ -329,27 +325,31 @@ def work_of_first(
 
 @kernel
 def smooth(
-    forces: Forces, start: ForceStart, along: Along | None, place: AlongStart, pole: float
+    forces: Forces,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    place: ScalarWorkspace,
+    pole: float,
 ) -> float:
     """Return the energy [J] that a decaying scheme took from the springs over the accepted step."""
-    if along is None:
+    if scalar is None:
         return 0.0
-    return spring.smooth(forces.spring, place.quantities, pole, start.stretch)
+    return spring.smooth(forces.spring, place.coordinates, pole, start.stretch)
 
 
 @kernel
 def elastic_energy(
-    forces: Forces, start: ForceStart, along: Along | None, place: AlongStart
+    forces: Forces, start: ForcesWorkspace, scalar: ScalarConstraints | None, place: ScalarWorkspace
 ) -> float:
     """Set ``start.elastic`` to the elastic energy of each spring; return their sum [J]."""
-    if along is None:
+    if scalar is None:
         return 0.0
-    return spring.energy(forces.spring, forces.laws, place.quantities, start.elastic)
+    return spring.energy(forces.spring, forces.laws, place.coordinates, start.elastic)
 
 
 @kernel
 def publish_energy(
-    forces: Forces, start: ForceStart, first: int, table: np.ndarray, row: int
+    forces: Forces, start: ForcesWorkspace, first: int, table: np.ndarray, row: int
 ) -> None:
     """Add each spring's elastic energy to its column of ``table``, counted from ``first``."""
     column = forces.spring.energy_column
@@ -409,7 +409,7 @@ def set_origins(forces: Forces, value: np.ndarray) -> None:
 
 
 def vectors(
-    forces: Forces, start: ForceStart, R: np.ndarray
+    forces: Forces, start: ForcesWorkspace, R: np.ndarray
 ) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
     """Return the vectors (k, 3) of all forces at points that lie in the plane of a planar system:
     forces and their arms; and those normal to it: moments. Inertial axes, sizes without the laws of
@@ -456,18 +456,18 @@ def rate_breakpoints(forces: Forces) -> tuple[np.ndarray, np.ndarray]:
 
 
 def unresolved_speed(
-    forces: Forces, along: Along | None, frames: Frames, reaction: np.ndarray, h: float
+    forces: Forces, scalar: ScalarConstraints | None, frames: Frames, reaction: np.ndarray, h: float
 ) -> float:
     """Return half the largest speed [m/s] within which a force changes fast and which the system
     passes within one step ``h`` under the joints' ``reaction`` (j, 6).
     """
-    if along is None:
+    if scalar is None:
         return 0.0
-    return friction.unresolved_speed(forces.friction, along.quantities, frames, reaction, h)
+    return friction.unresolved_speed(forces.friction, scalar.coordinates, frames, reaction, h)
 
 
 def numbers_at_points(
-    forces: Forces, start: ForceStart, v: np.ndarray
+    forces: Forces, start: ForcesWorkspace, v: np.ndarray
 ) -> Iterator[tuple[int, np.ndarray]]:
     """Yield the column of work and the numbers of each force at a point, for the message about
     numbers that are not finite; ``v`` (n+1, 3) are velocities.
@@ -479,7 +479,7 @@ def numbers_at_points(
         yield column, np.array(forces.drag.coefficient[k] * speed**2)
 
 
-def numbers_along(forces: Forces, start: QuantityStart) -> Iterator[tuple[int, np.ndarray]]:
+def numbers_along(forces: Forces, start: CoordinatesWorkspace) -> Iterator[tuple[int, np.ndarray]]:
     """Yield the same of each force along a coordinate."""
     group = forces.spring
     for s, column in enumerate(group.column):

@@ -76,12 +76,12 @@ class ConcentratedLoads(NamedTuple):
     m: np.ndarray  # (k, 3) in the axes of body m_axes [N m]
     m_axes: np.ndarray  # (k,)
     law: np.ndarray  # (k,) factor in time, or -1
-    force_by_turn: np.ndarray  # (k,) start of the block by the rotation of f_axes
-    moment_by_turn: np.ndarray  # (k, 3) by the rotations of the body, of f_axes and of m_axes
+    force_by_rotation: np.ndarray  # (k,) start of the block by the rotation of f_axes
+    moment_by_rotation: np.ndarray  # (k, 3) by the rotations of the body, of f_axes and of m_axes
     column: np.ndarray  # (k,) of the table of work
 
 
-class ConcentratedStart(NamedTuple):
+class ConcentratedWorkspace(NamedTuple):
     """Arm, force and moment at one configuration, multiplied by the factors; inertial axes."""
 
     r: np.ndarray  # (k, 3) [m]
@@ -97,10 +97,10 @@ NEGLIGIBLE = 1e-15
 """First moment of a law, relative to its mean, that is round-off."""
 
 
-def new_start(group: ConcentratedLoads) -> ConcentratedStart:
+def new_workspace(group: ConcentratedLoads) -> ConcentratedWorkspace:
     """Return the arrays that ``prepare`` and ``over_step`` fill."""
     k = group.body.size
-    return ConcentratedStart(
+    return ConcentratedWorkspace(
         *(np.zeros((k, 3)) for _ in range(3)),
         *(np.zeros(k) for _ in range(2)),
         *(np.zeros((k, 3)) for _ in range(2)),
@@ -121,7 +121,7 @@ def over_step(
     t: float,
     h: float,
     R: np.ndarray,
-    start: ConcentratedStart,
+    start: ConcentratedWorkspace,
 ) -> bool:
     """Prepare a step of the midpoint element; return whether a law has a first moment over it."""
     moved = False
@@ -167,7 +167,7 @@ def at_nodes(
 
 @kernel
 def prepare(
-    group: ConcentratedLoads, factor: np.ndarray, R: np.ndarray, start: ConcentratedStart
+    group: ConcentratedLoads, factor: np.ndarray, R: np.ndarray, start: ConcentratedWorkspace
 ) -> None:
     """Set arm, force and moment in inertial axes, multiplied by the factors (k,)."""
     for k in range(group.body.size):
@@ -185,7 +185,7 @@ def moment(r: Vector, f: Vector, m: Vector) -> Vector:
 
 @kernel
 def add_force(
-    group: ConcentratedLoads, start: ConcentratedStart, frames: Frames, F: np.ndarray
+    group: ConcentratedLoads, start: ConcentratedWorkspace, frames: Frames, F: np.ndarray
 ) -> None:
     """Add the loads by mass to the rows of their bodies."""
     for k in range(group.body.size):
@@ -195,7 +195,7 @@ def add_force(
 
 @kernel
 def add_derivatives(
-    group: ConcentratedLoads, start: ConcentratedStart, frames: Frames, by_place: np.ndarray
+    group: ConcentratedLoads, start: ConcentratedWorkspace, frames: Frames, by_place: np.ndarray
 ) -> None:
     """Add the derivatives of the loads by mass by the rotations; rates do not change them."""
     for k in range(group.body.size):
@@ -234,16 +234,16 @@ def _add_blocks(
     c_turn = c / frames.length[group.body[k]]
     for i in range(3):
         for j in range(3):
-            values[group.force_by_turn[k] + 3 * i + j] += c * by_turn[1][i][j]
-            values[group.moment_by_turn[k, 0] + 3 * i + j] -= c_turn * by_arm[i][j]
-            values[group.moment_by_turn[k, 1] + 3 * i + j] += c_turn * by_lever[i][j]
-            values[group.moment_by_turn[k, 2] + 3 * i + j] += c_turn * by_turn[2][i][j]
+            values[group.force_by_rotation[k] + 3 * i + j] += c * by_turn[1][i][j]
+            values[group.moment_by_rotation[k, 0] + 3 * i + j] -= c_turn * by_arm[i][j]
+            values[group.moment_by_rotation[k, 1] + 3 * i + j] += c_turn * by_lever[i][j]
+            values[group.moment_by_rotation[k, 2] + 3 * i + j] += c_turn * by_turn[2][i][j]
 
 
 @kernel
 def add_power(
     group: ConcentratedLoads,
-    start: ConcentratedStart,
+    start: ConcentratedWorkspace,
     v: np.ndarray,
     W: np.ndarray,
     dt: float,
@@ -260,7 +260,7 @@ def add_power(
 @kernel
 def mean_residual(
     group: ConcentratedLoads,
-    start: ConcentratedStart,
+    start: ConcentratedWorkspace,
     frames: Frames,
     dt2: float,
     Z: np.ndarray,
@@ -278,7 +278,7 @@ def mean_residual(
 @kernel
 def mean_jacobian(
     group: ConcentratedLoads,
-    start: ConcentratedStart,
+    start: ConcentratedWorkspace,
     frames: Frames,
     dt2: float,
     Z: np.ndarray,
@@ -300,7 +300,7 @@ def mean_jacobian(
 @kernel
 def mean_work(
     group: ConcentratedLoads,
-    start: ConcentratedStart,
+    start: ConcentratedWorkspace,
     frames: Frames,
     Z: np.ndarray,
     total: np.ndarray,
@@ -316,7 +316,7 @@ def mean_work(
 
 
 @kernel
-def has_first(start: ConcentratedStart) -> bool:
+def has_first(start: ConcentratedWorkspace) -> bool:
     """Return whether a law has a first moment over the step."""
     largest = 0.0
     for k in range(start.first.size):
@@ -326,7 +326,7 @@ def has_first(start: ConcentratedStart) -> bool:
 
 @kernel
 def add_first(
-    group: ConcentratedLoads, start: ConcentratedStart, frames: Frames, F: np.ndarray
+    group: ConcentratedLoads, start: ConcentratedWorkspace, frames: Frames, F: np.ndarray
 ) -> None:
     """Add the first moments of the loads by mass to the rows of their bodies."""
     for k in range(group.body.size):
@@ -336,7 +336,7 @@ def add_first(
 @kernel
 def work_of_first(
     group: ConcentratedLoads,
-    start: ConcentratedStart,
+    start: ConcentratedWorkspace,
     h: float,
     a: np.ndarray,
     alpha: np.ndarray,

@@ -25,8 +25,8 @@ import numpy as np
 
 from msahl.elements.constraints.coordinates import (
     ANGLE,
-    Quantities,
-    QuantityStart,
+    Coordinates,
+    CoordinatesWorkspace,
     add_damper,
     add_spring,
 )
@@ -58,7 +58,7 @@ def load(group: Frictions, reactions: np.ndarray, f: int, rate: float) -> tuple[
 
 @kernel
 def add_load(
-    group: Frictions, reactions: np.ndarray, start: QuantityStart, rate: np.ndarray
+    group: Frictions, reactions: np.ndarray, start: CoordinatesWorkspace, rate: np.ndarray
 ) -> None:
     """Add the frictions at the coordinates' rates ``rate`` (q,) to the coordinates' loads.
 
@@ -73,8 +73,8 @@ def add_load(
 def add_derivatives(
     group: Frictions,
     reactions: np.ndarray,
-    quantities: Quantities,
-    start: QuantityStart,
+    coords: Coordinates,
+    start: CoordinatesWorkspace,
     rate: np.ndarray,
     frames: Frames,
     v: np.ndarray,
@@ -88,7 +88,7 @@ def add_derivatives(
     for f in range(group.coordinate.size):
         q = group.coordinate[f]
         slope = load(group, reactions, f, rate[q])[1]
-        add_damper(quantities, start, frames, v, W, Z, q, slope, room, by_place, by_rate)
+        add_damper(coords, start, frames, v, W, Z, q, slope, room, by_place, by_rate)
 
 
 @kernel
@@ -102,7 +102,9 @@ def add_power(
 
 
 @kernel
-def add_mean_load(group: Frictions, reactions: np.ndarray, start: QuantityStart, h: float) -> None:
+def add_mean_load(
+    group: Frictions, reactions: np.ndarray, start: CoordinatesWorkspace, h: float
+) -> None:
     """Add the mean frictions over the step, under the extrapolated ``reactions``, to the loads."""
     for f in range(group.coordinate.size):
         q = group.coordinate[f]
@@ -115,8 +117,8 @@ def add_mean_load(group: Frictions, reactions: np.ndarray, start: QuantityStart,
 def mean_jacobian(
     group: Frictions,
     reactions: np.ndarray,
-    quantities: Quantities,
-    start: QuantityStart,
+    coords: Coordinates,
+    start: CoordinatesWorkspace,
     frames: Frames,
     h: float,
     dt2: float,
@@ -126,12 +128,16 @@ def mean_jacobian(
     for f in range(group.coordinate.size):
         q = group.coordinate[f]
         slope = load(group, reactions, f, start.change[q] / h)[1] / h
-        add_spring(quantities, start, frames, -dt2, q, slope, values)
+        add_spring(coords, start, frames, -dt2, q, slope, values)
 
 
 @kernel
 def mean_work(
-    group: Frictions, reactions: np.ndarray, start: QuantityStart, h: float, total: np.ndarray
+    group: Frictions,
+    reactions: np.ndarray,
+    start: CoordinatesWorkspace,
+    h: float,
+    total: np.ndarray,
 ) -> None:
     """Add the work [J] of each mean friction over the step to its column of ``total``."""
     for f in range(group.coordinate.size):
@@ -141,7 +147,7 @@ def mean_work(
 
 def unresolved_speed(
     group: Frictions,
-    quantities: Quantities,
+    coords: Coordinates,
     frames: Frames,
     reactions: np.ndarray,
     h: float,
@@ -151,10 +157,10 @@ def unresolved_speed(
     """
     worst = 0.0
     for f, q in enumerate(group.coordinate):
-        first = quantities.first[q]
-        pair = [quantities.measures.a[first], quantities.measures.b[first]]
+        first = coords.first[q]
+        pair = [coords.products.a[first], coords.products.b[first]]
         moving = [b for b in pair if frames.inverse_mass[b] > 0.0]
-        angular = quantities.kind[q] == ANGLE
+        angular = coords.kind[q] == ANGLE
         length = float(frames.length[moving].max()) if angular else 1.0
         limit = float(np.linalg.norm(reactions[group.joint[f], :3])) * group.lever[f]
         change = h * limit * frames.inverse_mass[moving].max() / length**2

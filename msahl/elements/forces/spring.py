@@ -32,8 +32,8 @@ import numpy as np
 from msahl.algebra.functions import Laws, evaluate, mean
 from msahl.elements.constraints.coordinates import (
     BLUR,
-    Quantities,
-    QuantityStart,
+    Coordinates,
+    CoordinatesWorkspace,
     add_damper,
     add_spring,
     extent,
@@ -59,7 +59,7 @@ class Springs(NamedTuple):
 
 
 @kernel
-def elongation(group: Springs, start: QuantityStart, s: int) -> float:
+def elongation(group: Springs, start: CoordinatesWorkspace, s: int) -> float:
     """Return q of spring ``s`` at the configuration of ``start``, counted from the origin."""
     return start.value[group.coordinate[s]] - group.origin[s]
 
@@ -87,8 +87,8 @@ def potential(group: Springs, laws: Laws, s: int, q: float) -> float:
 def add_load(
     group: Springs,
     laws: Laws,
-    quantities: Quantities,
-    start: QuantityStart,
+    coords: Coordinates,
+    start: CoordinatesWorkspace,
     rate: np.ndarray,
 ) -> None:
     """Add springs and dampers at the coordinates' rates ``rate`` (q,) to the coordinates' loads."""
@@ -96,7 +96,7 @@ def add_load(
         q = group.coordinate[s]
         T, slope = tension(group, laws, s, elongation(group, start, s))
         start.load[q] -= T + group.damping[s] * rate[q]
-        unsure = BLUR * abs(0.5 * slope) * extent(quantities, start, q)
+        unsure = BLUR * abs(0.5 * slope) * extent(coords, start, q)
         start.size[q] += abs(T) + abs(group.damping[s] * rate[q]) + unsure
 
 
@@ -104,8 +104,8 @@ def add_load(
 def add_derivatives(
     group: Springs,
     laws: Laws,
-    quantities: Quantities,
-    start: QuantityStart,
+    coords: Coordinates,
+    start: CoordinatesWorkspace,
     frames: Frames,
     v: np.ndarray,
     W: np.ndarray,
@@ -118,9 +118,9 @@ def add_derivatives(
     for s in range(group.coordinate.size):
         q = group.coordinate[s]
         _, slope = tension(group, laws, s, elongation(group, start, s))
-        add_spring(quantities, start, frames, 1.0, q, -slope, by_place)
+        add_spring(coords, start, frames, 1.0, q, -slope, by_place)
         slope = -group.damping[s]
-        add_damper(quantities, start, frames, v, W, Z, q, slope, room, by_place, by_rate)
+        add_damper(coords, start, frames, v, W, Z, q, slope, room, by_place, by_rate)
 
 
 @kernel
@@ -145,8 +145,8 @@ def mean_tension(group: Springs, laws: Laws, s: int, q0: float, dq: float) -> tu
 def add_mean_load(
     group: Springs,
     laws: Laws,
-    quantities: Quantities,
-    start: QuantityStart,
+    coords: Coordinates,
+    start: CoordinatesWorkspace,
     stretch: np.ndarray,
     h: float,
 ) -> None:
@@ -159,7 +159,7 @@ def add_mean_load(
         start.load[q] -= T + lag
         # A tension whose mean vanishes can be large at both ends, and that of a stiff spring is no
         # more accurate than its length.
-        unsure = BLUR * abs(slope) * extent(quantities, start, q)
+        unsure = BLUR * abs(slope) * extent(coords, start, q)
         start.size[q] += abs(T) + abs(slope * dq) + abs(lag) + unsure
 
 
@@ -167,8 +167,8 @@ def add_mean_load(
 def mean_jacobian(
     group: Springs,
     laws: Laws,
-    quantities: Quantities,
-    start: QuantityStart,
+    coords: Coordinates,
+    start: CoordinatesWorkspace,
     frames: Frames,
     h: float,
     dt2: float,
@@ -179,11 +179,11 @@ def mean_jacobian(
         q = group.coordinate[s]
         _, slope = mean_tension(group, laws, s, elongation(group, start, s), start.change[q])
         slope = -slope - group.damping[s] / h - group.decay[s]
-        add_spring(quantities, start, frames, -dt2, q, slope, values)
+        add_spring(coords, start, frames, -dt2, q, slope, values)
 
 
 @kernel
-def mean_work(group: Springs, start: QuantityStart, h: float, total: np.ndarray) -> None:
+def mean_work(group: Springs, start: CoordinatesWorkspace, h: float, total: np.ndarray) -> None:
     """Add the work [J] of each damper over the step to its column of ``total``."""
     for s in range(group.coordinate.size):
         dq = start.change[group.coordinate[s]]
@@ -191,7 +191,7 @@ def mean_work(group: Springs, start: QuantityStart, h: float, total: np.ndarray)
 
 
 @kernel
-def smooth(group: Springs, start: QuantityStart, pole: float, stretch: np.ndarray) -> float:
+def smooth(group: Springs, start: CoordinatesWorkspace, pole: float, stretch: np.ndarray) -> float:
     """Advance the smoothed changes ``stretch`` (s,) of a decaying scheme by the accepted step;
     return the energy [J] that the scheme took from the springs.
     """
@@ -204,7 +204,7 @@ def smooth(group: Springs, start: QuantityStart, pole: float, stretch: np.ndarra
 
 
 @kernel
-def energy(group: Springs, laws: Laws, start: QuantityStart, out: np.ndarray) -> float:
+def energy(group: Springs, laws: Laws, start: CoordinatesWorkspace, out: np.ndarray) -> float:
     """Set ``out`` (s,) to each spring's elastic energy [J]; return their sum."""
     total = 0.0
     for s in range(group.coordinate.size):

@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import PIECES, Laws, piece_of
-from msahl.elements import along, forces
+from msahl.elements import forces
+from msahl.elements.constraints import scalar
 from msahl.jit.kernel import apart, kernel
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.system.arrays import System
@@ -44,17 +45,17 @@ class Breakpoints(NamedTuple):
 
 def new_kinks(system: System) -> Breakpoints:
     """Those of a ``system``."""
-    laws, group = system.laws, system.along
+    laws, group = system.laws, system.scalar
     timed = set(forces.laws_of_time(system.forces))
     tables = [*forces.laws_of_coordinates(system.forces)]
     if group:
-        timed |= set(group.rows.law.tolist())
-        rows = group.rows
-        tables += zip(rows.function, rows.quantity[:, 1], np.zeros(len(rows.law)), strict=True)
+        timed |= set(group.equations.law.tolist())
+        rows = group.equations
+        tables += zip(rows.function, rows.coordinate[:, 1], np.zeros(len(rows.law)), strict=True)
     tables = [entry for entry in tables if entry[0] >= 0 and laws.kind[entry[0]] == PIECES]
     wanted = [law for law in sorted(timed) if law >= 0 and laws.kind[law] == PIECES]
     rubbing, width = forces.rate_breakpoints(system.forces)
-    places = (3, group.quantities.kind.size if group else 0)
+    places = (3, group.coordinates.kind.size if group else 0)
     return Breakpoints(
         timed=np.array(wanted, dtype=np.int64),
         table=np.array([table for table, _, _ in tables], dtype=np.int64),
@@ -83,7 +84,7 @@ def note(kinks: Breakpoints, workspace: Workspace, place: int) -> None:
     if kinks.table.size + kinks.rubbing.size > 0:
         start = workspace.start
         value, rate = kinks.value[place], kinks.rate[place]
-        along.values(workspace.system.along, start.along, start.frames, value, rate)
+        scalar.values(workspace.system.scalar, start.scalar, start.frames, value, rate)
 
 
 @apart

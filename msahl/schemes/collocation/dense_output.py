@@ -31,7 +31,8 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import along, forces
+from msahl.elements import forces
+from msahl.elements.constraints import scalar
 from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
 from msahl.jit.kernel import apart, kernel
 from msahl.schemes import accelerations
@@ -39,7 +40,8 @@ from msahl.schemes.accelerations import Instant
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.midpoint import equations
 from msahl.schemes.midpoint.workspace import Workspace
-from msahl.system.arrays import State, new_start
+from msahl.system import evaluate
+from msahl.system.arrays import State, new_system_workspace
 
 ENDS = 6
 """Conditions at the ends of a step: place, velocity, acceleration at either."""
@@ -101,7 +103,7 @@ def new_dense_output(workspace: Workspace, order: int, decays: bool) -> DenseOut
         basis[level, :count, :count] = _basis(nodes[level, : 2 * level])
     x, b = legendre.leggauss((order + 1) // 2)
     return DenseOutput(
-        workspace=workspace._replace(state=own, start=new_start(workspace.system, own)),
+        workspace=workspace._replace(state=own, start=new_system_workspace(workspace.system, own)),
         begin=new_point(state),
         end=new_point(state),
         curve=np.zeros((conditions, of_frames, 3)),
@@ -229,8 +231,8 @@ def _prepare(between: DenseOutput, angle: np.ndarray) -> None:
     workspace = between.workspace
     for q in range(angle.size):
         workspace.state.angle[q] = angle[q]
-    equations.prepare(workspace.system, workspace.state, workspace.start)
-    along.count_turns(workspace.system.along, workspace.start.along, workspace.state.angle)
+    evaluate.prepare(workspace.system, workspace.state, workspace.start)
+    scalar.count_rotations(workspace.system.scalar, workspace.start.scalar, workspace.state.angle)
 
 
 @kernel
@@ -348,14 +350,14 @@ def _add_work(between: DenseOutput, room: Instant, dt: float) -> None:
     forces.add_power(
         system.forces,
         start.forces,
-        system.along,
-        start.along,
+        system.scalar,
+        start.scalar,
         start.frames,
         state.reaction,
         dt,
         state.work,
     )
-    along.motion_work(system.along, frames, state.time[0], dt, room.solution, state.work)
+    scalar.motion_work(system.scalar, frames, state.time[0], dt, room.solution, state.work)
 
 
 @kernel
@@ -369,8 +371,8 @@ def _close(between: DenseOutput, room: Instant) -> None:
         workspace.monitor,
     )
     frames = system.frames
-    equations.observe(system, state, start, monitor.violation, monitor.rate)
-    along.in_metres(system.along, monitor.violation, monitor.rate)
+    evaluate.observe(system, state, start, monitor.violation, monitor.rate)
+    scalar.in_metres(system.scalar, monitor.violation, monitor.rate)
     accelerations.undo(system, state, start, monitor.violation, room)
     for b in range(moving_count(frames)):
         turn = scale(1.0 / frames.length[b], at(room.solution, rotation_node(frames, b)))

@@ -46,8 +46,8 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import along, forces
-from msahl.elements.constraints import coincide
+from msahl.elements import forces
+from msahl.elements.constraints import coincide, scalar
 from msahl.elements.frames import (
     Frames,
     displacement,
@@ -61,12 +61,13 @@ from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import jacobian, local_rotation
 from msahl.schemes.collocation.workspace import Stages, go, moment_in_chart
 from msahl.schemes.midpoint import equations
-from msahl.system.arrays import Start, State, System
+from msahl.system.arrays import State, System, SystemWorkspace
+from msahl.system.evaluate import prepare
 
 
 @kernel
 def evaluate(
-    system: System, state: State, start: Start, stages: Stages, h: float, fresh: bool
+    system: System, state: State, start: SystemWorkspace, stages: Stages, h: float, fresh: bool
 ) -> float:
     """Set ``stages.F`` to the rows of the step at ``stages.Z``, and impulses and work; where
     ``fresh``, ``stages.values`` to their derivative as well. Returns the step's own length [m], by
@@ -102,7 +103,7 @@ def evaluate(
 
 
 @kernel
-def _begin(system: System, start: Start, stages: Stages, h: float) -> None:
+def _begin(system: System, start: SystemWorkspace, stages: Stages, h: float) -> None:
     """Set the rows to what they are without any force, and clear what is summed up."""
     frames, bodies, F = system.frames, system.bodies, stages.F
     for node in range(stages.impulse.shape[0]):
@@ -136,15 +137,19 @@ def moment_scale(system: System, b: int) -> float:
 
 
 @kernel
-def _close(system: System, state: State, start: Start, stages: Stages, h: float, k: int) -> None:
+def _close(
+    system: System, state: State, start: SystemWorkspace, stages: Stages, h: float, k: int
+) -> None:
     """Set the rows of the joints, the ``k``-th, to their gaps, by increments from the start."""
     if k < 0:
         return
     frames, violation = system.frames, stages.violation
     t, dt = state.time[0], h * stages.rule.closing[k]
-    coincide.close(system.coincide, start.coincide, frames, stages.moved, violation)
-    along.hold(system.along, start.along, frames, state.violation, t, dt, stages.moved, violation)
-    along.strain(system.along, start.along, 1.0, stages.pull)
+    coincide.set_violations(system.coincide, start.coincide, frames, stages.moved, violation)
+    scalar.add_constraint_forces(
+        system.scalar, start.scalar, frames, state.violation, t, dt, stages.moved, violation
+    )
+    scalar.raise_term_sizes(system.scalar, start.scalar, 1.0, stages.pull)
     for node in range(first_multiplier(frames), violation.shape[0]):
         put(stages.F[k], node, at(violation, node))
 
@@ -161,10 +166,12 @@ def _hold(system: System, stages: Stages, h: float, k: int, weight: float) -> No
     for n in range(first, row.shape[0]):
         # The kernels of the lowest order make a force of an unknown by unit/reach; here reach = -1.
         put(stages.still, n, scale(-2.0 / (h * h), at(stages.Z[k], n)))
-    coincide.hold(system.coincide, node.coincide, frames, -1.0, stages.still, row)
+    coincide.subtract_forces(system.coincide, node.coincide, frames, -1.0, stages.still, row)
     violation, t = stages.state.violation, stages.state.time[0]
-    along.hold(system.along, node.along, frames, violation, 0.0, 0.0, stages.still, row)
-    along.motion_work(system.along, frames, t, -h * weight, stages.still, stages.work)
+    scalar.add_constraint_forces(
+        system.scalar, node.scalar, frames, violation, 0.0, 0.0, stages.still, row
+    )
+    scalar.motion_work(system.scalar, frames, t, -h * weight, stages.still, stages.work)
 
 
 @kernel
@@ -179,14 +186,14 @@ def _act(system: System, stages: Stages, h: float, i: int) -> None:
         put(row, displacement_node(frames, b), g)
         put(row, rotation_node(frames, b), ZERO)
     motion, dt = node.frames, h * stages.rule.weight[i]
-    group, reaction = system.along, stages.reaction[i]
-    along.rates(group, node.along, frames, motion.v, motion.W, stages.still)
+    group, reaction = system.scalar, stages.reaction[i]
+    scalar.rates(group, node.scalar, frames, motion.v, motion.W, stages.still)
     forces.set_node(system.forces, node.forces, stages.factor[i], motion.R)
-    forces.add_forces(system.forces, node.forces, group, node.along, frames, motion, reaction, row)
+    forces.add_forces(system.forces, node.forces, group, node.scalar, frames, motion, reaction, row)
     forces.add_power(
-        system.forces, node.forces, group, node.along, motion, reaction, dt, stages.work
+        system.forces, node.forces, group, node.scalar, motion, reaction, dt, stages.work
     )
-    along.roll(system.along, node.along, frames, h, stages.F[i])
+    scalar.set_rate_equations(system.scalar, node.scalar, frames, h, stages.F[i])
 
 
 @kernel
@@ -198,7 +205,7 @@ def _enter(system: System, stages: Stages, h: float, k: int, i: int) -> None:
     weights, share = rule.chi[:, k], h * rule.push[k]
     if k < 0:
         weights, share = rule.alpha[:, i], h * rule.weight[i]
-    along.strain(system.along, stages.start.along, h * h, stages.pull)
+    scalar.raise_term_sizes(system.scalar, stages.start.scalar, h * h, stages.pull)
     for b in range(moving_count(frames)):
         a = at(stages.row, displacement_node(frames, b))
         alpha = moment_in_chart(frames, stages, b)
@@ -210,7 +217,7 @@ def _enter(system: System, stages: Stages, h: float, k: int, i: int) -> None:
 
 
 @kernel
-def _turn(system: System, start: Start, stages: Stages, h: float, i: int) -> None:
+def _turn(system: System, start: SystemWorkspace, stages: Stages, h: float, i: int) -> None:
     """Enter the inertia of the turns at c_i; keep the velocities there."""
     rule, frames, node_start = stages.rule, system.frames, stages.start
     for f in range(moving_count(frames)):
@@ -262,14 +269,14 @@ def _bow(frames: Frames, stages: Stages, h: float, i: int, b: int) -> None:
 
 
 @kernel
-def accept(system: System, state: State, start: Start, stages: Stages, h: float) -> None:
+def accept(system: System, state: State, start: SystemWorkspace, stages: Stages, h: float) -> None:
     """Advance ``state`` by the solved step, evaluated last; velocities still open the joints."""
     frames, bodies, s = system.frames, system.bodies, stages.rule.weight.size
     for w in range(state.work.size):
         state.work[w] += stages.work[w]
     for node in range(stages.pulled.size):
         stages.pulled[node] = 0.0
-    along.strain(system.along, stages.start.along, 1.0, stages.pulled)
+    scalar.raise_term_sizes(system.scalar, stages.start.scalar, 1.0, stages.pulled)
     for b in range(bodies.frame.size):
         f = bodies.frame[b]
         u_node, turn_node = displacement_node(frames, f), rotation_node(frames, f)
@@ -297,7 +304,7 @@ def accept(system: System, state: State, start: Start, stages: Stages, h: float)
         for i in range(3):
             force = stages.Z[s - 1, first + k, i] * system.unit[k, i]
             state.force[k, i] = 2.0 / (h * h) * force
-    along.settle(system.along, state.violation)
+    scalar.clear_rate_violations(system.scalar, state.violation)
     # From the last velocities before the end, for a step of another size.
     late = stages.rule.late
     rest = 1.0 / (h * (1.0 - (stages.rule.acting[late] if late >= 0 else 0.0)))
@@ -311,5 +318,5 @@ def accept(system: System, state: State, start: Start, stages: Stages, h: float)
         put(state.alpha, b, scale(rest, sub(end, W)))
     stages.known[0], stages.known[1] = state.time[0], h
     state.time[0] += h
-    equations.prepare(system, state, start)
-    along.count_turns(system.along, start.along, state.angle)
+    prepare(system, state, start)
+    scalar.count_rotations(system.scalar, start.scalar, state.angle)

@@ -19,14 +19,14 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import along, forces
-from msahl.elements.constraints import coincide
+from msahl.elements import forces
+from msahl.elements.constraints import coincide, scalar
 from msahl.elements.constraints.products import add_block
 from msahl.elements.frames import first_multiplier, rotation_node
 from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.workspace import BODY, GAP, Stages, moment_in_chart
-from msahl.system.arrays import Start, System
+from msahl.system.arrays import System, SystemWorkspace
 
 
 @kernel
@@ -50,7 +50,7 @@ def hold(system: System, stages: Stages, h: float, row: int, k: int) -> None:
 
 
 @kernel
-def act(system: System, start: Start, stages: Stages, h: float, i: int) -> None:
+def act(system: System, start: SystemWorkspace, stages: Stages, h: float, i: int) -> None:
     """Add what the inertia of the turns and the loads at c_i contribute."""
     _add_turning(system, start, stages, h, i)
     if not stages.idle:
@@ -68,7 +68,7 @@ def _hold(system: System, stages: Stages) -> None:
     for e in range(values.size):
         values[e] = stages.linear[e]
     coincide.jacobian(system.coincide, node.coincide, frames, -1.0, stages.still, values)
-    along.hold_jacobian(system.along, node.along, frames, stages.still, values)
+    scalar.add_constraint_derivatives(system.scalar, node.scalar, frames, stages.still, values)
 
 
 @kernel
@@ -77,14 +77,14 @@ def _act(system: System, stages: Stages, i: int) -> None:
     place, rate, node, frames = stages.by_place, stages.by_rate, stages.start, system.frames
     for e in range(place.size):
         place[e], rate[e] = 0.0, 0.0
-    group, still, room = system.along, stages.still, stages.room
+    group, still, room = system.scalar, stages.still, stages.room
     v, W = node.frames.v, node.frames.W
-    along.differentiate(group, node.along, frames, still)
+    scalar.differentiate(group, node.scalar, frames, still)
     forces.add_derivatives(
         system.forces,
         node.forces,
         group,
-        node.along,
+        node.scalar,
         frames,
         node.frames,
         stages.reaction[i],
@@ -93,7 +93,7 @@ def _act(system: System, stages: Stages, i: int) -> None:
         place,
         rate,
     )
-    along.roll_jacobian(group, node.along, frames, v, W, still, room, place, rate)
+    scalar.add_rate_derivatives(group, node.scalar, frames, v, W, still, room, place, rate)
 
 
 @kernel
@@ -196,7 +196,7 @@ def _enter_acting(system: System, stages: Stages, h: float, i: int) -> None:
 
 
 @kernel
-def _add_turning(system: System, start: Start, stages: Stages, h: float, i: int) -> None:
+def _add_turning(system: System, start: SystemWorkspace, stages: Stages, h: float, i: int) -> None:
     """Take the derivatives of the inertia of the turns at c_i into the Jacobian."""
     rule, frames = stages.rule, system.frames
     if not rule.varied:

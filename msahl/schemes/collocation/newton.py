@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import copy
-from msahl.elements.along import settle
+from msahl.elements.constraints.scalar import clear_rate_violations
 from msahl.elements.forces import ReactionForces, pressed_by_reactions
 from msahl.elements.frames import first_multiplier
 from msahl.jit.kernel import apart, kernel
@@ -28,7 +28,7 @@ from msahl.schemes.collocation.workspace import Stages, go, new_stages
 from msahl.schemes.midpoint.newton import DIVERGED, MAX_ITERATIONS, STUCK
 from msahl.schemes.midpoint.workspace import Workspace, show
 from msahl.schemes.outcome import TOLERANCE
-from msahl.system.arrays import Start, State, System
+from msahl.system.arrays import State, System, SystemWorkspace
 from msahl.system.diagnostics import Monitor, energy_balance
 from msahl.system.ordering import Elimination
 
@@ -192,7 +192,7 @@ def drop_gap(high: CollocationWorkspace) -> None:
         if node >= first:
             for n in range(s):
                 violation[node - first, i] -= 2.0 * system.relaxation * chi[s - 1, n] * y[k, n]
-    settle(system.along, violation)
+    clear_rate_violations(system.scalar, violation)
 
 
 @kernel
@@ -207,7 +207,7 @@ def gather(lu: Elimination, F: np.ndarray, y: np.ndarray) -> None:
 def advance(
     system: System,
     state: State,
-    start: Start,
+    start: SystemWorkspace,
     stages: Stages,
     monitor: Monitor,
     room: Instant,

@@ -14,11 +14,11 @@ from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.tableau import Rule
 from msahl.schemes.collocation.workspace import Stages
-from msahl.system.arrays import Start, State, System
+from msahl.system.arrays import State, System, SystemWorkspace
 
 
 @kernel
-def predict(system: System, state: State, start: Start, stages: Stages, h: float) -> None:
+def predict(system: System, state: State, start: SystemWorkspace, stages: Stages, h: float) -> None:
     """First guess: velocities and multipliers are those of the known polynomials, of the last step
     or of another that went through here.
 
@@ -117,7 +117,7 @@ beside a step of their length any residual would be small."""
 
 
 @kernel
-def _integrate(system: System, start: Start, stages: Stages, h: float, b: int) -> None:
+def _integrate(system: System, start: SystemWorkspace, stages: Stages, h: float, b: int) -> None:
     """Set the places z_j of body ``b`` from its velocities at c_i."""
     rule, Z, frames, g = stages.rule, stages.Z, system.frames, system.bodies.gravity
     s, length, gravity = rule.weight.size, frames.length[b], (g[0], g[1], g[2])

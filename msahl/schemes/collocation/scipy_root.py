@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from msahl.elements.along import settle
+from msahl.elements.constraints.scalar import clear_rate_violations
 from msahl.elements.frames import first_multiplier
 from msahl.jit.compiled import compiled
 from msahl.linalg import dense
@@ -89,7 +89,7 @@ def _drop_gap(subsystem: CollocationWorkspace, A: np.ndarray) -> None:
     rows[held, -1] = violation[of]
     answer = np.linalg.lstsq(A, rows.reshape(-1), rcond=None)[0].reshape(rows.shape)
     violation[of] -= _relaxed(subsystem, answer)[held, -1]
-    settle(workspace.system.along, workspace.state.violation)
+    clear_rate_violations(workspace.system.scalar, workspace.state.violation)
 
 
 def jacobian(subsystem: CollocationWorkspace) -> np.ndarray:

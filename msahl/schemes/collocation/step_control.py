@@ -29,7 +29,7 @@ from msahl.schemes.collocation import breakpoints, dense_output, newton
 from msahl.schemes.collocation.breakpoints import Breakpoints, new_kinks
 from msahl.schemes.collocation.dense_output import Point
 from msahl.schemes.collocation.newton import CollocationWorkspace
-from msahl.schemes.midpoint import equations
+from msahl.system import evaluate
 from msahl.system.arrays import State
 from msahl.system.diagnostics import KINETIC, look
 
@@ -105,7 +105,7 @@ def new_step_control(
         x_middle=np.zeros_like(state.x),
         p_middle=np.zeros_like(state.p),
         work=np.zeros_like(state.work),
-        checks_rows=system.along is not None
+        checks_rows=system.scalar is not None
         or max(forces.laws_of_time(system.forces), default=-1) >= 0,
         kinks=new_kinks(system),
     )
@@ -148,7 +148,7 @@ def attempt(
     left = min(figures[END], kink, figures[STOP]) - t
     spin = largest_spin(workspace.start.frames.W)
     h = figures[NEXT]
-    if workspace.system.along is not None and h * spin > WIDEST_TURN:
+    if workspace.system.scalar is not None and h * spin > WIDEST_TURN:
         h = WIDEST_TURN / spin
     if h > left * (1.0 - 1e-9):
         h = left
@@ -179,7 +179,7 @@ def attempt(
     figures[BEST] = growth * h
     good = error <= max(share, known)
     spin = max(largest_spin(control.middle.W), largest_spin(control.end.W))
-    if workspace.system.along is not None and h * spin > 2.0 * WIDEST_TURN:
+    if workspace.system.scalar is not None and h * spin > 2.0 * WIDEST_TURN:
         good, growth = False, WIDEST_TURN / (h * spin)
     if good:
         figures[NEXT] = max(figures[NEXT], growth * h) if h < figures[NEXT] else growth * h
@@ -325,7 +325,7 @@ def go_back(subsystem: CollocationWorkspace, control: StepControl) -> None:
     """Go back to where the pair starts."""
     workspace = subsystem.workspace
     keep(control.kept, workspace.state)
-    equations.prepare(workspace.system, workspace.state, workspace.start)
+    evaluate.prepare(workspace.system, workspace.state, workspace.start)
 
 
 @kernel

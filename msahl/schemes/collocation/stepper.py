@@ -18,11 +18,11 @@ from msahl.schemes.collocation import dense_output, newton, step_control
 from msahl.schemes.collocation.newton import CollocationWorkspace, new_collocation_workspace
 from msahl.schemes.collocation.step_control import ControlSettings
 from msahl.schemes.collocation.workspace import Stages
-from msahl.schemes.midpoint import equations
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.schemes.outcome import Outcome, Requests
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import NO_TIMES, Advance, Chunk, Events, Stepper
+from msahl.system import evaluate
 from msahl.system.arrays import State
 
 _take_steps = compiled(newton.march)
@@ -53,7 +53,7 @@ class CollocationMethod:
     @property
     def kind(self) -> str:
         """See ``StepMethod``."""
-        kind = "points" if self.workspace.system.along is None else "along"
+        kind = "points" if self.workspace.system.scalar is None else "along"
         friction = "" if self.subsystem.pressed is None else "-friction"
         return f"{kind}{friction}-collocation"
 
@@ -213,7 +213,7 @@ class AdaptiveStepper:
         if part < 1.0:
             for array, value in zip(self._changing(), saved, strict=True):
                 array[:] = value
-            equations.prepare(workspace.system, workspace.state, workspace.start)
+            evaluate.prepare(workspace.system, workspace.state, workspace.start)
             self.reset_prediction()
             event = begin + part * (end - begin)
             self.control.figures[step_control.STOP] = event
@@ -223,7 +223,7 @@ class AdaptiveStepper:
             part = 1.0 if done and reached else math.inf
         if part == 1.0:
             events.apply(workspace)
-            equations.prepare(workspace.system, workspace.state, workspace.start)
+            evaluate.prepare(workspace.system, workspace.state, workspace.start)
             self.reset_prediction()
         return done
 

@@ -18,7 +18,8 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import along, forces
+from msahl.elements import forces
+from msahl.elements.constraints import scalar
 from msahl.elements.frames import (
     Frames,
     displacement,
@@ -31,8 +32,8 @@ from msahl.elements.frames import (
 from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.tableau import Rule
-from msahl.schemes.midpoint import equations
-from msahl.system.arrays import Start, State, System, new_start, node_count
+from msahl.system import evaluate
+from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
 from msahl.system.unknowns import Unknowns
 
 BODY, FORCE, GAP, BETWEEN = range(4)
@@ -52,7 +53,7 @@ class Stages(NamedTuple):
     idle: bool  # whether nothing acts at c_i but gravity and inertia
     mobility: np.ndarray  # (n+1, 3, 3) inverse inertia, body axes
     state: State  # of one node of time
-    start: Start  # likewise
+    start: SystemWorkspace  # likewise
     turn: np.ndarray  # (n+1, 3) c at that node
     turning: np.ndarray  # (n+1, 3) its rate
     tangent: np.ndarray  # (n+1, 3, 3) H there
@@ -107,10 +108,10 @@ def new_stages(system: System, unknowns: Unknowns, state: State, rule: Rule) -> 
         rolling=_rolling(system)[needed],
         slot=slot,
         source=slot[unknowns.elimination.source],
-        idle=system.along is None and not forces.acts_at_points(system.forces),
+        idle=system.scalar is None and not forces.acts_at_points(system.forces),
         mobility=np.linalg.inv(system.bodies.inertia),
         state=node_state,
-        start=new_start(system, node_state),
+        start=new_system_workspace(system, node_state),
         turn=np.zeros(vectors),
         turning=np.zeros(vectors),
         tangent=np.zeros((*vectors, 3)),
@@ -148,8 +149,8 @@ def new_stages(system: System, unknowns: Unknowns, state: State, rule: Rule) -> 
 def _rolling(system: System) -> np.ndarray:
     """(9 m,) entries of the Jacobian in rows between rates."""
     rows = np.zeros((node_count(system), 3), dtype=bool)
-    if system.along:
-        group = system.along.rows
+    if system.scalar:
+        group = system.scalar.equations
         place = group.place[~group.holonomic]
         rows[first_multiplier(system.frames) + place[:, 0], place[:, 1]] = True
     return np.repeat(rows[system.blocks[:, 0]].reshape(-1), 3)
@@ -184,12 +185,12 @@ def go(system: System, state: State, stages: Stages, h: float, n: int) -> None:
         put(node.x, b, add(at(state.x, b), u))
         put(node.p, b, compose(c, at(state.p, b)))
     if not bare:
-        equations.prepare(system, node, stages.start)
+        evaluate.prepare(system, node, stages.start)
     for b in range(moving_count(frames)):
         put(stages.start.frames.W, b, times(matrix_at(stages.tangent, b), at(stages.turning, b)))
     for q in range(node.angle.size):
         node.angle[q] = state.angle[q]
-    along.count_turns(system.along, stages.start.along, node.angle)
+    scalar.count_rotations(system.scalar, stages.start.scalar, node.angle)
 
 
 @kernel

@@ -31,8 +31,8 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import along, forces, reactions, rigid_body
-from msahl.elements.constraints import coincide
+from msahl.elements import forces, reactions, rigid_body
+from msahl.elements.constraints import coincide, scalar
 from msahl.elements.frames import (
     displacement_node,
     first_multiplier,
@@ -41,49 +41,20 @@ from msahl.elements.frames import (
     rotation_increment,
     rotation_node,
 )
-from msahl.elements.frames import prepare as prepare_frames
 from msahl.jit.kernel import kernel
-from msahl.system.arrays import Start, State, System, Tables
+from msahl.system.arrays import State, System, SystemWorkspace, Tables
+from msahl.system.evaluate import dt2, joint_jacobian, set_reactions
 
 
 @kernel
-def dt2(system: System, h: float) -> float:
-    """What an acceleration over the step moves, in s^2: h^2/2, more with a decaying scheme."""
-    return system.decay.share * h * h
-
-
-@kernel
-def prepare(system: System, state: State, start: Start) -> None:
-    """Fill ``start`` from the accepted ``state``."""
-    prepare_frames(
-        system.frames,
-        state.p,
-        state.v,
-        state.w,
-        state.v_rise,
-        state.w_rise,
-        system.decay.chi,
-        start.frames,
-    )
-    rigid_body.prepare(system.bodies, start.frames.R, start.bodies)
-    R = start.frames.R
-    coincide.prepare(system.coincide, R, start.coincide)
-    along.prepare(system.along, state.x, R, state.angle, start.along)
-    reactions.prepare(system.reactions, system.along, R, start.reaction_arms)
-    forces.prepare(
-        system.forces, start.forces, system.along, R, state.reaction, state.reaction_trend
-    )
-
-
-@kernel
-def load(system: System, state: State, start: Start, h: float) -> bool:
+def load(system: System, state: State, start: SystemWorkspace, h: float) -> bool:
     """Set the loads to their means over a step ``h``; whether they have first moments, too."""
     t, R = state.time[0], start.frames.R
     return forces.over_step(system.forces, start.forces, t, h, R)
 
 
 @kernel
-def predict(system: System, state: State, start: Start, h: float, Z: np.ndarray) -> None:
+def predict(system: System, state: State, start: SystemWorkspace, h: float, Z: np.ndarray) -> None:
     """First guess of the unknowns: accelerations and joint forces go on as they changed last.
 
     Offsets by the loads are not in it: a step is judged by how far it leads beyond its guess.
@@ -139,47 +110,35 @@ def keep(trend: np.ndarray, k: int, change: Vector) -> None:
 
 @kernel
 def residual(
-    system: System, state: State, start: Start, h: float, Z: np.ndarray, F: np.ndarray
+    system: System, state: State, start: SystemWorkspace, h: float, Z: np.ndarray, F: np.ndarray
 ) -> None:
     """Set ``F`` (nodes, 3) to the rows of the step's equations at ``Z`` [m]."""
     h2 = dt2(system, h)
     frames, t = system.frames, state.time[0]
     rigid_body.residual(system.bodies, frames, start.bodies, start.frames, h, h2, Z, F)
     coincide.residual(system.coincide, start.coincide, frames, h2, Z, F)
-    along.residual(system.along, start.along, frames, state.violation, t, h, h2, Z, F)
+    scalar.residual(system.scalar, start.scalar, frames, state.violation, t, h, h2, Z, F)
     forces.mean_residual(
-        system.forces, start.forces, system.along, start.along, frames, h, h2, Z, F
+        system.forces, start.forces, system.scalar, start.scalar, frames, h, h2, Z, F
     )
 
 
 @kernel
-def joint_jacobian(
-    system: System, start: Start, h: float, Z: np.ndarray, values: np.ndarray
+def jacobian(
+    system: System, start: SystemWorkspace, h: float, Z: np.ndarray, values: np.ndarray
 ) -> None:
-    """Set the block ``values`` to the derivative of inertia and joints, after ``residual``."""
-    h2 = dt2(system, h)
-    for i in range(values.size):
-        values[i] = system.constant[i]
-    frames = system.frames
-    rigid_body.jacobian(system.bodies, frames, start.bodies, start.frames, h, h2, Z, values)
-    coincide.jacobian(system.coincide, start.coincide, frames, h2, Z, values)
-    along.joint_jacobian(system.along, start.along, frames, h2, Z, values)
-
-
-@kernel
-def jacobian(system: System, start: Start, h: float, Z: np.ndarray, values: np.ndarray) -> None:
     """Set the block ``values`` to the derivative of the rows by the unknowns, after ``residual``
     at the same ``Z``.
     """
     joint_jacobian(system, start, h, Z, values)
     h2 = dt2(system, h)
     forces.mean_jacobian(
-        system.forces, start.forces, system.along, start.along, system.frames, h, h2, Z, values
+        system.forces, start.forces, system.scalar, start.scalar, system.frames, h, h2, Z, values
     )
 
 
 @kernel
-def step_size(system: System, start: Start, h: float, Z: np.ndarray) -> float:
+def step_size(system: System, start: SystemWorkspace, h: float, Z: np.ndarray) -> float:
     """The step's own length [m], by which a residual is judged: its largest term."""
     largest = 0.0
     for i in range(3):
@@ -196,16 +155,16 @@ def step_size(system: System, start: Start, h: float, Z: np.ndarray) -> float:
 
 @kernel
 def accept(
-    system: System, state: State, start: Start, h: float, Z: np.ndarray, F: np.ndarray
+    system: System, state: State, start: SystemWorkspace, h: float, Z: np.ndarray, F: np.ndarray
 ) -> None:
     """Advance ``state`` by the solved step; ``F`` is the residual at ``Z``, evaluated last."""
     frames, bodies, t, h2 = system.frames, system.bodies, state.time[0], dt2(system, h)
     decay, per_step = system.decay, h / dt2(system, h)
     loss, gained = 0.0, 0.0
     forces.mean_work(
-        system.forces, start.forces, system.along, start.along, frames, h, Z, state.work
+        system.forces, start.forces, system.scalar, start.scalar, frames, h, Z, state.work
     )
-    along.accept(system.along, start.along, frames, t, h, h2, Z, state.angle, state.work)
+    scalar.accept(system.scalar, start.scalar, frames, t, h, h2, Z, state.angle, state.work)
     for b in range(moving_count(frames)):
         u = at(Z, displacement_node(frames, b))
         Q = rotation_increment(frames, Z, b)
@@ -238,7 +197,7 @@ def accept(
         forces.work_of_first(system.forces, start.forces, h, state.a, state.alpha, lost, state.work)
     state.foresight[0] = 1.0 if gained >= 0.0 else 0.0
     if decay.chi > 0.0:
-        loss += forces.smooth(system.forces, start.forces, system.along, start.along, decay.pole)
+        loss += forces.smooth(system.forces, start.forces, system.scalar, start.scalar, decay.pole)
         state.work[state.work.size - 1] -= loss
     _enter_multipliers(system, state, start, h, Z, F)
     state.time[0] += h
@@ -246,7 +205,7 @@ def accept(
 
 @kernel
 def _enter_multipliers(
-    system: System, state: State, start: Start, h: float, Z: np.ndarray, F: np.ndarray
+    system: System, state: State, start: SystemWorkspace, h: float, Z: np.ndarray, F: np.ndarray
 ) -> None:
     """Set joint forces, reactions and gaps of the state from the solution."""
     first = first_multiplier(system.frames)
@@ -256,58 +215,16 @@ def _enter_multipliers(
             state.force[k, i] = Z[first + k, i] * system.unit[k, i] / dt2(system, h)
             state.violation[k, i] = F[first + k, i]
         keep(state.force_trend, k, sub(at(state.force, k), before))
-    along.follow(system.along, state.reaction, state.reaction_trend, 0.0, -1.0)
-    react(system, state, start, Z)
-    along.follow(system.along, state.reaction, state.reaction_trend, 1.0, 1.0)
-
-
-@kernel
-def react(system: System, state: State, start: Start, Z: np.ndarray) -> None:
-    """Set the state's reactions from its multipliers, after ``residual`` at ``Z``."""
-    reactions.gather(
-        system.reactions,
-        system.along,
-        start.along,
-        system.frames,
-        start.reaction_arms,
-        Z,
-        state.force,
-        state.reaction,
-    )
-
-
-@kernel
-def free_acceleration(
-    system: System, state: State, start: Start, Z: np.ndarray, F: np.ndarray
-) -> None:
-    """Set the rows to what the accelerations must balance: forces, and minus the joints' parts.
-
-    For ``joint_jacobian`` of the scene at rest with h^2 = 2. ``Z`` is zero.
-    """
-    frames, t = system.frames, state.time[0]
-    v, W = start.frames.v, start.frames.W
-    rigid_body.free_acceleration(system.bodies, frames, start.bodies, start.frames, F)
-    coincide.free_gap_acceleration(system.coincide, start.coincide, W, F)
-    along.rates(system.along, start.along, frames, v, W, Z)
-    along.free_acceleration(system.along, start.along, frames, v, W, t, F)
-    forces.set_time(system.forces, start.forces, t, start.frames.R)
-    forces.add_forces(
-        system.forces,
-        start.forces,
-        system.along,
-        start.along,
-        frames,
-        start.frames,
-        state.reaction,
-        F,
-    )
+    scalar.update_reaction_trend(system.scalar, state.reaction, state.reaction_trend, 0.0, -1.0)
+    set_reactions(system, state, start, Z)
+    scalar.update_reaction_trend(system.scalar, state.reaction, state.reaction_trend, 1.0, 1.0)
 
 
 @kernel
 def publish(
     system: System,
     state: State,
-    start: Start,
+    start: SystemWorkspace,
     h: float,
     mean_reaction: np.ndarray,
     mean_force: np.ndarray,
@@ -318,9 +235,9 @@ def publish(
     rigid_body.write_states(
         system.bodies, state.x, state.p, start.frames, state.w, tables.states, row
     )
-    reactions.publish(
+    reactions.write_reactions(
         system.shown,
-        system.along,
+        system.scalar,
         mean_reaction,
         mean_force,
         state.time[0] - 0.5 * h,
@@ -332,20 +249,3 @@ def publish(
     for k in range(state.work.size, tables.work.shape[1]):
         tables.work[row, k] = 0.0
     forces.publish_energy(system.forces, start.forces, state.work.size, tables.work, row)
-
-
-@kernel
-def observe(
-    system: System, state: State, start: Start, violation: np.ndarray, rate: np.ndarray
-) -> tuple[float, float]:
-    """Kinetic and potential energy [J] of the prepared state; elastic energy is part of the second.
-
-    Fills ``gap`` and ``rate`` (k, 3), by the multipliers' nodes, with the joints' gaps [m or rad]
-    and their rates, from absolute positions.
-    """
-    coincide.violation(system.coincide, start.coincide, state.x, violation)
-    coincide.violation_rate(system.coincide, start.coincide, start.frames, rate)
-    along.observe(system.along, start.along, start.frames, state.time[0], violation, rate)
-    elastic = forces.elastic_energy(system.forces, start.forces, system.along, start.along)
-    kinetic, potential = rigid_body.energy(system.bodies, state.x, state.v, state.w)
-    return kinetic, potential + elastic

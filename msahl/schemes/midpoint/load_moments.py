@@ -10,6 +10,7 @@ from msahl.jit.kernel import apart, kernel
 from msahl.linalg import dense, sparse_lu
 from msahl.schemes.midpoint import equations
 from msahl.schemes.midpoint.workspace import Workspace
+from msahl.system import evaluate
 
 NO_STEP = 1e-100
 """Step size for the limit in which the Jacobian holds masses and joints alone; its square is still
@@ -35,7 +36,7 @@ def _solve(workspace: Workspace) -> None:
     for node in range(Z.shape[0]):
         put(Z, node, ZERO)
     equations.residual(system, workspace.state, start, NO_STEP, Z, F)
-    equations.joint_jacobian(system, start, NO_STEP, Z, workspace.values)
+    evaluate.joint_jacobian(system, start, NO_STEP, Z, workspace.values)
     sparse_lu.factor(workspace.unknowns.elimination, workspace.values, workspace.factor)
     for node in range(F.shape[0]):
         put(F, node, ZERO)

@@ -34,7 +34,7 @@ class MidpointMethod:
     @property
     def kind(self) -> str:
         """See ``StepMethod``."""
-        kind = "points" if self.workspace.system.along is None else "along"
+        kind = "points" if self.workspace.system.scalar is None else "along"
         kind += "-exponential" if self.workspace.system.frames.exponential else ""
         return kind if self.instant is None else f"{kind}-instantaneous"
 

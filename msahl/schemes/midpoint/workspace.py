@@ -6,7 +6,16 @@ import numpy as np
 
 from msahl.jit.kernel import kernel
 from msahl.schemes.midpoint import equations
-from msahl.system.arrays import Start, State, System, Tables, new_start, new_tables, node_count
+from msahl.system import evaluate
+from msahl.system.arrays import (
+    State,
+    System,
+    SystemWorkspace,
+    Tables,
+    new_system_workspace,
+    new_tables,
+    node_count,
+)
 from msahl.system.diagnostics import Monitor, look, new_monitor
 from msahl.system.unknowns import Unknowns
 
@@ -17,7 +26,7 @@ class Workspace(NamedTuple):
     system: System
     unknowns: Unknowns
     state: State
-    start: Start
+    start: SystemWorkspace
     Z: np.ndarray  # (nodes, 3) unknowns of the step
     F: np.ndarray  # (nodes, 3) its rows
     values: np.ndarray  # block values of the Jacobian
@@ -38,7 +47,7 @@ def new_workspace(system: System, unknowns: Unknowns, state: State, chunk: int) 
         system=system,
         unknowns=unknowns,
         state=state,
-        start=new_start(system, state),
+        start=new_system_workspace(system, state),
         Z=np.zeros(nodes),
         F=np.zeros(nodes),
         values=np.zeros_like(system.constant),
@@ -59,7 +68,7 @@ def accept(workspace: Workspace, h: float, share: float) -> None:
     equations.accept(
         workspace.system, workspace.state, workspace.start, h, workspace.Z, workspace.F
     )
-    equations.prepare(workspace.system, workspace.state, workspace.start)
+    evaluate.prepare(workspace.system, workspace.state, workspace.start)
     for k in range(workspace.mean_force.shape[0]):
         for i in range(3):
             workspace.mean_force[k, i] += share * workspace.state.force[k, i]

@@ -1,4 +1,4 @@
-"""Steps by tolerance end at kinks, of time and of quantities, and follow driven motions."""
+"""Steps by tolerance end at breakpoints, of time and of quantities, and follow driven motions."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from msahl.algebra.vector import ZERO
 from msahl.model import ConcentratedLoad, Joint
 from msahl.model.loads import Friction, JointSpring
 from tests.schemes.collocation.test_step_control import adaptive
-from tests.support.models import GROUND, body, deck, pendulum, scene, simulate
+from tests.support.models import GROUND, body, build_model, deck, pendulum, simulate
 
 TOLERANCES = [1e-3, 1e-6, 1e-9]
 RAIL = Joint("Rail", "prismatic", GROUND.name, "Bob", ZERO, ZERO)
@@ -44,12 +44,12 @@ def falling(*table):
     half = len(table) // 2
     pad = JointSpring("Pad", "Rail", "slide", 0.0, 0.0, table=Law("linear", table))
     assert table[half - 1] == -4.0
-    return scene([body(position=ZERO)], [RAIL], [pad], gravity=(0.0, 0.0, -9.81))
+    return build_model([body(position=ZERO)], [RAIL], [pad], gravity=(0.0, 0.0, -9.81))
 
 
 def test_a_ball_meets_the_spring_it_falls_on():
     """A table in two slopes, zero from 4 m below upwards: three bounces in 6 s. No energy is lost,
-    so the ball comes back to where it began, and energy tells its lowest place.
+    so the ball comes back to where it began, and energy gives its lowest place.
     """
     model = falling(-4.5, -4.2, -4.0, -2400.0, -600.0, 0.0)
     known = simulate(adaptive(model, 1e-12), dt=0.01, t_final=6.0).of("position")[:, 2]
@@ -58,12 +58,12 @@ def test_a_ball_meets_the_spring_it_falls_on():
         run = simulate(adaptive(model, tolerance), dt=0.01, t_final=6.0)
         # An error in speed is one of time at the next bounce, and twice the speed times it then.
         assert np.abs(run.of("position")[:, 2] - known).max() <= 10.0 * tolerance
-        # The spring gives back what it took, as no step goes past a kink.
+        # The spring gives back what it took, as no step goes past a breakpoint.
         assert run.report.extremes["energyErrorMaxRelative"] <= max(1e-12, 0.1 * tolerance)
-    # Energy tells the lowest place, ``rest`` below the second entry, where 60 J are stored.
+    # Energy gives the lowest place, ``rest`` below the second entry, where 60 J are stored.
     m, g = 2.0, 9.81
     rest = np.roots([3000.0, 600.0 - m * g, 60.0 - m * g * 4.2]).max()
-    # Rows are 0.01 s apart: at most 0.005 s from the turn, where a = 6000/m rest + 600/m - g.
+    # Rows are 0.01 s apart: at most 0.005 s from the reversal, where a = 6000/m rest + 600/m - g.
     a = 3000.0 * rest + 300.0 - g
     assert 0.0 <= known.min() + 4.2 + rest <= 0.5 * a * 0.005**2 + 1e-9
 
@@ -74,10 +74,10 @@ def test_friction_stops_where_it_should():
     slide = Joint("Rail", "prismatic", GROUND.name, "Bob", ZERO, ZERO,
                   parent_axes=AXES, child_axes=AXES)  # fmt: skip
     rub = Friction("Rub", "Rail", "slide", 0.3, 1.0, 1e-4)
-    model = scene([body(velocity=(1.0, 0.0, 0.0))], [slide], [rub], gravity=(0.0, 0.0, -9.81))
+    model = build_model([body(velocity=(1.0, 0.0, 0.0))], [slide], [rub], gravity=(0.0, 0.0, -9.81))
     run = simulate(adaptive(model, 1e-6), dt=0.01, t_final=1.0)
     assert run.report.status == "completed"
-    # Friction is less than whole below a few widths: 1e-4 m/s for 1e-4 s, and creeps on no more.
+    # Friction is less than full below a few widths: 1e-4 m/s for 1e-4 s, and creeps on no more.
     assert run.of("position")[-1, 0] == pytest.approx(1.0 / (2 * 0.3 * 9.81), abs=2e-6)
 
 
@@ -86,14 +86,17 @@ AXES = ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("scheme", ["auto", "radau"])
-def test_driven_shafts_turn_as_they_must(scheme):
-    """Where all motion is prescribed steps are held by rows between, by works, and by the turn."""
+def test_driven_shafts_rotate_as_they_must(scheme):
+    """Where all motion is prescribed steps are held by output between steps, by works, and by the
+    rotation.
+    """
     model = deck("universal")
     known = simulate(model, dt=1e-3, scheme="gauss4", every=2)
     for tolerance in TOLERANCES:
         run = simulate(adaptive(model, tolerance, scheme), every=1)
         assert run.report.verdict["word"] == "PASS", run.report.verdict["reasons"]
-        # Turns are errors of lengths of a quarter of a metre; rows between are put on the joints.
+        # Rotations are errors of lengths of a quarter of a metre; output between steps are put on
+        # the joints.
         wrong = np.abs(run.matrices() - known.matrices()).max()
         assert wrong <= max(10.0 * tolerance, 1e-11)
         # The shafts' energy is 0.1 J: what of it the motor gives and takes is as exact.

@@ -1,5 +1,5 @@
-"""Rows between steps: as accurate as the ends, on the joints, with reactions and work of their own
-time; and how they are asked for.
+"""Output between steps: as accurate as the ends, on the joints, with reactions and work of their
+own time; and how they are asked for.
 """
 
 import json
@@ -28,7 +28,7 @@ def between_rows(model, degree, dt, interval, t_final, **options):
 
 
 @pytest.mark.parametrize("degree", [1, 2, 3, 4])
-def test_rows_between_are_of_the_order_of_the_ends(degree):
+def test_output_between_steps_is_of_the_order_of_the_ends(degree):
     """0.07 s never divides the steps. At degree 4 errors come down to 1e-13 m: two are left."""
     model, order = deck("single_pendulum_45"), 2 * degree
     runs = [between_rows(model, degree, dt, 0.07, 2.1) for dt in (0.3, 0.15)]
@@ -56,8 +56,8 @@ def test_rows_between_are_of_the_order_of_the_ends(degree):
     ],
 )
 def test_reactions_and_work_between_are_as_good(name, dt, degree, t_final):
-    """Of a damper, a drive and a joint between rates, against steps so small that none is between.
-    The rows' own error is of the steps' order, and at most a few times theirs.
+    """Of a damper, a joint motion and a joint between rates, against steps so small that none is
+    between. The rows' own error is of the steps' order, and at most a few times theirs.
     """
     model = deck(name)
     known = between_rows(model, 5, t_final / 40, None, t_final)
@@ -121,7 +121,7 @@ def test_the_command_and_the_deck_ask_for_rows(tmp_path):
     assert options["outputInterval"] == 0.04
 
 
-def test_the_lowest_order_has_rows_at_whole_steps():
+def test_the_lowest_order_has_rows_at_whole_number_steps():
     model = deck("single_pendulum_45")
     known = simulate(model, dt=0.02, t_final=1.0, every=3)
     thinned = replace(model, simulation=replace(model.simulation, interval=0.06))

@@ -49,7 +49,7 @@ def test_a_rule_integrates_what_it_should(degree):
     np.testing.assert_allclose(rule.beta @ rule.slope, np.eye(s), atol=1e-13)
     # A constant force, of loads or of joints, displaces by t^2/2.
     np.testing.assert_allclose(rule.alpha.sum(axis=1), -0.5 * t[1:] ** 2, atol=1e-13)
-    # What it interpolates, it interpolates exactly: powers up to s - 1, and s where it knows more.
+    # What it interpolates, it interpolates exactly: powers up to s - 1, and s where more is given.
     power = rule.acting ** (s - 1)
     np.testing.assert_allclose(rule.integral @ power, t[1:] ** s / s, atol=1e-14)
     np.testing.assert_allclose(rule.value @ t[1:] ** s, rule.acting**s, atol=1e-14)
@@ -89,7 +89,7 @@ def test_a_guess_follows_nothing_far_behind():
     assert not predictor.look(step.stages, 0.1, 0.1)
 
 
-def test_the_chart_turns_as_it_says():
+def test_the_local_parametrisation_rotates_as_it_says():
     """W = H c_dot against R of the parameters, and the derivatives against differences."""
     rng, step = np.random.default_rng(5), 1e-6
     c, a, z = rng.normal(size=(3, 3))
@@ -136,7 +136,7 @@ def test_the_derivative_of_every_element(make):
     assert Step(make(rng), "gauss2", 0.1, rng).differs(rng) <= 1e-7
 
 
-def test_blocks_are_factored_as_the_whole_matrix():
+def test_blocks_are_factored_as_the_complete_matrix():
     rng = np.random.default_rng(3)
     step = Step(chain(4), "gauss3", 0.05, rng)
     A, lu = step.derivative(), step.unknowns.elimination
@@ -215,7 +215,8 @@ def test_smooth_loads_of_all_kinds_leave_the_order(degree, steps):
         np.abs(simulate(model, T / n, T, f"gauss{degree}").states[-1] - best).max() for n in steps
     ]
     order = -np.polyfit(np.log(steps), np.log(found), 1)[0]
-    # A load with a kink would show an order of 4 or less; at such steps it may be more than 2s.
+    # A load with a jump in its derivative would show an order of 4 or less; at such steps it may be more than
+    # 2s.
     assert order >= 2.0 * degree - 0.5
 
 
@@ -231,8 +232,9 @@ def test_the_energy_error_does_not_grow(degree):
     error = np.abs(kinetic - bob.mass * model.gravity[2] * z + bob.mass * model.gravity[2] * z[0])
     tenth = steps // 10
     first, last = error[:tenth].max(), error[-tenth:].max()
-    # A step whose chart is not varied with its beginning is not symplectic: the error of s = 1 then
-    # grows by 2 parts in 1000 in this time, that of s = 2 by 2 in 100. Round-off has its own share.
+    # A step whose parametrisation is not varied with its beginning is not symplectic: the error of
+    # s = 1 then grows by 2 parts in 1000 in this time, that of s = 2 by 2 in 100. Round-off has its
+    # own share.
     assert last <= 1.0005 * first + 1e-11 * kinetic.max()
     assert first <= 0.05 * kinetic.max()
 
@@ -276,7 +278,7 @@ def test_both_solvers_find_the_same_motion(name):
 @pytest.mark.parametrize(
     "name", ["double_pendulum_89", "two_pendulums", "four_bar", "ballistic_cylinder"]
 )
-def test_what_is_left_out_changes_nothing(name):
+def test_what_is_omitted_changes_nothing(name):
     model = of_degree(deck(name), 3)
     given = {"dt": 0.01, "t_final": 0.5, "solver": "newton"}
     reduced, full = simulate(model, **given), simulate(model, full=True, **given)
@@ -328,7 +330,7 @@ def test_the_command_and_the_deck_ask_for_it(tmp_path):
 
 def test_a_step_that_failed_leaves_nothing_to_follow():
     """Its unknowns stand where those of the step before were, and are no guess for the next one:
-    halves of hard steps failed by what the whole had left."""
+    halves of hard steps failed by what the complete step had left."""
     states = []
     for fails in (False, True):
         model = with_step(replace(chain(5), gravity=DOWN), 0.25, scheme="gauss3")

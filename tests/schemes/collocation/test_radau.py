@@ -20,7 +20,7 @@ from msahl.study.study import study
 from tests.schemes.midpoint.test_decaying import energies, oscillator
 from tests.support.collocation_step import Step
 from tests.support.element_samples import ELEMENTS, everything
-from tests.support.models import body, deck, jointed, pendulum, scene, simulate
+from tests.support.models import body, build_model, deck, jointed, pendulum, simulate
 
 ROOT = Path(__file__).parents[3]
 H = 0.01
@@ -124,9 +124,10 @@ def test_energy_is_never_gained_and_the_balance_holds(period, degree):
 
 
 @pytest.mark.parametrize("scheme", ["gauss3", "radau3"])
-def test_a_step_of_a_thousand_turns_is_not_taken_for_solved(scheme):
-    """A guess of parameters past a whole turn is no measure of what a residual is beside it: the
-    joint of a pendulum under a million times its weight stood open by metres, at once."""
+def test_a_step_of_a_thousand_revolutions_is_not_taken_for_solved(scheme):
+    """A guess of parameters past a revolution is no measure of what a residual is beside
+    it: the joint of a pendulum under a million times its weight stood open by metres, at once.
+    """
     model = replace(pendulum(), gravity=(0.0, 0.0, 1e7))
     run = simulate(model, dt=1.0, t_final=2.0, scheme=scheme)
     assert run.report.extremes["constraintViolationMax"] <= 1e-12
@@ -136,7 +137,7 @@ def test_a_step_of_a_thousand_turns_is_not_taken_for_solved(scheme):
 def test_what_the_scheme_gives_is_an_error_of_the_balance():
     """A needle thrown so that it tumbles: radau3 may give as well as take, and says so."""
     rod = body("Rod", 1.0, (0.01, 0.02, 0.025), angular_velocity=(4.0, 3.0, 2.0))
-    run = simulate(scene([rod]), dt=0.05, t_final=10.0, scheme="radau3")
+    run = simulate(build_model([rod]), dt=0.05, t_final=10.0, scheme="radau3")
     w = run.of("spin")
     energy = 0.5 * (w**2) @ np.array([0.01, 0.02, 0.025])
     balance = energy - energy[0] - run.column("scheme.work")
@@ -155,7 +156,7 @@ ANGULAR = {1: (0.002, 0.001), 2: (0.01, 0.005), 3: (0.04, 0.02)}
 def test_spins_and_momenta(degree):
     """Of a free body all is kept; of jointed ones the linear part, the angular to the order."""
     spin = body("Spin", 1.0, 0.3, velocity=(1.0, 2.0, 3.0), angular_velocity=(3.0, 4.0, 5.0))
-    run = simulate(scene([spin]), dt=0.1, t_final=20.0, scheme=f"radau{degree}")
+    run = simulate(build_model([spin]), dt=0.1, t_final=20.0, scheme=f"radau{degree}")
     # Each of 200 steps rounds.
     np.testing.assert_allclose(run.of("spin") / (3.0, 4.0, 5.0), 1.0, atol=1e-13)
     model = jointed(np.random.default_rng(1), 3, gravity=False, grounded=False)
@@ -169,8 +170,8 @@ def test_spins_and_momenta(degree):
             R, w = run.matrices(b), run.of("spin", b)
             x = run.of("position", b) + R @ np.array(given.r_BG)
             v = np.einsum("tij,tj->ti", R, run.of("velocity", b) + np.cross(w, given.r_BG))
-            turning = np.einsum("tij,jk,tk->ti", R, np.array(given.inertia), w)
-            angular = angular + given.mass * np.cross(x, v) + turning
+            rotating = np.einsum("tij,jk,tk->ti", R, np.array(given.inertia), w)
+            angular = angular + given.mass * np.cross(x, v) + rotating
         lost.append(np.abs(angular[-1] - angular[0]).max())
     assert np.log2(lost[0] / lost[1]) == pytest.approx(2.0 * degree - 1.0, abs=0.4)
 
@@ -189,12 +190,12 @@ def test_both_solvers_find_the_same_motion(name):
 
 
 @pytest.mark.parametrize("name", ["double_pendulum_89", "two_pendulums", "four_bar"])
-def test_what_is_left_out_changes_nothing(name):
+def test_what_is_omitted_changes_nothing(name):
     given = {"dt": 0.01, "t_final": 0.3, "scheme": "radau3", "solver": "newton"}
     reduced, full = (simulate(deck(name), full=full, **given) for full in (False, True))
     scale = np.abs(full.states).max()
     np.testing.assert_allclose(reduced.states, full.states, atol=1e-11 * scale)
-    # What the scheme took is of all islands.
+    # What the scheme took is of all subsystems.
     taken = [run.column("scheme.work")[-1] for run in (reduced, full)]
     assert taken[0] == pytest.approx(taken[1], rel=1e-6)
 

@@ -1,4 +1,4 @@
-"""Steps chosen by a tolerance: what they promise is kept, and how they are chosen is told."""
+"""Steps chosen by a tolerance: what they promise is kept, and how they are chosen is reported."""
 
 import json
 from dataclasses import replace
@@ -13,7 +13,7 @@ from msahl.deck import check_simulation
 from msahl.run.loop import Options
 from msahl.study.exact import recognise
 from tests.run.test_resume import advance, bits, in_two_parts
-from tests.support.models import DECKS, body, deck, scene, simulate
+from tests.support.models import DECKS, body, build_model, deck, simulate
 from tests.system.test_nonfinite import push
 
 SINGLE = next(path for path in DECKS if path.stem == "single_pendulum_45")
@@ -79,10 +79,10 @@ def test_steps_shrink_where_motion_is_quick_and_grow_again():
 
 def test_steps_do_not_depend_on_the_clock(monkeypatch):
     model = adaptive(deck("double_pendulum_89"), 1e-6, t_final=2.0)
-    _, whole = advance(model, Options())
+    _, complete = advance(model, Options())
     monkeypatch.setattr(msahl.run.loop, "CHUNK_SECONDS", 0.0)
     _, parts = advance(model, Options())
-    assert bits(parts) == bits(whole)
+    assert bits(parts) == bits(complete)
 
 
 @pytest.mark.parametrize("tolerance", ["tolerance", "local_tolerance"])
@@ -90,11 +90,11 @@ def test_a_run_by_tolerance_goes_on_bit_for_bit(monkeypatch, tolerance):
     given = {"local_tolerance": None, tolerance: 1e-6}
     model = adaptive(deck("double_pendulum_89"), 1e-6, t_final=2.0)
     model = replace(model, simulation=replace(model.simulation, **given))
-    whole, rows = advance(model, Options())
+    complete, rows = advance(model, Options())
     (_, first), (rest, second) = in_two_parts(monkeypatch, model, Options(), 6, 2)
     assert bits(first, second) == bits(rows)
-    assert rest.control == whole.control
-    assert rest.error == whole.error
+    assert rest.control == complete.control
+    assert rest.error == complete.error
 
 
 def test_the_companion_halves_every_step():
@@ -105,7 +105,7 @@ def test_the_companion_halves_every_step():
     assert 0.0 < run.report.error["position"] <= 50.0 * own
 
 
-def test_islands_go_together():
+def test_subsystems_go_together():
     run = simulate(adaptive(deck("two_pendulums"), 1e-6), dt=0.05, t_final=2.0)
     assert run.report.status == "completed"
     assert run.report.subsystems == 1
@@ -139,10 +139,10 @@ def test_the_command_asks_for_it(tmp_path):
     assert "takes the steps it is given" in result.stderr
 
 
-def test_what_no_step_meets_is_told():
+def test_what_no_step_meets_is_reported():
     """A load of (10 t)^400 N: no step is small enough for it after some 0.2 s."""
     sudden = push(1e200, *[0.0] * 400, 1e200)
-    model = scene([body(velocity=(1.0, 0.0, 0.0))], loads=[sudden], dt=0.01, t_final=1.0)
+    model = build_model([body(velocity=(1.0, 0.0, 0.0))], loads=[sudden], dt=0.01, t_final=1.0)
     report, _ = advance(adaptive(model, 1e-6), Options())
     assert report.status == "not converged"
     assert 0.1 < report.time < 0.6

@@ -9,7 +9,7 @@ from msahl.algebra.vector import ZERO
 from msahl.model import Joint, JointSpring, Law
 from msahl.model.scheme import DAMPING, decaying
 from msahl.study.exact import recognise
-from tests.support.models import GROUND, body, deck, jointed, pendulum, scene, simulate
+from tests.support.models import GROUND, body, build_model, deck, jointed, pendulum, simulate
 
 DAMPINGS = (0.2, DAMPING, 1.0)
 H = 0.01
@@ -22,7 +22,7 @@ def oscillator(period, table=None, **others):
     rail = Joint("Rail", "prismatic", GROUND.name, "Block", ZERO, ZERO)
     spring = JointSpring("Spring", "Rail", "slide", stiffness, 0.0, table=table)
     block = body("Block", mass=1.0, velocity=(0.0, 0.0, 1.0))
-    return scene([block], [rail], [spring], **others)
+    return build_model([block], [rail], [spring], **others)
 
 
 def energies(run):
@@ -122,7 +122,7 @@ def test_without_damping_it_is_the_preserving_scheme():
     assert (first.states == second.states).all()
 
 
-def test_islands_share_the_column_of_what_was_taken():
+def test_subsystems_share_the_column_of_what_was_taken():
     one = oscillator(1e-3 * H)
     block, other = one.bodies[0], replace(one.bodies[0], name="Other", position=(0.0, 5.0, 0.0))
     rail = replace(one.joints[0], name="Other rail", child="Other", parent_point=(0.0, 5.0, 0.0))

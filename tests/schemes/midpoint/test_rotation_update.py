@@ -1,4 +1,4 @@
-"""What of a step's turn the mean angular velocity tells: the tangent, or the angle itself."""
+"""The rotation increment of a step by the Cayley map and by the exponential map."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ from msahl.cli.main import main
 from msahl.deck import read_deck
 from msahl.model.scheme import EXPONENTIAL
 from msahl.run.explain import explain
-from tests.support.models import DECKS, body, chain, deck, scene, simulate
+from tests.support.models import DECKS, body, build_model, chain, deck, simulate
 from tests.support.reference_motions import euler_motion, top_path
 
 (TOP,) = (path for path in DECKS if path.stem == "top_1")
@@ -36,12 +36,12 @@ def test_the_share_of_the_angle(size):
         assert g * size == pytest.approx(slope, rel=1e-12)
     else:
         assert g == pytest.approx(-1.0 / 6.0, rel=1e-12)
-    # Near half a turn the tangent magnifies the angle's round-off by itself.
+    # Near half a revolution the tangent magnifies the angle's round-off by itself.
     if angle < 3.0:
         assert of_angle(tuple(angle * u)) == pytest.approx(size * u, rel=1e-14, abs=1e-300)
 
 
-def test_a_guess_of_half_a_turn_stays_finite():
+def test_a_guess_of_half_a_rotation_stays_finite():
     assert np.linalg.norm(of_angle((0.0, 4.0, 0.0))) < 50.0
 
 
@@ -80,7 +80,7 @@ def test_it_takes_no_more_iterations():
 def test_the_orientation_of_a_free_body_is_nearer():
     """By a fifth of the error; its spin, about the middle axis, is farther off."""
     inertia, w = (0.2, 0.3, 0.5), (0.1, 4.0, 0.2)
-    free = scene([body(inertia=inertia, angular_velocity=w)], t_final=5.0)
+    free = build_model([body(inertia=inertia, angular_velocity=w)], t_final=5.0)
     known = euler_motion(np.diag(inertia), w, np.eye(3), [0.0, 5.0])[1][-1]
     errors = []
     for model in (free, exponential(free)):
@@ -117,9 +117,9 @@ def test_the_decaying_scheme_has_it_too():
     assert run.report.extremes["energyTaken"] > 0.0
 
 
-def test_more_than_half_a_turn_in_a_step_is_taken_in_parts():
-    """No step turn is as large by its angle; by its tangent any spin is some turn."""
-    spinning = scene([body(angular_velocity=(0.0, 0.0, 400.0))], t_final=0.1)
+def test_more_than_half_a_rotation_in_a_step_is_taken_in_parts():
+    """No rotation increment is as large by its angle; by its tangent any spin is some rotation."""
+    spinning = build_model([body(angular_velocity=(0.0, 0.0, 400.0))], t_final=0.1)
     assert simulate(spinning, dt=0.01, full=True).report.subdivisions == 0
     report = simulate(exponential(spinning), dt=0.01, full=True).report
     assert report.status == "completed"
@@ -133,7 +133,7 @@ def test_the_deck_and_the_command_line_choose_it(tmp_path):
     tree.write(own)
     model = read_deck(own)
     assert model.simulation.rotation_update == EXPONENTIAL
-    assert "a step's turn is by its angle" in "\n".join(explain(model))
+    assert "a step's rotation is by its angle" in "\n".join(explain(model))
     runs = (own, "deck"), (TOP, "option", "--rotation-update", "exponential"), (TOP, "cayley")
     for path, name, *options in runs:
         words = ["run", path, "--dt", 0.01, "--t-final", 0.1, "-q", "-o", tmp_path / name, *options]

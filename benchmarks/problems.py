@@ -1,4 +1,4 @@
-"""The scenes: models that every code is built from, so that all solve the same physics."""
+"""The problems: models that every code is built from, so that all solve the same physics."""
 
 import tempfile
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ SMALL_STEPS = (0.01, 0.004, 0.002)
 
 
 @dataclass(frozen=True, slots=True)
-class Scene:
+class Problem:
     """A model with consistent velocities, and how long it is run [s]."""
 
     name: str
@@ -31,8 +31,8 @@ class Scene:
         return len(self.model.bodies)
 
 
-def all_scenes(quick: bool) -> list[Scene]:
-    """Every scene; ``quick`` leaves out the longest chain and all but the largest steps."""
+def all_problems(quick: bool) -> list[Problem]:
+    """Every problem; ``quick`` omits the longest chain and all but the largest steps."""
     steps = SMALL_STEPS[:1] if quick else SMALL_STEPS
     small = [
         ("single 45", "single_pendulum_45"),
@@ -40,12 +40,12 @@ def all_scenes(quick: bool) -> list[Scene]:
         ("triple 135", "triple_pendulum_135"),
         ("top 1", "top_1"),
     ]
-    scenes = [
-        Scene(name, _model(THESIS / f"{deck}.xml"), steps, 10.0, 100.0) for name, deck in small
+    problems = [
+        Problem(name, _model(THESIS / f"{deck}.xml"), steps, 10.0, 100.0) for name, deck in small
     ]
-    scenes += [Scene("chain 10", chain(10), (0.01,), 5.0, 20.0)]
-    scenes += [Scene("chain 100", chain(100), (0.01,), 2.0, 2.0)]
-    return scenes if quick else [*scenes, Scene("chain 1000", chain(1000), (0.01,), 0.5, 0.5)]
+    problems += [Problem("chain 10", chain(10), (0.01,), 5.0, 20.0)]
+    problems += [Problem("chain 100", chain(100), (0.01,), 2.0, 2.0)]
+    return problems if quick else [*problems, Problem("chain 1000", chain(1000), (0.01,), 0.5, 0.5)]
 
 
 def chain(n: int, dt: float = 0.01, t_final: float = 10.0) -> Model:

@@ -1,0 +1,146 @@
+"""Check of a model's meaning: ``check(model)`` returns all faults of a model, without any XML.
+
+Each rule is written once, as a function of a record that yields findings, in the module of its
+subject. ``check`` applies the rules to every element of a model; the reader of decks applies them
+to each element as it reads it, and adds file and line.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import fields
+from typing import Any
+
+from msahl.algebra.functions import Law
+from msahl.check.bodies import body_findings
+from msahl.check.context import INERTIAL, Context, context_of
+from msahl.check.ends import is_placed
+from msahl.check.faults import Fault, Finding, number_findings
+from msahl.check.joint_fit import fit_findings
+from msahl.check.joints import coupling_findings, joint_findings, kind_findings
+from msahl.check.laws import law_findings
+from msahl.check.loads import element_findings, repeated_motions
+from msahl.check.loads import start_findings as placed_findings
+from msahl.check.names import RESERVED, name_messages, unresolved
+from msahl.check.simulation import check_simulation, simulation_findings, start_findings
+from msahl.model import Joint, JointMotion, Model, RigidBody
+
+__all__ = ["Fault", "check", "check_simulation"]
+
+BODIES = ("parent", "child", "body", "force_basis", "moment_basis")
+"""Fields that name a body or ground."""
+JOINTS = ("joint", "first", "second")
+"""Fields that name a joint."""
+
+Rule = Callable[[Any, Context], Iterator[Finding]]
+
+
+def check(model: Model) -> list[Fault]:
+    """Return all faults of a model: what is wrong, where, and what to do; empty if there are none.
+
+    An element with a fault that prevents further checks of it (a number that is not finite, a name
+    that does not resolve) is not checked further.
+    """
+    context = context_of(model)
+    found = [*_name_faults(model)]
+    if not model.bodies:
+        found.append(Fault("", "", "", "nothing in the model moves; add a rigid body"))
+    found += _faults("", "", _gravity_findings(model))
+    for body in model.bodies:
+        found += _element_faults("body", body, context, [_body])
+    for joint in model.joints:
+        found += _element_faults("joint", joint, context, [_kind, joint_findings, _fit])
+    for coupling in model.couplings:
+        found += _element_faults("joint", coupling, context, [coupling_findings, _lift])
+    others: list[tuple[str, Any]] = [("motion", motion) for motion in model.motions]
+    others += [("load", load) for load in model.loads]
+    for kind, element in others:
+        found += _element_faults(kind, element, context, [element_findings, placed_findings])
+    found += _motion_faults(model)
+    run = [*simulation_findings(model.simulation), *start_findings(model)]
+    return found + _faults("simulation", "", run)
+
+
+def _element_faults(kind: str, element: Any, context: Context, rules: list[Rule]) -> list[Fault]:
+    """Return the faults by the first of the rules that finds any."""
+    for rule in (_sizes, _references, _laws, *rules):
+        found = _faults(kind, element.name, rule(element, context))
+        if found:
+            return found
+    return []
+
+
+def _faults(kind: str, name: str, findings: Any) -> list[Fault]:
+    return [Fault(kind, name, part, message) for part, message in findings]
+
+
+def _name_faults(model: Model) -> Iterator[Fault]:
+    """Yield faults of names; bodies and grounds share one set of names, all else another."""
+    bodies: list[tuple[str, Any]] = [
+        ("body", element) for element in (*model.grounds, *model.bodies)
+    ]
+    others: list[tuple[str, Any]] = [("joint", e) for e in (*model.joints, *model.couplings)]
+    others += [("motion", element) for element in model.motions]
+    others += [("load", element) for element in model.loads]
+    for elements, reserved in ((bodies, ()), (others, RESERVED)):
+        names = [element.name for _, element in elements]
+        kinds = [kind for kind, _ in elements]
+
+        def describe(index: int, kinds: list[str] = kinds) -> str:
+            return f"{kinds[index]} {kinds[: index + 1].count(kinds[index])}"
+
+        for index, message, _ in name_messages(names, describe, reserved):
+            yield Fault(kinds[index], names[index], "name", message)
+        for index, name in enumerate(names):
+            if not name:
+                yield Fault(describe(index), "", "name", "the name is empty; give a name")
+
+
+def _gravity_findings(model: Model) -> Iterator[Finding]:
+    for part, message in number_findings(model):
+        if part == "gravity":
+            yield Finding(part, message)
+
+
+def _sizes(element: Any, context: Context) -> Iterator[Finding]:
+    yield from number_findings(element)
+
+
+def _references(element: Any, context: Context) -> Iterator[Finding]:
+    for field in fields(element):
+        name = getattr(element, field.name)
+        if field.name in BODIES and (name == INERTIAL or name not in context.axes):
+            yield Finding(field.name, unresolved(field.name, name, "body", context.bodies()))
+        if field.name in JOINTS and name not in context.kinds:
+            yield Finding(field.name, unresolved(field.name, name, "joint", context.kinds))
+
+
+def _laws(element: Any, context: Context) -> Iterator[Finding]:
+    for field in fields(element):
+        law = getattr(element, field.name)
+        if isinstance(law, Law):
+            for part, message in (*number_findings(law), *law_findings(law)):
+                yield Finding("/".join(filter(None, (field.name, part))), message)
+
+
+def _body(body: RigidBody, context: Context) -> Iterator[Finding]:
+    yield from body_findings(body)
+
+
+def _kind(joint: Joint, context: Context) -> Iterator[Finding]:
+    yield from kind_findings(joint)
+
+
+def _fit(joint: Joint, context: Context) -> Iterator[Finding]:
+    if is_placed(joint, context):
+        yield from fit_findings(joint, context)
+
+
+def _lift(coupling: Any, context: Context) -> Iterator[Finding]:
+    if coupling.kind == "camFollower" and coupling.lift is None:
+        yield Finding("lift", "a camFollower has no lift; give a periodic law of the cam's angle")
+
+
+def _motion_faults(model: Model) -> Iterator[Fault]:
+    motions = [motion for motion in model.motions if isinstance(motion, JointMotion)]
+    pairs = [(motion.joint, motion.coordinate) for motion in motions]
+    for index, message in repeated_motions(pairs, lambda first: f"'{motions[first].name}'"):
+        yield Fault("motion", motions[index].name, "", message)

@@ -1,0 +1,48 @@
+"""Rules about rigid bodies: the mass is positive and the tensor of inertia is possible."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from msahl.algebra.vector import Matrix
+from msahl.check.faults import Finding
+from msahl.model import RigidBody
+
+TRIANGLE = 1e-9
+"""Share of the largest entry by which a principal moment may exceed the sum of the other two. Flat
+plates and thin rods reach the sum exactly, but for rounding."""
+
+POSITIVE = 1e-12
+"""A principal moment below this share of the largest entry counts as zero."""
+
+SYMMETRIC = 1e-9
+"""Share of the largest entry by which entries across the diagonal may differ."""
+
+
+def body_findings(body: RigidBody, scale: float | None = None) -> Iterator[Finding]:
+    """Find an impossible mass or inertia.
+
+    ``scale`` is the largest entry of the tensor as it was given, about whatever point, since the
+    tensor has the rounding errors of that entry.
+    """
+    if not body.mass > 0.0:
+        message = f"the mass is {body.mass:g} kg; it must be greater than zero"
+        yield Finding("mass", message)
+    complaint = impossible(body.inertia, scale)
+    if complaint:
+        yield Finding("inertia", complaint)
+
+
+def impossible(J: Matrix, scale: float | None = None) -> str:
+    """Return why no body has the inertia tensor ``J`` about its mass centre; "" if one can."""
+    entries = np.array(J)
+    scale = float(np.abs(entries).max()) if scale is None else scale
+    if np.abs(entries - entries.T).max() > SYMMETRIC * scale:
+        return "the tensor is not symmetric; give Ixy, Ixz and Iyz the same value twice"
+    smallest, middle, largest = np.linalg.eigvalsh(J).tolist()
+    moments = f"principal moments about G {smallest:.6g}, {middle:.6g}, {largest:.6g} kg-m^2"
+    if smallest <= POSITIVE * scale:
+        return f"{moments}: all must be greater than zero; give a small one in place of zero"
+    if largest > smallest + middle + TRIANGLE * scale:
+        return f"{moments}: none may exceed the sum of the other two; check entries and units"
+    return ""

@@ -1,0 +1,66 @@
+"""What the check of one element needs of the others: axes and places of bodies, kinds of joints.
+
+Axes are taken as they stand at t = 0; those of a ground are the inertial axes.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+from msahl.algebra.rotation import matrix
+from msahl.algebra.vector import IDENTITY, ZERO, Matrix, Vector, add, times, transpose
+from msahl.model import Model
+
+INERTIAL = ""
+"""Stands for the inertial axes where a frame is named; no body's name is empty."""
+
+
+@dataclass(slots=True)
+class Context:
+    """Frames, places and kinds by name.
+
+    ``axes`` holds R (body to inertial components at t = 0) by name of body or ground; ``origins``
+    the point B in inertial axes [m] of those whose place is known; ``extent`` the distance of the
+    farthest from the inertial origin [m]; ``grounds`` the names of all grounds, and ``INERTIAL`` if
+    there may be others; ``kinds`` the kind of every joint by name. With ``project`` joints need not
+    fit at t = 0.
+    """
+
+    project: bool = False
+    axes: dict[str, Matrix] = field(default_factory=lambda: {INERTIAL: IDENTITY})
+    origins: dict[str, Vector] = field(default_factory=dict)
+    extent: float = 0.0
+    grounds: dict[str, None] = field(default_factory=dict)
+    kinds: dict[str, str] = field(default_factory=dict)
+
+    def bodies(self) -> list[str]:
+        """Names of all bodies and grounds."""
+        return [name for name in self.axes if name != INERTIAL]
+
+    def place(self, body: str, origin: Vector) -> None:
+        """Put a body's point B at ``origin``, inertial axes [m]."""
+        self.origins[body] = origin
+        self.extent = max(self.extent, math.hypot(*origin))
+
+    def point(self, body: str, point: Vector) -> Vector:
+        """Return a point of a body from the inertial origin, inertial axes [m]."""
+        return add(self.origins[body], self.rotated(point, body, INERTIAL))
+
+    def rotated(self, a: Vector, basis: str, wanted: str) -> Vector:
+        """Return the components of ``a`` in the axes of ``wanted`` from those in ``basis``."""
+        if self.axes[basis] != self.axes[wanted]:
+            a = times(transpose(self.axes[wanted]), times(self.axes[basis], a))
+        return a
+
+
+def context_of(model: Model) -> Context:
+    """Return the context of a model's elements."""
+    context = Context(project=model.position == "project")
+    for ground in model.grounds:
+        context.axes[ground.name] = IDENTITY
+        context.grounds[ground.name] = None
+        context.place(ground.name, ZERO)
+    for body in model.bodies:
+        context.axes[body.name] = matrix(body.orientation)
+        context.place(body.name, body.position)
+    context.kinds.update({joint.name: joint.kind for joint in model.joints})
+    return context

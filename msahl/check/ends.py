@@ -1,0 +1,96 @@
+"""Rules about the two ends of a joint, spring or bushing, and how near their points must be."""
+
+import math
+import sys
+from collections.abc import Iterator
+from typing import Protocol
+
+from msahl.algebra.vector import Matrix, Vector, dot, sub
+from msahl.check.context import Context
+from msahl.check.directions import PARALLEL
+from msahl.check.faults import Finding, shown
+
+FIT = 1e-6
+"""Largest distance of the two points at t = 0, as a share of the longest arm: decks are typed with
+6 to 7 digits."""
+
+ROUNDING = 64 * sys.float_info.epsilon
+"""Distance that is always accepted, as a share of the points' distance from the inertial origin."""
+
+
+class Ends(Protocol):
+    """Parent and child of a joint, spring or bushing by name, and each one's point in its axes."""
+
+    @property
+    def parent(self) -> str:
+        """Name of the parent."""
+
+    @property
+    def child(self) -> str:
+        """Name of the child."""
+
+    @property
+    def parent_point(self) -> Vector:
+        """Point of the parent [m]."""
+
+    @property
+    def child_point(self) -> Vector:
+        """Point of the child [m]."""
+
+
+def ends_findings(ends: Ends, context: Context) -> Iterator[Finding]:
+    """Find ends that are one body or two grounds."""
+    parent, child = ends.parent, ends.child
+    if parent == child:
+        yield Finding("ends", f"parent and child are both '{parent}'; name two different bodies")
+    elif {parent, child} <= context.grounds.keys():
+        message = f"'{parent}' and '{child}' are both grounds; name a body that moves"
+        yield Finding("ends", message)
+
+
+def is_placed(ends: Ends, context: Context) -> bool:
+    """Return whether the places of both bodies are known."""
+    return {ends.parent, ends.child} <= context.origins.keys()
+
+
+def points(ends: Ends, context: Context) -> tuple[Vector, Vector]:
+    """Return the parent's and the child's point at t = 0, inertial axes [m]."""
+    here = context.point(ends.parent, ends.parent_point)
+    return here, context.point(ends.child, ends.child_point)
+
+
+def arm(ends: Ends) -> float:
+    """Return the longer distance of a point from its body's B [m]."""
+    return max(math.hypot(*ends.parent_point), math.hypot(*ends.child_point))
+
+
+def tolerance(ends: Ends, longest: float, context: Context) -> float:
+    """Return the accepted distance of the two points [m], by the ``longest`` arm [m]."""
+    here, there = points(ends, context)
+    far = max(math.hypot(*here), math.hypot(*there), context.extent)
+    return max(FIT * longest, ROUNDING * far)
+
+
+def apart(ends: Ends, context: Context) -> Iterator[Finding]:
+    """Find two points that should coincide at t = 0 and do not."""
+    here, there = points(ends, context)
+    distance = math.dist(here, there)
+    if distance > tolerance(ends, arm(ends), context):
+        message = (
+            f"its points are {distance:.4g} m apart at t = 0: {shown(here)} m on parent "
+            f"'{ends.parent}' but {shown(there)} m on child '{ends.child}' (inertial axes); "
+            f"move the child by {shown(sub(here, there))} m"
+        )
+        yield Finding("", message)
+
+
+def frame_findings(axes: Matrix, part: str) -> Iterator[Finding]:
+    """Find rows of a joint's frame that are not three right-handed unit vectors."""
+    x, y, z = axes
+    products = (dot(x, y), dot(y, z), dot(z, x), *(math.hypot(*row) - 1.0 for row in axes))
+    volume = dot(
+        x, (y[1] * z[2] - y[2] * z[1], y[2] * z[0] - y[0] * z[2], y[0] * z[1] - y[1] * z[0])
+    )
+    if not max(map(abs, products)) <= PARALLEL or volume < 0.0:
+        message = "its rows must be three right-handed unit vectors at right angles; correct them"
+        yield Finding(part, message)

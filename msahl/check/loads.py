@@ -1,0 +1,144 @@
+"""Rules about loads and prescribed motions: what they act on, and numbers that have a sign."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from msahl.algebra.vector import Vector
+from msahl.check.context import Context
+from msahl.check.ends import apart, arm, ends_findings, frame_findings, is_placed, points, tolerance
+from msahl.check.faults import Finding, negative
+from msahl.check.joints import coordinate_findings
+from msahl.joints.registry import KINDS
+from msahl.model import (
+    Bushing,
+    ConcentratedLoad,
+    Drag,
+    Friction,
+    JointMotion,
+    JointSpring,
+    PointMotion,
+    SpringDamper,
+)
+
+UNIT_LENGTH = 1e-9
+"""Largest difference from one of the length of a unit vector."""
+
+
+def moving_body_findings(body: str, context: Context) -> Iterator[Finding]:
+    """Find a ground where a body that moves is needed."""
+    if body in context.grounds:
+        yield Finding("body", f"'{body}' is a ground and never moves; name a rigid body")
+
+
+def _on_body(load: ConcentratedLoad | Drag, context: Context) -> Iterator[Finding]:
+    yield from moving_body_findings(load.body, context)
+    if isinstance(load, Drag):
+        yield from negative("coefficient", load.coefficient)
+
+
+def spring_findings(spring: SpringDamper, context: Context) -> Iterator[Finding]:
+    """Find impossible ends and numbers of a spring-damper between two points."""
+    yield from ends_findings(spring, context)
+    yield from negative("damping", spring.damping)
+    yield from negative("free_length", spring.free_length)
+
+
+def length_findings(spring: SpringDamper, context: Context) -> Iterator[Finding]:
+    """Find a spring whose points coincide at t = 0, which leaves it without a direction."""
+    if math.dist(*points(spring, context)) <= tolerance(spring, arm(spring), context):
+        message = "its length is zero at t = 0, so it has no direction; move one of its points"
+        yield Finding("", message)
+
+
+def joint_spring_findings(spring: JointSpring, context: Context) -> Iterator[Finding]:
+    """Find a coordinate that does not exist, and negative damping."""
+    yield from coordinate_findings("joint", spring.joint, spring.coordinate, context)
+    yield from negative("damping", spring.damping)
+
+
+def bushing_findings(bushing: Bushing, context: Context) -> Iterator[Finding]:
+    """Find impossible ends, frames and numbers of a bushing."""
+    yield from ends_findings(bushing, context)
+    yield from frame_findings(bushing.parent_axes, "parent_axes")
+    yield from frame_findings(bushing.child_axes, "child_axes")
+    if min(bushing.damping) < 0.0:
+        message = "a damping is less than zero; a damper only removes energy: give zero or more"
+        yield Finding("numbers", message)
+    if not any((*bushing.stiffness, *bushing.damping)):
+        yield Finding("", "it has neither stiffness nor damping; add one")
+
+
+def friction_findings(friction: Friction, context: Context) -> Iterator[Finding]:
+    """Find a joint whose friction is not modelled, and numbers of the wrong sign."""
+    yield from coordinate_findings("joint", friction.joint, friction.coordinate, context)
+    kind = KINDS.get(context.kinds.get(friction.joint, ""))
+    if kind is not None and not kind.bearing:
+        known = ", ".join(name for name, other in KINDS.items() if other.bearing)
+        yield Finding("joint", f"friction in a {kind.name} is not modelled; name one of {known}")
+    yield from negative("coefficient", friction.coefficient)
+    yield from negative("radius", friction.radius)
+    if not friction.width > 0.0:
+        message = (
+            f"it is {friction.width:g}; it must be greater than zero, a small share of usual speeds"
+        )
+        yield Finding("width", message)
+
+
+def joint_motion_findings(motion: JointMotion, context: Context) -> Iterator[Finding]:
+    """Find a coordinate that does not exist."""
+    yield from coordinate_findings("joint", motion.joint, motion.coordinate, context)
+
+
+def point_motion_findings(motion: PointMotion, context: Context) -> Iterator[Finding]:
+    """Find a point of a ground, and a direction that is no unit vector."""
+    yield from moving_body_findings(motion.body, context)
+    yield from direction_findings("direction", motion.direction)
+    length = math.hypot(*motion.direction)
+    if length and not abs(length - 1.0) <= UNIT_LENGTH:
+        yield Finding("direction", f"its length is {length:g}; give a vector of length 1")
+
+
+def direction_findings(part: str, a: Vector) -> Iterator[Finding]:
+    """Find a direction that is zero."""
+    if math.hypot(*a) == 0.0:
+        yield Finding(part, f"the {part} is zero; give a direction, for example 0 0 1")
+
+
+def start_findings(load: Any, context: Context) -> Iterator[Finding]:
+    """Find a spring of no length, and a bushing whose points do not coincide at t = 0."""
+    if isinstance(load, SpringDamper) and is_placed(load, context):
+        yield from length_findings(load, context)
+    if isinstance(load, Bushing) and is_placed(load, context) and not context.project:
+        yield from apart(load, context)
+
+
+RULES: dict[type, Callable[[Any, Context], Iterator[Finding]]] = {
+    ConcentratedLoad: _on_body,
+    Drag: _on_body,
+    SpringDamper: spring_findings,
+    JointSpring: joint_spring_findings,
+    Bushing: bushing_findings,
+    Friction: friction_findings,
+    JointMotion: joint_motion_findings,
+    PointMotion: point_motion_findings,
+}
+"""The rules of each kind of load and motion that need no places of bodies."""
+
+
+def element_findings(element: Any, context: Context) -> Iterator[Finding]:
+    """Find what is wrong with a load or motion, apart from places, names, laws and sizes."""
+    yield from RULES[type(element)](element, context)
+
+
+def repeated_motions(
+    motions: Sequence[tuple[str, str]], describe: Callable[[int], str]
+) -> Iterator[tuple[int, str]]:
+    """Yield (index, message) for each further prescribed motion of one (joint, coordinate)."""
+    taken: dict[tuple[str, str], int] = {}
+    for index, (joint, coordinate) in enumerate(motions):
+        first = taken.setdefault((joint, coordinate), index)
+        if first != index:
+            place = describe(first)
+            message = f"the {coordinate} of '{joint}' already has a prescribed motion ({place})"
+            yield index, f"{message}; keep one"

@@ -1,0 +1,305 @@
+"""List the elements of a model by what they act between, before they become arrays.
+
+A joint becomes coinciding points and scalar constraint equations between coordinates, a coupling
+and a prescribed motion one equation each, springs and friction loads along a coordinate. Elements
+that act along the same coordinate of the same joint share it. The lists hold indices of frames and
+the numbers of the model side by side; ``topology`` takes the indices, ``parameters`` the numbers.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from msahl.algebra.functions import Law
+from msahl.algebra.vector import ZERO, Vector, sub
+from msahl.joints.joint import (
+    Coincide,
+    Coordinate,
+    Equation,
+    X,
+    Y,
+    Z,
+    angle,
+    distance,
+    in_plane,
+    perpendicular,
+    slide,
+)
+from msahl.joints.registry import KINDS
+from msahl.model import Model, decay_of
+from msahl.model.couplings import COORDINATES, Coupling
+from msahl.model.joints import Joint
+from msahl.model.loads import Bushing, ConcentratedLoad, Drag, Friction, JointSpring, SpringDamper
+from msahl.model.motions import JointMotion, PointMotion
+
+FREE_MOTIONS = {"angle": angle, "slide": slide}
+"""The coordinates that a deck can name, by their names."""
+
+
+class Pair(NamedTuple):
+    """Two frames, and on each a point [m] from its origin, its own axes."""
+
+    a: int
+    b: int
+    s_a: Vector
+    s_b: Vector
+
+
+class EquationEntry(NamedTuple):
+    """A scalar constraint equation, see ``elements.constraints.equations``; -1 is none."""
+
+    element: int  # number of the joint, coupling or motion
+    first: int  # coordinate
+    second: int  # coordinate or -1
+    coefficient: float  # of the second
+    equation: Equation
+    function: int = -1  # law of the second coordinate
+    law: int = -1  # law of time
+    column: int = -1  # of the table of work
+
+
+class SpringEntry(NamedTuple):
+    """A spring and damper along a coordinate, see ``elements.forces.spring``."""
+
+    coordinate: int
+    stiffness: float
+    damping: float
+    origin: float  # nan: the coordinate at t = 0
+    free: float  # nan: likewise
+    preload: float
+    table: int  # law or -1
+    decay: float
+    column: int  # of the table of work
+
+
+class FrictionEntry(NamedTuple):
+    """Friction along a coordinate, see ``elements.forces.friction``."""
+
+    coordinate: int
+    joint: int
+    lever: float
+    width: float
+    column: int  # of the table of work
+
+
+class ConcentratedEntry(NamedTuple):
+    """A force and a moment at a point, see ``elements.forces.concentrated``."""
+
+    load: ConcentratedLoad
+    law: int  # or -1
+    column: int  # of the table of work
+
+
+@dataclass
+class Elements:
+    """All elements of a model."""
+
+    model: Model
+    frame: dict[str, int]  # of each body and ground, by name
+    arms: list[list[float]]  # lengths of the arms of all points on each body [m]
+    points: list[tuple[int, Pair]] = field(default_factory=list)  # element, points that coincide
+    coordinates: list[tuple[Coordinate, Pair]] = field(default_factory=list)
+    equations: list[EquationEntry] = field(default_factory=list)
+    first_equation: list[int] = field(default_factory=lambda: [0])  # of each joint, and the last
+    load_equation: list[int] = field(default_factory=list)  # of couplings and motions
+    springs: list[SpringEntry] = field(default_factory=list)
+    frictions: list[FrictionEntry] = field(default_factory=list)
+    concentrated: list[ConcentratedEntry] = field(default_factory=list)
+    drags: list[tuple[int, Drag]] = field(default_factory=list)  # column of the table of work
+    laws: list[Law] = field(default_factory=list)
+
+    @property
+    def ground(self) -> int:
+        """Index of the ground's frame."""
+        return len(self.model.bodies)
+
+    def r_BG(self, frame: int) -> Vector:
+        """Mass centre from the reference point of a frame's body [m]; zero for the ground."""
+        return ZERO if frame == self.ground else self.model.bodies[frame].r_BG
+
+    def add_law(self, law: Law | None) -> int:
+        """Add a law and return its number, -1 for none."""
+        if law is None:
+            return -1
+        self.laws.append(law)
+        return len(self.laws) - 1
+
+    def add_point(self, frame: int, point: Vector) -> Vector:
+        """Return a point of a body, given from its reference point, from its mass centre [m]."""
+        arm = sub(point, self.r_BG(frame))
+        self.arms[frame].append(float(np.linalg.norm(arm)))
+        return arm
+
+
+def frame_index(model: Model) -> dict[str, int]:
+    """Return the index of the frame of each body by name; every ground has the last one."""
+    index = {body.name: i for i, body in enumerate(model.bodies)}
+    return index | {ground.name: len(model.bodies) for ground in model.grounds}
+
+
+def collect(model: Model) -> Elements:
+    """Return the elements of ``model``."""
+    return _Collector(model).elements
+
+
+class _Collector:
+    """Goes through a model once."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.elements = Elements(
+            model=model,
+            frame=frame_index(model),
+            arms=[[] for _ in range(len(model.bodies) + 1)],
+        )
+        self.joints = {joint.name: joint for joint in model.joints}
+        self.shared: dict[tuple[str, str], int] = {}
+        for element, joint in enumerate(model.joints):
+            self._joint(element, joint)
+        for element, coupling in enumerate(model.couplings, start=len(model.joints)):
+            self._coupling(element, coupling)
+        first = len(model.joints) + len(model.couplings)
+        for i, motion in enumerate(model.motions):
+            self._motion(first + i, len(model.loads) + i, motion)
+        for column, load in enumerate(model.loads):
+            self._load(column, load)
+        for column, load in enumerate(model.loads):
+            if isinstance(load, ConcentratedLoad):
+                law = self.elements.add_law(load.law)
+                self.elements.concentrated.append(ConcentratedEntry(load, law, column))
+            if isinstance(load, ConcentratedLoad | Drag):
+                self.elements.add_point(self.elements.frame[load.body], load.point)
+
+    def _pair(self, joint: Joint | SpringDamper | Bushing) -> Pair:
+        a, b = self.elements.frame[joint.parent], self.elements.frame[joint.child]
+        s_a = self.elements.add_point(a, joint.parent_point)
+        return Pair(a, b, s_a, self.elements.add_point(b, joint.child_point))
+
+    def _add(self, coordinate: Coordinate, pair: Pair) -> int:
+        """Add a coordinate and return its number."""
+        self.elements.coordinates.append((coordinate, pair))
+        return len(self.elements.coordinates) - 1
+
+    def _joint_coordinate(self, joint_name: str, name: str) -> int:
+        """Return the number of a joint's coordinate, which all elements along it share."""
+        key = (joint_name, name)
+        if key not in self.shared:
+            joint = self.joints[joint_name]
+            self.shared[key] = self._add(FREE_MOTIONS[name](joint), self._pair(joint))
+        return self.shared[key]
+
+    def _joint(self, element: int, joint: Joint) -> None:
+        pair, into = self._pair(joint), self.elements
+        for equation in KINDS[joint.kind].equations(joint):
+            if isinstance(equation, Coincide):
+                into.points.append((element, pair))
+                continue
+            first = self._add(equation.first, pair)
+            second = -1 if equation.second is None else self._add(equation.second, pair)
+            entry = EquationEntry(element, first, second, equation.coefficient, equation)
+            into.equations.append(entry)
+        into.first_equation.append(len(into.equations))
+
+    def _coupling(self, element: int, coupling: Coupling) -> None:
+        first, second = COORDINATES[coupling.kind]
+        follower = self._joint_coordinate(coupling.second, second)
+        leader = self._joint_coordinate(coupling.first, first)
+        factor = -1.0 if coupling.lift is not None else -coupling.ratio
+        self._add_load_equation(
+            EquationEntry(
+                *(element, follower, leader, factor, self._as_at_start(follower)),
+                function=self.elements.add_law(coupling.lift),
+            )
+        )
+
+    def _motion(self, element: int, column: int, motion: JointMotion | PointMotion) -> None:
+        if isinstance(motion, JointMotion):
+            coordinate = self._joint_coordinate(motion.joint, motion.coordinate)
+        else:
+            b = self.elements.frame[motion.body]
+            point = self.elements.add_point(b, motion.point)
+            pair = Pair(self.elements.ground, b, ZERO, point)
+            coordinate = self._add(in_plane(motion.direction).first, pair)
+        self._add_load_equation(
+            EquationEntry(
+                *(element, coordinate, -1, 0.0, self._as_at_start(coordinate)),
+                law=self.elements.add_law(motion.law),
+                column=column,
+            )
+        )
+
+    def _as_at_start(self, coordinate: int) -> Equation:
+        """The equation by which a coordinate keeps the value it has at t = 0."""
+        return Equation(self.elements.coordinates[coordinate][0], None)
+
+    def _add_load_equation(self, entry: EquationEntry) -> None:
+        self.elements.load_equation.append(len(self.elements.equations))
+        self.elements.equations.append(entry)
+
+    def _load(self, column: int, load: Any) -> None:
+        if isinstance(load, SpringDamper):
+            coordinate = self._add(distance(), self._pair(load))
+            free = np.nan if load.free_length is None else load.free_length
+            self._spring(column, coordinate, load, 0.0, free)
+        elif isinstance(load, JointSpring):
+            coordinate = self._joint_coordinate(load.joint, load.coordinate)
+            self._spring(column, coordinate, load, np.nan, load.free)
+        elif isinstance(load, Bushing):
+            self._bushing(column, load)
+        elif isinstance(load, Friction):
+            coordinate = self._joint_coordinate(load.joint, load.coordinate)
+            number = [joint.name for joint in self.model.joints].index(load.joint)
+            lever = load.coefficient * load.radius
+            entry = FrictionEntry(coordinate, number, lever, load.width, column)
+            self.elements.frictions.append(entry)
+        elif isinstance(load, Drag):
+            self.elements.drags.append((column, load))
+
+    def _spring(
+        self,
+        column: int,
+        coordinate: int,
+        load: SpringDamper | JointSpring,
+        origin: float,
+        free: float,
+    ) -> None:
+        table = self.elements.add_law(load.table)
+        steepest = _steepest(load.table) if load.table else load.stiffness
+        numbers = (load.stiffness, load.damping, origin, free, load.preload)
+        self._add_spring(coordinate, numbers, table, steepest, column)
+
+    def _bushing(self, column: int, load: Bushing) -> None:
+        pair = self._pair(load)
+        directions = zip(_bushing_coordinates(load), load.stiffness, load.damping, strict=True)
+        for coordinate, k, c in directions:
+            if k or c:
+                q = self._add(coordinate, pair)
+                self._add_spring(q, (k, c, 0.0, np.nan, 0.0), -1, k, column)
+
+    def _add_spring(
+        self,
+        coordinate: int,
+        numbers: tuple[float, float, float, float, float],
+        table: int,
+        steepest: float,
+        column: int,
+    ) -> None:
+        decay = 0.5 * decay_of(self.model).chi * steepest
+        self.elements.springs.append(SpringEntry(coordinate, *numbers, table, decay, column))
+
+
+def _bushing_coordinates(bushing: Bushing) -> list[Coordinate]:
+    """Three displacements along the parent's frame and three rotations about it; for small ones
+    these are scalar products of axes.
+    """
+    frame, child = bushing.parent_axes, bushing.child_axes
+    slides = [in_plane(axis).first for axis in frame]
+    pairs = ((Z, Y), (X, Z), (Y, X))
+    return slides + [perpendicular(frame[i], child[j]).first for i, j in pairs]
+
+
+def _steepest(table: Law) -> float:
+    """Largest rise of a table from one entry to the next; zero if it only falls."""
+    x, y = np.array(table.numbers).reshape(2, -1)
+    return max(0.0, float((np.diff(y) / np.diff(x)).max()))

@@ -1,0 +1,222 @@
+"""Parameters of a system: the numbers of all elements, put beside the indices of a topology."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from msahl.algebra.functions import Laws, build_laws
+from msahl.algebra.vector import Vector, sub
+from msahl.elements.constraints.coincide import Coincide
+from msahl.elements.constraints.coordinates import Coordinates
+from msahl.elements.constraints.equations import ConstraintEquations
+from msahl.elements.constraints.products import Products
+from msahl.elements.constraints.scalar import ScalarConstraints
+from msahl.elements.forces import Forces
+from msahl.elements.forces.concentrated import ConcentratedLoads
+from msahl.elements.forces.drag import Drags
+from msahl.elements.forces.friction import Frictions
+from msahl.elements.forces.spring import Springs
+from msahl.elements.frames import Frames
+from msahl.elements.reactions import Reactions
+from msahl.elements.rigid_body import RigidBodies
+from msahl.model import decay_of, is_exponential
+from msahl.model.bodies import RigidBody
+from msahl.system.arrays import System
+from msahl.system.collect import Elements
+from msahl.system.topology import Topology, all_products
+
+RELAXATION = 1e-9
+"""Put on the multipliers' diagonal where joints are redundant: large against round-off, and so
+small against the dimensionless compliances of joints that Newton's method hardly notices."""
+
+
+def build_parameters(elements: Elements, topology: Topology) -> System:
+    """Return the system of ``elements``. What an element takes from the configuration at t = 0 is
+    still nan.
+    """
+    model, laws = elements.model, build_laws(elements.laws)
+    frames = _frames(elements, topology)
+    coincide = _coincide(elements, topology, frames)
+    scalar = _scalar(elements, topology, frames, laws) if elements.coordinates else None
+    return System(
+        frames=frames,
+        bodies=_bodies(elements, topology),
+        coincide=coincide,
+        scalar=scalar,
+        reactions=_reactions(elements, topology),
+        laws=laws,
+        forces=_forces(elements, topology, laws),
+        shown=topology.shown,
+        unit=_units(coincide, scalar, topology),
+        decay=decay_of(model),
+        relaxation=RELAXATION if topology.relaxed else 0.0,
+        multipliers=topology.multipliers,
+        blocks=topology.blocks,
+        pattern=topology.pattern,
+        constant=_constant(topology, frames, coincide),
+    )
+
+
+def _frames(elements: Elements, topology: Topology) -> Frames:
+    bodies = elements.model.bodies
+    lengths = [_length(body, arms) for body, arms in zip(bodies, elements.arms, strict=False)]
+    return Frames(
+        **topology.frames,
+        inverse_mass=np.array([1.0 / body.mass for body in bodies] + [0.0]),
+        length=np.array([*lengths, 1.0]),
+        exponential=is_exponential(elements.model) or None,
+        ballistic=np.array([*(not arms for arms in elements.arms[: len(bodies)]), True]),
+        moves=np.ones((2, 3)),
+    )
+
+
+def _length(body: RigidBody, arms: Sequence[float]) -> float:
+    """The length of a body: its radius of gyration or its longest arm, whichever is larger."""
+    gyration = float(np.sqrt(np.trace(np.array(body.inertia)) / (2.0 * body.mass)))
+    return max([gyration, *arms])
+
+
+def _bodies(elements: Elements, topology: Topology) -> RigidBodies:
+    bodies = elements.model.bodies
+    inertia = np.array([body.inertia for body in bodies], dtype=float)
+    return RigidBodies(
+        **topology.bodies,
+        inverse_mass=np.array([1.0 / body.mass for body in bodies]),
+        inertia=inertia.reshape(-1, 3, 3),
+        r_BG=_vectors(body.r_BG for body in bodies),
+        gravity=np.array(elements.model.gravity, dtype=float),
+    )
+
+
+def _coincide(elements: Elements, topology: Topology, frames: Frames) -> Coincide:
+    a, b = topology.coincide["a"], topology.coincide["b"]
+    return Coincide(
+        **topology.coincide,
+        s_a=_vectors(pair.s_a for _, pair in elements.points),
+        s_b=_vectors(pair.s_b for _, pair in elements.points),
+        mass=1.0 / (frames.inverse_mass[a] + frames.inverse_mass[b]),
+    )
+
+
+def _constant(topology: Topology, frames: Frames, coincide: Coincide) -> np.ndarray:
+    """The block values that never change."""
+    values = np.zeros(topology.pattern.size)
+
+    def put(start: int, value: float) -> None:
+        if start:
+            values[start : start + 9 : 4] = value
+
+    for start in topology.unit_blocks:
+        put(start, 1.0)
+    for k in range(coincide.a.size):
+        for side, (sign, frame) in enumerate(((-1.0, coincide.a[k]), (1.0, coincide.b[k]))):
+            share = float(frames.inverse_mass[frame] * coincide.mass[k])
+            put(topology.coincide_blocks[k, side, 0], -sign * share)
+            put(topology.coincide_blocks[k, side, 1], sign)
+    for start in topology.relaxed_blocks:
+        put(start, -RELAXATION)
+    return values
+
+
+def _scalar(
+    elements: Elements, topology: Topology, frames: Frames, laws: Laws
+) -> ScalarConstraints:
+    products = all_products(elements)
+    return ScalarConstraints(
+        coordinates=Coordinates(
+            **topology.coordinates,
+            products=Products(
+                **topology.products,
+                n=_vectors(product.n for product, _ in products),
+                s_a=_vectors(pair.s_a if p.up is None else p.up for p, pair in products),
+                s_b=_vectors(pair.s_b for _, pair in products),
+                e=_vectors(product.e for product, _ in products),
+            ),
+            radius=_numbers(coordinate.radius for coordinate, _ in elements.coordinates),
+        ),
+        equations=_equations(elements, topology, frames),
+        laws=laws,
+        equation_column=topology.equation_column,
+    )
+
+
+def _equations(elements: Elements, topology: Topology, frames: Frames) -> ConstraintEquations:
+    entries = elements.equations
+    mass, scale = np.zeros(len(entries)), np.ones(len(entries))
+    for r, entry in enumerate(entries):
+        pair = elements.coordinates[entry.first][1]
+        moving = [frame for frame in (pair.a, pair.b) if frame != elements.ground]
+        mass[r] = 1.0 / sum(frames.inverse_mass[frame] for frame in moving)
+        if entry.equation.first.angular:
+            scale[r] = max(frames.length[frame] for frame in moving)
+    values = (entry.equation.value for entry in entries)
+    return ConstraintEquations(
+        **topology.equations,
+        coefficient=_numbers((1.0, entry.coefficient) for entry in entries).reshape(-1, 2),
+        offset=_numbers(np.nan if value is None else value for value in values),
+        mass=mass,
+        scale=scale,
+    )
+
+
+def _forces(elements: Elements, topology: Topology, laws: Laws) -> Forces:
+    loads = [entry.load for entry in elements.concentrated]
+    drags = [load for _, load in elements.drags]
+    springs, frictions = elements.springs, elements.frictions
+    return Forces(
+        concentrated=ConcentratedLoads(
+            **topology.concentrated,
+            s=_arms(elements, ((load.body, load.point) for load in loads)),
+            f=_vectors(load.force for load in loads),
+            m=_vectors(load.moment for load in loads),
+        ),
+        drag=Drags(
+            **topology.drag,
+            s=_arms(elements, ((load.body, load.point) for load in drags)),
+            coefficient=_numbers(load.coefficient for load in drags),
+        ),
+        spring=Springs(
+            **topology.spring,
+            stiffness=_numbers(entry.stiffness for entry in springs),
+            damping=_numbers(entry.damping for entry in springs),
+            origin=_numbers(entry.origin for entry in springs),
+            free=_numbers(entry.free for entry in springs),
+            preload=_numbers(entry.preload for entry in springs),
+            decay=_numbers(entry.decay for entry in springs),
+        ),
+        friction=Frictions(
+            **topology.friction,
+            lever=_numbers(entry.lever for entry in frictions),
+            width=_numbers(entry.width for entry in frictions),
+        ),
+        laws=laws,
+    )
+
+
+def _reactions(elements: Elements, topology: Topology) -> Reactions:
+    points = ((joint.child, joint.child_point) for joint in elements.model.joints)
+    return Reactions(**topology.reactions, s=_arms(elements, points))
+
+
+def _units(coincide: Coincide, scalar: ScalarConstraints | None, topology: Topology) -> np.ndarray:
+    unit = np.ones((topology.multipliers.node.size, 3))
+    unit[: coincide.a.size] = coincide.mass[:, None]
+    if scalar is not None:
+        place = scalar.equations.place
+        unit[place[:, 0], place[:, 1]] = scalar.equations.mass * scalar.equations.scale
+    return unit
+
+
+def _arms(elements: Elements, points: Iterable[tuple[str, Vector]]) -> np.ndarray:
+    """(k, 3) points of bodies, given by name from their reference points, from the mass centres."""
+    return _vectors(sub(point, elements.r_BG(elements.frame[body])) for body, point in points)
+
+
+def _vectors(vectors: Iterable[Vector]) -> np.ndarray:
+    """(k, 3) array of vectors, also of none."""
+    return np.array(list(vectors), dtype=float).reshape(-1, 3)
+
+
+def _numbers(numbers: Iterable[object]) -> np.ndarray:
+    """Array of numbers, also of none."""
+    return np.array(list(numbers), dtype=float)

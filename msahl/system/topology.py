@@ -1,0 +1,337 @@
+"""Topology of a system: which elements connect what, apart from all numbers.
+
+It has the node map, the places of the multipliers, the pattern of the Jacobian's 3 x 3 blocks and
+the index arrays of every group of elements. It is built once for a model; all models with equal
+``connections`` share it (``build.rebuild_parameters``).
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from msahl.elements.constraints.products import DOT, PARTS
+from msahl.elements.frames import NODES
+from msahl.elements.reactions import Shown
+from msahl.elements.rigid_body import STATE_SIZE
+from msahl.joints.joint import CHILD, GROUND, PARENT, Coordinate, Product
+from msahl.joints.registry import KINDS
+from msahl.system.arrays import Multipliers
+from msahl.system.collect import Elements, Pair
+from msahl.system.pattern import Blocks
+
+Indices = dict[str, np.ndarray]
+"""The index arrays of a group of elements, by the names of its fields."""
+
+
+class Topology(NamedTuple):
+    """All that does not depend on numbers; groups as in ``System``."""
+
+    connections: tuple[Any, ...]  # what connects what: equal tuples, equal topologies
+    relaxed: bool  # whether the multipliers' diagonal is relaxed, as joints are redundant
+    frames: Indices
+    bodies: Indices
+    coincide: Indices
+    products: Indices
+    coordinates: Indices
+    equations: Indices
+    equation_column: np.ndarray  # (r,)
+    concentrated: Indices
+    drag: Indices
+    spring: Indices
+    friction: Indices
+    reactions: Indices
+    shown: Shown
+    multipliers: Multipliers
+    blocks: np.ndarray  # (m, 2) row and column node of each block
+    pattern: np.ndarray  # (9 m,) which entries of the blocks are not always zero
+    unit_blocks: np.ndarray  # (n,) starts of the blocks that are always the unit matrix
+    coincide_blocks: np.ndarray  # (k, 2, 2) by side: force by multiplier, violation by displacement
+    relaxed_blocks: np.ndarray  # (k,) by multiplier, of a relaxed system; else empty
+
+
+class _Nodes(NamedTuple):
+    """Where the multipliers stand."""
+
+    element: list[int]
+    rotational: list[bool]
+    frames: list[set[int]]
+    place: list[tuple[int, int]]  # node and slot of each scalar equation
+
+
+def build_topology(elements: Elements, relaxed: bool) -> Topology:
+    """Return the topology of ``elements``; ``relaxed`` if their constraints are redundant."""
+    count = len(elements.model.bodies) + 1
+    frames = _frames(count)
+    blocks, first = Blocks(frames["displacement"], frames["rotation"]), NODES * count
+    nodes = _place_multipliers(elements)
+    bodies, unit_blocks = _bodies(frames, blocks)
+    coincide, coincide_blocks = _coincide(elements, frames, blocks, first)
+    concentrated, drag = _concentrated(elements, frames, blocks), _drags(elements, frames, blocks)
+    parts = [_parts(frames, *entry) for entry in elements.coordinates]
+    coordinates = _coordinates(elements, parts, blocks)
+    equations = _equations(elements, nodes, parts, blocks, first)
+    multiplier = first + np.arange(len(nodes.element), dtype=np.int64)
+    relaxed_blocks = (
+        [blocks.constant(node, node) for node in multiplier.tolist()] if relaxed else []
+    )
+    return Topology(
+        connections=connections(elements),
+        relaxed=relaxed,
+        frames=frames,
+        bodies=bodies,
+        coincide=coincide,
+        products=_products(elements),
+        coordinates=coordinates,
+        equations=equations,
+        equation_column=indices([entry.column for entry in elements.equations]),
+        concentrated=concentrated,
+        drag=drag,
+        spring=_springs(elements),
+        friction=_columns(elements.frictions, "coordinate", "joint", "column"),
+        reactions=_reactions(elements),
+        shown=_shown(elements),
+        multipliers=_multipliers(nodes, multiplier, elements.ground),
+        blocks=blocks.nodes(),
+        pattern=blocks.pattern(),
+        unit_blocks=unit_blocks,
+        coincide_blocks=coincide_blocks,
+        relaxed_blocks=indices(relaxed_blocks),
+    )
+
+
+def connections(elements: Elements) -> tuple[Any, ...]:
+    """Return what connects what in ``elements``, without numbers."""
+    pairs = [(c.kind, _kinds(c), c.angular, p.a, p.b) for c, p in elements.coordinates]
+    equations = [
+        (e.element, e.first, e.second, e.function, e.law, e.column, not e.equation.rate)
+        for e in elements.equations
+    ]
+    loads = [
+        (e.load.body, e.load.force_basis, e.load.moment_basis, e.law, e.column)
+        for e in elements.concentrated
+    ]
+    return (
+        tuple(elements.frame.items()),
+        tuple(bool(arms) for arms in elements.arms),
+        tuple((element, pair.a, pair.b) for element, pair in elements.points),
+        tuple(pairs),
+        tuple(equations),
+        (tuple(elements.first_equation), tuple(elements.load_equation)),
+        tuple((s.coordinate, s.table, s.column) for s in elements.springs),
+        tuple((f.coordinate, f.joint, f.column) for f in elements.frictions),
+        tuple(loads),
+        tuple((column, load.body) for column, load in elements.drags),
+        tuple((joint.kind, joint.child) for joint in elements.model.joints),
+    )
+
+
+def _kinds(coordinate: Coordinate) -> tuple[Any, ...]:
+    return tuple((p.kind, p.owner, p.up is None) for p in coordinate.products)
+
+
+def _frames(count: int) -> Indices:
+    """One frame for each rigid body, and the ground: two nodes each, one after the other."""
+    index = np.arange(count, dtype=np.int64)
+    return {
+        "displacement": NODES * index,
+        "rotation": NODES * index + 1,
+        "of_node": np.repeat(index, NODES),
+        "rotates": np.tile([False, True], count),
+        "owner": np.where(index < count - 1, index, -1),
+    }
+
+
+def _bodies(frames: Indices, blocks: Blocks) -> tuple[Indices, np.ndarray]:
+    count = frames["displacement"].size - 1
+    block = [blocks.place(node, node) for node in frames["rotation"][:count]]
+    unit = [blocks.constant(node, node) for node in frames["displacement"][:count]]
+    index = np.arange(count, dtype=np.int64)
+    bodies = {"frame": index, "block": indices(block), "column": STATE_SIZE * index}
+    return bodies, indices(unit)
+
+
+def _place_multipliers(elements: Elements) -> _Nodes:
+    """Give every constraint equation a node and a slot.
+
+    The points that coincide come first; then the scalar equations of an element, three to a node,
+    those that see displacements apart from those that see rotations only.
+    """
+    nodes = _Nodes([], [], [], [])
+
+    def add(element: int, rotational: bool, frames: set[int]) -> int:
+        nodes.element.append(element)
+        nodes.rotational.append(rotational)
+        nodes.frames.append(frames)
+        return len(nodes.element) - 1
+
+    for element, pair in elements.points:
+        add(element, False, {pair.a, pair.b})
+    open_nodes: dict[tuple[int, bool], tuple[int, int]] = {}
+    for entry in elements.equations:
+        sides = [elements.coordinates[q] for q in (entry.first, entry.second) if q >= 0]
+        key = (entry.element, all(coordinate.angular for coordinate, _ in sides))
+        if key not in open_nodes:
+            open_nodes[key] = (add(*key, set()), 0)
+        node, slot = open_nodes.pop(key)
+        nodes.place.append((node, slot))
+        nodes.frames[node].update(frame for _, pair in sides for frame in (pair.a, pair.b))
+        if slot < 2:
+            open_nodes[key] = (node, slot + 1)
+    return nodes
+
+
+def _coincide(
+    elements: Elements, frames: Indices, blocks: Blocks, first: int
+) -> tuple[Indices, np.ndarray]:
+    count = len(elements.points)
+    by = {
+        key: np.zeros((count, 2), dtype=np.int64)
+        for key in ("moment_by_rotation", "moment_by_force", "constraint_by_rotation")
+    }
+    constant = np.zeros((count, 2, 2), dtype=np.int64)
+    for k, (_, pair) in enumerate(elements.points):
+        node = first + k
+        for side, frame in enumerate((pair.a, pair.b)):
+            u, theta = frames["displacement"][frame], frames["rotation"][frame]
+            constant[k, side] = blocks.constant(u, node), blocks.constant(node, u)
+            by["moment_by_rotation"][k, side] = blocks.place(theta, theta)
+            by["moment_by_force"][k, side] = blocks.place(theta, node)
+            by["constraint_by_rotation"][k, side] = blocks.place(node, theta)
+    sides = {
+        "a": indices([pair.a for _, pair in elements.points]),
+        "b": indices([pair.b for _, pair in elements.points]),
+        "row": first + np.arange(count, dtype=np.int64),
+    }
+    return sides | by, constant
+
+
+def _products(elements: Elements) -> Indices:
+    owners = {GROUND: elements.ground}
+    entries = [
+        (p.kind, pair.a, pair.b, (owners | {PARENT: pair.a, CHILD: pair.b})[p.owner])
+        for p, pair in all_products(elements)
+    ]
+    columns = indices(entries).reshape(-1, 4).T
+    return dict(zip(("kind", "a", "b", "owner"), np.ascontiguousarray(columns), strict=True))
+
+
+def all_products(elements: Elements) -> list[tuple[Product, Pair]]:
+    """Return the products of all coordinates, those of one coordinate together."""
+    return [(p, pair) for c, pair in elements.coordinates for p in c.products]
+
+
+def _parts(frames: Indices, coordinate: Coordinate, pair: Pair) -> list[int]:
+    """Nodes of the four parts; -1 for displacements that the coordinate does not depend on."""
+    depends = any(product.kind != DOT for product in coordinate.products)
+    u_a, u_b = frames["displacement"][[pair.a, pair.b]] if depends else (-1, -1)
+    theta_a, theta_b = frames["rotation"][[pair.a, pair.b]]
+    return [int(node) for node in (u_a, theta_a, u_b, theta_b)]
+
+
+def _coordinates(elements: Elements, parts: list[list[int]], blocks: Blocks) -> Indices:
+    places = [[blocks.place(row, column) for row in p for column in p] for p in parts]
+    sizes = [len(coordinate.products) for coordinate, _ in elements.coordinates]
+    return {
+        "kind": indices([coordinate.kind for coordinate, _ in elements.coordinates]),
+        "first": np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
+        "block": indices(places).reshape(-1, PARTS * PARTS),
+    }
+
+
+def _equations(
+    elements: Elements, nodes: _Nodes, parts: list[list[int]], blocks: Blocks, first: int
+) -> Indices:
+    entries = elements.equations
+    force_block, constraint_block = np.zeros((2, len(entries), 2, PARTS), dtype=np.int64)
+    for r, entry in enumerate(entries):
+        node = first + nodes.place[r][0]
+        for side, q in enumerate((entry.first, entry.second)):
+            if q >= 0:
+                force_block[r, side] = [blocks.place(part, node) for part in parts[q]]
+                constraint_block[r, side] = [blocks.place(node, part) for part in parts[q]]
+    return {
+        "place": indices(nodes.place).reshape(-1, 2),
+        "coordinate": indices([(e.first, e.second) for e in entries]).reshape(-1, 2),
+        "function": indices([e.function for e in entries]),
+        "law": indices([e.law for e in entries]),
+        "holonomic": np.array([not e.equation.rate for e in entries], dtype=bool),
+        "force_block": force_block,
+        "constraint_block": constraint_block,
+    }
+
+
+def _concentrated(elements: Elements, frames: Indices, blocks: Blocks) -> Indices:
+    u, theta = frames["displacement"], frames["rotation"]
+    moment_by_rotation, force_by_rotation, axes = [], [], []
+    for load, _, _ in elements.concentrated:
+        names = (load.body, load.force_basis, load.moment_basis)
+        b, f, m = (elements.frame[name] for name in names)
+        axes.append((b, f, m))
+        moment_by_rotation.append([blocks.place(theta[b], theta[c]) for c in (b, f, m)])
+    for b, f, _ in axes:
+        force_by_rotation.append(blocks.place(u[b], theta[f]))
+    body, f_axes, m_axes = np.ascontiguousarray(indices(axes).reshape(-1, 3).T)
+    return {
+        "body": body,
+        "f_axes": f_axes,
+        "m_axes": m_axes,
+        "law": indices([entry.law for entry in elements.concentrated]),
+        "force_by_rotation": indices(force_by_rotation),
+        "moment_by_rotation": indices(moment_by_rotation).reshape(-1, 3),
+        "column": indices([entry.column for entry in elements.concentrated]),
+    }
+
+
+def _drags(elements: Elements, frames: Indices, blocks: Blocks) -> Indices:
+    body = indices([elements.frame[load.body] for _, load in elements.drags])
+    nodes = zip(frames["displacement"][body], frames["rotation"][body], strict=True)
+    places = [[blocks.place(row, column) for row in n for column in n] for n in nodes]
+    return {
+        "body": body,
+        "block": indices(places).reshape(-1, 4),
+        "column": indices([column for column, _ in elements.drags]),
+    }
+
+
+def _springs(elements: Elements) -> Indices:
+    columns = sorted({entry.column for entry in elements.springs})
+    energy = [columns.index(entry.column) for entry in elements.springs]
+    entries = _columns(elements.springs, "coordinate", "table", "column")
+    return entries | {"energy_column": indices(energy)}
+
+
+def _reactions(elements: Elements) -> Indices:
+    joints = elements.model.joints
+    point = {element: k for k, (element, _) in enumerate(elements.points)}
+    return {
+        "child": indices([elements.frame[joint.child] for joint in joints]),
+        "coincide": indices([point.get(e, -1) for e in range(len(joints))]),
+        "first_equation": indices(elements.first_equation),
+    }
+
+
+def _shown(elements: Elements) -> Shown:
+    joints = elements.model.joints
+    return Shown(
+        moment=np.array([KINDS[joint.kind].moment for joint in joints], dtype=bool),
+        load_equation=indices(elements.load_equation),
+    )
+
+
+def _multipliers(nodes: _Nodes, multiplier: np.ndarray, ground: int) -> Multipliers:
+    touched = [[*sorted(frames), *[ground] * 4][:4] for frames in nodes.frames]
+    return Multipliers(
+        node=multiplier,
+        element=indices(nodes.element),
+        rotational=np.array(nodes.rotational, dtype=bool),
+        bodies=indices(touched).reshape(-1, 4),
+    )
+
+
+def _columns(entries: list[Any], *fields: str) -> Indices:
+    return {field: indices([getattr(entry, field) for entry in entries]) for field in fields}
+
+
+def indices(numbers: Any) -> np.ndarray:
+    """Return an array of indices, also of none."""
+    return np.array(list(numbers), dtype=np.int64)

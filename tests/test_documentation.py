@@ -1,0 +1,119 @@
+"""The documentation names files, functions and options that exist, in the project's words."""
+
+import importlib.util
+import re
+import subprocess
+import sys
+
+import click
+import pytest
+
+from msahl.elements import rigid_body
+from msahl.elements.forces import drag
+from tests.support.models import ROOT
+
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+    ROOT / "benchmarks" / "README.md",
+]
+
+
+def listed_files(text):
+    """Paths in code marks that look like files of the repository."""
+    for path in re.findall(r"`([\w./-]+\.(?:py|xsd|xml))`", text):
+        if "/" in path and "point_on_cylinder" not in path and not path.startswith("DIR/"):
+            yield path
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_files_named_in_a_page_exist(page):
+    folders = [ROOT, ROOT / "msahl", *(each.parent for each in (ROOT / "msahl").rglob("*.py"))]
+    missing = [
+        path
+        for path in listed_files(page.read_text())
+        if not any((folder / path).exists() for folder in folders)
+    ]
+    assert missing == []
+
+
+def functions_of(heading):
+    """Functions that the tables of a section of the guide name in their first column."""
+    guide = (ROOT / "docs" / "adding-an-element.md").read_text()
+    section = re.split(r"^## ", guide, flags=re.M)
+    (text,) = [each for each in section if each.startswith(f"{heading}\n")]
+    cells = re.findall(r"^ *\| (`[^|]+) \|", text, re.M)
+    return [name for cell in cells for name in re.findall(r"`(\w+)`", cell)]
+
+
+@pytest.mark.parametrize(
+    ("heading", "module"), [("Adding a force", drag), ("Adding a kind of body", rigid_body)]
+)
+def test_the_guide_names_the_functions_of_an_element(heading, module):
+    names = functions_of(heading)
+    assert len(names) >= 8
+    assert [name for name in names if not hasattr(module, name)] == []
+
+
+def test_the_readme_is_short():
+    assert len((ROOT / "README.md").read_text().splitlines()) <= 150
+
+
+def test_options_in_the_documentation_exist():
+    from msahl.cli.main import main as msahl
+    from msahl.post.cli import main as msahl_post
+
+    known = {"--help", "--quick", "--problem", "--code", "--page", "--no-deps"}
+    for group in (msahl, msahl_post):
+        context = click.Context(group)
+        for command in [
+            group,
+            *(group.get_command(context, n) for n in group.list_commands(context)),
+        ]:
+            for parameter in command.params:
+                known.update(parameter.opts)
+    for page in PAGES:
+        text = page.read_text()
+        used = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", text))
+        assert used <= known, page.name
+
+
+def load_tool(name):
+    spec = importlib.util.spec_from_file_location(name, ROOT / "tools" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    monkey = sys.modules.setdefault(name, module)
+    spec.loader.exec_module(monkey)
+    return monkey
+
+
+@pytest.mark.parametrize(
+    ("line", "word"),
+    [
+        ("gapRateMax = 1", "gap"),
+        ("def turn_of(b):", "turn"),
+        ("What is left out", "left out"),
+        ("# the whole scene", "scene"),
+        ("return the number of degrees of freedom", None),
+        ("return it in turn", None),
+        ("    return whole numbers", None),
+    ],
+)
+def test_the_check_of_words_reads_prose_and_identifiers(line, word):
+    findings = [found for found, _ in load_tool("check_words").findings_of("msahl/x.py", "", line)]
+    assert (word in findings) if word else findings == []
+
+
+def test_a_phrase_over_two_lines_is_read_as_one():
+    check = load_tool("check_words")
+    assert list(check.findings_of("docs/x.md", "the number of degrees of", "freedom is 1")) == []
+    assert [w for w, _ in check.findings_of("docs/x.md", "it is left", "out of it")] == ["left out"]
+
+
+def test_the_check_of_words_exits_with_findings(tmp_path):
+    subprocess.run(["git", "init", "-q"], cwd=tmp_path, check=True)
+    (tmp_path / "page.md").write_text("One island.\n")
+    command = [sys.executable, str(ROOT / "tools" / "check_words.py"), "--root", str(tmp_path)]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 1
+    assert result.stdout.startswith("page.md:1: 'island': write ")
