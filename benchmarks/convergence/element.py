@@ -15,10 +15,19 @@ Nothing of msahl's engine is used, so that each weakness can be had alone. Every
 that a complex step passes through.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
 
 import numba
 import numpy as np
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def compiled(function: Function) -> Function:
+    """Compile a function, whose types stay visible to a type checker."""
+    kernel: Function = numba.njit(cache=True)(function)
+    return kernel
 
 
 class Chain(NamedTuple):
@@ -38,13 +47,13 @@ class State(NamedTuple):
     w: np.ndarray  # (n, 3) body axes
 
 
-@numba.njit(cache=True)
-def dot(a, b):
+@compiled
+def dot(a: np.ndarray, b: np.ndarray) -> Any:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@numba.njit(cache=True)
-def cross(a, b):
+@compiled
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     out = np.empty_like(a)
     out[0] = a[1] * b[2] - a[2] * b[1]
     out[1] = a[2] * b[0] - a[0] * b[2]
@@ -52,8 +61,8 @@ def cross(a, b):
     return out
 
 
-@numba.njit(cache=True)
-def matrix(p):
+@compiled
+def matrix(p: np.ndarray) -> np.ndarray:
     p0 = 2.0 - dot(p, p) / 8.0
     a = 1.0 / (4.0 - p0) ** 2
     c, s = 2.0 * p0 * a, 2.0 * a
@@ -65,16 +74,16 @@ def matrix(p):
     return R
 
 
-@numba.njit(cache=True)
-def apply(R, a):
+@compiled
+def apply(R: np.ndarray, a: np.ndarray) -> np.ndarray:
     out = np.empty(3, R.dtype)
     for i in range(3):
         out[i] = R[i, 0] * a[0] + R[i, 1] * a[1] + R[i, 2] * a[2]
     return out
 
 
-@numba.njit(cache=True)
-def product(A, B):
+@compiled
+def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     out = np.zeros((3, 3), B.dtype)
     for i in range(3):
         for j in range(3):
@@ -83,8 +92,19 @@ def product(A, B):
     return out
 
 
-@numba.njit(cache=True)
-def residual(chain, R0, p0, x0, v0, w0, h, total, z, F):
+@compiled
+def residual(
+    chain: Chain,
+    R0: np.ndarray,
+    p0: np.ndarray,
+    x0: np.ndarray,
+    v0: np.ndarray,
+    w0: np.ndarray,
+    h: float,
+    total: bool,
+    z: np.ndarray,
+    F: np.ndarray,
+) -> None:
     """Set ``F`` (15 n,) at ``z``: per body x1, rotation, v1, w1, then all multipliers."""
     n = chain.mass.size
     one = z[:1] * 0.0 + 1.0
@@ -128,8 +148,18 @@ def residual(chain, R0, p0, x0, v0, w0, h, total, z, F):
         F[12 * n + 3 * b : 12 * n + 3 * b + 3] = violation
 
 
-@numba.njit(cache=True)
-def jacobian(chain, R0, p0, x0, v0, w0, h, total, z):
+@compiled
+def jacobian(
+    chain: Chain,
+    R0: np.ndarray,
+    p0: np.ndarray,
+    x0: np.ndarray,
+    v0: np.ndarray,
+    w0: np.ndarray,
+    h: float,
+    total: bool,
+    z: np.ndarray,
+) -> np.ndarray:
     """The derivative by complex steps, exact to round-off."""
     size = z.size
     J = np.empty((size, size))

@@ -6,17 +6,19 @@
 Every cell of docs/validation/stability.md is such a deck, run by ``msahl run``.
 """
 
+import operator
 import sys
 from collections.abc import Callable, Iterable
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from functools import partial
 from math import acos, asin, cos, pi, sin, sqrt
 from pathlib import Path
 from typing import Any
 
 from lxml import etree
 
-from msahl.model import Joint, Model
+from msahl.model import Bushing, Joint, Model, SpringDamper
 
 ROOT = Path(__file__).resolve().parents[2]
 DECKS = ROOT / "decks"
@@ -196,10 +198,10 @@ def cranks(root: Root, x: float) -> None:
                 vector = etree.SubElement(parent, "position")
             if vector.find("x") is None:
                 etree.SubElement(vector, "x").text = "0"
-            change(vector, "x", lambda old, at=at: old + at)
+            change(vector, "x", partial(operator.add, at))
             joints[0].getparent().append(joint)
         _rename(body, " 1", f" {k + 1}")
-        change(body, ".//position/x", lambda old, at=at: old + at)
+        change(body, ".//position/x", partial(operator.add, at))
         first.getparent().append(body)
 
 
@@ -211,7 +213,7 @@ def long_chain(root: Root, x: float) -> None:
     for k in range(n, round(x)):
         body, pin = deepcopy(last), deepcopy(joint)
         _rename(body, f" {n}", f" {k + 1}")
-        change(body, ".//position/x", lambda old, k=k: old + k + 1 - n)
+        change(body, ".//position/x", partial(operator.add, k + 1 - n))
         put_text(pin, "name", f"Pin {k + 1}")
         put_text(pin, "parent/name", f"Link {k}")
         put_text(pin, "child/name", f"Link {k + 1}")
@@ -255,6 +257,7 @@ def as_rod(model: Model, x: float) -> Model:
     if x > STIFF:
         return model
     (spring,) = model.loads
+    assert isinstance(spring, SpringDamper)
     ends = (spring.parent, spring.child, spring.parent_point, spring.child_point)
     rod = Joint(spring.name, "distance", *ends, parameters=(("length", 1.0),))
     return replace(model, joints=(rod,), loads=())
@@ -265,6 +268,7 @@ def as_pin(model: Model, x: float) -> Model:
     if x < FIRM:
         return model
     (mount,) = model.loads
+    assert isinstance(mount, Bushing)
     ends = (mount.parent, mount.child, mount.parent_point, mount.child_point)
     pin = Joint(mount.name, "spherical", *ends)
     return replace(model, joints=(*model.joints, pin), loads=())

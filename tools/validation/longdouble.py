@@ -58,24 +58,24 @@ FUNCTIONS = SimpleNamespace(
 
 
 def run(model: Model, steps: int, rows: int) -> tuple[np.ndarray, np.ndarray] | None:
-    """States (rows, 12 n) and reactions (rows, k) of a scene of one island by its gauss scheme,
-    ``steps`` equal steps to the end; None if one of them does not converge.
+    """Return states (rows, 12 n) and reactions (rows, k) of a model of one subsystem by its gauss
+    scheme in ``steps`` equal steps; None if one of them does not converge.
     """
     integrator = SubsystemIntegrator(model, "newton", full=False, chunk=steps)
     assert isinstance(integrator.stepper, FixedStepper)
     method = integrator.stepper.method
     assert isinstance(method, CollocationMethod)
     assert method.scheme == "gauss"
-    island = widened(method.subsystem)
-    mobility = inverse(island.scene.system.bodies.inertia)
-    stages = island.stages._replace(rule=gauss(method.degree), mobility=mobility)
-    island = island._replace(stages=stages)
+    subsystem = widened(method.subsystem)
+    mobility = inverse(subsystem.workspace.system.bodies.inertia)
+    stages = subsystem.stages._replace(rule=gauss(method.degree), mobility=mobility)
+    subsystem = subsystem._replace(stages=stages)
     plan = OutputSchedule.at_ends(np.arange(1, steps + 1) % (steps // rows) == 0)
     with in_long():
-        settle(island)
-        h = LONG(model.simulation.t_final) / steps
-        taken = newton.march(island, h, 0, steps, plan.due, plan.share)
-    tables = island.scene.tables
+        settle(subsystem)
+        h: Any = LONG(model.simulation.t_final) / steps
+        taken = newton.march(subsystem, h, 0, steps, plan.due, plan.share)
+    tables = subsystem.workspace.tables
     return (tables.states[:rows], tables.reactions[:rows]) if taken == steps else None
 
 
@@ -160,20 +160,21 @@ def _lagrange(nodes: np.ndarray) -> list[Polynomial]:
     ]
 
 
-def settle(island: CollocationWorkspace) -> None:
+def settle(subsystem: CollocationWorkspace) -> None:
     """Put places and velocities back on the joints, by the least change by mass."""
-    scene, room = island.scene, island.station
-    system, state, start, watch = scene.system, scene.state, scene.start, scene.watch
+    workspace, instant = subsystem.workspace, subsystem.instant
+    system, state, start = workspace.system, workspace.state, workspace.start
+    monitor = workspace.monitor
     length = system.frames.length
     evaluate.prepare(system, state, start)
     # What a round leaves over is quadratic: nothing, after one of round-off.
     for _ in range(1 + accelerations.rounds(system)):
-        evaluate.observe(system, state, start, watch.gap, watch.rate)
-        scalar.in_metres(system.scalar, watch.gap, watch.rate)
-        accelerations.undo(system, state, start, watch.gap, room)
+        evaluate.observe(system, state, start, monitor.violation, monitor.rate)
+        scalar.in_metres(system.scalar, monitor.violation, monitor.rate)
+        accelerations.undo(system, state, start, monitor.violation, instant)
         for b in range(length.size - 1):
-            turn = scale(1.0 / length[b], at(room.solution, 2 * b + 1))
-            put(state.x, b, add(at(state.x, b), at(room.solution, 2 * b)))
-            put(state.p, b, compose(from_step_turn(turn), at(state.p, b)))
+            rotation = scale(1.0 / length[b], at(instant.solution, 2 * b + 1))
+            put(state.x, b, add(at(state.x, b), at(instant.solution, 2 * b)))
+            put(state.p, b, compose(from_step_turn(rotation), at(state.p, b)))
         evaluate.prepare(system, state, start)
-    accelerations.keep_closed(system, state, start, watch.gap, watch.rate, room)
+    accelerations.keep_closed(system, state, start, monitor.violation, monitor.rate, instant)

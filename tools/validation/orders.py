@@ -205,7 +205,8 @@ class Ladder:
         known = self.known.get(quantity, [])
         if len(known) < LEAST_POINTS:
             return None
-        return float(np.polyfit(*np.log(np.array(known)).T, 1)[0])
+        x, y = np.log(np.array(known, dtype=float)).T
+        return float(np.polyfit(x, y, 1)[0])
 
 
 def climb(

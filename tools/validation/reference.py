@@ -237,7 +237,8 @@ class Equations:
 
     def _all_laws(self) -> list[Law]:
         lifts = [c.lift for c in self.model.couplings if c.lift]
-        springs = (load for load in self.model.loads if isinstance(load, JointSpring | SpringDamper))
+        loads = self.model.loads
+        springs = (load for load in loads if isinstance(load, JointSpring | SpringDamper))
         tables = [spring.table for spring in springs if spring.table]
         return self._laws_of_time() + lifts + tables
 
@@ -554,7 +555,7 @@ class Equations:
     def accelerations(self) -> tuple[Array, Array, Array]:
         """a (6 n,), the multipliers, and the first row of each joint."""
         G: list[Array] = []
-        right: list[float] = []
+        right: list[Array] = []
         starts: list[int] = []
         k = STABILISATION
         for joint in self.model.joints:

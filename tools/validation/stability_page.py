@@ -351,8 +351,8 @@ def span_text(cells: Sequence[Cell], name: str) -> str:
     own = [cell for cell in cells if cell.family == name]
     stable = sum(cell.outcome in STABLE for cell in own)
     values = [cell.value for cell in own]
-    return f"{stable} of {len(own)} runs are stable, from {min(values):g} to {max(values):g} times "
-    "the critical damping"
+    extent = f"from {min(values):g} to {max(values):g} times the critical damping"
+    return f"{stable} of {len(own)} runs are stable, {extent}"
 
 
 def glance_table(cells: Sequence[Cell]) -> Table:
@@ -501,7 +501,8 @@ def bad_blocks(cells: Sequence[Cell]) -> Iterator[Block]:
             columns.append(Column("verdict", "verdict", missing=""))
         rows: list[tuple[Entry, ...]] = []
         for c in bad:
-            row: list[Entry] = [show_value(c.value), c.scheme, c.dt, c.outcome, c.steps, c.energy, c.violation]
+            row: list[Entry] = [show_value(c.value), c.scheme, c.dt, c.outcome, c.steps]
+            row += [c.energy, c.violation]
             rows.append((*row, first_sentence(c.message), *([c.verdict] if verdicts else [])))
         yield Table(tuple(columns), tuple(rows))
 

@@ -1,4 +1,4 @@
-"""What Hainge (2010, chapter IV) printed of his runs."""
+"""Values that Hainge (2010, chapter IV) printed of his runs."""
 
 from dataclasses import dataclass
 
