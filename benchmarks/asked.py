@@ -7,7 +7,7 @@ from benchmarks.loops import Measured
 from benchmarks.process import Ended, LongRun, Starts
 from benchmarks.verdict import Verdict
 from benchmarks.writers import Written
-from msahl.run.loop import Report
+from msahl.run.report import Report
 
 GENERALISED_ALPHA = "exudyn index 3"
 """Exudyn's generalised-alpha proper; the fastest of its implicit settings is compared with too."""

@@ -5,9 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.motion import Motion
-from msahl.model import Model
+from msahl.model import Model, Options
 from msahl.model.scheme import EXPONENTIAL, choices, split
-from msahl.run.loop import OFF, Options, Report, run
+from msahl.model.settings import OFF
+from msahl.run.loop import run
+from msahl.run.report import Report
+from msahl.run.tables import STATES, MemorySink
 
 VARIANTS = {
     "msahl newton": Options(solver="newton", error=OFF),
@@ -31,36 +34,9 @@ SCHEMES = tuple(f"msahl {word}" for word in choices() if word != AUTO)
 BY_TOLERANCE = ("msahl by tolerance",) if AUTO in choices() else ()
 
 
-class _Rows:
-    """A sink that keeps the states."""
-
-    def __init__(self) -> None:
-        self.states: list[np.ndarray] = []
-
-    def write(
-        self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray, errors: np.ndarray
-    ) -> None:
-        self.states.append(states)
-
-    def restart(self) -> None:
-        self.states.clear()
-
-
-class _Nothing:
-    """A sink that keeps nothing."""
-
-    def write(
-        self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray, errors: np.ndarray
-    ) -> None:
-        pass
-
-    def restart(self) -> None:
-        pass
-
-
 def loop_report(model: Model, h: float, steps: int, options: Options) -> Report:
     """Report of ``steps`` steps of which only the last is published."""
-    return run(_lasting(model, h, steps), replace(options, every=steps), _Nothing())
+    return run(_lasting(model, h, steps), replace(options, every=steps), MemorySink(only=()))
 
 
 def loop_seconds(model: Model, h: float, steps: int, variant: str) -> float:
@@ -75,21 +51,21 @@ def motion(
     model: Model, h: float, steps: int, variant: str, every: int = 1, accuracy: float | None = None
 ) -> Motion:
     """A scheme that is given an ``accuracy`` has rows every ``h`` and steps of its own."""
-    rows, options = _Rows(), replace(_options(variant), every=every)
+    rows, options = MemorySink(only=(STATES,)), replace(_options(variant), every=every)
     chosen = _lasting(_of_scheme(model, variant), h, steps)
     if variant in BY_TOLERANCE:
         by_tolerance = replace(
             chosen.simulation,
             scheme=AUTO,
             local_tolerance=accuracy,
-            interval=h,
+            output_interval=h,
             dt=model.simulation.dt,
         )
         chosen = replace(chosen, simulation=by_tolerance)
     report = run(chosen, options, rows)
     if report.status != "completed":
         raise RuntimeError(report.message)
-    table = np.concatenate(rows.states)
+    table = rows.table(STATES)
     states = table[:, 1:].reshape(len(table), len(model.bodies), 4, 3)
     R = _matrices(states[:, :, 1])
     v = np.einsum("tbij,tbj->tbi", R, states[:, :, 2])

@@ -34,7 +34,6 @@ UPWARD_IMPORTS = {
 }
 """Imports against the order, 'importer -> imported'."""
 CIRCULAR_IMPORTS = {
-    "msahl.run.attempts -> msahl.run.loop",
     "msahl.study.reference -> msahl.study.refined_runs",
 }
 """Imports without which there is no circle."""

@@ -16,7 +16,7 @@ that a complex step passes through.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numba
 import numpy as np
@@ -26,8 +26,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 def compiled(function: Function) -> Function:
     """Compile a function, whose types stay visible to a type checker."""
-    kernel: Function = numba.njit(cache=True)(function)
-    return kernel
+    return cast(Function, numba.njit(cache=True)(function))
 
 
 class Chain(NamedTuple):

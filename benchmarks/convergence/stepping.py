@@ -74,7 +74,8 @@ class Stepper:
             self.columns, self.rows = scales(chain, h)
         self.evaluations = 0
 
-    def start(self) -> tuple[Any, ...]:
+    def start(self) -> Any:
+        """Return what residual and Jacobian take beside the unknowns."""
         s = self.state
         R0 = np.stack([matrix(p) for p in s.p])
         return self.chain, R0, s.p, s.x, s.v, s.w, self.h, self.program.total

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator
 
 from msahl.check.faults import LARGEST, SMALLEST, Finding
 from msahl.model import INSTANTANEOUS, MEAN, Model, Simulation
-from msahl.model.scheme import AUTO, CAYLEY, EXPONENTIAL, HIGHER, SCHEMES
+from msahl.model.scheme import AUTO, CAYLEY, COLLOCATION, EXPONENTIAL, ORDER_TWO
 
 MAX_STEPS = 10**9
 """Largest number of steps of a run. At 10 us a step they take a day, so more are a mistake."""
@@ -51,7 +51,7 @@ def _known(part: str, word: str, known: Collection[str]) -> Iterator[Finding]:
 
 
 def _word_findings(simulation: Simulation) -> Iterator[Finding]:
-    yield from _known("scheme", simulation.scheme, (*SCHEMES, *HIGHER, AUTO))
+    yield from _known("scheme", simulation.scheme, (*ORDER_TWO, *COLLOCATION, AUTO))
     yield from _known("rotationUpdate", simulation.rotation_update, (CAYLEY, EXPONENTIAL))
     yield from _known("reactions", simulation.reactions, (MEAN, INSTANTANEOUS))
 
@@ -60,7 +60,7 @@ def _number_findings(simulation: Simulation) -> Iterator[Finding]:
     times = {
         "deltaT": simulation.dt,
         "tFinal": simulation.t_final,
-        "outputInterval": simulation.interval,
+        "outputInterval": simulation.output_interval,
     }
     for tag, value in times.items():
         if value is not None and not SMALLEST <= value <= LARGEST:
@@ -69,8 +69,8 @@ def _number_findings(simulation: Simulation) -> Iterator[Finding]:
     if not 0.0 <= simulation.damping <= 1.0:
         yield Finding("damping", f"it is {simulation.damping:g}; it must be from 0 to 1")
     scheme, degree = simulation.scheme, simulation.degree
-    if scheme in HIGHER and not 1 <= degree <= HIGHER[scheme].highest:
-        most, gauss = HIGHER[scheme].highest, HIGHER["gauss"].highest
+    if scheme in COLLOCATION and not 1 <= degree <= COLLOCATION[scheme].highest:
+        most, gauss = COLLOCATION[scheme].highest, COLLOCATION["gauss"].highest
         remedy = f"the {scheme} scheme has the degrees 1 to {most}, the gauss scheme 1 to {gauss}"
         yield Finding("degree", f"the degree is {degree}; {remedy}")
 
@@ -83,7 +83,7 @@ def _tolerance_findings(simulation: Simulation) -> Iterator[Finding]:
             bounds = f"{SMALLEST:g} to {LARGEST:g} m; 1e-6 m is usual"
             message = f"it is {tolerance:g} m; it must be greater than zero, {bounds}"
             yield Finding(tag, message)
-        elif simulation.scheme in SCHEMES:
+        elif simulation.scheme in ORDER_TWO:
             message = (
                 f"the {simulation.scheme} scheme takes the steps it is given; choose scheme {AUTO} "
                 "to have steps chosen by a tolerance, or omit the tolerance"
@@ -95,10 +95,10 @@ def _tolerance_findings(simulation: Simulation) -> Iterator[Finding]:
 
 
 def _interval_findings(simulation: Simulation) -> Iterator[Finding]:
-    dt, interval = simulation.dt, simulation.interval
+    dt, interval = simulation.dt, simulation.output_interval
     if interval is None or not dt > 0.0:
         return
-    if simulation.scheme in SCHEMES and abs(interval / dt - round(interval / dt)) > 1e-9:
+    if simulation.scheme in ORDER_TWO and abs(interval / dt - round(interval / dt)) > 1e-9:
         message = (
             f"{interval:g} s are no whole number of steps of {dt:g} s, and the "
             f"{simulation.scheme} scheme has results only at the ends of steps; use a scheme of "

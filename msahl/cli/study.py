@@ -1,21 +1,24 @@
-"""The command ``msahl study``; ``msahl.cli`` loads it when it is asked for."""
+"""The command ``msahl study``: compare schemes and step sizes on a deck."""
 
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from msahl.cli.main import BAD_INPUT, NOT_CONVERGED, NOT_WRITTEN, Folder, Number, stoppable
+from msahl.cli.console import NOT_CONVERGED, NOT_WRITTEN, say, stop
+from msahl.cli.options import DECK, NumberType, output_option
+from msahl.cli.signals import Interruption, stoppable
 from msahl.model.scheme import AUTO, choices
 from msahl.printable import shown_path
 from msahl.terminal import echo
 
 if TYPE_CHECKING:
+    from msahl.study.plan import Plan
     from msahl.study.study import Study
 
 METRIC_KEYS = (
@@ -29,54 +32,58 @@ METRIC_KEYS = (
 )
 
 
-START = 0.2
-"""Seconds that Python takes to come to the command."""
-WRITING = 2.4
-"""Seconds kept for drawing and writing the report, and for ending."""
-COMMANDS = 1.6
-"""Seconds kept for running the recommended command and the deck's own."""
+START_SECONDS = 0.2
+"""Time that Python takes to start the command [s]."""
+WRITING_SECONDS = 2.4
+"""Time reserved for drawing and writing the report, and for ending [s]."""
+COMMAND_SECONDS = 1.6
+"""Time reserved for running the recommended command and the deck's own [s]."""
 
 
-@click.command()
-@click.argument("deck", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=Folder(path_type=Path), metavar="DIR",
-              help="Folder of the report (default: studies/<deck's name>).")  # fmt: skip
-@click.option("--dt", "steps", type=Number(min=0.0, min_open=True), multiple=True,
-              metavar="S", help="Step size in seconds; repeat for more (default: chosen so that "
-              "the errors span 1e-2 to 1e-10 where they can).")  # fmt: skip
+@dataclass(frozen=True)
+class Request:
+    """What the user asked for: the deck, the end if it is not the deck's [s], and the plan's
+    choices.
+    """
+
+    deck: Path
+    t_final: float | None
+    budget: float
+    steps: tuple[float, ...]
+    schemes: tuple[str, ...]
+    reference: str
+    repeat: int | None
+    target: float
+    metric: str
+
+
+@click.command(short_help="Compare schemes and step sizes on a deck.")
+@click.argument("deck", type=DECK)
+@output_option("studies/<deck's name>")
+@click.option("--dt", "steps", type=NumberType(min=0.0, min_open=True), multiple=True,
+              metavar="S", help="Study this step size in seconds; repeat for more (default: chosen "
+              "so that the errors cover 1e-2 to 1e-10 where they can).")  # fmt: skip
 @click.option("--scheme", "schemes", type=click.Choice(choices()), multiple=True,
-              help="Scheme to study; repeat for more (default: all).")  # fmt: skip
-@click.option("--budget", type=Number(min=1.0), default=10.0, show_default=True,
-              metavar="S", help="Time in seconds that the study may take where it chooses the "
-              "steps; compiling is not counted.")  # fmt: skip
+              help="Study this scheme; repeat for more (default: all).")  # fmt: skip
+@click.option("--budget", type=NumberType(min=1.0), default=10.0, show_default=True,
+              metavar="S", help="Set the time in seconds that the study may take where it chooses "
+              "the step sizes; compiling is not counted.")  # fmt: skip
 @click.option("--reference", default="auto", show_default=True, metavar="KIND",
-              help="True values: 'exact' (closed form), 'independent' (another integrator), the "
-              "folder of a run, or 'auto': exact if there is a closed form, else independent, else "
-              "msahl's own runs at small steps.")  # fmt: skip
+              help="Choose the true values: 'exact' (closed form), 'independent' (another "
+              "integrator), the folder of a run, or 'auto': exact if there is a closed form, else "
+              "independent, else msahl's own runs with small steps.")  # fmt: skip
 @click.option("--repeat", type=click.IntRange(min=1), metavar="N",
-              help="Run each case N times and take the least time (default: 3 with --dt, else as "
-              "often as there is time for).")  # fmt: skip
-@click.option("--target", type=Number(min=0.0, min_open=True), default=1e-6,
-              show_default=True,
-              help="Largest error allowed, in the unit of --metric.")  # fmt: skip
+              help="Run each case N times and take the shortest time (default: 3 with --dt, else "
+              "as often as there is time for).")  # fmt: skip
+@click.option("--target", type=NumberType(min=0.0, min_open=True), default=1e-6,
+              show_default=True, help="Set the largest error allowed, in the unit of "
+              "--metric.")  # fmt: skip
 @click.option("--metric", type=click.Choice(METRIC_KEYS), default="position",
-              show_default=True, help="Error that the target limits.")  # fmt: skip
-@click.option(
-    "--t-final", type=Number(), metavar="S", help="End [s], instead of the deck's tFinal."
-)
-def study(
-    deck: Path,
-    output: Path | None,
-    steps: tuple[float, ...],
-    schemes: tuple[str, ...],
-    reference: str,
-    budget: float,
-    repeat: int | None,
-    target: float,
-    metric: str,
-    t_final: float | None,
-) -> None:
-    """Run DECK with many schemes and steps, and recommend the fastest run for a given error.
+              show_default=True, help="Choose the error that the target limits.")  # fmt: skip
+@click.option("--t-final", type=NumberType(), metavar="S",
+              help="Set the end of the runs in seconds (default: tFinal of the deck).")  # fmt: skip
+def study(deck: Path, output: Path | None, **given: Any) -> None:
+    """Run DECK with many schemes and step sizes, and recommend the fastest run for a given error.
 
     Writes study.html, study.md with its pictures, and study.csv: the error against true values and
     the time of each run.
@@ -84,56 +91,87 @@ def study(
     Example: msahl study decks/thesis/double_pendulum_89.xml --target 1e-4
     """
     entered = time.perf_counter()
-    from msahl.deck import DeckError, check_simulation, read_deck
-    from msahl.jit.compiled import working_clock
+    from msahl.deck import DeckError
     from msahl.results.read import ResultError
     from msahl.start.velocities import StartError
+
+    folder, request = output or Path("studies") / deck.stem, Request(deck, **given)
+    try:
+        plan = _plan(request)
+        folder.mkdir(parents=True, exist_ok=True)  # reports a fault before the work is done
+        result, stopped = _carry_out(plan, request, entered)
+    except DeckError as error:
+        stop("\n".join(map(str, error.faults)))
+    except ResultError as error:
+        stop(f"msahl study: {error}")
+    except StartError as error:
+        stop(f"{shown_path(deck)}: {error}")
+    except OSError as error:
+        stop(_not_written(error, folder))
+    _write(result, stopped, deck, folder)
+
+
+def _plan(request: Request) -> "Plan":
+    """The plan of the study; raises ``ResultError`` if the options do not fit together."""
+    from msahl.deck import check_simulation, read_deck
+    from msahl.results.read import ResultError
     from msahl.study.plan import Plan
-    from msahl.study.report import recommendation, write_study
+
+    model, steps = read_deck(request.deck), request.steps
+    if request.t_final is not None:
+        model = replace(model, simulation=replace(model.simulation, t_final=request.t_final))
+    cases = [replace(model.simulation, dt=step) for step in steps or (model.simulation.dt,)]
+    faults = [fault for simulation in cases for fault in check_simulation(simulation)]
+    if faults:
+        raise ResultError("\n".join(faults))
+    if steps and set(request.schemes) == {AUTO}:
+        raise ResultError(
+            f"--dt: the scheme {AUTO} chooses its step size; name another --scheme, or omit --dt"
+        )
+    return Plan(
+        model,
+        steps,
+        request.schemes,
+        request.reference,
+        request.repeat,
+        request.target,
+        request.metric,
+        request.budget,
+    )
+
+
+def _carry_out(plan: "Plan", request: Request, entered: float) -> "tuple[Study, Interruption]":
+    """Make the runs; ``entered`` is the time of the clock when the command was called [s]."""
+    from msahl.jit.compiled import working_clock
     from msahl.study.study import find_reference
     from msahl.study.study import study as run_study
 
-    folder = output or Path("studies") / deck.stem
-    try:
-        model = read_deck(deck)
-        dt = model.simulation.dt
-        if t_final is not None:
-            model = replace(model, simulation=replace(model.simulation, t_final=t_final))
-        given = [replace(model.simulation, dt=step) for step in steps or (dt,)]
-        faults = [fault for simulation in given for fault in check_simulation(simulation)]
-        if faults:
-            raise ResultError("\n".join(faults))
-        if steps and set(schemes) == {AUTO}:
-            raise ResultError(f"--dt: the scheme {AUTO} chooses its steps; name another --scheme")
-        plan = Plan(model, steps, schemes, reference, repeat, target, metric, budget)
-        folder.mkdir(parents=True, exist_ok=True)  # what cannot be written is told before the work
-        began = working_clock() - (time.perf_counter() - entered) - START
-        until = began + budget - WRITING
-        with stoppable() as stopped, _shown(deck, began, budget) as (tell, progress):
-            progress("reference")
-            known = find_reference(plan)
-            result = run_study(plan, progress, stopped, known, tell, until - COMMANDS)
-            result = replace(result, deck=str(deck), given_end=t_final)
-            _time_commands(result, stopped, until, progress)
-    except DeckError as error:
-        _stop("\n".join(map(str, error.faults)))
-    except ResultError as error:
-        _stop(f"msahl study: {error}")
-    except StartError as error:
-        _stop(f"{shown_path(deck)}: {error}")
-    except OSError as error:
-        _stop(_unwritten(error, folder))
+    began = working_clock() - (time.perf_counter() - entered) - START_SECONDS
+    until = began + request.budget - WRITING_SECONDS
+    with stoppable() as stopped, _shown(request, began) as (tell, progress):
+        progress("reference")
+        known = find_reference(plan)
+        result = run_study(plan, progress, stopped, known, tell, until - COMMAND_SECONDS)
+        result = replace(result, deck=str(request.deck), given_end=request.t_final)
+        _time_commands(result, stopped, until, progress)
+    return result, stopped
+
+
+def _write(result: "Study", stopped: Interruption, deck: Path, folder: Path) -> None:
+    """Write the report, and end the program with the status of the study."""
+    from msahl.study.report import recommendation, write_study
+
     if not result.runs:
-        echo(f"{shown_path(deck)}: stopped before a run had ended; nothing was written", err=True)
+        say(f"{shown_path(deck)}: stopped before a run had ended; nothing was written")
         sys.exit(128 + stopped.signal)
     try:
         for path in write_study(result, folder):
             echo(str(path))
     except OSError as error:
-        _stop(_unwritten(error, folder), NOT_WRITTEN)
-    echo(f"{shown_path(deck)}: {recommendation(result)}", err=True)
+        stop(_not_written(error, folder), NOT_WRITTEN)
+    say(f"{shown_path(deck)}: {recommendation(result)}")
     if stopped.signal:
-        echo(f"{shown_path(deck)}: stopped; the report is of the runs made until then", err=True)
+        say(f"{shown_path(deck)}: stopped; the report contains the runs that had ended")
         sys.exit(128 + stopped.signal)
     if not any(point.trial.completed for point in result.runs):
         sys.exit(NOT_CONVERGED)
@@ -142,7 +180,7 @@ def study(
 def _time_commands(
     result: "Study", stopped: Callable[[], bool], until: float, progress: Callable[[str], Any]
 ) -> None:
-    """Run the recommended command and the deck's own, and note what they took."""
+    """Run the recommended command and the deck's own, and record their times."""
     from msahl.jit.compiled import working_clock
     from msahl.study.command import command_arguments, run_command
 
@@ -157,27 +195,23 @@ def _time_commands(
             result.commands[point.trial.case] = made
 
 
-def _stop(message: str, status: int = BAD_INPUT) -> NoReturn:
-    echo(message, err=True)
-    sys.exit(status)
-
-
-def _unwritten(error: OSError, folder: Path) -> str:
+def _not_written(error: OSError, folder: Path) -> str:
     where = error.filename or folder
-    return f"{where}: {error.strerror or error}; make room there, or choose another folder with -o"
+    reason = error.strerror or error
+    return f"{where}: {reason}; free some disk space, or choose another folder with -o"
 
 
 @contextmanager
 def _shown(
-    deck: Path, began: float, budget: float
+    request: Request, began: float
 ) -> Iterator[tuple[Callable[[str], Any], Callable[[str], Any]]]:
-    """Where to tell of finished curves, and of each run: a bar of the time on a terminal, elsewhere
-    lines.
+    """Functions that report finished curves and each run: a progress bar of the time on a
+    terminal, elsewhere lines.
     """
     from msahl.jit.compiled import STOPWATCH, working_clock
 
     def tell(line: str) -> None:
-        echo(f"{shown_path(deck)}: {line}", err=True)
+        echo(f"{shown_path(request.deck)}: {line}", err=True)
 
     def compiling() -> None:
         if not told:
@@ -191,7 +225,7 @@ def _shown(
             yield tell, lambda words: None
             return
         bar: Any = click.progressbar(
-            length=round(10 * budget),
+            length=round(10 * request.budget),
             label="studying",
             file=sys.stderr,
             item_show_func=lambda words: words or "",

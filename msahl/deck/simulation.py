@@ -22,7 +22,7 @@ def read_simulation(element: Element, reader: Reader) -> Simulation:
         reactions=attribute(element, "reactions", MEAN),
         limits=_limits(element.find("verdict"), reader),
         degree=int(element.get("degree", DEGREE)),
-        interval=_number(element.find("outputInterval"), "time", reader),
+        output_interval=_number(element.find("outputInterval"), "time", reader),
         tolerance=_number(element.find("tolerance"), "length", reader),
         local_tolerance=_number(element.find("localTolerance"), "length", reader),
     )

@@ -1,10 +1,11 @@
 """Writer of the deck as it ran: the user's own bytes, with the changes that the run was given."""
 
 import hashlib
+from collections.abc import Mapping
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
-from typing import TypedDict, Unpack, cast
+from typing import Any
 
 from lxml.etree import SubElement
 
@@ -13,65 +14,37 @@ from msahl.deck.parse import parse, parse_with_comments, read_bytes
 
 OTHER = {"tolerance": "localTolerance", "localTolerance": "tolerance"}
 """Elements that replace one another."""
-
-ELEMENTS = {
-    "dt": ("deltaT", "sec"),
-    "t_final": ("tFinal", "sec"),
-    "interval": ("outputInterval", "sec"),
-    "tolerance": ("tolerance", "m"),
-    "local_tolerance": ("localTolerance", "m"),
+UNITS = {
+    "deltaT": "sec",
+    "tFinal": "sec",
+    "outputInterval": "sec",
+    "tolerance": "m",
+    "localTolerance": "m",
 }
-"""Tag and unit of the changes that are children of ``<simulation>``."""
-
-ATTRIBUTES = {
-    "scheme": "scheme",
-    "degree": "degree",
-    "damping": "damping",
-    "rotation_update": "rotationUpdate",
-    "reactions": "reactions",
-}
-"""Names of the changes that are attributes of ``<simulation>``."""
+"""Settings that are elements of ``<simulation>``, with their units; the others are attributes."""
 
 
-class Changes(TypedDict, total=False):
-    """Changes of how a deck is run: times [s], tolerances [m], scheme and its settings. None leaves
-    the deck's own value."""
-
-    dt: float | None
-    t_final: float | None
-    scheme: str | None
-    damping: float | None
-    rotation_update: str | None
-    reactions: str | None
-    degree: int | None
-    interval: float | None
-    tolerance: float | None
-    local_tolerance: float | None
-
-
-def effective_deck(path: str | PathLike[str], **given: Unpack[Changes]) -> bytes:
-    """Return the deck at ``path``, which ``read_deck`` has accepted, with the changes ``given``.
+def effective_deck(path: str | PathLike[str], changes: Mapping[str, Any] | None = None) -> bytes:
+    """Return the deck at ``path``, which ``read_deck`` has accepted, with ``changes`` of
+    ``<simulation>``: values [s, m] by the names of its elements and attributes.
 
     Without changes the bytes are those of the file; otherwise the document is the same, comments
-    included, apart from ``<simulation>``. Raises ``DeckError`` if the file is no deck any more.
+    included, but for ``<simulation>``. Raises ``DeckError`` if the file is no deck any more.
     """
     path = Path(path)
     faults = Faults(str(path))
     data = read_bytes(path, faults)
     parse(data, faults)
-    elements: dict[str, tuple[str, str]] = {}
-    attributes: dict[str, str] = {}
-    for key, value in given.items():
-        if value is None:
-            continue
-        if key in ELEMENTS:
-            tag, unit = ELEMENTS[key]
-            elements[tag] = (repr(float(cast(float, value))), unit)
-        else:
-            attributes[ATTRIBUTES[key]] = (
-                repr(float(cast(float, value))) if key == "damping" else str(value)
-            )
-    return _with_simulation(data, elements, attributes) if elements or attributes else data
+    changes = changes or {}
+    numbers = {
+        tag: (repr(float(changes[tag])), unit) for tag, unit in UNITS.items() if tag in changes
+    }
+    attributes = {
+        key: repr(value) if isinstance(value, float) else str(value)
+        for key, value in changes.items()
+        if key not in UNITS
+    }
+    return _with_simulation(data, numbers, attributes) if changes else data
 
 
 def _with_simulation(

@@ -13,23 +13,17 @@ from msahl.model.loads import (
     Load,
     SpringDamper,
 )
-from msahl.model.model import (
+from msahl.model.model import Model
+from msahl.model.motions import JointMotion, PointMotion
+from msahl.model.settings import (
     INSTANTANEOUS,
     MEAN,
     Limits,
-    Model,
+    Options,
+    RunSettings,
     Simulation,
-    decay_of,
-    decays,
-    degree_of,
-    is_exponential,
-    local_tolerance_of,
-    order_of,
-    reactions_of,
-    scheme_of,
-    tolerance_of,
+    resolve,
 )
-from msahl.model.motions import JointMotion, PointMotion
 
 __all__ = [
     "INSTANTANEOUS",
@@ -47,17 +41,11 @@ __all__ = [
     "Limits",
     "Load",
     "Model",
+    "Options",
     "PointMotion",
     "RigidBody",
+    "RunSettings",
     "Simulation",
     "SpringDamper",
-    "decay_of",
-    "decays",
-    "degree_of",
-    "is_exponential",
-    "local_tolerance_of",
-    "order_of",
-    "reactions_of",
-    "scheme_of",
-    "tolerance_of",
+    "resolve",
 ]

@@ -1,8 +1,9 @@
-"""Time elements: how one step follows from the last.
+"""Names and coefficients of the schemes: how the state at the end of a step follows from its start.
 
-Those of order 2 make one family (``schemes.preserving``), from the one that keeps the energy to the
-one that takes it from all that is quicker than the step. Those of higher order are one time element
-(``schemes.element``) by two rules (``schemes.rule``), of which again one keeps and one takes.
+The schemes of order 2 (``schemes.midpoint``) are one family with a damping: "preserving" conserves
+the energy, "decaying" takes energy from motions that are faster than the step. The collocation
+schemes (``schemes.collocation``) have the higher orders: gauss nearly conserves the energy, radau
+takes energy from fast motions.
 """
 
 from collections.abc import Callable
@@ -10,10 +11,11 @@ from typing import NamedTuple
 
 
 class Decay(NamedTuple):
-    """How a scheme decays: u = h ((v0 + v1)/2 + chi/2 (v1 - v0 - s)), s the smoothed change of v.
+    """Coefficients of a scheme of order 2: u = h ((v0 + v1)/2 + chi/2 (v1 - v0 - s)), where s is
+    the smoothed change of v.
 
-    ``share`` is (1 + chi)/2, what an acceleration over the step moves, in parts of h^2; ``pole`` is
-    how much of s one step hands to the next.
+    ``share`` is (1 + chi)/2, the displacement by a constant acceleration a over the step in units
+    of h^2 a; ``pole`` is the factor by which s is carried from one step to the next.
     """
 
     share: float
@@ -22,7 +24,7 @@ class Decay(NamedTuple):
 
 
 def decaying(damping: float) -> Decay:
-    """The scheme whose factor for the quickest motions is -(1 - ``damping``) a step.
+    """Coefficients of the scheme that multiplies the fastest motions by -(1 - ``damping``) a step.
 
     For a linear oscillator it is the two-step method of order 2 with sigma(z) ~ (z + rho)^2, rho =
     1 - damping: the trapezoidal rule for 0, Gear's BDF2 for 1. See ``docs/theory.md``.
@@ -32,49 +34,52 @@ def decaying(damping: float) -> Decay:
     return Decay(share=0.5 * (1.0 + chi), chi=chi, pole=(1.0 - 3.0 * rho) / (3.0 - rho))
 
 
-SCHEMES: dict[str, Callable[[float], Decay]] = {
+ORDER_TWO: dict[str, Callable[[float], Decay]] = {
     "preserving": lambda damping: decaying(0.0),
     "decaying": decaying,
 }
-"""Schemes of the lowest order, by name, as functions of the damping; the first is the default."""
-DEFAULT = next(iter(SCHEMES))
+"""Schemes of order 2: name -> coefficients as a function of the damping."""
+DEFAULT = next(iter(ORDER_TWO))
+"""Scheme of a deck that names none."""
 DAMPING = 0.5
-"""Damping of a decaying scheme where none is given: 0 none, 1 all, of the quickest in one step."""
+"""Default damping of "decaying": 0 damps nothing, 1 removes the fastest motions in one step."""
 
 CAYLEY, EXPONENTIAL = "cayley", "exponential"
-"""What of a step's turn h times the mean angular velocity is, by schemes of the lowest order."""
+"""How schemes of order 2 update a rotation by h times the mean angular velocity of a step: by the
+Cayley transform or by the exponential map."""
 
 
-class Higher(NamedTuple):
-    """A scheme of higher order: its largest degree s, and whether it decays."""
+class Collocation(NamedTuple):
+    """A family of collocation schemes: its highest degree s, and whether it takes energy."""
 
     highest: int
     decays: bool
 
     def order(self, degree: int) -> int:
-        """Of states, by its ``degree``."""
+        """Order of convergence of the states at this ``degree``."""
         return 2 * degree - self.decays
 
 
-HIGHER = {"gauss": Higher(5, decays=False), "radau": Higher(3, decays=True)}
-"""Schemes of higher order (``schemes.rule``), by name: of order 2s and of order 2s - 1."""
+COLLOCATION = {"gauss": Collocation(5, decays=False), "radau": Collocation(3, decays=True)}
+"""Collocation families by name: gauss has the order 2s, radau the order 2s - 1."""
 DEGREE = 3
-"""Their degree where none is given."""
-AUTO, CHOSEN = "auto", "gauss"
-"""The scheme whose steps and degree a tolerance asks for, and what it chooses from."""
+"""Default degree of a collocation scheme."""
+AUTO, AUTO_FAMILY = "auto", "gauss"
+"""The scheme whose step size and degree follow from a tolerance, and its family."""
 TOLERANCE = 1e-6
-"""Tolerance [m] of ``AUTO`` where none is given."""
+"""Default tolerance [m] of ``AUTO``."""
 WORKER = "scheme"
-"""Name that the work of a decaying scheme goes by; loads and motions cannot have it."""
+"""Column of the energy that a dissipative scheme takes; loads and motions cannot have this name."""
 
 
 def choices() -> tuple[str, ...]:
-    """All schemes a run can choose, by one word each: gauss3 is that of degree 3."""
-    higher = (f"{name}{s}" for name, of in HIGHER.items() for s in range(1, of.highest + 1))
-    return (*SCHEMES, *higher, AUTO)
+    """Names of all schemes as the option ``--scheme`` takes them; gauss3 is gauss of degree 3."""
+    families = COLLOCATION.items()
+    collocation = (f"{name}{s}" for name, of in families for s in range(1, of.highest + 1))
+    return (*ORDER_TWO, *collocation, AUTO)
 
 
 def split(word: str) -> tuple[str, int | None]:
-    """Name and degree of a scheme given by one of the ``choices``; None if it has none."""
+    """Name and degree of one of the ``choices``; the degree is None for schemes without one."""
     name = word.rstrip("0123456789")
-    return name, int(word.removeprefix(name)) if name in HIGHER else None
+    return name, int(word.removeprefix(name)) if name in COLLOCATION else None

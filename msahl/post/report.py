@@ -24,8 +24,8 @@ from msahl.post.summary import (
 )
 from msahl.post.table import Column, Table
 from msahl.results.read import Run
-from msahl.results.write import write_whole
-from msahl.run.verdict import describe_shared
+from msahl.results.write import replace_file
+from msahl.run.verdict import describe_reactions
 
 CAPTIONS = {
     "path": "Paths of the bodies' reference points B",
@@ -104,10 +104,10 @@ def write_report(run: Run, metrics: Metrics, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     for block in blocks:
         if isinstance(block, Picture):
-            write_whole(folder / block.name, block.png)
+            replace_file(folder / block.name, block.png)
     texts = {"report.md": as_markdown(blocks), "report.html": as_html(_title(run), blocks)}
     for name, text in texts.items():
-        write_whole(folder / name, text.encode())
+        replace_file(folder / name, text.encode())
     return [folder / name for name in texts]
 
 
@@ -217,7 +217,7 @@ def _facts(run: Run) -> Table:
         ("degrees of freedom", _degrees_of_freedom(run)),
         (
             "reactions that are not unique",
-            describe_shared(info.get("nonUniqueReactions", {})) or None,
+            describe_reactions(info.get("nonUniqueReactions", {})) or None,
         ),
         ("independent subsystems", _subsystems(run)),
         ("step size dt [s]", f"{simulation.dt:.12g}"),

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from msahl.model import degree_of
+from msahl.model import resolve
 from msahl.post.metrics import Energy, LoadWork, Metrics, Reactions, Statistics
 from msahl.post.table import Cell, Column, Table
 from msahl.results.read import Run
@@ -177,7 +177,7 @@ def no_work_note(run: Run) -> str:
     if run.instantaneous:
         again = (
             "with --scheme preserving"
-            if degree_of(run.model)
+            if resolve(run.model.simulation).degree
             else "without --reactions instantaneous"
         )
         return (

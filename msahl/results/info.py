@@ -1,4 +1,4 @@
-"""``run.json``: read, and held to the types its fields have, so that who reads on may rely on them.
+"""Reads ``run.json`` and checks the types of its fields, so that readers can rely on them.
 
 Fields that are not listed here may hold anything.
 """
@@ -16,19 +16,19 @@ from msahl.results.write import INFO
 from msahl.run.verdict import WORDS
 
 AGAIN = "run the deck again: msahl run"
-"""The remedy for files that are not as a run left them."""
+"""The remedy for files that were changed after the run."""
 
 LARGEST = 1e100
-"""As in a deck: so large a size can be divided by any other."""
+"""Largest size, as in a deck: it can be divided by any other."""
 
 
 class ResultError(Exception):
-    """A folder that is not a run's; the message names file and remedy."""
+    """A folder that does not hold a run; the message names the file and the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
 class Leaf:
-    """A value without parts, by what a reader calls it and a test of it."""
+    """A value without parts: its ``name`` in messages, and a test of it."""
 
     name: str
     fits: Callable[[Any], bool]
@@ -36,7 +36,7 @@ class Leaf:
 
 @dataclass(frozen=True, slots=True)
 class Many:
-    """A list, or an object of any keys (``container``), whose values have one shape."""
+    """A list, or an object with any keys (``container``), whose values have one shape."""
 
     container: type
     of: "Shape"
@@ -70,9 +70,9 @@ NUMBER = Leaf("a number", _is_number)
 FIGURE = Leaf("a number or null", lambda value: value is None or _is_number(value))
 SIZE = Leaf(f"null or a number above zero, up to {LARGEST:g}", _is_size)
 FLAG = Leaf("true or false", lambda value: isinstance(value, bool))
-WHOLE = Leaf("a whole number", lambda v: isinstance(v, int) and not isinstance(v, bool))
-COUNT = Leaf("a whole number from 0", _is_count)
-FIRST = Leaf("a whole number from 1", lambda value: _is_count(value, 1))
+INTEGER = Leaf("an integer", lambda v: isinstance(v, int) and not isinstance(v, bool))
+COUNT = Leaf("an integer from 0", _is_count)
+FIRST = Leaf("an integer from 1", lambda value: _is_count(value, 1))
 WORD = Leaf(f"one of {', '.join(WORDS)}", lambda value: value in WORDS)
 CHECK = Fields({"word": WORD, "text": TEXT}, ("word", "text"))
 
@@ -84,11 +84,11 @@ SHAPE = Fields({
     "time": NUMBER,
     "deck": Fields({"path": TEXT, "digest": TEXT}),
     "options": Fields({
-        **dict.fromkeys(("scheme", "solver", "reactions", "rotationUpdate"), TEXT),
+        **dict.fromkeys(("scheme", "solver", "reactions"), TEXT),
         **dict.fromkeys(("dt", "tFinal", "outputInterval"), SIZE),
         "every": FIRST,
     }),
-    "degreesOfFreedom": Many(dict, WHOLE),
+    "degreesOfFreedom": Many(dict, INTEGER),
     "nonUniqueReactions": Many(dict, Many(list, TEXT)),
     "warnings": Many(list, TEXT),
     "resumed": Many(list, NUMBER),
@@ -99,7 +99,7 @@ SHAPE = Fields({
         ("word", "reasons", "checks"),
     ),
 })  # fmt: skip
-"""Of ``run.json``, as far as it is read back; ``error`` apart, which may be null."""
+"""The shape of ``run.json``, as far as it is read; without ``error``, which may be null."""
 ERROR = Fields({
     **dict.fromkeys(("position", "orientation", "until"), NUMBER),
     "trustHorizon": FIGURE,
@@ -109,7 +109,7 @@ ERROR = Fields({
 
 
 def read_info(folder: Path) -> dict[str, Any]:
-    """What ``run.json`` says: nothing if the run was cut off by force. Raises ``ResultError``."""
+    """The content of ``run.json``, empty if the run was killed. Raises ``ResultError``."""
     path = find(folder, INFO)
     if path is None or path.name != INFO:
         return {}
@@ -126,7 +126,7 @@ def read_info(folder: Path) -> dict[str, Any]:
 
 
 def _faults(value: Any, shape: Shape, place: str) -> Iterator[str]:
-    """What is wrong with a value at a ``place``, and with its parts."""
+    """The faults of a value at a ``place``, and of its parts."""
     match shape:
         case Leaf(name, fits):
             if not fits(value):
@@ -151,7 +151,7 @@ _NAMES = {dict: "an object", list: "a list", str: "a text", type(None): "null"}
 
 
 def _kind(value: Any) -> str:
-    """A JSON value for a reader."""
+    """A JSON value for a message."""
     if isinstance(value, bool):
         return str(value).lower()
     return _NAMES.get(type(value)) or f"the number {value:g}"

@@ -1,6 +1,6 @@
-"""One run at a time in a folder.
+"""Locks a folder of results, so that one run at a time writes into it.
 
-The folder itself is locked, by the system: nothing is left behind by a process that is killed.
+The operating system locks the folder itself, so a killed process leaves no lock behind.
 """
 
 import json
@@ -19,10 +19,10 @@ class FolderInUseError(Exception):
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Keep other runs out of ``folder``, which is made if it is not there.
+    """Lock ``folder``, which is created if it does not exist.
 
-    Raises ``FolderInUseError``, and ``OSError`` if it cannot be made. Where the system or the file
-    system has no such locks there is none.
+    Raises ``FolderInUseError``, and ``OSError`` if it cannot be created. There is no lock where
+    the operating system or the file system has none.
     """
     folder.mkdir(parents=True, exist_ok=True)
     try:
@@ -39,7 +39,7 @@ def locked(folder: Path) -> Iterator[None]:
                 f"{folder}: {_owner(folder)} is writing a run there; wait for its end, stop it, or "
                 "choose another folder with -o"
             ) from None
-        except OSError:  # a network drive that cannot lock a folder
+        except OSError:  # a network file system that cannot lock a folder
             pass
         yield
     finally:
@@ -47,10 +47,10 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def _owner(folder: Path) -> str:
-    """The process at work in ``folder``, as it told itself."""
+    """The process that writes into ``folder``, as its ``run.json`` says."""
     for part in (folder / INCOMPLETE / (INFO + PART), folder / (INFO + PART)):
         try:
             return f"process {json.loads(part.read_bytes())['pid']}"
         except (OSError, ValueError, KeyError, TypeError, RecursionError):
             pass
-    return "another process"  # it has only begun
+    return "another process"  # it has not written run.json yet

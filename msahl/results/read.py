@@ -1,4 +1,4 @@
-"""A run's folder -> arrays: the model it ran, its tables and its ``run.json``."""
+"""Reads a run's folder: the model that was run, its tables and its ``run.json``."""
 
 import io
 from dataclasses import dataclass
@@ -9,24 +9,25 @@ import numpy as np
 import pandas as pd
 
 from msahl.deck import read_deck
-from msahl.model import INSTANTANEOUS, Model, degree_of, reactions_of
+from msahl.model import Model, resolve
 from msahl.printable import printable, shown_path
 from msahl.results.folder import find
 from msahl.results.info import AGAIN, ResultError, read_info
-from msahl.results.write import DECK, ERROR_COLUMNS, ERRORS, PART, STATES
-from msahl.system.names import reaction_columns, state_columns, work_columns, workers
+from msahl.results.write import DECK, PART, file_name
+from msahl.run.tables import ERROR, ERROR_COLUMNS, REACTIONS, STATES, WORK, tables_of_model
 
 __all__ = ["ResultError", "Run", "find_table", "read_info", "read_run", "read_table"]
 
+STATES_FILE, ERROR_FILE = file_name(STATES), file_name(ERROR)
 LONGEST = 40
-"""Characters of a cell or a column that are shown."""
+"""Most characters of a cell or a column name in a message."""
 SAME_TIME = 1e-9
-"""Of the last time: what the last row may be off the end of a run, by the round-off of sums."""
+"""Largest difference of the last time from the end of the run, relative to it."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """One run as read back. Tables have the columns of ``system.names``; rows share ``time``."""
+    """One run as it was read. Tables have the columns of ``system.names``; rows share ``time``."""
 
     folder: Path
     model: Model
@@ -39,37 +40,38 @@ class Run:
 
     @property
     def time(self) -> np.ndarray:
-        """Times of the rows [s]."""
+        """Output times [s]."""
         return self.states["time"].to_numpy()
 
     @property
     def every(self) -> int:
-        """Steps from one row to the next, at least 1: more if the output was thinned. Rows of a
-        scheme of higher order are where they are, whatever its steps.
+        """Steps from one output time to the next, at least 1; with the output times of gauss and
+        radau, which need not be at the ends of steps, it counts output times.
 
-        A run cut off by force has no ``run.json`` to say so; its rows' spacing tells.
+        A killed run has no ``run.json`` to say so; then it follows from the output times.
         """
         options, dt = self.info.get("options", {}), self.model.simulation.dt
         told = options.get("every")
         if told is not None or len(self.time) < 2:
-            interval = None if degree_of(self.model) else options.get("outputInterval")
+            degree = resolve(self.model.simulation).degree
+            interval = None if degree else options.get("outputInterval")
             return int(told or 1) * max(1, round((interval or dt) / dt))
         spacing = float(self.time[1] - self.time[0])
         return max(1, round(spacing / dt))
 
     @property
     def instantaneous(self) -> bool:
-        """Whether reactions are those at the rows' own times, not means over the steps before."""
-        return reactions_of(self.model) == INSTANTANEOUS
+        """Whether reactions are those at the output times, not means over the steps before."""
+        return resolve(self.model.simulation).instantaneous
 
     @property
     def has_means(self) -> bool:
-        """Whether the mean reaction of every step is on file."""
+        """Whether the tables hold the mean reactions of every step."""
         return self.every == 1 and not self.instantaneous
 
 
 def read_run(folder: Path) -> Run:
-    """Read the run in ``folder``; a run that stopped early is read as far as it came.
+    """Read the run in ``folder``; a run that stopped early is read up to its last row.
 
     Raises ``ResultError`` if there is no run, ``DeckError`` if its deck is not valid.
     """
@@ -78,11 +80,7 @@ def read_run(folder: Path) -> Run:
         message = "not the folder of a run (no deck.xml); make one: msahl run"
         raise ResultError(f"{shown_path(folder)}: {message}")
     model, info = read_deck(deck), read_info(folder)
-    columns = {"states.csv": state_columns(model)}
-    if model.joints or model.couplings or model.motions:
-        columns["reactions.csv"] = reaction_columns(model)
-    if workers(model):
-        columns["work.csv"] = work_columns(model)
+    columns = {file_name(name): head for name, head in tables_of_model(model).items()}
     paths = {name: _path(folder, name) for name in columns}
     tables = {name: _table(paths[name], header) for name, header in columns.items()}
     rows = _count_rows(folder, paths, tables, info)
@@ -92,20 +90,20 @@ def read_run(folder: Path) -> Run:
         folder=folder,
         model=model,
         info=info,
-        states=tables["states.csv"],
-        reactions=tables.get("reactions.csv"),
-        work=tables.get("work.csv"),
-        partial=find_table(folder, STATES) == folder / (STATES + PART),
-        errors=_errors(folder, tables["states.csv"]["time"].to_numpy(), info),
+        states=tables[STATES_FILE],
+        reactions=tables.get(file_name(REACTIONS)),
+        work=tables.get(file_name(WORK)),
+        partial=find_table(folder, STATES_FILE) == folder / (STATES_FILE + PART),
+        errors=_errors(folder, tables[STATES_FILE]["time"].to_numpy(), info),
     )
 
 
 def _errors(folder: Path, times: np.ndarray, info: dict[str, Any]) -> pd.DataFrame | None:
     """The table of estimated errors, at the first of these ``times``; None if there is none."""
-    told, path = info.get("error") or {}, find_table(folder, ERRORS)
+    told, path = info.get("error") or {}, find_table(folder, ERROR_FILE)
     if path is None:
         if told:
-            raise ResultError(f"{shown_path(folder / ERRORS)}: missing; {AGAIN}")
+            raise ResultError(f"{shown_path(folder / ERROR_FILE)}: missing; {AGAIN}")
         return None
     table = _table(path, ERROR_COLUMNS).iloc[: len(times)]
     check_rows(path, table)
@@ -122,16 +120,17 @@ def _errors(folder: Path, times: np.ndarray, info: dict[str, Any]) -> pd.DataFra
 def _count_rows(
     folder: Path, paths: dict[str, Path], tables: dict[str, pd.DataFrame], info: dict[str, Any]
 ) -> int:
-    """How many rows all tables have.
+    """Number of rows that all tables have.
 
-    A run cut off by force, which leaves no ``run.json``, may have written more of one table than of
-    another; otherwise tables of different lengths, or of another than was told, were changed.
+    A killed run, which leaves no ``run.json``, may have written more rows of one table than of
+    another. Otherwise tables of different lengths, or of another length than ``run.json`` says,
+    were changed after the run.
     """
     counts = {name: len(table) for name, table in tables.items()}
-    least, told = min(counts.values()), info.get("outputTimes", counts["states.csv"])
-    cut_off = "outputTimes" not in info and any(path.suffix == PART for path in paths.values())
+    least, told = min(counts.values()), info.get("outputTimes", counts[STATES_FILE])
+    killed = "outputTimes" not in info and any(path.suffix == PART for path in paths.values())
     for name, count in counts.items():
-        if count != told and not cut_off:
+        if count != told and not killed:
             whence = "run.json says" if "outputTimes" in info else "states.csv has"
             raise ResultError(wrong_count(paths[name], count, f"{whence} {told}"))
     if least == 0:
@@ -140,7 +139,7 @@ def _count_rows(
 
 
 def wrong_count(path: Path, count: int, expected: str) -> str:
-    """What to say of a table with another number of rows than ``expected``."""
+    """Message on a table with another number of rows than ``expected``."""
     return f"{shown_path(path)}: {count} rows, but {expected}: rows were lost or added; {AGAIN}"
 
 
@@ -149,7 +148,7 @@ def _check_times(
 ) -> None:
     """Raise ``ResultError`` unless all tables hold finite numbers at the same increasing times,
     from 0 to the end of a run that was completed."""
-    times = tables["states.csv"]["time"].to_numpy()
+    times = tables[STATES_FILE]["time"].to_numpy()
     for name, table in tables.items():
         check_rows(paths[name], table)
         other = np.flatnonzero(table["time"].to_numpy() != times)
@@ -159,11 +158,11 @@ def _check_times(
             raise ResultError(f"{_line(paths[name], other[0])}: {message}; {AGAIN}")
     if times[0] != 0.0:
         message = f"the first row is at {times[0]:.12g} s, not at 0"
-        raise ResultError(f"{_line(paths['states.csv'], 0)}: {message}; {AGAIN}")
+        raise ResultError(f"{_line(paths[STATES_FILE], 0)}: {message}; {AGAIN}")
     end = info.get("time") if info.get("status") == "completed" else None
     if end is not None and abs(times[-1] - end) > SAME_TIME * abs(end):
         message = f"the last row is at {times[-1]:.12g} s; run.json says {end:.12g} s"
-        raise ResultError(f"{_line(paths['states.csv'], len(times) - 1)}: {message}; {AGAIN}")
+        raise ResultError(f"{_line(paths[STATES_FILE], len(times) - 1)}: {message}; {AGAIN}")
 
 
 def check_rows(path: Path, table: pd.DataFrame, only_times: bool = False) -> None:
@@ -189,14 +188,15 @@ def _line(path: Path, row: int) -> str:
 
 
 def find_table(folder: Path, name: str) -> Path | None:
-    """Path of the table ``name``, whole or ``.part``; ``None`` if there is neither."""
+    """Path of the table ``name``, complete or ``.part``; ``None`` if there is neither."""
     return find(folder, name)
 
 
 def read_table(path: Path) -> pd.DataFrame:
     """A CSV table of numbers, every double as it was written.
 
-    Of a table under way (``.part``) a last row cut short is left out: a number may be cut, too.
+    The last row of a table that is not complete (``.part``) is omitted if it is cut: a number may
+    be cut, too.
     """
     try:
         text = path.read_bytes().decode()
@@ -207,7 +207,7 @@ def read_table(path: Path) -> pd.DataFrame:
     header, _, rows = text.partition("\n")
     columns = header.rstrip("\r").split(",")
     if len(set(columns)) < len(columns):
-        raise ResultError(f"{shown_path(path)}:1: a column stands there twice; {AGAIN}")
+        raise ResultError(f"{shown_path(path)}:1: a column appears twice; {AGAIN}")
     try:
         # numpy reads a decimal as the nearest double; pandas does so in some versions only.
         numbers = np.empty((0, len(columns)))
@@ -220,7 +220,7 @@ def read_table(path: Path) -> pd.DataFrame:
 
 
 def _unreadable(rows: str, columns: int) -> str:
-    """The line of the first row that is not so many numbers, and what it is."""
+    """The line of the first row that is not as many numbers as there are columns, and why."""
     for line, row in enumerate(rows.splitlines(), start=2):
         cells = row.split(",")
         if len(cells) != columns and row.strip():
@@ -235,7 +235,7 @@ def _unreadable(rows: str, columns: int) -> str:
 
 
 def _path(folder: Path, name: str) -> Path:
-    """The table ``name``, whole or partial."""
+    """Path of the table ``name``, complete or not; raises ``ResultError`` if there is none."""
     path = find_table(folder, name)
     if path is None:
         raise ResultError(f"{shown_path(folder / name)}: missing; {AGAIN}")
@@ -251,8 +251,8 @@ def _table(path: Path, columns: list[str]) -> pd.DataFrame:
         other = [name for name in found if name not in columns]
         why = (
             f"{lacks[0]} is missing" if lacks
-            else f"{printable(other[0][:LONGEST])} is none" if other
-            else "they stand in another order"
+            else f"{printable(other[0][:LONGEST])} is not one of them" if other
+            else "their order is different"
         )  # fmt: skip
         deck = shown_path(path.with_name("deck.xml"))
         message = f"its columns are not those of {deck}: {why}"

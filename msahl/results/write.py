@@ -1,12 +1,12 @@
-"""Results on disk: tables that grow row by row and appear whole, and ``run.json``.
+"""Results on disk: tables that grow row by row, and ``run.json``.
 
-A table is written as NAME.part and takes its name when the run has ended well; what is there under
-a final name is therefore complete. Numbers are the shortest decimals that read back to the same
-double.
+A table is written as NAME.part and gets its final name when the run has completed, so a file with a
+final name is complete. Numbers are the shortest decimals that read back to the same double.
 """
 
 import io
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -15,25 +15,31 @@ import numpy as np
 import orjson
 
 from msahl.model import Model
-from msahl.system.names import reaction_columns, state_columns, work_columns, workers
+from msahl.run.tables import ERROR, ERROR_COLUMNS, TABLES, tables_of_model
 
 PART = ".part"
 INFO, DECK, CHECKPOINT = "run.json", "deck.xml", "checkpoint"
-STATES, REACTIONS, WORK, ERRORS = TABLES = ("states.csv", "reactions.csv", "work.csv", "error.csv")
-ERROR_COLUMNS = ["time", "position", "orientation"]
-"""Head of the table of estimated errors [s, m, m]."""
-ROOM = 4096
-"""Bytes that ``run.json`` is given at the start: it can tell of the end on a disk then full."""
+RESERVED = 4096
+"""Bytes that ``run.json`` reserves at the start, so that the end can be reported on a full disk."""
+
+
+def file_name(table: str) -> str:
+    """Name of the file of a ``table``."""
+    return f"{table}.csv"
+
+
+TABLE_FILES = tuple(map(file_name, TABLES))
+"""Names of the files of all tables."""
 
 
 class Table:
-    """One CSV file under way: anew, or going on after the first ``end`` bytes of what is there."""
+    """One CSV file that is being written: a new one, or the first ``end`` bytes of an old one."""
 
     def __init__(self, path: Path, columns: list[str], end: int | None = None) -> None:
         self.path = path
         self.part = path.with_name(path.name + PART)
         if end is not None and not self.part.exists():
-            path.replace(self.part)  # stopped by force just when tables took their names
+            path.replace(self.part)  # the run was killed just when tables got their final names
         # Unbuffered: what could not be written is not tried again on closing.
         self.file = create(self.part) if end is None else _reopen(self.part)
         self.end, self.head = end or 0, (",".join(columns) + "\n").encode()
@@ -43,7 +49,7 @@ class Table:
             self.cut(end)
 
     def write(self, rows: np.ndarray) -> None:
-        """Append ``rows`` (m, columns) of finite numbers; ``OSError`` bears the file's name."""
+        """Append ``rows`` (m, columns) of finite numbers; an ``OSError`` names the file."""
         text = orjson.dumps(np.ascontiguousarray(rows), option=orjson.OPT_SERIALIZE_NUMPY)
         # A JSON array of arrays is CSV but for its brackets.
         self._append(text[2:-2].replace(b"],[", b"\n") + b"\n")
@@ -56,7 +62,7 @@ class Table:
         self.end += len(text)
 
     def cut(self, end: int) -> None:
-        """Go back to the first ``end`` bytes."""
+        """Cut the file after its first ``end`` bytes."""
         self.file.seek(end)
         self.file.truncate()
         self.end = end
@@ -65,58 +71,52 @@ class Table:
         """Drop all rows."""
         self.cut(len(self.head))
 
-    def to_disk(self) -> None:
-        """Have the system bring to the disk what was written."""
+    def flush(self) -> None:
+        """Make the operating system write everything to the disk."""
         os.fsync(self.file.fileno())
 
     def close(self) -> None:
-        """End the file."""
+        """Close the file."""
         self.file.close()
 
 
 class RunFolder:
-    """The folder of one run; a context that leaves its tables ``.part`` unless told ``whole``.
+    """The sink of a run on disk. As a context it gives the tables their final names at the end, if
+    ``complete`` was set.
 
-    It begins anew, or goes on with tables of which ``ends`` tells how far they are good, in bytes
-    by the files' names. Raises ``OSError`` if it cannot be written.
+    The tables are new, or those of an interrupted run, of which ``ends`` gives the valid bytes by
+    file name. Raises ``OSError`` if the folder cannot be written.
     """
 
     def __init__(
         self, folder: Path, model: Model, deck: bytes, ends: dict[str, int] | None = None
     ) -> None:
         self.folder = folder
-        self.whole = False
+        self.complete = False
         folder.mkdir(parents=True, exist_ok=True)
         if ends is None:
             clear(folder)
-            write_whole(folder / DECK, deck)
-        columns = {STATES: state_columns(model)}
-        if model.joints or model.couplings or model.motions:
-            columns[REACTIONS] = reaction_columns(model)
-        if workers(model):
-            columns[WORK] = work_columns(model)
-        if ends is not None and ERRORS in ends:
-            columns[ERRORS] = ERROR_COLUMNS
-        self.tables = {
-            name: Table(folder / name, heads, None if ends is None else ends[name])
-            for name, heads in columns.items()
-        }
+            replace_file(folder / DECK, deck)
+        columns = tables_of_model(model)
+        if ends is not None and file_name(ERROR) in ends:
+            columns[ERROR] = ERROR_COLUMNS
+        self.tables: dict[str, Table] = {}
+        for name, head in columns.items():
+            file = file_name(name)
+            self.tables[name] = Table(folder / file, head, None if ends is None else ends[file])
 
-    def write(
-        self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray, errors: np.ndarray
-    ) -> None:
-        """Append rows to every table the scene has, or, if one cannot be written, to none."""
-        rows = {STATES: states, REACTIONS: reactions, WORK: work, ERRORS: errors}
-        if len(errors) and ERRORS not in self.tables:
-            self.tables[ERRORS] = Table(self.folder / ERRORS, ERROR_COLUMNS)
-        ends = self.ends()
+    def write(self, tables: Mapping[str, np.ndarray]) -> None:
+        """Append rows to every table of the model, or, if one cannot be written, to none."""
+        if ERROR not in self.tables and len(tables.get(ERROR, ())):
+            self.tables[ERROR] = Table(self.folder / file_name(ERROR), ERROR_COLUMNS)
+        before = {name: table.end for name, table in self.tables.items()}
         try:
             for name, table in self.tables.items():
-                if len(rows[name]):
-                    table.write(rows[name])
+                if len(tables.get(name, ())):
+                    table.write(tables[name])
         except BaseException:
             for name, table in self.tables.items():
-                table.cut(ends[name])
+                table.cut(before[name])
             raise
 
     def restart(self) -> None:
@@ -126,12 +126,12 @@ class RunFolder:
 
     def ends(self) -> dict[str, int]:
         """Bytes of the tables so far, by file name."""
-        return {name: table.end for name, table in self.tables.items()}
+        return {file_name(name): table.end for name, table in self.tables.items()}
 
-    def to_disk(self) -> None:
-        """Have the system bring all rows to the disk."""
+    def flush(self) -> None:
+        """Make the operating system write all rows to the disk."""
         for table in self.tables.values():
-            table.to_disk()
+            table.flush()
 
     def __enter__(self) -> "RunFolder":
         return self
@@ -144,18 +144,21 @@ class RunFolder:
     ) -> None:
         for table in self.tables.values():
             table.close()
-        if self.whole and kind is None:
+        if self.complete and kind is None:
             for table in self.tables.values():
                 table.part.replace(table.path)
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
-    """Write ``content`` whole, indented, to ``path``."""
-    write_whole(path, orjson.dumps(content, option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE))
+    """Write ``content`` to ``path``, indented; the file is never seen half-written."""
+    options = orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE
+    replace_file(path, orjson.dumps(content, option=options))
 
 
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file that is never seen half-written; a part that is there gives its room."""
+def replace_file(path: Path, content: bytes) -> None:
+    """Write a file that is never seen half-written, in the disk space of its ``.part`` if there is
+    one.
+    """
     part = path.with_name(path.name + PART)
     reuse = part.is_file() and not part.is_symlink() and part.stat().st_nlink == 1
     with _reopen(part) if reuse else create(part) as file:
@@ -165,38 +168,38 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 def write_beginning(folder: Path, content: dict[str, Any]) -> None:
-    """Tell of a run under way in ``run.json.part``, with room for what its end will add."""
+    """Write ``run.json.part`` of a run that begins, with space reserved for the report."""
     text = orjson.dumps(content, option=orjson.OPT_INDENT_2)
-    # The first file of a run, and never half-written: it says whose folder this is.
+    # The first file of a run, and never half-written: it says which run the folder belongs to.
     hidden = folder / f".{INFO}"
     with create(hidden) as file:
-        write_all(file, text.ljust(ROOM) + b"\n")
+        write_all(file, text.ljust(RESERVED) + b"\n")
     hidden.replace(folder / (INFO + PART))
     (folder / INFO).unlink(missing_ok=True)
 
 
 def clear(folder: Path) -> None:
-    """Remove what an earlier run left, so that no file is taken for the new run's."""
+    """Remove the files of an earlier run, so that none is taken for one of the new run."""
     (folder / INFO).unlink(missing_ok=True)
-    for name in (*TABLES, CHECKPOINT):
+    for name in (*TABLE_FILES, CHECKPOINT):
         (folder / name).unlink(missing_ok=True)
         (folder / (name + PART)).unlink(missing_ok=True)
 
 
 def create(path: Path) -> io.FileIO:
-    """A new file. What was there is removed, not written over: it may be a link to another file."""
+    """A new file. An old one is removed and not overwritten: it may be a link to another file."""
     path.unlink(missing_ok=True)
     return path.open("xb", buffering=0)
 
 
 def write_all(file: io.FileIO, content: bytes) -> None:
-    """Write all of ``content``, of which an unbuffered file may take a part at a time."""
+    """Write all of ``content``; an unbuffered file may take only a part at a time."""
     rest = memoryview(content)
     while rest:
         rest = rest[file.write(rest) :]
 
 
 def _reopen(path: Path) -> io.FileIO:
-    """A file of ours, to go on with; a symbolic link in its place is an ``OSError``."""
+    """One of our files, to be continued; a symbolic link in its place is an ``OSError``."""
     flags = os.O_RDWR | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
     return open(path, "r+b", buffering=0, opener=lambda name, _: os.open(name, flags))

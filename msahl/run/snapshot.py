@@ -1,8 +1,8 @@
-"""Where a run stands between two steps: all that its next step depends on, to the last bit.
+"""The state of a run between two steps: all that its next step depends on, to the last bit.
 
-The accepted state of every island goes with what was prepared from it, so that nothing is computed
-twice and no rounding can differ. What a scene has by its deck is not kept but known by its digest:
-a run that goes on builds the scene anew, and must come to the same.
+The accepted state of every subsystem is saved together with what was prepared from it, so nothing
+is computed twice and no rounding can differ. What a system owes to its deck alone is not saved but
+identified by a digest: a run that is resumed builds the system again, and must obtain the same.
 """
 
 import hashlib
@@ -16,36 +16,56 @@ from msahl.run.subsystem import SubsystemIntegrator
 
 
 class ResumeError(Exception):
-    """A run that cannot go on from where it stood; the message names the reason and the remedy."""
+    """A run that cannot be resumed; the message names the reason and the remedy."""
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A run between two steps: digest of its scene, counters and extremes, and what advances.
+    """A run between two steps.
 
-    ``numbers`` are what JSON can hold; ``memory`` (m,) is all islands' states, one after the other.
+    ``system`` is the digest of its systems, ``numbers`` are counters and figures as JSON can hold
+    them, ``memory`` (m,) holds the changing doubles of all subsystems, one after the other.
     """
 
-    workspace: str
+    system: str
     numbers: dict[str, Any]
     memory: np.ndarray
 
 
-def remember(integrators: Sequence[SubsystemIntegrator]) -> np.ndarray:
-    """(m,) a copy of all that the islands hand to their next steps."""
-    return np.concatenate([array.ravel() for array in _advancing(integrators)])
+@dataclass(frozen=True)
+class SavedSteps:
+    """Where the subsystems' steps stood, to go back to within the same run."""
+
+    memory: np.ndarray
+    counters: list[dict[str, Any]]
+
+    @classmethod
+    def of(cls, integrators: Sequence[SubsystemIntegrator]) -> "SavedSteps":
+        """The present state of the ``integrators``."""
+        return cls(copy_memory(integrators), [of.stepper.counters for of in integrators])
+
+    def restore(self, integrators: Sequence[SubsystemIntegrator]) -> None:
+        """Bring the same ``integrators`` back; the work counted since then stays counted."""
+        for integrator, counters in zip(integrators, self.counters, strict=True):
+            integrator.stepper.restore(counters)
+        restore_memory(integrators, self.memory)
 
 
-def recall(integrators: Sequence[SubsystemIntegrator], memory: np.ndarray) -> None:
-    """Put back what ``remember`` copied from the same islands."""
+def copy_memory(integrators: Sequence[SubsystemIntegrator]) -> np.ndarray:
+    """(m,) a copy of all doubles that the subsystems' next steps depend on."""
+    return np.concatenate([array.ravel() for array in _changing(integrators)])
+
+
+def restore_memory(integrators: Sequence[SubsystemIntegrator], memory: np.ndarray) -> None:
+    """Restore what ``copy_memory`` copied from the same subsystems."""
     first = 0
-    for array in _advancing(integrators):
+    for array in _changing(integrators):
         array[:] = memory[first : first + array.size].reshape(array.shape)
         first += array.size
 
 
 def counters(integrator: SubsystemIntegrator) -> dict[str, Any]:
-    """What an island's runner counts, and whether it has begun."""
+    """The counters of a subsystem, as JSON can hold them."""
     iterations, factorisations = integrator.workspace.counts.tolist()
     return {
         "scipySteps": integrator.stepper.scipy_steps,
@@ -55,8 +75,8 @@ def counters(integrator: SubsystemIntegrator) -> dict[str, Any]:
     }
 
 
-def set_counters(integrator: SubsystemIntegrator, counted: dict[str, Any]) -> None:
-    """Put back what ``counters`` told."""
+def restore_counters(integrator: SubsystemIntegrator, counted: dict[str, Any]) -> None:
+    """Restore what ``counters`` returned."""
     integrator.stepper.scipy_steps = counted["scipySteps"]
     integrator.stepper.subdivisions = counted["subdivisions"]
     integrator.workspace.counts[:] = counted["counts"]
@@ -64,7 +84,7 @@ def set_counters(integrator: SubsystemIntegrator, counted: dict[str, Any]) -> No
 
 
 def digest(integrators: Sequence[SubsystemIntegrator]) -> str:
-    """SHA-256, in hexadecimal, of all that is constant in the islands' scenes."""
+    """SHA-256, in hexadecimal, of all that is constant in the subsystems."""
     found = hashlib.sha256()
     for integrator in integrators:
         found.update(f"{integrator.solver} {integrator.stepper.kind} {integrator.axis}\n".encode())
@@ -78,7 +98,7 @@ def digest(integrators: Sequence[SubsystemIntegrator]) -> str:
 
 
 def _leaves(value: Any) -> Iterator[Any]:
-    """What nested groups hold, in order."""
+    """The values in nested tuples, in order."""
     if isinstance(value, tuple):
         for part in value:
             yield from _leaves(part)
@@ -86,13 +106,13 @@ def _leaves(value: Any) -> Iterator[Any]:
         yield value
 
 
-def _advancing(integrators: Sequence[SubsystemIntegrator]) -> Iterator[np.ndarray]:
-    """What changes from step to step and is read by the next: all of it doubles."""
+def _changing(integrators: Sequence[SubsystemIntegrator]) -> Iterator[np.ndarray]:
+    """The arrays that change from step to step and that the next step reads: all are doubles."""
     for integrator in integrators:
         workspace = integrator.workspace
         for leaf in _leaves(
             (workspace.state, workspace.start, workspace.pivots, integrator.stepper.memory)
         ):
-            # ``along`` is None in a scene of points; numbers that count are constant.
+            # ``scalar`` is None in systems of coinciding points; integer arrays are constant.
             if isinstance(leaf, np.ndarray) and leaf.dtype == float:
                 yield leaf

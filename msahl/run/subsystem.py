@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from msahl.model import Model, degree_of, local_tolerance_of, scheme_of
-from msahl.model.scheme import AUTO
+from msahl.model import Model, resolve
 from msahl.schemes.fixed_stepper import FixedStepper
 from msahl.schemes.midpoint import workspace
 from msahl.schemes.midpoint.stepper import MidpointMethod
@@ -37,14 +36,15 @@ from msahl.system.unknowns import choose
 
 
 class SubsystemIntegrator:
-    """An island with its solver; builds the scene at t = 0 and advances it chunk by chunk.
+    """A subsystem with its stepper: made consistent at t = 0, then advanced chunk by chunk.
 
-    ``moved`` and ``change`` tell what was done to the given positions and velocities, ``rank`` and
-    ``redundant`` how many joint equations are independent and how many not, ``shared`` which
-    columns of reactions are therefore not unique, by name of the joint, coupling or motion;
-    ``axis`` is the normal of a planar island's plane or None.
-    ``at_rows`` asks for reactions at the rows' own times instead of means over the steps.
-    Raises ``StartError`` if there is no consistent start.
+    ``moved`` and ``change`` describe what was done to the given positions and velocities; ``rank``
+    is the number of independent constraint equations, ``redundant`` that of the others; ``shared``
+    lists the columns of reactions that are therefore not unique, by name of the joint, coupling or
+    motion; ``axis`` is the normal of a planar subsystem's plane, or None. Reactions are means over
+    the steps unless ``instantaneous``. ``full`` switches off the model reductions, ``chunk`` is the
+    largest number of steps and rows of a chunk. Raises ``StartError`` if there is no consistent
+    start.
     """
 
     def __init__(
@@ -54,16 +54,16 @@ class SubsystemIntegrator:
         system = build_system(model)
         state = build_state(model, system)
         try:
-            self._make_scene(system, state, full, chunk)
-        except np.linalg.LinAlgError as error:  # what LAPACK says of inf and nan
+            self._make_workspace(system, state, full, chunk)
+        except np.linalg.LinAlgError as error:  # LAPACK's fault on inf and nan
             start = new_system_workspace(system, state)
             evaluate.prepare(system, state, start)
             name = find_nonfinite(model, system, state, start, model.simulation.dt) or "the joints"
             raise StartError(overflow(0.0, name)) from error
         self.stepper = _new_stepper(model, self.workspace, solver, instantaneous)
 
-    def _make_scene(self, system: System, state: State, full: bool, chunk: int) -> None:
-        """Bring the start in order, and find out what there is to be solved."""
+    def _make_workspace(self, system: System, state: State, full: bool, chunk: int) -> None:
+        """Make the state consistent, choose the unknowns and apply the model reductions."""
         model = self.model
         self.moved = assemble(system, state) if model.position == "project" else None
         self.rank = constraint_rank(system, state)
@@ -88,7 +88,7 @@ class SubsystemIntegrator:
         evaluate.prepare(system, state, self.workspace.start)
 
     def _add_shared(self, system: System, state: State) -> None:
-        """Add the reactions that are not unique in this state to those that were not before."""
+        """Add the reactions that are not unique in this state to those found before."""
         elements = (*self.model.joints, *self.model.couplings, *self.model.motions)
         found = non_unique_reactions(system, state) if self.redundant else {}
         for e, columns in found.items():
@@ -96,22 +96,22 @@ class SubsystemIntegrator:
             self.shared[elements[e].name] = sorted({*known, *columns})
 
     def review_reactions(self) -> None:
-        """Decide again which reactions are unique, where the island stands now.
+        """Find the reactions that are not unique in the present state, besides those found before.
 
-        Directions fixed in bodies have turned: a component along an inertial axis that happened to
-        be unique at the start need not be so later. In a plane nothing turns out of it.
+        Directions fixed in bodies have rotated since t = 0: a component along an inertial axis that
+        was unique then need not be so now. In a planar subsystem they stay in the plane.
         """
         if self.axis is None:
             self._add_shared(self.workspace.system, self.workspace.state)
 
     def find_nonfinite(self, h: float) -> str | None:
-        """Whose numbers in the step ``h`` from where the island stands are none, in words."""
+        """Name the element whose numbers become NaN or infinite in a step ``h`` [s], or None."""
         return find_nonfinite(
             self.model, self.workspace.system, self.workspace.state, self.workspace.start, h
         )
 
     def show_start(self) -> None:
-        """Fill the first rows of watch and tables with the state at t = 0."""
+        """Fill the first rows of monitor and tables with the state at t = 0."""
         self.workspace.mean_force[:] = self.workspace.state.force
         self.workspace.mean_reaction[:] = self.workspace.state.reaction
         workspace.show(self.workspace, 0.0, 0, 0)
@@ -122,18 +122,17 @@ class SubsystemIntegrator:
 
 
 def _new_stepper(model: Model, workspace: Workspace, solver: str, instantaneous: bool) -> Stepper:
-    """The stepper of the model's scheme; the collocation code is only loaded if asked for."""
-    scheme, degree, simulation = scheme_of(model), degree_of(model), model.simulation
-    if degree == 0:
+    """The stepper of the model's scheme; the collocation code is only loaded where it is needed."""
+    simulation, settings = model.simulation, resolve(model.simulation)
+    if not settings.degree:
         return FixedStepper(MidpointMethod(workspace, instantaneous), solver)
     from msahl.schemes.collocation.step_control import ControlSettings
     from msahl.schemes.collocation.stepper import AdaptiveStepper, CollocationMethod
 
-    tolerance = local_tolerance_of(model)
+    tolerance, degrees = settings.local_tolerance, settings.degrees
     if tolerance is None:
-        return FixedStepper(CollocationMethod(workspace, scheme, degree), solver)
-    degrees = tuple(range(1, degree + 1)) if simulation.scheme == AUTO else (degree,)
+        return FixedStepper(CollocationMethod(workspace, settings.family, settings.degree), solver)
     # The first review begins in the middle of the degrees.
-    method = CollocationMethod(workspace, scheme, degrees[len(degrees) // 2])
-    settings = ControlSettings(tolerance, simulation.dt, simulation.t_final)
-    return AdaptiveStepper(method, degrees, settings)
+    method = CollocationMethod(workspace, settings.family, degrees[len(degrees) // 2])
+    control = ControlSettings(tolerance, simulation.dt, simulation.t_final)
+    return AdaptiveStepper(method, degrees, control)

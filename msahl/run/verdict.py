@@ -1,9 +1,9 @@
 """The verdict on a run: PASS, DONE, WARN or FAIL, check by check, with the reasons in words.
 
-A figure within its limit passes, beyond it warns, and far beyond it fails. Our limits are tight, as
-what is kept is kept to round-off; a figure that fails spoils the motion. No limit is below the
-round-off of what a figure is the difference of. PASS promises that the global error is known and
-small; a run whose error was not estimated can be no better than DONE.
+A figure within its limit passes, beyond it warns, and far beyond it fails. The limits are tight, as
+the scheme conserves to round-off what it conserves; a figure that fails makes the motion unusable.
+No limit is below the round-off of the terms whose difference the figure is. PASS means that the
+global error was estimated and is small. A run whose error was not estimated is DONE at best.
 """
 
 from collections.abc import Callable, Iterator
@@ -15,41 +15,44 @@ from msahl.model import Limits
 
 PASS, DONE, WARN, FAIL = WORDS = ("PASS", "DONE", "WARN", "FAIL")
 
-BETWEEN = 10.0
-"""Times a limit of the deck up to which a figure is only warned of."""
-ENERGY, ENERGY_SPOILT = 1e-8, 1e-3
-"""Of the largest kinetic energy. A million steps of the preserving scheme drift by 1e-12 or so."""
-GAP, GAP_SPOILT = 1e-9, 1e-5
-"""Of the longest body; steps close their joints to 1e-14 of it."""
-MOMENTUM, MOMENTUM_SPOILT = 1e-9, 1e-4
-"""Of the momenta's own sizes."""
-GAP_RATE = 0.05
-"""Of the highest speed: more says that the step is large, never that the run is bad."""
-ERROR, ERROR_SPOILT = 0.01, 0.3
-"""Parts of the model's size, the longest body or the longest way of one: global errors of positions
-and orientations beyond which a run warns, where no accuracy is asked for, and fails."""
+WARN_FACTOR = 10.0
+"""Factor times a limit of the deck up to which a figure warns; beyond it fails."""
+ENERGY, ENERGY_FAIL = 1e-8, 1e-3
+"""Energy error relative to the largest kinetic energy that warns, and fails. A million steps of the
+preserving scheme drift by about 1e-12."""
+VIOLATION, VIOLATION_FAIL = 1e-9, 1e-5
+"""Constraint violation relative to the longest body that warns, and fails; steps reach 1e-14."""
+MOMENTUM, MOMENTUM_FAIL = 1e-9, 1e-4
+"""Relative change of the momenta that warns, and fails."""
+VIOLATION_RATE = 0.05
+"""Constraint violation at velocity level relative to the highest speed that warns: the step size is
+large, but the run may be good."""
+ERROR, ERROR_FAIL = 0.01, 0.3
+"""Global error of positions and orientations relative to the size of the model (its longest body,
+or its largest displacement if larger) that warns, if the deck sets no limit, and fails."""
 TAKEN = 0.01
-"""Of the largest kinetic energy: what a scheme of higher order may take from what it resolves. From
-a vibration it takes twice what it takes from the amplitude, which is then its largest error."""
-FARTHER = 2.0
-"""Of the longest way that a body has got from where it began: a step's way at the highest speed
-beyond which it goes to and fro within a step. A vibration then makes a third of a turn a step."""
-GAP_WORK = 1e-8
-"""Of the largest kinetic energy, over one step."""
-CONDITION = 1e13
-"""Spread of the pivots beyond which a step's solution keeps fewer than three digits."""
-SPINS = 0.1
-"""Rotation in a step [rad] from which its tangent is 1e-3 of it off."""
-MOST_TOLD = 8
-"""Joints that a finding names; all are in ``run.json`` under ``nonUniqueReactions``."""
+"""Fraction of the largest kinetic energy that a scheme of higher order may take from motions that
+it resolves. A vibration loses twice the fraction of its amplitude, which is then its error."""
+OSCILLATING = 2.0
+"""Ratio of a step's displacement at the highest speed to the largest displacement since t = 0 above
+which the motion oscillates within one step: it then passes a third of a cycle in one."""
+CONSTRAINT_WORK = 1e-8
+"""Work of the reactions in the constraint violations of a step, relative to the largest kinetic
+energy, that warns."""
+PIVOT_RATIO = 1e13
+"""Ratio of the pivots above which a step's solution keeps fewer than three digits."""
+LARGE_ROTATION = 0.1
+"""Rotation in a step [rad] at which the Cayley transform is off by a thousandth of it."""
+MOST_NAMED = 8
+"""Joints that a check names; all are in ``run.json`` under ``nonUniqueReactions``."""
 CHANGED = 1e-6
-"""Of the highest speed: change of the velocities at the start that a reader must know."""
+"""Change of the initial velocities, relative to the highest speed, that is reported."""
 ROUND_OFF = 1e3 * float_info.epsilon
-"""Of a sum's largest term: what its digits may have lost over a run."""
+"""Round-off of a sum over a run, relative to its largest term."""
 
 
 class Finding(NamedTuple):
-    """What one check found."""
+    """The result of one check."""
 
     check: str
     word: str
@@ -69,23 +72,24 @@ class Verdict:
 
     @property
     def reasons(self) -> list[str]:
-        """Why it is not PASS, the worst first."""
+        """Why the word is WARN or FAIL, the worst first."""
         bad = [f for f in self.findings if f.word in (WARN, FAIL)]
         return [f.text for f in sorted(bad, key=lambda f: -WORDS.index(f.word))]
 
     def as_json(self) -> dict[str, object]:
-        """As ``run.json`` has it."""
+        """The verdict as ``run.json`` has it."""
         checks = {f.check: {"word": f.word, "text": f.text} for f in self.findings}
         return {"word": self.word, "reasons": self.reasons, "checks": checks}
 
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """All that is judged of a run. Lengths in m, speeds in m/s, energies in J, times in s.
+    """What a run is judged by. Lengths in m, speeds in m/s, energies in J, times in s.
 
-    ``momentum`` are the parts of linear and angular momentum lost by what nothing outside pulls at,
-    None if there is no such island or the scheme does not keep it; ``condition`` is None if no
-    Jacobian was factored or redundant joints make it large by themselves.
+    ``momentum`` is the relative change of linear and angular momentum in subsystems on which
+    nothing acts from outside, None where there is none or the scheme does not conserve it.
+    ``pivot_ratio`` is None if no Jacobian was factored, or if redundant joints make it large by
+    themselves.
     """
 
     status: str
@@ -97,31 +101,31 @@ class Figures:
     joints: int
     dt: float
     order: int  # of the scheme
-    by_cayley: bool  # whether the tangent of a step's rotation is its mean angular velocity
-    tolerance: float | None  # of the global error [m], by which the steps were chosen
+    by_cayley: bool  # whether rotations are updated by the Cayley transform
+    tolerance: float | None  # of the global error [m], by which the step size was chosen
     local_tolerance: float | None  # of the sum of local errors [m], likewise
     length: float  # of the longest body
-    energy_size: float  # largest of the energies the balance is a difference of
+    energy_size: float  # largest of the energies whose difference the balance is
     extremes: dict[str, float | None]
     momentum: tuple[float | None, float | None]
-    condition: float | None
+    pivot_ratio: float | None
     velocity_change: float
-    shared: dict[str, list[str]]  # columns of reactions that are not unique, by element
-    error: dict[str, Any] | None  # as ``msahl.error_estimate`` tells it
+    non_unique_reactions: dict[str, list[str]]  # columns, by element
+    error: dict[str, Any] | None  # as ``ErrorEstimate.as_json`` returns it
     horizon: Callable[[float], float] | None  # time [s] up to which the error is within so many m
 
     @property
     def size(self) -> float:
-        """Size of the model [m]: its longest body, or the longest way of one if that is longer."""
+        """Size of the model [m]: its longest body, or its largest displacement if larger."""
         return max(self.length, self.extreme("displacementMax"))
 
     def extreme(self, name: str) -> float:
-        """A figure of the run that is known."""
+        """An extreme of the run by its name; NaN where it is not known."""
         value = self.extremes[name]
         return float("nan") if value is None else value
 
 
-def never_begun(status: str) -> Verdict:
+def not_started(status: str) -> Verdict:
     """The verdict on a run that took no step."""
     return Verdict((Finding("completion", FAIL, status),))
 
@@ -131,19 +135,19 @@ def judge(figures: Figures, limits: Limits) -> Verdict:
     return Verdict(tuple(f for check in CHECKS for f in check(figures, limits)))
 
 
-def grade(value: float, limit: float, spoilt: float) -> str:
-    """Word for a figure; a nan fails."""
+def grade(value: float, limit: float, fail: float) -> str:
+    """Word for a figure with a limit to warn and one to ``fail``; a NaN fails."""
     if value <= limit:
         return PASS
-    return WARN if value <= max(limit, spoilt) else FAIL
+    return WARN if value <= max(limit, fail) else FAIL
 
 
-def _asked(limit: float | None, own: float, spoilt: float) -> tuple[float, float]:
-    """Where a figure begins to warn and to fail: by the deck, or else by our own limits."""
-    return (own, spoilt) if limit is None else (limit, BETWEEN * limit)
+def _limits_of(limit: float | None, own: float, fail: float) -> tuple[float, float]:
+    """Where a figure begins to warn and to fail: by the deck, or else by the limits above."""
+    return (own, fail) if limit is None else (limit, WARN_FACTOR * limit)
 
 
-def _end(of: Figures, limits: Limits) -> Iterator[Finding]:
+def _completion(of: Figures, limits: Limits) -> Iterator[Finding]:
     words = {"completed": PASS, "interrupted": WARN}
     ended = "" if of.status == "completed" else f"{of.status} after "
     text = f"{ended}{of.steps} steps to t = {of.time:g} s"
@@ -155,125 +159,134 @@ def _energy(of: Figures, limits: Limits) -> Iterator[Finding]:
     floor = ROUND_OFF * of.energy_size
     if of.extremes["energyErrorMaxRelative"] is None:
         word = grade(error, floor, floor)
-        yield Finding("energy", word, f"nothing moves, and the energy is off by {error:.1e} J")
+        yield Finding("energy", word, f"nothing moves, and the energy error is {error:.1e} J")
         return
-    # Places that may be wrong by so much make energies wrong by as much.
-    own = max(ENERGY, BETWEEN * (of.tolerance or of.local_tolerance or 0.0) / of.length)
-    limit, spoilt = _asked(limits.energy, own, max(ENERGY_SPOILT, own))
-    word = grade(error, max(limit * kinetic, floor), spoilt * kinetic)
-    kept = "kept" if word == PASS else "kept only"
-    units = error / (float_info.epsilon * of.energy_size)
-    text = f"energy {kept} to {error / kinetic:.1e} of the largest kinetic energy"
+    # A position error of this size makes a relative energy error of the same size.
+    own = max(ENERGY, WARN_FACTOR * (of.tolerance or of.local_tolerance or 0.0) / of.length)
+    limit, fail = _limits_of(limits.energy, own, max(ENERGY_FAIL, own))
+    word = grade(error, max(limit * kinetic, floor), fail * kinetic)
+    conserved = "conserved" if word == PASS else "conserved only"
+    epsilons = error / (float_info.epsilon * of.energy_size)
+    text = f"energy {conserved} to {error / kinetic:.1e} of the largest kinetic energy"
     taken = of.extremes.get("energyTaken")
     more = f"; the scheme took {taken / kinetic:.1e} of it" if taken else ""
-    yield Finding("energy", word, f"{text} ({units:.0f} units of round-off){more}")
+    yield Finding("energy", word, f"{text} ({epsilons:.0f} machine epsilons){more}")
 
 
 def _momentum(of: Figures, limits: Limits) -> Iterator[Finding]:
     for kind, lost in zip(("linear", "angular"), of.momentum, strict=True):
         if lost is not None:
-            word = grade(lost, MOMENTUM, MOMENTUM_SPOILT)
-            yield Finding(f"{kind}Momentum", word, f"{kind} momentum kept to {lost:.1e} of itself")
+            word = grade(lost, MOMENTUM, MOMENTUM_FAIL)
+            text = f"{kind} momentum conserved to {lost:.1e} of its size"
+            yield Finding(f"{kind}Momentum", word, text)
 
 
-def _gap(of: Figures, limits: Limits) -> Iterator[Finding]:
+def _violation(of: Figures, limits: Limits) -> Iterator[Finding]:
     if not of.joints:
         return
     violation = of.extreme("constraintViolationMax")
     floor = ROUND_OFF * of.extreme("distanceMax")
-    limit, spoilt = _asked(limits.violation, GAP * of.length, GAP_SPOILT * of.length)
-    word = grade(violation, max(limit, floor), spoilt)
-    how = "closed" if word == PASS else "closed only"
-    yield Finding("constraintViolation", word, f"joints {how} to {violation:.1e} m")
+    own, fail = VIOLATION * of.length, VIOLATION_FAIL * of.length
+    limit, fail = _limits_of(limits.violation, own, fail)
+    word = grade(violation, max(limit, floor), fail)
+    yield Finding("constraintViolation", word, f"constraint violation at most {violation:.1e} m")
 
 
-def _gap_rate(of: Figures, limits: Limits) -> Iterator[Finding]:
+def _violation_rate(of: Figures, limits: Limits) -> Iterator[Finding]:
     if not of.joints:
         return
     rate, speed = of.extreme("constraintViolationRateMax"), of.extreme("speedMax")
     floor = ROUND_OFF * of.extreme("distanceMax") / of.dt
-    word = PASS if rate <= max(GAP_RATE * speed, floor) else WARN
+    word = PASS if rate <= max(VIOLATION_RATE * speed, floor) else WARN
     part = f", {rate / speed:.1e} of the highest speed" if speed else ""
-    advice = "" if word == PASS else ": the step is large for this motion; shorten it"
-    text = f"joints part at up to {rate:.1e} m/s at the rows{part}{advice}"
+    advice = "" if word == PASS else ": the step size is too large for this motion; reduce --dt"
+    text = f"constraint violation at velocity level at most {rate:.1e} m/s{part}{advice}"
     yield Finding("constraintViolationRate", word, text)
 
 
-def _work(of: Figures, limits: Limits) -> Iterator[Finding]:
+def _constraint_work(of: Figures, limits: Limits) -> Iterator[Finding]:
     if not of.joints:
         return
     work, kinetic = of.extreme("constraintWorkMax"), of.extreme("largestKineticEnergy")
-    word = PASS if work <= max(GAP_WORK * kinetic, ROUND_OFF * of.energy_size) else WARN
-    yield Finding("constraintWork", word, f"joints' forces have {work:.1e} J in their gaps")
+    word = PASS if work <= max(CONSTRAINT_WORK * kinetic, ROUND_OFF * of.energy_size) else WARN
+    text = f"work of the reactions in the constraint violations at most {work:.1e} J per step"
+    yield Finding("constraintWork", word, text)
 
 
-def _newton(of: Figures, limits: Limits) -> Iterator[Finding]:
-    each = of.iterations / max(of.steps, 1)
-    text = f"{each:.1f} iterations a step"
+def _solver(of: Figures, limits: Limits) -> Iterator[Finding]:
+    text = f"{of.iterations / max(of.steps, 1):.1f} iterations per step"
     if of.scipy_steps:
         text += f", {of.scipy_steps} steps by scipy"
     if of.subdivisions:
         text += (
-            f"; hard steps were halved {of.subdivisions} times: a motion is too fast for the step; "
-            "look there, and shorten it"
+            f"; steps were subdivided {of.subdivisions} times: a motion is too fast for the step "
+            "size; look at the results there, and reduce --dt"
         )
     yield Finding("solver", WARN if of.subdivisions else PASS, text)
 
 
-def _condition(of: Figures, limits: Limits) -> Iterator[Finding]:
-    if of.condition is not None:
-        word = PASS if of.condition <= CONDITION else WARN
-        advice = "" if word == PASS else ": near a singular position, or sizes too far apart"
-        text = f"pivots of the Jacobian spread over {of.condition:.1e}{advice}"
+def _pivot_ratio(of: Figures, limits: Limits) -> Iterator[Finding]:
+    if of.pivot_ratio is not None:
+        word = PASS if of.pivot_ratio <= PIVOT_RATIO else WARN
+        advice = (
+            ""
+            if word == PASS
+            else ": the model is near a singular position, or its masses or lengths differ too much"
+        )
+        text = f"pivot ratio of the Jacobian at most {of.pivot_ratio:.1e}{advice}"
         yield Finding("pivotRatio", word, text)
 
 
 def _reactions(of: Figures, limits: Limits) -> Iterator[Finding]:
-    if of.shared:
-        told = dict(list(of.shared.items())[:MOST_TOLD])
-        more = len(of.shared) - len(told)
+    if of.non_unique_reactions:
+        named = dict(list(of.non_unique_reactions.items())[:MOST_NAMED])
+        more = len(of.non_unique_reactions) - len(named)
         text = (
-            "joints are redundant: motion and energy are unique, these reactions are not: "
-            f"{describe_shared(told)}{f'; and of {more} more' if more else ''}"
+            "joints are redundant: motion and energy are unique, but these reactions are not: "
+            f"{describe_reactions(named)}{f'; and those of {more} more' if more else ''}"
         )
         yield Finding("reactions", PASS, text)
 
 
-def describe_shared(shared: dict[str, list[str]]) -> str:
-    """Reactions, or components of them, that are not unique, in words."""
-    return "; ".join(f"{name}: {', '.join(columns)}" for name, columns in shared.items())
+def describe_reactions(reactions: dict[str, list[str]]) -> str:
+    """Reactions, as columns by element, in words."""
+    return "; ".join(f"{name}: {', '.join(columns)}" for name, columns in reactions.items())
 
 
-def _start(of: Figures, limits: Limits) -> Iterator[Finding]:
+def _initial_velocities(of: Figures, limits: Limits) -> Iterator[Finding]:
     speed = max(of.extreme("speedMax"), of.velocity_change)
     if of.velocity_change > CHANGED * speed:
-        rate = f"{of.velocity_change:.1e} m/s"
-        text = f"the deck's velocities do not fit its joints (by {rate}); see the warnings"
+        text = (
+            "the deck's initial velocities violate the joints' constraints by "
+            f"{of.velocity_change:.1e} m/s; see the warnings"
+        )
         yield Finding("initialVelocities", WARN, text)
 
 
 def _accuracy(of: Figures, limits: Limits) -> Iterator[Finding]:
-    """The global error, if it was estimated; else the sum of the steps' own errors."""
-    yield _global(of, of.error) if of.error is not None else _local(of)
+    """The global error if it was estimated, else the sum of the local errors."""
+    yield _global_error(of, of.error) if of.error is not None else _local_errors(of)
 
 
-def _global(of: Figures, error: dict[str, Any]) -> Finding:
+def _global_error(of: Figures, error: dict[str, Any]) -> Finding:
     position, orientation = float(error["position"]), float(error["orientation"])
     largest = max(position, orientation)
-    text = f"position error at most {position:.1e} m (estimated)"
+    text = f"estimated position error at most {position:.1e} m"
     if orientation > position:
-        text = f"position error at most {position:.1e} m, orientation error {orientation:.1e} m"
-        text += " (angle times length; estimated)"
-    limit, spoilt = ERROR * of.size, ERROR_SPOILT * of.size
+        text += f", orientation error at most {orientation:.1e} m (angle times body length)"
+    limit, fail = ERROR * of.size, ERROR_FAIL * of.size
     if error.get("accuracy") is not None:
         limit = float(error["accuracy"])
-        spoilt = min(spoilt, BETWEEN * limit) if spoilt > limit else BETWEEN * limit
+        fail = min(fail, WARN_FACTOR * limit) if fail > limit else WARN_FACTOR * limit
     if of.tolerance is not None and largest > of.tolerance:
         return Finding("accuracy", WARN, _too_sensitive(of, of.tolerance, text))
-    word = grade(largest, limit, spoilt)
+    word = grade(largest, limit, fail)
     if not error["complete"]:
         word = max(word, WARN, key=WORDS.index)
-        text += f" up to t = {error['until']:g} s, where {error['companion']} did not converge"
+        text += (
+            f" up to t = {error['until']:g} s, where the companion run ({error['companion']}) did "
+            "not converge"
+        )
     if word != PASS:
         text += _advice(of, largest, limit)
     return Finding("accuracy", word, text)
@@ -282,24 +295,24 @@ def _global(of: Figures, error: dict[str, Any]) -> Finding:
 def _too_sensitive(of: Figures, tolerance: float, text: str) -> str:
     until = of.horizon(tolerance) if of.horizon else 0.0
     return (
-        f"{text}: the motion amplifies round-off, and the tolerance of {tolerance:g} m holds up to "
-        f"t = {until:g} s"
+        f"{text}: the motion amplifies round-off, and the tolerance of {tolerance:g} m is met up "
+        f"to t = {until:g} s"
     )
 
 
 def _advice(of: Figures, error: float, limit: float) -> str:
-    """Up to when the run is good enough, and what to try."""
+    """Up to when the run is accurate enough, and what to try."""
     good = f"; within {limit:.1e} m up to t = {of.horizon(limit):g} s" if of.horizon else ""
     if of.tolerance is not None or of.local_tolerance is not None:
         return good
     enough = of.dt * (0.5 * limit / error) ** (1.0 / of.order)
-    turns = of.by_cayley and of.extreme("rotationPerStepMax") > SPINS
-    spin = (
-        f" (bodies rotate {of.extreme('rotationPerStepMax'):.2g} rad per step), "
-        "--rotation-update exponential"
+    rotation = of.extreme("rotationPerStepMax")
+    exponential = (
+        f" (bodies rotate {rotation:.2g} rad per step), --rotation-update exponential"
+        if of.by_cayley and rotation > LARGE_ROTATION
+        else ""
     )
-    try_dt = f"{good}; try --dt {enough:.1g}{spin if turns else ''}"
-    return f"{try_dt} or --scheme auto --tolerance {limit:.0e}"
+    return f"{good}; try --dt {enough:.1g}{exponential} or --scheme auto --tolerance {limit:.0e}"
 
 
 def _unresolved(of: Figures) -> str:
@@ -309,47 +322,49 @@ def _unresolved(of: Figures) -> str:
     taken, kinetic = of.extremes.get("energyTaken") or 0.0, of.extreme("largestKineticEnergy")
     if kinetic and taken > TAKEN * kinetic:
         return f"the scheme took {taken / kinetic:.1e} of the largest kinetic energy"
-    # No less than the fastest mass centre's: highest speeds are told with those of turning.
-    way = min(of.dt, of.time) * of.extreme("speedMax") - of.length * of.extreme(
-        "rotationPerStepMax"
-    )
-    if way > FARTHER * of.extreme("displacementMax"):
-        farthest = f"{of.extreme('displacementMax'):.1e} m from where it began"
-        return f"a body goes {way:.1e} m a step, and at no step's end is more than {farthest}"
+    # At least that of the fastest mass centre, as the highest speed includes rotations.
+    displacement = min(of.dt, of.time) * of.extreme("speedMax")
+    displacement -= of.length * of.extreme("rotationPerStepMax")
+    if displacement > OSCILLATING * of.extreme("displacementMax"):
+        return (
+            f"a body's velocity moves it by {displacement:.1e} m per step, but at no step's end is "
+            f"it more than {of.extreme('displacementMax'):.1e} m from where it was at t = 0"
+        )
     return ""
 
 
-def _local(of: Figures) -> Finding:
-    """What the steps' own errors say; never that the run is good."""
+def _local_errors(of: Figures) -> Finding:
+    """The sum of the local errors; it never makes a run PASS."""
     if of.extremes["localErrorSum"] is None:
         sign = _unresolved(of) if of.local_tolerance is None else ""
         if sign:
-            return Finding("accuracy", WARN, f"the step is large for something that moves: {sign}")
-        return Finding("accuracy", DONE, "error not estimated (--error estimate does)")
+            text = f"the step size is too large for a fast motion: {sign}; reduce --dt"
+            return Finding("accuracy", WARN, text)
+        return Finding("accuracy", DONE, "error not estimated (use --error estimate)")
     total = of.extreme("localErrorSum")
-    text = f"local errors add up to {total:.1e} m; global error not estimated"
+    text = f"sum of local position errors {total:.1e} m; global error not estimated"
     tolerance = of.local_tolerance
     if tolerance is not None:
         word = DONE if total <= tolerance else WARN
-        return Finding("accuracy", word, f"{text} ({tolerance:g} m asked of the local errors)")
+        return Finding("accuracy", word, f"{text} (local tolerance: {tolerance:g} m)")
     if total <= ERROR * of.size:
         return Finding("accuracy", DONE, text)
     enough = of.dt * (ERROR * of.size / total) ** 0.5
-    advice = f"--dt {enough:.1g} would do, and --error estimate shows how far to trust the run"
-    return Finding("accuracy", WARN, f"{text}, in a model of {of.size:.1e} m: {advice}")
+    advice = f"try --dt {enough:.1g}, or --error estimate to estimate the global error"
+    return Finding("accuracy", WARN, f"{text}, in a model of size {of.size:.1e} m; {advice}")
 
 
 CHECKS: tuple[Callable[[Figures, Limits], Iterator[Finding]], ...] = (
-    _end,
+    _completion,
     _accuracy,
     _energy,
     _momentum,
-    _gap,
-    _gap_rate,
-    _work,
-    _newton,
-    _condition,
+    _violation,
+    _violation_rate,
+    _constraint_work,
+    _solver,
+    _pivot_ratio,
     _reactions,
-    _start,
+    _initial_velocities,
 )
-"""All checks, in the order they are told in."""
+"""All checks, in the order in which they are reported."""

@@ -8,8 +8,10 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from msahl.results.read import ResultError, read_run
+from msahl.run.options import command_words
 from msahl.study.errors import compute_state_errors
 from msahl.study.plan import Plan
 from msahl.study.reference import Reference
@@ -34,14 +36,13 @@ def command_arguments(case: Case, plan: Plan, deck: str, t_final: float | None =
     """Return the arguments of ``msahl`` for the run of a ``case``; ``t_final`` only if it is not
     the deck's.
     """
-    arguments = ["run", deck, "--scheme", case.scheme]
+    given: dict[str, Any] = {"scheme": case.scheme, "t_final": t_final}
     if case.chooses_steps:
-        interval = with_case(plan.model, case).simulation.interval
-        tolerance = f"{case.size:.15g}"
-        arguments += ["--tolerance", tolerance, "--output-interval", f"{interval:.15g}"]
+        interval = with_case(plan.model, case).simulation.output_interval
+        given |= {"tolerance": case.size, "output_interval": interval}
     else:
-        arguments += ["--dt", f"{case.size:.15g}"]
-    return arguments if t_final is None else [*arguments, "--t-final", f"{t_final:.15g}"]
+        given["dt"] = case.size
+    return ["run", deck, *command_words(given)]
 
 
 def command_line(arguments: list[str]) -> str:

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from msahl.jit.compiled import working_clock
-from msahl.model import Model
+from msahl.model import Model, Options
+from msahl.model.settings import OFF
 from msahl.results.read import ResultError
-from msahl.run.loop import OFF, Options
 from msahl.study.dynamics import Dynamics
 from msahl.study.independent import Solution
 from msahl.study.reference import TableReference

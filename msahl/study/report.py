@@ -6,7 +6,7 @@ Tables are made by ``report_tables``.
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from msahl.model import local_tolerance_of
+from msahl.model import resolve
 from msahl.post.document import (
     Block,
     Folded,
@@ -19,7 +19,7 @@ from msahl.post.document import (
 )
 from msahl.post.draw import encode, style
 from msahl.post.table import as_csv
-from msahl.results.write import write_whole
+from msahl.results.write import replace_file
 from msahl.study.command import command_arguments, command_line
 from msahl.study.errors import METRIC_OF
 from msahl.study.order import FLAT
@@ -100,14 +100,14 @@ def write_study(study: Study, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     for block in _unfolded(blocks):
         if isinstance(block, Picture):
-            write_whole(folder / block.name, block.png)
+            replace_file(folder / block.name, block.png)
     texts = {
         "study.csv": as_csv(table_of_all(study)),
         "study.md": as_markdown(blocks),
         "study.html": as_html(_title(study), blocks),
     }
     for name, text in texts.items():
-        write_whole(folder / name, text.encode())
+        replace_file(folder / name, text.encode())
     return [folder / name for name in texts]
 
 
@@ -172,7 +172,7 @@ def recommendation(study: Study) -> str:
             "In every run this error is rounding error, so it does not show which run is accurate: "
             "choose another --metric, such as orientation."
         )
-    if local_tolerance_of(plan.model) is not None and not best.trial.case.chooses_steps:
+    if resolve(plan.model.simulation).adaptive and not best.trial.case.chooses_steps:
         sentences.append("Remove the tolerance that the deck sets before you make this run.")
     return " ".join(sentences)
 

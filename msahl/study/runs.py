@@ -11,54 +11,21 @@ from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 import pandas as pd
 
-from msahl.model import Model, scheme_of
+from msahl.model import Model, Options, resolve
 from msahl.model.scheme import AUTO, split
+from msahl.model.settings import ESTIMATE, OFF
 from msahl.results.read import Run
-from msahl.run.loop import ESTIMATE, OFF, Options, Report, run
+from msahl.run.loop import Hooks, run
+from msahl.run.report import Report
+from msahl.run.tables import COLUMNS, REACTIONS, STATES, WORK, MemorySink
 from msahl.study.rounding import round_down
-from msahl.system.names import reaction_columns, state_columns, work_columns
 
 WARM_STEPS = 5
 """Number of steps of the first run of a scheme, which compiles."""
 AUTO_OUTPUTS = 100
 """Least number of output times of runs that choose their steps."""
-COLUMNS = (state_columns, reaction_columns, work_columns)
-
-
-class Memory:
-    """A sink that keeps the rows."""
-
-    def __init__(self) -> None:
-        self.parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
-
-    def write(
-        self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray, errors: np.ndarray
-    ) -> None:
-        """Append rows."""
-        self.parts.append((states, reactions, work))
-
-    def restart(self) -> None:
-        """Drop all rows."""
-        self.parts.clear()
-
-    def tables(self) -> list[np.ndarray]:
-        """States, reactions and work, the time in the first column of each."""
-        return [np.concatenate(part) for part in zip(*self.parts, strict=True)]
-
-
-class Nowhere:
-    """A sink for runs of which only the time counts."""
-
-    def write(
-        self, states: np.ndarray, reactions: np.ndarray, work: np.ndarray, errors: np.ndarray
-    ) -> None:
-        """Drop rows."""
-
-    def restart(self) -> None:
-        """There are none."""
 
 
 class Case(NamedTuple):
@@ -109,10 +76,10 @@ def with_step(
     """
     given = model.simulation
     end = given.t_final if t_final is None else t_final
-    name, degree = split(scheme) if scheme else (scheme_of(model), None)
+    name, degree = split(scheme) if scheme else (resolve(model.simulation).family, None)
     other = replace(given, dt=dt, t_final=end, scheme=name, degree=degree or given.degree)
     return replace(
-        model, simulation=replace(other, tolerance=None, local_tolerance=None, interval=None)
+        model, simulation=replace(other, tolerance=None, local_tolerance=None, output_interval=None)
     )
 
 
@@ -120,22 +87,23 @@ def with_case(model: Model, case: Case) -> Model:
     """Return ``model`` with the scheme and step size or tolerance of a ``case``."""
     if not case.chooses_steps:
         return with_step(model, case.size, scheme=case.scheme)
-    interval = model.simulation.interval or round_down(model.simulation.t_final / AUTO_OUTPUTS)
+    interval = model.simulation.output_interval or round_down(
+        model.simulation.t_final / AUTO_OUTPUTS
+    )
     chosen = with_step(model, interval, scheme=case.scheme).simulation
-    return replace(model, simulation=replace(chosen, tolerance=case.size, interval=interval))
+    return replace(model, simulation=replace(chosen, tolerance=case.size, output_interval=interval))
 
 
 def run_in_memory(
     model: Model, options: Options, stopped: Callable[[], bool] = lambda: False
 ) -> tuple[Report, Run]:
     """Run ``model``; return its report, and its results as if they were read from files."""
-    memory = Memory()
-    report = run(model, options, memory, stopped=stopped)
-    frames = [
-        pd.DataFrame(table, columns=columns(model))
-        for table, columns in zip(memory.tables(), COLUMNS, strict=True)
-    ]
-    states, reactions, work = frames
+    sink = MemorySink()
+    report = run(model, options, sink, Hooks(stopped=stopped))
+    states, reactions, work = (
+        pd.DataFrame(sink.table(name), columns=COLUMNS[name](model))
+        for name in (STATES, REACTIONS, WORK)
+    )
     kept = Run(
         folder=Path(),
         model=model,
@@ -163,13 +131,15 @@ def timing_options(case: Case) -> Options:
 
 def run_seconds(model: Model, case: Case, stopped: Callable[[], bool]) -> float | None:
     """Run a ``case`` and return its seconds; None if it was stopped."""
-    report = run(with_case(model, case), timing_options(case), Nowhere(), stopped=stopped)
+    report = run(
+        with_case(model, case), timing_options(case), MemorySink(only=()), Hooks(stopped=stopped)
+    )
     return None if report.status == "interrupted" else seconds_of(case, report)
 
 
 def estimated_error(model: Model, case: Case) -> float | None:
     """Run a ``case`` and return the position error [m] that it estimates; None if it cannot."""
-    report = run(with_case(model, case), Options(error=ESTIMATE), Nowhere())
+    report = run(with_case(model, case), Options(error=ESTIMATE), MemorySink(only=()))
     if report.error is None or not report.error["complete"]:
         return None
     return float(report.error["position"])
@@ -181,7 +151,7 @@ def warm_up(model: Model, case: Case) -> None:
     few = WARM_STEPS * first.simulation.dt
     end = min(few, model.simulation.t_final)
     ended = replace(first, simulation=replace(first.simulation, t_final=end))
-    run(ended, timing_options(case), Nowhere())
+    run(ended, timing_options(case), MemorySink(only=()))
 
 
 def run_trials(

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from msahl.jit.compiled import STOPWATCH, working_clock
-from msahl.model.scheme import AUTO, CHOSEN, DEGREE, HIGHER, split
+from msahl.model.scheme import AUTO, AUTO_FAMILY, COLLOCATION, DEGREE, split
 from msahl.results.read import Run
-from msahl.run.loop import Report
+from msahl.run.report import Report
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import METRIC_OF, compute_errors, compute_state_errors
 from msahl.study.plan import Plan, StudyRun
@@ -366,10 +366,10 @@ def _urgency(seconds: float, scheme: str) -> tuple[int, int]:
     """Return the sort key of waiting runs: fast runs first, and of about equally fast ones those of
     high order, because a few of their runs cover the range of errors.
     """
-    higher = HIGHER.get(split(scheme)[0])
+    higher = COLLOCATION.get(split(scheme)[0])
     order = higher.order(split(scheme)[1] or higher.highest) if higher else 2
     if scheme == AUTO:
-        order = HIGHER[CHOSEN].order(DEGREE)
+        order = COLLOCATION[AUTO_FAMILY].order(DEGREE)
     return math.floor(2.0 * math.log10(seconds)), -order
 
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from msahl.jit.compiled import working_clock
-from msahl.model import local_tolerance_of
-from msahl.model.scheme import AUTO, HIGHER, TOLERANCE
+from msahl.model import resolve
+from msahl.model.scheme import AUTO, COLLOCATION, TOLERANCE
 from msahl.study.command import Command
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import METRICS, ErrorMetric, compute_errors
@@ -76,9 +76,9 @@ def deck_case(plan: Plan) -> Case | None:
     simulation = plan.model.simulation
     if simulation.scheme == AUTO and simulation.local_tolerance is None:
         return Case(AUTO, simulation.tolerance or TOLERANCE)
-    if local_tolerance_of(plan.model) is not None:
+    if resolve(plan.model.simulation).adaptive:
         return None
-    degree = simulation.degree if simulation.scheme in HIGHER else ""
+    degree = simulation.degree if simulation.scheme in COLLOCATION else ""
     return Case(f"{simulation.scheme}{degree}", simulation.dt)
 
 

@@ -27,7 +27,7 @@ from msahl.joints.joint import (
     slide,
 )
 from msahl.joints.registry import KINDS
-from msahl.model import Model, decay_of
+from msahl.model import Model, resolve
 from msahl.model.couplings import COORDINATES, Coupling
 from msahl.model.joints import Joint
 from msahl.model.loads import Bushing, ConcentratedLoad, Drag, Friction, JointSpring, SpringDamper
@@ -285,7 +285,7 @@ class _Collector:
         steepest: float,
         column: int,
     ) -> None:
-        decay = 0.5 * decay_of(self.model).chi * steepest
+        decay = 0.5 * resolve(self.model.simulation).decay.chi * steepest
         self.elements.springs.append(SpringEntry(coordinate, *numbers, table, decay, column))
 
 

@@ -12,7 +12,6 @@ chaos makes of it, only a second run can tell.
 """
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -25,8 +24,6 @@ from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace
 
 BALANCE, KINETIC, GAP, GAP_RATE, GAP_WORK, SPEED, TURN, DISTANCE, WAY, LOCAL = range(10)
-AT_REST = 1e-12
-"""Kinetic energy, relative to the energy at the start or the model's scale, that is round-off."""
 
 
 class Monitor(NamedTuple):
@@ -123,68 +120,3 @@ def largest_length(vectors: np.ndarray) -> float:
     for k in range(vectors.shape[0]):
         square = max(square, vectors[k, 0] ** 2 + vectors[k, 1] ** 2 + vectors[k, 2] ** 2)
     return math.sqrt(square)
-
-
-class Extremes:
-    """The figures of a whole run, from the rows of all its islands."""
-
-    def __init__(self, first: Sequence[np.ndarray], scale: float) -> None:
-        self.scale = scale  # what the model's forces do over its lengths [J]
-        self.balance = sum(float(rows[0, BALANCE]) for rows in first)
-        self.error = self.squares = self.kinetic = self.local = 0.0
-        self.steps = 0
-        self.worst = [0.0] * (LOCAL + 1)  # from GAP on
-        self.fold(first)
-        self.steps = 0
-
-    def fold(self, subsystems: Sequence[np.ndarray]) -> None:
-        """Take in the rows of a chunk, one array (steps, 10) an island."""
-        if not len(subsystems[0]):
-            return
-        total = np.sum([rows[:, :GAP] for rows in subsystems], axis=0)
-        worst = np.max(subsystems, axis=0)
-        error = np.abs(total[:, BALANCE] - self.balance)
-        self.error = max(self.error, float(error.max()))
-        self.squares += float(error @ error)
-        self.steps += len(error)
-        self.kinetic = max(self.kinetic, float(total[:, KINETIC].max()))
-        self.worst = [
-            max(w, float(new)) for w, new in zip(self.worst, worst.max(axis=0), strict=True)
-        ]
-        self.local += float(worst[:, LOCAL].sum())
-
-    def compare_with(self, energy: float) -> None:
-        """Let the scale of energies be no smaller than this ``energy`` [J]."""
-        self.scale = max(self.scale, energy)
-
-    @property
-    def way(self) -> float:
-        """Longest way [m] of a mass centre from where it began."""
-        return self.worst[WAY]
-
-    @property
-    def size(self) -> float:
-        """The energies [J] that the balance is a difference of."""
-        return max(abs(self.balance), self.scale, self.kinetic)
-
-    def as_json(self) -> dict[str, float | None]:
-        """The figures by name; the relative energy error is over the largest kinetic energy, or
-        None where that is round-off itself.
-        """
-        moves = self.kinetic > AT_REST * max(abs(self.balance), self.scale)
-        return {
-            "energyAtStart": self.balance,
-            "largestKineticEnergy": self.kinetic,
-            "energyErrorMax": self.error,
-            "energyErrorMaxRelative": self.error / self.kinetic if moves else None,
-            "energyErrorRms": (self.squares / max(self.steps, 1)) ** 0.5,
-            "constraintViolationMax": self.worst[GAP],
-            "constraintViolationRateMax": self.worst[GAP_RATE],
-            "constraintWorkMax": self.worst[GAP_WORK],
-            "speedMax": self.worst[SPEED],
-            "rotationPerStepMax": self.worst[TURN],
-            "distanceMax": self.worst[DISTANCE],
-            "displacementMax": self.worst[WAY],
-            "localErrorMax": self.worst[LOCAL],
-            "localErrorSum": self.local,
-        }

@@ -2,7 +2,7 @@
 
 from msahl.elements.frames import first_multiplier
 from msahl.joints.registry import KINDS
-from msahl.model import Bushing, Joint, JointSpring, Model, SpringDamper, decays
+from msahl.model import Bushing, Joint, JointSpring, Model, SpringDamper, resolve
 from msahl.model.scheme import WORKER
 from msahl.system.arrays import System
 
@@ -36,7 +36,7 @@ def joint_columns(joint: Joint) -> tuple[str, ...]:
 def workers(model: Model) -> tuple[str, ...]:
     """Names of all whose work is counted: loads, motions, and a scheme that decays."""
     names = tuple(element.name for element in (*model.loads, *model.motions))
-    return (*names, WORKER) if decays(model) else names
+    return (*names, WORKER) if resolve(model.simulation).dissipative else names
 
 
 def work_columns(model: Model) -> list[str]:

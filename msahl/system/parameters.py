@@ -19,7 +19,7 @@ from msahl.elements.forces.spring import Springs
 from msahl.elements.frames import Frames
 from msahl.elements.reactions import Reactions
 from msahl.elements.rigid_body import RigidBodies
-from msahl.model import decay_of, is_exponential
+from msahl.model import resolve
 from msahl.model.bodies import RigidBody
 from msahl.system.arrays import System
 from msahl.system.collect import Elements
@@ -48,7 +48,7 @@ def build_parameters(elements: Elements, topology: Topology) -> System:
         forces=_forces(elements, topology, laws),
         shown=topology.shown,
         unit=_units(coincide, scalar, topology),
-        decay=decay_of(model),
+        decay=resolve(model.simulation).decay,
         relaxation=RELAXATION if topology.relaxed else 0.0,
         multipliers=topology.multipliers,
         blocks=topology.blocks,
@@ -64,7 +64,7 @@ def _frames(elements: Elements, topology: Topology) -> Frames:
         **topology.frames,
         inverse_mass=np.array([1.0 / body.mass for body in bodies] + [0.0]),
         length=np.array([*lengths, 1.0]),
-        exponential=is_exponential(elements.model) or None,
+        exponential=resolve(elements.model.simulation).exponential or None,
         ballistic=np.array([*(not arms for arms in elements.arms[: len(bodies)]), True]),
         moves=np.ones((2, 3)),
     )

@@ -5,7 +5,7 @@ import numpy as np
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import add, cross, times
 from msahl.elements import forces
-from msahl.model import Model, decays
+from msahl.model import Model, resolve
 from msahl.system.arrays import State, System, coordinate_count
 from msahl.system.build import initial_places
 
@@ -47,4 +47,4 @@ def build_state(model: Model, system: System) -> State:
 
 def work_count(model: Model) -> int:
     """Columns of work: one a load, one a motion, and a decaying scheme's own."""
-    return len(model.loads) + len(model.motions) + decays(model)
+    return len(model.loads) + len(model.motions) + resolve(model.simulation).dissipative

@@ -68,6 +68,7 @@ GEARED = replace(
     bodies=(BOB, WHEEL),
     joints=(AXLE, replace(AXLE, name="Other", child="Wheel")),
 )
+SLIDING = replace(GEARED, joints=(AXLE, replace(GEARED.joints[1], kind="prismatic")))
 SPRING = SpringDamper("Spring", "Base", "Bob", ZERO, (1.0, 0.0, 0.0), 1.0, 0.0)
 
 WRONG = {
@@ -156,15 +157,26 @@ WRONG = {
         "joint 'G', ratio: the ratio is zero, which couples nothing",
     ),
     "cam without lift": (
+        replace(SLIDING, couplings=(Coupling("C", "camFollower", "Axle", "Other"),)),
+        "joint 'C', lift: a camFollower has no lift",
+    ),
+    "cam on a hinge": (
         replace(GEARED, couplings=(Coupling("C", "camFollower", "Axle", "Other"),)),
         "joint 'Other', a revolute, has no coordinate slide",
     ),
     "load on a ground": (load(Drag("D", "Base", ZERO, 1.0)), "'Base' is a ground and never moves"),
     "drag": (load(Drag("D", "Bob", ZERO, -1.0)), "load 'D', coefficient: it is -1; it must not be"),
-    "basis": (load(replace(PUSH, force_basis="Room")), "force_basis 'Room' is not a body of this"),
+    "basis": (load(replace(PUSH, force_basis="Wall")), "force_basis 'Wall' is not a body of this"),
     "damping": (load(replace(SPRING, damping=-1.0)), "load 'Spring', damping: it is -1"),
     "length": (load(replace(SPRING, child_point=ZERO)), "its length is zero at t = 0"),
     "step": (run(dt=2.0), "simulation, deltaT: the step 2 s is longer than the run of 1 s"),
+    "tolerance": (run(tolerance=1e-6), "simulation, tolerance: the preserving scheme takes the"),
+    "tolerance of zero": (run(scheme="gauss", tolerance=0.0), "tolerance: it is 0 m; it must be"),
+    "two tolerances": (
+        run(scheme="gauss", tolerance=1e-6, local_tolerance=1e-6),
+        "localTolerance: steps are chosen by a tolerance or by a localTolerance; give one of them",
+    ),
+    "steps": (run(dt=1e-10, t_final=1e3), "deltaT: 1e+13 steps of 1e-10 s to 1000 s are more"),
     "scheme": (run(scheme="euler"), "simulation, scheme: unknown value 'euler'; expected one of"),
     "degree": (run(scheme="gauss", degree=0), "simulation, degree: the degree is 0"),
     "limit": (run(limits=Limits(violation=0.0)), "verdict/constraintViolation: the limit is 0"),

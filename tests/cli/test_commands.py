@@ -69,7 +69,7 @@ def test_a_run_writes_its_tables_its_deck_and_what_happened(tmp_path):
     result = run(SINGLE, "-o", tmp_path, "--t-final", 1)
     assert names(tmp_path) == {"states.csv", "reactions.csv", "error.csv", "run.json", "deck.xml"}
     assert result.stdout == ""
-    assert "PASS: 500 steps to t = 1 s; energy kept to" in result.stderr
+    assert "PASS: 500 steps to t = 1 s; energy conserved to" in result.stderr
     assert str(tmp_path) in result.stderr
     told = info(tmp_path)
     assert (told["status"], told["steps"], told["outputTimes"], told["time"]) == (

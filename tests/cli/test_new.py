@@ -4,7 +4,7 @@ import pytest
 from click.testing import CliRunner
 from lxml import etree
 
-from msahl.cli.templates import names, new, template
+from msahl.cli.new import names, new, template
 from msahl.deck import read_deck
 from msahl.deck.schema import schema_bytes
 

@@ -266,7 +266,7 @@ def test_the_deck_as_it_ran(tmp_path):
     same = effective_deck(path)
     assert same == path.read_bytes()
     copy = tmp_path / "deck.xml"
-    copy.write_bytes(effective_deck(path, dt=0.1, t_final=1 / 3))
+    copy.write_bytes(effective_deck(path, {"deltaT": 0.1, "tFinal": 1 / 3}))
     before, after = read_deck(path), read_deck(copy)
     assert after.simulation == Simulation(before.simulation.title, 0.1, 1 / 3)
     assert dataclasses.replace(after, simulation=before.simulation) == before

@@ -18,7 +18,7 @@ from msahl.jit.compiled import compiled
 from msahl.joints.registry import KINDS
 from msahl.linalg import dense, sparse_lu
 from msahl.model.couplings import COORDINATES
-from msahl.model.scheme import EXPONENTIAL, SCHEMES
+from msahl.model.scheme import EXPONENTIAL, ORDER_TWO
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.midpoint import equations, newton
 from msahl.system import evaluate
@@ -58,7 +58,7 @@ every_point = pytest.mark.parametrize(
     "make", [*POINTS.values(), loaded], ids=[*POINTS, "concentrated"]
 )
 every_seed = pytest.mark.parametrize("seed", SEEDS)
-every_scheme = pytest.mark.parametrize("scheme", [*SCHEMES, EXPONENTIAL])
+every_scheme = pytest.mark.parametrize("scheme", [*ORDER_TWO, EXPONENTIAL])
 
 
 def with_scheme(model, scheme):

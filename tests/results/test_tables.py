@@ -5,7 +5,6 @@ import pytest
 
 from msahl.results.read import read_table
 from msahl.results.write import RunFolder, write_json
-from msahl.run.loop import NO_ERRORS
 from msahl.system.build import build_system
 from msahl.system.names import describe_row, reaction_columns, state_columns, work_columns
 from tests.support.models import loaded, pendulum
@@ -23,7 +22,7 @@ def folder_of(path, model=None):
 def rows_of(states):
     """Rows for a pendulum's tables, in their widths of 13 and 4."""
     states = np.asarray(states, dtype=float)
-    return states, states[:, :4], states[:, :1]
+    return {"states": states, "reactions": states[:, :4], "work": states[:, :1]}
 
 
 def bits(table):
@@ -37,8 +36,8 @@ def test_numbers_read_back_bit_for_bit(tmp_path):
     random = np.where(np.isfinite(random), random, 1.0)
     states = np.vstack([random, np.resize(NASTY, (20, 13))])
     with folder_of(tmp_path) as results:
-        results.write(*rows_of(states), NO_ERRORS)
-        results.whole = True
+        results.write(rows_of(states))
+        results.complete = True
     table = read_table(tmp_path / "states.csv")
     assert list(table.columns) == state_columns(pendulum())
     assert np.array_equal(bits(table), states.view(np.int64))
@@ -47,7 +46,7 @@ def test_numbers_read_back_bit_for_bit(tmp_path):
 def test_a_table_has_its_name_only_when_it_is_complete(tmp_path):
     rows = rows_of(np.ones((3, 13)))
     with folder_of(tmp_path) as results:
-        results.write(*rows, NO_ERRORS)
+        results.write(rows)
         assert {p.name for p in tmp_path.iterdir()} == {
             "deck.xml",
             "states.csv.part",
@@ -55,15 +54,15 @@ def test_a_table_has_its_name_only_when_it_is_complete(tmp_path):
         }
         # Rows are on disk as soon as they are written.
         assert (tmp_path / "states.csv.part").read_text().count("\n") == 4
-        results.whole = True
+        results.complete = True
     assert {p.name for p in tmp_path.iterdir()} == {"deck.xml", "states.csv", "reactions.csv"}
 
 
 def test_an_error_leaves_the_tables_partial(tmp_path):
     def fail():
         with folder_of(tmp_path) as results:
-            results.write(*rows_of(np.ones((3, 13))), NO_ERRORS)
-            results.whole = True
+            results.write(rows_of(np.ones((3, 13))))
+            results.complete = True
             raise OSError("no space left")
 
     with pytest.raises(OSError, match="no space"):

@@ -9,8 +9,8 @@ from click.testing import CliRunner
 from msahl.algebra.rotation_arrays import angles
 from msahl.cli.main import main
 from msahl.model import Law
-from msahl.run import error_estimate
-from msahl.run.error_estimate import SAFETY
+from msahl.run import companion
+from msahl.run.companion import SAFETY
 from msahl.run.verdict import DONE, FAIL, PASS, WARN
 from msahl.study.exact import recognise
 from tests.support.models import DECKS, deck, pendulum, simulate
@@ -45,7 +45,7 @@ def test_the_estimate_is_near_the_error_at_every_time(name, scheme):
 
 @pytest.mark.parametrize("scheme", ["preserving", "gauss2"])
 def test_a_companion_of_higher_order_serves_as_well(monkeypatch, scheme):
-    monkeypatch.setattr(error_estimate, "WORTH", 0.0)
+    monkeypatch.setattr(companion, "CHEAP", 0.0)
     run = simulate(deck("single_pendulum_89"), dt=0.01, t_final=2.0, scheme=scheme, every=3)
     assert "steps in one" in run.report.error["companion"]
     distance, _ = true_errors(run)
@@ -56,7 +56,7 @@ def test_a_companion_of_higher_order_serves_as_well(monkeypatch, scheme):
 
 
 def test_an_expensive_companion_must_be_asked_for(monkeypatch):
-    monkeypatch.setattr(error_estimate, "WORTH", 0.0)
+    monkeypatch.setattr(companion, "CHEAP", 0.0)
     model = deck("single_pendulum_89")
     run = simulate(model, dt=0.05, t_final=0.5, scheme="gauss5")
     assert run.report.error is None
@@ -104,7 +104,7 @@ def test_beyond_double_precision_the_time_is_reported():
     assert len(run.time) == 161
     verdict = run.report.verdict
     assert verdict["word"] == WARN
-    assert "the tolerance of 1e-09 m holds up to t = " in verdict["reasons"][0]
+    assert "the tolerance of 1e-09 m is met up to t = " in verdict["reasons"][0]
 
 
 @pytest.mark.parametrize("part", [1.0, 0.5, 0.25])

@@ -11,15 +11,15 @@ import pytest
 from click.testing import CliRunner
 
 import msahl.run.loop
-from msahl.cli import main as cli
-from msahl.cli.main import Interruption, main
+from msahl.cli import console
+from msahl.cli.main import main
+from msahl.cli.signals import Interruption
 from msahl.deck import read_deck
 from msahl.jit import compiled
 from msahl.jit.kernel_store import Store
 from msahl.results.lock import locked
 from msahl.results.read import read_run, read_table
-from msahl.results.write import ROOM, RunFolder, Table, write_beginning, write_json
-from msahl.run.loop import NO_ERRORS
+from msahl.results.write import RESERVED, RunFolder, Table, write_beginning, write_json
 from msahl.study.plan import Plan
 from msahl.study.runs import with_step
 from msahl.study.study import study
@@ -47,8 +47,8 @@ def test_the_documents_list_the_statuses():
     """The table of docs/results.md has every status of a run, and that of a bad verdict."""
     text = (ROOT / "docs" / "results.md").read_text()
     listed = dict(re.findall(r"^\| (\d+) \| `([a-z ]+)` \|", text, flags=re.MULTILINE))
-    statuses = {str(number): status for status, number in cli.STATUS.items()}
-    assert listed == statuses | {"143": "interrupted", str(cli.BAD_VERDICT): "completed"}
+    statuses = {str(number): status for status, number in console.STATUS.items()}
+    assert listed == statuses | {"143": "interrupted", str(console.BAD_VERDICT): "completed"}
 
 
 # The disk ----------------------------------------------------------------------------------------
@@ -90,7 +90,7 @@ def test_rows_before_a_full_disk_are_complete_and_the_run_can_go_on(tmp_path):
 def test_a_table_that_cannot_be_written_takes_no_row_of_the_others(tmp_path, monkeypatch):
     rows = np.ones((3, 13))
     with RunFolder(tmp_path, pendulum(), b"<deck/>") as results:
-        results.write(rows, rows[:, :4], rows[:, :1], NO_ERRORS)
+        results.write({"states": rows, "reactions": rows[:, :4]})
         ends = results.ends()
         append = Table._append
 
@@ -102,7 +102,7 @@ def test_a_table_that_cannot_be_written_takes_no_row_of_the_others(tmp_path, mon
 
         monkeypatch.setattr(Table, "_append", full)
         with pytest.raises(OSError, match="No space"):
-            results.write(rows, rows[:, :4], rows[:, :1], NO_ERRORS)
+            results.write({"states": rows, "reactions": rows[:, :4]})
         assert results.ends() == ends
     for name, end in ends.items():
         assert (tmp_path / f"{name}.part").stat().st_size == end
@@ -114,7 +114,7 @@ def test_run_json_has_its_room_from_the_start(tmp_path):
     part = tmp_path / "run.json.part"
     assert json.loads(part.read_text())["status"] == "running"
     before = part.stat()
-    assert before.st_size > ROOM
+    assert before.st_size > RESERVED
     write_json(tmp_path / "run.json", {"status": "not written"})
     # The same file, written over: no more workspace is needed.
     assert (tmp_path / "run.json").stat().st_ino == before.st_ino
@@ -204,7 +204,7 @@ def test_a_second_signal_stops_at_once_with_complete_rows(tmp_path, monkeypatch)
 
 @pytest.mark.parametrize("scheme", ["decaying", "gauss2"])
 def test_figures_of_a_run_stopped_at_once_are_of_its_rows(tmp_path, monkeypatch, scheme):
-    publish, calls = msahl.run.loop._Run._publish, []
+    publish, calls = msahl.run.loop.TimeLoop._publish, []
 
     def interrupt(self, times, errors):
         calls.append(times)
@@ -215,7 +215,7 @@ def test_figures_of_a_run_stopped_at_once_are_of_its_rows(tmp_path, monkeypatch,
     options = ("run", *SHORT, "--scheme", scheme)
     with monkeypatch.context() as patch:
         patch.setattr(msahl.run.loop, "CHUNK_SECONDS", 0.0)
-        patch.setattr(msahl.run.loop._Run, "_publish", interrupt)
+        patch.setattr(msahl.run.loop.TimeLoop, "_publish", interrupt)
         assert call(*options, "-o", tmp_path / "stopped").exit_code == 130
     assert call(*options, "--t-final", "0.02", "-o", tmp_path / "complete").exit_code == 0
     stopped, complete = info(tmp_path / "stopped"), info(tmp_path / "complete")
@@ -239,7 +239,7 @@ def test_a_command_that_is_interrupted_says_so_in_one_line(monkeypatch):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "_read", interrupt)
+    monkeypatch.setattr("msahl.cli.check.read", interrupt)
     result = call("check", SINGLE)
     assert (result.exit_code, result.stderr) == (130, "msahl: interrupted\n")
 

@@ -16,10 +16,11 @@ from click.testing import CliRunner
 import msahl.run.loop
 from msahl.cli.main import main
 from msahl.deck import read_deck
-from msahl.results.checkpoint import _check
-from msahl.run.loop import Options, run
+from msahl.model import Options
+from msahl.results.checkpoint import _checksum
 from msahl.run.snapshot import ResumeError
-from tests.support.models import DECKS, ROOT, Rows, body, build_model, deck, pendulum
+from msahl.run.tables import TABLES
+from tests.support.models import DECKS, ROOT, body, build_model, deck, pendulum, run_in_memory
 from tests.system.test_nonfinite import push
 
 THESIS = ROOT / "decks" / "thesis"
@@ -42,8 +43,8 @@ COUNTED = (
 
 
 def advance(model, options, **others):
-    rows = Rows()
-    return run(model, options, rows, **others), rows.tables
+    report, sink = run_in_memory(model, options, **others)
+    return report, [sink.table(name) for name in TABLES]
 
 
 def stop_after(chunks):
@@ -179,7 +180,7 @@ def call(*words):
 
 def interrupted(monkeypatch, folder, *words, number=signal.SIGINT, after=4):
     """The run of a deck stopped by a signal after some chunks of a step each."""
-    hand_over, chunks = msahl.run.loop._Run._hand_over, []
+    hand_over, chunks = msahl.run.loop.TimeLoop._hand_over, []
 
     def ask(self, *given):
         hand_over(self, *given)
@@ -189,7 +190,7 @@ def interrupted(monkeypatch, folder, *words, number=signal.SIGINT, after=4):
 
     with monkeypatch.context() as patch:
         patch.setattr(msahl.run.loop, "CHUNK_SECONDS", 0.0)
-        patch.setattr(msahl.run.loop._Run, "_hand_over", ask)
+        patch.setattr(msahl.run.loop.TimeLoop, "_hand_over", ask)
         result = call(*words, "-o", folder)
     assert result.exit_code == 128 + number, result.output
     return result
@@ -300,7 +301,7 @@ def _head_with(**changes):
         line, _, memory = (folder / "checkpoint").read_bytes().partition(b"\n")
         head = json.loads(line) | changes
         del head["check"]
-        head |= {"check": _check(head, memory)}
+        head |= {"check": _checksum(head, memory)}
         (folder / "checkpoint").write_bytes(json.dumps(head).encode() + b"\n" + memory)
 
     return change

@@ -10,15 +10,17 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-import msahl.cli.main
+import msahl.cli.signals
 import msahl.run.loop
-from msahl.cli.main import main, stoppable
-from msahl.run.loop import Options, run
+from msahl.cli.main import main
+from msahl.cli.signals import stoppable
+from msahl.model import Options
 from msahl.run.subsystem import SubsystemIntegrator
+from msahl.run.tables import TABLES
 from msahl.schemes import outcome
 from msahl.schemes.collocation import step_control
 from msahl.schemes.stepper import Chunk
-from tests.support.models import ROOT, Rows, deck, pendulum
+from tests.support.models import ROOT, deck, pendulum, run_in_memory
 
 SINGLE = ROOT / "decks" / "thesis" / "single_pendulum_45.xml"
 
@@ -30,8 +32,8 @@ def violent(**simulation):
 
 
 def advance(model, options, **others):
-    rows = Rows()
-    return run(model, options, rows, **others), [np.concatenate(part) for part in rows.tables]
+    report, sink = run_in_memory(model, options, **others)
+    return report, [sink.table(name) for name in TABLES]
 
 
 @pytest.mark.parametrize("solver", ["auto", "root"])
@@ -128,7 +130,7 @@ def busy(seconds=20.0):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_request_that_nobody_asks_for_stops_all_the_same(monkeypatch, number):
-    monkeypatch.setattr(msahl.cli.main, "GRACE", 0.01)
+    monkeypatch.setattr(msahl.cli.signals, "GRACE", 0.01)
     with stoppable() as stopped:
         os.kill(os.getpid(), number)
         with pytest.raises(KeyboardInterrupt):
@@ -137,7 +139,7 @@ def test_a_request_that_nobody_asks_for_stops_all_the_same(monkeypatch, number):
 
 
 def test_a_request_that_was_answered_stops_nothing_else(monkeypatch):
-    monkeypatch.setattr(msahl.cli.main, "GRACE", 0.01)
+    monkeypatch.setattr(msahl.cli.signals, "GRACE", 0.01)
     with stoppable() as stopped:
         os.kill(os.getpid(), signal.SIGTERM)
         assert stopped()
@@ -148,11 +150,11 @@ def test_a_request_that_was_answered_stops_nothing_else(monkeypatch):
 
 @pytest.mark.parametrize(
     "where",
-    ["msahl.run.loop._energy_scale", "msahl.run.subsystem.build_system", "msahl.run.loop.digest"],
+    ["msahl.run.record._energy_scale", "msahl.run.subsystem.build_system", "msahl.run.loop.digest"],
 )
 def test_preparation_answers(tmp_path, monkeypatch, where):
     """Before there is a step there is nothing to keep: it stops, and the folder says so."""
-    monkeypatch.setattr(msahl.cli.main, "GRACE", 0.01)
+    monkeypatch.setattr(msahl.cli.signals, "GRACE", 0.01)
 
     def prepare(*_, **__):
         os.kill(os.getpid(), signal.SIGTERM)

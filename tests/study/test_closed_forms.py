@@ -92,7 +92,7 @@ def oblique(model, axis, angle):
 
 @pytest.mark.parametrize("spin", [-0.5, 1.9, 4.0, -7.0], ids=lambda w: f"w={w}")
 def test_pendulum_in_any_plane_from_any_speed(spin):
-    # Below and above the rate at which it goes over the top, in both senses; B not at the mass centre.
+    # Below and above the rate at which it passes the top, both ways; B not at the mass centre.
     model = oblique(deck("thesis/single_pendulum_89"), (1.0, -2.0, 0.5), 1.1)
     (body,) = model.bodies
     moved = replace(body, angular_velocity=(0.0, spin, 0.0), r_BG=(0.3, 0.0, 0.4))

@@ -13,10 +13,10 @@ from msahl.algebra.vector import ZERO
 from msahl.cli.main import main
 from msahl.cli.study import study as command
 from msahl.jit.compiled import working_clock
-from msahl.model import ConcentratedLoad, JointMotion, Model, RigidBody, Simulation
+from msahl.model import ConcentratedLoad, JointMotion, Model, Options, RigidBody, Simulation
+from msahl.model.settings import OFF
 from msahl.post.draw import style
 from msahl.results.read import ResultError
-from msahl.run.loop import OFF, Options
 from msahl.study import reference_cache
 from msahl.study.breakpoints import breakpoints, longest_step
 from msahl.study.errors import compute_errors

@@ -14,9 +14,9 @@ from msahl.algebra.rotation_arrays import angles
 from msahl.cli.main import main
 from msahl.cli.study import study as command
 from msahl.deck import read_deck
-from msahl.model.scheme import SCHEMES, decaying
+from msahl.model import Options
+from msahl.model.scheme import ORDER_TWO, decaying
 from msahl.post.draw import style
-from msahl.run.loop import Options
 from msahl.study import independent as independent_module
 from msahl.study import reference_cache
 from msahl.study.dynamics import Dynamics
@@ -102,7 +102,7 @@ def test_instantaneous_forces_balance():
 
 
 def test_a_scheme_registered_later_appears(monkeypatch, tmp_path):
-    monkeypatch.setitem(SCHEMES, "later", lambda damping: decaying(0.2))
+    monkeypatch.setitem(ORDER_TWO, "later", lambda damping: decaying(0.2))
     model, schemes = deck("thesis/single_pendulum_45", 1.0), ("preserving", "decaying", "later")
     assert "later" in Plan(model).studied
     result = study(Plan(model, HALVED[:3], schemes, repeats=1))

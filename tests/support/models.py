@@ -8,9 +8,11 @@ import numpy as np
 from msahl.algebra.rotation import compose, from_axis_angle, matrix
 from msahl.algebra.vector import ZERO, add, sub, times
 from msahl.deck import read_deck
-from msahl.model import ConcentratedLoad, Ground, Joint, Model, RigidBody, Simulation
+from msahl.model import ConcentratedLoad, Ground, Joint, Model, Options, RigidBody, Simulation
 from msahl.model.scheme import split
-from msahl.run.loop import Options, Report, run
+from msahl.run.loop import Hooks, run
+from msahl.run.report import Report
+from msahl.run.tables import TABLES, MemorySink
 from msahl.system.names import reaction_columns, work_columns
 
 ROOT = Path(__file__).parents[2]
@@ -76,18 +78,10 @@ class Result:
         return self.reaction(joint, "M")
 
 
-class Rows:
-    """A sink that keeps every row."""
-
-    def __init__(self):
-        self.restart()
-
-    def write(self, *tables):
-        for kept, table in zip(self.tables, tables, strict=True):
-            kept.append(np.array(table))
-
-    def restart(self):
-        self.tables = ([], [], [], [])
+def run_in_memory(model, options, since=None, **hooks):
+    """Report and sink of a run; ``hooks`` as in ``Hooks``."""
+    sink = MemorySink()
+    return run(model, options, sink, Hooks(**hooks), since), sink
 
 
 def simulate(model, dt=None, t_final=None, scheme=None, damping=None, **options):
@@ -96,9 +90,8 @@ def simulate(model, dt=None, t_final=None, scheme=None, damping=None, **options)
     given = {"dt": dt, "t_final": t_final, "scheme": name, "degree": degree, "damping": damping}
     changes = {name: value for name, value in given.items() if value is not None}
     model = replace(model, simulation=replace(model.simulation, **changes))
-    rows = Rows()
-    report = run(model, Options(**options), rows)
-    return Result(model, report, *map(np.concatenate, rows.tables))
+    report, sink = run_in_memory(model, Options(**options))
+    return Result(model, report, *map(sink.table, TABLES))
 
 
 def build_model(

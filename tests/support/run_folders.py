@@ -95,8 +95,8 @@ def write(folder, states=None, reactions=None, info=None, whole=True):
             errors = np.empty((0, 3))
             if info and info.get("error"):
                 errors = np.column_stack([states[:, 0], np.full((len(states), 2), 1e-9)])
-            results.write(states, reactions, np.empty((len(states), 1)), errors)
-        results.whole = whole
+            results.write({"states": states, "reactions": reactions, "error": errors})
+        results.complete = whole
     if info is not None:
         write_json(folder / "run.json", info)
 

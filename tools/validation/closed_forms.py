@@ -11,7 +11,7 @@ import numpy as np
 
 from msahl.deck import read_deck
 from msahl.model import Model
-from msahl.model.scheme import SCHEMES
+from msahl.model.scheme import ORDER_TWO
 from msahl.post.document import Block, Heading, Items, Paragraph
 from msahl.post.table import Cell, Column, Table
 from msahl.results.read import ResultError
@@ -62,7 +62,7 @@ def study_all(paths: list[Path]) -> Iterator[Result]:
         exact = recognise(model) is not None
         print(path.stem, flush=True)
         try:
-            result = study(Plan(model, steps_for(model), tuple(SCHEMES), repeats=1))
+            result = study(Plan(model, steps_for(model), tuple(ORDER_TWO), repeats=1))
         except ResultError as error:
             print(f"  skipped: {error}", flush=True)
             continue

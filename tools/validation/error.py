@@ -20,10 +20,10 @@ import numpy as np
 import platformdirs
 
 from msahl.algebra.rotation_arrays import angles
-from msahl.model import Model, tolerance_of
+from msahl.model import Model, Options, resolve
 from msahl.model.scheme import AUTO, choices, split
-from msahl.run.loop import Options, run
-from msahl.study.runs import Memory
+from msahl.run.loop import run
+from msahl.run.tables import STATES, MemorySink
 from msahl.system.build import build_system
 from tools.validation import reference
 from tools.validation.csv_tables import read_records, write_records
@@ -129,7 +129,7 @@ def at_steps(case: Case, word: str, per_output: int) -> tuple[Model, Options]:
         scheme=name,
         degree=degree or given.degree,
         tolerance=None,
-        interval=None,
+        output_interval=None,
     )
     return replace(case.model, simulation=simulation), Options(every=per_output)
 
@@ -139,7 +139,7 @@ def by_tolerance(case: Case, tolerance: float, kind: str) -> tuple[Model, Option
     simulation = replace(
         case.model.simulation,
         dt=case.t_final / case.outputs,
-        interval=case.t_final / case.outputs,
+        output_interval=case.t_final / case.outputs,
         t_final=case.t_final,
         scheme=AUTO,
         tolerance=tolerance if kind == GLOBAL else None,
@@ -150,10 +150,10 @@ def by_tolerance(case: Case, tolerance: float, kind: str) -> tuple[Model, Option
 
 def first_row(case: Case) -> np.ndarray:
     """Return the published states (12 n,) at t = 0, with the consistent velocities of every run."""
-    memory = Memory()
+    memory = MemorySink(only=(STATES,))
     model, _ = at_steps(case, SCHEMES[0], 1)
     run(replace(model, simulation=replace(model.simulation, t_final=1e-9)), Options(), memory)
-    return np.array(memory.tables()[0][0, 1:])
+    return np.array(memory.table(STATES)[0, 1:])
 
 
 def truth_of(case: Case) -> reference.Truth:
@@ -233,16 +233,16 @@ def _cell(
     lengths: np.ndarray,
     floors: dict[str, float],
 ) -> Cell:
-    memory = Memory()
+    memory = MemorySink(only=(STATES,))
     report = run(model, options, memory)
-    rows = memory.tables()[0]
+    rows = memory.table(STATES)
     true: dict[str, float] = {}
     if report.status == "completed" and len(rows) == len(truth.times):
         true = largest_differences(rows[:, 1:], truth.states, lengths)
     # An estimate up to some time does not include the output times after it.
     estimated = report.error if true and report.error and report.error["complete"] else {}
     seconds = report.seconds["loop"]
-    if tolerance_of(model) is not None:
+    if resolve(model.simulation).tolerance is not None:
         seconds += report.seconds.get("companion", 0.0)
     return Cell(
         model=case.name,

@@ -1,11 +1,11 @@
-"""Runs of the gauss scheme in the longest precision of the machine: an error of order 10 falls from
-where a step is too long to the round-off of doubles before its slope has settled.
+"""Run the gauss scheme in the machine's longest precision.
 
-Kernels are plain Python, and compute in whatever their arrays hold. So a scene is built as ever and
-its arrays are widened to ``LONG``; what had been rounded in making them is made anew (the numbers
-of the rule, inverse inertias), the start is put back on its joints, and the steps are those of
-``solve.high``, uncompiled, with functions and tolerances that fit. What the deck gives stays as it
-was rounded to doubles: that is the scene.
+In double precision an error of order 10 falls from that of a too large step to rounding errors before
+its slope is constant. Kernels are plain Python functions that compute in the type of their arrays.
+So a model is assembled as usual, and its arrays are converted to ``LONG``. Values that were rounded
+before are computed again (the quadrature rule, inverse inertias), the constraint violation of the
+initial state is removed, and the steps are those of ``schemes.collocation.newton``, uncompiled, with
+functions and tolerances of this precision. The numbers of the deck stay rounded to doubles.
 """
 
 import math

@@ -10,12 +10,11 @@ from functools import cache, cached_property
 import numpy as np
 
 from msahl.deck import read_deck
-from msahl.model import Model
+from msahl.model import Model, Options
 from msahl.model.loads import SpringDamper
-from msahl.model.scheme import HIGHER, choices, split
+from msahl.model.scheme import COLLOCATION, choices, split
 from msahl.post.document import Block, Heading, Items, Paragraph
 from msahl.post.table import Cell, Column, Table
-from msahl.run.loop import Options
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import state_errors
 from msahl.study.independent import solve
@@ -26,7 +25,7 @@ from tools.validation.generated import write_generated
 from tools.validation.longdouble import LONG
 from tools.validation.thesis_runs import OUT, ROOT
 
-WORDS = tuple(word for word in choices() if split(word)[0] in HIGHER)
+WORDS = tuple(word for word in choices() if split(word)[0] in COLLOCATION)
 """The schemes whose order is observed."""
 LADDER = (
     *range(1, 8),
@@ -56,7 +55,7 @@ def order_of(word: str) -> int:
     """Return the theoretical order of a scheme."""
     name, degree = split(word)
     assert degree is not None
-    return 2 * degree - HIGHER[name].decays
+    return 2 * degree - COLLOCATION[name].decays
 
 
 def number_of(word: str) -> type:

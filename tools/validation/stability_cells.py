@@ -25,15 +25,15 @@ from lxml import etree
 
 from msahl.algebra.rotation import to_axis_angle
 from msahl.algebra.rotation_arrays import angles
-from msahl.cli.main import BAD_INPUT, main
+from msahl.cli.console import BAD_INPUT
+from msahl.cli.main import main
 from msahl.deck import read_deck
 from msahl.linalg import dense
-from msahl.model import Model
-from msahl.model.scheme import DEFAULT, DEGREE, HIGHER, SCHEMES
+from msahl.model import Model, Options
+from msahl.model.scheme import COLLOCATION, DEFAULT, DEGREE, ORDER_TWO
 from msahl.results.read import ResultError, read_run
-from msahl.run.loop import Options
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.run.verdict import ENERGY_SPOILT, PASS
+from msahl.run.verdict import ENERGY_FAIL, PASS
 from msahl.schemes.collocation import newton, predictor, scipy_root
 from msahl.schemes.collocation.newton import CollocationWorkspace
 from msahl.schemes.fixed_stepper import FixedStepper
@@ -45,7 +45,7 @@ from msahl.study.runs import run_in_memory, with_step
 from msahl.system.build import build_system
 from tools.validation.extreme_families import DECKS, FAMILIES, Family
 
-COMPARED = (*SCHEMES, *(f"{name}{DEGREE}" for name in HIGHER))
+COMPARED = (*ORDER_TWO, *(f"{name}{DEGREE}" for name in COLLOCATION))
 """Schemes of the table: those of order 2, and those of higher order with their default degree."""
 STEPS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 SPAN = 10.0
@@ -62,7 +62,7 @@ LARGEST = 600
 KEPT = 1e-9
 """Largest accepted energy balance error over the largest kinetic energy, and largest accepted
 constraint violation over the model's arm."""
-KEPT_NEARLY = ENERGY_SPOILT
+KEPT_NEARLY = ENERGY_FAIL
 """Largest accepted energy balance error of schemes of higher order, which conserve or dissipate
 energy only as accurately as positions; above it a run's own verdict is FAIL."""
 ROUND_OFF = 1e-14
@@ -252,7 +252,7 @@ def judge(
 
 def energy_asked(scheme: str) -> float:
     """Return the accepted energy balance error of a ``scheme`` over the largest kinetic energy."""
-    return KEPT if scheme in SCHEMES else KEPT_NEARLY
+    return KEPT if scheme in ORDER_TWO else KEPT_NEARLY
 
 
 class Task(NamedTuple):
@@ -452,7 +452,7 @@ def run_group(name: str, x: float, schemes: Iterable[str], steps: Iterable[float
         for run in runs:
             true = truth.at(run.times)
             for scheme in schemes:
-                known = condition(model, run.dt, DEFAULT if scheme in SCHEMES else scheme)
+                known = condition(model, run.dt, DEFAULT if scheme in ORDER_TWO else scheme)
                 out = home / f"{run.dt:g}-{scheme}"
                 info = run_deck(deck, out, scheme, run, family.bound)
                 found = errors(states(out, run, len(model.bodies)), true, lengths)

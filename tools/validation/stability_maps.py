@@ -13,9 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from msahl.deck import read_deck
-from msahl.model import Model
+from msahl.model import Model, Options
 from msahl.post.draw import looks, style
-from msahl.run.loop import Options
 from msahl.study.runs import run_in_memory, with_step
 from tools.validation.extreme_families import FAMILIES, Family
 from tools.validation.small_pictures import save_small

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from math import inf
 from pathlib import Path
 
-from msahl.model.scheme import SCHEMES
+from msahl.model.scheme import ORDER_TWO
 from msahl.post.document import Block, Heading, Items, Paragraph, Picture
 from msahl.post.table import Cell as Entry
 from msahl.post.table import Column, Table
@@ -226,11 +226,11 @@ def expectations(cells: Sequence[Cell]) -> Iterator[tuple[str, str]]:
             f"{worst_of.dt:g} s ({worst_of.scheme}), with an energy balance error of "
             f"{worst_of.energy:.1e} of the largest kinetic energy. The verdict of the run says so.",
         )
-    ends = [cell for cell in cells if cell.outcome == COARSE and cell.scheme in SCHEMES]
+    ends = [cell for cell in cells if cell.outcome == COARSE and cell.scheme in ORDER_TWO]
     worst = max((cell.energy or 0.0 for cell in ends), default=0.0)
     yield (
         "The energy balance does not show position errors",
-        f"The {len(ends)} coarse runs by {' and '.join(SCHEMES)} have an energy balance error of "
+        f"The {len(ends)} coarse runs by {' and '.join(ORDER_TWO)} have an energy balance error of "
         f"at most {worst:.1e}, but wrong positions. Use the error estimate, or msahl study.",
     )
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from msahl.algebra.rotation_arrays import rotations
 from msahl.deck import read_deck
-from msahl.model import Model
+from msahl.model import Model, Options
 from msahl.post.metrics import Metrics, compute_metrics
 from msahl.results.read import Run
-from msahl.run.loop import Options, Report
+from msahl.run.report import Report
 from msahl.study.runs import run_in_memory, with_step
 
 ROOT = Path(__file__).resolve().parents[2]

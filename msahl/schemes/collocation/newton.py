@@ -18,7 +18,7 @@ from msahl.elements.forces import ReactionForces, pressed_by_reactions
 from msahl.elements.frames import first_multiplier
 from msahl.jit.kernel import apart, kernel
 from msahl.linalg import block_lu, dense
-from msahl.model.scheme import HIGHER
+from msahl.model.scheme import COLLOCATION
 from msahl.schemes import accelerations
 from msahl.schemes.accelerations import Instant, new_instant
 from msahl.schemes.collocation import dense_output, equations, predictor
@@ -66,7 +66,7 @@ def new_collocation_workspace(
     workspace: Workspace, scheme: str, degree: int
 ) -> CollocationWorkspace:
     """Room for steps by the ``scheme`` of a ``degree`` from the scene's prepared state."""
-    lu, higher = workspace.unknowns.elimination, HIGHER[scheme]
+    lu, higher = workspace.unknowns.elimination, COLLOCATION[scheme]
     stages = new_stages(
         workspace.system, workspace.unknowns, workspace.state, new_rule(scheme, degree)
     )

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from msahl.jit.compiled import compiled
-from msahl.model.scheme import HIGHER
+from msahl.model.scheme import COLLOCATION
 from msahl.schemes.collocation import dense_output, newton, step_control
 from msahl.schemes.collocation.newton import CollocationWorkspace, new_collocation_workspace
 from msahl.schemes.collocation.step_control import ControlSettings
@@ -233,7 +233,7 @@ class AdaptiveStepper:
     @property
     def order(self) -> int:
         """Order of the steps of the present degree."""
-        return HIGHER[self.method.scheme].order(self.method.degree)
+        return COLLOCATION[self.method.scheme].order(self.method.degree)
 
     def as_json(self) -> tuple[dict[str, Any] | None, dict[str, float]]:
         """See ``Stepper`` [m, s]."""

@@ -35,7 +35,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import legendre, polynomial
 
-from msahl.model.scheme import HIGHER
+from msahl.model.scheme import COLLOCATION
 
 
 class Rule(NamedTuple):
@@ -69,7 +69,7 @@ class Rule(NamedTuple):
 
 
 def new_rule(scheme: str, s: int) -> Rule:
-    """The rule of one of the ``schemes.HIGHER`` of degree ``s`` >= 1."""
+    """The rule of one of the ``schemes.COLLOCATION`` of degree ``s`` >= 1."""
     return {"gauss": _gauss, "radau": _radau}[scheme](s)
 
 
@@ -98,7 +98,7 @@ def _gauss(s: int) -> Rule:
         pushing=lobatto[:s],
         late=s - 1,
         varied=True,
-        decays=HIGHER["gauss"].decays,
+        decays=COLLOCATION["gauss"].decays,
         time=np.concatenate([lobatto, gauss]),
         closes=np.concatenate([np.arange(s + 1) - 1, none]),
         pushes=np.concatenate([np.arange(s), [-1], none]),
@@ -131,7 +131,7 @@ def _radau(s: int) -> Rule:
         pushing=nodes,
         late=s - 2,
         varied=False,
-        decays=HIGHER["radau"].decays,
+        decays=COLLOCATION["radau"].decays,
         # Of each node the joints, then the forces.
         time=np.repeat(nodes, 2),
         closes=np.stack([one, none], axis=1).ravel(),

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from msahl.cli.main import main
 from msahl.deck import check_simulation
-from msahl.run.loop import Grid
+from msahl.run.time_grid import TimeGrid
 from msahl.schemes.collocation import dense_output
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.study.exact import recognise
@@ -23,7 +23,7 @@ SINGLE = THESIS[0].parent / "single_pendulum_45.xml"
 
 def between_rows(model, degree, dt, interval, t_final, **options):
     """A run by steps of ``dt`` with rows at the ``interval``."""
-    given = replace(model.simulation, scheme="gauss", degree=degree, interval=interval)
+    given = replace(model.simulation, scheme="gauss", degree=degree, output_interval=interval)
     return simulate(replace(model, simulation=given), dt=dt, t_final=t_final, **options)
 
 
@@ -124,14 +124,14 @@ def test_the_command_and_the_deck_ask_for_rows(tmp_path):
 def test_the_lowest_order_has_rows_at_whole_number_steps():
     model = deck("single_pendulum_45")
     known = simulate(model, dt=0.02, t_final=1.0, every=3)
-    thinned = replace(model, simulation=replace(model.simulation, interval=0.06))
+    thinned = replace(model, simulation=replace(model.simulation, output_interval=0.06))
     run = simulate(thinned, dt=0.02, t_final=1.0)
     np.testing.assert_array_equal(run.states[:, 1:], known.states[:, 1:])
     np.testing.assert_array_equal(run.reactions[:, 1:], known.reactions[:, 1:])
     np.testing.assert_allclose(run.time, known.time, rtol=1e-15)  # 33 times 0.02, 11 times 0.06
-    odd = replace(model.simulation, dt=0.02, interval=0.05)
+    odd = replace(model.simulation, dt=0.02, output_interval=0.05)
     (fault,) = check_simulation(odd)
     assert fault.startswith("outputInterval: 0.05 s are no whole number of steps of 0.02 s")
-    (fault,) = check_simulation(replace(odd, scheme="gauss", interval=1e-6))
+    (fault,) = check_simulation(replace(odd, scheme="gauss", output_interval=1e-6))
     assert "more than 1000 rows" in fault
-    assert Grid.of_rows(replace(odd, t_final=1.0)).n == 20
+    assert TimeGrid.of_output(replace(odd, t_final=1.0)).n == 20

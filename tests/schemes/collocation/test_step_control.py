@@ -10,7 +10,7 @@ from click.testing import CliRunner
 import msahl.run.loop
 from msahl.cli.main import main
 from msahl.deck import check_simulation
-from msahl.run.loop import Options
+from msahl.model import Options
 from msahl.study.exact import recognise
 from tests.run.test_resume import advance, bits, in_two_parts
 from tests.support.models import DECKS, body, build_model, deck, simulate

@@ -1,10 +1,9 @@
-"""The command ``msahl new``: a commented deck to start from.
+"""The command ``msahl new``: write a commented deck to start from.
 
-A template is a deck beside the deck room, ``msahl/deck/templates/NAME.xml``, or that of an element,
-``decks/joints`` and ``decks/forces``; ``--list`` says of it what its opening comment begins with.
+A template is a deck in ``msahl/deck/templates``, or an element's example in ``decks/joints`` or
+``decks/forces``. ``--list`` shows the first words of its opening comment.
 """
 
-import sys
 from difflib import get_close_matches
 from functools import cache
 from importlib.resources import files
@@ -13,22 +12,21 @@ from pathlib import Path
 
 import click
 
+from msahl.cli.console import stop
 from msahl.printable import shown_path
 from msahl.resources import folder
 from msahl.terminal import echo
 
-BAD_INPUT = 2
-
 
 @cache
 def decks() -> dict[str, Traversable]:
-    """All templates by name: whole scenes first, then one for each element."""
-    rooms = [files("msahl.deck").joinpath("templates")]
-    rooms += [folder("decks").joinpath(room) for room in ("joints", "forces")]
+    """All templates by name: complete models first, then one for each element."""
+    folders = [files("msahl.deck").joinpath("templates")]
+    folders += [folder("decks").joinpath(name) for name in ("joints", "forces")]
     return {
         entry.name.removesuffix(".xml"): entry
-        for room in rooms
-        for entry in sorted(room.iterdir(), key=lambda entry: entry.name)
+        for place in folders
+        for entry in sorted(place.iterdir(), key=lambda entry: entry.name)
         if entry.name.endswith(".xml")
     }
 
@@ -39,12 +37,12 @@ def names() -> list[str]:
 
 
 def template(name: str) -> str:
-    """The deck of this name."""
+    """The text of the template of this name."""
     return decks()[name].read_text(encoding="utf-8")
 
 
 def purpose(name: str) -> str:
-    """What a template shows: how its comment begins."""
+    """What a template shows: the beginning of its comment."""
     comment = template(name).split("<!--", 1)[1].strip()
     return comment.splitlines()[0].split(":")[0].strip().rstrip(".")
 
@@ -58,23 +56,25 @@ def _list(context: click.Context, _: click.Parameter, wanted: bool) -> None:
 
 
 def _known(context: click.Context, parameter: click.Parameter, name: str) -> str:
-    """The name of a template; the likely ones are told of a wrong one."""
+    """The name of a template; for a wrong one, the fault names the most similar ones."""
     if name not in names():
         near = get_close_matches(name, names(), n=3)
         hint = f"did you mean {' or '.join(near)}? " if near else ""
-        message = f"no template '{name}'; {hint}msahl new --list says what there is"
+        message = f"no template '{name}'; {hint}use msahl new --list"
         raise click.BadParameter(message, context, parameter)
     return name
 
 
-@click.command(epilog="msahl new --list says what there is: whole scenes, and every element.")
+@click.command(
+    epilog="Use msahl new --list to see all templates: complete models and all elements."
+)
 @click.argument("name", metavar="TEMPLATE", callback=_known)
 @click.option("-o", "--output", type=click.Path(dir_okay=False, allow_dash=True), metavar="FILE",
-              help="Where the deck goes ('-': the terminal; default: TEMPLATE.xml).")  # fmt: skip
+              help="Write to this file ('-': the terminal; default: TEMPLATE.xml).")  # fmt: skip
 @click.option("--list", "listed", is_flag=True, is_eager=True, expose_value=False, callback=_list,
-              help="Say what every template shows.")  # fmt: skip
+              help="List all templates and what they show.")  # fmt: skip
 def new(name: str, output: str | None) -> None:
-    """Write a commented deck to start from; no file is ever overwritten.
+    """Write a commented deck to start from. No existing file is overwritten.
 
     Example: msahl new pendulum -o my.xml
     """
@@ -86,12 +86,7 @@ def new(name: str, output: str | None) -> None:
         with path.open("x", encoding="utf-8") as stream:
             stream.write(template(name))
     except FileExistsError:
-        _stop(f"{shown_path(path)} exists; choose another file with -o")
+        stop(f"{shown_path(path)} exists; choose another file with -o")
     except OSError as error:
-        _stop(f"{shown_path(path)}: {error.strerror or error}; choose another file with -o")
+        stop(f"{shown_path(path)}: {error.strerror or error}; choose another file with -o")
     echo(f"{shown_path(path)}: next, msahl run {shown_path(path)}", err=True)
-
-
-def _stop(message: str) -> None:
-    echo(message, err=True)
-    sys.exit(BAD_INPUT)

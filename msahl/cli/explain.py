@@ -1,0 +1,28 @@
+"""The command ``msahl explain``: describe what running a deck involves."""
+
+from pathlib import Path
+
+import click
+
+from msahl.cli.console import stop
+from msahl.cli.decks import model_to_run
+from msahl.cli.options import DECK
+from msahl.printable import shown_path
+from msahl.terminal import echo
+
+
+@click.command(short_help="Describe what running a deck involves.")
+@click.argument("deck", type=DECK)
+def explain(deck: Path) -> None:
+    """Describe what running DECK involves: degrees of freedom, unknowns and model reductions.
+
+    Example: msahl explain decks/thesis/double_pendulum_89.xml
+    """
+    model = model_to_run(deck, {})
+    from msahl.run.explain import explain as lines
+    from msahl.start.velocities import StartError
+
+    try:
+        echo("\n".join(lines(model)))
+    except StartError as error:
+        stop(f"{shown_path(deck)}: {error}")

@@ -1,0 +1,322 @@
+"""The command ``msahl run``: run a deck and write its results."""
+
+import os
+import shlex
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.core import ParameterSource
+
+import msahl
+from msahl.cli.console import BAD_VERDICT, NOT_WRITTEN, STATUS, say, stop
+from msahl.cli.decks import model_to_run
+from msahl.cli.options import DECK, output_option, run_options
+from msahl.cli.signals import Interruption, set_alarm, stoppable
+from msahl.printable import printable, shown_path
+
+if TYPE_CHECKING:
+    from msahl.model import Model, Options, RunSettings
+    from msahl.results.checkpoint import Checkpoint
+    from msahl.run.report import Report
+
+STARTED = time.perf_counter()
+"""When this module was imported; the time that Python needs before is not counted."""
+PACKAGES = ("numba", "numpy", "scipy")
+"""Packages whose versions ``run.json`` records."""
+
+
+@click.command(short_help="Run a deck and write its results.")
+@click.argument("deck", type=DECK)
+@output_option("results/<deck's name>")
+@run_options
+@click.option("--resume", is_flag=True, help="Resume the interrupted run in DIR. Give the deck and "
+              "the options with which it was started.")  # fmt: skip
+@click.option("--strict", is_flag=True, help="Exit with status 1 on WARN as well as on FAIL.")
+@click.option("-q", "--quiet", is_flag=True, help="Print only faults.")
+@click.option("-v", "--verbose", is_flag=True, help="Print the time and work of every phase.")
+def run(
+    deck: Path,
+    output: Path | None,
+    resume: bool,
+    strict: bool,
+    quiet: bool,
+    verbose: bool,
+    **given: Any,
+) -> None:
+    """Run DECK and write its states and joint reactions.
+
+    Writes states.csv, reactions.csv (if there are joints or motions), work.csv (if there are loads
+    or motions), error.csv (estimated errors of positions and orientations), run.json and deck.xml,
+    the deck as it was run. File names of tables end in .part until the run is complete. If DIR
+    holds complete results already, they are kept until then, and the new run is written to
+    DIR/incomplete. Exits with status 1 if the verdict is FAIL.
+
+    Example: msahl run decks/thesis/double_pendulum_89.xml --dt 0.01 -o results/coarse
+    """
+    job = make_job(deck, output or Path("results") / deck.stem, given)
+    from msahl.results.folder import FolderError
+    from msahl.results.lock import FolderInUseError, locked
+    from msahl.run.snapshot import ResumeError
+
+    try:
+        if resume and not job.folder.is_dir():
+            where = shown_path(job.folder)
+            raise ResumeError(f"{where}: no run to resume; omit --resume to start it")
+        with locked(job.folder):
+            status = carry_out(job, resume, strict, Talk(quiet, verbose))
+    except OSError as error:
+        where = shown_path(error.filename or job.folder)
+        stop(f"{where}: {error.strerror or error}; choose another folder with -o")
+    except (FolderError, FolderInUseError, ResumeError) as error:
+        stop(printable(str(error)))
+    except MemoryError:
+        message = "the model needs more memory than there is; make its subsystems smaller"
+        stop(f"{shown_path(deck)}: {message}")
+    sys.exit(status)
+
+
+@dataclass(frozen=True)
+class Talk:
+    """How much a run prints."""
+
+    quiet: bool
+    verbose: bool
+
+
+@dataclass(frozen=True)
+class Job:
+    """A run to be made: the deck's path, folder of the results, and the deck as it is run."""
+
+    deck: Path
+    folder: Path
+    model: "Model"
+    options: "Options"
+    text: bytes
+
+    @cached_property
+    def settings(self) -> "RunSettings":
+        """How the run is made."""
+        from msahl.model import resolve
+
+        return resolve(self.model.simulation, self.options)
+
+    @cached_property
+    def about(self) -> dict[str, Any]:
+        """The head of ``run.json``: all that the rows of the run depend on."""
+        from msahl.deck import deck_digest
+        from msahl.results.folder import relative
+        from msahl.run.options import recorded_options
+
+        return {
+            **_versions(),
+            "deck": {
+                "path": click.format_filename(self.deck),
+                "relative": click.format_filename(relative(self.deck, self.folder)),
+                "digest": deck_digest(self.text),
+            },
+            "options": recorded_options(self.settings),
+        }
+
+
+def make_job(deck: Path, folder: Path, given: dict[str, Any]) -> Job:
+    """The run of ``deck`` with the options ``given``; faults end the program."""
+    model = model_to_run(deck, given)
+    from msahl.deck import effective_deck
+    from msahl.model.settings import LOCAL, OFF
+    from msahl.run.options import deck_changes, options_beside_deck
+
+    try:
+        text = effective_deck(deck, deck_changes(given))
+    except OSError as error:
+        stop(f"{shown_path(error.filename or deck)}: {error.strerror or error}")
+    job = Job(deck, folder, model, options_beside_deck(given), text)
+    settings = job.settings
+    if settings.solver == "root" and settings.adaptive:
+        stop("msahl run: --solver root takes steps of a given size; omit it, or the tolerance")
+    if settings.error in (LOCAL, OFF) and settings.tolerance is not None:
+        stop(
+            f"msahl run: --error {settings.error}: a tolerance of the global error needs its "
+            "estimate; give --local-tolerance instead"
+        )
+    return job
+
+
+def carry_out(job: Job, resume: bool, strict: bool, talk: Talk) -> int:
+    """Make the run, or resume it, in the locked folder; the exit status."""
+    begun = _begin(job, resume)
+    if begun is None:
+        say(f"{shown_path(job.deck)}: the run in {shown_path(job.folder)} is complete")
+        return 0
+    with stoppable() as stopped:
+        report = _simulate(job, *begun, stopped, talk)
+        status = _close(job, begun[0], report, stopped, talk)
+        return status or _status_of_verdict(report, strict)
+
+
+def _begin(job: Job, resume: bool) -> "tuple[Path, Checkpoint | None] | None":
+    """The folder to write into and the checkpoint to resume from; None if the run is complete."""
+    from msahl.results.checkpoint import is_complete, read_checkpoint
+    from msahl.results.folder import claim, finish, info, place
+
+    if not resume:
+        return claim(job.folder, job.deck, job.about), None
+    finish(job.folder)
+    work = place(job.folder)
+    if not info(work):  # complete, and no other run was started since
+        work = job.folder
+    if work == job.folder and is_complete(work, job.about):
+        return None
+    return work, read_checkpoint(work, job.about)
+
+
+def _simulate(
+    job: Job, work: Path, since: "Checkpoint | None", stopped: Callable[[], bool], talk: Talk
+) -> "Report":
+    """Run into the folder ``work``; the report covers faults of the start and of the disk."""
+    from msahl.results.checkpoint import Checkpoint, write_checkpoint
+    from msahl.results.write import RunFolder, write_beginning
+    from msahl.run import loop
+    from msahl.run.messages import not_written
+    from msahl.run.report import COMPLETED, INTERRUPTED, NOT_STARTED, report_without_steps
+    from msahl.run.report import NOT_WRITTEN as UNWRITTEN
+    from msahl.run.snapshot import Snapshot
+    from msahl.start.velocities import StartError
+
+    def save(snapshot: Snapshot) -> None:
+        results.flush()
+        write_checkpoint(work, job.about, Checkpoint(results.ends(), snapshot))
+
+    ends, snapshot = (since.ends, since.snapshot) if since else (None, None)
+    write_beginning(work, {"status": "running", "pid": os.getpid(), **job.about})
+    results = RunFolder(work, job.model, job.text, ends)
+    try:
+        with results, _progress(job.model, not talk.quiet) as progress:
+            tell = (lambda message: None) if talk.quiet else say
+            hooks = loop.Hooks(progress, stopped, tell, save)
+            report = loop.run(job.model, job.options, results, hooks, snapshot)
+            set_alarm(0.0)  # what ends the run now must not be interrupted
+            results.complete = report.status == COMPLETED
+    except StartError as error:
+        return report_without_steps(NOT_STARTED, str(error))
+    except KeyboardInterrupt:  # a second request to stop, before the first step ended
+        return report_without_steps(INTERRUPTED, "stopped before the first step")
+    except OSError as error:  # of the tables' names; other faults of the disk are in the report
+        return report_without_steps(UNWRITTEN, not_written(error))
+    return report
+
+
+def _close(job: Job, work: Path, report: "Report", stopped: Interruption, talk: Talk) -> int:
+    """End a run, however it went: ``run.json``, the last messages, the exit status."""
+    from msahl.results.checkpoint import has_checkpoint, remove_checkpoint
+    from msahl.results.folder import finish, tables
+    from msahl.results.write import INFO, write_json
+
+    report.seconds["total"] = time.perf_counter() - STARTED
+    if report.status in ("interrupted", "not written"):
+        resume = has_checkpoint(work)
+        again = "resume it" if resume else "start again (there is no checkpoint yet)"
+        report.message += f"; {again} with: {_command(resume)}"
+    status, complete = STATUS[report.status], report.status == "completed"
+    try:
+        write_json(work / INFO, {**job.about, "tables": tables(work), **report.as_json()})
+        if complete:
+            remove_checkpoint(work)
+            finish(job.folder)
+    except OSError as error:
+        say(f"{shown_path(error.filename or work / INFO)}: {error.strerror or error}")
+        status = NOT_WRITTEN if complete else status
+    _tell(job.deck, job.folder if complete else work, report, talk)
+    if not complete and work != job.folder and not talk.quiet:
+        earlier = f"the complete results of an earlier run are still in {shown_path(job.folder)}"
+        say(f"{shown_path(job.deck)}: {earlier}")
+    if report.status == "interrupted" and stopped.signal:
+        return 128 + stopped.signal
+    return status
+
+
+def _status_of_verdict(report: "Report", strict: bool) -> int:
+    """Exit status of a completed run."""
+    from msahl.run.verdict import FAIL, WARN
+
+    return BAD_VERDICT if report.verdict["word"] in ((WARN, FAIL) if strict else (FAIL,)) else 0
+
+
+def _command(resume: bool) -> str:
+    """The present command line, with ``--resume`` or without."""
+    context = click.get_current_context()
+    words = ["msahl", "run"]
+    for parameter in context.command.params:
+        name = str(parameter.name)
+        given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+        if not given or name == "resume":
+            continue
+        if isinstance(parameter, click.Option):
+            words.append(max(parameter.opts, key=len))
+        if not (isinstance(parameter, click.Option) and parameter.is_flag):
+            words.append(str(context.params[name]))
+    return shlex.join([*words, "--resume"] if resume else words)
+
+
+@contextmanager
+def _progress(model: "Model", shown: bool) -> Iterator[Callable[[int, float], Any]]:
+    """A progress bar of steps and simulated time on a terminal, nothing elsewhere."""
+    if not shown or not sys.stderr.isatty():
+        yield lambda steps, t: None
+        return
+    from msahl.run.time_grid import TimeGrid
+
+    t_final = model.simulation.t_final
+    bar: Any = click.progressbar(
+        length=TimeGrid.of_steps(model.simulation).n,
+        label=model.simulation.title or "running",
+        file=sys.stderr,
+        item_show_func=lambda t: "" if t is None else f"t = {t:.4g} of {t_final:g} s",
+    )
+    with bar:
+        yield lambda steps, t: bar.update(steps - bar.pos, t)
+
+
+def _versions() -> dict[str, str]:
+    """Versions of msahl, Python and the packages that numbers depend on."""
+    import platform
+    from importlib.metadata import version
+
+    versions = {package: version(package) for package in PACKAGES}
+    return {"msahl": msahl.__version__, "python": platform.python_version(), **versions}
+
+
+def _tell(deck: Path, folder: Path, report: "Report", talk: Talk) -> None:
+    """Print the last messages: warnings, what went wrong, and the verdict."""
+    from msahl.run.verdict import FAIL
+
+    lines = [] if talk.quiet else [f"{shown_path(deck)}: {text}" for text in report.warnings]
+    if report.message:
+        lines.append(f"{shown_path(deck)}: {report.message}")
+    if talk.verbose:
+        lines += [f"{phase}: {seconds:.3f} s" for phase, seconds in report.seconds.items()]
+        lines.append(
+            f"{report.unknowns} unknowns in {report.subsystems} subsystems "
+            f"({report.planar_subsystems} planar), {report.iterations} iterations, "
+            f"{report.factorisations} factorisations, {report.scipy_steps} steps by scipy, "
+            f"{report.subdivisions} subdivisions"
+        )
+    if not talk.quiet or report.verdict["word"] == FAIL:
+        verdict = describe_verdict(report.verdict)
+        lines.append(f"{shown_path(deck)}: {verdict} -> {shown_path(folder)}")
+    if lines:
+        say("\n".join(lines))
+
+
+def describe_verdict(verdict: dict[str, Any]) -> str:
+    """The verdict's word and its reasons; of a good run the figures that made it pass."""
+    checks = verdict["checks"]
+    names = ("completion", "energy", "constraintViolation", "accuracy", "reactions")
+    texts = [checks[name]["text"] for name in names if name in checks]
+    return f"{verdict['word']}: {'; '.join(verdict['reasons'] or texts)}"

@@ -1,0 +1,95 @@
+"""The end of a run: its report is completed with figures, error estimate and verdict."""
+
+from msahl.model.settings import OFF
+from msahl.run.record import Record
+from msahl.run.report import Report
+from msahl.run.setup import RunSetup
+from msahl.run.unseen_errors import unresolved_friction
+from msahl.run.verdict import Figures, judge
+
+
+def conclude(setup: RunSetup, record: Record, report: Report) -> None:
+    """Complete the ``report`` on a run that has ended."""
+    progress = setup.plan.progress
+    report.steps, report.output_times = progress.steps, progress.output_times
+    report.time = progress.time
+    _count_work(setup, report)
+    for integrator in setup.integrators:
+        integrator.review_reactions()
+        report.non_unique_reactions |= integrator.shared
+    _add_extremes(setup, record, report)
+    _complete_estimate(setup, record, report)
+    if setup.attempts and setup.estimate:
+        setup.attempts.add(report, setup.estimate)
+    report.error = setup.estimate.as_json() if setup.estimate else None
+    report.verdict = judge(_figures(setup, record, report), setup.settings.limits).as_json()
+
+
+def _count_work(setup: RunSetup, report: Report) -> None:
+    """Add up what the subsystems' solvers did."""
+    report.iterations = sum(int(of.workspace.counts[0]) for of in setup.integrators)
+    report.factorisations = sum(int(of.workspace.counts[1]) for of in setup.integrators)
+    report.scipy_steps = sum(of.stepper.scipy_steps for of in setup.integrators)
+    report.subdivisions = sum(of.stepper.subdivisions for of in setup.integrators)
+
+
+def _add_extremes(setup: RunSetup, record: Record, report: Report) -> None:
+    """Enter the extremes; local errors are those of the schemes of order 2, or of the control."""
+    settings = setup.settings
+    report.extremes = record.extremes.as_json()
+    if settings.degree:
+        report.extremes |= {"localErrorMax": None, "localErrorSum": None}
+    report.step_control, local = setup.integrators[0].stepper.as_json()
+    report.extremes |= local
+    if settings.dissipative:
+        report.extremes |= {"energyTaken": record.energy_taken}
+
+
+def _complete_estimate(setup: RunSetup, record: Record, report: Report) -> None:
+    """Add the errors that a comparison at the output times does not show."""
+    settings, estimate, extremes = setup.settings, setup.estimate, report.extremes
+    speed, h = extremes["speedMax"] or 0.0, setup.output.grid.h
+    if estimate and settings.dissipative:
+        kinetic = extremes["largestKineticEnergy"] or 0.0
+        displacement = speed * _longest_step(setup, report)
+        estimate.add_damped(record.energy_taken, record.extremes.size, kinetic, displacement)
+    if estimate and not settings.adaptive:
+        displacement = min(h, report.time) * speed
+        displacement -= record.length * (extremes["rotationPerStepMax"] or 0.0)
+        friction = [unresolved_friction(of, h, report.time) for of in setup.integrators]
+        estimate.add_unresolved(displacement, record.extremes.displacement, max(friction))
+    if settings.error == OFF:
+        report.extremes |= {"localErrorMax": None, "localErrorSum": None}
+
+
+def _figures(setup: RunSetup, record: Record, report: Report) -> Figures:
+    """What the verdict is based on."""
+    settings = setup.settings
+    return Figures(
+        status=report.status,
+        time=report.time,
+        steps=report.steps,
+        iterations=report.iterations,
+        subdivisions=report.subdivisions,
+        scipy_steps=report.scipy_steps,
+        joints=report.joints,
+        dt=_longest_step(setup, report),
+        order=settings.order,
+        by_cayley=not settings.degree and not settings.exponential,
+        tolerance=setup.attempts.goal if setup.attempts else None,
+        local_tolerance=settings.local_tolerance,
+        length=record.length,
+        energy_size=record.extremes.size,
+        extremes=report.extremes,
+        momentum=record.momentum_lost(settings),
+        pivot_ratio=record.pivot_ratio,
+        velocity_change=record.velocity_change,
+        non_unique_reactions=report.non_unique_reactions,
+        error=report.error,
+        horizon=setup.estimate.horizon if setup.estimate else None,
+    )
+
+
+def _longest_step(setup: RunSetup, report: Report) -> float:
+    """Size of the longest step [s]."""
+    return float(report.step_control["stepMax"]) if report.step_control else setup.output.grid.h

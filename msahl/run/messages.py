@@ -1,0 +1,118 @@
+"""Messages of a run: what went wrong, where, and what to do."""
+
+import errno
+from collections.abc import Sequence
+
+import numpy as np
+
+from msahl.linalg.dense import FAR
+from msahl.run.subsystem import SubsystemIntegrator
+from msahl.schemes.outcome import TOLERANCE, Outcome
+from msahl.system.names import describe_row
+from msahl.system.nonfinite import overflow
+
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Errors of the operating system that mean that no more can be written."""
+REPORTED_CHANGE = 1e-12
+"""Smallest change of the initial velocities that is reported: its displacement in a step, relative
+to the length of the bodies."""
+
+
+def not_written(error: OSError, extent: str = "") -> str:
+    """Why results could not be written, and what to do; ``extent`` says which of them exist."""
+    if error.errno in (errno.ENOENT, errno.ENOTDIR, errno.ESTALE):
+        return f"{error.filename}: the folder was removed or renamed while the run wrote into it"
+    text = f"{error.filename}: {error.strerror or error}{extent}"
+    return f"{text}. Free some disk space" if error.errno in DISK_FULL else text
+
+
+def step_failed(
+    integrator: SubsystemIntegrator, step: int, t: float, h: float, outcome: Outcome
+) -> str:
+    """Why a subsystem could not take step number ``step`` of size ``h`` [s] from time ``t`` [s]."""
+    name, smallest = integrator.find_nonfinite(h), integrator.stepper.smallest_tried(h)
+    if name is not None or np.isnan(outcome.residual):
+        return overflow(t, name or describe_equation(integrator, outcome.worst))
+    if np.isinf(outcome.residual):
+        return (
+            f"steps from t = {t:g} s, down to {smallest:.3g} s, end {FAR:g} times farther away "
+            "than the motion so far and the sizes of the bodies suggest. Look for forces or "
+            "velocities that appear suddenly, and try a smaller --dt."
+        )
+    return (
+        f"step {step} from t = {t:g} s did not converge, nor did steps down to {smallest:.3g} s: "
+        f"the relative residual stayed at {outcome.residual:.1e} (solved: {TOLERANCE:g}), largest "
+        f"in {describe_equation(integrator, outcome.worst)}. Try a smaller --dt, and look at the "
+        "last rows of the tables for forces or velocities that grow without bound."
+    )
+
+
+def tolerance_not_met(
+    integrator: SubsystemIntegrator, t: float, h: float, tolerance: float, outcome: Outcome
+) -> str:
+    """Why no step from time ``t`` [s] meets the local ``tolerance`` [m]."""
+    tried = integrator.stepper.smallest_tried(h)
+    name = integrator.find_nonfinite(tried)
+    if name is not None:
+        return overflow(t, name)
+    why = f"the local errors stay above their share of {tolerance:g} m"
+    if not outcome.converged:
+        worst = describe_equation(integrator, outcome.worst)
+        why = f"the relative residual stays at {outcome.residual:.1e}, largest in {worst}"
+    return (
+        f"no step from t = {t:g} s, down to {tried:.3g} s, meets the tolerance: {why}. Look at the "
+        "last rows of the tables for forces or velocities that grow without bound, or jump."
+    )
+
+
+def describe_equation(integrator: SubsystemIntegrator, row: int) -> str:
+    """Equation ``row`` of a subsystem in words."""
+    return describe_row(integrator.model, integrator.workspace.system, row)
+
+
+def start_warnings(integrators: Sequence[SubsystemIntegrator]) -> list[str]:
+    """What was changed in the deck's positions and velocities at t = 0, in sentences."""
+    return [
+        warning
+        for integrator in integrators
+        for warning in (*_position_warnings(integrator), *_velocity_warnings(integrator))
+    ]
+
+
+def _position_warnings(integrator: SubsystemIntegrator) -> list[str]:
+    moved = integrator.moved
+    if moved is None or moved.violation == 0.0:
+        return []
+    changes = [
+        f"body '{body.name}' by {displacement:.3g} m and {angle:.3g} rad"
+        for body, displacement, angle in zip(
+            integrator.model.bodies, moved.ways, moved.turns, strict=True
+        )
+    ]
+    return [
+        f"the joints' constraint violation of {moved.violation:.3g} m at t = 0 was removed by "
+        f"moving {', '.join(changes)}"
+    ]
+
+
+def _velocity_warnings(integrator: SubsystemIntegrator) -> list[str]:
+    change, dt = integrator.change, integrator.model.simulation.dt
+    length = float(integrator.workspace.system.frames.length.max())
+    if change.method == "none" or change.rate * dt <= REPORTED_CHANGE * length:
+        return []
+    violated = f"initial velocities violate the joints' constraints by {change.rate:.3g} m/s"
+    if change.method == "asGiven":
+        return [
+            f"{violated} and were left as given: velocities and reactions will alternate from "
+            "step to step"
+        ]
+    how = {"keepAngular": "angular velocities kept"}.get(
+        change.method, "smallest change, weighted by mass"
+    )
+    changes = [
+        f"body '{body.name}' by {np.linalg.norm(dv):.3g} m/s"
+        + (f" and {np.linalg.norm(dw):.3g} rad/s" if dw.any() else "")
+        for body, dv, dw in zip(integrator.model.bodies, change.dv, change.dw, strict=True)
+        if dv.any() or dw.any()
+    ]
+    return [f"{violated} and were changed ({how}): {', '.join(changes)}"]

@@ -1,0 +1,244 @@
+"""The options of a run, in one table.
+
+The command line of ``msahl run``, the attributes and elements of ``<simulation>`` that it replaces,
+the ``options`` of ``run.json``, the comparison of a resumed run with the interrupted one, and the
+command lines that a study recommends all follow from ``OPTIONS``. To add an option, add a row here
+and a field of the same name to ``Simulation`` or ``Options`` and to ``RunSettings``.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from msahl.model import INSTANTANEOUS, MEAN, Model, Options, RunSettings, Simulation
+from msahl.model.scheme import CAYLEY, DAMPING, EXPONENTIAL, TOLERANCE, choices, split
+from msahl.model.settings import ERRORS, SOLVERS
+from msahl.run.report import camel_case
+
+MOST_EVERY = 10**9
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A finite number, within a range if one is given; ``unit`` stands for it in the help."""
+
+    unit: str
+    least: float | None = None
+    most: float | None = None
+    positive: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Integer:
+    """An integer within a range."""
+
+    least: int
+    most: int
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One of some words."""
+
+    words: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Flag:
+    """Given or not."""
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """One option of a run.
+
+    ``name`` is the parameter and the field of the settings, ``deck`` the attribute or element of
+    ``<simulation>`` that it replaces (empty if there is none), ``default`` what holds if neither
+    the command line nor the deck says otherwise, and ``recorded`` its value in ``run.json``.
+    """
+
+    name: str
+    kind: Number | Integer | Choice | Flag
+    help: str
+    recorded: Callable[[RunSettings], Any]
+    deck: str = ""
+    default: Any = None
+
+    @property
+    def flag(self) -> str:
+        """The option on the command line."""
+        return "--" + self.name.replace("_", "-")
+
+    @property
+    def key(self) -> str:
+        """Its name in ``run.json``."""
+        return camel_case(self.name)
+
+
+OPTIONS = (
+    Option(
+        "dt",
+        Number("S"),
+        "Set the step size in seconds (default: deltaT of the deck).",
+        lambda of: of.dt,
+        deck="deltaT",
+    ),
+    Option(
+        "t_final",
+        Number("S"),
+        "Set the end of the run in seconds (default: tFinal of the deck).",
+        lambda of: of.t_final,
+        deck="tFinal",
+    ),
+    Option(
+        "scheme",
+        Choice(choices()),
+        "Choose the integration scheme. 'preserving' (order 2) conserves the energy; 'decaying' "
+        "(order 2) takes energy from vibrations that are faster than the step. 'gauss1' to "
+        "'gauss5' have the orders 2 to 10 and nearly conserve the energy; 'radau1' to 'radau3' "
+        "have the orders 1, 3 and 5 and take energy from fast vibrations. 'auto' chooses the "
+        "degree of gauss and the step size by the tolerance (default: the deck's, else "
+        "preserving).",
+        lambda of: of.scheme,
+        deck="scheme",
+    ),
+    Option(
+        "damping",
+        Number("D", 0.0, 1.0),
+        "Set the damping of 'decaying', from 0 (none) to 1 (removes the fastest vibrations in one "
+        f"step; default: the deck's, else {DAMPING:g}).",
+        lambda of: of.damping,
+        deck="damping",
+    ),
+    Option(
+        "rotation_update",
+        Choice((CAYLEY, EXPONENTIAL)),
+        "Choose how the schemes of order 2 rotate a body in a step: by the Cayley transform, which "
+        "conserves the angular momentum of joined bodies to round-off, or by the exponential map, "
+        "which is more accurate for fast rotations (default: the deck's, else cayley).",
+        lambda of: None if of.degree else EXPONENTIAL if of.exponential else CAYLEY,
+        deck="rotationUpdate",
+    ),
+    Option(
+        "solver",
+        Choice(SOLVERS),
+        "Choose the solver of a step: 'newton' is compiled, 'root' is scipy.optimize.root, and "
+        "'auto' is newton, with root for the first step and for every step that newton fails on "
+        "(default: auto).",
+        lambda of: of.solver,
+        default="auto",
+    ),
+    Option(
+        "tolerance",
+        Number("TOL"),
+        "Choose the step size of gauss, radau or auto so that the estimated global error of the "
+        "positions at the output times is at most TOL metres (default: the deck's; of auto, else "
+        f"{TOLERANCE:g}).",
+        lambda of: of.tolerance,
+        deck="tolerance",
+    ),
+    Option(
+        "local_tolerance",
+        Number("TOL"),
+        "Choose the step size so that the local errors of the steps add up to at most TOL metres; "
+        "how the motion amplifies them is not considered (default: the deck's).",
+        lambda of: of.local_tolerance if of.tolerance is None else None,
+        deck="localTolerance",
+    ),
+    Option(
+        "output_interval",
+        Number("S"),
+        "Set the time between output times in seconds. gauss, radau and auto take any interval, "
+        "the other schemes a whole number of steps (default: the deck's, else the step size).",
+        lambda of: of.output_interval,
+        deck="outputInterval",
+    ),
+    Option(
+        "every",
+        Integer(1, MOST_EVERY),
+        "Write only every Nth output time, and the last one (default: 1).",
+        lambda of: of.every,
+        default=1,
+    ),
+    Option(
+        "reactions",
+        Choice((MEAN, INSTANTANEOUS)),
+        "Choose the reactions in the tables: 'mean' over the step before each output time, or "
+        "'instantaneous' at the output time (default: the deck's, else mean; gauss and radau: "
+        "instantaneous).",
+        lambda of: of.reactions,
+        deck="reactions",
+    ),
+    Option(
+        "error",
+        Choice(ERRORS),
+        "Choose the error estimate: 'estimate' the global error by a more accurate companion run, "
+        "add up the 'local' errors of the steps, or 'off' (default: estimate, unless it takes more "
+        "than one second and longer than the run).",
+        lambda of: of.error,
+    ),
+    Option(
+        "accuracy",
+        Number("TOL", 0.0, positive=True),
+        "Set the largest position error in metres that passes, and report up to which time the run "
+        "has it (default: the deck's, else 1 % of the model's size).",
+        lambda of: of.accuracy,
+    ),
+    Option(
+        "full",
+        Flag(),
+        "Switch off the model reductions that 'msahl explain' lists.",
+        lambda of: of.full,
+        default=False,
+    ),
+)
+"""All options that the rows of a run depend on, in the order of the help."""
+
+
+def recorded_options(settings: RunSettings) -> dict[str, Any]:
+    """The ``options`` of ``run.json``: all that the rows depend on beside the deck."""
+    values: dict[str, Any] = {option.key: option.recorded(settings) for option in OPTIONS}
+    return values | {"degree": settings.degree or None}
+
+
+def with_options(model: Model, given: Mapping[str, Any]) -> Model:
+    """The model with the deck's settings replaced by the options that are ``given``, by name."""
+    names = {field.name for field in fields(Simulation)}
+    changes = {name: value for name, value in _expanded(given).items() if name in names}
+    if {"tolerance", "local_tolerance"} & changes.keys():
+        changes = {"tolerance": None, "local_tolerance": None, **changes}
+    return replace(model, simulation=replace(model.simulation, **changes))
+
+
+def deck_changes(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The attributes and elements of ``<simulation>`` that ``given`` options replace, by name."""
+    places = {option.name: option.deck for option in OPTIONS if option.deck} | {"degree": "degree"}
+    return {places[name]: value for name, value in _expanded(given).items() if name in places}
+
+
+def options_beside_deck(given: Mapping[str, Any]) -> Options:
+    """The options that a deck cannot hold."""
+    names = {field.name for field in fields(Options)}
+    return Options(**{name: given[name] for name in names if given.get(name) is not None})
+
+
+def command_words(given: Mapping[str, Any]) -> list[str]:
+    """The words of the command line that give these options."""
+    words = []
+    for option in OPTIONS:
+        value = given.get(option.name)
+        if value is None or value is False:
+            continue
+        shown = f"{value:.15g}" if isinstance(value, float) else str(value)
+        words += [option.flag] if value is True else [option.flag, shown]
+    return words
+
+
+def _expanded(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The options that are not None, with the scheme's word split into name and degree."""
+    values = {name: value for name, value in given.items() if value is not None}
+    if "scheme" in values:
+        values["scheme"], degree = split(values["scheme"])
+        if degree is not None:
+            values["degree"] = degree
+    return values

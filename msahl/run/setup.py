@@ -1,0 +1,102 @@
+"""The parts of a run, built from the model: subsystems, output times, step plan, error estimate."""
+
+import time
+from dataclasses import dataclass
+
+from msahl.model import Model, RunSettings
+from msahl.model.settings import ESTIMATE, LOCAL, OFF
+from msahl.run.attempts import KNOWN_NUMBERS, Attempts
+from msahl.run.companion import Companion, choose_companion
+from msahl.run.error_estimate import ErrorEstimate
+from msahl.run.messages import start_warnings
+from msahl.run.output import OutputTimes, TableAssembly
+from msahl.run.report import Report
+from msahl.run.step_plan import ControlledSteps, GivenSteps, StepPlan
+from msahl.run.subsystem import SubsystemIntegrator
+from msahl.system.subsystems import split
+
+
+@dataclass(frozen=True)
+class RunSetup:
+    """What a run consists of. ``attempts`` are the runs to a global tolerance, if there is one."""
+
+    model: Model
+    settings: RunSettings
+    attempts: Attempts | None
+    output: OutputTimes
+    integrators: list[SubsystemIntegrator]
+    plan: StepPlan
+    tables: TableAssembly
+    estimate: ErrorEstimate | None
+    began: float  # time of the clock when building began [s]
+
+    @property
+    def all_integrators(self) -> list[SubsystemIntegrator]:
+        """Those of the run and those of its companion."""
+        companion = self.estimate.companion.integrators if self.estimate else []
+        return [*self.integrators, *companion]
+
+    @property
+    def kinds(self) -> set[str]:
+        """Names of the compiled code that the run needs."""
+        return {f"{of.stepper.kind}-{self.settings.solver}" for of in self.integrators}
+
+
+def build_setup(model: Model, settings: RunSettings, attempts: Attempts | None) -> RunSetup:
+    """Build the parts of a run; raises ``StartError`` if there is no consistent start."""
+    began, output = time.perf_counter(), OutputTimes.of(model, settings.every)
+    # With step-size control all subsystems take the same steps: their local errors are added up.
+    together = settings.full or settings.adaptive
+    integrators = [
+        SubsystemIntegrator(
+            subsystem, settings.solver, settings.full, output.chunk, settings.instantaneous
+        )
+        for subsystem in ([model] if together else split(model))
+    ]
+    tables = TableAssembly(model, integrators)
+    tolerance = settings.local_tolerance
+    plan: StepPlan = GivenSteps(output) if tolerance is None else ControlledSteps(output, tolerance)
+    estimate = None
+    companion = _companion(integrators, settings, attempts, output)
+    if companion is not None:
+        estimate = ErrorEstimate(model, integrators, companion, settings)
+        if attempts and output.shown.n * tables.width <= KNOWN_NUMBERS:
+            estimate.keep_rows()
+    return RunSetup(model, settings, attempts, output, integrators, plan, tables, estimate, began)
+
+
+def _companion(
+    integrators: list[SubsystemIntegrator],
+    settings: RunSettings,
+    attempts: Attempts | None,
+    output: OutputTimes,
+) -> Companion | None:
+    """The companion run; None if no estimate is wanted, or if it is too expensive."""
+    if settings.error in (LOCAL, OFF):
+        return None
+    if attempts and attempts.earlier:
+        return attempts.earlier
+    wanted = settings.error == ESTIMATE or settings.accuracy is not None
+    required = wanted or attempts is not None
+    return choose_companion(integrators, settings, output.chunk, output.grid.n, required)
+
+
+def new_report(setup: RunSetup) -> Report:
+    """A report with what is known before the first step."""
+    model, integrators = setup.model, setup.integrators
+    return Report(
+        joints=len(model.joints) + len(model.couplings),
+        subsystems=len(integrators),
+        planar_subsystems=sum(of.axis is not None for of in integrators),
+        unknowns=sum(of.workspace.unknowns.free.size for of in integrators),
+        degrees_of_freedom=_degrees_of_freedom(model, integrators),
+        warnings=start_warnings(integrators),
+        seconds=dict.fromkeys(("prepare", "loop", "output", "checkpoints"), 0.0),
+    )
+
+
+def _degrees_of_freedom(model: Model, integrators: list[SubsystemIntegrator]) -> dict[str, int]:
+    """Degrees of freedom by count (Hainge 2010, eq. 1.1) and by rank of the joints' equations."""
+    n = 6 * len(model.bodies)
+    rank = sum(of.rank for of in integrators)
+    return {"byCount": n - rank - sum(of.redundant for of in integrators), "byRank": n - rank}

@@ -1,0 +1,72 @@
+"""The tables of a run by name, their columns, and the sinks that receive them.
+
+To add a table, let the workspace of the steppers hold its array (a field of ``Tables``), name its
+columns in ``COLUMNS``, and say in ``tables_of_model`` which models have it.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from msahl.model import Model
+from msahl.system.names import reaction_columns, state_columns, work_columns, workers
+
+STATES, REACTIONS, WORK, ERROR = "states", "reactions", "work", "error"
+COLUMNS: dict[str, Callable[[Model], list[str]]] = {
+    STATES: state_columns,
+    REACTIONS: reaction_columns,
+    WORK: work_columns,
+}
+"""Tables that the steppers fill, by name, with their columns, of which the first is the time."""
+ERROR_COLUMNS = ["time", "position", "orientation"]
+"""Columns of the table of estimated errors [s, m, m]."""
+TABLES = (*COLUMNS, ERROR)
+"""Names of all tables."""
+
+
+def tables_of_model(model: Model) -> dict[str, list[str]]:
+    """The tables that a run of the ``model`` writes, with their columns; that of errors apart."""
+    tables = {STATES: state_columns(model)}
+    if model.joints or model.couplings or model.motions:
+        tables[REACTIONS] = reaction_columns(model)
+    if workers(model):
+        tables[WORK] = work_columns(model)
+    return tables
+
+
+class Sink(Protocol):
+    """Receives the tables of a run, by name."""
+
+    def write(self, tables: Mapping[str, np.ndarray]) -> None:
+        """Append the rows (m, columns) of each table; the first column is the time [s].
+
+        All tables of ``COLUMNS`` have the same number of rows; ``ERROR`` is missing, or has fewer,
+        where the error is not known.
+        """
+
+    def restart(self) -> None:
+        """Drop all rows: the run begins again with smaller steps."""
+
+
+class MemorySink:
+    """A sink that keeps every row in memory, or only those of the tables ``only``."""
+
+    def __init__(self, only: Sequence[str] | None = None) -> None:
+        self.only = only
+        self.kept: dict[str, list[np.ndarray]] = {}
+
+    def write(self, tables: Mapping[str, np.ndarray]) -> None:
+        """See ``Sink``."""
+        for name, rows in tables.items():
+            if self.only is None or name in self.only:
+                self.kept.setdefault(name, []).append(np.array(rows))
+
+    def restart(self) -> None:
+        """See ``Sink``."""
+        self.kept.clear()
+
+    def table(self, name: str) -> np.ndarray:
+        """All rows of one table; without rows if it was never written."""
+        parts = self.kept.get(name)
+        return np.concatenate(parts) if parts else np.zeros((0, 1))
