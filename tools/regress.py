@@ -2,7 +2,7 @@
 
     python tools/regress.py check      compare with the stored results; exit 1 on a difference
     python tools/regress.py update     store the results, and print what changed
-    python tools/regress.py horizon    print up to which time each deck can be trusted at its step size
+    python tools/regress.py horizon    print the time up to which each deck can be trusted
 
 A chaotic motion is stored only as long as the positions of a run at half the step size stay within
 ``PARTED`` of it. Until then an error of h^2 (some 1e-5 m) has grown by less than 1e4, and so have

@@ -2,8 +2,8 @@
 
 Energy errors are RMS over the run, relative to the largest kinetic energy and (as in Hainge 2010)
 to the energy at the start. Virtual work is the RMS over the run at the joint with the largest, in
-Hainge's definition and that of the reaction. The constraint violation is the largest one [m]. Seconds
-are those of time loop and output.
+Hainge's definition and that of the reaction. The constraint violation is the largest one [m].
+Seconds are those of time loop and output.
 """
 
 import csv

@@ -46,6 +46,21 @@ class State(NamedTuple):
     w: np.ndarray  # (n, 3) body axes
 
 
+class Start(NamedTuple):
+    """A chain and its state at the start of a step: orientations R, parameters p, positions x,
+    velocities v, w; step size h [s]; whether the unknowns are ``total`` parameters.
+    """
+
+    chain: Chain
+    R: np.ndarray
+    p: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+    w: np.ndarray
+    h: float
+    total: bool
+
+
 @compiled
 def dot(a: np.ndarray, b: np.ndarray) -> Any:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -92,19 +107,9 @@ def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
 
 
 @compiled
-def residual(
-    chain: Chain,
-    R0: np.ndarray,
-    p0: np.ndarray,
-    x0: np.ndarray,
-    v0: np.ndarray,
-    w0: np.ndarray,
-    h: float,
-    total: bool,
-    z: np.ndarray,
-    F: np.ndarray,
-) -> None:
+def residual(start: Start, z: np.ndarray, F: np.ndarray) -> None:
     """Set ``F`` (15 n,) at ``z``: per body x1, rotation, v1, w1, then all multipliers."""
+    chain, R0, p0, x0, v0, w0, h, total = start
     n = chain.mass.size
     one = z[:1] * 0.0 + 1.0
     R1 = np.empty((n, 3, 3), z.dtype)
@@ -148,24 +153,14 @@ def residual(
 
 
 @compiled
-def jacobian(
-    chain: Chain,
-    R0: np.ndarray,
-    p0: np.ndarray,
-    x0: np.ndarray,
-    v0: np.ndarray,
-    w0: np.ndarray,
-    h: float,
-    total: bool,
-    z: np.ndarray,
-) -> np.ndarray:
-    """The derivative by complex steps, exact to round-off."""
+def jacobian(start: Start, z: np.ndarray) -> np.ndarray:
+    """Return the derivative of the residual by complex steps, exact up to rounding errors."""
     size = z.size
     J = np.empty((size, size))
     F = np.empty(size, np.complex128)
     for j in range(size):
         zc = z.astype(np.complex128)
         zc[j] += 1e-30j
-        residual(chain, R0, p0, x0, v0, w0, h, total, zc, F)
+        residual(start, zc, F)
         J[:, j] = F.imag / 1e-30
     return J

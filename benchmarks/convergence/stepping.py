@@ -2,12 +2,11 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.optimize._minpack_py import _minpack
 
-from benchmarks.convergence.element import Chain, State, jacobian, matrix, residual
+from benchmarks.convergence.element import Chain, Start, State, jacobian, matrix, residual
 from msahl.algebra.rotation import compose
 from msahl.deck import read_deck
 from msahl.study.start import first_state
@@ -74,11 +73,10 @@ class Stepper:
             self.columns, self.rows = scales(chain, h)
         self.evaluations = 0
 
-    def start(self) -> Any:
-        """Return what residual and Jacobian take beside the unknowns."""
+    def start(self) -> Start:
         s = self.state
         R0 = np.stack([matrix(p) for p in s.p])
-        return self.chain, R0, s.p, s.x, s.v, s.w, self.h, self.program.total
+        return Start(self.chain, R0, s.p, s.x, s.v, s.w, self.h, self.program.total)
 
     def guess(self) -> np.ndarray:
         """The state goes on with its velocities, the multipliers as they were."""
@@ -93,13 +91,13 @@ class Stepper:
         F = np.empty(size)
 
         def fun(z: np.ndarray) -> np.ndarray:
-            residual(*start, z * self.columns, F)
+            residual(start, z * self.columns, F)
             self.evaluations += 1
             return F * self.rows
 
         def jac(z: np.ndarray) -> np.ndarray:
             return np.ascontiguousarray(
-                (jacobian(*start, z * self.columns) * self.columns) * np.reshape(self.rows, (-1, 1))
+                (jacobian(start, z * self.columns) * self.columns) * np.reshape(self.rows, (-1, 1))
             )
 
         guess, xtol = self.guess() / self.columns, self.program.tolerance
@@ -157,5 +155,5 @@ def condition(deck: str, h: float, scaled: bool) -> float:
     """Condition number of the Jacobian at the first step."""
     chain, state = read_chain(deck)
     stepper = Stepper(chain, state, h, Program("", scaled=scaled))
-    J = jacobian(*stepper.start(), stepper.guess())
+    J = jacobian(stepper.start(), stepper.guess())
     return float(np.linalg.cond(J * stepper.columns * np.reshape(stepper.rows, (-1, 1))))

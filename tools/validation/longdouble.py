@@ -1,11 +1,12 @@
 """Run the gauss scheme in the machine's longest precision.
 
-In double precision an error of order 10 falls from that of a too large step to rounding errors before
-its slope is constant. Kernels are plain Python functions that compute in the type of their arrays.
-So a model is assembled as usual, and its arrays are converted to ``LONG``. Values that were rounded
-before are computed again (the quadrature rule, inverse inertias), the constraint violation of the
-initial state is removed, and the steps are those of ``schemes.collocation.newton``, uncompiled, with
-functions and tolerances of this precision. The numbers of the deck stay rounded to doubles.
+In double precision an error of order 10 falls from that of a too large step to rounding errors
+before its slope is constant. Kernels are plain Python functions that compute in the type of their
+arrays. So a model is assembled as usual, and its arrays are converted to ``LONG``. Values that were
+rounded before are computed again (the quadrature rule, inverse inertias), the constraint violation
+of the initial state is removed, and the steps are those of ``schemes.collocation.newton``,
+uncompiled, with functions and tolerances of this precision. The numbers of the deck stay rounded to
+doubles.
 """
 
 import math
