@@ -140,7 +140,7 @@ def explanations() -> Iterator[tuple[str, str]]:
         "A root mean square is not negative; several printed ones are. And a mean that a few steps "
         "dominate falls by ten when ten times as many follow: the tops' printed values do, so "
         f"value times steps is the same for 10 s and 100 s (top 1: {totals[0]:.4f} J and "
-        f"{totals[1]:.4f} J). The true RMS does not depend on the length of the run: ours of top 1 "
+        f"{totals[1]:.4f} J). The true RMS does not depend on the length of the run: that of msahl for top 1 "
         f"are {np.sqrt((short.work**2).mean()):.3e} J and {np.sqrt((long.work**2).mean()):.3e} J, "
         f"its means {short.work.mean():.2e} J and {long.work.mean():.2e} J.",
     )
