@@ -84,7 +84,7 @@ def _differentiate_forces(system: System, stages: StageArrays, i: int) -> None:
     position, rate, node, frames = stages.by_position, stages.by_rate, stages.start, system.frames
     for e in range(position.size):
         position[e], rate[e] = 0.0, 0.0
-    group, still, room = system.scalar, stages.at_rest, stages.scratch
+    group, still, scratch = system.scalar, stages.at_rest, stages.scratch
     v, W = node.frames.v, node.frames.W
     scalar.differentiate(group, node.scalar, frames, still)
     forces.add_derivatives(
@@ -96,11 +96,11 @@ def _differentiate_forces(system: System, stages: StageArrays, i: int) -> None:
         node.frames,
         stages.reaction[i],
         still,
-        room,
+        scratch,
         position,
         rate,
     )
-    scalar.add_rate_derivatives(group, node.scalar, frames, v, W, still, room, position, rate)
+    scalar.add_rate_derivatives(group, node.scalar, frames, v, W, still, scratch, position, rate)
 
 
 @kernel
@@ -308,8 +308,8 @@ def _add_angular_momentum(system: System, stages: StageArrays, h: float, i: int)
         J, H, W = matrix_at(node.bodies.J, b), matrix_at(stages.tangent, f), at(node.frames.W, f)
         c, c_dot = at(stages.parameters, f), at(stages.parameter_rates, f)
         # J rotates with the body, W = H c_dot.
-        turned = combine(1.0, product(J, skew(W)), skew(scale(-1.0, times(J, W))))
-        by_c = combine(1.0, product(turned, H), product(J, local_rotation.momentum_slope(c, c_dot)))
+        J_rate = combine(1.0, product(J, skew(W)), skew(scale(-1.0, times(J, W))))
+        by_c = combine(1.0, product(J_rate, H), product(J, local_rotation.momentum_slope(c, c_dot)))
         put_matrix(stages.momentum_slopes, 0, by_c)
         put_matrix(stages.momentum_slopes, 1, product(J, H))
         _enter_rotation(system, stages, h, i, b)
