@@ -1,4 +1,4 @@
-"""Files that stand at the top of the repository and are installed with the package."""
+"""Finds the folders at the top of the repository that are installed with the package."""
 
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def folder(name: str) -> Traversable:
-    """``schemas`` or ``decks``: installed as ``msahl.NAME``, or beside a checkout's package."""
+    """Return ``schemas`` or ``decks``, as ``msahl.NAME`` or beside a checkout's package."""
     try:
         return files(f"msahl.{name}")
     except ModuleNotFoundError:

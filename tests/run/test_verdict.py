@@ -449,6 +449,6 @@ def test_the_report_gives_the_verdict(runs):
     assert "**start, WARN**" in text
 
 
-def test_between_pass_and_fail_there_is_warn():
+def test_the_limit_to_fail_is_well_above_the_limit_to_warn():
     """Two runs that both err by the tolerance may differ by twice as much, not by ten times."""
     assert WARN_FACTOR > 2.0

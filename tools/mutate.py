@@ -1,0 +1,269 @@
+"""Falsify lines of physics one by one and check that a test of ``make test`` fails for each.
+
+    python tools/mutate.py                 every line
+    python tools/mutate.py NAME...         the lines whose names contain one of the words
+    python tools/mutate.py --list          print the names
+
+Each change is made in a copy of the checkout. The tests run as plain Python, so nothing has to be
+compiled: first the tests that should fail, then ``GENERAL``. Prints a table in Markdown; the exit
+status is the number of changes that no test noticed.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+COPIED = ("msahl", "tests", "tools", "schemas", "decks", "docs", "benchmarks", "pyproject.toml")
+
+LAWS = "tests/elements/test_laws.py"
+GAUSS = "tests/schemes/collocation/test_gauss.py"
+RADAU = "tests/schemes/collocation/test_radau.py"
+DENSE = "tests/schemes/collocation/test_dense_output.py"
+CONTROL = "tests/schemes/collocation/test_step_control.py"
+DECAYING = "tests/schemes/midpoint/test_decaying.py"
+UPDATE = "tests/schemes/midpoint/test_rotation_update.py"
+LOADS = "tests/elements/test_time_dependent_loads.py"
+KNOWN = "tests/physics/test_closed_forms.py"
+START = "tests/start"
+ROTATION = "tests/algebra/test_rotation.py"
+JOINTS = "tests/joints/test_degrees_of_freedom.py"
+INSTANT = "tests/schemes/test_instantaneous_reactions.py"
+MECHANISMS = "tests/physics/test_mechanisms.py"
+GENERAL = (ROTATION, JOINTS, LAWS, DECAYING, GAUSS, RADAU, KNOWN, MECHANISMS)
+"""Tests for a change that those named with it did not notice."""
+SECONDS = 600
+"""Time limit for one run of tests; a run that exceeds it has noticed the change."""
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One line that is made wrong, and the tests that should notice it."""
+
+    name: str
+    path: str
+    right: str
+    wrong: str
+    tests: tuple[str, ...]
+
+
+MIDPOINT = "schemes/midpoint/equations.py"
+BODY = "elements/rigid_body.py"
+EQUATIONS = "schemes/collocation/equations.py"
+JACOBIAN = "schemes/collocation/jacobian.py"
+OUTPUT = "schemes/collocation/dense_output.py"
+STEPS = "schemes/collocation/step_control.py"
+CHART = "schemes/collocation/local_rotation.py"
+TABLEAU = "schemes/collocation/tableau.py"
+CONCENTRATED = "elements/forces/concentrated.py"
+DRAG = "elements/forces/drag.py"
+FRICTION = "elements/forces/friction.py"
+SPRING = "elements/forces/spring.py"
+PRODUCTS = "elements/constraints/products.py"
+COINCIDE = "elements/constraints/coincide.py"
+ROWS = "elements/constraints/equations.py"
+REACTIONS = "elements/reactions.py"
+TURNS = "algebra/rotation.py"
+FUNCTIONS = "algebra/functions.py"
+VELOCITIES = "start/velocities.py"
+POSITIONS = "start/positions.py"
+
+MUTANTS = (
+    Mutant("midpoint: angular velocity in inertial axes", MIDPOINT,
+           "times(transpose(matrix_at(start.frames.R, b)), turned)",
+           "times(matrix_at(start.frames.R, b), turned)", (LAWS,)),
+    Mutant("midpoint: joint force without the step's factor", MIDPOINT,
+           "* system.unit[k, i] / dt2(system, h)", "* system.unit[k, i] / (h * h)", (KNOWN,)),
+    Mutant("midpoint: rotations composed in the wrong order", MIDPOINT,
+           "compose(from_step_turn(Q), at(state.p, b))",
+           "compose(at(state.p, b), from_step_turn(Q))", (LAWS,)),
+    Mutant("midpoint: exponential update takes the increment for the angle", MIDPOINT,
+           "scale(angle_share(Q)[0], Q) if", "Q if", (UPDATE, LAWS)),
+    Mutant("midpoint: gyroscopic moment of twice the spin", BODY,
+           "L = times(J, axpy(dt2 / h, at(motion.W, f), forced))\n        change",
+           "L = times(J, axpy(h, at(motion.W, f), forced))\n        change", (LAWS, KNOWN)),
+    Mutant("midpoint: Jacobian of the gyroscopic moment", BODY,
+           "sub(add(Jj, turn_change(Q, Jj)), times(K, Dj))",
+           "add(add(Jj, turn_change(Q, Jj)), times(K, Dj))", (LAWS,)),
+    Mutant("midpoint: gyroscopic moment at rest has the wrong sign", BODY,
+           "cross(times(matrix_at(start.J, b), W), W)",
+           "cross(W, times(matrix_at(start.J, b), W))", (LAWS, KNOWN)),
+    Mutant("decaying: energy taken counted twice", BODY,
+           "0.5 * decay.chi * (dot(y_v", "decay.chi * (dot(y_v", (DECAYING,)),
+    Mutant("decaying: pole of the smoothed changes", "model/scheme.py",
+           "(1.0 - 3.0 * rho) / (3.0 - rho)", "(1.0 - 2.0 * rho) / (3.0 - rho)", (DECAYING,)),
+    Mutant("decaying: spring damps the smoothed stretch the wrong way", SPRING,
+           "group.decay[s] * (dq - stretch[s])\n        start.load",
+           "group.decay[s] * (dq + stretch[s])\n        start.load", (DECAYING, LAWS)),
+    Mutant("collocation: gyroscopic force not transposed", EQUATIONS,
+           "times(transpose(local_rotation.rate_slope(c, c_dot)), z)\n        _bow",
+           "times(local_rotation.rate_slope(c, c_dot), z)\n        _bow", (GAUSS,)),
+    Mutant("collocation: term that keeps the step symplectic", EQUATIONS,
+           "outer(-rule.slope[i, k], c_k, c_k, rate)", "outer(rule.slope[i, k], c_k, c_k, rate)",
+           (GAUSS,)),
+    Mutant("collocation: joint forces at the end of a step", EQUATIONS,
+           "2.0 / (h * h) * force", "1.0 / (h * h) * force", (GAUSS, KNOWN)),
+    Mutant("collocation: angular momentum at the end", EQUATIONS,
+           "local_rotation.moment(c, pi) if", "pi if", (GAUSS,)),
+    Mutant("collocation: weights of the impulses", EQUATIONS,
+           "weights, share = rule.alpha[:, i], h * rule.weight[i]",
+           "weights, share = rule.alpha[:, i], h / rule.weight.size", (GAUSS, RADAU)),
+    Mutant("collocation: Jacobian of the joint forces", JACOBIAN,
+           "2.0 * share * chi[j, k]", "share * chi[j, k]", (GAUSS,)),
+    Mutant("collocation: Jacobian by the rates", JACOBIAN,
+           "slope = h * h * rule.value[i, k], h *", "slope = h * h * rule.value[i, k], 0.5 * h *",
+           (GAUSS,)),
+    Mutant("collocation: second derivative of the kinetic energy", CHART,
+           "outer(24.0 * n * k**4", "outer(12.0 * n * k**4", (GAUSS,)),
+    Mutant("collocation: rate of the rotation parameters", CHART,
+           "moment(scale(-1.0, c), W)", "moment(c, W)", (DENSE, GAUSS)),
+    Mutant("dense output: rotation at the end of the step", OUTPUT,
+           "compose(at(end.p, b), inverse(at(begin.p, b)))",
+           "compose(inverse(at(begin.p, b)), at(end.p, b))", (DENSE,)),
+    Mutant("dense output: weights of the work", OUTPUT, "weight=0.5 * b", "weight=b", (DENSE,)),
+    Mutant("step control: Richardson's divisor", STEPS,
+           "error /= 2.0**order - 1.0", "error /= 4.0**order - 1.0", (CONTROL,)),
+    Mutant("step control: exponent of the step size", STEPS,
+           "(share / error) ** (1.0 / order)", "(error / share) ** (1.0 / order)", (CONTROL,)),
+    Mutant("load: arm left out of the moment", CONCENTRATED,
+           "return add(cross(r, f), m)", "return m", (LAWS, KNOWN)),
+    Mutant("load: first moment of a law has the wrong sign", CONCENTRATED,
+           "-0.5 * values[1]", "0.5 * values[1]", (LOADS,)),
+    Mutant("load: power of the moment left out", CONCENTRATED,
+           " + dot(at(start.m, k), at(W, b))", "", (LAWS, LOADS)),
+    Mutant("drag: linear in the velocity", DRAG,
+           "scale(-c * math.sqrt(dot(V, V)), V)", "scale(-c, V)", (LAWS, KNOWN)),
+    Mutant("drag: derivative by the velocity", DRAG,
+           "scale(V[1] / speed, V)", "scale(-V[1] / speed, V)", (LAWS,)),
+    Mutant("drag: work over a step halved", DRAG,
+           "+= dot(f, moved)", "+= 0.5 * dot(f, moved)", (LAWS, KNOWN)),
+    Mutant("friction: derivative by the rate", FRICTION,
+           "-limit * (1.0 - t * t) / group.width[f]", "-limit * (1.0 + t * t) / group.width[f]",
+           (LAWS,)),
+    Mutant("friction: one component of the reaction left out", FRICTION,
+           " + reactions[joint, 2] ** 2", "", (LAWS, KNOWN)),
+    Mutant("spring: mean of a table's tension", SPRING,
+           "tension(group, laws, s, q0 + 0.5 * dq)", "tension(group, laws, s, q0 + dq)",
+           (LAWS, KNOWN)),
+    Mutant("spring: power of the damper", SPRING,
+           "rate[group.coordinate[s]] ** 2 * dt", "abs(rate[group.coordinate[s]]) * dt",
+           (LAWS, GAUSS)),
+    Mutant("constraint: moment of a sliding direction's owner", PRODUCTS,
+           "t_a = add(t_a, cross(n, D))", "t_a = add(t_a, cross(D, n))", (LAWS,)),
+    Mutant("constraint: lowest point of a rolling disk", PRODUCTS,
+           "scale(-1.0 / math.sqrt(1.0 - c * c / r2), axpy(-c, e, up))",
+           "scale(-1.0 / math.sqrt(1.0 - c * c / r2), up)", (LAWS, KNOWN)),
+    Mutant("constraint: joint force acts at the start of the step", COINCIDE,
+           "mean_b = mean(frames, Z, b, at(start.r_b, k))", "mean_b = at(start.r_b, k)", (LAWS,)),
+    Mutant("constraint: work of a prescribed motion", ROWS,
+           "lam * law_rate(rows, laws, r, t) * dt", "lam * law_rate(rows, laws, r, t + dt) * dt",
+           (GAUSS, KNOWN)),
+    Mutant("reactions: moment about the mass centre", REACTIONS,
+           "moment = sub(moment, cross(arm, force))", "moment = add(moment, cross(arm, force))",
+           (KNOWN, JOINTS, INSTANT)),
+    Mutant("rotation: product of two", TURNS,
+           "add(axpy(q0, p, scale(p0, q)), cross(p, q))",
+           "add(axpy(q0, p, scale(p0, q)), cross(q, p))", (ROTATION,)),
+    Mutant("rotation: series of the angle for small increments", TURNS,
+           "q * (1.0 / 80.0 - q * rest)", "q * (1.0 / 60.0 - q * rest)", (ROTATION, UPDATE)),
+    Mutant("rotation: change of a vector", TURNS,
+           "axpy(0.5, cross(Q, Qa), Qa)", "axpy(-0.5, cross(Q, Qa), Qa)", (ROTATION,)),
+    Mutant("start: angular velocities in the wrong axes", VELOCITIES,
+           '"bji,bj->bi", start.frames.R, dW', '"bij,bj->bi", start.frames.R, dW',
+           (START, MECHANISMS)),
+    Mutant("start: angular velocities changed against the deck", VELOCITIES,
+           "choose(system, _translations(system, free))", "choose(system, free)",
+           (MECHANISMS, KNOWN, START)),
+    Mutant("start: angular accelerations not divided by the length", VELOCITIES,
+           "solution[frames.rotation] / frames.length[:, None]", "solution[frames.rotation]",
+           (START, KNOWN, INSTANT)),
+    Mutant("start: assembly turns bodies the wrong way", POSITIONS,
+           "scale(1.0 / frames.length[b], at(step", "scale(-1.0 / frames.length[b], at(step",
+           (MECHANISMS,)),
+)  # fmt: skip
+
+
+def runs(folder: Path, tests: tuple[str, ...]) -> str:
+    """The first test that fails in the copy ``folder``, empty if all pass."""
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(folder)}
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-x",
+        "-m",
+        "not slow",
+        "-p",
+        "no:cacheprovider",
+    ]
+    try:
+        ran = subprocess.run(
+            [*command, *tests], cwd=folder, env=environment, capture_output=True, text=True,
+            timeout=SECONDS, check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return f"no end within {SECONDS} s"
+    if ran.returncode == 0:
+        return ""
+    failed = [line for line in ran.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    return failed[0].split(" - ")[0].split()[1] if failed else ran.stdout[-200:]
+
+
+def try_out(folder: Path, mutant: Mutant) -> str:
+    """What notices the ``mutant``; empty if nothing does."""
+    path = folder / "msahl" / mutant.path
+    text = path.read_text()
+    if text.count(mutant.right) != 1:
+        raise SystemExit(f"{mutant.name}: found {text.count(mutant.right)} times in {mutant.path}")
+    path.write_text(text.replace(mutant.right, mutant.wrong))
+    rest = tuple(test for test in GENERAL if test not in mutant.tests)
+    for tests in (*mutant.tests, *rest):
+        failed = runs(folder, (tests,))
+        path.write_text(text)
+        if failed and "::" in failed and runs(folder, (failed,)):
+            raise SystemExit(f"{failed} fails without any change")
+        if failed:
+            return failed
+        path.write_text(text.replace(mutant.right, mutant.wrong))
+    path.write_text(text)
+    return ""
+
+
+def main() -> int:
+    """Try out the mutants that the arguments name; return how many nothing noticed."""
+    words = sys.argv[1:]
+    chosen = [m for m in MUTANTS if not words or any(word in m.name for word in words)]
+    if words == ["--list"]:
+        print(*(mutant.name for mutant in MUTANTS), sep="\n")
+        return 0
+    unnoticed = 0
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for item in COPIED:
+            source, target = ROOT / item, folder / item
+            ignored = shutil.ignore_patterns("__pycache__")
+            shutil.copytree(source, target, ignore=ignored) if source.is_dir() else shutil.copy(
+                source, target
+            )
+        for name in ("schemas", "decks"):  # as they are installed
+            shutil.copytree(ROOT / name, folder / "msahl" / name)
+        print("| line made wrong | file | noticed by | seconds |\n| --- | --- | --- | --- |")
+        for mutant in chosen:
+            began = time.monotonic()
+            test = try_out(folder, mutant)
+            unnoticed += not test
+            took = time.monotonic() - began
+            print(
+                f"| {mutant.name} | {mutant.path} | {test or 'NOTHING'} | {took:.0f} |", flush=True
+            )
+    return unnoticed
+
+
+if __name__ == "__main__":
+    sys.exit(main())
