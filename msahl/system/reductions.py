@@ -40,7 +40,7 @@ def _is_planar(system: System, start: SystemWorkspace, axis: int) -> bool:
     in_plane = [i for i in range(3) if i != axis]
     ground = ground_of(system.frames)
     motion, coincide, J = start.frames, start.coincide, start.bodies.J
-    vectors, moments = forces.vectors(system.forces, start.forces, motion.R)
+    vectors, moments = forces.vectors(system.forces, start.forces)
     # The ground's arms are places, not levers.
     arms_a = coincide.r_a[system.coincide.a != ground]
     arms_b = coincide.r_b[system.coincide.b != ground]

@@ -10,10 +10,15 @@ import numpy as np
 
 from msahl.algebra.vector import ZERO, Vector, add, at, axpy, scale, sub
 from msahl.elements.constraints import products
-from msahl.elements.constraints.coordinate_kinds import PLAIN, Coordinates, CoordinatesWorkspace
+from msahl.elements.constraints.coordinate_kinds import (
+    PLAIN,
+    Coordinates,
+    CoordinatesWorkspace,
+    Derivatives,
+)
 from msahl.elements.constraints.coordinates import row_factor
 from msahl.elements.constraints.products import PARTS, Q_A, Q_B, U_A, U_B
-from msahl.elements.frames import Frames
+from msahl.elements.frames import Frames, FramesWorkspace
 from msahl.jit.kernel import kernel
 
 
@@ -70,22 +75,21 @@ def rate_gradient(
     group: Coordinates,
     start: CoordinatesWorkspace,
     frames: Frames,
-    v: np.ndarray,
-    W: np.ndarray,
-    Z: np.ndarray,
+    motion: FramesWorkspace,
     q: int,
-    room: np.ndarray,
+    out: Derivatives,
 ) -> tuple[Vector, Vector, Vector, Vector]:
     """Half the derivative of a quantity's rate by the places of the four parts at given velocities.
 
     A rate is the unit force times the velocities, so it is the stiffness times them. Wants
-    ``evaluate`` at rest; ``room`` holds block values.
+    ``evaluate`` at rest.
     """
+    room, v, W = out.scratch, motion.v, motion.W
     for block in group.block[q]:
         if block > 0:
             for e in range(block, block + 9):
                 room[e] = 0.0
-    _add_unit_force_derivatives(group, start, frames, Z, q, (1.0, 1.0, 1.0, 1.0), room)
+    _add_unit_force_derivatives(group, start, frames, out.still, q, (1.0, 1.0, 1.0, 1.0), room)
     k = group.first[q]
     a, b = group.products.a[k], group.products.b[k]
     speed = (at(v, a), at(W, a), at(v, b), at(W, b))
@@ -193,21 +197,17 @@ def add_damper(
     group: Coordinates,
     start: CoordinatesWorkspace,
     frames: Frames,
-    v: np.ndarray,
-    W: np.ndarray,
-    Z: np.ndarray,
+    motion: FramesWorkspace,
     q: int,
     slope: float,
-    room: np.ndarray,
-    by_place: np.ndarray,
-    by_rate: np.ndarray,
+    out: Derivatives,
 ) -> None:
     """Add the derivatives, by the places and by the rates, of a load by mass whose derivative by
-    the rate of q is ``slope``; ``room`` holds block values.
+    the rate of q is ``slope``.
     """
     if slope == 0.0:
         return
-    add_spring(group, start, frames, 1.0, q, slope, by_rate)
+    add_spring(group, start, frames, 1.0, q, slope, out.by_rate)
     # rate_gradient gives half of the derivative.
     c = (
         slope * row_factor(group, frames, 2.0, q, U_A),
@@ -217,5 +217,5 @@ def add_damper(
     )
     f = start.force[q]
     force = (at(f, U_A), at(f, Q_A), at(f, U_B), at(f, Q_B))
-    row = rate_gradient(group, start, frames, v, W, Z, q, room)
-    add_outer(by_place, group.block, q, c, force, row)
+    row = rate_gradient(group, start, frames, motion, q, out)
+    add_outer(out.by_place, group.block, q, c, force, row)

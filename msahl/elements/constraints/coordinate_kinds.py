@@ -59,6 +59,15 @@ class CoordinatesWorkspace(NamedTuple):
     term_size: np.ndarray  # (nodes,) largest such term, or round-off of a law, in a node's rows [m]
 
 
+class Derivatives(NamedTuple):
+    """Block values of the Jacobian at one configuration, and what is needed to compute them."""
+
+    by_place: np.ndarray  # (9 m,) derivatives by displacements and by lengths times rotations
+    by_rate: np.ndarray  # (9 m,) derivatives by the rates of these
+    scratch: np.ndarray  # (9 m,)
+    still: np.ndarray  # (nodes, 3) unknowns of a step without motion: displacements are zero
+
+
 @kernel
 def value(group: Coordinates, start: CoordinatesWorkspace, angle: float, q: int) -> float:
     """Return a coordinate at the start from its products; an angle is the one counted."""

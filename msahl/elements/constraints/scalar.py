@@ -15,7 +15,11 @@ import numpy as np
 
 from msahl.algebra.functions import Laws
 from msahl.elements.constraints import coordinate_jacobians, coordinates, equations
-from msahl.elements.constraints.coordinate_kinds import Coordinates, CoordinatesWorkspace
+from msahl.elements.constraints.coordinate_kinds import (
+    Coordinates,
+    CoordinatesWorkspace,
+    Derivatives,
+)
 from msahl.elements.constraints.equations import ConstraintEquations
 from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.jit.kernel import optional
@@ -111,9 +115,7 @@ def accept(
 
 @optional()
 def count_rotations(scalar: ScalarConstraints, start: ScalarWorkspace, angle: np.ndarray) -> None:
-    """Set the counted angles (q,) to those of the configuration, which are less than half a turn
-    away.
-    """
+    """Set the counted angles (q,) to those of the configuration, half a revolution away at most."""
     coordinates.count_rotations(scalar.coordinates, start.coordinates, angle)
 
 
@@ -174,21 +176,22 @@ def rates(
     scalar: ScalarConstraints,
     start: ScalarWorkspace,
     frames: Frames,
-    v: np.ndarray,
-    W: np.ndarray,
-    Z: np.ndarray,
+    motion: FramesWorkspace,
+    still: np.ndarray,
 ) -> None:
-    """Evaluate the coordinates and their rates at one configuration; ``Z`` is zero."""
-    coordinates.evaluate(scalar.coordinates, start.coordinates, frames, Z)
-    coordinates.rates(scalar.coordinates, start.coordinates, v, W, start.rate)
+    """Evaluate the coordinates and their rates at one configuration; ``still`` is a step without
+    motion.
+    """
+    coordinates.evaluate(scalar.coordinates, start.coordinates, frames, still)
+    coordinates.rates(scalar.coordinates, start.coordinates, motion.v, motion.W, start.rate)
 
 
 @optional()
 def differentiate(
-    scalar: ScalarConstraints, start: ScalarWorkspace, frames: Frames, Z: np.ndarray
+    scalar: ScalarConstraints, start: ScalarWorkspace, frames: Frames, still: np.ndarray
 ) -> None:
-    """Fill the derivatives of the coordinates, after ``rates``; ``Z`` is zero."""
-    coordinates.differentiate(scalar.coordinates, start.coordinates, frames, Z)
+    """Set the derivatives of the coordinates at one configuration, after ``rates``."""
+    coordinates.differentiate(scalar.coordinates, start.coordinates, frames, still)
 
 
 @optional()
@@ -196,26 +199,31 @@ def add_rate_derivatives(
     scalar: ScalarConstraints,
     start: ScalarWorkspace,
     frames: Frames,
-    v: np.ndarray,
-    W: np.ndarray,
-    Z: np.ndarray,
-    room: np.ndarray,
-    by_place: np.ndarray,
-    by_rate: np.ndarray,
+    motion: FramesWorkspace,
+    out: Derivatives,
 ) -> None:
-    """Add the derivatives of ``set_rate_equations`` over h, after ``differentiate``; ``Z`` is 0."""
+    """Add the derivatives of ``set_rate_equations`` over h, after ``differentiate``."""
     equations.add_rate_derivatives(
-        scalar.equations,
-        scalar.coordinates,
-        start.coordinates,
-        frames,
-        v,
-        W,
-        Z,
-        room,
-        by_place,
-        by_rate,
+        scalar.equations, scalar.coordinates, start.coordinates, frames, motion, out
     )
+
+
+@optional()
+def set_violations(
+    scalar: ScalarConstraints,
+    start: ScalarWorkspace,
+    frames: Frames,
+    violation: np.ndarray,
+    interval: tuple[float, float],
+    Z: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """Set the constraint equations to the ``violation`` (k, 3) and its change by the
+    displacements ``Z`` over the ``interval`` (t, h).
+    """
+    q = start.coordinates
+    coordinates.evaluate(scalar.coordinates, q, frames, Z)
+    equations.set_violation(scalar.equations, scalar.laws, q, frames, violation, interval, F)
 
 
 @optional()
@@ -223,18 +231,15 @@ def add_constraint_forces(
     scalar: ScalarConstraints,
     start: ScalarWorkspace,
     frames: Frames,
-    violation: np.ndarray,
-    t: float,
-    h: float,
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """Set the constraint equations at ``Z``, and add the multipliers' forces by mass to the frames'
-    equations: the unknowns hold -lam/unit, as for dt2 = -1.
+    """Add the forces of the constraint equations by mass at one configuration to the frames'
+    equations; ``Z`` holds the multipliers by mass, and displacements that are zero.
     """
     q = start.coordinates
     coordinates.evaluate(scalar.coordinates, q, frames, Z)
-    equations.residual(scalar.equations, scalar.laws, q, frames, violation, t, h, -1.0, Z, F)
+    equations.add_loads(scalar.equations, scalar.laws, q, frames, Z)
     coordinates.push(scalar.coordinates, q, frames, 1.0, F)
 
 
@@ -246,9 +251,14 @@ def add_constraint_derivatives(
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
-    """Add the derivatives of ``add_constraint_forces``, after it at the same ``Z``."""
-    joint_jacobian(scalar, start, frames, -1.0, Z, values)
-    coordinate_jacobians.stiffness(scalar.coordinates, start.coordinates, frames, 1.0, Z, values)
+    """Add the derivatives of ``add_constraint_forces``, after it at the same ``Z``, and those of
+    the constraint equations.
+    """
+    q, coords = start.coordinates, scalar.coordinates
+    coordinates.differentiate(coords, q, frames, Z)
+    equations.add_derivatives(scalar.equations, scalar.laws, coords, q, frames, Z, values)
+    # The unit forces' mean over a step changes by half as much as the forces themselves.
+    coordinate_jacobians.stiffness(coords, q, frames, 2.0, Z, values)
 
 
 @optional()
@@ -290,7 +300,7 @@ def motion_work(
     work: np.ndarray,
 ) -> None:
     """Add the work [J] of prescribed motions over a time ``dt`` at their rates at ``t``; ``Z``
-    holds the multipliers over their units.
+    holds the multipliers by mass.
     """
     equations.motion_work(
         scalar.equations, scalar.laws, frames, t, dt, Z, scalar.equation_column, work

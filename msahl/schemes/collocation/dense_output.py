@@ -343,16 +343,7 @@ def _add_work(output: DenseOutput, instant: Instant, dt: float) -> None:
         output.workspace.start,
     )
     frames = system.frames
-    forces.add_power(
-        system.forces,
-        start.forces,
-        system.scalar,
-        start.scalar,
-        start.frames,
-        state.reaction,
-        dt,
-        state.work,
-    )
+    forces.add_power(system.forces, start.forces, system.scalar, state.reaction, dt, state.work)
     scalar.motion_work(system.scalar, frames, state.time[0], dt, instant.solution, state.work)
 
 

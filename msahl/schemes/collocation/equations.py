@@ -26,9 +26,7 @@ The above is a variational scheme (gauss). Radau's is not: it balances the angul
 with L = R J R^T W for pi, M for dT/dc + H^T M, and without E.
 
 Forces are evaluated at one configuration at a time. A law of time enters by its moments over the
-step (``elements.forces.concentrated``), not by its values at the nodes. Constraint forces are those
-of a midpoint step without motion: its discrete gradients are the gradients themselves, its Jacobian
-has half of their derivatives.
+step (``elements.forces.concentrated``), not by its values at the nodes.
 
 Source: see ``tableau``; the rotation parameters, the scaling and the treatment of constraints
 between rates (at c_i, with their forces where those of the others are) are ours.
@@ -156,8 +154,8 @@ def _enter_violations(
     frames, violation = system.frames, stages.violation
     t, dt = state.time[0], h * stages.tableau.constraint_time[k]
     coincide.set_violations(system.coincide, start.coincide, frames, stages.increments, violation)
-    scalar.add_constraint_forces(
-        system.scalar, start.scalar, frames, state.violation, t, dt, stages.increments, violation
+    scalar.set_violations(
+        system.scalar, start.scalar, frames, state.violation, (t, dt), stages.increments, violation
     )
     scalar.raise_term_sizes(system.scalar, start.scalar, 1.0, stages.load_scale)
     for node in range(first_multiplier(frames), violation.shape[0]):
@@ -176,14 +174,12 @@ def _set_constraint_accelerations(
     for n in range(row.shape[0]):
         put(row, n, ZERO)
     for n in range(first, row.shape[0]):
-        # The midpoint kernels convert an unknown into a force by unit/dt2; here dt2 = -1.
-        put(stages.at_rest, n, scale(-2.0 / (h * h), at(stages.Z[k], n)))
-    coincide.subtract_forces(system.coincide, node.coincide, frames, -1.0, stages.at_rest, row)
-    violation, t = stages.state.violation, stages.state.time[0]
-    scalar.add_constraint_forces(
-        system.scalar, node.scalar, frames, violation, 0.0, 0.0, stages.at_rest, row
-    )
-    scalar.motion_work(system.scalar, frames, t, -h * weight, stages.at_rest, stages.work)
+        # The multiplier by mass: unknowns are h^2/2 times it.
+        put(stages.at_rest, n, scale(2.0 / (h * h), at(stages.Z[k], n)))
+    coincide.add_force(system.coincide, node.coincide, frames, stages.at_rest, row)
+    scalar.add_constraint_forces(system.scalar, node.scalar, frames, stages.at_rest, row)
+    t = stages.state.time[0]
+    scalar.motion_work(system.scalar, frames, t, h * weight, stages.at_rest, stages.work)
 
 
 @kernel
@@ -197,14 +193,11 @@ def _set_force_accelerations(system: System, stages: StageArrays, h: float, i: i
     for b in range(frame_count(frames)):
         put(row, displacement_node(frames, b), g)
         put(row, rotation_node(frames, b), ZERO)
-    motion, dt = node.frames, h * stages.tableau.force_weight[i]
-    group, reaction = system.scalar, stages.reaction[i]
-    scalar.rates(group, node.scalar, frames, motion.v, motion.W, stages.at_rest)
-    forces.set_node(system.forces, node.forces, stages.factor[i], motion.R)
-    forces.add_forces(system.forces, node.forces, group, node.scalar, frames, motion, reaction, row)
-    forces.add_power(
-        system.forces, node.forces, group, node.scalar, motion, reaction, dt, stages.work
-    )
+    group, reaction, dt = system.scalar, stages.reaction[i], h * stages.tableau.force_weight[i]
+    scalar.rates(group, node.scalar, frames, node.frames, stages.at_rest)
+    forces.set_node(system.forces, node.forces, stages.factor[i])
+    forces.add_forces(system.forces, node.forces, group, frames, reaction, row)
+    forces.add_power(system.forces, node.forces, group, reaction, dt, stages.work)
     scalar.set_rate_equations(system.scalar, node.scalar, frames, h, stages.F[i])
 
 

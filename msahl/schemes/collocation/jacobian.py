@@ -68,13 +68,13 @@ def add_forces(
 
 @kernel
 def _differentiate_constraints(system: System, stages: StageArrays) -> None:
-    """Set ``by_position`` to the derivatives of the constraints and, halved, of the accelerations
-    by their multipliers.
+    """Set ``by_position`` to the derivatives of the constraints and of the accelerations by the
+    multipliers: by positions and by multipliers over mass.
     """
     values, node, frames = stages.by_position, stages.start, system.frames
     for e in range(values.size):
         values[e] = stages.linear[e]
-    coincide.jacobian(system.coincide, node.coincide, frames, -1.0, stages.at_rest, values)
+    coincide.add_derivatives(system.coincide, node.coincide, frames, stages.at_rest, values)
     scalar.add_constraint_derivatives(system.scalar, node.scalar, frames, stages.at_rest, values)
 
 
@@ -84,30 +84,17 @@ def _differentiate_forces(system: System, stages: StageArrays, i: int) -> None:
     position, rate, node, frames = stages.by_position, stages.by_rate, stages.start, system.frames
     for e in range(position.size):
         position[e], rate[e] = 0.0, 0.0
-    group, still, scratch = system.scalar, stages.at_rest, stages.scratch
-    v, W = node.frames.v, node.frames.W
-    scalar.differentiate(group, node.scalar, frames, still)
-    forces.add_derivatives(
-        system.forces,
-        node.forces,
-        group,
-        node.scalar,
-        frames,
-        node.frames,
-        stages.reaction[i],
-        still,
-        scratch,
-        position,
-        rate,
-    )
-    scalar.add_rate_derivatives(group, node.scalar, frames, v, W, still, scratch, position, rate)
+    group, out = system.scalar, stages.derivatives
+    scalar.differentiate(group, node.scalar, frames, out.still)
+    forces.add_derivatives(system.forces, node.forces, group, frames, stages.reaction[i], out)
+    scalar.add_rate_derivatives(group, node.scalar, frames, node.frames, out)
 
 
 @kernel
 def _convert_to_parameters(system: System, stages: StageArrays, rated: bool) -> None:
     """Convert the derivatives by and of rotations from inertial axes to the rotation parameters:
     H^T (.) H, and the terms by which H changes the moments of ``stages.accelerations`` and, where
-    ``rated``, the rates. Those of constraint forces, not ``rated``, are halved.
+    ``rated``, the rates.
     """
     frames, bodies = system.frames, system.bodies
     first = first_multiplier(frames)
@@ -133,12 +120,11 @@ def _convert_to_parameters(system: System, stages: StageArrays, rated: bool) -> 
         put_block(stages.by_position, m, position)
     if not stages.tableau.is_variational:
         return
-    share = 1.0 if rated else 0.5
     for b in range(bodies.frame.size):
         f = bodies.frame[b]
         moment = at(stages.accelerations, rotation_node(frames, f))
         slope = local_rotation.rate_slope(at(stages.parameters, f), moment)
-        add_block(stages.by_position, bodies.block[b], share / frames.length[f], slope)
+        add_block(stages.by_position, bodies.block[b], 1.0 / frames.length[f], slope)
 
 
 @kernel
@@ -174,9 +160,9 @@ def _enter_constraints(stages: StageArrays, h: float, row: int, k: int) -> None:
             if row >= 0 and not stages.is_rate_row[e]:
                 values[e, row, row] = value
         elif k >= 0 and (kind != BODY or row >= 0):
-            column, share = (row, h * h) if kind == BODY else (k, -1.0)
+            column, share = (row, h * h) if kind == BODY else (k, 2.0)
             for j in range(chi.shape[0]):
-                values[e, column, j] += 2.0 * share * chi[j, k] * value
+                values[e, column, j] += share * chi[j, k] * value
 
 
 @kernel

@@ -20,6 +20,7 @@ from msahl.algebra.vector import (
 )
 from msahl.elements import forces
 from msahl.elements.constraints import scalar
+from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.elements.frames import (
     Frames,
     displacement,
@@ -71,7 +72,7 @@ class StageArrays(NamedTuple):
     violation: np.ndarray  # (nodes, 3) constraint violation [m]
     by_position: np.ndarray  # (9 m,) derivatives by positions
     by_rate: np.ndarray  # (9 m,) derivatives by rates
-    scratch: np.ndarray  # (9 m,)
+    derivatives: Derivatives  # these two, and what it takes to compute them
     # Of the step
     Z: np.ndarray  # (s, nodes, 3) unknowns z_1..z_s, multipliers 0..s-1
     F: np.ndarray  # (s, nodes, 3) equations
@@ -118,7 +119,7 @@ def new_stage_arrays(
 
 
 def _jacobian_entries(system: System, unknowns: Unknowns) -> dict[str, Any]:
-    """The entries of the Jacobian that are needed, and what they belong to."""
+    """Return the entries of the Jacobian that are needed, and what they belong to."""
     of_body = system.blocks < first_multiplier(system.frames)
     kind = np.select(
         [of_body.all(axis=1), of_body[:, 0], of_body[:, 1]], [BODY, FORCE, VIOLATION], MULTIPLIER
@@ -126,8 +127,10 @@ def _jacobian_entries(system: System, unknowns: Unknowns) -> dict[str, Any]:
     needed = np.union1d(unknowns.elimination.source, unknowns.dense_from)
     slot = np.full(system.constant.size, -1)
     slot[needed] = np.arange(needed.size)
+    # Accelerations by multipliers have the opposite sign of a step's equations by its unknowns.
+    sign = np.select([kind == BODY, kind == VIOLATION], [0.0, 1.0], -1.0)
     return {
-        "linear": np.where(np.repeat(kind, 9) == BODY, 0.0, system.constant),
+        "linear": np.repeat(sign, 9) * system.constant,
         "needed": needed,
         "block_kind": kind[needed // 9],
         "is_rate_row": _rate_rows(system)[needed],
@@ -148,11 +151,16 @@ def _node_arrays(system: System, state: State) -> dict[str, Any]:
         arrays[name] = np.zeros(vectors)
     for name in ("tangent", "base_change", "base_change_rate"):
         arrays[name] = np.zeros((*vectors, 3))
-    for name in ("at_rest", "increments", "accelerations", "violation"):
+    for name in ("increments", "accelerations", "violation"):
         arrays[name] = np.zeros(nodes)
-    for name in ("by_position", "by_rate", "scratch"):
-        arrays[name] = np.zeros_like(system.constant)
-    return arrays
+    by_position, by_rate, scratch = np.zeros((3, system.constant.size))
+    derivatives = Derivatives(by_position, by_rate, scratch, np.zeros(nodes))
+    return arrays | {
+        "derivatives": derivatives,
+        "by_position": by_position,
+        "by_rate": by_rate,
+        "at_rest": derivatives.still,
+    }
 
 
 def _step_arrays(system: System, state: State, degree: int) -> dict[str, Any]:

@@ -57,8 +57,7 @@ from msahl.system.evaluate import dt2, joint_jacobian, set_reactions
 @kernel
 def set_loads(system: System, state: State, start: SystemWorkspace, h: float) -> bool:
     """Set the loads to their means over a step ``h``; return whether they have first moments."""
-    t, R = state.time[0], start.frames.R
-    return forces.over_step(system.forces, start.forces, t, h, R)
+    return forces.over_step(system.forces, start.forces, state.time[0], h)
 
 
 @kernel
@@ -129,9 +128,7 @@ def residual(
     rigid_body.residual(system.bodies, frames, start.bodies, start.frames, h, h2, Z, F)
     coincide.residual(system.coincide, start.coincide, frames, h2, Z, F)
     scalar.residual(system.scalar, start.scalar, frames, state.violation, t, h, h2, Z, F)
-    forces.mean_residual(
-        system.forces, start.forces, system.scalar, start.scalar, frames, h, h2, Z, F
-    )
+    forces.mean_residual(system.forces, start.forces, system.scalar, frames, (h, h2), Z, F)
 
 
 @kernel
@@ -144,7 +141,7 @@ def jacobian(
     joint_jacobian(system, start, h, Z, values)
     h2 = dt2(system, h)
     forces.mean_jacobian(
-        system.forces, start.forces, system.scalar, start.scalar, system.frames, h, h2, Z, values
+        system.forces, start.forces, system.scalar, system.frames, (h, h2), Z, values
     )
 
 
@@ -171,9 +168,7 @@ def accept(
     """Advance ``state`` by the solved step; ``F`` is the residual at ``Z``, evaluated last."""
     frames, t, h2 = system.frames, state.time[0], dt2(system, h)
     decay, loss, gained = system.decay, 0.0, 0.0
-    forces.mean_work(
-        system.forces, start.forces, system.scalar, start.scalar, frames, h, Z, state.work
-    )
+    forces.mean_work(system.forces, start.forces, system.scalar, frames, h, Z, state.work)
     scalar.accept(system.scalar, start.scalar, frames, t, h, h2, Z, state.angle, state.work)
     for b in range(moving_count(frames)):
         lost, by_a, by_alpha = _accept_frame(system, state, start, h, Z, b)
@@ -185,7 +180,7 @@ def accept(
         forces.work_of_first(system.forces, start.forces, h, state.a, state.alpha, lost, state.work)
     state.foresight[0] = 1.0 if gained >= 0.0 else 0.0
     if decay.chi > 0.0:
-        loss += forces.smooth(system.forces, start.forces, system.scalar, start.scalar, decay.pole)
+        loss += forces.smooth(system.forces, start.forces, system.scalar, decay.pole)
         state.work[state.work.size - 1] -= loss
     _accept_multipliers(system, state, start, h, Z, F)
     state.time[0] += h
