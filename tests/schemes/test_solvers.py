@@ -130,7 +130,7 @@ def test_a_step_that_cannot_be_taken_ends_the_run_and_says_why(solver):
     assert len(run.states) == 1
     assert "step 1 from t = 0 s did not converge" in report.message
     assert f"down to {0.01 / 2**MAX_SUBDIVISIONS:.3g} s" in report.message
-    assert "worst in body 'Bob', " in report.message
+    assert "largest in body 'Bob', " in report.message
     assert "Try a smaller --dt" in report.message
     assert np.isfinite(run.states).all()
 
