@@ -19,7 +19,7 @@ from unittest import mock
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from msahl.algebra.rotation import compose, from_step_turn
+from msahl.algebra.rotation import compose, from_increment
 from msahl.algebra.vector import add, at, put, scale
 from msahl.elements.constraints import scalar
 from msahl.jit.kernel import MARKED
@@ -176,6 +176,6 @@ def settle(island: CollocationWorkspace) -> None:
         for b in range(length.size - 1):
             turn = scale(1.0 / length[b], at(room.solution, 2 * b + 1))
             put(state.x, b, add(at(state.x, b), at(room.solution, 2 * b)))
-            put(state.p, b, compose(from_step_turn(turn), at(state.p, b)))
+            put(state.p, b, compose(from_increment(turn), at(state.p, b)))
         evaluate.prepare(system, state, start)
     accelerations.project_velocities(system, state, start, watch.gap, watch.rate, room)
