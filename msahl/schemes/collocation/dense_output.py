@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import legendre, polynomial
 
-from msahl.algebra.rotation import compose, from_step_turn, inverse, matrix
+from msahl.algebra.rotation import compose, from_increment, inverse, matrix
 from msahl.algebra.vector import (
     ZERO,
     Vector,
@@ -364,4 +364,4 @@ def _project(output: DenseOutput, instant: Instant) -> None:
     for b in range(moving_count(frames)):
         Q = scale(1.0 / frames.length[b], at(instant.solution, rotation_node(frames, b)))
         put(state.x, b, add(at(state.x, b), at(instant.solution, displacement_node(frames, b))))
-        put(state.p, b, compose(from_step_turn(Q), at(state.p, b)))
+        put(state.p, b, compose(from_increment(Q), at(state.p, b)))

@@ -44,7 +44,7 @@ from msahl.schemes.collocation.dense_output import StepEnd
 from msahl.schemes.collocation.newton import CollocationWorkspace
 from msahl.system import evaluate
 from msahl.system.arrays import State
-from msahl.system.diagnostics import KINETIC, look
+from msahl.system.diagnostics import KINETIC, record_figures
 
 NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST, WIDEST, STOP, ENERGY = range(10)
 """Places in ``StepControl.figures``: size of the next pair [s]; tolerance per second [m/s]; time
@@ -305,7 +305,7 @@ def take_pair(subsystem: CollocationWorkspace, control: StepControl, h: float, r
         restore_polynomials(subsystem, control.start.time[0], h)
         if not newton.take_step(subsystem, 0.5 * h):
             return False
-        look(system, state, start, 0.5 * h, workspace.monitor, row + half)
+        record_figures(system, state, start, 0.5 * h, workspace.monitor, row + half)
         dense_output.save_end(control.middle if half == 0 else control.end, workspace)
         breakpoints.save_coordinates(control.breakpoints, workspace, 1 + half)
     return True
