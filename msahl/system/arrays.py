@@ -12,7 +12,7 @@ import numpy as np
 
 from msahl.algebra.functions import Laws
 from msahl.elements.constraints.coincide import Coincide, CoincideWorkspace
-from msahl.elements.constraints.coordinates import MOST, Coordinates, CoordinatesWorkspace
+from msahl.elements.constraints.coordinate_kinds import MOST, Coordinates, CoordinatesWorkspace
 from msahl.elements.constraints.products import ProductsWorkspace
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.forces import Forces, ForcesWorkspace, energy_columns

@@ -32,7 +32,7 @@ import numpy as np
 
 from msahl.elements import forces, reactions, rigid_body
 from msahl.elements.constraints import coincide, coordinates, scalar
-from msahl.elements.constraints.coordinates import Derivatives
+from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.elements.frames import first_multiplier, moving_count
 from msahl.elements.frames import prepare as prepare_frames
 from msahl.jit.kernel import kernel

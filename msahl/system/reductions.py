@@ -17,7 +17,7 @@ are therefore zero, not small: every velocity and every guess passes through ``r
 import numpy as np
 
 from msahl.elements import forces
-from msahl.elements.constraints.coordinates import PLAIN, RADIUS, Coordinates
+from msahl.elements.constraints.coordinate_kinds import PLAIN, RADIUS, Coordinates
 from msahl.elements.constraints.equations import ConstraintEquations
 from msahl.elements.constraints.products import DOT, SLIDE, SLIP, Products, ProductsWorkspace
 from msahl.elements.frames import first_multiplier, ground_of, moving_count

@@ -15,16 +15,14 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws, evaluate, extent
-from msahl.elements.constraints.coordinates import (
-    BLUR,
+from msahl.elements.constraints.coordinate_jacobians import add_spring, rate_gradient
+from msahl.elements.constraints.coordinate_kinds import (
+    ROUND_OFF_FACTOR,
     Coordinates,
     CoordinatesWorkspace,
     Derivatives,
-    add_spring,
-    coordinate_acceleration,
-    rate_gradient,
-    row_factor,
 )
+from msahl.elements.constraints.coordinates import coordinate_acceleration, row_factor
 from msahl.elements.constraints.products import PARTS
 from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.jit.kernel import kernel
@@ -86,7 +84,7 @@ def blur(
         size = max(extent(laws, rows.law[r], t), extent(laws, rows.law[r], t + h))
     if rows.function[r] >= 0 and abs(start.change[q]) >= SAME:
         size += abs(rows.coefficient[r, 1]) * extent(laws, rows.function[r], start.value[q])
-    return BLUR * rows.scale[r] * size
+    return ROUND_OFF_FACTOR * rows.scale[r] * size
 
 
 @kernel

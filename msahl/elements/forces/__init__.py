@@ -28,8 +28,8 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws, evaluate
-from msahl.elements.constraints import coordinates
-from msahl.elements.constraints.coordinates import CoordinatesWorkspace, Derivatives
+from msahl.elements.constraints import coordinate_jacobians, coordinates
+from msahl.elements.constraints.coordinate_kinds import CoordinatesWorkspace, Derivatives
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.forces import concentrated, drag, friction, spring
 from msahl.elements.forces.concentrated import ConcentratedLoads, ConcentratedWorkspace
@@ -176,7 +176,7 @@ def add_derivatives(
     )
     friction.add_derivatives(forces.friction, reaction, group, place, frames, motion, out)
     # The unit forces' mean over a step changes by half as much as the forces themselves.
-    coordinates.stiffness(group, place.coordinates, frames, 2.0, out.still, out.by_place)
+    coordinate_jacobians.stiffness(group, place.coordinates, frames, 2.0, out.still, out.by_place)
 
 
 @kernel
@@ -250,7 +250,7 @@ def mean_jacobian(
         q, group = start.place.coordinates, scalar.coordinates
         spring.mean_jacobian(forces.spring, forces.laws, group, q, frames, step, values)
         friction.mean_jacobian(forces.friction, start.reactions, group, q, frames, step, values)
-        coordinates.stiffness(group, q, frames, -dt2, Z, values)
+        coordinate_jacobians.stiffness(group, q, frames, -dt2, Z, values)
     concentrated.mean_jacobian(forces.concentrated, start.concentrated, frames, dt2, Z, values)
     drag.mean_jacobian(forces.drag, start.drag, frames, h, dt2, Z, values)
 

@@ -23,13 +23,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements.constraints.coordinates import (
+from msahl.elements.constraints.coordinate_jacobians import add_damper, add_spring
+from msahl.elements.constraints.coordinate_kinds import (
     ANGLE,
     Coordinates,
     CoordinatesWorkspace,
     Derivatives,
-    add_damper,
-    add_spring,
 )
 from msahl.elements.constraints.scalar import ScalarWorkspace
 from msahl.elements.frames import Frames, FramesWorkspace

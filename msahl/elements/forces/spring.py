@@ -30,15 +30,14 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws, evaluate, mean
-from msahl.elements.constraints.coordinates import (
-    BLUR,
+from msahl.elements.constraints.coordinate_jacobians import add_damper, add_spring
+from msahl.elements.constraints.coordinate_kinds import (
+    ROUND_OFF_FACTOR,
     Coordinates,
     CoordinatesWorkspace,
     Derivatives,
-    add_damper,
-    add_spring,
-    extent,
 )
+from msahl.elements.constraints.coordinates import extent
 from msahl.elements.constraints.equations import SAME
 from msahl.elements.frames import Frames, FramesWorkspace
 from msahl.jit.kernel import kernel
@@ -97,7 +96,7 @@ def add_load(
         q = group.coordinate[s]
         T, slope = tension(group, laws, s, elongation(group, start, s))
         start.load[q] -= T + group.damping[s] * rate[q]
-        unsure = BLUR * abs(0.5 * slope) * extent(coords, start, q)
+        unsure = ROUND_OFF_FACTOR * abs(0.5 * slope) * extent(coords, start, q)
         start.size[q] += abs(T) + abs(group.damping[s] * rate[q]) + unsure
 
 
@@ -156,7 +155,7 @@ def add_mean_load(
         start.load[q] -= T + lag
         # A tension whose mean vanishes can be large at both ends, and that of a stiff spring is no
         # more accurate than its length.
-        unsure = BLUR * abs(slope) * extent(coords, start, q)
+        unsure = ROUND_OFF_FACTOR * abs(slope) * extent(coords, start, q)
         start.size[q] += abs(T) + abs(slope * dq) + abs(lag) + unsure
 
 
