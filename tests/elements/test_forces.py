@@ -19,7 +19,7 @@ from msahl.algebra.rotation import compose, from_axis_angle, from_step_turn
 from msahl.algebra.vector import ZERO
 from msahl.elements import forces
 from msahl.elements.constraints import scalar
-from msahl.elements.constraints.coordinates import Derivatives
+from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.model import (
     Bushing,
     ConcentratedLoad,
