@@ -19,7 +19,7 @@ from msahl.algebra.rotation import compose, from_axis_angle, from_step_turn
 from msahl.algebra.vector import ZERO
 from msahl.elements import forces
 from msahl.elements.constraints import scalar
-from msahl.elements.constraints.coordinates import Derivatives
+from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.model import (
     Bushing,
     ConcentratedLoad,
@@ -196,7 +196,7 @@ def exact():
 @pytest.fixture
 def plain(monkeypatch):
     """Let the adaptive stepper call its kernels uncompiled."""
-    monkeypatch.setattr(collocation_stepper, "_take_pairs", step_control.march)
+    monkeypatch.setattr(collocation_stepper, "_take_pairs", step_control.take_pairs)
 
 
 def run(word, steps, accuracy=None):
@@ -216,9 +216,9 @@ def run(word, steps, accuracy=None):
             assert integrator.advance(Chunk(last=steps, times=np.array([T]))).steps > 0
     elif degree:
         subsystem = integrator.stepper.method.subsystem
-        assert collocation.march(subsystem, h, 0, steps, nothing_due, np.zeros(0)) == steps
+        assert collocation.take_steps(subsystem, h, 0, steps, nothing_due, np.zeros(0)) == steps
     else:
-        assert midpoint.march(workspace, h, 0, steps, nothing_due - 1) == steps
+        assert midpoint.take_steps(workspace, h, 0, steps, nothing_due - 1) == steps
     state = workspace.state
     angle = 4.0 * np.arctan(state.p[0, 1] / 4.0)
     drift = abs(balance_of(workspace) - balance)
