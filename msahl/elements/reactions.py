@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import ZERO, Vector, add, at, axpy, cross, matrix_at, put, sub, times
-from msahl.elements.constraints.coordinates import CoordinatesWorkspace
+from msahl.elements.constraints.coordinate_kinds import CoordinatesWorkspace
 from msahl.elements.constraints.equations import coefficients, law_rate
 from msahl.elements.constraints.products import Q_B, U_B
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace

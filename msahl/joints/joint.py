@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from msahl.algebra.vector import IDENTITY, Vector, scale
-from msahl.elements.constraints.coordinates import ANGLE, PLAIN, RADIUS, ROUND, SKEW
+from msahl.elements.constraints.coordinate_kinds import ANGLE, PLAIN, RADIUS, ROUND, SKEW
 from msahl.elements.constraints.products import DOT, ROLL, SLIDE, SLIP
 from msahl.model.joints import Joint
 

@@ -137,9 +137,7 @@ def _observe_rows(
         evaluate.prepare(system, state, start)
         _count(system.scalar, start.scalar, start.frames, state.angle, 0.5 * h)
         evaluate.observe(system, state, start, violation[row], rate[row])
-        elastic[row] = forces.elastic_energy(
-            system.forces, start.forces, system.scalar, start.scalar
-        )
+        elastic[row] = forces.elastic_energy(system.forces, start.forces, system.scalar)
         for b in range(state.x.shape[0]):
             put(history.x[row], b, at(state.x, b))
             put(history.p[row], b, at(state.p, b))

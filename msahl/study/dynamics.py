@@ -71,7 +71,7 @@ def _free(
 ) -> None:
     _unpack(y, state)
     _prepare(system, state, start)
-    accelerations.free(system, state, start, room)
+    accelerations.assemble(system, state, start, room)
 
 
 @kernel
@@ -123,7 +123,7 @@ def _open(
 ) -> None:
     """Set the rows to minus the gaps (``level`` 0) or their rates (1), and factor the matrix."""
     _prepare(system, state, start)
-    accelerations.free(system, state, start, room)
+    accelerations.assemble(system, state, start, room)
     evaluate.observe(system, state, start, violation, rate)
     first = first_multiplier(system.frames)
     for node in range(room.rows.shape[0]):
@@ -289,7 +289,7 @@ class Dynamics:
 _compiled_unpack = compiled(_unpack)
 _compiled_pack = compiled(_pack)
 _compiled_solve = compiled(accelerations.solve)
-_compiled_react = compiled(accelerations.react)
+_compiled_react = compiled(accelerations.set_reactions)
 _compiled_rates = compiled(_all_rates)
 _compiled_free = compiled(_free)
 _compiled_open = compiled(_open)

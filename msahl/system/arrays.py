@@ -6,13 +6,13 @@ joints' multipliers and gaps, three to a node. The Jacobian is a list of 3 x 3 b
 other in one array; block 0 takes what belongs to the ground and is never read.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from msahl.algebra.functions import Laws
 from msahl.elements.constraints.coincide import Coincide, CoincideWorkspace
-from msahl.elements.constraints.coordinates import MOST, Coordinates, CoordinatesWorkspace
+from msahl.elements.constraints.coordinate_kinds import MOST, Coordinates, CoordinatesWorkspace
 from msahl.elements.constraints.products import ProductsWorkspace
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.forces import Forces, ForcesWorkspace, energy_columns
@@ -144,16 +144,17 @@ def new_system_workspace(system: System, state: State) -> SystemWorkspace:
     """Room for the start of a step; gap and stretch are the state's own arrays."""
     vectors, matrices = state.x.shape, (*state.x.shape, 3)
     k = system.coincide.a.size
-    scalar = system.scalar and ScalarWorkspace(
+    scalar: Any = system.scalar and ScalarWorkspace(
         coordinates=new_coordinates_workspace(system.scalar.coordinates, node_count(system)),
         rate=np.zeros(system.scalar.coordinates.kind.size),
     )
+    frames = FramesWorkspace(np.zeros(matrices), *(np.zeros(vectors) for _ in range(6)))
     return SystemWorkspace(
-        frames=FramesWorkspace(np.zeros(matrices), *(np.zeros(vectors) for _ in range(6))),
+        frames=frames,
         bodies=RigidBodiesWorkspace(np.zeros_like(system.bodies.inertia)),
         coincide=CoincideWorkspace(np.zeros((k, 3)), np.zeros((k, 3)), state.violation),
-        scalar=scalar,  # type: ignore[arg-type]
-        forces=new_forces_workspace(system.forces, state.reaction, state.stretch),
+        scalar=scalar,
+        forces=new_forces_workspace(system.forces, frames, scalar, state.reaction, state.stretch),
         reaction_arms=np.zeros((system.reactions.child.size, 3)),
     )
 

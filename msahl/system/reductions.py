@@ -17,7 +17,7 @@ are therefore zero, not small: every velocity and every guess passes through ``r
 import numpy as np
 
 from msahl.elements import forces
-from msahl.elements.constraints.coordinates import PLAIN, RADIUS, Coordinates
+from msahl.elements.constraints.coordinate_kinds import PLAIN, RADIUS, Coordinates
 from msahl.elements.constraints.equations import ConstraintEquations
 from msahl.elements.constraints.products import DOT, SLIDE, SLIP, Products, ProductsWorkspace
 from msahl.elements.frames import first_multiplier, ground_of, moving_count
@@ -40,7 +40,7 @@ def _is_planar(system: System, start: SystemWorkspace, axis: int) -> bool:
     in_plane = [i for i in range(3) if i != axis]
     ground = ground_of(system.frames)
     motion, coincide, J = start.frames, start.coincide, start.bodies.J
-    vectors, moments = forces.vectors(system.forces, start.forces, motion.R)
+    vectors, moments = forces.vectors(system.forces, start.forces)
     # The ground's arms are places, not levers.
     arms_a = coincide.r_a[system.coincide.a != ground]
     arms_b = coincide.r_b[system.coincide.b != ground]

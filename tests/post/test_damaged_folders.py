@@ -257,7 +257,7 @@ DAMAGE = {
     "one cell less": (STATES, rows(lambda r: [r[0][:-1], *r[1:]]), ":2: 12 numbers under 13 col"),
     "no last column": (STATES, lambda cells: [row[:-1] for row in cells], "Bob.wz is missing"),
     "no time": (STATES, lambda cells: [row[1:] for row in cells], "time is missing"),
-    "column twice": (STATES, cell(0, 2, "Bob.x"), ":1: a column stands there twice"),
+    "column twice": (STATES, cell(0, 2, "Bob.x"), ":1: a column appears twice"),
     "other column": (STATES, cell(0, 2, "Bub.x"), "Bob.y is missing"),
     "empty": (STATES, lambda cells: [], "time is missing"),
 }
@@ -320,4 +320,4 @@ def test_resume_over_a_damaged_run_json_is_refused(run, text):
     (run / "run.json").write_text(text)
     result = call(engine, "run", run / "source.xml", "-o", run, "--resume")
     assert result.exit_code == 2
-    assert "leave --resume out to run it anew" in result.stderr
+    assert "omit --resume to start again" in result.stderr

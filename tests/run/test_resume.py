@@ -282,7 +282,7 @@ def test_other_options_are_refused_by_name(tmp_path, monkeypatch, words, told):
     result = call(*first, "-o", tmp_path, *words, "--resume")
     assert result.exit_code == 2
     assert told in result.stderr
-    assert "leave --resume out" in result.stderr
+    assert "omit --resume" in result.stderr
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == kept
 
 
@@ -365,13 +365,13 @@ def test_what_cannot_go_on_is_refused_with_a_remedy(tmp_path, monkeypatch, spoil
     result = call(DOUBLE, "-o", tmp_path, "--resume")
     assert result.exit_code == 2
     assert told in result.stderr
-    assert "leave --resume out to run it anew" in result.stderr
+    assert "omit --resume to start again" in result.stderr
 
 
 def test_a_folder_that_is_not_there_is_not_made(tmp_path):
     result = call(DOUBLE, "-o", tmp_path / "none", "--resume")
     assert result.exit_code == 2
-    assert "no run there; leave --resume out" in result.stderr
+    assert "no run to resume; omit --resume to start it" in result.stderr
     assert not (tmp_path / "none").exists()
 
 

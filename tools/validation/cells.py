@@ -27,7 +27,6 @@ from msahl.algebra.rotation_arrays import angles
 from msahl.cli.console import BAD_INPUT
 from msahl.cli.main import main
 from msahl.deck import read_deck
-from msahl.linalg import dense
 from msahl.model import Model, Options
 from msahl.model.scheme import COLLOCATION, DEFAULT, DEGREE, ORDER_TWO
 from msahl.results.read import ResultError, read_run
@@ -36,7 +35,7 @@ from msahl.run.verdict import ENERGY_SPOILT
 from msahl.schemes.collocation import newton, predictor, scipy_root
 from msahl.schemes.collocation.newton import CollocationWorkspace
 from msahl.schemes.fixed_stepper import FixedStepper
-from msahl.schemes.midpoint import equations
+from msahl.schemes.midpoint import equations, free_equations
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.start.velocities import StartError
 from msahl.study.reference import choose_reference
@@ -354,8 +353,7 @@ def _jacobian(scene: Workspace, dt: float) -> np.ndarray:
     free = scene.unknowns.free
     equations.predict(scene.system, scene.state, scene.start, dt, scene.Z)
     z, A = scene.Z.reshape(-1)[free].copy(), np.zeros(free.size**2)
-    parts = (scene.system, scene.unknowns, scene.state, scene.start, dt, z)
-    dense.jacobian(*parts, scene.Z, scene.F, scene.values, A)
+    free_equations.jacobian(scene, dt, z, A)
     return A.reshape(free.size, free.size)
 
 

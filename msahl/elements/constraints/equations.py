@@ -15,17 +15,16 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws, evaluate, extent
-from msahl.elements.constraints.coordinates import (
-    BLUR,
+from msahl.elements.constraints.coordinate_jacobians import add_spring, rate_gradient
+from msahl.elements.constraints.coordinate_kinds import (
+    ROUND_OFF_FACTOR,
     Coordinates,
     CoordinatesWorkspace,
-    add_spring,
-    coordinate_acceleration,
-    rate_gradient,
-    row_factor,
+    Derivatives,
 )
+from msahl.elements.constraints.coordinates import coordinate_acceleration, row_factor
 from msahl.elements.constraints.products import PARTS
-from msahl.elements.frames import Frames, first_multiplier
+from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.jit.kernel import kernel
 
 SAME = 1e-7
@@ -85,16 +84,66 @@ def blur(
         size = max(extent(laws, rows.law[r], t), extent(laws, rows.law[r], t + h))
     if rows.function[r] >= 0 and abs(start.change[q]) >= SAME:
         size += abs(rows.coefficient[r, 1]) * extent(laws, rows.function[r], start.value[q])
-    return BLUR * rows.scale[r] * size
+    return ROUND_OFF_FACTOR * rows.scale[r] * size
 
 
 @kernel
-def multiplier(
-    rows: ConstraintEquations, frames: Frames, dt2: float, Z: np.ndarray, r: int
-) -> float:
-    """lam [N, or N m for a row in radians]."""
+def multiplier(rows: ConstraintEquations, frames: Frames, Z: np.ndarray, r: int) -> float:
+    """Return lam [N, or N m for a row in radians], where ``Z`` holds multipliers by mass. The
+    unknowns of a step are dt2 times these.
+    """
     node = first_multiplier(frames) + rows.place[r, 0]
-    return Z[node, rows.place[r, 1]] * rows.mass[r] * rows.scale[r] / dt2
+    return float(Z[node, rows.place[r, 1]] * rows.mass[r] * rows.scale[r])
+
+
+@kernel
+def add_load(
+    rows: ConstraintEquations, laws: Laws, start: CoordinatesWorkspace, r: int, lam: float
+) -> None:
+    """Add the multiplier ``lam`` of row ``r`` to the loads along its coordinates."""
+    for side in range(2):
+        q = rows.coordinate[r, side]
+        if q >= 0:
+            _, c, _, _ = coefficients(rows, laws, start, r, side)
+            start.load[q] += lam * c
+            start.size[q] += abs(lam * c)
+
+
+@kernel
+def add_loads(
+    rows: ConstraintEquations,
+    laws: Laws,
+    start: CoordinatesWorkspace,
+    frames: Frames,
+    Z: np.ndarray,
+) -> None:
+    """Add the multipliers, in ``Z`` by mass, to the coordinates' loads at one configuration."""
+    for r in range(rows.function.size):
+        add_load(rows, laws, start, r, multiplier(rows, frames, Z, r))
+
+
+@kernel
+def set_violation(
+    rows: ConstraintEquations,
+    laws: Laws,
+    start: CoordinatesWorkspace,
+    frames: Frames,
+    violation: np.ndarray,
+    interval: tuple[float, float],
+    F: np.ndarray,
+) -> None:
+    """Set the rows to the ``violation`` (k, 3) and its change over the ``interval`` (t, h)."""
+    t, h = interval
+    for r in range(rows.function.size):
+        node, slot = rows.place[r, 0], rows.place[r, 1]
+        total = -law_change(rows, laws, r, t, h)
+        for side in range(2):
+            if rows.coordinate[r, side] >= 0:
+                change, _, _, _ = coefficients(rows, laws, start, r, side)
+                total += change
+        node += first_multiplier(frames)
+        F[node, slot] = violation[rows.place[r, 0], slot] + rows.scale[r] * total
+        start.term_size[node] = max(start.term_size[node], blur(rows, laws, start, r, t, h))
 
 
 @kernel
@@ -110,21 +159,10 @@ def residual(
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """Set the rows; add the multipliers to the quantities' loads."""
+    """Set the rows; add the multipliers, in ``Z`` times dt2 by mass, to the coordinates' loads."""
     for r in range(rows.function.size):
-        lam = multiplier(rows, frames, dt2, Z, r)
-        node, slot = rows.place[r, 0], rows.place[r, 1]
-        total = -law_change(rows, laws, r, t, h)
-        for side in range(2):
-            q = rows.coordinate[r, side]
-            if q >= 0:
-                change, c, _, _ = coefficients(rows, laws, start, r, side)
-                total += change
-                start.load[q] += lam * c
-                start.size[q] += abs(lam * c)
-        node += first_multiplier(frames)
-        F[node, slot] = violation[rows.place[r, 0], slot] + rows.scale[r] * total
-        start.term_size[node] = max(start.term_size[node], blur(rows, laws, start, r, t, h))
+        add_load(rows, laws, start, r, multiplier(rows, frames, Z, r) / dt2)
+    set_violation(rows, laws, start, frames, violation, (t, h), F)
 
 
 @kernel
@@ -138,26 +176,65 @@ def jacobian(
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
-    """Add the rows' blocks, after ``quantity.evaluate`` and ``differentiate``."""
+    """Add the derivatives of ``residual``, after ``coordinates.evaluate`` and ``differentiate``."""
+    _add_blocks(rows, laws, coords, start, frames, -dt2, values)
     for r in range(rows.function.size):
-        lam = multiplier(rows, frames, dt2, Z, r)
-        slot = rows.place[r, 1]
-        by_unknown = rows.mass[r] * rows.scale[r] / dt2
+        if rows.function[r] >= 0:
+            lam = multiplier(rows, frames, Z, r) / dt2
+            curve = coefficients(rows, laws, start, r, 1)[3]
+            add_spring(coords, start, frames, -dt2, rows.coordinate[r, 1], lam * curve, values)
+
+
+@kernel
+def add_derivatives(
+    rows: ConstraintEquations,
+    laws: Laws,
+    coords: Coordinates,
+    start: CoordinatesWorkspace,
+    frames: Frames,
+    Z: np.ndarray,
+    values: np.ndarray,
+) -> None:
+    """Add the derivatives at one configuration: of ``add_loads`` by mass by the places and by the
+    multipliers by mass, and of the rows by the places.
+    """
+    _add_blocks(rows, laws, coords, start, frames, 1.0, values)
+    for r in range(rows.function.size):
+        if rows.function[r] >= 0:
+            lam = multiplier(rows, frames, Z, r)
+            # Over a step the coefficient changes by half as much as it does at the end.
+            curve = 2.0 * coefficients(rows, laws, start, r, 1)[3]
+            add_spring(coords, start, frames, 1.0, rows.coordinate[r, 1], lam * curve, values)
+
+
+@kernel
+def _add_blocks(
+    rows: ConstraintEquations,
+    laws: Laws,
+    coords: Coordinates,
+    start: CoordinatesWorkspace,
+    frames: Frames,
+    factor: float,
+    values: np.ndarray,
+) -> None:
+    """Add the derivatives of the rows by the places, and ``factor`` times those of the
+    accelerations by the multipliers' unknowns, which are |factor| times the multipliers by mass.
+    """
+    for r in range(rows.function.size):
+        slot, by_unknown = rows.place[r, 1], rows.mass[r] * rows.scale[r] / abs(factor)
         for side in range(2):
             q = rows.coordinate[r, side]
             if q < 0:
                 continue
-            _, c, slope, curve = coefficients(rows, laws, start, r, side)
+            _, c, slope, _ = coefficients(rows, laws, start, r, side)
             for part in range(PARTS):
                 down, right = rows.force_block[r, side, part], rows.constraint_block[r, side, part]
                 if down <= 0:
                     continue
-                factor = c * by_unknown * row_factor(coords, frames, -dt2, q, part)
+                by_lam = c * by_unknown * row_factor(coords, frames, factor, q, part)
                 for i in range(3):
-                    values[down + 3 * i + slot] += factor * start.force[q, part, i]
+                    values[down + 3 * i + slot] += by_lam * start.force[q, part, i]
                     values[right + 3 * slot + i] += rows.scale[r] * slope * start.slope[q, part, i]
-            if curve != 0.0:
-                add_spring(coords, start, frames, -dt2, q, lam * curve, values)
 
 
 @kernel
@@ -259,7 +336,7 @@ def work(
     """Add the drives' work [J] over the step to their ``column`` of ``total``."""
     for r in range(rows.function.size):
         if rows.law[r] >= 0:
-            lam = multiplier(rows, frames, dt2, Z, r)
+            lam = multiplier(rows, frames, Z, r) / dt2
             total[column[r]] += lam * law_change(rows, laws, r, t, h)
 
 
@@ -279,7 +356,7 @@ def motion_work(
     """
     for r in range(rows.function.size):
         if rows.law[r] >= 0:
-            lam = multiplier(rows, frames, 1.0, Z, r)
+            lam = multiplier(rows, frames, Z, r)
             total[column[r]] += lam * law_rate(rows, laws, r, t) * dt
 
 
@@ -300,12 +377,8 @@ def add_rate_derivatives(
     coords: Coordinates,
     start: CoordinatesWorkspace,
     frames: Frames,
-    v: np.ndarray,
-    W: np.ndarray,
-    Z: np.ndarray,
-    room: np.ndarray,
-    by_place: np.ndarray,
-    by_rate: np.ndarray,
+    motion: FramesWorkspace,
+    out: Derivatives,
 ) -> None:
     """Add the derivatives of ``roll`` over h by the places and by the rates."""
     for r in range(rows.function.size):
@@ -315,10 +388,10 @@ def add_rate_derivatives(
                 rows.coordinate[r, 0],
                 rows.place[r, 1],
             )
-            half = rate_gradient(coords, start, frames, v, W, Z, q, room)
+            half = rate_gradient(coords, start, frames, motion, q, out)
             for part in range(PARTS):
                 right = rows.constraint_block[r, 0, part]
                 if right > 0:
                     for i in range(3):
-                        by_rate[right + 3 * slot + i] += c * start.slope[q, part, i]
-                        by_place[right + 3 * slot + i] += 2.0 * c * half[part][i]
+                        out.by_rate[right + 3 * slot + i] += c * start.slope[q, part, i]
+                        out.by_place[right + 3 * slot + i] += 2.0 * c * half[part][i]
