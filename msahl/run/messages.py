@@ -86,7 +86,7 @@ def _position_warnings(integrator: SubsystemIntegrator) -> list[str]:
     changes = [
         f"body '{body.name}' by {displacement:.3g} m and {angle:.3g} rad"
         for body, displacement, angle in zip(
-            integrator.model.bodies, moved.ways, moved.turns, strict=True
+            integrator.model.bodies, moved.displacements, moved.rotations, strict=True
         )
     ]
     return [

@@ -343,7 +343,7 @@ def test_the_published_work_of_loads_is_what_they_do(seed):
     step.Z = step.random(rng)
     group, start = step.system.forces.concentrated, step.start.forces.concentrated
     force, moment = step.pushes(concentrated.mean_residual, group, start)
-    total = np.zeros(group.body.size)
+    total = np.zeros(group.frame.size)
     concentrated.mean_work(group, start, step.system.frames, step.Z, total)
     assert total.sum() == pytest.approx(step.work(force, moment), abs=1e-12 * np.abs(total).sum())
 

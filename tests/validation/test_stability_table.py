@@ -313,7 +313,7 @@ def test_verdicts_tell_good_runs_from_bad():
         if row["judged"] == "PASS":
             assert error <= 10.0, row
         if row["judged"] == "FAIL" and error <= 1.0:
-            assert "energy conserved only to" in row["judged_by"], row
+            assert "energy kept only to" in row["judged_by"], row
             assert float(row["energy"]) > 1e-3 or row["outcome"] == "out of time", row
 
 

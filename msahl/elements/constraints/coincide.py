@@ -7,7 +7,7 @@
 r = R s is the arm from the mass centre to the point. With the mean arms (r0 + r1)/2 the work over
 the step is lam . (g1 - g0) exactly, so a closed joint does none, whatever h.
 
-The unknown is lam h^2/(2 m) with 1/m = 1/m_a + 1/m_b, a length. The gap is followed by increments,
+The unknown is lam dt2/m with 1/m = 1/m_a + 1/m_b, a length. The violation is summed by increments,
 g1 = g0 + (u_b + dr_b) - (u_a + dr_a), so it carries round-off of the step's displacement, not of
 the distance from the origin; g0 is what the last solution left over.
 """
@@ -51,14 +51,14 @@ class Coincide(NamedTuple):
     s_a: np.ndarray  # (k, 3) from the mass centre of a (ground: the origin), axes of a [m]
     s_b: np.ndarray  # (k, 3) likewise of b [m]
     mass: np.ndarray  # (k,) m, the mass that scales the multiplier [kg]
-    row: np.ndarray  # (k,) node of the multiplier and of the gap
+    row: np.ndarray  # (k,) node of the multiplier and of the equation
     moment_by_rotation: np.ndarray  # (k, 2) starts of the blocks of a and b
     moment_by_force: np.ndarray  # (k, 2)
     constraint_by_rotation: np.ndarray  # (k, 2)
 
 
 class CoincideWorkspace(NamedTuple):
-    """Arms at the start of the step in inertial axes (k, 3) [m], and the gap left there."""
+    """Arms at the start of the step in inertial axes (k, 3) [m], and the violation left there."""
 
     r_a: np.ndarray
     r_b: np.ndarray
@@ -138,7 +138,7 @@ def residual(
 def set_violations(
     group: Coincide, start: CoincideWorkspace, frames: Frames, Z: np.ndarray, F: np.ndarray
 ) -> None:
-    """Set the gap's rows."""
+    """Set the constraint equations to the violations at the end of the step [m]."""
     for k in range(group.a.size):
         a, b = group.a[k], group.b[k]
         dr_a = turn_change(rotation_increment(frames, Z, a), at(start.r_a, k))
@@ -200,7 +200,9 @@ def violation_rate(
 def free_acceleration(
     group: Coincide, start: CoincideWorkspace, W: np.ndarray, F: np.ndarray
 ) -> None:
-    """Set the gap's rows to minus its acceleration [m/s^2] at zero accelerations of the bodies."""
+    """Set the constraint equations to minus the violations' second derivatives [m/s^2] at zero
+    accelerations of the frames.
+    """
     for k in range(group.a.size):
         W_a, W_b = at(W, group.a[k]), at(W, group.b[k])
         centripetal_a = cross(W_a, cross(W_a, at(start.r_a, k)))

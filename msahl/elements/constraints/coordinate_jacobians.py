@@ -79,7 +79,7 @@ def rate_gradient(
     q: int,
     out: Derivatives,
 ) -> tuple[Vector, Vector, Vector, Vector]:
-    """Half the derivative of a quantity's rate by the places of the four parts at given velocities.
+    """Return half the derivative of a coordinate's rate by the places of its four parts.
 
     A rate is the unit force times the velocities, so it is the stiffness times them. Wants
     ``evaluate`` at rest.

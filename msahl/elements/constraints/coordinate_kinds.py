@@ -82,12 +82,12 @@ def value(group: Coordinates, start: CoordinatesWorkspace, angle: float, q: int)
     if group.kind[q] == ROUND:
         return m[k] - group.radius[q] * math.sqrt(max(0.0, 1.0 - m[k + 1] ** 2))
     if group.kind[q] == SKEW:
-        return skew_gap(m, k, group.radius[q])
+        return skew_distance(m, k, group.radius[q])
     return m[k]
 
 
 @kernel
-def skew_gap(m: np.ndarray, k: int, L: float) -> float:
+def skew_distance(m: np.ndarray, k: int, L: float) -> float:
     """Return the SKEW coordinate of the products ``m`` from number ``k`` on."""
     square = m[k] ** 2 + m[k + 1] ** 2 + m[k + 2] ** 2 - L * L
     a, b, s = m[k + 3], m[k + 4], m[k + 5]
@@ -141,14 +141,14 @@ def _weigh_angle(group: Coordinates, start: CoordinatesWorkspace, q: int) -> Non
     """With X = c0 s1 - s0 c1 and Y = c0 c1 + s0 s1: dq = atan2(X, Y), X = mean(c) ds - mean(s) dc.
 
     So the weights are k mean(c) and -k mean(s) with k = dq / X. X is computed from the changes: as
-    a difference of products it would have the round-off of a whole radian.
+    a difference of products it would have the round-off of 1 rad.
     """
     first = group.first[q]
     s0, c0 = start.products.value[first], start.products.value[first + 1]
     ds, dc = start.products.change[first], start.products.change[first + 1]
     s1, c1 = s0 + ds, c0 + dc
     X, Y = c0 * ds - s0 * dc, c0 * c1 + s0 * s1
-    turn = math.atan2(X, Y)
+    change = math.atan2(X, Y)
     square = s1 * s1 + c1 * c1
     slope_s, slope_c = c1 / square, -s1 / square
     t = X / Y if Y != 0.0 else math.inf
@@ -158,10 +158,10 @@ def _weigh_angle(group: Coordinates, start: CoordinatesWorkspace, q: int) -> Non
         k_s = (g_t * (c0 - t * s0) / Y - g * s0 / Y) / Y
         k_c = (g_t * (-s0 - t * c0) / Y - g * c0 / Y) / Y
     else:
-        k = turn / X
+        k = change / X
         k_s, k_c = (slope_s - k * c0) / X, (slope_c + k * s0) / X
     c, s = 0.5 * (c0 + c1), 0.5 * (s0 + s1)
-    start.change[q] = turn
+    start.change[q] = change
     start.weights[q, 0], start.weights[q, 1] = k * c, -k * s
     start.slopes[q, 0], start.slopes[q, 1] = slope_s, slope_c
     start.curves[q, 0, 0], start.curves[q, 0, 1] = c * k_s, c * k_c + 0.5 * k

@@ -98,7 +98,7 @@ def push(
 
 @kernel
 def extent(group: Coordinates, start: CoordinatesWorkspace, q: int) -> float:
-    """Size [m, or 1 for an angle] of what the quantity is computed from at the start: it is known
+    """Size [m, or 1 for an angle] of what the coordinate is computed from at the start: it is known
     no better than the round-off of that.
     """
     if group.kind[q] == ANGLE:

@@ -1,13 +1,13 @@
-"""Rows: scalar equations between quantities, the second half of most joints.
+"""Scalar constraint equations between coordinates, of joints, couplings and prescribed motions.
 
     c_1 q_1 + c_2 S(q_2) = offset + law(t)      S the identity, or a function the deck gives (a cam)
 
-One multiplier lam a row: its loads along q_1, q_2 are lam c_1 and lam c_2 S' (over a step the
-quotient dS/dq_2), so what the row's forces give to the bodies over a step is exactly
-lam (change of the law): nothing for a joint, the work of the drive for a prescribed motion.
+Each equation has one multiplier lam: its loads along q_1, q_2 are lam c_1 and lam c_2 S' (over a
+step the quotient dS/dq_2), so the work of its forces over a step is exactly
+lam (change of the law): zero for a joint, the work of the motor for a prescribed motion.
 
-A row is multiplied by ``scale``, a length for a row in radians and one for a row in metres, so that
-row and unknown, lam h^2/(2 m scale), are lengths like all others.
+An equation is multiplied by ``scale``, a length for one in radians and 1 for one in metres, so that
+equation and unknown, lam dt2/(m scale), are lengths like all others.
 """
 
 from typing import NamedTuple
@@ -28,22 +28,24 @@ from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.jit.kernel import kernel
 
 SAME = 1e-7
-"""Change of a quantity, relative to one unit, below which a quotient becomes a derivative."""
+"""Change of a coordinate [m or rad] below which a quotient becomes a derivative."""
 
 
 class ConstraintEquations(NamedTuple):
-    """All rows; the second quantity is -1 where there is none, as are function and law."""
+    """All equations; -1 stands for no second coordinate, no function, no law."""
 
-    place: np.ndarray  # (r, 2) multiplier and gap: which of the multipliers' nodes, and its slot
+    place: (
+        np.ndarray
+    )  # (r, 2) of multiplier and equation: which of the multipliers' nodes, and its slot
     coordinate: np.ndarray  # (r, 2) the first is never -1
     coefficient: np.ndarray  # (r, 2)
     function: np.ndarray  # (r,) the law S
     law: np.ndarray  # (r,) of time
     offset: np.ndarray  # (r,) constant part of the right-hand side
-    holonomic: np.ndarray  # (r,) whether the row is one of position, not only of rates
+    holonomic: np.ndarray  # (r,) whether it constrains positions, not rates alone
     mass: np.ndarray  # (r,) [kg]
     scale: np.ndarray  # (r,) [m] or 1
-    force_block: np.ndarray  # (r, 2, 4) starts of the blocks of each quantity's parts by the node
+    force_block: np.ndarray  # (r, 2, 4) starts of the blocks of each coordinate's parts by the node
     constraint_block: np.ndarray  # (r, 2, 4) and of the node by the parts
 
 
@@ -51,7 +53,9 @@ class ConstraintEquations(NamedTuple):
 def coefficients(
     rows: ConstraintEquations, laws: Laws, start: CoordinatesWorkspace, r: int, side: int
 ) -> tuple[float, float, float, float]:
-    """Of one side: its change, coefficient of the load, of the slope, derivative of the first."""
+    """Return of one side: its change, the coefficients of load and slope, the derivative of the
+    first of these by the end value.
+    """
     q, c = rows.coordinate[r, side], rows.coefficient[r, side]
     change = start.change[q]
     if side == 0 or rows.function[r] < 0:
@@ -68,17 +72,19 @@ def coefficients(
 
 @kernel
 def law_change(rows: ConstraintEquations, laws: Laws, r: int, t: float, h: float) -> float:
-    """What the row's right-hand side changes by over the step from ``t``."""
+    """Return the change of the right-hand side over the step from ``t``."""
     if rows.law[r] < 0:
         return 0.0
     return evaluate(laws, rows.law[r], t + h)[0] - evaluate(laws, rows.law[r], t)[0]
 
 
 @kernel
-def blur(
+def law_round_off(
     rows: ConstraintEquations, laws: Laws, start: CoordinatesWorkspace, r: int, t: float, h: float
 ) -> float:
-    """What the round-off of a row's laws counts as [m]: the row has differences of their values."""
+    """Return the size [m] that the round-off of an equation's laws counts as: the equation has
+    differences of their values.
+    """
     size, q = 0.0, rows.coordinate[r, 1]
     if rows.law[r] >= 0 and h != 0.0:
         size = max(extent(laws, rows.law[r], t), extent(laws, rows.law[r], t + h))
@@ -89,7 +95,7 @@ def blur(
 
 @kernel
 def multiplier(rows: ConstraintEquations, frames: Frames, Z: np.ndarray, r: int) -> float:
-    """Return lam [N, or N m for a row in radians], where ``Z`` holds multipliers by mass. The
+    """Return lam [N, or N m for an equation in radians], where ``Z`` holds multipliers by mass. The
     unknowns of a step are dt2 times these.
     """
     node = first_multiplier(frames) + rows.place[r, 0]
@@ -100,7 +106,7 @@ def multiplier(rows: ConstraintEquations, frames: Frames, Z: np.ndarray, r: int)
 def add_load(
     rows: ConstraintEquations, laws: Laws, start: CoordinatesWorkspace, r: int, lam: float
 ) -> None:
-    """Add the multiplier ``lam`` of row ``r`` to the loads along its coordinates."""
+    """Add the multiplier ``lam`` of equation ``r`` to the loads along its coordinates."""
     for side in range(2):
         q = rows.coordinate[r, side]
         if q >= 0:
@@ -132,7 +138,7 @@ def set_violation(
     interval: tuple[float, float],
     F: np.ndarray,
 ) -> None:
-    """Set the rows to the ``violation`` (k, 3) and its change over the ``interval`` (t, h)."""
+    """Set the equations to the ``violation`` (k, 3) and its change over the ``interval`` (t, h)."""
     t, h = interval
     for r in range(rows.function.size):
         node, slot = rows.place[r, 0], rows.place[r, 1]
@@ -143,7 +149,9 @@ def set_violation(
                 total += change
         node += first_multiplier(frames)
         F[node, slot] = violation[rows.place[r, 0], slot] + rows.scale[r] * total
-        start.term_size[node] = max(start.term_size[node], blur(rows, laws, start, r, t, h))
+        start.term_size[node] = max(
+            start.term_size[node], law_round_off(rows, laws, start, r, t, h)
+        )
 
 
 @kernel
@@ -159,7 +167,7 @@ def residual(
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """Set the rows; add the multipliers, in ``Z`` times dt2 by mass, to the coordinates' loads."""
+    """Set the equations; add the multipliers, in ``Z`` times dt2 by mass, to the loads."""
     for r in range(rows.function.size):
         add_load(rows, laws, start, r, multiplier(rows, frames, Z, r) / dt2)
     set_violation(rows, laws, start, frames, violation, (t, h), F)
@@ -196,7 +204,7 @@ def add_derivatives(
     values: np.ndarray,
 ) -> None:
     """Add the derivatives at one configuration: of ``add_loads`` by mass by the places and by the
-    multipliers by mass, and of the rows by the places.
+    multipliers by mass, and of the equations by the places.
     """
     _add_blocks(rows, laws, coords, start, frames, 1.0, values)
     for r in range(rows.function.size):
@@ -217,7 +225,7 @@ def _add_blocks(
     factor: float,
     values: np.ndarray,
 ) -> None:
-    """Add the derivatives of the rows by the places, and ``factor`` times those of the
+    """Add the derivatives of the equations by the places, and ``factor`` times those of the
     accelerations by the multipliers' unknowns, which are |factor| times the multipliers by mass.
     """
     for r in range(rows.function.size):
@@ -247,9 +255,9 @@ def observe(
     violation: np.ndarray,
     violation_rate: np.ndarray,
 ) -> None:
-    """Set the rows' entries of ``gap`` [m or rad] and ``gap_rate`` (k, 3), by their places.
+    """Set ``violation`` [m or rad] and ``violation_rate`` (k, 3), by the equations' places.
 
-    ``rate`` (q,) are the quantities' rates. A row between rates has no gap.
+    ``rate`` (q,) are the coordinates' rates. An equation between rates has no violation.
     """
     for r in range(rows.function.size):
         total, total_rate = -rows.offset[r], 0.0
@@ -270,7 +278,7 @@ def observe(
 
 
 def left_side(rows: ConstraintEquations, laws: Laws, start: CoordinatesWorkspace, r: int) -> float:
-    """The row's left-hand side at t = 0, less its law there: the offset that closes it."""
+    """Return the left-hand side at t = 0 less the law there: the offset without violation."""
     total = 0.0
     for side, q in enumerate(rows.coordinate[r]):
         if q >= 0:
@@ -283,7 +291,7 @@ def left_side(rows: ConstraintEquations, laws: Laws, start: CoordinatesWorkspace
 
 @kernel
 def law_rate(rows: ConstraintEquations, laws: Laws, r: int, t: float) -> float:
-    """Rate of the row's law of time."""
+    """Return the rate of the law of time of an equation."""
     return evaluate(laws, rows.law[r], t)[1]
 
 
@@ -300,9 +308,10 @@ def free_acceleration(
     t: float,
     F: np.ndarray,
 ) -> None:
-    """Set the rows to minus their second derivative at zero accelerations; ``rate`` of the q.
+    """Set the equations to minus their second derivative at zero accelerations; ``rate`` (q,).
 
-    Wants ``quantity.evaluate`` at rest: there the curves are half of the second derivatives.
+    ``coordinates.evaluate`` comes first, with unknowns 0: ``curves`` are then half of the second
+    derivatives.
     """
     first = first_multiplier(frames)
     for r in range(rows.function.size):
@@ -333,7 +342,7 @@ def work(
     column: np.ndarray,
     total: np.ndarray,
 ) -> None:
-    """Add the drives' work [J] over the step to their ``column`` of ``total``."""
+    """Add the work of prescribed motions [J] over the step to their ``column`` of ``total``."""
     for r in range(rows.function.size):
         if rows.law[r] >= 0:
             lam = multiplier(rows, frames, Z, r) / dt2
@@ -351,7 +360,7 @@ def motion_work(
     column: np.ndarray,
     total: np.ndarray,
 ) -> None:
-    """Add the drives' work [J] over a time ``dt`` at the rates that their laws have at ``t``; the
+    """Add the work of prescribed motions [J] over a time ``dt`` at their rates at ``t``; the
     unknowns ``Z`` are the multipliers over their mass and scale.
     """
     for r in range(rows.function.size):
@@ -364,7 +373,7 @@ def motion_work(
 def set_rate_equations(
     rows: ConstraintEquations, rate: np.ndarray, first: int, h: float, F: np.ndarray
 ) -> None:
-    """Set the rows between rates to ``h`` times those of their quantities, ``rate`` (q,)."""
+    """Set the equations between rates to ``h`` times their values, with ``rate`` (q,)."""
     for r in range(rows.function.size):
         if not rows.holonomic[r]:
             c = h * rows.scale[r] * rows.coefficient[r, 0]
@@ -380,7 +389,7 @@ def add_rate_derivatives(
     motion: FramesWorkspace,
     out: Derivatives,
 ) -> None:
-    """Add the derivatives of ``roll`` over h by the places and by the rates."""
+    """Add the derivatives of ``set_rate_equations`` over h by the places and by the rates."""
     for r in range(rows.function.size):
         if not rows.holonomic[r]:
             c, q, slot = (
