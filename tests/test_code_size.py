@@ -28,14 +28,8 @@ KERNELS_OF_MANY_PARAMETERS = {
     "msahl.post.replay._observe_rows",
     "msahl.study.dynamics._open",
 }
-<<<<<<< HEAD
 """Kernels with more parameters: groups, their workspaces and the arrays of one evaluation. A record
 of them would have to be made anew in every call, for other groups each time."""
-=======
-
-REASONED = {}
-"""Functions that keep more parameters, with the reason."""
->>>>>>> main
 
 
 def functions():

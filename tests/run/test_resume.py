@@ -371,11 +371,7 @@ def test_what_cannot_go_on_is_refused_with_a_remedy(tmp_path, monkeypatch, spoil
 def test_a_folder_that_is_not_there_is_not_made(tmp_path):
     result = call(DOUBLE, "-o", tmp_path / "none", "--resume")
     assert result.exit_code == 2
-<<<<<<< HEAD
-    assert "no run to resume; omit --resume to start it" in result.stderr
-=======
     assert "no run to resume; omit --resume" in result.stderr
->>>>>>> main
     assert not (tmp_path / "none").exists()
 
 
