@@ -28,9 +28,8 @@ KERNELS_OF_MANY_PARAMETERS = {
     "msahl.post.replay._observe_rows",
     "msahl.study.dynamics._open",
 }
-
-REASONED = {}
-"""Functions that keep more parameters, with the reason."""
+"""Kernels with more parameters: groups, their workspaces and the arrays of one evaluation. A record
+of them would have to be made anew in every call, for other groups each time."""
 
 
 def functions():
