@@ -15,7 +15,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from msahl.algebra.functions import Law
-from msahl.algebra.rotation import compose, from_axis_angle, from_step_turn
+from msahl.algebra.rotation import compose, from_axis_angle, from_increment
 from msahl.algebra.vector import ZERO
 from msahl.elements import forces
 from msahl.elements.constraints import scalar
@@ -323,7 +323,7 @@ class Point:
         self.v, self.W = np.zeros((2, moving + 1, 3))
         self.v[:moving], self.W[:moving] = rng.normal(size=(2, moving, 3))
         for f in range(moving):
-            turn = from_step_turn(random_vector(rng, 0.4))
+            turn = from_increment(random_vector(rng, 0.4))
             self.state.p[f] = compose(turn, tuple(self.state.p[f]))
         self.start = new_system_workspace(self.system, self.state)
         self.still = np.zeros((node_count(self.system), 3))
@@ -371,7 +371,7 @@ class Point:
                 continue
             p = np.array(
                 [
-                    compose(from_step_turn(tuple(s * turn[f])), tuple(self.state.p[f]))
+                    compose(from_increment(tuple(s * turn[f])), tuple(self.state.p[f]))
                     for f in range(len(turn))
                 ]
             )
