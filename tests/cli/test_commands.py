@@ -428,4 +428,4 @@ def test_two_first_runs_of_an_installed_msahl_compile_side_by_side(installed, tm
         assert "50 steps to t = 0.1 s" in told
     tables = [(tmp_path / f"out{n}" / "states.csv").read_bytes() for n in "12"]
     assert tables[0] == tables[1]
-    assert list((tmp_path / "c").rglob("msahl.schemes.midpoint.newton.march-*"))
+    assert list((tmp_path / "c").rglob("msahl.schemes.midpoint.newton.take_steps-*"))

@@ -43,7 +43,7 @@ GROWING = {
     "load 'Wind'": build_model(
         [body(velocity=(1e100, 0.0, 0.0))], loads=[Drag("Wind", "Bob", ZERO, 1e200)]
     ),
-    "jointMotion 'Motor'": build_model(
+    "motion 'Motor'": build_model(
         [body()],
         [Joint("Hinge", "revolute", GROUND.name, "Bob", ZERO, ZERO)],
         motions=(JointMotion("Motor", "Hinge", "angle", Law("polynomial", (*[0.0] * 400, 1.0))),),

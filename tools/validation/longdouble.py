@@ -1,11 +1,12 @@
-"""Runs of the gauss scheme in the longest precision of the machine: an error of order 10 falls from
-where a step is too long to the round-off of doubles before its slope has settled.
+"""Run the gauss scheme in the machine's longest precision.
 
-Kernels are plain Python, and compute in whatever their arrays hold. So a scene is built as ever and
-its arrays are widened to ``LONG``; what had been rounded in making them is made anew (the numbers
-of the rule, inverse inertias), the start is put back on its joints, and the steps are those of
-``solve.high``, uncompiled, with functions and tolerances that fit. What the deck gives stays as it
-was rounded to doubles: that is the scene.
+In double precision an error of order 10 falls from that of a too large step to rounding errors
+before its slope is constant. Kernels are plain Python functions that compute in the type of their
+arrays. So a model is assembled as usual, and its arrays are converted to ``LONG``. Values that were
+rounded before are computed again (the quadrature rule, inverse inertias), the constraint violation
+of the initial state is removed, and the steps are those of ``schemes.collocation.newton``,
+uncompiled, with functions and tolerances of this precision. The numbers of the deck stay rounded to
+doubles.
 """
 
 import math
@@ -19,7 +20,7 @@ from unittest import mock
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from msahl.algebra.rotation import compose, from_step_turn
+from msahl.algebra.rotation import compose, from_increment
 from msahl.algebra.vector import add, at, put, scale
 from msahl.elements.constraints import scalar
 from msahl.jit.kernel import MARKED
@@ -29,7 +30,7 @@ from msahl.schemes import accelerations
 from msahl.schemes.collocation import newton
 from msahl.schemes.collocation.newton import TARGET, CollocationWorkspace
 from msahl.schemes.collocation.stepper import CollocationMethod
-from msahl.schemes.collocation.tableau import Rule, new_rule
+from msahl.schemes.collocation.tableau import Tableau, new_tableau
 from msahl.schemes.fixed_stepper import FixedStepper
 from msahl.schemes.outcome import TOLERANCE
 from msahl.schemes.output_schedule import OutputSchedule
@@ -58,24 +59,26 @@ FUNCTIONS = SimpleNamespace(
 
 
 def run(model: Model, steps: int, rows: int) -> tuple[np.ndarray, np.ndarray] | None:
-    """States (rows, 12 n) and reactions (rows, k) of a scene of one island by its gauss scheme,
-    ``steps`` equal steps to the end; None if one of them does not converge.
+    """Return states (rows, 12 n) and reactions (rows, k) of a model of one subsystem by its gauss
+    scheme in ``steps`` equal steps; None if one of them does not converge.
     """
     integrator = SubsystemIntegrator(model, "newton", full=False, chunk=steps)
     assert isinstance(integrator.stepper, FixedStepper)
     method = integrator.stepper.method
     assert isinstance(method, CollocationMethod)
     assert method.scheme == "gauss"
-    island = widened(method.subsystem)
-    mobility = inverse(island.scene.system.bodies.inertia)
-    stages = island.stages._replace(rule=gauss(method.degree), mobility=mobility)
-    island = island._replace(stages=stages)
+    subsystem = widened(method.subsystem)
+    inverse_inertia = inverse(subsystem.workspace.system.bodies.inertia)
+    stages = subsystem.stages._replace(
+        tableau=gauss(method.degree), inverse_inertia=inverse_inertia
+    )
+    subsystem = subsystem._replace(stages=stages)
     plan = OutputSchedule.at_ends(np.arange(1, steps + 1) % (steps // rows) == 0)
     with in_long():
-        settle(island)
-        h = LONG(model.simulation.t_final) / steps
-        taken = newton.march(island, h, 0, steps, plan.due, plan.share)
-    tables = island.scene.tables
+        settle(subsystem)
+        h: Any = LONG(model.simulation.t_final) / steps
+        taken = newton.take_steps(subsystem, h, 0, steps, plan.due, plan.share)
+    tables = subsystem.workspace.tables
     return (tables.states[:rows], tables.reactions[:rows]) if taken == steps else None
 
 
@@ -113,13 +116,15 @@ def inverse(A: np.ndarray) -> np.ndarray:
     return X
 
 
-def gauss(s: int) -> Rule:
+def gauss(s: int) -> Tableau:
     """The rule of degree ``s`` in ``LONG``, by the formulas of ``schemes.rule``."""
-    rule = new_rule("gauss", s)
+    tableau = new_tableau("gauss", s)
     # Rodrigues' formula has but powers of 1/2, which are exact.
     ends = (Polynomial([-1.0, 0.0, 1.0]) ** s).deriv(s) / (2.0**s * math.factorial(s))
-    x = _roots(ends, 2.0 * rule.acting - 1.0)
-    y = np.concatenate([[-1.0], _roots(ends.deriv(), 2.0 * rule.closing[:-1] - 1.0), [1.0]])
+    x = _roots(ends, 2.0 * tableau.force_time - 1.0)
+    y = np.concatenate(
+        [[-1.0], _roots(ends.deriv(), 2.0 * tableau.constraint_time[:-1] - 1.0), [1.0]]
+    )
     at_forces, at_joints = _lagrange(x), _lagrange(y)
     integrals = [0.5 * p.integ(lbnd=-1.0) for p in at_forces]
     weight = np.stack([p(y[-1]) for p in integrals])
@@ -127,21 +132,21 @@ def gauss(s: int) -> Rule:
     value = np.stack([p(x) for p in at_joints], axis=1)
     slope = np.stack([2.0 * p.deriv()(x) for p in at_joints], axis=1)
     N_inverse = inverse((weight[:, None] * slope[:, :s]).T @ slope[:, 1:])
-    return rule._replace(
-        acting=0.5 * (x + 1.0),
-        weight=weight,
-        closing=0.5 * (y[1:] + 1.0),
-        push=node_weight[:s],
-        value=value[:, 1:],
-        slope=slope[:, 1:],
+    return tableau._replace(
+        force_time=0.5 * (x + 1.0),
+        force_weight=weight,
+        constraint_time=0.5 * (y[1:] + 1.0),
+        multiplier_weight=node_weight[:s],
+        basis=value[:, 1:],
+        basis_rate=slope[:, 1:],
         alpha=N_inverse @ (weight[:, None] * value[:, :s]).T,
         beta=N_inverse @ (weight[:, None] * slope[:, :s]).T,
         chi=N_inverse * node_weight[:s],
         integral=np.stack([p(y[1:]) for p in integrals], axis=1),
-        pushing=0.5 * (y[:s] + 1.0),
-        time=0.5 * (np.concatenate([y, x]) + 1.0),
-        place=np.concatenate([np.eye(s + 1)[:, 1:], value[:, 1:]]),
-        rate=np.concatenate([np.zeros((s + 1, s)), slope[:, 1:]]),
+        multiplier_time=0.5 * (y[:s] + 1.0),
+        node_time=0.5 * (np.concatenate([y, x]) + 1.0),
+        node_basis=np.concatenate([np.eye(s + 1)[:, 1:], value[:, 1:]]),
+        node_basis_rate=np.concatenate([np.zeros((s + 1, s)), slope[:, 1:]]),
     )
 
 
@@ -160,20 +165,21 @@ def _lagrange(nodes: np.ndarray) -> list[Polynomial]:
     ]
 
 
-def settle(island: CollocationWorkspace) -> None:
+def settle(subsystem: CollocationWorkspace) -> None:
     """Put places and velocities back on the joints, by the least change by mass."""
-    scene, room = island.scene, island.station
-    system, state, start, watch = scene.system, scene.state, scene.start, scene.watch
+    workspace, instant = subsystem.workspace, subsystem.instant
+    system, state, start = workspace.system, workspace.state, workspace.start
+    monitor = workspace.monitor
     length = system.frames.length
     evaluate.prepare(system, state, start)
     # What a round leaves over is quadratic: nothing, after one of round-off.
-    for _ in range(1 + accelerations.rounds(system)):
-        evaluate.observe(system, state, start, watch.gap, watch.rate)
-        scalar.in_metres(system.scalar, watch.gap, watch.rate)
-        accelerations.undo(system, state, start, watch.gap, room)
+    for _ in range(1 + accelerations.projection_rounds(system)):
+        evaluate.observe(system, state, start, monitor.violation, monitor.rate)
+        scalar.in_metres(system.scalar, monitor.violation, monitor.rate)
+        accelerations.solve_projection(system, state, start, monitor.violation, instant)
         for b in range(length.size - 1):
-            turn = scale(1.0 / length[b], at(room.solution, 2 * b + 1))
-            put(state.x, b, add(at(state.x, b), at(room.solution, 2 * b)))
-            put(state.p, b, compose(from_step_turn(turn), at(state.p, b)))
+            rotation = scale(1.0 / length[b], at(instant.solution, 2 * b + 1))
+            put(state.x, b, add(at(state.x, b), at(instant.solution, 2 * b)))
+            put(state.p, b, compose(from_increment(rotation), at(state.p, b)))
         evaluate.prepare(system, state, start)
-    accelerations.keep_closed(system, state, start, watch.gap, watch.rate, room)
+    accelerations.project_velocities(system, state, start, monitor.violation, monitor.rate, instant)

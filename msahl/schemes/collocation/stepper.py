@@ -17,7 +17,7 @@ from msahl.model.scheme import COLLOCATION
 from msahl.schemes.collocation import dense_output, newton, step_control
 from msahl.schemes.collocation.newton import CollocationWorkspace, new_collocation_workspace
 from msahl.schemes.collocation.step_control import ControlSettings
-from msahl.schemes.collocation.workspace import Stages
+from msahl.schemes.collocation.workspace import StageArrays
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.schemes.outcome import Outcome, Requests
 from msahl.schemes.output_schedule import OutputSchedule
@@ -25,9 +25,9 @@ from msahl.schemes.stepper import NO_TIMES, Advance, Chunk, Events, Stepper
 from msahl.system import evaluate
 from msahl.system.arrays import State
 
-_take_steps = compiled(newton.march)
-_record_step = compiled(newton.publish)
-_take_pairs = compiled(step_control.march)
+_take_steps = compiled(newton.take_steps)
+_record_step = compiled(newton.record_step)
+_take_pairs = compiled(step_control.take_pairs)
 
 NO_ROWS = np.zeros(0, dtype=np.int64)
 
@@ -58,7 +58,7 @@ class CollocationMethod:
         return f"{kind}{friction}-collocation"
 
     @property
-    def memory(self) -> Stages:
+    def memory(self) -> StageArrays:
         """See ``StepMethod``."""
         return self.subsystem.stages
 
@@ -77,7 +77,7 @@ class CollocationMethod:
         if degree not in self.by_degree:
             self.by_degree[degree] = new_collocation_workspace(self.workspace, self.scheme, degree)
         self.subsystem = self.by_degree[degree]
-        newton.forget(self.subsystem)
+        newton.reset_prediction(self.subsystem)
 
     def take_steps(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:
         """See ``StepMethod``."""
@@ -94,7 +94,7 @@ class CollocationMethod:
         """See ``StepMethod``; scipy is slow to import."""
         from msahl.schemes.collocation import scipy_root
 
-        return self._checked(scipy_root.take(self.subsystem, h, count_work))
+        return self._checked(scipy_root.take_step(self.subsystem, h, count_work))
 
     def record_step(self, h: float, step: int, schedule: OutputSchedule) -> None:
         """See ``StepMethod``."""
@@ -102,8 +102,8 @@ class CollocationMethod:
 
     def reset_prediction(self) -> None:
         """See ``StepMethod``."""
-        newton.forget(self.subsystem)
-        dense_output.mark(self.subsystem.between.begin, self.workspace)
+        newton.reset_prediction(self.subsystem)
+        dense_output.save_end(self.subsystem.dense_output.begin, self.workspace)
 
     @property
     def outcome(self) -> Outcome:
@@ -114,7 +114,7 @@ class CollocationMethod:
     def _checked(self, outcome: Outcome) -> Outcome:
         """Return the ``outcome``; after a failure discard the predictor's history."""
         if not outcome.converged:
-            newton.forget(self.subsystem)
+            newton.reset_prediction(self.subsystem)
         return outcome
 
 
@@ -256,11 +256,11 @@ class AdaptiveStepper:
         """Change to the degree that takes the least work, if the gain is worth it."""
         present = self.method.degree
         self.sizes[present] = float(self.control.figures[step_control.NEXT])
-        work = {present: self._measure_work(present, present)}
+        work = {present: self._work_rate(present, present)}
         for change in (1, -1):
             degree = present + change
             while degree in self.degrees:
-                work[degree] = self._measure_work(degree, degree - change)
+                work[degree] = self._work_rate(degree, degree - change)
                 if work[degree] > work[degree - change]:
                     break
                 degree += change
@@ -275,7 +275,7 @@ class AdaptiveStepper:
             since = float(self.workspace.state.time[0])
             self.chosen.append({"degree": best, "since": since, "work": compared})
 
-    def _measure_work(self, degree: int, like: int) -> float:
+    def _work_rate(self, degree: int, like: int) -> float:
         """Work per second of motion at this ``degree``, by pairs that are tried and taken back;
         the first has the size found for the degree ``like``.
         """
@@ -296,7 +296,7 @@ class AdaptiveStepper:
 def work_of(degree: int, iterations: int, factorisations: int) -> float:
     """Work of solved steps, in iterations of degree 1.
 
-    Measured with pendulums, tops and four-bars: the cost of an iteration is proportional to 1 + s,
+    By timings of pendulums, tops and four-bars: the cost of an iteration is proportional to 1 + s,
     that of a Jacobian with its factors to 2 + s^2/2; at degree 1 their ratio is 1 to 2.5.
     """
     return 0.5 * (1 + degree) * iterations + (2.0 + 0.5 * degree**2) * factorisations

@@ -133,7 +133,7 @@ def test_the_deck_and_the_command_line_choose_it(tmp_path):
     tree.write(own)
     model = read_deck(own)
     assert model.simulation.rotation_update == EXPONENTIAL
-    assert "rotations are updated by the exponential map" in "\n".join(explain(model))
+    assert "updated by the exponential map" in "\n".join(explain(model))
     runs = (own, "deck"), (TOP, "option", "--rotation-update", "exponential"), (TOP, "cayley")
     for path, name, *options in runs:
         words = ["run", path, "--dt", 0.01, "--t-final", 0.1, "-q", "-o", tmp_path / name, *options]
