@@ -104,7 +104,7 @@ HIGHER_ORDER_DECKS = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("name", SOLVER_DECKS)
+@pytest.mark.parametrize("name", HIGHER_ORDER_DECKS)
 @pytest.mark.parametrize("options", [Options("root"), Options("newton", full=True)], ids=str)
 def test_every_solver_goes_on_bit_for_bit(monkeypatch, name, options):
     model = deck(name)
