@@ -69,7 +69,8 @@ def test_functions_have_at_most_50_lines():
 
 def is_kernel(function):
     """Whether a function is marked for the compiler."""
-    return any(ast.unparse(mark) in ("kernel", "apart") for mark in function.decorator_list)
+    marks = [ast.unparse(mark).split("(")[0] for mark in function.decorator_list]
+    return any(mark in ("kernel", "apart", "optional") for mark in marks)
 
 
 def test_functions_have_at_most_7_parameters():
