@@ -111,24 +111,24 @@ bench: .venv/installed
 
 # Compares every number that the thesis prints with the computed one.
 thesis: .venv/installed
-	$(BIN)/python tools/validation/thesis.py
+	$(BIN)/python -m tools.validation.thesis
 
 validation: thesis error-table
-	$(BIN)/python tools/validation/closed_forms.py
-	$(BIN)/python tools/validation/orders.py
-	$(BIN)/python benchmarks/convergence/experiment.py --page
-	$(BIN)/python tools/validation/stability.py --page
+	$(BIN)/python -m tools.validation.closed_forms
+	$(BIN)/python -m tools.validation.orders
+	$(BIN)/python -m benchmarks.convergence.experiment --page
+	$(BIN)/python -m tools.validation.stability --page
 
 # Takes about five minutes on two cores, and about ten more when reference solutions and kernels are new.
 error-table: .venv/installed
-	$(BIN)/python tools/validation/error.py
+	$(BIN)/python -m tools.validation.error
 
 # Takes about an hour on two cores. make validation writes the page from docs/validation/stability.csv.
 stability: .venv/installed
-	$(BIN)/python tools/validation/stability.py
+	$(BIN)/python -m tools.validation.stability
 
 convergence: .venv/installed
-	$(BIN)/python benchmarks/convergence/experiment.py
+	$(BIN)/python -m benchmarks.convergence.experiment
 
 # Strict: a broken link or a page outside the navigation is an error.
 docs: .venv/documented

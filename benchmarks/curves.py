@@ -18,15 +18,13 @@ import numpy as np
 from benchmarks import equivalent, ours
 from benchmarks.motion import Motion
 from benchmarks.peers import PEERS
-from benchmarks.problems import Problem
+from benchmarks.problems import GRID, ROWS, Problem
 from msahl.model.scheme import split
 
 LARGEST_ORDER = 10
 """Of our schemes."""
 TARGETS = (1e-3, 1e-6, 1e-9)
 """Largest position errors [m] asked for."""
-GRID, ROWS = 0.5, 20
-"""Interval [s] at whose ends all codes are compared, and how many: 10 s."""
 NEAR = 2.0
 """Factor by which the best run may miss an error that its order is then used to extrapolate to."""
 COARSEST_ACCURACY = 0.1
@@ -214,8 +212,8 @@ def _spent(curve: Curve) -> float:
 def _measured(curve: Curve, rung: int, exact: np.ndarray) -> Point:
     try:
         motion = run(curve.problem, curve.code, rung)
-    except (RuntimeError, ValueError, ArithmeticError) as error:
-        return Point(rung, math.inf, note=" ".join(str(error).split())[:80])
+    except (RuntimeError, ValueError, ArithmeticError) as failure:
+        return Point(rung, math.inf, note=" ".join(str(failure).split())[:80])
     error = float(np.linalg.norm(motion.x - exact, axis=-1).max())
     if not math.isfinite(error):
         return Point(rung, math.inf, note="not finite")

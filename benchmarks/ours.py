@@ -54,13 +54,14 @@ def motion(
     rows, options = MemorySink(only=(STATES,)), replace(_options(variant), every=every)
     chosen = _lasting(_of_scheme(model, variant), h, steps)
     if variant in BY_TOLERANCE:
-        steered = {
-            "scheme": AUTO,
-            "local_tolerance": accuracy,
-            "output_interval": h,
-            "dt": model.simulation.dt,
-        }
-        chosen = replace(chosen, simulation=replace(chosen.simulation, **steered))
+        by_tolerance = replace(
+            chosen.simulation,
+            scheme=AUTO,
+            local_tolerance=accuracy,
+            output_interval=h,
+            dt=model.simulation.dt,
+        )
+        chosen = replace(chosen, simulation=by_tolerance)
     report = run(chosen, options, rows)
     if report.status != "completed":
         raise RuntimeError(report.message)

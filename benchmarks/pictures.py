@@ -65,7 +65,9 @@ def _draw_precision(rows: list[Measured], path: Path) -> None:
     for axes, name in zip(grid.flat, names, strict=False):
         for code in CODES:
             mine = [r for r in rows if r.code == code and r.problem.name == name and r.errors]
-            points = [(r.per_step * r.problem.span / r.h, r.errors.position) for r in mine]
+            points = [
+                (r.per_step * r.problem.span / r.h, r.errors.position) for r in mine if r.errors
+            ]
             if points:
                 axes.loglog(*zip(*points, strict=True), label=code, markersize=5, **STYLES[code])
         axes.set_title(name)

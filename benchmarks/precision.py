@@ -13,8 +13,6 @@ from pathlib import Path
 
 from benchmarks import ours
 from benchmarks.curves import (
-    GRID,
-    ROWS,
     TARGETS,
     Curve,
     Point,
@@ -29,7 +27,7 @@ from benchmarks.machine import describe
 from benchmarks.peers import PEERS, versions
 from benchmarks.pictures import draw_curves
 from benchmarks.precision_asked import JUDGED, Found, StepCost, verdicts
-from benchmarks.problems import Problem, all_problems
+from benchmarks.problems import GRID, ROWS, Problem, all_problems
 from benchmarks.reference import known
 from benchmarks.speed import RESULTS, tell
 from benchmarks.verdict import table_of_verdicts

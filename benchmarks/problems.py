@@ -1,4 +1,4 @@
-"""The problems: models that every code is built from, so that all solve the same physics."""
+"""Define the problems: models from which all codes are set up, so that all solve the same one."""
 
 import tempfile
 from dataclasses import dataclass, replace
@@ -12,6 +12,8 @@ from msahl.deck import read_deck
 from msahl.model import Model
 
 THESIS = Path(__file__).parents[1] / "decks" / "thesis"
+GRID, ROWS = 0.5, 20
+"""Interval [s] at whose ends all codes are compared, and the number of intervals: 10 s."""
 SMALL_STEPS = (0.01, 0.004, 0.002)
 """The asked 0.01 and 0.002 s, and one between them for the slope in the picture."""
 

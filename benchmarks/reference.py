@@ -203,8 +203,7 @@ def _rotated(quaternion: np.ndarray, a: np.ndarray, inverse: bool = False) -> np
 
 def main() -> None:
     # The problems read decks, which the equations above have no need of.
-    from benchmarks.curves import GRID, ROWS
-    from benchmarks.problems import all_problems
+    from benchmarks.problems import GRID, ROWS, all_problems
 
     for problem in all_problems(quick=False):
         solution = known(problem.model, GRID, ROWS, thorough=True)

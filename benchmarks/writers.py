@@ -41,7 +41,7 @@ def by_msahl(path: Path, rows: np.ndarray, names: list[str]) -> None:
     table = Table(path, names)
     for chunk in np.array_split(rows, max(1, len(rows) // 4096)):
         table.write(chunk)
-    table.close(whole=True)
+    table.close()
 
 
 def by_csv(path: Path, rows: np.ndarray, names: list[str]) -> None:

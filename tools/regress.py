@@ -1,12 +1,12 @@
-"""Stored results: run the cases of tests/regression/cases.csv again, compare or store.
+"""Run the cases of tests/regression/cases.csv and compare them with stored results, or store them.
 
-    python tools/regress.py check      compare with what is stored; exit 1 on a difference
-    python tools/regress.py update     store anew, and say what changed
-    python tools/regress.py horizon    how far each deck can be trusted at its case's step
+    python tools/regress.py check      compare with the stored results; exit 1 on a difference
+    python tools/regress.py update     store the results, and print what changed
+    python tools/regress.py horizon    print the time up to which each deck can be trusted
 
-A chaotic scene is stored only as far as positions of a run with half the step stay within
-``PARTED`` of it. Until then an error of h^2 (some 1e-5 m) has grown by less than 1e4, and so has
-round-off: another machine or another compiler stays within the tolerances of the comparison.
+A chaotic motion is stored only as long as the positions of a run at half the step size stay within
+``PARTED`` of it. Until then an error of h^2 (some 1e-5 m) has grown by less than 1e4, and so have
+rounding errors: results of another machine or compiler stay within the tolerances.
 """
 
 import csv
@@ -27,16 +27,16 @@ BIN = Path(sys.executable).parent
 TABLES = ("states.csv", "reactions.csv", "work.csv")
 
 PARTED = 0.05
-"""Distance [m] at which two runs count as parted: a hundredth of the pendulums' arms."""
+"""Distance [m] at which two runs have diverged: a hundredth of the pendulums' arms."""
 TOLERANCES = ("--rtol", "1e-7", "--atol", "1e-7")
-"""Round-off of 1e-13 grown by 1e4, and a hundredfold room; forces carry 1e-9 N at 0.002 s."""
+"""Rounding errors of 1e-13 times 1e4, times a margin of 100; those of forces are 1e-9 N."""
 LARGEST = 200_000
-"""Most bytes of a stored table."""
+"""Largest size of a stored table in bytes."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """One stored run: a deck at a step, every so many of its rows."""
+    """A stored run of a deck at a step size, thinned."""
 
     name: str
     deck: str
@@ -64,20 +64,21 @@ class Case:
 
 
 def cases() -> list[Case]:
-    """What the table lists."""
+    """Return the cases of the table."""
     with (STORED / "cases.csv").open(newline="") as file:
         return [Case(**row) for row in csv.DictReader(file)]
 
 
 def compare(case: Case, folder: Path) -> int:
-    """Exit status of ``msahl-post compare``, which prints what it finds."""
+    """Return the exit status of ``msahl-post compare``, which prints the differences."""
     print(f"{case.name}:", flush=True)
-    words = ["compare", folder, STORED / case.name, *TOLERANCES]
-    return subprocess.run([BIN / "msahl-post", *words], check=False).returncode
+    paths = str(folder), str(STORED / case.name)
+    command = [str(BIN / "msahl-post"), "compare", *paths, *TOLERANCES]
+    return subprocess.run(command, check=False).returncode
 
 
 def check(case: Case, folder: Path) -> bool:
-    """Whether the case gives what is stored."""
+    """Run the case and return whether its results are the stored ones."""
     case.run(folder)
     return compare(case, folder) == 0
 

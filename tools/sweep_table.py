@@ -1,9 +1,9 @@
-"""Table of many runs on stdout: cost beside error. Arguments: a table of each run.
+"""Print a table of the time and the errors of many runs. Arguments: a table of each run.
 
-Energy errors are RMS over the run, relative to the largest kinetic energy and (as Hainge 2010 has
-it) to the energy at the start; virtual work is the RMS over the run at the joint where it is
-largest, by Hainge's measure and by the sharp one; the violation is the largest gap [m]. Seconds
-are those of the loop and the output.
+Energy errors are RMS over the run, relative to the largest kinetic energy and (as in Hainge 2010)
+to the energy at the start. Virtual work is the RMS over the run at the joint with the largest, in
+Hainge's definition and that of the reaction. The constraint violation is the largest one [m].
+Seconds are those of time loop and output.
 """
 
 import csv
@@ -24,17 +24,17 @@ COLUMNS = (
     "energy_rms_over_kinetic",
     "energy_rms_over_start",
     "virtual_work_hainge_rms",
-    "virtual_work_sharp_rms",
+    "virtual_work_reaction_rms",
     "constraint_violation",
 )
 
 
 def row(folder: Path) -> tuple[str | float, ...]:
-    """The figures of one run."""
+    """Return the columns of one run."""
     run = read_run(folder)
     metrics = compute_metrics(run)
     energy, work = metrics.energy, metrics.work
-    gap = metrics.constraints.violation[:, :, 0]  # [m]
+    violation = metrics.constraints.violation[:, :, 0]  # [m]
     by_measure = [values.T for values in (work.hainge, work.reaction)] if work else [(), ()]
     seconds = run.info["seconds"]
     return (
@@ -45,7 +45,7 @@ def row(folder: Path) -> tuple[str | float, ...]:
         energy.error_over_kinetic.rms if energy.error_over_kinetic else "",
         energy.error_over_first.rms if energy.error_over_first else "",
         *(max((Statistics.of(joint).rms for joint in joints), default="") for joints in by_measure),
-        float(np.fmax.reduce(gap, axis=None, initial=0.0)),  # nan where there is no such unit
+        float(np.fmax.reduce(violation, axis=None, initial=0.0)),  # nan where there is no such unit
     )
 
 

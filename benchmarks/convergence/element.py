@@ -15,10 +15,18 @@ Nothing of msahl's engine is used, so that each weakness can be had alone. Every
 that a complex step passes through.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numba
 import numpy as np
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def compiled(function: Function) -> Function:
+    """Compile a function, whose types stay visible to a type checker."""
+    return cast(Function, numba.njit(cache=True)(function))
 
 
 class Chain(NamedTuple):
@@ -38,13 +46,28 @@ class State(NamedTuple):
     w: np.ndarray  # (n, 3) body axes
 
 
-@numba.njit(cache=True)
-def dot(a, b):
+class Start(NamedTuple):
+    """A chain and its state at the start of a step: orientations R, parameters p, positions x,
+    velocities v, w; step size h [s]; whether the unknowns are ``total`` parameters.
+    """
+
+    chain: Chain
+    R: np.ndarray
+    p: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+    w: np.ndarray
+    h: float
+    total: bool
+
+
+@compiled
+def dot(a: np.ndarray, b: np.ndarray) -> Any:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@numba.njit(cache=True)
-def cross(a, b):
+@compiled
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     out = np.empty_like(a)
     out[0] = a[1] * b[2] - a[2] * b[1]
     out[1] = a[2] * b[0] - a[0] * b[2]
@@ -52,8 +75,8 @@ def cross(a, b):
     return out
 
 
-@numba.njit(cache=True)
-def matrix(p):
+@compiled
+def matrix(p: np.ndarray) -> np.ndarray:
     p0 = 2.0 - dot(p, p) / 8.0
     a = 1.0 / (4.0 - p0) ** 2
     c, s = 2.0 * p0 * a, 2.0 * a
@@ -65,16 +88,16 @@ def matrix(p):
     return R
 
 
-@numba.njit(cache=True)
-def apply(R, a):
+@compiled
+def apply(R: np.ndarray, a: np.ndarray) -> np.ndarray:
     out = np.empty(3, R.dtype)
     for i in range(3):
         out[i] = R[i, 0] * a[0] + R[i, 1] * a[1] + R[i, 2] * a[2]
     return out
 
 
-@numba.njit(cache=True)
-def product(A, B):
+@compiled
+def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     out = np.zeros((3, 3), B.dtype)
     for i in range(3):
         for j in range(3):
@@ -83,9 +106,10 @@ def product(A, B):
     return out
 
 
-@numba.njit(cache=True)
-def residual(chain, R0, p0, x0, v0, w0, h, total, z, F):
+@compiled
+def residual(start: Start, z: np.ndarray, F: np.ndarray) -> None:
     """Set ``F`` (15 n,) at ``z``: per body x1, rotation, v1, w1, then all multipliers."""
+    chain, R0, p0, x0, v0, w0, h, total = start
     n = chain.mass.size
     one = z[:1] * 0.0 + 1.0
     R1 = np.empty((n, 3, 3), z.dtype)
@@ -128,15 +152,15 @@ def residual(chain, R0, p0, x0, v0, w0, h, total, z, F):
         F[12 * n + 3 * b : 12 * n + 3 * b + 3] = violation
 
 
-@numba.njit(cache=True)
-def jacobian(chain, R0, p0, x0, v0, w0, h, total, z):
-    """The derivative by complex steps, exact to round-off."""
+@compiled
+def jacobian(start: Start, z: np.ndarray) -> np.ndarray:
+    """Return the derivative of the residual by complex steps, exact up to rounding errors."""
     size = z.size
     J = np.empty((size, size))
     F = np.empty(size, np.complex128)
     for j in range(size):
         zc = z.astype(np.complex128)
         zc[j] += 1e-30j
-        residual(chain, R0, p0, x0, v0, w0, h, total, zc, F)
+        residual(start, zc, F)
         J[:, j] = F.imag / 1e-30
     return J

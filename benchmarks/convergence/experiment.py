@@ -1,21 +1,18 @@
-"""Where the thesis's convergence errors come from, by experiment: every weakness alone.
+"""Find the cause of the thesis's convergence errors by experiment: each weakness separately.
 
-    python benchmarks/convergence/experiment.py            run all, keep results, write the page
-    python benchmarks/convergence/experiment.py --page     write the page from results.json
+    python -m benchmarks.convergence.experiment            run all, store results, write the page
+    python -m benchmarks.convergence.experiment --page     write the page from the stored results
 
-Writes docs/validation/convergence.md and its figure.
+Writes outcomes.csv, conditions.csv, docs/validation/convergence.md and its figure.
 """
 
-import json
 import sys
 from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
 
-from printed import PROBLEMS, STEPS
-from stepping import Program, condition, reach
+from benchmarks.convergence.printed import PROBLEMS, STEPS
+from benchmarks.convergence.results import Condition, Outcome, Results, read, write
+from benchmarks.convergence.stepping import Program, condition, reach
 
-HERE = Path(__file__).parent
-RESULTS = HERE / "results.json"
 CONDITION_STEPS = (0.1, 0.04, 0.01, 0.004, 0.002, 1e-3, 1e-4, 1e-5)
 CONDITION_PROBLEMS = (
     "single_pendulum_89",
@@ -43,43 +40,39 @@ ABSOLUTE = tuple(
 LONG = tuple(p for p in SHORT if p.name in ("none", "both 1e-11", "both 1e-12"))
 
 
-def one(case):
-    """Outcome of a program on a problem with a step."""
+def run_program(case: tuple[Program, float, str, float]) -> Outcome:
+    """Return the outcome of a program for a problem and step size."""
     program, t_final, problem, h = case
     reached, why, error, residual = reach(problem, h, t_final, program)
-    return {
-        "program": program.name,
-        "t_final": t_final,
-        "problem": problem,
-        "h": h,
-        "reached": reached,
-        "why": why,
-        "energy": error,
-        "residual": residual,
-    }
+    return Outcome(program.name, t_final, problem, h, reached, why or None, error, residual)
 
 
-def measure():
-    """All outcomes and condition numbers."""
+def run_all() -> Results:
+    """Return all outcomes and condition numbers."""
     cases = [(p, 10.0, problem, h) for p in SHORT + ABSOLUTE for problem in PROBLEMS for h in STEPS]
     cases += [(p, 100.0, problem, h) for p in LONG for problem in PROBLEMS for h in STEPS]
+    outcomes = []
     with ProcessPoolExecutor(2) as pool:
-        outcomes = []
-        for outcome in pool.map(one, cases):
+        for outcome in pool.map(run_program, cases):
             outcomes.append(outcome)
-            print(*outcome.values(), flush=True)
+            print(outcome, flush=True)
     conditions = [
-        {"problem": problem, "h": h, "scaled": scaled, "condition": condition(problem, h, scaled)}
+        Condition(problem, h, scaled, condition(problem, h, bool(scaled)))
         for problem in CONDITION_PROBLEMS
         for h in CONDITION_STEPS
-        for scaled in (False, True)
+        for scaled in (0, 1)
     ]
-    return {"outcomes": outcomes, "conditions": conditions}
+    return Results(outcomes, conditions)
+
+
+def main() -> None:
+    """Run the experiment, unless only the page is asked for, and write the page."""
+    from benchmarks.convergence.page import write_page
+
+    if "--page" not in sys.argv:
+        write(run_all())
+    write_page(read())
 
 
 if __name__ == "__main__":
-    if "--page" not in sys.argv:
-        RESULTS.write_text(json.dumps(measure(), indent=1) + "\n")
-    from page import write_page
-
-    write_page(json.loads(RESULTS.read_text()))
+    main()

@@ -1,12 +1,12 @@
-"""Steps of the element by MINPACK's hybrid method, weak or strong in one respect at a time."""
+"""Take steps of the element by MINPACK's hybrid method, with or without each weakness."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from element import Chain, State, apply, jacobian, matrix, residual
 from scipy.optimize._minpack_py import _minpack
 
+from benchmarks.convergence.element import Chain, Start, State, jacobian, matrix, residual
 from msahl.algebra.rotation import compose
 from msahl.deck import read_deck
 from msahl.study.start import first_state
@@ -31,7 +31,7 @@ class Program:
     absolute: float | None = None
 
 
-def read_chain(deck, as_given=False):
+def read_chain(deck: str, as_given: bool = False) -> tuple[Chain, State]:
     """Chain and first state of a deck; the velocities consistent unless ``as_given``."""
     model = read_deck(DECKS / f"{deck}.xml")
     state = build_state(model, build_system(model)) if as_given else first_state(model)[1]
@@ -47,7 +47,7 @@ def read_chain(deck, as_given=False):
     return chain, State(*(a[:n].copy() for a in (state.x, state.p, state.v, state.w)))
 
 
-def scales(chain, h):
+def scales(chain: Chain, h: float) -> tuple[np.ndarray, np.ndarray]:
     """Sizes of the unknowns and of the equations, lengths in arms, velocities by h."""
     n, length = chain.mass.size, np.linalg.norm(chain.up, axis=1)
     columns, rows = np.ones(15 * n), np.ones(15 * n)
@@ -64,38 +64,40 @@ def scales(chain, h):
 class Stepper:
     """The state of a chain between two steps."""
 
-    def __init__(self, chain, state, h, program):
+    def __init__(self, chain: Chain, state: State, h: float, program: Program) -> None:
         self.chain, self.state, self.h, self.program = chain, state, h, program
         n = chain.mass.size
         self.lam = np.zeros(3 * n)
-        self.columns, self.rows = scales(chain, h) if program.scaled else (1.0, 1.0)
+        self.columns, self.rows = np.ones(15 * n), np.ones(15 * n)
+        if program.scaled:
+            self.columns, self.rows = scales(chain, h)
         self.evaluations = 0
 
-    def start(self):
+    def start(self) -> Start:
         s = self.state
         R0 = np.stack([matrix(p) for p in s.p])
-        return self.chain, R0, s.p, s.x, s.v, s.w, self.h, self.program.total
+        return Start(self.chain, R0, s.p, s.x, s.v, s.w, self.h, self.program.total)
 
-    def guess(self):
+    def guess(self) -> np.ndarray:
         """The state goes on with its velocities, the multipliers as they were."""
         s, h = self.state, self.h
         rotation = s.p.copy() if self.program.total else h * s.w
         parts = [np.stack([s.x + h * s.v, rotation, s.v, s.w], axis=1).reshape(-1), self.lam]
         return np.concatenate(parts)
 
-    def step(self):
+    def step(self) -> tuple[bool, float]:
         """Take one step; whether the solver was content."""
         start, size = self.start(), 15 * self.chain.mass.size
         F = np.empty(size)
 
-        def fun(z):
-            residual(*start, z * self.columns, F)
+        def fun(z: np.ndarray) -> np.ndarray:
+            residual(start, z * self.columns, F)
             self.evaluations += 1
             return F * self.rows
 
-        def jac(z):
+        def jac(z: np.ndarray) -> np.ndarray:
             return np.ascontiguousarray(
-                (jacobian(*start, z * self.columns) * self.columns) * np.reshape(self.rows, (-1, 1))
+                (jacobian(start, z * self.columns) * self.columns) * np.reshape(self.rows, (-1, 1))
             )
 
         guess, xtol = self.guess() / self.columns, self.program.tolerance
@@ -110,9 +112,9 @@ class Stepper:
         self.accept(z * self.columns)
         absolute = self.program.absolute
         content = info == 1 if absolute is None else error <= absolute
-        return content and np.isfinite(error), error
+        return bool(content and np.isfinite(error)), error
 
-    def accept(self, z):
+    def accept(self, z: np.ndarray) -> None:
         n = self.chain.mass.size
         x, rotation, v, w = np.moveaxis(z[: 12 * n].reshape(n, 4, 3), 1, 0)
         if self.program.total:
@@ -124,14 +126,14 @@ class Stepper:
         self.state = State(x.copy(), p, v.copy(), w.copy())
         self.lam = z[12 * n :].copy()
 
-    def energy(self):
+    def energy(self) -> float:
         s, c = self.state, self.chain
         kinetic = 0.5 * (c.mass @ (s.v**2).sum(axis=1))
         kinetic += 0.5 * np.einsum("bi,bij,bj->", s.w, c.inertia, s.w)
-        return kinetic - c.mass @ (s.x @ c.gravity)
+        return float(kinetic - c.mass @ (s.x @ c.gravity))
 
 
-def reach(deck, h, t_final, program):
+def reach(deck: str, h: float, t_final: float, program: Program) -> tuple[float, str, float, float]:
     """Time reached [s], why it ended, the energy error over the weight's work down an arm, and the
     largest row [SI] that the last step left."""
     chain, state = read_chain(deck, program.as_given)
@@ -149,12 +151,9 @@ def reach(deck, h, t_final, program):
     return t_final, "", error, residual
 
 
-def condition(deck, h, scaled):
+def condition(deck: str, h: float, scaled: bool) -> float:
     """Condition number of the Jacobian at the first step."""
     chain, state = read_chain(deck)
     stepper = Stepper(chain, state, h, Program("", scaled=scaled))
-    J = jacobian(*stepper.start(), stepper.guess())
+    J = jacobian(stepper.start(), stepper.guess())
     return float(np.linalg.cond(J * stepper.columns * np.reshape(stepper.rows, (-1, 1))))
-
-
-__all__ = ["Program", "apply", "condition", "reach", "read_chain"]

@@ -1,29 +1,14 @@
 """Observed orders of the schemes of higher order: docs/validation/orders.md in small."""
 
-import sys
-
 import numpy as np
 import pytest
 
 from msahl.schemes.collocation.tableau import new_tableau
-from tests.support.models import ROOT
 
-TOOLS = ROOT / "tools" / "validation"
 LONG = np.longdouble
 longer = pytest.mark.skipif(
     np.finfo(LONG).eps == np.finfo(float).eps, reason="longdouble is double on this machine"
 )
-
-
-@pytest.fixture(scope="module")
-def orders():
-    sys.path.insert(0, str(TOOLS))
-    try:
-        import orders
-
-        yield orders
-    finally:
-        sys.path.remove(str(TOOLS))
 
 
 STEPS = {

@@ -1,29 +1,15 @@
 """The experiment on the thesis's convergence errors, in small: the pair fails, neither alone."""
 
-import sys
-from pathlib import Path
-
 import pytest
 
-FOLDER = Path(__file__).parents[2] / "benchmarks" / "convergence"
-
-
-@pytest.fixture(scope="module")
-def stepping():
-    sys.path.insert(0, str(FOLDER))
-    try:
-        import stepping
-
-        yield stepping
-    finally:
-        sys.path.remove(str(FOLDER))
+from benchmarks.convergence import stepping
 
 
 @pytest.mark.parametrize(
     ("scaled", "differences", "complete"),
     [(True, False, True), (False, False, True), (True, True, True), (False, True, False)],
 )
-def test_triple_pendulum_at_a_small_step(stepping, scaled, differences, complete):
+def test_triple_pendulum_at_a_small_step(scaled, differences, complete):
     program = stepping.Program("", scaled=scaled, differences=differences, tolerance=1e-12)
     reached, why, _, residual = stepping.reach("triple_pendulum_45", 0.002, 0.2, program)
     assert (reached == 0.2) == complete
@@ -32,7 +18,7 @@ def test_triple_pendulum_at_a_small_step(stepping, scaled, differences, complete
     assert residual < 1e-6
 
 
-def test_condition_grows_as_the_square_of_the_step_unless_scaled(stepping):
+def test_condition_grows_as_the_square_of_the_step_unless_scaled():
     coarse, fine = (stepping.condition("double_pendulum_89", h, False) for h in (1e-2, 1e-3))
     assert fine / coarse == pytest.approx(100.0, rel=0.05)  # lower powers of h are left
     coarse, fine = (stepping.condition("double_pendulum_89", h, True) for h in (1e-2, 1e-3))

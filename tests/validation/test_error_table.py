@@ -1,30 +1,17 @@
 """The table of error estimates in small, and the reference solutions that it stands on."""
 
-import sys
-
 import numpy as np
 import pytest
 
 from msahl.study.dynamics import SIZE, Dynamics
 from tests.support.element_samples import ELEMENTS
-from tests.support.models import ROOT
 from tests.support.reference_motions import pendulum_path
-
-TOOLS = ROOT / "tools" / "validation"
+from tools.validation import error, error_models, error_page, reference
 
 
 @pytest.fixture(scope="module")
 def tools():
-    sys.path.insert(0, str(TOOLS))
-    try:
-        import error
-        import error_models
-        import error_page
-        import reference
-
-        yield {"error": error, "page": error_page, "models": error_models, "reference": reference}
-    finally:
-        sys.path.remove(str(TOOLS))
+    return {"error": error, "page": error_page, "models": error_models, "reference": reference}
 
 
 @pytest.mark.parametrize("name", ELEMENTS)
@@ -42,7 +29,7 @@ def test_accelerations_are_those_of_the_engine(tools, name):
 
 def test_a_breakpoint_in_a_displacement_is_located(tools):
     """A ball falls on a one-sided spring and leaves it: free fall, half an oscillation, rise."""
-    scene = next(s for s in tools["models"].SCENES if s.name == "bouncing ball")
+    scene = next(s for s in tools["models"].CASES if s.name == "bouncing ball")
     g, k, height = 9.80665, 4000.0, 0.4
     touch, speed, omega = np.sqrt(2.0 * height / g), np.sqrt(2.0 * g * height), np.sqrt(k)
     amplitude, sag = np.hypot(speed / omega, g / k), g / k
@@ -74,7 +61,7 @@ def test_a_pendulum_by_elliptic_functions(tools):
 
 def test_estimates_of_a_few_cells(tools):
     """Of a regular motion the estimate is above the true error and below twice that."""
-    error, scene = tools["error"], tools["models"].SCENES[0]
+    error, scene = tools["error"], tools["models"].CASES[0]
     short = tools["models"].Model("short", "pendulum", scene.build, 0.8, 10)
     cells = error.measure(short, only=("preserving", "decaying"), tolerances=())
     assert [cell.step for cell in cells[:3]] == pytest.approx([0.08, 0.02, 0.005])

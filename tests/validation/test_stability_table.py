@@ -1,11 +1,9 @@
 """The stability table in small: extreme decks hold, lose no row, and are reported apart."""
 
 import csv
-import sys
 from dataclasses import replace
 from math import pi
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,36 +12,27 @@ from lxml import etree
 from msahl.deck import read_deck
 from msahl.model.scheme import ORDER_TWO
 from tests.support.models import ROOT
+from tools.validation import extreme_families, stability_cells, stability_page
+from tools.validation import stability as stability_module
 
-TOOLS = ROOT / "tools" / "validation"
 KEPT = ROOT / "docs" / "validation" / "stability.csv"
 TOLD = (*ORDER_TWO, "gauss3", "radau3")
 
 
 @pytest.fixture(scope="module")
 def cells():
-    sys.path.insert(0, str(TOOLS))
-    try:
-        import cells
-
-        cells.warm_runs()
-        yield cells
-    finally:
-        sys.path.remove(str(TOOLS))
+    stability_cells.warm_runs()
+    return stability_cells
 
 
 @pytest.fixture(scope="module")
 def extreme(cells):
-    import extreme
-
-    return extreme
+    return extreme_families
 
 
 @pytest.fixture(scope="module")
 def stability(cells):
-    import stability
-
-    return stability
+    return stability_module
 
 
 AS_SHIPPED = {
@@ -160,7 +149,7 @@ def test_extreme_cells_hold(name, value, steps, scheme, cells, extreme, monkeypa
         outcome = cells.DOUBTFUL if blow else cells.BOUNDED
         assert (cell.outcome, cell.message) == (outcome, "")
         assert cell.steps == min(100, max(10, round(10.0 / cell.dt)))
-        assert cell.rows == cell.rows_found
+        assert cell.output_times == cell.output_times_found
         figures = (
             cell.iterations,
             cell.energy,
@@ -179,7 +168,7 @@ def test_a_run_that_fails_keeps_its_rows_and_says_why(cells, extreme, tmp_path):
     deck.write_bytes(etree.tostring(root))
     info = cells.run_deck(deck, tmp_path / "run", "preserving", cells.Run(1e-5, 1000, 10, 1))
     assert info["status"] == "not converged"
-    assert 100 < info["outputTimes"] == info["rows_found"] < 1000
+    assert 100 < info["outputTimes"] == info["output_times_found"] < 1000
     assert cells.judge(info, None, 1.0, 1.0) == cells.FAILED
     assert "beyond what a computer holds" in info["message"]
 
@@ -190,7 +179,7 @@ def test_a_run_that_takes_too_long_is_stopped_and_keeps_its_rows(cells, extreme,
     info = cells.run_deck(deck, tmp_path / "run", "preserving", run, bound=2.0)
     assert info["status"] == "interrupted"
     assert 0 < info["steps"] < run.n
-    assert info["outputTimes"] == info["rows_found"] > 1
+    assert info["outputTimes"] == info["output_times_found"] > 1
     assert cells.judge(info, None, 1.0, 1.0) == cells.LATE
 
 
@@ -201,10 +190,10 @@ def test_rows_that_are_lost_are_a_failure(cells):
         "energyErrorMax": 1e-10,
         "constraintViolationMax": 1e-10,
     }
-    info = {"status": "completed", "outputTimes": 5, "rows_found": 5, "extremes": extremes}
+    info = {"status": "completed", "outputTimes": 5, "output_times_found": 5, "extremes": extremes}
     assert cells.judge(info, 0.5, 1.0, 1.0) == cells.GOOD
     assert cells.judge(info, 2.0, 1.0, 1.0) == cells.COARSE
-    assert cells.judge({**info, "rows_found": 4}, 0.5, 1.0, 1.0) == cells.FAILED
+    assert cells.judge({**info, "output_times_found": 4}, 0.5, 1.0, 1.0) == cells.FAILED
     for figure in ("energyErrorMax", "constraintViolationMax"):
         worse = {**info, "extremes": {**extremes, figure: 1e-8}}
         assert cells.judge(worse, 0.5, 1.0, 1.0) == cells.DOUBTFUL
@@ -221,7 +210,12 @@ def test_energy_is_asked_of_a_scheme_as_it_keeps_it(scheme, kept, cells):
             "energyErrorMax": part * kept,
             "constraintViolationMax": 0.0,
         }
-        info = {"status": "completed", "outputTimes": 5, "rows_found": 5, "extremes": extremes}
+        info = {
+            "status": "completed",
+            "outputTimes": 5,
+            "output_times_found": 5,
+            "extremes": extremes,
+        }
         assert cells.judge(info, 0.5, 1.0, 1.0, kept) == outcome
 
 
@@ -243,7 +237,7 @@ def test_a_restart_from_the_last_row_goes_on(cells):
 
 def test_cells_come_back_from_their_file(cells, stability, tmp_path):
     made = cells.run_group("stiff_spring", 1e-3, ("preserving",), (1e-2,))
-    told = [replace(cell, verdict="WARN", reasons="one; two") for cell in made]
+    told = [replace(cell, verdict="WARN", failed_checks="one two") for cell in made]
     told += cells.run_restarts("basics/torque_free", ("decaying",), (1e-1,))
     path = tmp_path / "cells.csv"
     stability.write_cells(path, told)
@@ -264,7 +258,7 @@ def test_schemes_can_be_run_alone(stability, tmp_path, monkeypatch):
 
     for name, value in (("CSV", path), ("run_all", run_all)):
         monkeypatch.setattr(stability, name, value)
-    monkeypatch.setitem(sys.modules, "stability_page", SimpleNamespace(write_page=told.append))
+    monkeypatch.setattr(stability_page, "write_page", told.append)
     before = stability.read_cells(path)
     stability.main(["spin", "decaying"])
     assert told[0] == (["spin"], ["decaying"])
@@ -280,7 +274,7 @@ def test_the_verdict_of_a_run_is_taken_up(cells):
     info = {
         "status": "completed",
         "outputTimes": 1,
-        "rows_found": 1,
+        "output_times_found": 1,
         "extremes": {
             "energyAtStart": 0.0,
             "largestKineticEnergy": 0.0,
@@ -306,14 +300,14 @@ def test_verdicts_tell_good_runs_from_bad():
     within the tolerance has lost its energy.
     """
     with KEPT.open(newline="") as stream:
-        rows = [row for row in csv.DictReader(stream) if row["judged"]]
+        rows = [row for row in csv.DictReader(stream) if row["accuracy_verdict"]]
     assert len(rows) > 1000
     for row in rows:
         error = max(float(row["error"]), float(row["rotated"])) / float(row["tolerance"])
-        if row["judged"] == "PASS":
+        if row["accuracy_verdict"] == "PASS":
             assert error <= 10.0, row
-        if row["judged"] == "FAIL" and error <= 1.0:
-            assert "energy kept only to" in row["judged_by"], row
+        if row["accuracy_verdict"] == "FAIL" and error <= 1.0:
+            assert "energy conserved only to" in row["judged_by"], row
             assert float(row["energy"]) > 1e-3 or row["outcome"] == "out of time", row
 
 
@@ -329,4 +323,4 @@ def test_the_kept_table_is_complete():
     assert sorted(places) == sorted((*v, s, dt) for v in values for s in TOLD for dt in steps)
     for row in rows:
         if row["outcome"] != "out of time":
-            assert row["outputTimes"] == row["rows_found"], row
+            assert row["output_times"] == row["output_times_found"], row

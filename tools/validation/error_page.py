@@ -1,9 +1,12 @@
-"""docs/validation/error.md, from the cells of ``error``."""
+"""Write docs/validation/error.md from the cells of ``error``."""
 
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from error import (
+
+from msahl.post.document import Block, Heading, Items, Paragraph
+from msahl.post.table import Cell, Column, Table
+from tools.validation.error import (
     CLEAR,
     GLOBAL,
     LOCAL,
@@ -13,69 +16,69 @@ from error import (
     Comparison,
     comparisons,
 )
-from error import Cell as Run
-from error_scenes import SCENES
-from measured import OUT
-
-from msahl.post.document import Block, Heading, Items, Paragraph, as_markdown
-from msahl.post.table import Cell, Column, Table
+from tools.validation.error import Cell as Run
+from tools.validation.error_models import CASES
+from tools.validation.generated import write_generated
+from tools.validation.thesis_runs import OUT
 
 LEAST, MOST = 0.3, 10.0
-"""Estimated over true error that is asked for."""
+"""Limits of the ratio of estimated and true error."""
 NEVER = 0.1
-"""Estimated over true error that must not be undercut with PASS."""
+"""Smallest accepted ratio of estimated and true error of a run with verdict PASS."""
 SHOWN = 40
-"""Most cells outside these bounds that are listed."""
+"""Largest number of cells outside these limits that are listed."""
 
 
 def write_page(cells: Sequence[Run]) -> None:
     """Write the page."""
-    (OUT / "error.md").write_text(as_markdown(list(build(cells))))
+    write_generated(OUT / "error.md", "tools.validation.error", build(cells))
 
 
 def build(cells: Sequence[Run]) -> Iterator[Block]:
-    """The page."""
-    yield Heading(1, "The error estimate against the truth")
+    """Yield the blocks of the page."""
+    yield Heading(1, "Error estimates and true errors")
     yield Paragraph(
-        f"{len({cell.scene for cell in cells})} models, each by {len(SCHEMES)} schemes at three "
+        f"{len({cell.model for cell in cells})} models, each by {len(SCHEMES)} schemes at three "
         "fixed step sizes and by scheme auto to three tolerances. Every run estimates its own "
-        "global error; here the estimates are compared with true errors: the largest of all "
-        "bodies at all output times, of position [m], of orientation (angle times the body's "
-        "length) [m] and of velocity [m/s]. Made by make error-table; all figures: error.csv."
+        "global error. On this page the estimates are compared with true errors: the largest of "
+        "all bodies at all output times, of position [m], of orientation (angle times the body's "
+        "length) [m] and of velocity [m/s]. All numbers are in error.csv, the times in "
+        "error_seconds.csv."
     )
     yield Paragraph(
-        "The truth is a solution from equations of motion that share no code with the engine "
+        "The reference is a solution of equations of motion that share no code with the engine "
         "(tools/validation/reference.py): accelerations by least squares from the constraints' "
         "second derivatives, orientations as quaternions, integrated by scipy's DOP853 at a "
-        "relative tolerance of 1e-13 from kink to kink of the laws. The distance from a second "
-        "solution at 1e-12 whose start is rounded otherwise, but at least "
-        f"{ROUND_OFF:g} of the model's size and the joints' own violation at the start, is the "
-        f"floor. A true error below {CLEAR:g} times the floor is not known: such a cell is marked, "
-        f"and its estimate is compared with {CLEAR:g} times the floor, as an upper bound only."
+        "relative tolerance of 1e-13 between the breakpoints of the laws. The floor of an error is "
+        "the difference from a second solution at 1e-12, whose initial state is rounded "
+        f"differently, but at least {ROUND_OFF:g} of the model's size and the constraint violation "
+        f"at the start. A true error below {CLEAR:g} times the floor is not known: such a cell is "
+        f"marked, and its estimate is compared with {CLEAR:g} times the floor, as an upper bound "
+        "only."
     )
     yield Heading(2, "Summary")
     yield Items(tuple(summary(cells)))
-    yield Heading(2, "Fixed steps: estimated over true error of position")
+    yield Heading(2, "Fixed steps: estimated over true position error")
     yield Paragraph(
-        "At the largest step, a quarter and a sixteenth of it. A point stands for an error below "
-        "what the reference can tell, a dash for a run without an estimate, x for a run that did "
-        "not complete. Bodies that only rotate show the ratio of orientation."
+        "At the largest step, a quarter and a sixteenth of it. A point marks an error below the "
+        "floor, a dash a run without an estimate, an x a run that did not complete. For bodies "
+        "that only rotate the ratio is that of orientation."
     )
     yield fixed_table(cells)
-    yield Heading(2, "By tolerance: true error of position, and cost")
+    yield Heading(2, "By tolerance: true position error, and cost")
     yield Paragraph(
-        "The largest true error of position [m] of runs by --tolerance; in parentheses the verdict "
-        "where it is not PASS. Cost: seconds of all runs and companions of --tolerance over "
-        "seconds of the loop of --local-tolerance of the same size."
+        "The largest true position error [m] of runs by --tolerance, with the verdict in "
+        "parentheses if it is not PASS. Cost: time of all runs and companion runs of --tolerance "
+        "over the time of the time loop of --local-tolerance of the same size."
     )
     yield tolerance_table(cells)
-    yield Heading(2, "Outside the bounds")
-    yield Paragraph(f"Ratios below {LEAST:g} or above {MOST:g}, farthest first, {SHOWN} at most.")
+    yield Heading(2, "Ratios outside the limits")
+    yield Paragraph(f"Ratios below {LEAST:g} or above {MOST:g}, farthest first, at most {SHOWN}.")
     yield outside_table(cells)
 
 
 def summary(cells: Sequence[Run]) -> Iterator[tuple[str, str]]:
-    """The figures that are asked for."""
+    """Yield the summary of the table."""
     all_of = [c for c in comparisons(cells) if c.cell.kind != LOCAL]
     for quantities in (("position", "orientation"), ("velocity",)):
         found = [c for c in all_of if c.quantity in quantities]
@@ -104,8 +107,8 @@ def _within(found: Sequence[Comparison]) -> str:
     low = sum(c.ratio <= MOST for c in marked)
     share = 100.0 * inside / max(1, len(clear))
     return (
-        f"{inside} of {len(clear)} ({share:.1f} %); of those at the floor {low} of {len(marked)} "
-        f"estimates are below {MOST:g} times the bound"
+        f"{inside} of {len(clear)} ({share:.1f} %); at the floor, {low} of {len(marked)} estimates "
+        f"are below {MOST:g} times the bound"
     )
 
 
@@ -127,11 +130,11 @@ def _delivered(cells: Sequence[Run]) -> Iterator[tuple[str, str]]:
 
 
 def _costs(cells: Sequence[Run], tolerance: float) -> dict[str, float]:
-    """Seconds by --tolerance over those by --local-tolerance, by model."""
+    """Return seconds by --tolerance over seconds by --local-tolerance, by model."""
     seconds = {
-        (c.scene, c.kind): c.seconds
+        (c.model, c.kind): c.seconds
         for c in cells
-        if c.tolerance == tolerance and c.status == "completed"
+        if c.tolerance == tolerance and c.status == "completed" and c.seconds
     }
     names = {name for name, _ in seconds}
     return {
@@ -142,13 +145,13 @@ def _costs(cells: Sequence[Run], tolerance: float) -> dict[str, float]:
 
 
 def fixed_table(cells: Sequence[Run]) -> Table:
-    """A row a model, a column a scheme."""
-    columns = (Column("scene", "model"), *(Column(word, word) for word in SCHEMES))
+    """Return the table of fixed steps, a line per model and a column per scheme."""
+    columns = (Column("model", "model"), *(Column(word, word) for word in SCHEMES))
     rows: list[tuple[Cell, ...]] = []
-    for scene in SCENES:
-        own = [c for c in cells if c.scene == scene.name and c.step is not None]
+    for case in CASES:
+        own = [c for c in cells if c.model == case.name and c.step is not None]
         by_scheme = [[c for c in own if c.scheme == word] for word in SCHEMES]
-        rows.append((scene.name, *(" ".join(map(_shown, runs)) for runs in by_scheme)))
+        rows.append((case.name, *(" ".join(map(_shown, runs)) for runs in by_scheme)))
     return Table(columns, tuple(rows))
 
 
@@ -164,25 +167,25 @@ def _shown(cell: Run) -> str:
 
 
 def _rests(cell: Run) -> bool:
-    """Whether the bodies' points stay where they are, as far as the reference can tell."""
+    """Return whether the bodies' reference points do not move, up to the floor."""
     position, orientation = cell.position or 0.0, cell.orientation or 0.0
     return position <= CLEAR * cell.position_floor and orientation > CLEAR * cell.orientation_floor
 
 
 def tolerance_table(cells: Sequence[Run]) -> Table:
-    """A row a model; true errors and costs by tolerance."""
-    columns = [Column("scene", "model")]
+    """Return the table of true errors and costs by tolerance, a line per model."""
+    columns = [Column("model", "model")]
     for tolerance in TOLERANCES:
         columns.append(Column(f"true{tolerance:g}", f"true error at {tolerance:g}"))
         columns.append(Column(f"cost{tolerance:g}", f"cost at {tolerance:g}", form=".1f"))
     costs = {tolerance: _costs(cells, tolerance) for tolerance in TOLERANCES}
     rows: list[tuple[Cell, ...]] = []
-    for scene in SCENES:
-        row: list[Cell] = [scene.name]
+    for case in CASES:
+        row: list[Cell] = [case.name]
         for tolerance in TOLERANCES:
-            own = [c for c in cells if (c.scene, c.kind) == (scene.name, GLOBAL)]
+            own = [c for c in cells if (c.model, c.kind) == (case.name, GLOBAL)]
             row += [_delivered_cell(c) for c in own if c.tolerance == tolerance] or [None]
-            row.append(costs[tolerance].get(scene.name))
+            row.append(costs[tolerance].get(case.name))
         rows.append(tuple(row))
     return Table(tuple(columns), tuple(rows))
 
@@ -196,7 +199,7 @@ def _delivered_cell(cell: Run) -> str:
 
 
 def outside_table(cells: Sequence[Run]) -> Table:
-    """The comparisons outside the bounds."""
+    """Return the table of ratios outside the limits."""
     found = [
         c
         for c in comparisons(cells)
@@ -229,4 +232,4 @@ def outside_table(cells: Sequence[Run]) -> Table:
 
 def _place(cell: Run) -> str:
     how = f"{cell.step:.3g} s" if cell.step is not None else f"--tolerance {cell.tolerance:g}"
-    return f"{cell.scene}, {cell.scheme}, {how}"
+    return f"{cell.model}, {cell.scheme}, {how}"

@@ -1,11 +1,12 @@
-"""Runs of the gauss scheme in the longest precision of the machine: an error of order 10 falls from
-where a step is too long to the round-off of doubles before its slope has settled.
+"""Run the gauss scheme in the machine's longest precision.
 
-Kernels are plain Python, and compute in whatever their arrays hold. So a scene is built as ever and
-its arrays are widened to ``LONG``; what had been rounded in making them is made anew (the numbers
-of the tableau, inverse inertias), the start is put back on its joints, and the steps are those of
-``solve.high``, uncompiled, with functions and tolerances that fit. What the deck gives stays as it
-was rounded to doubles: that is the scene.
+In double precision an error of order 10 falls from that of a too large step to rounding errors
+before its slope is constant. Kernels are plain Python functions that compute in the type of their
+arrays. So a model is assembled as usual, and its arrays are converted to ``LONG``. Values that were
+rounded before are computed again (the quadrature rule, inverse inertias), the constraint violation
+of the initial state is removed, and the steps are those of ``schemes.collocation.newton``,
+uncompiled, with functions and tolerances of this precision. The numbers of the deck stay rounded to
+doubles.
 """
 
 import math
@@ -58,24 +59,26 @@ FUNCTIONS = SimpleNamespace(
 
 
 def run(model: Model, steps: int, rows: int) -> tuple[np.ndarray, np.ndarray] | None:
-    """States (rows, 12 n) and reactions (rows, k) of a scene of one island by its gauss scheme,
-    ``steps`` equal steps to the end; None if one of them does not converge.
+    """Return states (rows, 12 n) and reactions (rows, k) of a model of one subsystem by its gauss
+    scheme in ``steps`` equal steps; None if one of them does not converge.
     """
     integrator = SubsystemIntegrator(model, "newton", full=False, chunk=steps)
     assert isinstance(integrator.stepper, FixedStepper)
     method = integrator.stepper.method
     assert isinstance(method, CollocationMethod)
     assert method.scheme == "gauss"
-    island = widened(method.subsystem)
-    mobility = inverse(island.scene.system.bodies.inertia)
-    stages = island.stages._replace(tableau=gauss(method.degree), mobility=mobility)
-    island = island._replace(stages=stages)
+    subsystem = widened(method.subsystem)
+    inverse_inertia = inverse(subsystem.workspace.system.bodies.inertia)
+    stages = subsystem.stages._replace(
+        tableau=gauss(method.degree), inverse_inertia=inverse_inertia
+    )
+    subsystem = subsystem._replace(stages=stages)
     plan = OutputSchedule.at_ends(np.arange(1, steps + 1) % (steps // rows) == 0)
     with in_long():
-        settle(island)
-        h = LONG(model.simulation.t_final) / steps
-        taken = newton.take_steps(island, h, 0, steps, plan.due, plan.share)
-    tables = island.scene.tables
+        settle(subsystem)
+        h: Any = LONG(model.simulation.t_final) / steps
+        taken = newton.take_steps(subsystem, h, 0, steps, plan.due, plan.share)
+    tables = subsystem.workspace.tables
     return (tables.states[:rows], tables.reactions[:rows]) if taken == steps else None
 
 
@@ -162,20 +165,21 @@ def _lagrange(nodes: np.ndarray) -> list[Polynomial]:
     ]
 
 
-def settle(island: CollocationWorkspace) -> None:
+def settle(subsystem: CollocationWorkspace) -> None:
     """Put places and velocities back on the joints, by the least change by mass."""
-    scene, room = island.scene, island.station
-    system, state, start, watch = scene.system, scene.state, scene.start, scene.watch
+    workspace, instant = subsystem.workspace, subsystem.instant
+    system, state, start = workspace.system, workspace.state, workspace.start
+    monitor = workspace.monitor
     length = system.frames.length
     evaluate.prepare(system, state, start)
     # What a round leaves over is quadratic: nothing, after one of round-off.
     for _ in range(1 + accelerations.projection_rounds(system)):
-        evaluate.observe(system, state, start, watch.gap, watch.rate)
-        scalar.in_metres(system.scalar, watch.gap, watch.rate)
-        accelerations.solve_projection(system, state, start, watch.gap, room)
+        evaluate.observe(system, state, start, monitor.violation, monitor.rate)
+        scalar.in_metres(system.scalar, monitor.violation, monitor.rate)
+        accelerations.solve_projection(system, state, start, monitor.violation, instant)
         for b in range(length.size - 1):
-            turn = scale(1.0 / length[b], at(room.solution, 2 * b + 1))
-            put(state.x, b, add(at(state.x, b), at(room.solution, 2 * b)))
-            put(state.p, b, compose(from_increment(turn), at(state.p, b)))
+            rotation = scale(1.0 / length[b], at(instant.solution, 2 * b + 1))
+            put(state.x, b, add(at(state.x, b), at(instant.solution, 2 * b)))
+            put(state.p, b, compose(from_increment(rotation), at(state.p, b)))
         evaluate.prepare(system, state, start)
-    accelerations.project_velocities(system, state, start, watch.gap, watch.rate, room)
+    accelerations.project_velocities(system, state, start, monitor.violation, monitor.rate, instant)

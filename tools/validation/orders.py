@@ -1,31 +1,32 @@
-"""Observed orders of the schemes of higher order: docs/validation/orders.md.
+"""Write docs/validation/orders.md: observed orders of the schemes of higher order.
 
-python tools/validation/orders.py        # a quarter of an hour: steps of 18 digits are uncompiled
+python -m tools.validation.orders        # a quarter of an hour: steps of 18 digits are uncompiled
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
-import longdouble
 import numpy as np
-from longdouble import LONG
-from measured import OUT, ROOT
 
 from msahl.deck import read_deck
 from msahl.model import Model, Options
 from msahl.model.loads import SpringDamper
 from msahl.model.scheme import COLLOCATION, choices, split
-from msahl.post.document import Block, Heading, Items, Paragraph, as_markdown
+from msahl.post.document import Block, Heading, Items, Paragraph
 from msahl.post.table import Cell, Column, Table
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import state_errors
 from msahl.study.independent import solve
 from msahl.study.order import AGREE, LEAST_POINTS, Fit, fit_order
 from msahl.study.runs import run_in_memory, with_step
+from tools.validation import longdouble
+from tools.validation.generated import write_generated
+from tools.validation.longdouble import LONG
+from tools.validation.thesis_runs import OUT, ROOT
 
 WORDS = tuple(word for word in choices() if split(word)[0] in COLLOCATION)
-"""The schemes measured."""
+"""The schemes whose order is observed."""
 LADDER = (
     *range(1, 8),
     *range(8, 32, 2),
@@ -33,60 +34,58 @@ LADDER = (
     *range(64, 256, 32),
     *range(256, 2049, 256),
 )
-"""Steps from one of the times where errors are taken to the next."""
+"""Numbers of steps between two of the times at which errors are taken."""
 BEST = 64
-"""Such steps of the reference."""
-QUANTITIES = ("position", "orientation", "velocity", "spin", "reaction")
+"""That number for the reference."""
+QUANTITIES = ("position", "orientation", "velocity", "angular_velocity", "reaction")
 COARSE = 0.1
-"""Largest error fitted, over the quantity's own size: beyond it a step shows no order yet."""
+"""Largest error of a fit, over the size of the quantity: larger errors show no order yet."""
 CLEAR = 100.0
-"""Times its round-off that the smallest error fitted must be."""
+"""Smallest ratio of an error of a fit and its rounding error."""
 LEAST = 1e-11, 4e-14
-"""Smallest error fitted in double precision, to order 6 and beyond: the former take more steps,
+"""Smallest error of a fit in double precision, up to order 6 and above: low orders take more steps,
 each solved to 1e-14 of its motion."""
 NEAR = 0.15
-"""How near the order of the theory an observed one must be."""
+"""Largest difference of an observed order from the theoretical one."""
 SLOW = 0.06
-"""How far from it one may be without a word."""
+"""Difference from which on a comment is given."""
 
 
 def order_of(word: str) -> int:
-    """Order in theory of a scheme."""
+    """Return the theoretical order of a scheme."""
     name, degree = split(word)
     assert degree is not None
     return 2 * degree - COLLOCATION[name].decays
 
 
 def number_of(word: str) -> type:
-    """Numbers in which the errors of a scheme show their order before they are round-off: beyond
-    order 6 the longest of the machine.
+    """Return the type of numbers in which the errors of a scheme show their order: above order 6
+    the machine's longest, because errors in double precision are rounding errors too soon.
     """
     return LONG if order_of(word) > 6 and longdouble.ROUND_OFF < 1.0 else float
 
 
 @dataclass(frozen=True)
-class Scene:
-    """A scene, how it is made, how long it is followed [s], and at how many times on its way errors
-    are taken.
-    """
+class Case:
+    """A model, its duration [s], and the number of times at which errors are taken."""
 
-    words: str
+    description: str
     make: Callable[[], Model]
     t_final: float
-    rows: int = 4
+    outputs: int = 4
 
     @property
     def times(self) -> np.ndarray:
-        """Where errors are taken."""
-        return self.t_final / self.rows * np.arange(1, self.rows + 1)
+        """Return the times at which errors are taken [s]."""
+        return self.t_final / self.outputs * np.arange(1, self.outputs + 1)
 
-    def step(self, per_row: int) -> float:
-        """Size of so many steps from row to row [s]."""
-        return self.t_final / (self.rows * per_row)
+    def step(self, per_output: int) -> float:
+        """Return the step size for a number of steps per output time [s]."""
+        return self.t_final / (self.outputs * per_output)
 
     @cached_property
     def model(self) -> Model:
-        """The scene itself."""
+        """Return the model."""
         return self.make()
 
 
@@ -116,53 +115,53 @@ def thrown_on_a_spring() -> Model:
     )
 
 
-SCENES = {
-    "double pendulum": Scene("from 89 degrees", _deck("thesis/double_pendulum_89"), 2.4),
-    "asymmetric top": Scene("heavy, of three different inertias", asymmetric_top, 1.6),
-    "four-bar": Scene(
+CASES = {
+    "double pendulum": Case("from 89 degrees", _deck("thesis/double_pendulum_89"), 2.4),
+    "asymmetric top": Case("heavy, of three different inertias", asymmetric_top, 1.6),
+    "four-bar": Case(
         "a closed loop with redundant joints", _deck("mechanisms/four_bar_sketched"), 0.6
     ),
-    "spring": Scene("a body thrown on a spring and damper", thrown_on_a_spring, 1.2),
-    "Andrews": Scene("the squeezer mechanism", _deck("mechanisms/andrews_squeezer"), 0.016),
+    "spring": Case("a body thrown on a spring and damper", thrown_on_a_spring, 1.2),
+    "Andrews": Case("the squeezer mechanism", _deck("mechanisms/andrews_squeezer"), 0.016),
 }
 
 
 @dataclass(frozen=True)
-class Rows:
-    """States (m, 12 n) and reactions (m, k) at the times where errors are taken."""
+class Results:
+    """States (m, 12 n) and reactions (m, k) at the times at which errors are taken."""
 
     states: np.ndarray
     reactions: np.ndarray
 
 
-def run_rows(scene: Scene, word: str, number: type, per_row: int) -> Rows | None:
-    """A run of so many steps from row to row, in numbers of a kind; None if it does not come to its
-    end.
+def run_case(case: Case, word: str, number: type, per_output: int) -> Results | None:
+    """Run a case with a number of steps per output time, in numbers of a type; return None if a
+    step does not converge.
     """
-    model = with_step(scene.model, scene.step(per_row), scene.t_final, word)
+    model = with_step(case.model, case.step(per_output), case.t_final, word)
     if number is LONG:
-        found = longdouble.run(model, scene.rows * per_row, scene.rows)
-        return Rows(*found) if found else None
-    report, run = run_in_memory(model, Options(solver="newton", every=per_row))
+        found = longdouble.run(model, case.outputs * per_output, case.outputs)
+        return Results(*found) if found else None
+    report, run = run_in_memory(model, Options(solver="newton", every=per_output))
     if report.status != "completed" or report.subdivisions:
         return None
     forces = (
-        np.zeros((scene.rows, 0)) if run.reactions is None else run.reactions.to_numpy()[1:, 1:]
+        np.zeros((case.outputs, 0)) if run.reactions is None else run.reactions.to_numpy()[1:, 1:]
     )
-    return Rows(run.states.to_numpy()[1:, 1:], forces)
+    return Results(run.states.to_numpy()[1:, 1:], forces)
 
 
-def errors(rows: Rows, true: Rows) -> dict[str, float]:
-    """Root of the mean square over the rows, over the quantity's own size, by quantity."""
+def errors(results: Results, true: Results) -> dict[str, float]:
+    """Return root mean square errors over the size of the quantity, by quantity."""
     found = {}
     zero = np.zeros_like(true.states)
     sizes = state_errors(true.states, zero)
-    for key, series in state_errors(rows.states, true.states).items():
+    for key, series in state_errors(results.states, true.states).items():
         size = 1.0 if key == "orientation" else _norm(sizes[key])
         if size > 0.0:
             found[key] = _norm(series) / size
-    if rows.reactions.any():
-        found["reaction"] = _norm(rows.reactions - true.reactions) / _norm(true.reactions)
+    if results.reactions.any():
+        found["reaction"] = _norm(results.reactions - true.reactions) / _norm(true.reactions)
     return found
 
 
@@ -171,110 +170,111 @@ def _norm(array: np.ndarray) -> float:
 
 
 @cache
-def truth(name: str, number: type, per_row: int) -> Rows:
-    """The scene by gauss5 at a step below which only round-off changes."""
-    rows = run_rows(SCENES[name], "gauss5", number, per_row)
-    assert rows is not None, name
-    return rows
+def truth(name: str, number: type, per_output: int) -> Results:
+    """Return the results of gauss5 at a step size at which only rounding errors remain."""
+    results = run_case(CASES[name], "gauss5", number, per_output)
+    assert results is not None, name
+    return results
 
 
 @cache
-def round_off(name: str, number: type, per_row: int) -> dict[str, float]:
-    """By how much such references differ, by quantity; two of them may be near by chance."""
-    true = truth(name, number, per_row)
-    apart = [errors(truth(name, number, per_row * part // 16), true) for part in (14, 15)]
-    return {key: max(found[key] for found in apart) for key in apart[0]}
+def round_off(name: str, number: type, per_output: int) -> dict[str, float]:
+    """Return by how much such references differ, by quantity; of two pairs the larger."""
+    true = truth(name, number, per_output)
+    differences = [errors(truth(name, number, per_output * part // 16), true) for part in (14, 15)]
+    return {key: max(found[key] for found in differences) for key in differences[0]}
 
 
 @dataclass(frozen=True)
 class Ladder:
-    """Steps [s] and errors of a scheme's runs by quantity, where they are neither too coarse nor
-    spoilt by round-off.
+    """Step sizes [s] and errors of a scheme's runs by quantity, without those that are too large or
+    that rounding errors dominate.
     """
 
     word: str
     known: dict[str, list[tuple[float, float]]]
 
     def fit(self, quantity: str) -> Fit | None:
-        """Order of a quantity, where neighbouring slopes agree; None if they do nowhere."""
+        """Return the order of a quantity from slopes that agree; None if none do."""
         known = self.known.get(quantity, [])
         return fit_order([h for h, _ in known], [error for _, error in known])
 
     def mean_slope(self, quantity: str) -> float | None:
-        """Slope of the straight line nearest to all known errors."""
+        """Return the slope of the least-squares line of all known errors."""
         known = self.known.get(quantity, [])
         if len(known) < LEAST_POINTS:
             return None
-        return float(np.polyfit(*np.log(known).T, 1)[0])
+        x, y = np.log(np.array(known, dtype=float)).T
+        return float(np.polyfit(x, y, 1)[0])
 
 
 def climb(
     name: str, word: str, number: type, ladder: Sequence[int] = LADDER, best: int = BEST
 ) -> Ladder:
-    """Runs in numbers of a kind, at smaller and smaller steps until nothing but round-off is left;
-    ``best`` tells the reference's.
+    """Run a case in numbers of a type at smaller and smaller steps until only rounding errors are
+    left; ``best`` is the number of steps per output time of the reference.
     """
-    scene, found = SCENES[name], Ladder(word, {})
+    case, found = CASES[name], Ladder(word, {})
     true, least = truth(name, number, best), round_off(name, number, best)
     floor = LEAST[order_of(word) > 6]
     if number is LONG:
         floor *= longdouble.ROUND_OFF
-    for per_row in ladder:
-        rows = run_rows(scene, word, number, per_row)
-        if rows is None:
+    for per_output in ladder:
+        results = run_case(case, word, number, per_output)
+        if results is None:
             continue
-        now = errors(rows, true)
-        # The more the steps, the more there is of it.
-        grown = CLEAR * max(1.0, per_row / best) ** 0.5
+        now = errors(results, true)
+        # Rounding errors grow with the number of steps.
+        grown = CLEAR * max(1.0, per_output / best) ** 0.5
         clear = {key: e for key, e in now.items() if e > max(grown * least[key], floor)}
         for key, error in clear.items():
             if error <= COARSE:
-                found.known.setdefault(key, []).append((scene.step(per_row), error))
+                found.known.setdefault(key, []).append((case.step(per_output), error))
         if not clear:
             break
     return found
 
 
 def main() -> None:
-    """Measure all and write the page."""
+    """Run all cases and write the page."""
     ladders = {}
-    for name in SCENES:
+    for name in CASES:
         for word in WORDS:
             ladders[name, word] = climb(name, word, number_of(word))
             print(name, word, *_cells(ladders[name, word]), flush=True)
-    OUT.mkdir(parents=True, exist_ok=True)
-    (OUT / "orders.md").write_text(as_markdown(list(build(ladders))))
+    write_generated(OUT / "orders.md", "tools.validation.orders", build(ladders))
 
 
 def build(ladders: dict[tuple[str, str], Ladder]) -> Iterator[Block]:
-    """The page."""
+    """Yield the blocks of the page."""
     yield Heading(1, "Observed orders of the schemes of higher order")
     yield Paragraph(
-        "Theory: 2s for gauss and 2s - 1 for radau of degree s, in everything. Errors are taken at "
-        "a few times that all runs of a scene have in common: the root of their mean square over "
-        "the quantity's own (turns: in rad), of the worst body or of all reactions. The reference "
-        "is gauss5 at a step where nothing but round-off is left; how far the independent solution "
-        "(scipy's DOP853 at 1e-13, joints closed at each step) is from it stands below. The order "
-        f"is the slope of the longest stretch of at least three errors, from {COARSE:g} down to "
-        f"round-off, whose slopes agree within {AGREE:g} and that ends at the finest; +- is the 95 "
-        "% interval of the least squares. Where no such stretch is, the slope of the line nearest "
-        "to all of them stands, with a ~. Made by python tools/validation/orders.py."
+        "In theory the order is 2s for gauss and 2s - 1 for radau of degree s, for all "
+        "quantities. Errors are taken at a few times that all runs of a case have in common: the "
+        "root mean square error over that of the quantity (orientations: in rad), of the body "
+        "with the largest error or of all reactions. The reference is gauss5 at a step size at "
+        "which only rounding errors are left; its difference from the independent solution "
+        "(scipy's DOP853 at 1e-13, constraint violation removed at each step) is given below. The "
+        f"order is the slope of the longest range of at least three errors, from {COARSE:g} down "
+        f"to rounding errors, whose slopes agree within {AGREE:g} and that ends at the finest "
+        "step; +- is the 95 % interval of the least-squares fit. If there is no such range, the "
+        "slope of the least-squares line of all errors is given, with a ~."
     )
     yield Paragraph(
-        f"Schemes beyond order 6 run with {_digits(LONG)} digits (numpy's longdouble) where the "
+        f"Schemes above order 6 run with {_digits(LONG)} digits (numpy's longdouble) if the "
         f"machine has more than {_digits(float)}, and so does their reference: in double precision "
-        "their errors pass from a step too long for the motion to round-off within a factor of two "
-        "or three of it. These are the same kernels, uncompiled, on the same scene, with the "
-        "rule's numbers to all digits, each step solved to as many more as there are."
+        "their errors fall from those of a too large step to rounding errors within a factor of "
+        "two or three of the step size. They use the same kernels, uncompiled, with all digits of "
+        "the quadrature rule, and each step is solved to correspondingly more digits."
     )
-    for name, scene in SCENES.items():
+    for name, case in CASES.items():
         yield Heading(2, name[0].upper() + name[1:])
-        words = scene.words[0].upper() + scene.words[1:]
-        yield Paragraph(f"{words}; followed for {scene.t_final:g} s.")
+        description = case.description[0].upper() + case.description[1:]
+        yield Paragraph(f"{description}; run for {case.t_final:g} s.")
         yield _table({word: ladders[name, word] for word in WORDS})
-    yield Heading(2, "Near the theory")
+    yield Heading(2, "Agreement with the theory")
     yield Items(tuple(_remarks(ladders)))
-    yield Heading(2, "The reference against the independent solution")
+    yield Heading(2, "Difference of the reference and the independent solution")
     yield _agreement()
 
 
@@ -309,7 +309,7 @@ def _table(ladders: dict[str, Ladder]) -> Table:
 
 
 def _remarks(ladders: dict[tuple[str, str], Ladder]) -> Iterator[tuple[str, str]]:
-    """How many orders are near the theory, which of them least, and which are not."""
+    """Yield how many orders agree with the theory, which of them least, and which do not."""
     near, slow, far = 0, list[tuple[str, str]](), list[tuple[str, str]]()
     for (name, word), ladder in ladders.items():
         for quantity, known in ladder.known.items():
@@ -326,29 +326,29 @@ def _remarks(ladders: dict[tuple[str, str], Ladder]) -> Iterator[tuple[str, str]
     if slow:
         yield (
             "",
-            f"Farther than {SLOW:g} from it are these, the slope between the two finest errors "
-            "beside them: in the largest errors that are fitted the next power of the step counts, "
-            "in the smallest up to a hundredth is round-off.",
+            f"These differ from it by more than {SLOW:g}; the second number is the slope between "
+            "the two finest errors. In the largest errors of a fit the next power of the step "
+            "size counts, the smallest contain up to a hundredth of rounding error.",
         )
     yield from slow
     if far:
-        yield "", "The others follow, with the errors that were fitted."
+        yield "", "These do not agree with it; the errors of the fit are given."
     yield from far
 
 
 def _agreement() -> Table:
-    """Largest differences of the references from the independent solution, over their sizes."""
+    """Return a table of relative differences of references and independent solutions."""
     columns = (
-        Column("scene", "scene"),
+        Column("case", "case"),
         *(Column(quantity, quantity, form=".0e", missing="") for quantity in QUANTITIES),
     )
     rows = []
-    for name, scene in SCENES.items():
-        dynamics = Dynamics(scene.model)
-        table = dynamics.publish(solve(dynamics, scene.times, 1e-13))
+    for name, case in CASES.items():
+        dynamics = Dynamics(case.model)
+        table = dynamics.publish(solve(dynamics, case.times, 1e-13))
         true = truth(name, number_of("gauss5"), BEST)
-        apart = errors(Rows(table, np.zeros((scene.rows, 0))), true)
-        rows.append((name, *(apart.get(quantity) for quantity in QUANTITIES)))
+        differences = errors(Results(table, np.zeros((case.outputs, 0))), true)
+        rows.append((name, *(differences.get(quantity) for quantity in QUANTITIES)))
     return Table(columns, tuple(rows))
 
 

@@ -1,18 +1,18 @@
-"""Reference solutions of a model from equations that share no code with the engine.
+"""Compute reference solutions of a model from equations that share no code with the engine.
 
 The model's records are read here a second time. Every constraint and every load is written in
-scalar *signals* of time: a signal knows its value q, its rate q', and how its second derivative
+scalar *signals* of time: a signal holds its value q, its rate q', and how its second derivative
 depends on the accelerations a = (v', W') of all bodies (inertial axes),
 
     q'' = G a + b
 
 with G a row of 6 n numbers, which is also the gradient of q' by (v, W). Products and functions of
-signals follow by the product and the chain rule, so a joint is a list of vector products. With
-M a = f + G^T lam and the constraints' q'' + 2 k q' + k^2 q = 0 (Baumgarte; k damps what round-off
-leaves of violations) the accelerations follow by least squares, for redundant joints as well. They
-are integrated with the orientations as quaternions by scipy's DOP853 from one kink of a law to the
-next: kinks in time are ends of integration, kinks in a displacement (tables of springs, cams) are
-events.
+signals follow by the product and the chain rule, so a joint is a list of vector products. With M a
+= f + G^T lam and the constraints' q'' + 2 k q' + k^2 q = 0 (Baumgarte; k damps violations by
+rounding errors) the accelerations follow by least squares, for redundant joints as well. They are
+integrated with the orientations as quaternions by scipy's DOP853 between the breakpoints of the
+laws: breakpoints in time end an integration, breakpoints in a displacement (tables of springs,
+cams) are events.
 
 Of the engine only the records of ``msahl.model`` and the names of their fields are used.
 """
@@ -104,7 +104,7 @@ def root(a: Signal) -> Signal:
 
 
 def angle_between(sine: Signal, cosine: Signal, counted: float) -> Signal:
-    """The angle of sine and cosine, with the value ``counted`` over all turns."""
+    """The angle of sine and cosine, with the value ``counted`` over all revolutions."""
     s, c = sine.value, cosine.value
     n = s * s + c * c
     rate = (c * sine.rate - s * cosine.rate) / n
@@ -142,8 +142,8 @@ def parameters_of(e: Array) -> Array:
 
 
 class Function:
-    """A law as value and two derivatives. Of a table or a ramp one piece is held until ``enter``
-    chooses another, so that an integrator never sees a kink.
+    """A law as value and two derivatives. The piece of a table or a ramp does not change until
+    ``enter`` chooses another, so that an integrator never passes a breakpoint.
     """
 
     def __init__(self, law: Law) -> None:
@@ -237,18 +237,23 @@ class Equations:
 
     def _all_laws(self) -> list[Law]:
         lifts = [c.lift for c in self.model.couplings if c.lift]
-        tables = [load.table for load in self.model.loads if getattr(load, "table", None)]
+        loads = self.model.loads
+        springs = (load for load in loads if isinstance(load, JointSpring | SpringDamper))
+        tables = [spring.table for spring in springs if spring.table]
         return self._laws_of_time() + lifts + tables
 
     def _counted(self) -> set[str]:
-        """Joints whose angle is counted over its turns: a number of the state each."""
+        """Return the joints whose angle is counted over revolutions, a component of the state."""
         names = {j.name for j in self.model.joints if j.kind == "screw"}
         for coupling in self.model.couplings:
             names.add(coupling.first)
             if coupling.kind == "gear":
                 names.add(coupling.second)
         for element in (*self.model.loads, *self.model.motions):
-            if getattr(element, "coordinate", "") == "angle":
+            if (
+                isinstance(element, JointSpring | Friction | JointMotion)
+                and element.coordinate == "angle"
+            ):
                 names.add(element.joint)
         return names
 
@@ -334,23 +339,23 @@ class Equations:
         x, y = (self.direction(joint.parent, joint.parent_axes[i]) for i in (0, 1))
         return times(y, child), times(x, child)
 
-    def freedom(self, name: str, freedom: str) -> Signal:
-        """The angle or the displacement that a joint leaves free."""
+    def coordinate(self, name: str, coordinate: str) -> Signal:
+        """Return the joint coordinate: the angle or the displacement of a joint."""
         joint = self.joints[name]
-        if freedom == "slide":
+        if coordinate == "slide":
             return self.slide(joint)
         return angle_between(*self._sine_and_cosine(joint), self.angles[name])
 
     # Constraints: signals that stay zero, those of each joint, then the relative ones.
 
     def of_joint(self, joint: Joint) -> list[tuple[Signal, bool]]:
-        """Signals that a joint keeps at zero, and whether zero is asked of the value, too, and not
-        of the rate alone.
+        """Return the signals that a joint constrains to zero, and whether it constrains the value
+        or the rate only.
         """
         x, y, z = (self.direction(joint.parent, axis) for axis in joint.parent_axes)
         a, c = (self.direction(joint.child, axis) for axis in joint.child_axes[1:])
         D = self.across(joint)
-        parallel, no_turn = [times(x, c), times(y, c)], [times(x, a)]
+        parallel, no_rotation = [times(x, c), times(y, c)], [times(x, a)]
         on_axis, coincide = [times(x, D), times(y, D)], [D[0], D[1], D[2]]
         p = dict(joint.parameters)
         kind = joint.kind
@@ -368,9 +373,9 @@ class Equations:
             return self._disk(joint, p["radius"])
         radius = p.get("radius", 0.0)
         lists = {
-            "rigid": [*coincide, *parallel, *no_turn],
+            "rigid": [*coincide, *parallel, *no_rotation],
             "revolute": [*coincide, *parallel],
-            "prismatic": [*on_axis, *parallel, *no_turn],
+            "prismatic": [*on_axis, *parallel, *no_rotation],
             "cylindrical": [*on_axis, *parallel],
             "screw": [*on_axis, *parallel],
             "universal": [*coincide, times(z, c)],
@@ -438,12 +443,14 @@ class Equations:
         for joint in self.model.joints:
             if joint.kind == "screw":
                 lead = joint.parameter("pitch") / (2.0 * np.pi)
-                found.append((self.slide(joint) - lead * self.freedom(joint.name, "angle"), none))
+                found.append(
+                    (self.slide(joint) - lead * self.coordinate(joint.name, "angle"), none)
+                )
         for coupling in self.model.couplings:
             found.append((self._coupled(coupling), none))
         for motion in self.model.motions:
             if isinstance(motion, JointMotion):
-                q = self.freedom(motion.joint, motion.coordinate)
+                q = self.coordinate(motion.joint, motion.coordinate)
             else:
                 ground = self.model.grounds[0].name
                 q = times(
@@ -454,9 +461,9 @@ class Equations:
         return [(q, law, offset) for (q, law), offset in zip(found, offsets, strict=True)]
 
     def _coupled(self, coupling: Coupling) -> Signal:
-        leader = self.freedom(coupling.first, "angle")
+        leader = self.coordinate(coupling.first, "angle")
         kind = "angle" if coupling.kind == "gear" else "slide"
-        follower = self.freedom(coupling.second, kind)
+        follower = self.coordinate(coupling.second, kind)
         if coupling.lift is None:
             return follower - coupling.ratio * leader
         return follower - leader.through(*self.laws[id(coupling.lift)](float(leader.value)))
@@ -474,7 +481,7 @@ class Equations:
         found = []
         for load in self.model.loads:
             if isinstance(load, JointSpring):
-                found.append((load.name, self.freedom(load.joint, load.coordinate)))
+                found.append((load.name, self.coordinate(load.joint, load.coordinate)))
             elif isinstance(load, SpringDamper) and load.free_length is None:
                 D = self.across(load)
                 found.append((load.name, root(times(D, D))))
@@ -507,6 +514,7 @@ class Equations:
                 if load.free_length is None and not load.table:
                     q = from_start[load.name]
                 elif not load.table:
+                    assert load.free_length is not None
                     q = self._less(q, load.free_length)
                 found.append((q, load.stiffness, load.damping, load.preload, load.table))
             elif isinstance(load, Bushing):
@@ -546,7 +554,9 @@ class Equations:
 
     def accelerations(self) -> tuple[Array, Array, Array]:
         """a (6 n,), the multipliers, and the first row of each joint."""
-        G, right, starts = [], [], []
+        G: list[Array] = []
+        right: list[Array] = []
+        starts: list[int] = []
         k = STABILISATION
         for joint in self.model.joints:
             starts.append(len(G))
@@ -604,7 +614,7 @@ class Equations:
         for _ in range(FRICTION_ROUNDS):
             total = f.copy()
             for friction in frictions:
-                q = self.freedom(friction.joint, friction.coordinate)
+                q = self.coordinate(friction.joint, friction.coordinate)
                 j = names.index(friction.joint)
                 place = self.bodies[self.index[self.joints[friction.joint].child]].place
                 rows = slice(starts[j], starts[j + 1])
@@ -634,17 +644,15 @@ class Equations:
             dy[i + 7 : i + 10] = a[6 * b : 6 * b + 3]
             dy[i + 10 : i + 13] = body.R.T @ a[6 * b + 3 : 6 * b + 6]
         for k, name in enumerate(self.counted):
-            dy[SIZE * self.n + k] = self.freedom(name, "angle").rate
+            dy[SIZE * self.n + k] = self.coordinate(name, "angle").rate
         return dy
-
-    # Kinks.
 
     def hold(self, t: float, y: Array) -> None:
         """Hold the pieces of all laws that the time and the displacements are in or enter."""
         self._read(t, y)
         of_time = [(t, 1.0, law) for law in self._laws_of_time()]
         for argument, rate, law in of_time + self._displacements():
-            # On a kink, to the side that the argument goes to.
+            # At a breakpoint, to the side towards which the argument moves.
             ahead = np.copysign(1e-12 * max(1.0, abs(argument)), rate)
             self.laws[id(law)].enter(argument + ahead)
 
@@ -669,16 +677,17 @@ class Equations:
         found = [(float(q.value), float(q.rate), law) for q, *_, law in self._springs() if law]
         for coupling in self.model.couplings:
             if coupling.lift:
-                q = self.freedom(coupling.first, "angle")
+                q = self.coordinate(coupling.first, "angle")
                 found.append((float(q.value), float(q.rate), coupling.lift))
         return found
 
     def _laws_of_time(self) -> list[Law]:
         laws = [motion.law for motion in self.model.motions]
-        return laws + [load.law for load in self.model.loads if getattr(load, "law", None)]
+        loads = (load for load in self.model.loads if isinstance(load, ConcentratedLoad))
+        return laws + [load.law for load in loads if load.law]
 
     def breaks(self, t_final: float) -> list[float]:
-        """Times at which a law has a kink, up to the end."""
+        """Return the breakpoints of the laws of time up to the end."""
         found = {t_final}
         for law in self._laws_of_time():
             function = self.laws[id(law)]
@@ -690,11 +699,11 @@ class Equations:
 
 @dataclass(frozen=True)
 class Truth:
-    """Published states (m, 12 n) at ``times``; ``other`` is a second solution, of ``APART`` times
-    the tolerance, from a start that is rounded otherwise: what separates the two is more than the
-    error of the first, and shows what the motion makes of the rounding of the start. The
-    constraints are violated by ``opened`` at the start [m, rad], and in velocity by
-    ``opened_rate``: what becomes of that is no property of the motion.
+    """Published states (m, 12 n) at ``times``. ``other`` is a second solution with ``APART`` times
+    the tolerance, from an initial state that is rounded differently: the difference of the two is
+    larger than the error of the first, and includes the effect of rounding the initial state.
+    ``opened`` and ``opened_rate`` are the initial constraint violation at position and velocity
+    level.
     """
 
     times: Array
@@ -714,7 +723,9 @@ def truth(model: Model, start: Array, times: Array) -> Truth:
         for row, rtol in cases
     ]
     equations.first(start)
-    return Truth(times, *tables, *equations.violation())
+    states, other = tables
+    opened, opened_rate = equations.violation()
+    return Truth(times, states, other, opened, opened_rate)
 
 
 def solve(equations: Equations, first: Array, times: Array, rtol: float) -> Array:
@@ -737,7 +748,7 @@ def solve(equations: Equations, first: Array, times: Array, rtol: float) -> Arra
             if found.status < 0:
                 raise ArithmeticError(f"t = {t:g} s: {found.message}")
             inside = np.reshape(found.y, (len(y), -1)).T
-            if found.status == 1:  # a kink: the state there comes with the event
+            if found.status == 1:  # a breakpoint: the event holds the state
                 hits = zip(found.t_events, found.y_events, strict=True)
                 t, y = min(
                     ((float(at[0]), ys[0]) for at, ys in hits if len(at)), key=lambda h: h[0]

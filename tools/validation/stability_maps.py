@@ -1,4 +1,4 @@
-"""Pictures of the stability page: maps of cells, and what rings at a step that is too large."""
+"""Draw the stability page: maps of cells, and vibrations that are too fast for the step."""
 
 from collections.abc import Sequence
 from math import log10
@@ -6,7 +6,19 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from cells import (
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from msahl.deck import read_deck
+from msahl.model import Model, Options
+from msahl.post.draw import looks, style
+from msahl.study.runs import run_in_memory, with_step
+from tools.validation.extreme_families import FAMILIES, Family
+from tools.validation.small_pictures import save_small
+from tools.validation.stability_cells import (
     BOUNDED,
     COARSE,
     COMPARED,
@@ -19,38 +31,26 @@ from cells import (
     Cell,
     show_value,
 )
-from drawn import save_small
-from extreme import FAMILIES, Family
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import ListedColormap
-from matplotlib.figure import Figure
-from matplotlib.patches import Patch
-from measured import FIGURES
-
-from msahl.deck import read_deck
-from msahl.model import Model, Options
-from msahl.post.draw import looks, style
-from msahl.study.runs import run_in_memory, with_step
+from tools.validation.thesis_runs import FIGURES
 
 LOOKS = {
     GOOD: ("#3B8FC4", "good: position within the tolerance"),
-    COARSE: ("#BBDDF0", "coarse: holds, the step is too large for the position"),
-    BOUNDED: ("#DDDDDD", "bounded: holds, no position to compare with"),
-    DOUBTFUL: ("#F0C84B", "doubtful: energy or gap not kept as asked"),
+    COARSE: ("#BBDDF0", "coarse: stable, but the step is too large for the position"),
+    BOUNDED: ("#DDDDDD", "bounded: stable, no reference position"),
+    DOUBTFUL: ("#F0C84B", "doubtful: energy balance or constraints violated"),
     FAILED: ("#D55E00", "failed: a step did not converge"),
-    LATE: ("#8B5A8C", "out of time: too many hard steps"),
-    REFUSED: ("#333333", "refused: no start"),
+    LATE: ("#8B5A8C", "out of time: too many subdivided steps"),
+    REFUSED: ("#333333", "refused: no consistent initial conditions"),
 }
-"""Outcomes in their order, with colour and words."""
+"""Outcomes in their order, with colour and description."""
 COLOURS = ListedColormap([colour for colour, _ in LOOKS.values()])
 PALE = (COARSE, BOUNDED, DOUBTFUL)
 A_PAGE = 4
-"""Families in one picture."""
+"""Number of families in one figure."""
 
 
 def maps(cells: Sequence[Cell]) -> list[tuple[Path, list[str]]]:
-    """Maps of all families, some to a picture: the file and the families' names."""
+    """Draw the maps of all families; return each file with the names of its families."""
     names = list(dict.fromkeys(cell.family for cell in cells))
     groups = [names[k : k + A_PAGE] for k in range(0, len(names), A_PAGE)]
     return [(_draw(cells, group, k + 1), group) for k, group in enumerate(groups)]
@@ -81,14 +81,14 @@ def _draw(cells: Sequence[Cell], names: Sequence[str], number: int) -> Path:
 
 
 def title_of(name: str) -> str:
-    """What a family is called."""
+    """Return the title of a family."""
     return FAMILIES[name].title if name in FAMILIES else "Restart"
 
 
 def label_of(name: str) -> str:
-    """What is varied, with its unit, in lines that fit beside a map."""
+    """Return the name of the varied parameter with its unit, in lines that fit beside a map."""
     if name not in FAMILIES:
-        return "scene"
+        return "deck"
     family = FAMILIES[name]
     unit = "" if family.unit == "1" else f" [{family.unit}]"
     words, line, lines = f"{family.varied}{unit}".split(" "), "", []
@@ -101,7 +101,7 @@ def label_of(name: str) -> str:
 
 
 def _map(axes: Axes, cells: Sequence[Cell], values: Sequence[float | str]) -> None:
-    """One scheme's cells: steps across, values up; the decade of the error in each."""
+    """Draw the cells of a scheme: step sizes across, values up, the decade of the error in each."""
     order = list(LOOKS)
     field = np.full((len(values), len(STEPS)), np.nan)
     for cell in cells:
@@ -128,19 +128,19 @@ RINGING_END = 0.5
 
 
 def ringing() -> Path:
-    """A stiff spring and the governor without its dampers, at a step of 0.01 s: a line a scheme."""
-    scenes: tuple[tuple[Family, float, str, str, str], ...] = (
+    """Draw a stiff spring and the governor at a step of 0.01 s, one row of panels per scheme."""
+    models: tuple[tuple[Family, float, str, str, str], ...] = (
         (FAMILIES["stiff_spring"], 1e-7, "states", "Block.vy", "velocity of the block [m/s]"),
         (FAMILIES["governor"], 0.0, "reactions", "Hinge 1.Fz", "force in hinge 1, along z [N]"),
         (FAMILIES["governor"], 4e4, "reactions", "Hinge 1.Fz", "force in hinge 1, along z [N]"),
     )
-    titles = ("stiff spring", "governor without dampers", "governor as it is")
+    titles = ("stiff spring", "governor without dampers", "governor with dampers")
     with style():
         figure = Figure(figsize=(10.5, 1.0 + 1.7 * len(COMPARED)))
         FigureCanvasAgg(figure)
-        panels = figure.subplots(len(COMPARED), len(scenes), sharex=True, sharey="col")
+        panels = figure.subplots(len(COMPARED), len(models), sharex=True, sharey="col")
         for column, title, (family, x, table, name, label) in zip(
-            panels.T, titles, scenes, strict=True
+            panels.T, titles, models, strict=True
         ):
             model = with_value(family, x)
             column[0].set_title(f"{title}:\n{label}")
@@ -155,7 +155,7 @@ def ringing() -> Path:
 
 
 def with_value(family: Family, x: float) -> Model:
-    """The model of a family's deck with a value."""
+    """Return the model of a family's deck with a value."""
     with TemporaryDirectory() as folder:
         deck = Path(folder) / "deck.xml"
         deck.write_bytes(family.with_value(x))

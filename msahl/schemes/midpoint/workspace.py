@@ -65,8 +65,8 @@ def new_workspace(system: System, unknowns: Unknowns, state: State, chunk: int) 
 
 @kernel
 def accept_step(workspace: Workspace, h: float, share: float) -> None:
-    """Advance the state by the solved step of size ``h``, a ``share`` of the whole one; prepare the
-    next.
+    """Advance the state by the solved step of size ``h``, a ``share`` of the requested one; prepare
+    the next.
     """
     equations.accept(
         workspace.system, workspace.state, workspace.start, h, workspace.Z, workspace.F

@@ -1,11 +1,10 @@
-"""Models of docs/validation/error.md: what each shows, how it is built, how long it is followed."""
+"""Define the models of docs/validation/error.md: what each shows, how it is built, its duration."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from measured import ROOT
 
 from msahl.algebra.rotation import from_axis_angle, matrix
 from msahl.algebra.vector import ZERO, Vector, times
@@ -24,6 +23,7 @@ from msahl.model import (
     Simulation,
     SpringDamper,
 )
+from tools.validation.thesis_runs import ROOT
 
 EARTH = "Earth"
 DOWN = (0.0, 0.0, 9.80665)
@@ -33,8 +33,8 @@ REFINEMENTS = (1, 4, 16)
 
 
 @dataclass(frozen=True)
-class Scene:
-    """A model by a builder, followed for ``t_final`` [s], with ``rows`` output times after the
+class Case:
+    """A model from a builder, run for ``t_final`` [s], with ``outputs`` output times after the
     start, which are the ends of the largest steps.
     """
 
@@ -42,21 +42,21 @@ class Scene:
     kind: str
     build: Callable[[], Model]
     t_final: float
-    rows: int
+    outputs: int
 
     @cached_property
     def model(self) -> Model:
-        """The model itself."""
+        """Return the model."""
         return self.build()
 
     @property
     def times(self) -> np.ndarray:
-        """Output times, the start first."""
-        return self.t_final * np.arange(self.rows + 1) / self.rows
+        """Return the output times, the start first."""
+        return self.t_final * np.arange(self.outputs + 1) / self.outputs
 
 
 def deck(place: str) -> Callable[[], Model]:
-    """A builder of the model of a deck."""
+    """Return a builder of the model of a deck."""
     return lambda: read_deck(ROOT / "decks" / f"{place}.xml")
 
 
@@ -68,7 +68,7 @@ def model_of(
     motions: list[JointMotion] | None = None,
     couplings: list[Coupling] | None = None,
 ) -> Model:
-    """A model of these records."""
+    """Return a model of these records."""
     return Model(
         gravity,
         (Ground(EARTH),),
@@ -90,21 +90,21 @@ def body(
     velocity: Vector = ZERO,
     angular_velocity: Vector = ZERO,
 ) -> RigidBody:
-    """A body whose reference point is its mass centre."""
+    """Return a body whose reference point is its mass centre."""
     a, b, c = inertia
     J = ((a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c))
     return RigidBody(name, mass, ZERO, J, position, orientation, velocity, angular_velocity)
 
 
 def push(name: str, on: str, force: Vector, law: Law | None = None) -> ConcentratedLoad:
-    """A force of constant direction at the mass centre of a body."""
+    """Return a force of constant direction at the mass centre of a body."""
     return ConcentratedLoad(name, on, ZERO, force, EARTH, ZERO, EARTH, law)
 
 
 def pendulum(degrees: float) -> Model:
     """The thesis's single pendulum from an angle to its hanging position."""
-    turn = from_axis_angle((0.0, 1.0, 0.0), np.radians(degrees))
-    bob = body("Bob", 2.0, (0.008,) * 3, times(matrix(turn), (0.0, 0.0, 5.0)), turn)
+    rotation = from_axis_angle((0.0, 1.0, 0.0), np.radians(degrees))
+    bob = body("Bob", 2.0, (0.008,) * 3, times(matrix(rotation), (0.0, 0.0, 5.0)), rotation)
     joint = Joint("Pivot", "spherical", EARTH, "Bob", ZERO, (0.0, 0.0, -5.0))
     return model_of([bob], [joint], gravity=DOWN)
 
@@ -144,7 +144,7 @@ def late_pulse() -> Model:
 
 
 def bouncing_ball() -> Model:
-    """A ball that falls along a slide on a spring that pushes only: a table with a kink."""
+    """A ball that falls along a slide on a spring that pushes only: a table with a breakpoint."""
     ball = body("Ball", 1.0, (0.01, 0.01, 0.01), (0.0, 0.0, 0.5))
     slide = Joint("Slide", "prismatic", EARTH, "Ball", ZERO, ZERO)
     # Counted from the start at 0.5 m: contact below -0.4 m.
@@ -160,7 +160,7 @@ def overdamped_spring() -> Model:
 
 
 def planet() -> Model:
-    """A body on a central spring, an elliptic orbit of several turns, spinning about its axis."""
+    """A body on a central spring, on an elliptic orbit of several revolutions, that spins."""
     start = body("Planet", 1.0, (0.02, 0.02, 0.03), (1.0, 0.0, 0.0), velocity=(0.0, 1.4, 0.0))
     spring = SpringDamper("Pull", EARTH, "Planet", ZERO, ZERO, 4.0, 0.0, 0.5)
     return model_of([start], loads=[spring])
@@ -168,15 +168,15 @@ def planet() -> Model:
 
 def sleeping_top(spin: float) -> Model:
     """The top of decks/extreme/spin.xml, leaning by 0.3 rad and spinning at ``spin`` rad/s."""
-    turn = from_axis_angle((0.0, 1.0, 0.0), 0.3)
-    place = times(matrix(turn), (0.0, 0.0, 0.2))
-    top = body("Top", 1.0, (0.4, 0.4, 0.75), place, turn, angular_velocity=(0.0, 0.0, spin))
+    rotation = from_axis_angle((0.0, 1.0, 0.0), 0.3)
+    place = times(matrix(rotation), (0.0, 0.0, 0.2))
+    top = body("Top", 1.0, (0.4, 0.4, 0.75), place, rotation, angular_velocity=(0.0, 0.0, spin))
     joint = Joint("Pivot", "spherical", EARTH, "Top", ZERO, (0.0, 0.0, -0.2))
     return model_of([top], [joint], gravity=(0.0, 0.0, -3.0))
 
 
-def cam_drive() -> Model:
-    """A cam that a moment sets turning lifts a follower against a spring."""
+def cam_and_follower() -> Model:
+    """A cam that a moment accelerates lifts a follower against a spring."""
     cam = body("Cam", 1.0, (0.1, 0.1, 0.1), angular_velocity=(0.0, 0.0, 2.0))
     follower = body("Follower", 0.5, (0.01, 0.01, 0.01), (1.0, 0.0, 0.0))
     x = np.linspace(0.0, 2.0 * np.pi, 9)
@@ -192,55 +192,53 @@ def cam_drive() -> Model:
 
 
 def halted_arm() -> Model:
-    """A pendulum on an arm that a ramp turns by a right angle and halts."""
+    """A pendulum on an arm that a ramp rotates by a right angle and stops."""
     arm = body("Arm", 2.0, (0.1, 0.1, 0.1), (0.5, 0.0, 0.0))
     bob = body("Bob", 1.0, (0.01, 0.01, 0.01), (1.0, 0.0, -0.8))
     joints = [
         Joint("Axle", "revolute", EARTH, "Arm", ZERO, (-0.5, 0.0, 0.0)),
         Joint("Hinge", "spherical", "Arm", "Bob", (0.5, 0.0, 0.0), (0.0, 0.0, 0.8)),
     ]
-    drive = JointMotion("Motor", "Axle", "angle", Law("ramp", (0.0, 0.5 * np.pi, 0.2, 0.9)))
-    return model_of([arm, bob], joints, gravity=UP, motions=[drive])
+    motion = JointMotion("Motor", "Axle", "angle", Law("ramp", (0.0, 0.5 * np.pi, 0.2, 0.9)))
+    return model_of([arm, bob], joints, gravity=UP, motions=[motion])
 
 
-SCENES = (
-    Scene("pendulum 45", "pendulum", deck("thesis/single_pendulum_45"), 4.0, 50),
-    Scene("pendulum 179", "near-separatrix", lambda: pendulum(179.0), 8.0, 80),
-    Scene("double pendulum 89", "pendulum", deck("thesis/double_pendulum_89"), 3.0, 60),
-    Scene("triple pendulum 45", "pendulum", deck("thesis/triple_pendulum_45"), 3.0, 60),
-    Scene("double pendulum 135", "chaotic", deck("thesis/double_pendulum_135"), 5.0, 100),
-    Scene("triple pendulum 135", "chaotic", deck("thesis/triple_pendulum_135"), 5.0, 100),
-    Scene("folded chain", "pendulum", deck("extreme/folded_chain"), 0.4, 80),
-    Scene("top 1", "top", deck("thesis/top_1"), 2.0, 60),
-    Scene("top 3", "top", deck("thesis/top_3"), 2.0, 60),
-    Scene("fast top", "top", lambda: sleeping_top(60.0), 1.0, 200),
-    Scene("gyroscope", "top", deck("mechanisms/gyroscope"), 0.5, 100),
-    Scene("torque-free body", "top", deck("basics/torque_free"), 5.0, 100),
-    Scene("offset body", "pendulum", deck("basics/offset_body"), 2.0, 60),
-    Scene(
-        "slider-crank in space", "closed loop", deck("mechanisms/spatial_slider_crank"), 0.8, 160
-    ),
-    Scene("Bricard", "redundant loop", deck("mechanisms/bricard"), 1.0, 20),
-    Scene("four-bar", "redundant loop", deck("mechanisms/four_bar_sketched"), 0.6, 60),
-    Scene("Andrews squeezer", "closed loop", deck("mechanisms/andrews_squeezer"), 0.005, 50),
-    Scene("driven four-bar", "driven", deck("mechanisms/four_bar"), 1.0, 50),
-    Scene("Hooke joint", "driven", deck("joints/universal"), 1.0, 50),
-    Scene("halted arm", "driven", halted_arm, 1.6, 40),
-    Scene("struck pendulum", "pulse", struck_pendulum, 2.0, 25),
-    Scene("struck body", "pulse", struck_body, 1.0, 20),
-    Scene("shaken body", "pulse", shaken_body, 0.2, 20),
-    Scene("late pulse", "kink", late_pulse, 2.5, 50),
-    Scene("bouncing ball", "kink", bouncing_ball, 1.2, 60),
-    Scene("cam drive", "kink", cam_drive, 2.0, 60),
-    Scene("planet", "orbit", planet, 12.0, 120),
-    Scene("conical pendulum", "orbit", deck("basics/conical_pendulum"), 6.0, 60),
-    Scene("point slider", "orbit", deck("joints/point_slider"), 1.0, 50),
-    Scene("friction hinge", "friction", deck("forces/friction_hinge"), 2.0, 40),
-    Scene("friction slide", "friction", deck("forces/friction_slide"), 1.5, 60),
-    Scene("stiff pendulum", "stiff", deck("extreme/stiff_pendulum"), 0.5, 100),
-    Scene("damped spring", "decay", deck("forces/spring_damper"), 2.0, 60),
-    Scene("overdamped spring", "stiff", overdamped_spring, 0.5, 50),
-    Scene("rolling disk", "rolling", deck("mechanisms/rolling_disk"), 1.0, 100),
-    Scene("screw", "joint", deck("joints/screw"), 1.0, 25),
-    Scene("gear", "joint", deck("joints/gear"), 2.0, 50),
+CASES = (
+    Case("pendulum 45", "pendulum", deck("thesis/single_pendulum_45"), 4.0, 50),
+    Case("pendulum 179", "near-separatrix", lambda: pendulum(179.0), 8.0, 80),
+    Case("double pendulum 89", "pendulum", deck("thesis/double_pendulum_89"), 3.0, 60),
+    Case("triple pendulum 45", "pendulum", deck("thesis/triple_pendulum_45"), 3.0, 60),
+    Case("double pendulum 135", "chaotic", deck("thesis/double_pendulum_135"), 5.0, 100),
+    Case("triple pendulum 135", "chaotic", deck("thesis/triple_pendulum_135"), 5.0, 100),
+    Case("folded chain", "pendulum", deck("extreme/folded_chain"), 0.4, 80),
+    Case("top 1", "top", deck("thesis/top_1"), 2.0, 60),
+    Case("top 3", "top", deck("thesis/top_3"), 2.0, 60),
+    Case("fast top", "top", lambda: sleeping_top(60.0), 1.0, 200),
+    Case("gyroscope", "top", deck("mechanisms/gyroscope"), 0.5, 100),
+    Case("torque-free body", "top", deck("basics/torque_free"), 5.0, 100),
+    Case("offset body", "pendulum", deck("basics/offset_body"), 2.0, 60),
+    Case("slider-crank in space", "closed loop", deck("mechanisms/spatial_slider_crank"), 0.8, 160),
+    Case("Bricard", "redundant loop", deck("mechanisms/bricard"), 1.0, 20),
+    Case("four-bar", "redundant loop", deck("mechanisms/four_bar_sketched"), 0.6, 60),
+    Case("Andrews squeezer", "closed loop", deck("mechanisms/andrews_squeezer"), 0.005, 50),
+    Case("driven four-bar", "joint motion", deck("mechanisms/four_bar"), 1.0, 50),
+    Case("Hooke joint", "joint motion", deck("joints/universal"), 1.0, 50),
+    Case("halted arm", "joint motion", halted_arm, 1.6, 40),
+    Case("struck pendulum", "pulse", struck_pendulum, 2.0, 25),
+    Case("struck body", "pulse", struck_body, 1.0, 20),
+    Case("shaken body", "pulse", shaken_body, 0.2, 20),
+    Case("late pulse", "breakpoint", late_pulse, 2.5, 50),
+    Case("bouncing ball", "breakpoint", bouncing_ball, 1.2, 60),
+    Case("cam and follower", "breakpoint", cam_and_follower, 2.0, 60),
+    Case("planet", "orbit", planet, 12.0, 120),
+    Case("conical pendulum", "orbit", deck("basics/conical_pendulum"), 6.0, 60),
+    Case("point slider", "orbit", deck("joints/point_slider"), 1.0, 50),
+    Case("friction hinge", "friction", deck("forces/friction_hinge"), 2.0, 40),
+    Case("friction slide", "friction", deck("forces/friction_slide"), 1.5, 60),
+    Case("stiff pendulum", "stiff", deck("extreme/stiff_pendulum"), 0.5, 100),
+    Case("damped spring", "decay", deck("forces/spring_damper"), 2.0, 60),
+    Case("overdamped spring", "stiff", overdamped_spring, 0.5, 50),
+    Case("rolling disk", "rolling", deck("mechanisms/rolling_disk"), 1.0, 100),
+    Case("screw", "joint", deck("joints/screw"), 1.0, 25),
+    Case("gear", "joint", deck("joints/gear"), 2.0, 50),
 )

@@ -1,5 +1,7 @@
-"""Cells of the stability table: a family's deck with one value, one scheme, one step, run as a
-user would run it, in two processes, and none for longer than a bound.
+"""Run the cells of the stability table, each by the command line and within a time limit.
+
+A cell is a run of a family's deck with one value of its parameter, one scheme and one step size.
+Cells are run in two processes.
 """
 
 import json
@@ -19,7 +21,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from click.testing import CliRunner
-from extreme import DECKS, FAMILIES, Family
 from lxml import etree
 
 from msahl.algebra.rotation import to_axis_angle
@@ -31,7 +32,7 @@ from msahl.model import Model, Options
 from msahl.model.scheme import COLLOCATION, DEFAULT, DEGREE, ORDER_TWO
 from msahl.results.read import ResultError, read_run
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.run.verdict import ENERGY_SPOILT
+from msahl.run.verdict import ENERGY_FAIL, PASS
 from msahl.schemes.collocation import newton, predictor, scipy_root
 from msahl.schemes.collocation.newton import CollocationWorkspace
 from msahl.schemes.fixed_stepper import FixedStepper
@@ -41,29 +42,31 @@ from msahl.start.velocities import StartError
 from msahl.study.reference import choose_reference
 from msahl.study.runs import run_in_memory, with_step
 from msahl.system.build import build_system
+from tools.validation.extreme_families import DECKS, FAMILIES, Family
 
 COMPARED = (*ORDER_TWO, *(f"{name}{DEGREE}" for name in COLLOCATION))
-"""Schemes of the table: those of order 2, and those of higher order with the degree they have where
-none is given."""
+"""Schemes of the table: those of order 2, and those of higher order with their default degree."""
 STEPS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 SPAN = 10.0
-"""Runs go on for so long [s] if their steps are not too many, for ``FEWEST`` steps at least."""
+"""Duration of a run [s], unless it has too many steps or fewer than ``FEWEST``."""
 FEWEST = 10
 ROWS = 100
-"""About how many rows a run writes up to the time at which it is compared."""
+"""Approximate number of output times up to the time of comparison."""
 BOUND = 4.0
-"""Processor seconds after which a run is asked to stop, and after as many again told to: most take
-a hundredth of them. Families of long runs have a bound of their own."""
+"""Processor seconds after which a run is interrupted, and after twice as many ended: most runs take
+a hundredth of them. Families of long runs have a limit of their own."""
 REFERENCE_BOUND = 20.0
 LARGEST = 600
-"""Most unknowns with which the condition number is taken: its matrix is dense."""
+"""Largest number of unknowns for which the condition number is computed: its matrix is dense."""
 KEPT = 1e-9
-"""Energy error over the largest kinetic energy, and gap over the scene's arm, asked of a run."""
-KEPT_NEARLY = ENERGY_SPOILT
-"""The former asked of schemes of higher order: what they keep nearly, or take, is as wrong as the
-positions are, and beyond this a run's own verdict calls the motion spoilt."""
+"""Largest accepted energy balance error over the largest kinetic energy, and largest accepted
+constraint violation over the model's arm."""
+KEPT_NEARLY = ENERGY_FAIL
+"""Largest accepted energy balance error of schemes of higher order, which conserve or dissipate
+energy only as accurately as positions; above it a run's own verdict is FAIL."""
 ROUND_OFF = 1e-14
-"""Energy error over the energy at the start that is round-off, where hardly anything moves yet."""
+"""Energy balance error over the energy at the start that is rounding error, if hardly anything has
+moved yet."""
 
 GOOD, COARSE, BOUNDED, DOUBTFUL, FAILED, REFUSED, LATE = (
     "good",
@@ -74,12 +77,18 @@ GOOD, COARSE, BOUNDED, DOUBTFUL, FAILED, REFUSED, LATE = (
     "refused",
     "out of time",
 )
-HELD = (GOOD, COARSE, BOUNDED)
+STABLE = (GOOD, COARSE, BOUNDED)
 
 
 @dataclass(frozen=True)
 class Cell:
-    """What came of one run; None where there is no such figure."""
+    """The results of one run; None if a number is not available.
+
+    ``error`` and ``rotation_error`` [m] are the largest errors of positions, and of orientations
+    times lengths, up to the time ``compared`` [s]. ``verdict`` is the run's own, ``failed_checks``
+    are the checks that were not PASS; ``accuracy_verdict`` and ``accuracy_failures`` are those of a
+    run to the time of comparison with --accuracy ``tolerance``.
+    """
 
     family: str
     value: float | str
@@ -91,29 +100,28 @@ class Cell:
     time: float
     iterations: float | None
     subdivisions: int | None
-    rescues: int | None
+    scipy_steps: int | None
     energy: float | None
-    gap: float | None
+    violation: float | None
     violation_rate: float | None
     condition: float | None
-    seconds: float | None
     reference: str
     compared: float | None
     error: float | None
-    turned: float | None
+    rotation_error: float | None
     tolerance: float
-    rows: int
-    rows_found: int
+    output_times: int
+    output_times_found: int
     message: str
     verdict: str | None = None
-    reasons: str | None = None
-    judged: str | None = None
-    judged_by: str | None = None
+    failed_checks: str | None = None
+    accuracy_verdict: str | None = None
+    accuracy_failures: str | None = None
 
 
 @dataclass(frozen=True)
 class Run:
-    """What a cell is to run: ``n`` steps, every ``every``th written, compared up to step ``k``."""
+    """A run of ``n`` steps, one of ``every`` written, compared up to step ``k``."""
 
     dt: float
     n: int
@@ -122,23 +130,23 @@ class Run:
 
     @property
     def t_final(self) -> float:
-        """End [s]."""
+        """Return the end time [s]."""
         return self.n * self.dt
 
     @property
     def compared(self) -> float:
-        """Time up to which there is a comparison [s]."""
+        """Return the time up to which the run is compared [s]."""
         return self.k * self.dt
 
     @property
     def times(self) -> np.ndarray:
-        """Those of the rows that are compared [s]."""
+        """Return the output times that are compared [s]."""
         return self.dt * np.arange(self.every, self.k + 1, self.every)
 
 
 def plan(dt: float, horizon: float, most: int, exact: bool = False) -> Run:
-    """The run of a step ``dt``: to the bound on its steps or time, compared at the last row before
-    the ``horizon``, or at its first step."""
+    """Return the run with step size ``dt`` to the limit of its steps or time, compared at the last
+    output time before the ``horizon``, or at its first step."""
     n = most if exact else min(most, max(FEWEST, round(SPAN / dt)))
     k = max(1, min(n, int(horizon / dt * (1.0 + 1e-9))))
     every = ceil(k / ROWS)
@@ -146,15 +154,12 @@ def plan(dt: float, horizon: float, most: int, exact: bool = False) -> Run:
 
 
 def plan_of(family: Family, x: float, dt: float) -> Run:
-    """The run of a family's cell."""
+    """Return the run of a family's cell."""
     return plan(dt, family.horizon(x), family.steps(x), family.exact_steps)
 
 
-# Time bounds -------------------------------------------------------------------------------------
-
-
 class ExpiredError(Exception):
-    """More seconds than a computation may take."""
+    """A computation takes more seconds than it may."""
 
 
 def _expire(number: int, frame: Any) -> None:
@@ -167,7 +172,7 @@ def _ask_to_stop(number: int, frame: Any) -> None:
 
 @contextmanager
 def bounded(seconds: float, handler: Callable[[int, Any], None] = _expire) -> Iterator[None]:
-    """Call ``handler`` after so many seconds of this processor, and after as many again."""
+    """Call ``handler`` after every ``seconds`` of processor time."""
     before = signal.signal(signal.SIGPROF, handler)
     signal.setitimer(signal.ITIMER_PROF, seconds, seconds)
     try:
@@ -177,25 +182,22 @@ def bounded(seconds: float, handler: Callable[[int, Any], None] = _expire) -> It
         signal.signal(signal.SIGPROF, before)
 
 
-# One run -----------------------------------------------------------------------------------------
-
-
 def run_deck(
     deck: Path,
     folder: Path,
     scheme: str,
     run: Run,
     bound: float = BOUND,
-    shadow: float | None = None,
+    accuracy: float | None = None,
 ) -> dict[str, Any]:
-    """Run ``deck`` by the command, with one at half the step for an accuracy ``shadow`` [m]; its
-    run.json, or what it said instead.
+    """Run ``deck`` by the command line, with --accuracy ``accuracy`` [m] if it is given; return its
+    run.json, or a status and the message.
 
-    ``rows_found`` counts the whole rows of states.csv, finished or not.
+    ``output_times_found`` counts the complete rows of states.csv.
     """
     words: list[Any] = ["run", deck, "-o", folder, "--scheme", scheme, "--every", run.every, "-q"]
     words += ["--dt", repr(run.dt), "--t-final", repr(run.t_final)]
-    words += ["--shadow", shadow] if shadow else []
+    words += ["--accuracy", accuracy] if accuracy else []
     with bounded(bound, _ask_to_stop):
         result = CliRunner().invoke(main, [str(word) for word in words])
     if result.exception and not isinstance(result.exception, SystemExit):
@@ -203,18 +205,18 @@ def run_deck(
     path = folder / "run.json"
     if not path.exists():
         if result.exit_code != BAD_INPUT:
-            told = f"did not stop within {bound:g} s of being asked to, in its last steps"
-            return {"status": LATE, "message": told}
+            message = f"did not stop within {bound:g} s after it was interrupted"
+            return {"status": LATE, "message": message}
         return {"status": REFUSED, "message": result.output.strip().replace(str(deck), deck.name)}
     info: dict[str, Any] = json.loads(path.read_text())
     tables = [folder / "states.csv", folder / "states.csv.part"]
     lines = next(table for table in tables if table.exists()).read_bytes()
-    info["rows_found"] = lines.count(b"\n") - 1
+    info["output_times_found"] = lines.count(b"\n") - 1
     return info
 
 
 def states(folder: Path, run: Run, bodies: int) -> np.ndarray | None:
-    """(m, n, 12) the rows of a run that are compared; None if it did not get there."""
+    """Return the states (m, n, 12) of a run that are compared; None if it did not get there."""
     tables = [folder / "states.csv", folder / "states.csv.part"]
     table = next((table for table in tables if table.exists()), None)
     if table is None:
@@ -227,15 +229,15 @@ def states(folder: Path, run: Run, bodies: int) -> np.ndarray | None:
 def judge(
     info: dict[str, Any], error: float | None, tolerance: float, arm: float, kept: float = KEPT
 ) -> str:
-    """The outcome in a word; ``arm`` [m] is what a gap is compared with, ``kept`` the energy error
-    over the largest kinetic energy that is asked for.
+    """Return the outcome in a word. The constraint violation is compared with ``arm`` [m]; ``kept``
+    is the accepted energy balance error over the largest kinetic energy.
     """
     status = info["status"]
     if status in (LATE, REFUSED):
         return str(status)
     if status == "interrupted":
         return LATE
-    if status != "completed" or info["outputTimes"] != info["rows_found"]:
+    if status != "completed" or info["outputTimes"] != info["output_times_found"]:
         return FAILED
     extremes = info["extremes"]
     round_off = ROUND_OFF * abs(extremes["energyAtStart"])
@@ -248,60 +250,68 @@ def judge(
 
 
 def energy_asked(scheme: str) -> float:
-    """Energy error over the largest kinetic energy that is asked of a ``scheme``."""
+    """Return the accepted energy balance error of a ``scheme`` over the largest kinetic energy."""
     return KEPT if scheme in ORDER_TWO else KEPT_NEARLY
 
 
+class Task(NamedTuple):
+    """A cell to be run: its place in the table, and the tolerance and arm [m] of its family."""
+
+    family: str
+    value: float | str
+    scheme: str
+    run: Run
+    tolerance: float
+    arm: float
+
+
 def cell(
-    family: str,
-    value: float | str,
-    scheme: str,
-    run: Run,
-    info: dict[str, Any],
-    truth: "Truth",
-    found: "Errors",
-    tolerance: float,
-    arm: float,
-    condition: float | None,
+    task: Task, info: dict[str, Any], kind: str, found: "Errors", condition: float | None
 ) -> Cell:
-    """A run's figures."""
+    """Return the cell of a run from its run.json; ``kind`` is that of the reference."""
+    run = task.run
     extremes, steps = info.get("extremes", {}), info.get("steps", 0)
-    seconds, verdict = info.get("seconds", {}), info.get("verdict") or {}
-    rescues = info.get("scipySteps")
+    verdict = info.get("verdict") or {}
+    scipy_steps = info.get("scipySteps")
     return Cell(
-        family=family,
-        value=value,
-        scheme=scheme,
+        family=task.family,
+        value=task.value,
+        scheme=task.scheme,
         dt=run.dt,
         t_final=run.t_final,
-        outcome=judge(info, found.position, tolerance, arm, energy_asked(scheme)),
+        outcome=judge(info, found.position, task.tolerance, task.arm, energy_asked(task.scheme)),
         steps=steps,
         time=info.get("time", 0.0),
         iterations=info["iterations"] / steps if steps else None,
         subdivisions=info.get("subdivisions"),
-        # Every island's first step is taken by root as a matter of course.
-        rescues=None if rescues is None else max(0, rescues - info["subsystems"]),
+        # The first step of every subsystem is always solved by scipy.
+        scipy_steps=None if scipy_steps is None else max(0, scipy_steps - info["subsystems"]),
         energy=_finite(extremes.get("energyErrorMaxRelative")),
-        gap=_finite(extremes.get("constraintViolationMax")),
+        violation=_finite(extremes.get("constraintViolationMax")),
         violation_rate=_finite(extremes.get("constraintViolationRateMax")),
         condition=condition,
-        seconds=seconds.get("loop"),
-        reference="" if found.position is None else truth.kind,
+        reference="" if found.position is None else kind,
         compared=None if found.position is None else run.compared,
         error=found.position,
-        turned=found.turn,
-        tolerance=tolerance,
-        rows=info.get("outputTimes", 0),
-        rows_found=info.get("rows_found", 0),
+        rotation_error=found.rotation,
+        tolerance=task.tolerance,
+        output_times=info.get("outputTimes", 0),
+        output_times_found=info.get("output_times_found", 0),
         message=_what_happened(info.get("message", "")),
         verdict=verdict.get("word"),
-        reasons="; ".join(verdict.get("reasons", ())) or None,
+        failed_checks=_failed(verdict),
     )
 
 
+def _failed(verdict: dict[str, Any]) -> str | None:
+    """Return the names of the checks of a verdict that are not PASS."""
+    checks = verdict.get("checks", {}).items()
+    return " ".join(name for name, check in checks if check["word"] != PASS) or None
+
+
 def _what_happened(message: str) -> str:
-    """A message without the command that goes on with a run, which is in a folder of the moment."""
-    return re.split("; (?:go on|begin anew)", message)[0]
+    """Return a message without the command that continues a run, which names a temporary folder."""
+    return re.split("; (?:go on|begin anew|continue|start)", message)[0]
 
 
 def _finite(number: float | None) -> float | None:
@@ -309,73 +319,71 @@ def _finite(number: float | None) -> float | None:
 
 
 class Errors(NamedTuple):
-    """Largest errors over the rows compared [m]: of positions, and of turns times lengths."""
+    """Largest errors at the times compared [m]: of positions, and of rotations times lengths."""
 
     position: float | None
-    turn: float | None
+    rotation: float | None
 
 
 UNKNOWN = Errors(None, None)
 
 
 def errors(ours: np.ndarray | None, true: np.ndarray, lengths: np.ndarray) -> Errors:
-    """Of rows (m, n, 12), where the true ones are known, that of the last row among them."""
+    """Return the errors of states (m, n, 12) where the reference is known; it must be known at the
+    last output time."""
     if ours is None or not np.isfinite(true[-1:]).all() or not len(true):
         return UNKNOWN
     known = np.isfinite(true).all(axis=(1, 2))
     a, b = ours[known], true[known]
-    ways = np.sqrt(((a[..., :3] - b[..., :3]) ** 2).sum(axis=-1))
-    turns = angles(a[..., 3:6], b[..., 3:6]) * lengths
-    return Errors(_finite(float(ways.max())), _finite(float(turns.max())))
+    distances = np.sqrt(((a[..., :3] - b[..., :3]) ** 2).sum(axis=-1))
+    rotations = angles(a[..., 3:6], b[..., 3:6]) * lengths
+    return Errors(_finite(float(distances.max())), _finite(float(rotations.max())))
 
 
 def condition(model: Model, dt: float, scheme: str) -> float | None:
-    """Condition number of the scaled Jacobian of the first step by a ``scheme``, of the largest
-    island; None where that is too large or there is no start.
+    """Return the condition number of the scaled Jacobian of the first step by a ``scheme``, of the
+    largest subsystem; None if that is too large or there are no consistent initial conditions.
     """
     try:
         integrator = SubsystemIntegrator(with_step(model, dt, scheme=scheme), "newton", False, 1)
     except StartError:
         return None
-    scene, stepper = integrator.workspace, integrator.stepper
+    workspace, stepper = integrator.workspace, integrator.stepper
     assert isinstance(stepper, FixedStepper)
     high_steps = getattr(stepper.method, "subsystem", None)
-    free = scene.unknowns.free
+    free = workspace.unknowns.free
     if free.size * (high_steps.y.shape[1] if high_steps else 1) > LARGEST:
         return None
     with np.errstate(all="ignore"):
-        A = _high_jacobian(high_steps, dt) if high_steps else _jacobian(scene, dt)
+        A = _high_jacobian(high_steps, dt) if high_steps else _jacobian(workspace, dt)
         return _finite(float(np.linalg.cond(A)))
 
 
-def _jacobian(scene: Workspace, dt: float) -> np.ndarray:
-    """(f, f) at the first guess."""
-    free = scene.unknowns.free
-    equations.predict(scene.system, scene.state, scene.start, dt, scene.Z)
-    z, A = scene.Z.reshape(-1)[free].copy(), np.zeros(free.size**2)
-    free_equations.jacobian(scene, dt, z, A)
+def _jacobian(workspace: Workspace, dt: float) -> np.ndarray:
+    """Return the Jacobian (f, f) at the predicted unknowns."""
+    free = workspace.unknowns.free
+    equations.predict(workspace.system, workspace.state, workspace.start, dt, workspace.Z)
+    z, A = workspace.Z.reshape(-1)[free].copy(), np.zeros(free.size**2)
+    free_equations.jacobian(workspace, dt, z, A)
     return A.reshape(free.size, free.size)
 
 
-def _high_jacobian(island: CollocationWorkspace, dt: float) -> np.ndarray:
-    """(f s, f s) likewise, of higher degree s; an unknown's stages stand together."""
-    scene, stages, (f, s) = island.scene, island.stages, island.y.shape
-    predictor.predict(scene.system, scene.state, scene.start, stages, dt)
-    z = stages.Z.reshape(s, -1)[:, scene.unknowns.free].T
-    newton.probe(island, dt, z, np.empty((f, s)), True)
-    return scipy_root.jacobian(island)
-
-
-# References --------------------------------------------------------------------------------------
+def _high_jacobian(subsystem: CollocationWorkspace, dt: float) -> np.ndarray:
+    """Return the Jacobian (f s, f s) for degree s; the stages of an unknown are adjacent."""
+    workspace, stages, (f, s) = subsystem.workspace, subsystem.stages, subsystem.y.shape
+    predictor.predict(workspace.system, workspace.state, workspace.start, stages, dt)
+    z = stages.Z.reshape(s, -1)[:, workspace.unknowns.free].T
+    newton.evaluate_free(subsystem, dt, z, np.empty((f, s)), True)
+    return scipy_root.jacobian(subsystem)
 
 
 FINER = 10
-"""Steps of the finer run in one of the finest run that is compared at a time."""
+"""Number of steps of a reference run per step of the finest run that it is compared with."""
 
 
 class Truth:
-    """True states of a scene at the rows of ``runs``: by a closed form or the independent
-    solution, else by the default scheme at a step ``FINER`` times as small as the smallest."""
+    """Reference states of a model at the output times of ``runs``: from a closed form, else from
+    the independent solution, else from the default scheme at a step ``FINER`` times smaller."""
 
     def __init__(self, deck: Path, model: Model, runs: Sequence[Run], accuracy: float) -> None:
         self.kind = "none"
@@ -414,7 +422,7 @@ class Truth:
         self.table = np.concatenate([self.table, table])[order]
 
     def at(self, times: np.ndarray) -> np.ndarray:
-        """(m, n, 12) at these times; nan where it is not known."""
+        """Return the states (m, n, 12) at these times; nan where they are not known."""
         found = np.full((len(times), self.bodies, 12), np.nan)
         if self.times.size:
             near = np.abs(self.times[:, None] - times).argmin(axis=0)
@@ -423,11 +431,8 @@ class Truth:
         return found
 
 
-# Groups of cells ---------------------------------------------------------------------------------
-
-
 def run_group(name: str, x: float, schemes: Iterable[str], steps: Iterable[float]) -> list[Cell]:
-    """All cells of a value of the family ``name``."""
+    """Run all cells of a value of the family ``name``."""
     family = FAMILIES[name]
     tolerance = family.good * family.size(x)
     cells = []
@@ -438,7 +443,7 @@ def run_group(name: str, x: float, schemes: Iterable[str], steps: Iterable[float
         model = read_deck(deck)
         runs = [plan_of(family, x, dt) for dt in steps]
         lengths = build_system(model).frames.length[:-1]
-        # A first step longer than the horizon is compared with nothing.
+        # A run whose first step is longer than the horizon is not compared.
         near = [run for run in runs if run.compared <= family.horizon(x) * (1.0 + 1e-9)]
         compared = near if family.known else []
         truth = Truth(deck, family.model(model, x), compared, 1e-2 * tolerance)
@@ -449,46 +454,45 @@ def run_group(name: str, x: float, schemes: Iterable[str], steps: Iterable[float
                 out = home / f"{run.dt:g}-{scheme}"
                 info = run_deck(deck, out, scheme, run, family.bound)
                 found = errors(states(out, run, len(model.bodies)), true, lengths)
-                figures = truth, found, tolerance, family.arm(x), known
-                made = cell(name, x, scheme, run, info, *figures)
+                task = Task(name, x, scheme, run, tolerance, family.arm(x))
+                made = cell(task, info, truth.kind, found, known)
                 if found.position is not None:
                     short = replace(run, n=run.k)
-                    made = judged(made, run_deck(deck, out, scheme, short, family.bound, tolerance))
+                    info = run_deck(deck, out, scheme, short, family.bound, tolerance)
+                    made = with_accuracy_verdict(made, info)
                 cells.append(made)
     return cells
 
 
-def judged(made: Cell, info: dict[str, Any]) -> Cell:
-    """The cell with the verdict on a run up to where it is compared, asked for its tolerance."""
+def with_accuracy_verdict(made: Cell, info: dict[str, Any]) -> Cell:
+    """Return the cell with the verdict on a run with --accuracy up to the time of comparison."""
     verdict = info.get("verdict")
     if info["status"] != "completed" or not verdict:
         return made
-    told = "; ".join(verdict["reasons"]) or None
-    return replace(made, judged=verdict["word"], judged_by=told)
+    failures = _failed(verdict)
+    return replace(made, accuracy_verdict=verdict["word"], accuracy_failures=failures)
 
-
-# Restarts ----------------------------------------------------------------------------------------
 
 RESTART = "restart"
 RESTARTED = {
     "extreme/mass_ratio": "a chain of heavy and light links, halfway down",
-    "extreme/inverted": "a pendulum on its way from the top",
+    "extreme/inverted": "a pendulum that falls from the top",
     "extreme/spin": "a top of 1e4 rad/s",
     "extreme/drift": "a chain far away and fast",
     "extreme/stiff_pendulum": "a bob that bounces on a stiff spring",
     "extreme/toggle": "a slider-crank wherever it is",
     "extreme/taut_chain": "a chain between two pins",
-    "basics/torque_free": "a body that has turned over many times",
+    "basics/torque_free": "a body that has rotation_error over many times",
     "joints/rolling_disk": "a disk that rolls",
 }
-"""Decks whose runs are stopped halfway and go on as decks of their own, and what is special."""
+"""Decks whose runs are stopped halfway and continued by a deck of the last state."""
 RESTART_HORIZON = 2.0
 
 
 def restarted(deck: bytes, folder: Path) -> bytes:
-    """``deck`` with the bodies as the last row of the run in ``folder`` has them."""
+    """Return ``deck`` with the bodies in the last state of the run in ``folder``."""
     run = read_run(folder)
-    root = etree.fromstring(deck)
+    root: Any = etree.fromstring(deck)
     last = run.states.iloc[-1]
     (bodies,) = root.xpath("//bodies")
     if bodies.find("ground") is None:
@@ -503,12 +507,13 @@ def restarted(deck: bytes, folder: Path) -> bytes:
             [float(last[f"{name}.{letter}"]) for letter in letters.split()]
             for letters in ("x y z", "vx vy vz", "wx wy wz")
         )
-        axis, angle = to_axis_angle(tuple(float(last[f"{name}.P{k}"]) for k in (1, 2, 3)))
+        p1, p2, p3 = (float(last[f"{name}.P{k}"]) for k in (1, 2, 3))
+        axis, angle = to_axis_angle((p1, p2, p3))
         _add_vector(start, "position", "x y z", x, ground)
-        turn = etree.SubElement(etree.SubElement(start, "orientation"), "eulerRotation")
-        etree.SubElement(turn, "phi", units="rad").text = repr(angle)
+        rotation = etree.SubElement(etree.SubElement(start, "orientation"), "eulerRotation")
+        etree.SubElement(rotation, "phi", units="rad").text = repr(angle)
         for tag, number in zip(("u1", "u2", "u3"), axis, strict=True):
-            etree.SubElement(turn, tag).text = repr(number)
+            etree.SubElement(rotation, tag).text = repr(number)
         _add_vector(start, "velocity", "v1 v2 v3", v, name)
         _add_vector(start, "angularVelocity", "omega1 omega2 omega3", w, name)
     text: bytes = etree.tostring(root.getroottree(), xml_declaration=True, encoding="UTF-8")
@@ -524,36 +529,38 @@ def _add_vector(
 
 
 def run_restarts(name: str, schemes: Iterable[str], steps: Iterable[float]) -> list[Cell]:
-    """A deck run to half its time, and on from there by a deck of its last row."""
+    """Run a deck to half its time, and from there by a deck of its last state."""
     cells = []
     tolerance = 1e-3
     with TemporaryDirectory() as folder:
         home = Path(folder)
         deck = DECKS / f"{name}.xml"
         model = read_deck(deck)
-        halves = {dt: half(dt) for dt in steps}
-        wholes = {dt: Run(dt, 2 * run.n, 2 * run.n, run.every) for dt, run in halves.items()}
+        first_halves = {dt: half(dt) for dt in steps}
+        complete_runs = {
+            dt: Run(dt, 2 * run.n, 2 * run.n, run.every) for dt, run in first_halves.items()
+        }
         lengths = build_system(model).frames.length[:-1]
-        near = [run for run in wholes.values() if run.compared <= RESTART_HORIZON]
+        near = [run for run in complete_runs.values() if run.compared <= RESTART_HORIZON]
         truth = Truth(deck, model, near, 1e-2 * tolerance)
-        for dt, run in halves.items():
+        for dt, run in first_halves.items():
             for scheme in schemes:
                 first, second = home / f"{dt:g}-{scheme}-1", home / f"{dt:g}-{scheme}-2"
                 info = run_deck(deck, first, scheme, run)
-                ours, whole = None, wholes[dt]
+                ours, complete = None, complete_runs[dt]
                 if info["status"] == "completed":
                     on = home / "on.xml"
                     on.write_bytes(restarted(deck.read_bytes(), first))
                     info = run_deck(on, second, scheme, run)
                     ours = states(second, run, len(model.bodies))
-                found = errors(ours, truth.at(whole.times[len(run.times) :]), lengths)
-                figures = truth, found, tolerance, 1.0, None
-                cells.append(cell(RESTART, Path(name).stem, scheme, whole, info, *figures))
+                found = errors(ours, truth.at(complete.times[len(run.times) :]), lengths)
+                task = Task(RESTART, Path(name).stem, scheme, complete, tolerance, 1.0)
+                cells.append(cell(task, info, truth.kind, found, None))
     return cells
 
 
 def half(dt: float) -> Run:
-    """Half of a run up to the horizon, or of ten steps."""
+    """Return half of a run up to the horizon, or of ten steps."""
     n = max(5, min(5000, round(0.5 * RESTART_HORIZON / dt)))
     every = ceil(n / ROWS)
     n = n // every * every
@@ -561,15 +568,11 @@ def half(dt: float) -> Run:
 
 
 COSTLY = ("long_chain", "long_run")
-"""Families whose runs begin first, so that none is left over at the end."""
-
-# All of them -------------------------------------------------------------------------------------
+"""Families whose runs are started first, because they take longest."""
 
 
 def warm_runs(schemes: Iterable[str] = COMPARED) -> None:
-    """Compile what runs need, the rescue of hard steps too, so that no cell's seconds are a
-    compiler's.
-    """
+    """Compile the kernels of all runs, so that no cell's time limit is used up by compilation."""
     for name in ("long_run", "stiff_spring"):
         model = read_deck(FAMILIES[name].path)
         for scheme in schemes:
@@ -578,7 +581,7 @@ def warm_runs(schemes: Iterable[str] = COMPARED) -> None:
 
 
 def warm_references() -> None:
-    """Likewise what the independent solution needs."""
+    """Compile the kernels of the independent solution."""
     for name in ("mass_ratio", "bushing_loop"):
         choose_reference("independent", read_deck(FAMILIES[name].path), np.array([1e-3]), 1e-6)
 
@@ -587,8 +590,8 @@ ALL = (*FAMILIES, RESTART)
 
 
 def run_all(names: Sequence[str], schemes: Sequence[str]) -> Iterator[tuple[str, list[Cell]]]:
-    """Every cell of the families ``names`` by the ``schemes``, in two processes: those of one value
-    after the other as they are done, with words of which they are.
+    """Run every cell of the families ``names`` by the ``schemes`` in two processes. Yield the cells
+    of one value after the other as they are completed, with a line that names them.
     """
     warm_runs(dict.fromkeys((DEFAULT, *schemes)))
     warm_references()
@@ -606,29 +609,29 @@ def run_all(names: Sequence[str], schemes: Sequence[str]) -> Iterator[tuple[str,
 def run_value(
     name: str, x: float | str, schemes: Iterable[str], steps: Iterable[float]
 ) -> list[Cell]:
-    """All cells of a value of a family, or of a scene that is restarted."""
+    """Return all cells of a value of a family, or of a deck that is restarted."""
     if isinstance(x, str):
         return run_restarts(x, schemes, steps)
     return run_group(name, x, schemes, steps)
 
 
 def values_of(name: str) -> tuple[float | str, ...]:
-    """The values of a family."""
+    """Return the values of a family."""
     return FAMILIES[name].values if name in FAMILIES else tuple(RESTARTED)
 
 
 def show_value(value: float | str) -> str:
-    """A value as a reader sees it."""
+    """Return the text of a value."""
     return value.replace("_", " ") if isinstance(value, str) else f"{value:.4g}"
 
 
 def place(cell: Cell) -> tuple[str, float | str, str, float]:
-    """Where a cell stands in the table."""
+    """Return the key of a cell in the table."""
     return cell.family, cell.value, cell.scheme, cell.dt
 
 
 def in_order(cells: Iterable[Cell]) -> list[Cell]:
-    """The cells in the order of the families, their values, the schemes and the steps."""
+    """Return the cells in the order of the families, their values, the schemes and the steps."""
 
     def rank(cell: Cell) -> tuple[int, int, int, float]:
         values = [Path(x).stem if isinstance(x, str) else x for x in values_of(cell.family)]

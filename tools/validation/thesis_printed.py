@@ -1,4 +1,4 @@
-"""What Hainge (2010, chapter IV) printed of his runs."""
+"""Values that Hainge (2010, chapter IV) printed of his runs."""
 
 from dataclasses import dataclass
 
@@ -55,7 +55,7 @@ TRENDS = (
     ("double", ("double_pendulum_45", "double_pendulum_89", "double_pendulum_135"), "4.25 to 4.33"),
     ("top", ("top_1", "top_2", "top_3"), "4.59 to 4.61"),
 )
-"""Scenes whose step-size trends he draws together, and his figures."""
+"""Models whose trends with the step size he draws together, and his figures."""
 
 TRIPLES = ("triple_pendulum_45", "triple_pendulum_89", "triple_pendulum_135")
-"""Scenes of which no step converged."""
+"""Models of which no step converged."""

@@ -1,24 +1,24 @@
-"""The counterparts of the thesis's figures."""
+"""Draw the counterparts of the thesis's figures."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from drawn import bounded, save_small
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from measured import FIGURES, Measured, run_deck
-from printed import RUNS, STEPS
 
 from msahl.post.draw import looks, peaks, plain, style, thinned
+from tools.validation.small_pictures import bounded, save_small
+from tools.validation.thesis_printed import RUNS, STEPS
+from tools.validation.thesis_runs import FIGURES, Measured, run_deck
 
 TINY = 1e-18
-"""Smaller values are drawn at the lower edge."""
+"""Smaller values are drawn at the lower edge of the axes."""
 
 
 def case_figure(deck: str, title: str, runs: Sequence[tuple[str, Measured]]) -> Path:
-    """Path, energy error and virtual work of a deck's runs."""
+    """Draw path, energy balance error and virtual work of a deck's runs."""
     with style():
         figure = Figure(figsize=(10.5, 1.0 + 2.2 * len(runs)))
         FigureCanvasAgg(figure)
@@ -38,7 +38,7 @@ def case_figure(deck: str, title: str, runs: Sequence[tuple[str, Measured]]) -> 
 
 def _path(axes: Axes, measured: Measured, plane: str, name: str) -> None:
     states, model = measured.run.states, measured.run.model
-    i, j = plane
+    i, j = plane[0], plane[1]
     for body, look in zip(model.bodies, looks(), strict=False):
         x, y = (states[f"{body.name}.{c}"].to_numpy() for c in (i, j))
         step = max(1, len(x) // 6000)
@@ -50,11 +50,11 @@ def _path(axes: Axes, measured: Measured, plane: str, name: str) -> None:
 
 
 def _energy(axes: Axes, measured: Measured, name: str) -> None:
-    energy = measured.measures.energy
+    energy = measured.metrics.energy
     error = np.abs(energy.error[:, None]) / energy.largest_kinetic
     time, error = peaks(energy.time, error)
     axes.plot(time, np.maximum(error, TINY), linewidth=0.7)
-    axes.set(yscale="log", title=name, ylabel="energy error / max KE", xlabel="time [s]")
+    axes.set(yscale="log", title=name, ylabel="|energy error| / max KE [-]", xlabel="time [s]")
     bounded(axes, error, 1e-18)
 
 
@@ -63,11 +63,11 @@ def _work(axes: Axes, measured: Measured, name: str) -> None:
     joints = measured.run.model.joints
     for joint, work, look in zip(joints, measured.work.T, looks(), strict=False):
         axes.plot(*thinned(time, work), label=joint.name, **(look | {"linewidth": 0.7}))
-    axes.set(title=name, ylabel="virtual work a step [J]", xlabel="time [s]")
+    axes.set(title=name, ylabel="virtual work per step [J]", xlabel="time [s]")
 
 
 def trend_figure(name: str, decks: Sequence[str], title: str, seconds: np.ndarray) -> Path:
-    """Run time, energy error and virtual work against the step; ``seconds`` (decks, steps)."""
+    """Draw time, energy error and work against the step size; ``seconds`` (decks, steps)."""
     with style():
         figure = Figure(figsize=(10.5, 3.9))
         FigureCanvasAgg(figure)
@@ -77,18 +77,18 @@ def trend_figure(name: str, decks: Sequence[str], title: str, seconds: np.ndarra
             label = deck.replace("_", " ")
             marks = {"marker": "o", "markersize": 3, **look}
             cost.loglog(STEPS, taken, label=label, **marks)
-            spreads = [m.measures.energy.error_over_kinetic for m in runs]
+            spreads = [m.metrics.energy.error_over_kinetic for m in runs]
             energy.loglog(STEPS, [s.rms if s else np.nan for s in spreads], **marks)
             mean = [float(np.abs(m.work.mean(axis=0)).max()) for m in runs]
             work.loglog(STEPS, mean, **marks)
             rms = [float(np.sqrt((m.work**2).mean(axis=0)).max()) for m in runs]
             work.loglog(STEPS, rms, **(marks | {"linestyle": ":"}))
             _printed(energy, work, deck, str(look["color"]))
-        cost.set(title="loop over 10 s", ylabel="run time [s]")
-        energy.set(title="energy error, RMS", ylabel="over max KE")
-        work.set(title="|mean| (dotted: RMS)", ylabel="virtual work a step [J]")
+        cost.set(title="time loop for 10 s", ylabel="time loop [s]")
+        energy.set(title="energy error, RMS", ylabel="energy error / max KE [-]")
+        work.set(title="|mean| (dotted: RMS)", ylabel="virtual work per step [J]")
         for axes in (cost, energy, work):
-            axes.set_xlabel("step [s]")
+            axes.set_xlabel("step size [s]")
         low, high = energy.get_ylim()
         energy.set_ylim(min(low, 1e-16), max(high, 1e-11))
         energy.plot([], [], "k*", label="printed (energy: over E(1))")
@@ -111,7 +111,7 @@ def _printed(energy: Axes, work: Axes, deck: str, colour: str) -> None:
 
 
 def chaos_figure(pairs: Sequence[tuple[str, np.ndarray, np.ndarray, np.ndarray]]) -> Path:
-    """Distance of the second bobs of each pair: name, time, distance, and its fitted growth."""
+    """Draw the distance of the second bobs of each pair: name, time, distance, fitted growth."""
     with style():
         figure = Figure(figsize=(8.0, 3.8))
         FigureCanvasAgg(figure)
@@ -120,6 +120,6 @@ def chaos_figure(pairs: Sequence[tuple[str, np.ndarray, np.ndarray, np.ndarray]]
             axes.semilogy(*thinned(time, np.maximum(apart, 1e-6)), label=name, **look)
             axes.semilogy(time, fitted, color="#444444", linestyle="--", linewidth=1.0)
         axes.set(xlabel="time [s]", ylabel="distance of the second bobs [m]", ylim=(1e-5, 40.0))
-        axes.set_title("two starts 0.01 degrees apart (dashed: fitted growth)")
+        axes.set_title("two motions that start 0.01 degrees apart (dashed: fitted growth)")
         figure.legend(loc="outside right upper")
         return save_small(figure, FIGURES / "chaos.png")

@@ -1,4 +1,4 @@
-"""Runs of the thesis's decks, and the figures taken from them."""
+"""Run the decks of the thesis and compute their metrics."""
 
 from dataclasses import dataclass, replace
 from functools import cache
@@ -31,13 +31,13 @@ class Measured:
 
 @cache
 def model_of(deck: str) -> Model:
-    """The model of one of the thesis's decks."""
+    """Return the model of one of the thesis's decks."""
     return read_deck(ROOT / "decks" / "thesis" / f"{deck}.xml")
 
 
 @cache
 def run_deck(deck: str, dt: float, t_final: float, as_given: bool = False) -> Measured:
-    """Run a deck; its velocities made consistent, or left ``as_given``."""
+    """Run a deck with consistent initial velocities, or with those ``as_given``."""
     model = with_step(model_of(deck), dt, t_final)
     if as_given:
         model = replace(model, velocity="asGiven")
@@ -47,9 +47,9 @@ def run_deck(deck: str, dt: float, t_final: float, as_given: bool = False) -> Me
 
 
 def mid_work(run: Run, metrics: Metrics) -> np.ndarray:
-    """lam . (C_0 V_0 + C_1 V_1)/2 dt of every step and joint, V of the joint's child [J].
+    """Return lam . (C_0 V_0 + C_1 V_1)/2 dt of every step and joint, V of the joint's child [J].
 
-    The reading of eq. 3.16-3.18 that takes force and velocity at the middle of the step.
+    This interpretation of eq. 3.16-3.18 takes force and velocity at the middle of the step.
     """
     table = run.states.to_numpy()[:, 1:].reshape(len(run.time), -1, 4, 3)
     v = np.einsum("mnij,mnj->mni", rotations(table[:, :, 1]), table[:, :, 2])

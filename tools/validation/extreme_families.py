@@ -1,26 +1,30 @@
-"""Families of extreme scenes: a deck of ``decks/extreme`` and the number that is varied in it.
+"""Define families of extreme models: a deck of ``decks/extreme`` and the number varied in it.
 
-    python tools/validation/extreme.py                         what there is
-    python tools/validation/extreme.py mass_ratio 1e-6         that deck, on stdout
+    python -m tools.validation.extreme_families                     list the families
+    python -m tools.validation.extreme_families mass_ratio 1e-6     print that deck
 
 Every cell of docs/validation/stability.md is such a deck, run by ``msahl run``.
 """
 
+import operator
 import sys
 from collections.abc import Callable, Iterable
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from functools import partial
 from math import acos, asin, cos, pi, sin, sqrt
 from pathlib import Path
+from typing import Any
 
 from lxml import etree
 
-from msahl.model import Joint, Model
+from msahl.model import Bushing, Joint, Model, SpringDamper
 
 ROOT = Path(__file__).resolve().parents[2]
 DECKS = ROOT / "decks"
 
-Root = etree._Element
+# The stubs of lxml give xpath the union of all results that it may have.
+Root = Any
 Numbers = dict[str, float]
 
 
@@ -28,11 +32,11 @@ Numbers = dict[str, float]
 class Family:
     """A deck and one number of it.
 
-    ``edit`` puts a value into the parsed deck. ``size`` [m] is what a user would compare an error
-    of position with, ``good`` the part of it that would do, ``arm`` [m] what a gap is compared
-    with, ``horizon`` [s] the time up to which true positions are asked for: chaotic scenes have
-    none later. ``model`` is the scene whose motion is the true one, where that is not the deck's
-    own; ``steps`` and ``bound`` [s] end a run.
+    ``edit`` puts a value into the parsed deck. ``size`` [m] is the length with which a position
+    error is compared, ``good`` the accepted fraction of it, ``arm`` [m] the length with which a
+    constraint violation is compared, ``horizon`` [s] the time up to which there are reference
+    positions: chaotic motions have none later. ``model`` is the model of the reference if it is not
+    the deck's own; ``steps`` and ``bound`` [s] limit a run.
     """
 
     name: str
@@ -136,7 +140,7 @@ def drift(root: Root, x: float) -> None:
 
 
 def toggle(root: Root, x: float) -> None:
-    """Rod of 1 + ``x`` cranks; the crank stands at 60 degrees and turns at 10 rad/s."""
+    """Rod of 1 + ``x`` cranks; the crank stands at 60 degrees and rotates at 10 rad/s."""
     crank, spin, angle = 0.1, 10.0, pi / 3
     rod = crank * (1.0 + x)
     pin_x, pin_z = crank * cos(angle), crank * sin(angle)
@@ -158,10 +162,10 @@ def folded_chain(root: Root, x: float) -> None:
     """Each link at the angle ``x`` to the one before: 0 back on it, pi straight on."""
     at_x = at_z = 0.0
     for k in range(4):
-        turn = 0.3 if k % 2 == 0 else 0.3 - pi + x
-        step_x, step_z = cos(turn), -sin(turn)
+        angle = 0.3 if k % 2 == 0 else 0.3 - pi + x
+        step_x, step_z = cos(angle), -sin(angle)
         place(root, f"Link {k + 1}", {"x": at_x + 0.5 * step_x, "z": at_z + 0.5 * step_z})
-        put(root, of_body(f"Link {k + 1}", "phi"), turn)
+        put(root, of_body(f"Link {k + 1}", "phi"), angle)
         at_x, at_z = at_x + step_x, at_z + step_z
 
 
@@ -172,8 +176,8 @@ def taut_chain(root: Root, x: float) -> None:
     place(root, "Link 1", {"x": 0.5 * run, "y": 0.5 * rise})
     place(root, "Link 2", {"x": run + 0.5, "y": rise})
     place(root, "Link 3", {"x": 1.5 * run + 1.0, "y": 0.5 * rise})
-    for name, turn in (("Link 1", bow), ("Link 3", -bow)):
-        put(root, of_body(name, "phi"), turn)
+    for name, angle in (("Link 1", bow), ("Link 3", -bow)):
+        put(root, of_body(name, "phi"), angle)
     put(root, "//parent[name='Base']/position[x]/x", 2.0 * run + 1.0)
 
 
@@ -194,10 +198,10 @@ def cranks(root: Root, x: float) -> None:
                 vector = etree.SubElement(parent, "position")
             if vector.find("x") is None:
                 etree.SubElement(vector, "x").text = "0"
-            change(vector, "x", lambda old, at=at: old + at)
+            change(vector, "x", partial(operator.add, at))
             joints[0].getparent().append(joint)
         _rename(body, " 1", f" {k + 1}")
-        change(body, ".//position/x", lambda old, at=at: old + at)
+        change(body, ".//position/x", partial(operator.add, at))
         first.getparent().append(body)
 
 
@@ -209,7 +213,7 @@ def long_chain(root: Root, x: float) -> None:
     for k in range(n, round(x)):
         body, pin = deepcopy(last), deepcopy(joint)
         _rename(body, f" {n}", f" {k + 1}")
-        change(body, ".//position/x", lambda old, k=k: old + k + 1 - n)
+        change(body, ".//position/x", partial(operator.add, k + 1 - n))
         put_text(pin, "name", f"Pin {k + 1}")
         put_text(pin, "parent/name", f"Link {k}")
         put_text(pin, "child/name", f"Link {k + 1}")
@@ -253,6 +257,7 @@ def as_rod(model: Model, x: float) -> Model:
     if x > STIFF:
         return model
     (spring,) = model.loads
+    assert isinstance(spring, SpringDamper)
     ends = (spring.parent, spring.child, spring.parent_point, spring.child_point)
     rod = Joint(spring.name, "distance", *ends, parameters=(("length", 1.0),))
     return replace(model, joints=(rod,), loads=())
@@ -263,6 +268,7 @@ def as_pin(model: Model, x: float) -> Model:
     if x < FIRM:
         return model
     (mount,) = model.loads
+    assert isinstance(mount, Bushing)
     ends = (mount.parent, mount.child, mount.parent_point, mount.child_point)
     pin = Joint(mount.name, "spherical", *ends)
     return replace(model, joints=(*model.joints, pin), loads=())
@@ -273,7 +279,7 @@ FAMILIES = {
     for family in (
         Family(
             "mass_ratio",
-            "Light and heavy links in turn",
+            "Light and heavy links in angle",
             "mass of the light links over the others'",
             "1",
             (1e-6, 1e-3, 1.0, 1e3, 1e6),
@@ -466,7 +472,7 @@ FAMILIES = {
         Family(
             "open_joint",
             "Start with an open joint",
-            "gap at the start",
+            "constraint violation at the start",
             "m",
             (1e-6, 1e-3, 1e-2, 1e-1),
             lambda root, x: place(root, "Bob 2", {"x": 1.5 * cos(0.3) + x}),

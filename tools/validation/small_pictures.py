@@ -1,4 +1,4 @@
-"""Saving small pictures."""
+"""Save small pictures and set their axes."""
 
 from io import BytesIO
 from pathlib import Path
@@ -11,7 +11,7 @@ DPI = 90
 
 
 def save_small(figure: Figure, path: Path, colours: int = 48) -> Path:
-    """Write a PNG of few ``colours`` and no date; its path."""
+    """Write a PNG with few ``colours`` and without a date; return its path."""
     from PIL import Image
 
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -24,7 +24,7 @@ def save_small(figure: Figure, path: Path, colours: int = 48) -> Path:
 
 
 def bounded(axes: Axes, values: np.ndarray, floor: float) -> None:
-    """A logarithmic axis that shows at least three decades and at most eight."""
+    """Set a logarithmic axis that shows at least three decades and at most eight."""
     top = max(float(np.max(values, initial=0.0)), 10.0 * floor)
     known = values[values > 0.0]
     low = max(float(known.min()) if known.size else floor, top * 1e-8)

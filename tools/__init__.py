@@ -1,0 +1,1 @@
+"""Development tools: regression, sweep table, validation pages, documentation pages, word check."""
