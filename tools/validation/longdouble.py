@@ -20,7 +20,7 @@ from unittest import mock
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from msahl.algebra.rotation import compose, from_step_turn
+from msahl.algebra.rotation import compose, from_increment
 from msahl.algebra.vector import add, at, put, scale
 from msahl.elements.constraints import scalar
 from msahl.jit.kernel import MARKED
@@ -180,6 +180,6 @@ def settle(subsystem: CollocationWorkspace) -> None:
         for b in range(length.size - 1):
             rotation = scale(1.0 / length[b], at(instant.solution, 2 * b + 1))
             put(state.x, b, add(at(state.x, b), at(instant.solution, 2 * b)))
-            put(state.p, b, compose(from_step_turn(rotation), at(state.p, b)))
+            put(state.p, b, compose(from_increment(rotation), at(state.p, b)))
         evaluate.prepare(system, state, start)
     accelerations.project_velocities(system, state, start, monitor.violation, monitor.rate, instant)
