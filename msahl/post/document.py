@@ -58,7 +58,7 @@ h1, h2 { line-height: 1.2; }
 h2 { margin-top: 2.2em; border-bottom: 1px solid var(--line); padding-bottom: .2em; }
 div { overflow-x: auto; margin: 1em 0; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .9em; }
-th, td { text-align: left; padding: .25em .8em; border-bottom: 1px solid var(--line); }
+th, td { text-align: left; padding: .25em .6em; border-bottom: 1px solid var(--line); }
 th { background: var(--soft); vertical-align: bottom; }
 .number { text-align: right; }
 td.number { white-space: nowrap; }

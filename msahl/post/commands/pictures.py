@@ -76,8 +76,8 @@ def plot(
 def report(run: Path, output: Path | None) -> None:
     """Write a report on a run.
 
-    The report has its verdict, accuracy, figures and settings. Writes report.md with its pictures, and report.html, a single file with the pictures in it.
-    Prints both paths.
+    The report has its verdict, accuracy, figures and settings. Writes report.md with its pictures,
+    and report.html, a single file with the pictures in it. Prints both paths.
 
     Example: msahl-post report results/double_pendulum_89
     """

@@ -20,8 +20,9 @@ from msahl.terminal import echo
 def energy(runs: tuple[Path, ...], form: str | None) -> None:
     """Print energy balance errors of runs.
 
-    The error is E(t) - E(0) - work done on the system. It is divided by |E(1)|, as in Hainge (2010, eq. 3.11), which is meaningless if E(1) is
-    near zero, and by the largest kinetic energy. RMS, mean and max are over the output times.
+    The error is E(t) - E(0) - work done on the system. It is divided by |E(1)|, as in Hainge (2010,
+    eq. 3.11), which is meaningless if E(1) is near zero, and by the largest kinetic energy. RMS,
+    mean and max are over the output times.
 
     Example: msahl-post energy results/double_*
     """
@@ -57,7 +58,8 @@ def work(runs: tuple[Path, ...], form: str | None) -> None:
 def constraints(runs: tuple[Path, ...], form: str | None) -> None:
     """Print constraint violations.
 
-    The violation of each joint, coupling and motion is given at position level [m, rad] and at velocity level [m/s, rad/s].
+    The violation of each joint, coupling and motion is given at position level [m, rad] and at
+    velocity level [m/s, rad/s].
 
     Example: msahl-post constraints results/triple_pendulum_135 --json
     """
@@ -74,8 +76,8 @@ def constraints(runs: tuple[Path, ...], form: str | None) -> None:
 def reactions(run: Path) -> None:
     """Print reactions in the joints' own axes as CSV.
 
-    The z axis is the joint's axis. In reactions.csv they are in inertial axes. The joint's axes are those of its parent, halfway
-    through the step over which the reaction is the mean.
+    The z axis is the joint's axis. In reactions.csv they are in inertial axes. The joint's axes are
+    those of its parent, halfway through the step over which the reaction is the mean.
 
     Example: msahl-post reactions results/four_bar > own_axes.csv
     """
@@ -105,8 +107,9 @@ def reactions(run: Path) -> None:
 def events(run: Path, column: str, level: float | None, form: str | None) -> None:
     """Print when a column has a value or an extremum.
 
-    COLUMN is a column of RUN's tables. Values are interpolated between the output times. The uncertainty of each time is that of the
-    interpolation; the error of the computed motion is not part of it (see: msahl-post verdict).
+    COLUMN is a column of RUN's tables. Values are interpolated between the output times. The
+    uncertainty of each time is that of the interpolation; the error of the computed motion is not
+    part of it (see: msahl-post verdict).
 
     Example: msahl-post events results/double_pendulum_89 Bob1.x --at 0
     """
