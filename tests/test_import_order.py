@@ -29,9 +29,7 @@ ORDER = (
 )
 """Packages from the bottom to the top: each may import those before it."""
 # Violations known on 2026-11-22. The tables only shrink: an entry no longer needed fails.
-UPWARD_IMPORTS = {
-    "msahl.linalg.dense -> msahl.schemes.midpoint.equations",
-}
+UPWARD_IMPORTS: set[str] = set()
 """Imports against the order, 'importer -> imported'."""
 CIRCULAR_IMPORTS = {
     "msahl.study.reference -> msahl.study.refined_runs",
@@ -40,7 +38,6 @@ CIRCULAR_IMPORTS = {
 BROKEN_FIRST_LINES = {
     "msahl.algebra.functions",
     "msahl.elements.forces",
-    "msahl.schemes.collocation.newton",
     "msahl.start.redundancy",
 }
 """Modules whose docstring does not begin with a sentence on one line."""

@@ -11,7 +11,7 @@ from msahl.check.context import INERTIAL, Context
 from msahl.check.directions import PARALLEL, sine
 from msahl.check.ends import apart, arm, points, tolerance
 from msahl.check.faults import Finding, shown
-from msahl.elements.constraints.coordinates import ANGLE, RADIUS, ROUND, SKEW
+from msahl.elements.constraints.coordinate_kinds import ANGLE, RADIUS, ROUND, SKEW
 from msahl.elements.constraints.products import DOT
 from msahl.joints.joint import CHILD, PARENT, Coincide, Coordinate, Equation, Product
 from msahl.joints.registry import KINDS

@@ -1,8 +1,8 @@
-"""Reactions: what the multipliers of a joint add up to, and the loads of couplings and drives.
+"""Reactions of joints from their multipliers, and loads of couplings and prescribed motions.
 
 The reaction is the force of the parent on the child and the moment about the joint's point on the
-child, in inertial axes, mean over the step. A drive's load along its motion times the rate of its
-law is its power.
+child, in inertial axes, mean over the step. The load of a prescribed motion times the
+rate of its law is its power.
 """
 
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import ZERO, Vector, add, at, axpy, cross, matrix_at, put, sub, times
-from msahl.elements.constraints.coordinates import CoordinatesWorkspace
+from msahl.elements.constraints.coordinate_kinds import CoordinatesWorkspace
 from msahl.elements.constraints.equations import coefficients, law_rate
 from msahl.elements.constraints.products import Q_B, U_B
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
@@ -18,19 +18,21 @@ from msahl.elements.frames import Frames, mean
 from msahl.jit.kernel import kernel
 
 MOST_ROUNDS, STILL = 40, 1e-14
-"""Rounds for the reactions that friction presses by, at most, and the change, relative to the
-largest, that is none."""
+"""Most iterations for the reactions on which friction depends, and the change, relative to the
+largest reaction, at which they end."""
 
 
 class Shown(NamedTuple):
-    """What the results show of joints."""
+    """Which numbers of joints, couplings and motions the results contain."""
 
-    moment: np.ndarray  # (j,) whether a joint's moment is shown beside its force
-    load_equation: np.ndarray  # (e,) rows whose multiplier is shown: couplings and motions
+    moment: np.ndarray  # (j,) whether a joint's moment is written beside its force
+    load_equation: (
+        np.ndarray
+    )  # (e,) equations of couplings and motions, whose multiplier is written
 
 
 class Reactions(NamedTuple):
-    """All joints; their rows stand together, in order."""
+    """All joints; the scalar equations of a joint stand together, in order."""
 
     child: np.ndarray  # (j,) body
     s: np.ndarray  # (j, 3) the joint's point on the child from its mass centre, its axes [m]
@@ -69,7 +71,7 @@ def sum_reactions(
                 out[j, i] = multipliers[group.coincide[j], i]
         return
     for j in range(group.child.size):
-        force, moment = _of_rows(group, scalar, start, multipliers, j)
+        force, moment = _of_equations(group, scalar, start, multipliers, j)
         arm = mean(frames, Z, group.child[j], at(arms, j))
         moment = sub(moment, cross(arm, force))
         if group.coincide[j] >= 0:
@@ -80,14 +82,16 @@ def sum_reactions(
 
 
 @kernel
-def _of_rows(
+def _of_equations(
     group: Reactions,
     scalar: ScalarConstraints,
     start: ScalarWorkspace,
     multipliers: np.ndarray,
     j: int,
 ) -> tuple[Vector, Vector]:
-    """Force of joint ``j``'s rows on the child, and their moment about its mass centre."""
+    """Return the force of joint ``j``'s scalar equations on the child, and their moment about its
+    mass centre.
+    """
     force, moment = ZERO, ZERO
     for r in range(group.first_equation[j], group.first_equation[j + 1]):
         lam = multipliers[scalar.equations.place[r, 0], scalar.equations.place[r, 1]]
@@ -102,7 +106,7 @@ def _of_rows(
 
 @kernel
 def _part_force(start: CoordinatesWorkspace, q: int, part: int) -> Vector:
-    """Unit force of a quantity on one part."""
+    """Return the unit force of a coordinate on one part."""
     return (start.force[q, part, 0], start.force[q, part, 1], start.force[q, part, 2])
 
 
@@ -136,7 +140,7 @@ def write_reactions(
 
 @kernel
 def is_unchanged(reaction: np.ndarray, last: np.ndarray) -> bool:
-    """Whether the reactions (j, 6) are those of the ``last`` round, but for round-off."""
+    """Return whether the reactions (j, 6) are those of the ``last`` iteration to round-off."""
     change, size = 0.0, 0.0
     for j in range(reaction.shape[0]):
         for i in range(6):

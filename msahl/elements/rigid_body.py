@@ -1,6 +1,7 @@
-"""Rigid body: Hamilton's weak principle over one step, its energy, its free acceleration.
+"""Rigid body, a mass element: its balance of momentum over a step, energy and gyroscopic moment.
 
-Over a step of size h the body is displaced by u and turned by Q (inertial axes); its equations,
+Over a step of size h the mass centre is displaced by u and the body rotates by the rotation
+increment Q (inertial axes). By Hamilton's weak principle its equations,
 with the end values of velocity used up, are
 
     m (2 u/h - 2 v0)                    = h F                     mean force, inertial axes
@@ -10,22 +11,23 @@ with the end values of velocity used up, are
     W0 = R0 w0        angular velocity at the start, inertial axes [rad/s]
 
 F and T come from gravity and from the elements at the body. Multiplied by h/(2 m) and h/(2 m l),
-l a length of the body, both rows are in metres whatever the step; so are the unknowns u and l Q.
-Derivative of the second row (times h/2) by Q: R J0 - [R L h/2] D, with D of ``rotation``.
+l a length of the body, both equations are in metres whatever the step; so are the unknowns u and
+l Q. The derivative of the second equation (times h/2) by Q is R J0 - [R L h/2] D, with D of
+``algebra.rotation``.
 
-Turns by the angle have psi Q in place of Q in L, and psi times the left side of the second row, psi
-= 2 atan(|Q|/2)/|Q|: h times the mean angular velocity is then the turn itself.
+The exponential-map update has psi Q in place of Q in L, and psi times the left side of the second
+equation, psi = 2 atan(|Q|/2)/|Q|: h times the mean angular velocity is then the rotation vector.
 
 A decaying scheme (``schemes.Decay``) has u/h = (v0 + v1)/2 + chi/2 y, y = v1 - v0 - s, with
 
     s' = pole s + (1 - pole) (v1 - v0)                 smoothed change of v, handed on
     v1 = v0 + (u/h - v_go)/share ,   v_go = v0 - chi/2 s ,   share = (1 + chi)/2
 
-and the same for the turn, in body axes; share h takes the place of h/2. As m (v1 - v0) = h F, the
-body loses chi/2 m y.(v1 - v0) a step, which is never negative in sum: with S = chi m s.s/(4 (1 -
-pole)), it is the rise of S plus chi m (1 + pole) y.y/4.
+and the same for the rotation, in body axes; share h takes the place of h/2. As m (v1 - v0) = h F,
+the body loses chi/2 m y.(v1 - v0) a step, which is never negative in sum: with S = chi m s.s/
+(4 (1 - pole)), it is the rise of S plus chi m (1 + pole) y.y/4.
 Source: Borri, Mello, Atluri, Primal and mixed forms of Hamilton's principle for constrained rigid
-body systems, Comput. Mech. 7 (1991); the turn as increment is ours.
+body systems, Comput. Mech. 7 (1991); the rotation increment as unknown is ours.
 """
 
 from typing import NamedTuple
@@ -193,8 +195,8 @@ def smooth(
     y_v, y_w = sub(dv, at(v_rise, f)), sub(dw, at(w_rise, f))
     put(v_rise, f, axpy(decay.pole, at(v_rise, f), scale(1.0 - decay.pole, dv)))
     put(w_rise, f, axpy(decay.pole, at(w_rise, f), scale(1.0 - decay.pole, dw)))
-    turning = dot(y_w, times(matrix_at(bodies.inertia, b), dw))
-    return 0.5 * decay.chi * (dot(y_v, dv) / bodies.inverse_mass[b] + turning)
+    rotational = dot(y_w, times(matrix_at(bodies.inertia, b), dw))
+    return 0.5 * decay.chi * (dot(y_v, dv) / bodies.inverse_mass[b] + rotational)
 
 
 @kernel

@@ -1,10 +1,9 @@
-"""The kernels, compiled by numba and kept on disk.
+"""Compiles kernels with numba and caches them on disk.
 
-The cache is the user's own (an installed package may be read-only), one folder per state of our
-sources: numba looks only at the file of the function it enters, not at those it calls, so a cache
-shared between versions would run old physics. ``NUMBA_CACHE_DIR`` moves it, ``NUMBA_DISABLE_JIT=1``
-runs everything as plain Python.
-"""
+The cache belongs to the user (an installed package may be read-only) and has one folder per state
+of the sources: numba checks only the file of the function that Python calls, not of those called
+from it, so a cache shared between versions would run old equations. ``NUMBA_CACHE_DIR`` moves it,
+``NUMBA_DISABLE_JIT=1`` runs everything as plain Python."""
 
 import hashlib
 import os
@@ -29,24 +28,24 @@ from msahl.jit.kernel_store import Store
 from msahl.jit.linking import Apart, Entered, Inlined
 
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
-"""Division by zero gives inf or nan, which the solver sees, instead of an exception. Without
+"""Division by zero gives inf or nan, which the solver detects, instead of an exception. Without
 numba's runtime (_nrt) a kernel cannot allocate, and arrays are passed without counting their
-references, which took seven eighths of a small scene's step."""
+references, which took seven eighths of a step of a small system."""
 SMALL = 800
-"""Bytes of Python code up to which a function is made part of its callers. Small scenes gain a
-tenth; with larger functions they gain nothing and compiling takes longer."""
+"""Bytes of Python bytecode up to which a function is inlined. That makes small systems a tenth
+faster; inlining larger functions gains nothing and takes longer to compile."""
 
 KERNEL_PACKAGES = ("algebra", "elements", "jit", "joints", "linalg", "model", "schemes", "system")
 KERNEL_MODULES = ("post/replay.py", "post/virtual.py", "study/dynamics.py")
-"""The sources of the package that compiled code depends on."""
+"""Sources of the package on which compiled code depends."""
 LAYOUT = 2
-"""Of the kept files; counted up when it changes."""
+"""Version of the format of cached files."""
 
 _registered: set[Callable[..., Any]] = set()
 
 
 def cache_folder() -> Path:
-    """Where the compiled kernels of these very sources are kept."""
+    """Return the folder of the compiled kernels of the present sources."""
     kept = os.environ.get("NUMBA_CACHE_DIR")
     root = kept or platformdirs.user_cache_dir("msahl", appauthor=False)
     package = Path(__file__).parent.parent
@@ -60,41 +59,41 @@ def cache_folder() -> Path:
 
 
 def is_kept(kind: str) -> bool:
-    """Whether the step of this ``kind`` of scene is on disk, or need not be compiled at all."""
+    """Whether the step of this ``kind`` is cached, or need not be compiled at all."""
     return bool(os.environ.get("NUMBA_DISABLE_JIT")) or STORE.load(kind) is not None
 
 
 def keep(kind: str) -> None:
-    """Note that the step of this ``kind`` of scene is compiled and kept."""
+    """Record that the step of this ``kind`` is compiled and cached."""
     if not os.environ.get("NUMBA_DISABLE_JIT"):
         STORE.save(kind, b"")
 
 
 def trouble() -> str:
-    """Why compiled code cannot be kept on disk, and what to do; empty if it can."""
+    """Return why compiled code cannot be cached, and what to do; empty if it can."""
     if not STORE.trouble:
         return ""
     return (
-        f"{STORE.trouble}: compiled code is not kept there, so every run compiles anew. Give the "
-        "folder to yourself alone (chmod go-w), or let NUMBA_CACHE_DIR name another one"
+        f"{STORE.trouble}: compiled code is not cached there, so every run compiles again. Make "
+        "the folder writable for yourself only (chmod go-w), or set NUMBA_CACHE_DIR to another one"
     )
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """``function`` compiled on its first call (or loaded from the cache), with all it calls."""
+    """Return ``function`` compiled on its first call, or loaded from the cache."""
     options = {**OPTIONS, "pipeline_class": Entered}
     dispatcher: Any = numba.njit(**options)(function)
-    if dispatcher is not function:  # it is, where nothing is to be compiled
-        dispatcher._cache = _Kept(function)
+    if dispatcher is not function:  # it is the function itself with NUMBA_DISABLE_JIT
+        dispatcher._cache = _Cache(function)
     entered: Callable[..., Any] = dispatcher
     return entered
 
 
-class _Kept:
-    """What numba asks of the cache of one ``function``.
+class _Cache:
+    """Cache of one compiled ``function``, with the methods that numba calls.
 
-    numba's own gets ready to compile before it loads, with all it knows of Python and numpy (0.35
-    s), executes whatever bytes it finds, and loses entries when two processes save at a time.
+    numba's own cache prepares to compile before it loads (0.35 s), executes whatever bytes it
+    finds, and loses entries when two processes save at the same time.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -102,27 +101,27 @@ class _Kept:
         self.cache_path = str(STORE.folder)
 
     def load_overload(self, signature: Any, context: Any) -> Any:
-        """The code kept for a signature, None where there is none."""
+        """Return the code cached for a signature, None if there is none."""
         name = self._name(signature, context.codegen())
         content = STORE.load(name)
         if content is None:
             return None
         try:
             return cast(Any, CompileResult)._rebuild(context, *pickle.loads(content))
-        except Exception:  # whole, but of a library that has changed under the same version
+        except Exception:  # undamaged, but of a changed library with the same version
             STORE.discard(name)
             return None
 
     def save_overload(self, signature: Any, result: Any) -> None:
-        """Keep the code compiled for a signature."""
+        """Cache the code compiled for a signature."""
         if not result.library.has_dynamic_globals:
             STORE.save(self._name(signature, result.codegen), cast(Any, dumps)(result._reduce()))
 
     def flush(self) -> None:
-        """Nothing waits to be written."""
+        """Do nothing: files are written at once."""
 
     def _name(self, signature: Any, code: Any) -> str:
-        """A file's name for the function, the types of its arguments, and the processor."""
+        """Return the file name for the function, the types of its arguments, and the processor."""
         function = self.function
         key = (signature, code.magic_tuple(), function.__code__.co_code)
         told = hashlib.sha256(repr(key).encode()).hexdigest()
@@ -130,7 +129,7 @@ class _Kept:
 
 
 class _Registrar(event.Listener):
-    """Tells numba of the marked functions when it comes to compile: what is loaded needs none."""
+    """Registers the marked functions with numba when it begins to compile; loading needs none."""
 
     def on_start(self, event: event.Event) -> None:
         for mark in MARKED:
@@ -144,7 +143,7 @@ class _Registrar(event.Listener):
 
 
 class _Stopwatch(event.Listener):
-    """Seconds that compiling has taken in this process; ``tell`` is called when it begins."""
+    """Measures the seconds of compiling in this process; calls ``tell`` when it begins."""
 
     def __init__(self) -> None:
         self.seconds, self.began, self.depth = 0.0, 0.0, 0
@@ -166,12 +165,12 @@ STOPWATCH = _Stopwatch()
 
 
 def working_clock() -> float:
-    """Seconds of a clock that stands still while kernels are compiled."""
+    """Return the seconds of a clock that stops while kernels are compiled."""
     return time.perf_counter() - STOPWATCH.seconds
 
 
 STORE = Store(cache_folder())
-# Sums of tuples become sums of the processor's own vectors.
+# LLVM turns operations on tuples into vector instructions.
 setattr(numba.config, "SLP_VECTORIZE", 1)  # noqa: B010 - missing in its type stub
 event.register("numba:compile", _Registrar())  # type: ignore[no-untyped-call]
 event.register("numba:compile", STOPWATCH)  # type: ignore[no-untyped-call]

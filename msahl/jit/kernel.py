@@ -1,14 +1,17 @@
-"""Which functions may be compiled.
+"""Marks the functions that may be compiled.
 
-``@kernel`` marks a function of floats, tuples and arrays that the time loop needs compiled. It is
-returned as it is: an element's module stays plain Python, imports no compiler, and *is* the
-uncompiled twin of its own kernel. ``msahl.jit.compiled`` hands the marked functions to numba.
+``@kernel`` marks a function of floats, tuples and arrays that the time loop needs compiled, and
+returns it unchanged. So an element's module stays plain Python, imports no compiler, and is its own
+uncompiled reference. ``msahl.jit.compiled`` registers the marked functions with numba.
 """
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+Group = TypeVar("Group")
+Rest = ParamSpec("Rest")
+Result = TypeVar("Result")
 
 MARKED: list[Callable[..., Any]] = []
 APART: list[Callable[..., Any]] = []
@@ -21,9 +24,39 @@ def kernel(function: Function) -> Function:
 
 
 def apart(function: Function) -> Function:
-    """As ``kernel``, but never made part of its callers: compiled once, however many they are.
+    """Mark a kernel that is never inlined: it is compiled once, however many callers it has.
 
-    For what is called from several places and does much in a call.
+    This is for functions that are called from several places and do much work in a call.
     """
     APART.append(function)
     return kernel(function)
+
+
+def optional(
+    otherwise: float | None = None,
+) -> Callable[
+    [Callable[Concatenate[Group, Rest], Result]], Callable[Concatenate[Group | None, Rest], Result]
+]:
+    """Mark a function whose first argument may be None as compilable; return ``otherwise`` then.
+
+    This is the one place where the kernels of systems without such a group are told apart. numba
+    compiles a version of each function for the types of its arguments; where the first is None it
+    compiles nothing of the function itself.
+    """
+
+    def mark(
+        function: Callable[Concatenate[Group, Rest], Result],
+    ) -> Callable[Concatenate[Group | None, Rest], Result]:
+        given: Any = kernel(function)
+
+        def called(group: Any, *arguments: Any) -> Any:
+            if group is None:
+                return otherwise
+            return given(group, *arguments)
+
+        for name in ("__module__", "__name__", "__qualname__", "__doc__"):
+            setattr(called, name, getattr(function, name))
+        marked: Any = kernel(called)
+        return marked
+
+    return mark

@@ -1,6 +1,6 @@
-"""Files for compiled code, in a folder that belongs to the user alone.
+"""Keeps compiled code in files, in a folder that only the user can write to.
 
-What is loaded from here is executed. A folder that another user owns or can write to is therefore
+The content of these files is executed. A folder that another user owns or can write to is therefore
 not used at all, and every file begins with the SHA-256 of its name and content: a damaged file is
 removed, and its code is compiled again. Each entry is one file, written under a temporary name and
 renamed, so processes that save at the same time do not disturb each other.
@@ -19,34 +19,36 @@ OTHERS = stat.S_IWGRP | stat.S_IWOTH
 """Permission of group or others to write."""
 HEAD = hashlib.sha256().digest_size
 NEVER_LINKS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
-"""Neither a symbolic link nor a pipe in the place of a file is opened."""
+"""Neither a symbolic link nor a pipe is opened in place of a file."""
 BINARY = getattr(os, "O_BINARY", 0)
 
 
 class Store:
-    """The files in ``folder``; ``trouble`` says why nothing is kept there, empty if all is well."""
+    """Reads and writes the files in ``folder``; ``trouble`` says why none are kept there, or is
+    empty.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.trouble = ""
 
     def load(self, name: str) -> bytes | None:
-        """The content that was saved under ``name``; None if there is none that can be trusted."""
+        """Return the content saved under ``name``; None if there is none that can be trusted."""
         with self._opened() as at:
             if at is None:
                 return None
             try:
                 with open(name, "rb", opener=partial(_open_at, at)) as file:
-                    whole = file.read() if _is_own(os.fstat(file.fileno())) else b""
+                    content = file.read() if _is_own(os.fstat(file.fileno())) else b""
             except OSError:
                 return None
-            if whole[:HEAD] != _digest(name, whole[HEAD:]):
+            if content[:HEAD] != _digest(name, content[HEAD:]):
                 self._remove(at, name)
                 return None
-            return whole[HEAD:]
+            return content[HEAD:]
 
     def save(self, name: str, content: bytes) -> None:
-        """Keep ``content`` under ``name``, if that is possible."""
+        """Save ``content`` under ``name``, if that is possible."""
         part = f"{name}.{secrets.token_hex(8)}"
         with self._opened() as at:
             if at is None:
@@ -60,7 +62,7 @@ class Store:
                 self.trouble = f"{self.folder}: {error.strerror or error}"
 
     def discard(self, name: str) -> None:
-        """Remove what is kept under ``name``."""
+        """Remove the file ``name``."""
         with self._opened() as at:
             if at is not None:
                 self._remove(at, name)
@@ -71,7 +73,7 @@ class Store:
 
     @contextmanager
     def _opened(self) -> Iterator["_Folder | None"]:
-        """The folder, made if it is not there; None where its content must not be trusted."""
+        """Open the folder, creating it if needed; None where its content must not be trusted."""
         try:
             self.folder.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
             self.folder.mkdir(exist_ok=True, mode=0o700)
@@ -88,7 +90,7 @@ class Store:
 
 
 class _Folder:
-    """An open folder. Files are opened in this very folder, whatever its path comes to name."""
+    """An open folder. Files are opened in this folder even if its path is changed meanwhile."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -97,30 +99,30 @@ class _Folder:
             self.fd = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
 
     def path(self, name: str) -> str:
-        """The path of a file, for calls that are given ``fd`` as well."""
+        """Return the path of a file, for calls that are given ``fd`` as well."""
         return name if self.fd is not None else str(self._path / name)
 
     def fault(self) -> str:
-        """Why its content must not be trusted; empty if it may be."""
+        """Return why its content must not be trusted; empty if it may be."""
         if self.fd is None:  # a system without owners in this sense
             return ""
         parent = self._path.parent
         return _fault(self._path, os.fstat(self.fd)) or _fault(parent, parent.stat(), sticky=True)
 
     def close(self) -> None:
-        """Give the descriptor back."""
+        """Close the descriptor."""
         if self.fd is not None:
             os.close(self.fd)
 
 
 def _open_at(at: _Folder, name: str, flags: int) -> int:
-    """As ``os.open``, of a file in the folder ``at``."""
+    """Open a file in the folder ``at``, as ``os.open``."""
     return os.open(at.path(name), flags | NEVER_LINKS | BINARY, 0o600, dir_fd=at.fd)
 
 
 def _fault(path: Path, found: os.stat_result, sticky: bool = False) -> str:
-    """Why another user could have put something there; ``sticky`` folders, such as /tmp, let nobody
-    replace what belongs to others.
+    """Return how another user could have written there; in ``sticky`` folders, such as /tmp, nobody
+    can replace files of others.
     """
     if sticky and found.st_mode & stat.S_ISVTX:
         return ""
@@ -130,7 +132,7 @@ def _fault(path: Path, found: os.stat_result, sticky: bool = False) -> str:
 
 
 def _is_own(found: os.stat_result) -> bool:
-    """Whether a file is a regular one that only this user can have written."""
+    """Whether it is a regular file that only this user can have written."""
     if not stat.S_ISREG(found.st_mode):
         return False
     return not hasattr(os, "getuid") or (found.st_uid == os.getuid() and not found.st_mode & OTHERS)

@@ -1,8 +1,8 @@
-"""Compilers of functions that are only called by other kernels, never from Python.
+"""Compiles functions that only kernels call together with the function that Python calls.
 
-numba would optimise each of them, with all that it calls, and make machine code of it that nobody
-runs: once more for every level of calls, which took a third of the time of compiling. Here they are
-optimised and made machine code with the function that is entered.
+numba would optimise each of them with all that it calls, and generate machine code that is never
+run, once more for every level of calls; that took a third of the compile time. Here they are
+optimised and turned into machine code once, as part of the function that is entered from Python.
 """
 
 from typing import Any
@@ -15,7 +15,7 @@ from numba.core.typed_passes import NativeLowering
 
 
 class _Library(JITCodeLibrary):
-    """Code to be linked into that of callers."""
+    """Code that is only linked into that of its callers: not optimised and not finalised alone."""
 
     def _optimize_final_module(self) -> None:
         pass
@@ -25,74 +25,74 @@ class _Library(JITCodeLibrary):
         self._finalized = True
 
 
-class _Offer(LoweringPass):
-    """Make a lowered function known to callers, by a name of its own in place of an address."""
+class _Register(LoweringPass):
+    """Register a lowered function for its callers, by a unique name instead of an address."""
 
-    _name = "offer"
+    _name = "register_callable"
 
     def __init__(self) -> None:
         super().__init__()
 
     def run_pass(self, state: Any) -> bool:
-        unique = list[Any]().append  # numba wants a builtin; this one is equal to no other
+        unique = list[Any]().append  # numba needs a builtin; this one equals no other
         state.targetctx.insert_user_function(unique, state.cr.fndesc, [state.library])
         state.cr = state.cr._replace(cfunc=unique)
         return True
 
 
 @register_pass(mutates_CFG=False, analysis_only=False)
-class _OfferApart(_Offer):
+class _RegisterApart(_Register):
     pass
 
 
 @register_pass(mutates_CFG=False, analysis_only=False)
-class _OfferInlined(_Offer):
+class _RegisterInlined(_Register):
     def run_pass(self, state: Any) -> bool:
-        # numba's own flag for it is handed on to all that the function calls, however large.
+        # numba's own flag would also apply to all functions that this one calls, however large.
         function = state.library.get_function(state.cr.fndesc.mangled_name)
         function.add_function_attribute("alwaysinline")
         return super().run_pass(state)
 
 
 class Apart(CompilerBase):
-    """Of functions of which the compiler decides whether they become part of their callers."""
+    """Compiler of functions that LLVM may or may not inline."""
 
-    offer: type[_Offer] = _OfferApart
+    register: type[_Register] = _RegisterApart
 
     def define_pipelines(self) -> list[PassManager]:
-        """numba's own pipeline, but for its end."""
+        """Return numba's own pipeline with another last pass."""
         self.state.flags.no_compile = True
         name = self.state.func_id.func_qualname
         self.state.library = _Library(self.state.targetctx.codegen(), name)
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        passes.add_pass_after(self.offer, NativeLowering)
+        passes.add_pass_after(self.register, NativeLowering)
         passes.finalize()
         return [passes]
 
 
 class Inlined(Apart):
-    """Of functions that do become part of their callers."""
+    """Compiler of functions that are always inlined."""
 
-    offer = _OfferInlined
+    register = _RegisterInlined
 
 
-class _EnteredLibrary(JITCodeLibrary):
-    """Code that is entered from Python, with all that it calls."""
+class _EntryLibrary(JITCodeLibrary):
+    """Code of a function that Python calls, with all that it calls."""
 
     def _optimize_final_module(self) -> None:
         for function in self._final_module.functions:
             if function.linkage == Linkage.linkonce_odr:
-                # Nobody else calls it: with but one caller it may as well become part of that.
+                # Nothing outside calls it; so LLVM may inline it if it has only one caller.
                 function.linkage = "internal"
         super()._optimize_final_module()
 
 
 class Entered(CompilerBase):
-    """Of functions that are entered from Python."""
+    """Compiler of functions that Python calls."""
 
     def define_pipelines(self) -> list[PassManager]:
-        """numba's own pipeline."""
+        """Return numba's own pipeline."""
         name = self.state.func_id.func_qualname
-        self.state.library = _EnteredLibrary(self.state.targetctx.codegen(), name)
+        self.state.library = _EntryLibrary(self.state.targetctx.codegen(), name)
         self.state.library.enable_object_caching()
         return [DefaultPassBuilder.define_nopython_pipeline(self.state)]

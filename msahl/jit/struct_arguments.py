@@ -1,9 +1,9 @@
-"""Groups of arrays by reference: how compiled kernels are handed what they work on.
+"""Passes NamedTuples of arrays to compiled kernels by reference, as a C struct.
 
-numba takes a ``NamedTuple`` apart into its scalars, seven and more an array, and hands on all of
-them at every call: a thousand for a scene, which took a third of the time of compiling. Here a
-group lies in memory while a kernel runs and its address is handed on. A group never changes while a
-kernel runs (its arrays' entries do), and the compiler is told so.
+numba passes a ``NamedTuple`` as all of its scalars, seven and more for an array: a thousand for a
+system, at every call, which took a third of the compile time. Here such a group of arrays is stored
+in memory while a kernel runs, and its address is passed. The group itself never changes while a
+kernel runs (only entries of its arrays do), and the compiler is told so.
 """
 
 import hashlib
@@ -26,13 +26,13 @@ _INT = ir.IntType(32)
 
 
 class Group(types.Type):
-    """Type of the address of a group, by the names and types of its members."""
+    """Type of the address of a group; it depends on the names and types of the members."""
 
     def __init__(self, kind: str, names: tuple[str, ...], members: tuple[types.Type, ...]) -> None:
         self.names, self.members = names, members
-        told = " ".join(f"{name}:{member}" for name, member in zip(names, members, strict=True))
-        # A part of the name of every function: the whole would be half of the text of the code.
-        super().__init__(f"{kind}.{hashlib.sha256(told.encode()).hexdigest()[:12]}")
+        layout = " ".join(f"{name}:{member}" for name, member in zip(names, members, strict=True))
+        # Types are part of every function's name: written in full they would be half of the code.
+        super().__init__(f"{kind}.{hashlib.sha256(layout.encode()).hexdigest()[:12]}")
 
 
 _typeof_tuple = typeof_impl.dispatch(tuple)
@@ -61,7 +61,7 @@ class _Members(AttributeTemplate):
 
 
 def _in_memory(context: Any, kind: types.Type) -> ir.Type:
-    """How a group or a member lies in memory."""
+    """Return the memory layout of a group or a member."""
     if isinstance(kind, Group):
         return ir.LiteralStructType([_in_memory(context, member) for member in kind.members])
     return context.get_data_type(kind)
@@ -79,7 +79,7 @@ def _member(context: Any, builder: Any, group: Group, address: Any, name: str) -
 
 
 def _load(builder: Any, place: Any) -> Any:
-    """What lies at a ``place``, said never to change: only of single numbers can that be said."""
+    """Load the value at ``place`` and declare it invariant; LLVM allows this for scalars only."""
     kind = place.type.pointee
     if isinstance(kind, ir.Aggregate):
         whole = ir.Constant(kind, ir.Undefined)
@@ -99,15 +99,15 @@ def _unbox(group: Group, value: Any, c: Any) -> NativeValue:
     with c.builder.if_then(failed, likely=False):
         c.pyapi.err_set_string("PyExc_TypeError", f"not the {group} this kernel is compiled for")
     address = c.builder.bitcast(memory, c.context.get_value_type(group))
-    # For the compiler another address, of memory it has not seen being filled: what lies there has
-    # never changed.
+    # Launder the pointer through an empty asm so that LLVM cannot connect the stores above with the
+    # invariant loads below.
     identity = ir.FunctionType(address.type, [address.type])
     address = c.builder.asm(identity, "", "=r,0,~{memory}", [address], side_effect=True)
     return NativeValue(address, is_error=failed)
 
 
 def _fill(group: Group, value: Any, memory: Any, c: Any) -> Any:
-    """Write the members of ``value``, a Python object, to ``memory``; whether that failed."""
+    """Write the members of the Python object ``value`` to ``memory``; return if it failed."""
     failed = cgutils.false_bit
     for k, kind in enumerate(group.members):
         part = c.pyapi.tuple_getitem(value, k)

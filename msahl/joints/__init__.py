@@ -1,1 +1,1 @@
-"""Joints: one module a kind, built from primitives that hold the equations."""
+"""Kinds of joints: one module each, which lists the joint's constraint equations."""

@@ -1,10 +1,10 @@
 """Crossed cylinders: point contact of two cylinders with skew axes, free of friction.
 
-    distance of the axes = r1 + r2                 1 equation, free motions: 5
+    distance of the axes = r1 + r2                 1 equation, degrees of freedom: 5
 
 D from a point of one axis a to a point of the other b. In the products D.D, D.a, D.b and a.b alone
-(the quantity SKEW) the equation is a polynomial, so the forces and moments of both bodies balance
-exactly.
+(the coordinate kind SKEW) the equation is a polynomial, so the forces and moments of both
+bodies balance exactly.
 """
 
 from msahl.joints.joint import Equation, Equations, Kind, skew_distance

@@ -1,6 +1,6 @@
 """Cylindrical joint: a common axis, along which and about which the child is free.
 
-point on axis, parallel axes            4 equations, free motions: 2 (slide, angle)
+point on axis, parallel axes            4 equations, degrees of freedom: 2 (slide, angle)
 """
 
 from msahl.joints.joint import Equations, Kind, on_axis, parallel_axes

@@ -1,6 +1,6 @@
 """Cylindrical slider: a cylinder of the child lies on a plane of the parent, free of friction.
 
-child's point at radius above the plane, normal . axis = 0      2 equations, free motions: 4
+child's point at radius above the plane, normal . axis = 0      2 equations, degrees of freedom: 4
 """
 
 from msahl.joints.joint import Equations, Kind, Z, in_plane, perpendicular

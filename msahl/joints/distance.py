@@ -1,6 +1,6 @@
 """Distance joint: a massless rod between a point of the parent and a point of the child.
 
-    |P_child - P_parent| = length            1 equation, free motions: 5
+    |P_child - P_parent| = length            1 equation, degrees of freedom: 5
 
 Without a ``length`` it is the distance at t = 0.
 """

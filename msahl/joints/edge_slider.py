@@ -1,6 +1,6 @@
 """Edge slider: a straight edge of the child lies in a plane of the parent.
 
-child's point in plane, normal . edge = 0       2 equations, free motions: 4
+child's point in plane, normal . edge = 0       2 equations, degrees of freedom: 4
 """
 
 from msahl.joints.joint import Equations, Kind, Z, in_plane, perpendicular

@@ -2,16 +2,16 @@
 
 A joint has a point and a frame on either body. z of the frame is the joint's axis (the normal of a
 plane, the direction of an edge); x and y complete it. A kind is a list of equations between the
-two, built from ``coincide`` and from quantities (``joints.quantity``); its multipliers make up the
-reaction. Sources: Hainge 2010, figure 1.2, for the names; Nikravesh, Computer-Aided Analysis of
-Mechanical Systems (1988), chapter 7, for equations of this form.
+two, built from coinciding points and from coordinates (``elements.constraints``); its multipliers
+make up the reaction. Sources: Hainge 2010, figure 1.2, for the names; Nikravesh, Computer-Aided
+Analysis of Mechanical Systems (1988), chapter 7, for equations of this form.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from msahl.algebra.vector import IDENTITY, Vector, scale
-from msahl.elements.constraints.coordinates import ANGLE, PLAIN, RADIUS, ROUND, SKEW
+from msahl.elements.constraints.coordinate_kinds import ANGLE, PLAIN, RADIUS, ROUND, SKEW
 from msahl.elements.constraints.products import DOT, ROLL, SLIDE, SLIP
 from msahl.model.joints import Joint
 
@@ -21,7 +21,7 @@ PARENT, CHILD, GROUND = "parent", "child", "ground"
 
 @dataclass(frozen=True, slots=True)
 class Product:
-    """A measure between the joint's points; ``n`` is fixed in ``owner``, ``e`` in the child.
+    """A scalar product between the joint's points; ``n`` is fixed in ``owner``, ``e`` in the child.
 
     ``up`` takes the parent's point's place in a ROLL.
     """
@@ -35,7 +35,7 @@ class Product:
 
 @dataclass(frozen=True, slots=True)
 class Coordinate:
-    """A quantity between parent and child, of some products; ``angular`` if it is in radians."""
+    """A coordinate between parent and child, of some products; ``angular`` if it is in radians."""
 
     kind: int
     products: tuple[Product, ...]
@@ -45,7 +45,8 @@ class Coordinate:
 
 @dataclass(frozen=True, slots=True)
 class Equation:
-    """A row: ``first`` + ``coefficient`` ``second`` = ``value``; None: what it is at t = 0.
+    """A constraint equation: ``first`` + ``coefficient`` ``second`` = ``value``; None is its value
+    at t = 0.
 
     ``rate`` marks an equation between rates, which has no position law to be checked or assembled.
     """
@@ -70,11 +71,11 @@ class Kind:
     """A kind of joint.
 
     ``axes`` says which the deck must give: 0 none, 1 one that both sides share at t = 0, 2 one a
-    side; ``faces`` whether the child's is turned round to face the parent's at t = 0.
-    ``parameters`` are (name, unit quantity, default or None, lower bound); ``freedoms`` are the
-    free motions that drives, springs, gears and friction may act along. ``on_ground`` are laws
-    between rates that hold against the inertial axes only; ``bearing`` are those whose friction is
-    known from their reaction.
+    side; ``faces`` whether the child's points against the parent's at t = 0.
+    ``parameters`` are (name, unit, default or None, lower bound); ``coordinates`` are those that
+    prescribed motions, springs, couplings and friction can act along. ``on_ground`` marks equations
+    between rates that are valid only if the parent is a ground; ``bearing`` marks those whose
+    friction follows from their reaction.
     """
 
     name: str
@@ -99,7 +100,7 @@ def parallel_axes(joint: Joint) -> Equations:
     return [perpendicular(joint.parent_axes[X], axis), perpendicular(joint.parent_axes[Y], axis)]
 
 
-def no_turn(joint: Joint) -> Equations:
+def no_rotation(joint: Joint) -> Equations:
     """No relative rotation: three equations."""
     twist = perpendicular(joint.parent_axes[X], joint.child_axes[Y])
     return [*parallel_axes(joint), twist]
@@ -116,12 +117,12 @@ def in_plane(normal: Vector, offset: float = 0.0) -> Equation:
 
 
 def slide(joint: Joint) -> Coordinate:
-    """Way of the child's point along the parent's axis [m]."""
+    """Displacement of the child's point along the parent's axis [m]."""
     return Coordinate(PLAIN, (Product(SLIDE, joint.parent_axes[Z]),))
 
 
 def angle(joint: Joint) -> Coordinate:
-    """Turn of the child about the parent's axis, counted over all turns [rad]."""
+    """Rotation of the child about the parent's axis, counted over all revolutions [rad]."""
     sine = Product(DOT, joint.parent_axes[Y], e=joint.child_axes[X])
     cosine = Product(DOT, joint.parent_axes[X], e=joint.child_axes[X])
     return Coordinate(ANGLE, (sine, cosine), angular=True)

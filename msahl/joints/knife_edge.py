@@ -1,6 +1,6 @@
 """Knife edge: a point of the child does not move across its blade (a skate, a wheel's plane).
 
-    n . (velocity of the child's point) = 0        1 equation between rates, free motions: 5
+    n . (velocity of the child's point) = 0        1 equation between rates, degrees of freedom: 5
 
 n, the child's axis, is at a right angle to the blade. Non-holonomic: the parent is a ground.
 """

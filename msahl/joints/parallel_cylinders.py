@@ -1,6 +1,6 @@
 """Parallel cylinders: line contact of two cylinders with parallel axes, free of friction.
 
-    parallel axes, distance of the axes = r1 + r2     3 equations, free motions: 3
+    parallel axes, distance of the axes = r1 + r2     3 equations, degrees of freedom: 3
 
 A negative radius is a hollow cylinder: the other lies in it, at the distance r1 - r2.
 """

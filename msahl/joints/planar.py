@@ -1,6 +1,6 @@
 """Planar joint: two planes lie on each other.
 
-child's point in plane, parallel normals        3 equations, free motions: 3
+child's point in plane, parallel normals        3 equations, degrees of freedom: 3
 """
 
 from msahl.joints.joint import Equations, Kind, Z, in_plane, parallel_axes

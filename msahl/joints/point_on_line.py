@@ -1,6 +1,6 @@
 """Point on line (a sphere in a cylinder): a point of the child moves along an axis of the parent.
 
-point on axis                                   2 equations, free motions: 4 (slide, turns)
+point on axis                         2 equations, degrees of freedom: 4 (slide, rotations)
 """
 
 from msahl.joints.joint import Equations, Kind, on_axis

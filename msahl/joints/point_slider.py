@@ -1,6 +1,6 @@
 """Point slider: a point of the child moves in a plane of the parent.
 
-child's point in plane                          1 equation, free motions: 5
+child's point in plane                          1 equation, degrees of freedom: 5
 """
 
 from msahl.joints.joint import Equations, Kind, Z, in_plane

@@ -1,6 +1,6 @@
 """Revolute joint (hinge): a common point and a common axis.
 
-coincide, parallel axes                 5 equations, free motions: 1 (angle)
+coincide, parallel axes                 5 equations, degrees of freedom: 1 (angle)
 """
 
 from msahl.joints.joint import Coincide, Equations, Kind, parallel_axes

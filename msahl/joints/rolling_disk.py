@@ -3,8 +3,8 @@
     height of the rim = 0                              1 equation of position
     velocity of the rim's lowest point = 0 along x, y  2 equations between rates
 
-Free motions: 3 (non-holonomic). The child's point is the disk's centre, its axis the disk's; the
-ground's axis is the plane's normal, on whose side the disk stands.
+Degrees of freedom: 3 (non-holonomic). The child's point is the disk's centre, its axis the disk's;
+the ground's axis is the plane's normal, on whose side the disk stands.
 """
 
 from msahl.joints.joint import Equation, Equations, Kind, X, Y, rim_height, roll

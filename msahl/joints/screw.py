@@ -1,8 +1,8 @@
 """Screw joint: a cylindrical joint whose slide follows its angle.
 
-    cylindrical, slide - pitch angle/(2 pi) = const     5 equations, free motions: 1 (angle)
+    cylindrical, slide - pitch angle/(2 pi) = const     5 equations, degrees of freedom: 1 (angle)
 
-``pitch`` [m] is the advance of one turn, positive for a right-handed thread.
+``pitch`` [m] is the advance of one revolution, positive for a right-handed thread.
 """
 
 import math

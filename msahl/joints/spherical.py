@@ -2,8 +2,8 @@
 
     g = (r_child + s_child) - (r_parent + s_parent) = 0            (3,)  [m], inertial axes
 
-One ``coincide``; its multiplier is the force of the parent on the child. 3 equations, free
-motions: 3 (all turns).
+One ``coincide``; its multiplier is the force of the parent on the child. 3 equations,
+degrees of freedom: 3 (all rotations).
 """
 
 from msahl.joints.joint import Coincide, Equations, Kind

@@ -1,6 +1,6 @@
 """Spherical slider: a sphere of the child lies on a plane of the parent, free of friction.
 
-child's point at radius above the plane         1 equation, free motions: 5
+child's point at radius above the plane         1 equation, degrees of freedom: 5
 """
 
 from msahl.joints.joint import Equations, Kind, Z, in_plane

@@ -1,6 +1,6 @@
 """Universal joint (Cardan, Hooke): a common point, and two axes at a right angle.
 
-coincide, axis of the parent . axis of the child = 0        4 equations, free motions: 2
+coincide, axis of the parent . axis of the child = 0        4 equations, degrees of freedom: 2
 """
 
 from msahl.joints.joint import Coincide, Equations, Kind, Z, perpendicular

@@ -1,1 +1,1 @@
-"""Factorisation of the block-sparse Jacobians."""
+"""Factorises block-sparse Jacobians; moves entries between nodes and vectors."""

@@ -1,12 +1,12 @@
-"""Sparse LU of a step of degree s: the program of ``system.order`` with s x s blocks for numbers.
+"""Sparse LU factorisation for collocation steps: as ``sparse_lu``, with s x s blocks for numbers.
 
-An unknown of the lowest order is here the s of all stages together, so pattern, order and program
-are the same. A pivot is a block, inverted with a search for the largest entry within it; the rows
-of U are divided by it, those of L are not.
+An unknown of the schemes of order 2 becomes the s unknowns of all stages, so pattern, order and
+elimination program are the same. A pivot is a block, inverted with a search for its largest entry;
+the rows of U are multiplied by the inverse, those of L are not.
 
-Blocks are transposed, row = stage of the unknown, so that all is done row by row, rows being tuples
-of a length the compiler knows: four times as quick as loops to a length it does not. Hence an
-algorithm for each degree, made of the same text.
+Blocks are transposed (row = stage of the unknown), so that all operations are on rows. Rows are
+tuples of a length known to the compiler, which is four times as fast as loops to an unknown length.
+So the kernels exist once for each degree, made by the same functions.
 """
 
 from collections.abc import Callable
@@ -22,26 +22,37 @@ Kernel = Callable[..., Any]
 Row = tuple[float, ...]
 
 
-class _Degree(NamedTuple):
-    """What makes and what solves with the factors of one degree."""
+class _Rows(NamedTuple):
+    """Length of the rows of blocks, and the functions of ``algebra.vector`` for such rows."""
 
-    factor: Kernel
-    solve: Kernel
+    size: int
+    at: Kernel
+    axpy: Kernel
+    put: Kernel
 
 
-def _of_degree(s: int, at: Kernel, axpy: Kernel, put: Kernel) -> _Degree:
-    """For rows of ``s`` numbers, by ``at``, ``axpy`` and ``put`` of ``vector`` for such."""
+class _BlockKernels(NamedTuple):
+    """Operations on blocks of one size."""
+
+    invert: Kernel
+    multiply: Kernel
+    subtract_product: Kernel
+
+
+def _new_block_kernels(rows: _Rows) -> _BlockKernels:
+    """Return the operations on blocks with these ``rows``."""
+    s, at, axpy, put = rows
     zero = (0.0,) * s
 
     @kernel
-    def invert(A: np.ndarray, taken: np.ndarray) -> None:
-        """Invert ``A`` in place by Gauss and Jordan; where it is singular infinities are left."""
+    def invert(A: np.ndarray, pivot_rows: np.ndarray) -> None:
+        """Invert ``A`` in place by the Gauss-Jordan method; a singular one leaves infinities."""
         for k in range(s):
             best = k
             for i in range(k + 1, s):
                 if abs(A[i, k]) > abs(A[best, k]):
                     best = i
-            taken[k] = best
+            pivot_rows[k] = best
             for j in range(s):
                 A[k, j], A[best, j] = A[best, j], A[k, j]
             inverse = 1.0 / A[k, k]
@@ -55,7 +66,7 @@ def _of_degree(s: int, at: Kernel, axpy: Kernel, put: Kernel) -> _Degree:
                     for j in range(s):
                         A[i, j] -= c * A[k, j]
         for k in range(s - 1, -1, -1):
-            best = taken[k]
+            best = pivot_rows[k]
             for i in range(s):
                 A[i, k], A[i, best] = A[i, best], A[i, k]
 
@@ -69,7 +80,7 @@ def _of_degree(s: int, at: Kernel, axpy: Kernel, put: Kernel) -> _Degree:
             put(A, i, row)
 
     @kernel
-    def take_product(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> None:
+    def subtract_product(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> None:
         """``C <- C - A B``."""
         for i in range(s):
             row = at(C, i)
@@ -77,9 +88,22 @@ def _of_degree(s: int, at: Kernel, axpy: Kernel, put: Kernel) -> _Degree:
                 row = axpy(-A[i, k], at(B, k), row)
             put(C, i, row)
 
+    return _BlockKernels(invert, multiply, subtract_product)
+
+
+def _new_factor(rows: _Rows) -> Kernel:
+    """Return the kernel ``factor`` for blocks with these ``rows``."""
+    s, at, _, put = rows
+    zero = (0.0,) * s
+    invert, multiply, subtract_product = _new_block_kernels(rows)
+
     @kernel
     def factor(
-        lu: Elimination, source: np.ndarray, values: np.ndarray, W: np.ndarray, taken: np.ndarray
+        lu: Elimination,
+        source: np.ndarray,
+        values: np.ndarray,
+        W: np.ndarray,
+        pivot_rows: np.ndarray,
     ) -> None:
         for e in range(W.shape[0]):
             for i in range(s):
@@ -90,14 +114,22 @@ def _of_degree(s: int, at: Kernel, axpy: Kernel, put: Kernel) -> _Degree:
         operation = 0
         for k in range(lu.order.size):
             pivot = lu.base[k]
-            invert(W[pivot], taken)
+            invert(W[pivot], pivot_rows)
             first_right, end = pivot + 1 + lu.lower[k], lu.base[k + 1]
             for right in range(first_right, end):
                 multiply(W[right], W[pivot])
             for left in range(pivot + 1, first_right):
                 for right in range(first_right, end):
-                    take_product(W[right], W[left], W[lu.target[operation]])
+                    subtract_product(W[right], W[left], W[lu.target[operation]])
                     operation += 1
+
+    return factor
+
+
+def _new_solve(rows: _Rows) -> Kernel:
+    """Return the kernel ``solve`` for blocks with these ``rows``."""
+    s, at, axpy, put = rows
+    zero = (0.0,) * s
 
     @kernel
     def solve(lu: Elimination, W: np.ndarray, y: np.ndarray) -> None:
@@ -119,7 +151,7 @@ def _of_degree(s: int, at: Kernel, axpy: Kernel, put: Kernel) -> _Degree:
                     row = axpy(-y[lu.other[right], j], at(W[right], j), row)
             put(y, k, row)
 
-    return _Degree(factor, solve)
+    return solve
 
 
 @kernel
@@ -183,36 +215,40 @@ def _put_5(A: np.ndarray, k: int, a: Row) -> None:
     A[k, 0], A[k, 1], A[k, 2], A[k, 3], A[k, 4] = a
 
 
-_factor_1, _solve_1 = _of_degree(1, _at_1, _axpy_1, _put_1)
-_factor_2, _solve_2 = _of_degree(2, _at_2, _axpy_2, _put_2)
-_factor_3, _solve_3 = _of_degree(3, vector.at, vector.axpy, vector.put)
-_factor_4, _solve_4 = _of_degree(4, _at_4, _axpy_4, _put_4)
-_factor_5, _solve_5 = _of_degree(5, _at_5, _axpy_5, _put_5)
+_ROWS = (
+    _Rows(1, _at_1, _axpy_1, _put_1),
+    _Rows(2, _at_2, _axpy_2, _put_2),
+    _Rows(3, vector.at, vector.axpy, vector.put),
+    _Rows(4, _at_4, _axpy_4, _put_4),
+    _Rows(5, _at_5, _axpy_5, _put_5),
+)
+_factor_1, _factor_2, _factor_3, _factor_4, _factor_5 = map(_new_factor, _ROWS)
+_solve_1, _solve_2, _solve_3, _solve_4, _solve_5 = map(_new_solve, _ROWS)
 
 
 @kernel
 def factor(
-    lu: Elimination, source: np.ndarray, values: np.ndarray, W: np.ndarray, taken: np.ndarray
+    lu: Elimination, source: np.ndarray, values: np.ndarray, W: np.ndarray, pivot_rows: np.ndarray
 ) -> None:
     """Factor the blocks ``values`` (q, s, s) into ``W`` (entries, s, s), those of ``lu.place`` from
-    ``source``; all blocks are transposed, ``taken`` (s,) is room.
+    ``source``; all blocks are transposed, ``pivot_rows`` (s,) is a work array.
     """
     s = values.shape[1]
     if s == 1:
-        _factor_1(lu, source, values, W, taken)
+        _factor_1(lu, source, values, W, pivot_rows)
     elif s == 2:
-        _factor_2(lu, source, values, W, taken)
+        _factor_2(lu, source, values, W, pivot_rows)
     elif s == 3:
-        _factor_3(lu, source, values, W, taken)
+        _factor_3(lu, source, values, W, pivot_rows)
     elif s == 4:
-        _factor_4(lu, source, values, W, taken)
+        _factor_4(lu, source, values, W, pivot_rows)
     elif s == 5:
-        _factor_5(lu, source, values, W, taken)
+        _factor_5(lu, source, values, W, pivot_rows)
 
 
 @kernel
 def solve(lu: Elimination, W: np.ndarray, y: np.ndarray) -> None:
-    """Solve in place; ``y`` (f, s) is in the order of elimination."""
+    """Replace the right-hand side ``y`` (f, s), in the order of elimination, by the solution."""
     s = y.shape[1]
     if s == 1:
         _solve_1(lu, W, y)

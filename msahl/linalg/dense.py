@@ -1,129 +1,32 @@
-"""The step's equations as a dense system in the free unknowns, for ``scipy`` and ``numpy``."""
-
-import math
+"""Gather and scatter: moves entries between arrays by nodes and vectors of the free unknowns."""
 
 import numpy as np
 
-from msahl.elements.constraints import scalar
 from msahl.jit.kernel import kernel
-from msahl.schemes.midpoint import equations
-from msahl.system.arrays import State, System, SystemWorkspace
-from msahl.system.unknowns import Unknowns
-
-FAR = 1e3
-"""Ratio of a step's length to the guess's, and to the longest body, that is no motion."""
-AT_REST = 1e-100
-"""Length [m] of a step that is none: products of such lengths would lose their digits."""
 
 
 @kernel
-def spread(free: np.ndarray, z: np.ndarray, Z: np.ndarray) -> None:
-    """Put the free unknowns ``z`` (f,) into their nodes ``Z``."""
+def scatter(free: np.ndarray, z: np.ndarray, Z: np.ndarray) -> None:
+    """Write ``z`` (f,) to the ``free`` entries of ``Z`` (nodes, 3)."""
     for i in range(free.size):
         Z[free[i] // 3, free[i] % 3] = z[i]
 
 
 @kernel
 def gather(free: np.ndarray, F: np.ndarray, f: np.ndarray) -> None:
-    """Take the free entries ``f`` (f,) from the nodes ``F``."""
+    """Read ``f`` (f,) from the ``free`` entries of ``F`` (nodes, 3)."""
     for i in range(free.size):
         f[i] = F[free[i] // 3, free[i] % 3]
 
 
 @kernel
-def guess(
-    system: System,
-    unknowns: Unknowns,
-    state: State,
-    start: SystemWorkspace,
-    h: float,
-    Z: np.ndarray,
-    z: np.ndarray,
+def scatter_matrix(
+    dense_to: np.ndarray, dense_from: np.ndarray, values: np.ndarray, A: np.ndarray
 ) -> None:
-    """First guess of the free unknowns; leaves the others' values in ``Z``."""
-    equations.predict(system, state, start, h, Z)
-    gather(unknowns.free, Z, z)
-
-
-@kernel
-def residual(
-    system: System,
-    unknowns: Unknowns,
-    state: State,
-    start: SystemWorkspace,
-    h: float,
-    z: np.ndarray,
-    Z: np.ndarray,
-    f: np.ndarray,
-    F: np.ndarray,
-) -> tuple[float, int, float]:
-    """Set the free rows ``f`` at ``z``, and ``Z`` and ``F``; what ``judge`` says of them."""
-    spread(unknowns.free, z, Z)
-    equations.residual(system, state, start, h, Z, F)
-    gather(unknowns.free, F, f)
-    return judge(system, unknowns, start, h, Z, F)
-
-
-@kernel
-def jacobian(
-    system: System,
-    unknowns: Unknowns,
-    state: State,
-    start: SystemWorkspace,
-    h: float,
-    z: np.ndarray,
-    Z: np.ndarray,
-    F: np.ndarray,
-    values: np.ndarray,
-    A: np.ndarray,
-) -> None:
-    """Set ``A`` (f * f,) to the dense derivative of the free rows by the free unknowns at ``z``."""
-    spread(unknowns.free, z, Z)
-    equations.residual(system, state, start, h, Z, F)
-    equations.jacobian(system, start, h, Z, values)
+    """Set ``A`` (f * f,) to the dense matrix whose entries ``dense_to`` are the entries
+    ``dense_from`` of the block ``values``; all others are zero.
+    """
     for i in range(A.size):
         A[i] = 0.0
-    for i in range(unknowns.dense_from.size):
-        A[unknowns.dense_to[i]] = values[unknowns.dense_from[i]]
-
-
-@kernel
-def judge(
-    system: System,
-    unknowns: Unknowns,
-    start: SystemWorkspace,
-    h: float,
-    Z: np.ndarray,
-    F: np.ndarray,
-) -> tuple[float, int, float]:
-    """Largest free row relative to the step's length, or to the loads in it if they are larger; its
-    index among the flat rows; and the step's length [m].
-    """
-    worst, largest = -1, 0.0
-    step = max(AT_REST, equations.step_size(system, start, h, Z))
-    for i in range(unknowns.free.size):
-        unknown = unknowns.free[i]
-        node = unknown // 3
-        row = abs(F[node, unknown % 3]) * scalar.tolerance_factor(
-            system.scalar, start.scalar, node, step
-        )
-        # Written so that a nan is the worst of all.
-        if not row <= largest:
-            worst, largest = unknown, row
-            if math.isnan(row):
-                break
-    return largest / step, worst, step
-
-
-@kernel
-def is_astray(system: System, guess: float, step: float) -> bool:
-    """Whether the length of a solved ``step`` is beyond all that its ``guess`` lets expect [m].
-
-    Equations of turns have roots without end; those far out are no motion.
-    """
-    if step <= FAR * guess:
-        return False
-    longest = 0.0
-    for b in range(system.frames.length.size):
-        longest = max(longest, system.frames.length[b])
-    return not step <= FAR * (guess + longest)
+    for i in range(dense_from.size):
+        A[dense_to[i]] = values[dense_from[i]]

@@ -1,4 +1,10 @@
-"""Sparse LU of the Jacobian by the program of ``system.order``."""
+"""Sparse LU factorisation of the Jacobian, by the elimination program of ``system.ordering``.
+
+    A = L U ,   A y = b
+
+The pivots have a fixed order, found once for a system. Positions, targets and lengths of the rows
+of L and U are tables of the ``Elimination``, so nothing is searched for here.
+"""
 
 import math
 
@@ -10,7 +16,7 @@ from msahl.system.ordering import Elimination
 
 @kernel
 def factor(lu: Elimination, values: np.ndarray, W: np.ndarray) -> None:
-    """Factor the block ``values`` into ``W``; a vanishing pivot leaves infinities there."""
+    """Factor the block ``values`` into ``W``; a zero pivot leaves infinities there."""
     for e in range(W.size):
         W[e] = 0.0
     for e in range(lu.source.size):
@@ -30,9 +36,9 @@ def factor(lu: Elimination, values: np.ndarray, W: np.ndarray) -> None:
 
 
 @kernel
-def spread(lu: Elimination, W: np.ndarray) -> float:
-    """Largest pivot over the smallest, of a matrix just factored into ``W``: a lower estimate of
-    its condition, for nothing.
+def pivot_ratio(lu: Elimination, W: np.ndarray) -> float:
+    """Ratio of the largest to the smallest pivot of a matrix just factored into ``W``: a lower
+    estimate of its condition number, at no cost.
     """
     smallest, largest = math.inf, 0.0
     for k in range(lu.order.size):
@@ -43,7 +49,7 @@ def spread(lu: Elimination, W: np.ndarray) -> float:
 
 @kernel
 def solve(lu: Elimination, W: np.ndarray, y: np.ndarray) -> None:
-    """Solve in place; ``y`` (f,) is in the order of elimination."""
+    """Replace the right-hand side ``y`` (f,), in the order of elimination, by the solution."""
     n = lu.order.size
     for k in range(n):
         y_k = y[k]

@@ -44,9 +44,9 @@ class Rows(NamedTuple):
     rotational: np.ndarray  # (m, n) kinetic energy of rotation about G [J]
     potential: np.ndarray  # (m, n) -m g.x_G [J]
     elastic: np.ndarray  # (m,) energy of all springs [J]
-    violation: np.ndarray  # (m, e, 2) size of the gap [m] and [rad]; nan where an element has none
+    violation: np.ndarray  # (m, e, 2) size of the violation [m] and [rad]; nan where none
     rate: np.ndarray  # (m, e, 2) size of its rate [m/s] and [rad/s]; likewise
-    length: float  # longest arm or radius of gyration in the scene [m]
+    length: float  # longest arm or radius of gyration [m]
     history: History
 
 
@@ -102,7 +102,7 @@ def _sizes(system: System, values: np.ndarray, kept: np.ndarray, elements: int) 
 
 
 def _energies_of(model: Model, b: int, history: History) -> np.ndarray:
-    """(3, m) energies of body ``b``: those of a scene that holds nothing else."""
+    """(3, m) energies of body ``b``: those of a system of this body alone."""
     nothing: dict[str, Any] = dict.fromkeys(("joints", "couplings", "motions", "loads"), ())
     alone = build_system(replace(model, bodies=(model.bodies[b],), **nothing)).bodies
     of_b = History(*(np.ascontiguousarray(series[:, [b, -1]]) for series in history))
@@ -112,7 +112,7 @@ def _energies_of(model: Model, b: int, history: History) -> np.ndarray:
 
 
 def body_columns(run: Run) -> np.ndarray:
-    """(m, 12 n) the states without their times."""
+    """(m, STATE_SIZE n) the states without their times."""
     return np.ascontiguousarray(run.states.to_numpy()[:, 1:])
 
 
@@ -132,14 +132,12 @@ def _observe_rows(
         read_states(system.bodies, table, row, state.x, state.p, state.v, state.w)
         h = time[row] - state.time[0] if row else 0.0
         state.time[0] = time[row]
-        # The rates of the row before are in ``start`` until they are observed anew.
+        # ``start`` has the rates at the output time before until ``observe`` sets them.
         _expect(system.scalar, start.scalar, state.angle, 0.5 * h)
         evaluate.prepare(system, state, start)
         _count(system.scalar, start.scalar, start.frames, state.angle, 0.5 * h)
         evaluate.observe(system, state, start, violation[row], rate[row])
-        elastic[row] = forces.elastic_energy(
-            system.forces, start.forces, system.scalar, start.scalar
-        )
+        elastic[row] = forces.elastic_energy(system.forces, start.forces, system.scalar)
         for b in range(state.x.shape[0]):
             put(history.x[row], b, at(state.x, b))
             put(history.p[row], b, at(state.p, b))
@@ -151,7 +149,7 @@ def _observe_rows(
 def _expect(
     scalar: ScalarConstraints | None, start: ScalarWorkspace, angle: np.ndarray, h: float
 ) -> None:
-    """Carry the angles on by the quantities' rates of ``start``, over ``h`` [s]."""
+    """Advance the angles by the coordinates' rates in ``start``, over ``h`` [s]."""
     if scalar is None:
         return
     for q in range(angle.size):
@@ -166,9 +164,9 @@ def _count(
     angle: np.ndarray,
     h: float,
 ) -> None:
-    """Count the angles on to those of the prepared row.
+    """Set the counted angles to those of the prepared output time.
 
-    Thinned rows may be turns apart: the mean of both rows' rates tells how many.
+    Output times may be revolutions apart: the mean of the rates at both says how many.
     """
     if scalar is None:
         return
@@ -182,7 +180,7 @@ def _count(
 def _energies(
     bodies: RigidBodies, history: History, rest: np.ndarray, energies: np.ndarray
 ) -> None:
-    # One law, asked twice: of the body as if it did not turn, and as if it did not move.
+    # The same function for translation alone and for rotation alone.
     for row in range(history.x.shape[0]):
         x, v, w = history.x[row], history.v[row], history.w[row]
         energies[0, row], energies[2, row] = energy(bodies, x, v, rest)

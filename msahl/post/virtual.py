@@ -1,15 +1,16 @@
 """Virtual work of the joints over each step, from the published rows alone.
 
-    Hainge's measure    F . C (V_{k-1} + V_k)/2 dt                       (3.16)-(3.18)
-    sharp measure       F . (du_child - du_parent) + M . (Q_child - Q_parent)
+    Hainge's definition    F . C (V_{k-1} + V_k)/2 dt                       (3.16)-(3.18)
+    exact definition    F . (du_child - du_parent) + M . (Q_child - Q_parent)
 
 F and M are the reaction on the child over the step, M about the joint's point P on the child; the
-parent bears the opposite at the same place in space. With step turns Q and the arms' means over the
-step,  du = u + Q x mean(P - x)  is the way of a body's matter at P, and the second measure is all
-that the reaction does on both bodies: zero to round-off for an ideal joint, whatever the step.
+opposite acts on the parent at the same place in space. With rotation increments Q and the arms'
+means over the step,  du = u + Q x mean(P - x)  is the displacement of a body's matter at P, and the
+second is the whole work of the reaction on both bodies: zero to round-off for an ideal joint,
+whatever the step.
 
 A rolling disk's moment is not published. Its forces act at the rim's lowest point, as
-``joints.measure`` (ROLL) and ``joints.quantity`` (ROUND) have it, n the plane's normal, e the
+``products`` (ROLL) and ``coordinate_kinds`` (ROUND) have it, n the plane's normal, e the
 disk's axis:
 
     M = rho(mean(e)) x F_t + w mean(e) x F_n,    w = r (m0 + m1)/(root0 + root1),
@@ -24,7 +25,7 @@ import numpy as np
 from msahl.algebra.rotation import compose, inverse, matrix, to_step_turn, turn_change
 from msahl.algebra.vector import Vector, add, at, axpy, cross, dot, scale, sub, times
 from msahl.elements.constraints.products import rim
-from msahl.elements.rigid_body import three
+from msahl.elements.rigid_body import STATE_SIZE, three
 from msahl.jit.compiled import compiled
 from msahl.jit.kernel import kernel
 from msahl.joints.joint import Equation, Z
@@ -37,7 +38,7 @@ from msahl.system.collect import frame_index
 
 
 class Joints(NamedTuple):
-    """All joints of a scene of n bodies; body n is the ground."""
+    """All joints of a system of n bodies; body n is the ground."""
 
     parent: np.ndarray  # (k,)
     child: np.ndarray  # (k,)
@@ -70,7 +71,7 @@ def _rolling_radius(joint: Joint) -> float:
 
 
 def child_work(run: Run, force: np.ndarray) -> np.ndarray:
-    """(m - 1, k) Hainge's measure of every step and joint; ``force`` (m, k, 3)."""
+    """(m - 1, k) Hainge's definition of every step and joint; ``force`` (m, k, 3)."""
     work = np.zeros((len(run.time) - 1, force.shape[1]))
     _sum_child(joints_of(run.model), body_columns(run), np.diff(run.time), force, work)
     return work
@@ -79,7 +80,7 @@ def child_work(run: Run, force: np.ndarray) -> np.ndarray:
 def reaction_work(
     model: Model, history: History, force: np.ndarray, moment: np.ndarray
 ) -> np.ndarray:
-    """(m - 1, k) sharp measure; ``force`` and ``moment`` (m, k, 3), zero where not published."""
+    """(m - 1, k) work by the exact definition; ``force`` and ``moment`` (m, k, 3), else zero."""
     work = np.zeros((len(force) - 1, force.shape[1]))
     _sum_reaction(joints_of(model), history, force, moment, work)
     return work
@@ -89,15 +90,15 @@ def reaction_work(
 def _child_work(
     joints: Joints, table: np.ndarray, dt: np.ndarray, force: np.ndarray, work: np.ndarray
 ) -> None:
-    ground = table.shape[1] // 12
+    ground = table.shape[1] // STATE_SIZE
     for row in range(1, table.shape[0]):
         for k in range(joints.child.size):
             child = joints.child[k]
             if child == ground:  # it has no velocity
                 continue
-            before = three(table, row - 1, 12 * child + 6)
-            after = three(table, row, 12 * child + 6)
-            C = matrix(three(table, row, 12 * child + 3))
+            before = three(table, row - 1, STATE_SIZE * child + 6)
+            after = three(table, row, STATE_SIZE * child + 6)
+            C = matrix(three(table, row, STATE_SIZE * child + 3))
             V = times(C, scale(0.5, add(before, after)))
             work[row - 1, k] = dt[row - 1] * dot(at(force[row], k), V)
 
@@ -109,11 +110,11 @@ def _reaction_work(
     for row in range(1, force.shape[0]):
         for k in range(joints.child.size):
             a, b = joints.parent[k], joints.child[k]
-            Q_a, Q_b = _turn(history, row, a), _turn(history, row, b)
+            Q_a, Q_b = _rotation(history, row, a), _rotation(history, row, b)
             arm = _mean(Q_b, _carried(history, row - 1, b, at(joints.s, k)))
             P = add(_middle(history, row, b), arm)
-            du_a = add(_way(history, row, a), cross(Q_a, sub(P, _middle(history, row, a))))
-            du_b = add(_way(history, row, b), cross(Q_b, arm))
+            du_a = add(_displacement(history, row, a), cross(Q_a, sub(P, _middle(history, row, a))))
+            du_b = add(_displacement(history, row, b), cross(Q_b, arm))
             F, M = at(force[row], k), at(moment[row], k)
             if joints.radius[k] > 0.0:
                 e = _carried(history, row - 1, b, at(joints.axis, k))
@@ -123,7 +124,7 @@ def _reaction_work(
 
 @kernel
 def _rolling_moment(r: float, n: Vector, e0: Vector, Q: Vector, F: Vector) -> Vector:
-    """Moment of a disk's reaction about its centre, mean over the step that turns it by ``Q``."""
+    """Mean moment of a disk's reaction about its centre over a rotation increment ``Q``."""
     e1 = add(e0, turn_change(Q, e0))
     m0, m1 = dot(n, e0), dot(n, e1)
     root0, root1 = math.sqrt(1.0 - m0 * m0), math.sqrt(1.0 - m1 * m1)
@@ -140,21 +141,21 @@ def _carried(history: History, row: int, b: int, a: Vector) -> Vector:
 
 
 @kernel
-def _turn(history: History, row: int, b: int) -> Vector:
-    """Step turn of body ``b`` over the step that ends at ``row``."""
+def _rotation(history: History, row: int, b: int) -> Vector:
+    """Return the rotation increment of body ``b`` over the step that ends at ``row``."""
     before, after = at(history.p[row - 1], b), at(history.p[row], b)
     return to_step_turn(compose(after, inverse(before)))
 
 
 @kernel
 def _mean(Q: Vector, a: Vector) -> Vector:
-    """Mean over a step's turn ``Q`` of a vector that starts as ``a``."""
+    """Return the mean over a rotation increment ``Q`` of a vector that starts as ``a``."""
     return axpy(0.5, turn_change(Q, a), a)
 
 
 @kernel
-def _way(history: History, row: int, b: int) -> Vector:
-    """Way of the mass centre of body ``b`` over the step that ends at ``row``."""
+def _displacement(history: History, row: int, b: int) -> Vector:
+    """Displacement of the mass centre of body ``b`` over the step that ends at ``row``."""
     return sub(at(history.x[row], b), at(history.x[row - 1], b))
 
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from msahl.linalg.dense import FAR
 from msahl.run.subsystem import SubsystemIntegrator
+from msahl.schemes.midpoint.free_equations import FAR
 from msahl.schemes.outcome import TOLERANCE, Outcome
 from msahl.system.names import describe_row
 from msahl.system.nonfinite import overflow
@@ -86,7 +86,7 @@ def _position_warnings(integrator: SubsystemIntegrator) -> list[str]:
     changes = [
         f"body '{body.name}' by {displacement:.3g} m and {angle:.3g} rad"
         for body, displacement, angle in zip(
-            integrator.model.bodies, moved.ways, moved.turns, strict=True
+            integrator.model.bodies, moved.displacements, moved.rotations, strict=True
         )
     ]
     return [

@@ -114,7 +114,7 @@ class SubsystemIntegrator:
         """Fill the first rows of monitor and tables with the state at t = 0."""
         self.workspace.mean_force[:] = self.workspace.state.force
         self.workspace.mean_reaction[:] = self.workspace.state.reaction
-        workspace.show(self.workspace, 0.0, 0, 0)
+        workspace.record_step(self.workspace, 0.0, 0, 0)
 
     def advance(self, chunk: Chunk, patience: float = math.inf) -> Advance:
         """Take the steps of a ``chunk``; see ``Stepper.advance``."""

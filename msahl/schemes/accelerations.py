@@ -1,11 +1,17 @@
-"""Accelerations and joint forces of a state, at its own time: the index-1 problem.
+"""Computes accelerations and constraint forces of a state at its own time: the index-1 problem.
 
     [ M  -G^T ] [ a   ]   [ forces      ]
     [ G    0  ] [ lam ] = [ -dG/dt v    ]
 
-The multipliers of a step are means over it: of order 2 at its middle, of order 1 at its ends. These
-are forces at one time, as accurate as the state they are asked of. The matrix is the limit of the
-step's own Jacobian for h -> 0, where the terms of the forces (by h^2) and of the spins (by h) fade.
+    M, G      mass matrix, derivative of the constraints by positions
+    a, lam    accelerations, multipliers
+    v         velocities
+
+The multipliers of a step of order 2 are means over it: of order 2 at its middle, of order 1 at its
+ends. The forces here are those at one time, as accurate as the state. The matrix is the limit of
+the Jacobian of a step for h -> 0, where the terms of the forces (with h^2) and of the angular
+velocities (with h) vanish. The same matrix projects positions and velocities onto the constraints,
+by the least change weighted by mass.
 """
 
 from typing import NamedTuple
@@ -30,7 +36,7 @@ from msahl.system.unknowns import Unknowns, choose
 
 
 class Instant(NamedTuple):
-    """Room for the index-1 problem of one system."""
+    """Work arrays of the index-1 problem of one system."""
 
     unknowns: Unknowns
     Z: np.ndarray  # (nodes, 3) zeros: no step is taken
@@ -39,13 +45,13 @@ class Instant(NamedTuple):
     rows: np.ndarray  # (nodes, 3) right-hand side
     y: np.ndarray  # (f,) the same in the order of elimination
     solution: np.ndarray  # (nodes, 3)
-    force: np.ndarray  # (k, 3) where the state's multipliers are kept meanwhile
-    reaction: np.ndarray  # (j, 6) likewise its reactions
-    last: np.ndarray  # (j, 6) those of the round before
+    force: np.ndarray  # (k, 3) copy of the state's multipliers
+    reaction: np.ndarray  # (j, 6) copy of its reactions
+    last: np.ndarray  # (j, 6) reactions of the previous iteration
 
 
 def new_instant(system: System, unknowns: Unknowns | None = None) -> Instant:
-    """Room for any state of ``system``; of all its unknowns, unless some are known not to move."""
+    """Return the work arrays for any state of ``system``, for all its unknowns or those given."""
     if unknowns is None:
         unknowns = choose(system, all_unknowns(system))
     nodes = (node_count(system), 3)
@@ -64,8 +70,8 @@ def new_instant(system: System, unknowns: Unknowns | None = None) -> Instant:
 
 
 @kernel
-def free(system: System, state: State, start: SystemWorkspace, instant: Instant) -> None:
-    """Set the ``rows`` to what accelerations must balance, and factor the matrix."""
+def assemble(system: System, state: State, start: SystemWorkspace, instant: Instant) -> None:
+    """Set the right-hand side ``rows`` and factor the matrix."""
     for node in range(instant.rows.shape[0]):
         for i in range(3):
             instant.rows[node, i] = 0.0
@@ -76,15 +82,15 @@ def free(system: System, state: State, start: SystemWorkspace, instant: Instant)
 
 @kernel
 def solve(instant: Instant) -> None:
-    """Solve for the ``rows`` by the factors; the ``solution`` is zero at what is not free."""
+    """Solve for the right-hand side ``rows``; the ``solution`` is zero where it is not free."""
     order = instant.unknowns.elimination.order
     dense.gather(order, instant.rows, instant.y)
     sparse_lu.solve(instant.unknowns.elimination, instant.factor, instant.y)
-    dense.spread(order, instant.y, instant.solution)
+    dense.scatter(order, instant.y, instant.solution)
 
 
 @kernel
-def react(system: System, state: State, start: SystemWorkspace, instant: Instant) -> None:
+def set_reactions(system: System, state: State, start: SystemWorkspace, instant: Instant) -> None:
     """Set the state's multipliers and reactions from the ``solution``."""
     first = first_multiplier(system.frames)
     for k in range(state.force.shape[0]):
@@ -98,14 +104,14 @@ def accelerate(system: System, state: State, start: SystemWorkspace, instant: In
     """Set the ``solution`` to accelerations a, l alpha and multipliers over their units, and the
     state's reactions; ``start`` is prepared.
 
-    Friction presses by the reaction, which depends on friction: rounds until it is
-    unchanged, each of which leaves about the coefficient of friction times the change before.
+    Friction depends on reactions, and these on friction: the iteration ends when the reactions do
+    not change. Each iteration leaves about the coefficient of friction times the last change.
     """
     for _ in range(MOST_ROUNDS):
         copy(state.reaction, instant.last)
-        free(system, state, start, instant)
+        assemble(system, state, start, instant)
         solve(instant)
-        react(system, state, start, instant)
+        set_reactions(system, state, start, instant)
         if not forces.depend_on_reactions(system.forces) or is_unchanged(
             state.reaction, instant.last
         ):
@@ -113,20 +119,20 @@ def accelerate(system: System, state: State, start: SystemWorkspace, instant: In
 
 
 @kernel
-def rounds(system: System) -> int:
-    """How often a change must be asked for where the relaxation of redundant joints takes a part
-    of each away.
-    """
+def projection_rounds(system: System) -> int:
+    """Number of projections: the relaxation of redundant constraints weakens each of them."""
     return 3 if system.relaxation > 0.0 else 1
 
 
 @kernel
-def undo(
+def solve_projection(
     system: System, state: State, start: SystemWorkspace, violation: np.ndarray, instant: Instant
 ) -> None:
-    """Set the ``solution`` to the least change by mass that takes away the ``gap`` (k, 3) [m]."""
+    """Set the ``solution`` to the least change, weighted by mass, that removes the ``violation``
+    (k, 3) [m] or [m/s].
+    """
     first = first_multiplier(system.frames)
-    free(system, state, start, instant)
+    assemble(system, state, start, instant)
     for node in range(instant.rows.shape[0]):
         for i in range(3):
             instant.rows[node, i] = 0.0 if node < first else -violation[node - first, i]
@@ -134,7 +140,7 @@ def undo(
 
 
 @kernel
-def keep_closed(
+def project_velocities(
     system: System,
     state: State,
     start: SystemWorkspace,
@@ -142,14 +148,14 @@ def keep_closed(
     rate: np.ndarray,
     instant: Instant,
 ) -> None:
-    """Change the velocities, least by mass, so that no joint opens; ``gap`` and ``rate`` (k, 3) are
-    set to the gaps [m] and what is left of their rates.
+    """Project the velocities onto the constraints, by the least change weighted by mass; set
+    ``violation`` and ``rate`` (k, 3) to the violations at position level [m] and at velocity level.
     """
     frames = system.frames
-    for _ in range(rounds(system)):
+    for _ in range(projection_rounds(system)):
         evaluate.observe(system, state, start, violation, rate)
         scalar.in_metres(system.scalar, violation, rate)
-        undo(system, state, start, rate, instant)
+        solve_projection(system, state, start, rate, instant)
         for b in range(moving_count(frames)):
             R = matrix_at(start.frames.R, b)
             dW = scale(1.0 / frames.length[b], at(instant.solution, rotation_node(frames, b)))
@@ -160,10 +166,10 @@ def keep_closed(
 
 
 @kernel
-def publish(workspace: Workspace, instant: Instant, row: int) -> None:
-    """Write the reactions at the scene's own time into a ``row`` of its tables, in place of means.
+def write_instantaneous_reactions(workspace: Workspace, instant: Instant, row: int) -> None:
+    """Write the reactions at the time of the state to a ``row`` of the tables, instead of means.
 
-    The state's own, from which the next step is guessed, stay what they are.
+    Those in the state, from which the next step is predicted, are not changed.
     """
     system, state, start = workspace.system, workspace.state, workspace.start
     force, reaction = instant.force, instant.reaction
@@ -184,20 +190,20 @@ def publish(workspace: Workspace, instant: Instant, row: int) -> None:
 
 
 @kernel
-def march(
-    workspace: Workspace, instant: Instant, h: float, first: int, last: int, schedule: np.ndarray
+def take_steps(
+    workspace: Workspace, instant: Instant, h: float, first: int, last: int, rows: np.ndarray
 ) -> int:
-    """``newton.march`` with the reactions of every published row at its own time."""
+    """Take steps as ``newton.take_steps``, with reactions at the output times."""
     for k in range(first, last):
-        if newton.march(workspace, h, k, k + 1, schedule) == k:
+        if newton.take_steps(workspace, h, k, k + 1, rows) == k:
             return k
-        if schedule[k] >= 0:
-            publish(workspace, instant, schedule[k])
+        if rows[k] >= 0:
+            write_instantaneous_reactions(workspace, instant, rows[k])
     return last
 
 
 def solve_least(instant: Instant) -> None:
-    """As ``solve``, of a singular matrix: least forces of joints that are not independent."""
+    """Solve as ``solve`` if the matrix is singular: the least forces of redundant constraints."""
     free, size = instant.unknowns.free, instant.unknowns.free.size
     A = np.zeros(size * size)
     A[instant.unknowns.dense_to] = instant.values[instant.unknowns.dense_from]

@@ -1,8 +1,8 @@
-"""Assembly: a scene whose joints are given approximately is closed by Newton's method.
+"""Find consistent positions: close joints that are given approximately, by Newton's method.
 
-    G (u, Q) = -gap ,   smallest by mass                  repeated until the gaps are round-off
+    G (u, Q) = -g ,   smallest by mass              repeated until the violations g are round-off
 
-The change of every body is reported. Turns are step turns: exact for any size.
+The change of every body is reported. Rotations are rotation increments: exact for any size.
 """
 
 from typing import NamedTuple
@@ -21,47 +21,49 @@ from msahl.system.unknowns import choose
 
 MAX_ITERATIONS = 50
 CLOSED = 1e-13
-"""Gap, relative to the scene's largest length, at which the joints count as closed."""
+"""Constraint violation, relative to the largest length, that counts as closed."""
 
 
 class Assembled(NamedTuple):
-    """Largest gap as given [m], and the way [m] and turn [rad] of every body."""
+    """Largest violation as given [m], displacement [m] and rotation [rad] of every body."""
 
     violation: float
-    ways: np.ndarray  # (n,)
-    turns: np.ndarray  # (n,)
+    displacements: np.ndarray  # (n,)
+    rotations: np.ndarray  # (n,)
 
 
 def assemble(system: System, state: State) -> Assembled:
-    """Change ``state.x`` and ``state.p`` until no joint has a gap; raises ``StartError``."""
+    """Change ``state.x`` and ``state.p`` until all constraints are satisfied, or raise
+    ``StartError``.
+    """
     frames = system.frames
     n = moving_count(frames)
     unknowns = choose(system, all_unknowns(system))
     x0, p0 = state.x.copy(), state.p.copy()
     length = max(float(system.frames.length.max()), float(np.abs(state.x).max()))
-    given = violation = _largest_gap(system, state)
+    given = violation = _largest_violation(system, state)
     for _ in range(MAX_ITERATIONS):
         if violation <= CLOSED * length:
             break
         rows = np.zeros((node_count(system), 3))
-        rows[first_multiplier(frames) :] = -_gaps(system, state)
+        rows[first_multiplier(frames) :] = -_violations(system, state)
         step = solve_at_rest(system, state, rows, unknowns)
         state.x[:] += step[frames.displacement]
         for b in range(frame_count(frames)):
             Q = scale(1.0 / frames.length[b], at(step, rotation_node(frames, b)))
             state.p[b] = compose(from_step_turn(Q), at(state.p, b))
-        violation = _largest_gap(system, state)
+        violation = _largest_violation(system, state)
     if not violation <= 1e3 * CLOSED * length:
         raise StartError(
             f"the joints cannot be closed: {violation:.3g} m of {given:.3g} m remain; give "
-            "positions nearer to a closed scene, or check lengths and axes"
+            "positions nearer to closed joints, or check lengths and axes"
         )
-    turns = [_turn(at(p0, b), at(state.p, b)) for b in range(n)]
-    return Assembled(given, np.linalg.norm(state.x - x0, axis=1)[:n], np.array(turns))
+    rotations = [_rotation(at(p0, b), at(state.p, b)) for b in range(n)]
+    return Assembled(given, np.linalg.norm(state.x - x0, axis=1)[:n], np.array(rotations))
 
 
-def _gaps(system: System, state: State) -> np.ndarray:
-    """(k, 3) gaps [m], rows in radians times their length."""
+def _violations(system: System, state: State) -> np.ndarray:
+    """(k, 3) constraint violations [m], those in radians times a length."""
     start = new_system_workspace(system, state)
     evaluate.prepare(system, state, start)
     violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
@@ -70,11 +72,11 @@ def _gaps(system: System, state: State) -> np.ndarray:
     return violation
 
 
-def _largest_gap(system: System, state: State) -> float:
-    return float(np.linalg.norm(_gaps(system, state), axis=1).max(initial=0.0))
+def _largest_violation(system: System, state: State) -> float:
+    return float(np.linalg.norm(_violations(system, state), axis=1).max(initial=0.0))
 
 
-def _turn(p0: tuple[float, float, float], p1: tuple[float, float, float]) -> float:
+def _rotation(p0: tuple[float, float, float], p1: tuple[float, float, float]) -> float:
     """Angle [rad] between two orientations."""
     c = compose((-p0[0], -p0[1], -p0[2]), p1)
     return float(4.0 * np.arctan(0.25 * np.linalg.norm(c)))

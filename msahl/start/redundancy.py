@@ -32,7 +32,7 @@ PART = 1e-6
 as zero leaves 1e-9 at most, and a joint placed by the six digits of a deck some 1e-7."""
 LARGEST_DENSE = 600
 """Most rows of a constraint matrix that is decomposed as a dense one, in half a second or so: time
-grows with the third power of the rows, and memory with the second."""
+grows with the third power of the equations, and memory with the second."""
 SHIFT = 1e-13
 """Put on the diagonal of G G^T, relative to its largest entries, so that it has factors: above the
 round-off of its null space, below what belongs to the smallest other singular value."""
@@ -41,7 +41,7 @@ INVERSE_ITERATIONS = 4
 
 
 def constraint_matrix(system: System, state: State) -> "csr_array":
-    """(3 k, 6 (n+1)) derivative of the gaps by displacements and turns l Q, dimensionless."""
+    """(3 k, 6 (n+1)) derivative of the constraint equations by u and l Q, dimensionless."""
     from scipy.sparse import coo_array
 
     values = jacobian_at_rest(system, state).reshape(-1, 3, 3)
@@ -58,7 +58,7 @@ def constraint_matrix(system: System, state: State) -> "csr_array":
 
 def constraint_rank(system: System, state: State) -> int:
     """Number of independent joint equations in the state's configuration."""
-    # A regular matrix of the whole scene proves them independent, and is cheap where it is large.
+    # A regular matrix of the whole system proves them independent, and is cheap where it is large.
     if is_regular(system, state, choose(system, all_unknowns(system))):
         return multiplier_count(system)
     G = constraint_matrix(system, state)
@@ -67,7 +67,7 @@ def constraint_rank(system: System, state: State) -> int:
 
 
 def is_regular(system: System, state: State, unknowns: Unknowns) -> bool:
-    """Whether the scene's matrix at rest is regular in the ``unknowns``."""
+    """Return whether the system's matrix at rest is regular in the ``unknowns``."""
     probe = np.random.default_rng(0).normal(size=3 * node_count(system))
     return solve_sparse(jacobian_at_rest(system, state), probe, unknowns) is not None
 
@@ -92,8 +92,8 @@ def non_unique_reactions(system: System, state: State) -> dict[int, list[str]]:
 
 
 def _null_space(system: System, state: State) -> np.ndarray:
-    """(n, k, 3) unit vectors, by the multipliers' nodes, that hold each other; all are forces, as
-    rows in radians count by their length.
+    """(n, k, 3) unit vectors, by the multipliers' nodes, in equilibrium with each other; all are
+    forces, as equations in radians count by their length.
     """
     G = constraint_matrix(system, state)
     equations = _equations(G)
@@ -165,9 +165,9 @@ def _null_space_by_inverse_iteration(G: "csr_array") -> np.ndarray:
         for _ in range(INVERSE_ITERATIONS):
             Y = np.linalg.qr(factors.solve(Y))[0]
         # G itself says which of them are null: in G G^T a small singular value is lost.
-        _, values, turned = np.linalg.svd(np.linalg.qr(G.T @ Y)[1])
+        _, values, rotated = np.linalg.svd(np.linalg.qr(G.T @ Y)[1])
         null = values <= INDEPENDENT * np.sqrt(size)
         if not null.all() or wanted == m:
-            basis: np.ndarray = Y @ turned[null].T
+            basis: np.ndarray = Y @ rotated[null].T
             return basis
         wanted *= 2

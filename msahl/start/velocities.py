@@ -1,4 +1,4 @@
-"""The state at t = 0 made consistent: velocities that keep the joints closed, first reactions.
+"""Find consistent velocities, accelerations and reactions at t = 0.
 
     G v = 0                                       hidden velocity constraint of every joint
     [ M  -G^T ] [ dv ]   [   0  ]                 smallest change by mass
@@ -7,7 +7,7 @@
     [ M  -G^T ] [ a   ]   [ forces          ]     index-1 problem of the accelerations and
     [ G    0  ] [ lam ] = [ -dG/dt v        ]     the initial reactions
 
-Both matrices are the step's own Jacobian for a scene at rest with h^2 = 2. By default the angular
+Both matrices are the step's Jacobian for a system at rest with h^2 = 2. By default the angular
 velocities are kept and only the translational ones change (the thesis's top decks give v = 0 with a
 spin that moves the mass centre); where that cannot close the joints, all may change. Velocities
 that break a joint would alternate with its multiplier for ever, at conserved energy.
@@ -28,7 +28,7 @@ from msahl.system.evaluate import jacobian_at_rest
 from msahl.system.unknowns import Unknowns, choose
 
 CONSISTENT = 1e-12
-"""Gap rate, relative to the fastest speed in the scene, that is taken for round-off."""
+"""Violation rate, relative to the largest speed, that is taken for round-off."""
 ROUND_OFF = 1e-10
 """Residual of a linear solution, relative to its right-hand side, above which pivots failed."""
 
@@ -48,7 +48,7 @@ class VelocityChange(NamedTuple):
     """What was done to the velocities of the deck."""
 
     method: str  # "none", "keepAngular", "massWeighted" or "asGiven"
-    rate: float  # largest gap rate as given [m/s]
+    rate: float  # largest violation rate as given [m/s]
     dv: np.ndarray  # (n, 3) change of the mass centres' velocities, inertial axes [m/s]
     dw: np.ndarray  # (n, 3) change of the angular velocities, inertial axes [rad/s]
 
@@ -69,7 +69,7 @@ def make_consistent(
     n = moving_count(system.frames)
     start = new_system_workspace(system, state)
     v0, w0 = state.v.copy(), state.w.copy()
-    given = _largest(_gap_rate(system, state, start))
+    given = _largest(_violation_rate(system, state, start))
     speed = max(np.abs(v0).max(), (np.abs(start.frames.W) * system.frames.length[:, None]).max())
     near = CONSISTENT * max(speed, given)
     method = "none"
@@ -84,12 +84,12 @@ def make_consistent(
         method = wish
         if wish == "keepAngular":
             _project(system, state, start, choose(system, _translations(system, free)))
-            if _largest(_gap_rate(system, state, start)) > 1e3 * near:
+            if _largest(_violation_rate(system, state, start)) > 1e3 * near:
                 method = "massWeighted"
                 state.v[:], state.w[:] = v0, w0
         if method == "massWeighted":
             _project(system, state, start, choose(system, free))
-        left = _largest(_gap_rate(system, state, start))
+        left = _largest(_violation_rate(system, state, start))
         if left > 1e3 * near:
             raise StartError(
                 f"no velocities satisfy all joints and motions: {left:.3g} m/s are left over; "
@@ -128,8 +128,8 @@ def _largest(vectors: np.ndarray) -> float:
     return float(np.linalg.norm(vectors, axis=1).max(initial=0.0))
 
 
-def _gap_rate(system: System, state: State, start: SystemWorkspace) -> np.ndarray:
-    """(k, 3) gap rates of the state [m/s], radians times their length; prepares ``start``."""
+def _violation_rate(system: System, state: State, start: SystemWorkspace) -> np.ndarray:
+    """(k, 3) violation rates of the state [m/s], radians times a length; prepares ``start``."""
     evaluate.prepare(system, state, start)
     violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
     evaluate.observe(system, state, start, violation, rate)
@@ -138,17 +138,17 @@ def _gap_rate(system: System, state: State, start: SystemWorkspace) -> np.ndarra
 
 
 def _translations(system: System, free: np.ndarray) -> np.ndarray:
-    """The free unknowns without the bodies' turns."""
+    """The free unknowns without the rotations."""
     node = free // 3
     translations: np.ndarray = free[~np.isin(node, system.frames.rotation)]
     return translations
 
 
 def _project(system: System, state: State, start: SystemWorkspace, unknowns: Unknowns) -> None:
-    """Change the velocities among ``unknowns``, least by mass, so that the gap rate is 0."""
+    """Change the velocities among ``unknowns``, least by mass, so that the violation rate is 0."""
     rows = np.zeros((node_count(system), 3))
     frames = system.frames
-    rows[first_multiplier(frames) :] = -_gap_rate(system, state, start)
+    rows[first_multiplier(frames) :] = -_violation_rate(system, state, start)
     change = solve_at_rest(system, state, rows, unknowns)
     state.v[:] += change[frames.displacement]
     dW = change[frames.rotation] / frames.length[:, None]

@@ -1,9 +1,9 @@
-"""The scene as an ordinary differential equation, and what its states say.
+"""A model as an ordinary differential equation, and the results of its states.
 
     x_dot = v     e_dot = e o (0, w)/2     v_dot = a(x, e, v, w)     w_dot = R^T alpha
 
 with Euler parameters e in place of the engine's own and accelerations from the index-1 problem of
-``solve.station``. Of the time element nothing is used but the matrix it tends to for h -> 0.
+``schemes.accelerations``. No equation of a step is used.
 A vector y holds x (3), e (4), v (3), w (3) of every body, one body after the other.
 """
 
@@ -34,7 +34,8 @@ def _unpack(y: np.ndarray, state: State) -> None:
         k = SIZE * b
         e0, e = y[k + 3], (y[k + 4], y[k + 5], y[k + 6])
         length = np.sqrt(e0 * e0 + e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
-        # 4 tan(phi/4) = 4 sin(phi/2) / (1 + cos(phi/2)); the sign of e picks the nearer shadow.
+        # 4 tan(phi/4) = 4 sin(phi/2) / (1 + cos(phi/2)); the sign of e picks
+        # the smaller of the two sets of parameters.
         p = scale((4.0 if e0 >= 0.0 else -4.0) / (length + abs(e0)), e)
         put(state.x, b, (y[k], y[k + 1], y[k + 2]))
         put(state.p, b, p)
@@ -67,25 +68,25 @@ def _prepare(system: System, state: State, start: SystemWorkspace) -> None:
 
 @kernel
 def _free(
-    system: System, state: State, start: SystemWorkspace, room: Instant, y: np.ndarray
+    system: System, state: State, start: SystemWorkspace, instant: Instant, y: np.ndarray
 ) -> None:
     _unpack(y, state)
     _prepare(system, state, start)
-    accelerations.free(system, state, start, room)
+    accelerations.assemble(system, state, start, instant)
 
 
 @kernel
 def _rates(
-    system: System, start: SystemWorkspace, room: Instant, y: np.ndarray, dy: np.ndarray
+    system: System, start: SystemWorkspace, instant: Instant, y: np.ndarray, dy: np.ndarray
 ) -> None:
-    """Read ``dy`` off the accelerations in ``room``."""
+    """Set ``dy`` from the accelerations in ``instant``."""
     for b in range(y.size // SIZE):
         k = SIZE * b
         e0, e1, e2, e3 = y[k + 3], y[k + 4], y[k + 5], y[k + 6]
         w1, w2, w3 = y[k + 10], y[k + 11], y[k + 12]
-        turn = rotation_increment(system.frames, room.solution, b)
-        alpha = times(transpose(matrix_at(start.frames.R, b)), turn)
-        a = displacement(system.frames, room.solution, b)
+        rotation = rotation_increment(system.frames, instant.solution, b)
+        alpha = times(transpose(matrix_at(start.frames.R, b)), rotation)
+        a = displacement(system.frames, instant.solution, b)
         dy[k + 3] = -0.5 * (e1 * w1 + e2 * w2 + e3 * w3)
         dy[k + 4] = 0.5 * (e0 * w1 + e2 * w3 - e3 * w2)
         dy[k + 5] = 0.5 * (e0 * w2 + e3 * w1 - e1 * w3)
@@ -100,14 +101,14 @@ def _all_rates(
     system: System,
     state: State,
     start: SystemWorkspace,
-    room: Instant,
+    instant: Instant,
     y: np.ndarray,
     dy: np.ndarray,
 ) -> None:
     _unpack(y, state)
     _prepare(system, state, start)
-    accelerations.accelerate(system, state, start, room)
-    _rates(system, start, room, y, dy)
+    accelerations.accelerate(system, state, start, instant)
+    _rates(system, start, instant, y, dy)
 
 
 @kernel
@@ -115,42 +116,42 @@ def _open(
     system: System,
     state: State,
     start: SystemWorkspace,
-    room: Instant,
+    instant: Instant,
     violation: np.ndarray,
     rate: np.ndarray,
     scale_of: np.ndarray,
     level: int,
 ) -> None:
-    """Set the rows to minus the gaps (``level`` 0) or their rates (1), and factor the matrix."""
+    """Set the rows to minus the violations (``level`` 0) or their rates (1); factor the matrix."""
     _prepare(system, state, start)
-    accelerations.free(system, state, start, room)
+    accelerations.assemble(system, state, start, instant)
     evaluate.observe(system, state, start, violation, rate)
     first = first_multiplier(system.frames)
-    for node in range(room.rows.shape[0]):
+    for node in range(instant.rows.shape[0]):
         for i in range(3):
             if node < first:
-                room.rows[node, i] = 0.0
+                instant.rows[node, i] = 0.0
             else:
                 open_by = violation[node - first, i] if level == 0 else rate[node - first, i]
-                room.rows[node, i] = -open_by * scale_of[node - first, i]
+                instant.rows[node, i] = -open_by * scale_of[node - first, i]
 
 
 @kernel
-def _move(system: System, state: State, room: Instant) -> None:
-    """Displace and turn the bodies by the solution."""
+def _move(system: System, state: State, instant: Instant) -> None:
+    """Displace and rotate the frames by the solution."""
     for b in range(moving_count(system.frames)):
-        turn = rotation_increment(system.frames, room.solution, b)
-        put(state.x, b, add(at(state.x, b), displacement(system.frames, room.solution, b)))
-        put(state.p, b, compose(from_step_turn(turn), at(state.p, b)))
+        rotation = rotation_increment(system.frames, instant.solution, b)
+        put(state.x, b, add(at(state.x, b), displacement(system.frames, instant.solution, b)))
+        put(state.p, b, compose(from_step_turn(rotation), at(state.p, b)))
 
 
 @kernel
-def _push(system: System, state: State, start: SystemWorkspace, room: Instant) -> None:
+def _push(system: System, state: State, start: SystemWorkspace, instant: Instant) -> None:
     """Change the velocities by the solution."""
     for b in range(moving_count(system.frames)):
-        turn = rotation_increment(system.frames, room.solution, b)
-        put(state.v, b, add(at(state.v, b), displacement(system.frames, room.solution, b)))
-        spin = times(transpose(matrix_at(start.frames.R, b)), turn)
+        rotation = rotation_increment(system.frames, instant.solution, b)
+        put(state.v, b, add(at(state.v, b), displacement(system.frames, instant.solution, b)))
+        spin = times(transpose(matrix_at(start.frames.R, b)), rotation)
         put(state.w, b, add(at(state.w, b), spin))
 
 
@@ -170,7 +171,7 @@ def _recall(
     system: System,
     state: State,
     start: SystemWorkspace,
-    room: Instant,
+    instant: Instant,
     times: np.ndarray,
     table: np.ndarray,
     forces: np.ndarray,
@@ -180,7 +181,7 @@ def _recall(
         state.time[0] = times[row]
         rigid_body.read_states(system.bodies, table, row, state.x, state.p, state.v, state.w)
         _prepare(system, state, start)
-        accelerations.accelerate(system, state, start, room)
+        accelerations.accelerate(system, state, start, instant)
         for j in range(forces.shape[1]):
             for i in range(3):
                 forces[row, j, i] = state.reaction[j, i]
@@ -193,16 +194,16 @@ class Dynamics:
         self.model = model
         self.system, self.state = first_state(model)
         self.start = new_system_workspace(self.system, self.state)
-        self.room = new_instant(self.system)
+        self.instant = new_instant(self.system)
         self.joints = len(model.joints)
-        self.regular = is_regular(self.system, self.state, self.room.unknowns)
+        self.regular = is_regular(self.system, self.state, self.instant.unknowns)
         self.violation, self.rate = (
             np.zeros_like(self.state.violation),
             np.zeros_like(self.state.violation),
         )
         self.scale = np.ones_like(self.state.violation)
         if self.system.scalar:
-            # Rows in radians are metres in the matrix.
+            # Equations in radians are multiplied by a length in the matrix.
             rows = self.system.scalar.equations
             self.scale[rows.place[:, 0], rows.place[:, 1]] = rows.scale
         self.first_angle = self.state.angle.copy()
@@ -214,7 +215,7 @@ class Dynamics:
     @property
     def parts(self) -> tuple[System, State, SystemWorkspace, Instant]:
         """What the kernels take first."""
-        return self.system, self.state, self.start, self.room
+        return self.system, self.state, self.start, self.instant
 
     def restart(self) -> None:
         """Count angles from those at t = 0 again."""
@@ -229,9 +230,9 @@ class Dynamics:
         else:
             with np.errstate(all="ignore"):
                 _compiled_free(*self.parts, y)
-            solve_least(self.room)
+            solve_least(self.instant)
             _compiled_react(*self.parts)
-            _rates(self.system, self.start, self.room, y, dy)
+            _rates(self.system, self.start, self.instant, y, dy)
         return dy
 
     def projected(self, t: float, y: np.ndarray) -> np.ndarray:
@@ -244,9 +245,9 @@ class Dynamics:
         _compiled_unpack(y, self.state)
         if self.violation.size:
             self._close(0)
-            _compiled_move(self.system, self.state, self.room)
+            _compiled_move(self.system, self.state, self.instant)
             self._close(1)
-            _compiled_push(self.system, self.state, self.start, self.room)
+            _compiled_push(self.system, self.state, self.start, self.instant)
             _compiled_pack(self.state, y)
         return y
 
@@ -254,13 +255,13 @@ class Dynamics:
         with np.errstate(all="ignore"):
             _compiled_open(*self.parts, self.violation, self.rate, self.scale, level)
         if self.regular:
-            _compiled_solve(self.room)
+            _compiled_solve(self.instant)
         else:
-            solve_least(self.room)
+            solve_least(self.instant)
 
     def publish(self, ys: np.ndarray) -> np.ndarray:
         """(m, 12 n) the columns of ``states.csv`` of the states ``ys`` (m, 13 n)."""
-        table = np.zeros((len(ys), 12 * (ys.shape[1] // SIZE)))
+        table = np.zeros((len(ys), rigid_body.STATE_SIZE * (ys.shape[1] // SIZE)))
         ys = np.ascontiguousarray(ys)
         _compiled_publish(self.system, self.state, self.start, ys, table)
         return table
@@ -268,8 +269,8 @@ class Dynamics:
     def forces(self, times: np.ndarray, table: np.ndarray) -> np.ndarray:
         """(m, 3 k) joint forces [N] of the published states ``table`` (m, 12 n), at their times.
 
-        Of joints that are not independent the least forces. Times increase, and no angle turns by
-        half a turn from one to the next.
+        Of joints that are not independent the least forces. Times increase, and no angle changes by
+        half a revolution from one to the next.
         """
         self.restart()
         out = np.zeros((len(table), self.joints, 3))
@@ -280,7 +281,7 @@ class Dynamics:
             with np.errstate(all="ignore"):
                 _compiled_recall(*self.parts, times[part], table[part], out[part])
             if not self.regular:
-                solve_least(self.room)
+                solve_least(self.instant)
                 _compiled_react(*self.parts)
                 out[k] = self.state.reaction[: self.joints, :3]
         return out.reshape(len(table), -1)
@@ -289,7 +290,7 @@ class Dynamics:
 _compiled_unpack = compiled(_unpack)
 _compiled_pack = compiled(_pack)
 _compiled_solve = compiled(accelerations.solve)
-_compiled_react = compiled(accelerations.react)
+_compiled_react = compiled(accelerations.set_reactions)
 _compiled_rates = compiled(_all_rates)
 _compiled_free = compiled(_free)
 _compiled_open = compiled(_open)

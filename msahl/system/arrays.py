@@ -1,18 +1,17 @@
-"""The scene as the kernels see it: groups of flat arrays.
+"""Define the arrays of a system: constant data, state, workspace, tables of results.
 
-Nodes of three numbers hold unknowns and equations alike: node 2b is the displacement u of body b
-and its force rows, node 2b+1 its turn l Q and its moment rows; after the ground (b = n) come the
-joints' multipliers and gaps, three to a node. The Jacobian is a list of 3 x 3 blocks, one after the
-other in one array; block 0 takes what belongs to the ground and is never read.
+Unknowns and equations stand in nodes of three numbers: those of the frames first (``Frames``), then
+the multipliers and constraint equations, three to a node. The Jacobian is a list of 3 x 3 blocks,
+one after the other in one array; block 0 takes what belongs to the ground and is never read.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from msahl.algebra.functions import Laws
 from msahl.elements.constraints.coincide import Coincide, CoincideWorkspace
-from msahl.elements.constraints.coordinates import MOST, Coordinates, CoordinatesWorkspace
+from msahl.elements.constraints.coordinate_kinds import MOST, Coordinates, CoordinatesWorkspace
 from msahl.elements.constraints.products import ProductsWorkspace
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.forces import Forces, ForcesWorkspace, energy_columns
@@ -28,12 +27,12 @@ class Multipliers(NamedTuple):
 
     node: np.ndarray  # (k,)
     element: np.ndarray  # (k,) joint, coupling or motion it belongs to
-    rotational: np.ndarray  # (k,) whether its rows see nothing but turns
-    bodies: np.ndarray  # (k, 4) bodies its rows touch; the ground fills up
+    rotational: np.ndarray  # (k,) whether its equations depend on rotations only
+    bodies: np.ndarray  # (k, 4) frames its equations depend on; the ground fills up
 
 
 class System(NamedTuple):
-    """Constant data of a scene of n bodies; array fields are read-only by convention."""
+    """Constant data of an assembled system; array fields are read-only by convention."""
 
     frames: Frames
     bodies: RigidBodies
@@ -68,14 +67,14 @@ class State(NamedTuple):
     alpha_trend: np.ndarray  # likewise of alpha
     force_trend: np.ndarray  # (3, k, 3) likewise of force
     foresight: np.ndarray  # (1,) 1 if three changes would have told the last one better than one
-    violation: np.ndarray  # (k, 3) gap the last solution left over, by increments [m]
-    angle: np.ndarray  # (q,) quantities' values; angles are counted here [m or rad]
+    violation: np.ndarray  # (k, 3) violation that the last solution left, by increments [m]
+    angle: np.ndarray  # (q,) coordinates' values; angles are counted here [m or rad]
     reaction: np.ndarray  # (j, 6) of the joints over the last step, inertial axes [N, N m]
     reaction_trend: np.ndarray  # likewise its change
     work: np.ndarray  # (w,) since t = 0 [J]; a decaying scheme's own last
     v_rise: np.ndarray  # smoothed change of v over a step, of a decaying scheme [m/s]
     w_rise: np.ndarray  # likewise w [rad/s]
-    stretch: np.ndarray  # (s,) likewise the springs' quantities
+    stretch: np.ndarray  # (s,) likewise the springs' coordinates
 
 
 class Tables(NamedTuple):
@@ -108,17 +107,17 @@ def multiplier_count(system: System) -> int:
 
 
 def coordinate_count(system: System) -> int:
-    """Number of quantities."""
+    """Return the number of coordinates."""
     return int(system.scalar.coordinates.kind.size) if system.scalar else 0
 
 
 def equation_count(system: System) -> int:
-    """Number of scalar joint equations, those of coinciding points left out."""
+    """Return the number of scalar constraint equations, without those of coinciding points."""
     return int(system.scalar.equations.function.size) if system.scalar else 0
 
 
 def new_coordinates_workspace(group: Coordinates, nodes: int = 0) -> CoordinatesWorkspace:
-    """Room for what is computed of quantities and measures."""
+    """Return the workspace of coordinates and their products."""
     m, q = group.products.kind.size, group.kind.size
     products = ProductsWorkspace(
         *(np.zeros((m, 3)) for _ in range(5)),
@@ -141,25 +140,26 @@ def new_coordinates_workspace(group: Coordinates, nodes: int = 0) -> Coordinates
 
 
 def new_system_workspace(system: System, state: State) -> SystemWorkspace:
-    """Room for the start of a step; gap and stretch are the state's own arrays."""
+    """Return the workspace of a system; violation and stretch are the state's own arrays."""
     vectors, matrices = state.x.shape, (*state.x.shape, 3)
     k = system.coincide.a.size
-    scalar = system.scalar and ScalarWorkspace(
+    scalar: Any = system.scalar and ScalarWorkspace(
         coordinates=new_coordinates_workspace(system.scalar.coordinates, node_count(system)),
         rate=np.zeros(system.scalar.coordinates.kind.size),
     )
+    frames = FramesWorkspace(np.zeros(matrices), *(np.zeros(vectors) for _ in range(6)))
     return SystemWorkspace(
-        frames=FramesWorkspace(np.zeros(matrices), *(np.zeros(vectors) for _ in range(6))),
+        frames=frames,
         bodies=RigidBodiesWorkspace(np.zeros_like(system.bodies.inertia)),
         coincide=CoincideWorkspace(np.zeros((k, 3)), np.zeros((k, 3)), state.violation),
-        scalar=scalar,  # type: ignore[arg-type]
-        forces=new_forces_workspace(system.forces, state.reaction, state.stretch),
+        scalar=scalar,
+        forces=new_forces_workspace(system.forces, frames, scalar, state.reaction, state.stretch),
         reaction_arms=np.zeros((system.reactions.child.size, 3)),
     )
 
 
 def new_tables(system: System, state: State, rows: int) -> Tables:
-    """Room for ``rows`` rows of results."""
+    """Return tables for ``rows`` output times."""
     states, shown = STATE_SIZE * system.bodies.frame.size, system.shown
     reactions = int(np.where(shown.moment, 6, 3).sum()) + shown.load_equation.size
     if system.scalar:

@@ -33,7 +33,7 @@ from msahl.model.joints import Joint
 from msahl.model.loads import Bushing, ConcentratedLoad, Drag, Friction, JointSpring, SpringDamper
 from msahl.model.motions import JointMotion, PointMotion
 
-FREE_MOTIONS = {"angle": angle, "slide": slide}
+COORDINATES_BY_NAME = {"angle": angle, "slide": slide}
 """The coordinates that a deck can name, by their names."""
 
 
@@ -186,7 +186,7 @@ class _Collector:
         key = (joint_name, name)
         if key not in self.shared:
             joint = self.joints[joint_name]
-            self.shared[key] = self._add(FREE_MOTIONS[name](joint), self._pair(joint))
+            self.shared[key] = self._add(COORDINATES_BY_NAME[name](joint), self._pair(joint))
         return self.shared[key]
 
     def _joint(self, element: int, joint: Joint) -> None:

@@ -32,6 +32,7 @@ import numpy as np
 
 from msahl.elements import forces, reactions, rigid_body
 from msahl.elements.constraints import coincide, coordinates, scalar
+from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.elements.frames import first_multiplier, moving_count
 from msahl.elements.frames import prepare as prepare_frames
 from msahl.jit.kernel import kernel
@@ -62,9 +63,7 @@ def prepare(system: System, state: State, start: SystemWorkspace) -> None:
     coincide.prepare(system.coincide, R, start.coincide)
     scalar.prepare(system.scalar, state.x, R, state.angle, start.scalar)
     reactions.prepare(system.reactions, system.scalar, R, start.reaction_arms)
-    forces.prepare(
-        system.forces, start.forces, system.scalar, R, state.reaction, state.reaction_trend
-    )
+    forces.prepare(system.forces, start.forces, system.scalar, state.reaction, state.reaction_trend)
 
 
 @kernel
@@ -111,19 +110,10 @@ def free_acceleration(
     v, W = start.frames.v, start.frames.W
     rigid_body.free_acceleration(system.bodies, frames, start.bodies, start.frames, F)
     coincide.free_acceleration(system.coincide, start.coincide, W, F)
-    scalar.rates(system.scalar, start.scalar, frames, v, W, Z)
+    scalar.rates(system.scalar, start.scalar, frames, start.frames, Z)
     scalar.free_acceleration(system.scalar, start.scalar, frames, v, W, t, F)
-    forces.set_time(system.forces, start.forces, t, start.frames.R)
-    forces.add_forces(
-        system.forces,
-        start.forces,
-        system.scalar,
-        start.scalar,
-        frames,
-        start.frames,
-        state.reaction,
-        F,
-    )
+    forces.set_time(system.forces, start.forces, t)
+    forces.add_forces(system.forces, start.forces, system.scalar, frames, state.reaction, F)
 
 
 @kernel
@@ -138,40 +128,22 @@ def observe(
     coincide.violation(system.coincide, start.coincide, state.x, violation)
     coincide.violation_rate(system.coincide, start.coincide, start.frames, rate)
     scalar.observe(system.scalar, start.scalar, start.frames, state.time[0], violation, rate)
-    elastic = forces.elastic_energy(system.forces, start.forces, system.scalar, start.scalar)
+    elastic = forces.elastic_energy(system.forces, start.forces, system.scalar)
     kinetic, potential = rigid_body.energy(system.bodies, state.x, state.v, state.w)
     return kinetic, potential + elastic
 
 
 @kernel
 def add_force_derivatives(
-    system: System,
-    state: State,
-    start: SystemWorkspace,
-    Z: np.ndarray,
-    room: np.ndarray,
-    by_place: np.ndarray,
-    by_rate: np.ndarray,
+    system: System, state: State, start: SystemWorkspace, out: Derivatives
 ) -> None:
-    """Add the derivatives of the forces in ``free_acceleration``, after it, to the block values
-    ``by_place`` and ``by_rate``. ``Z`` is zero; ``room`` holds block values.
-    """
-    frames = system.frames
-    scalar.differentiate(system.scalar, start.scalar, frames, Z)
-    rigid_body.add_derivatives(system.bodies, frames, start.bodies, start.frames, by_place, by_rate)
-    forces.add_derivatives(
-        system.forces,
-        start.forces,
-        system.scalar,
-        start.scalar,
-        frames,
-        start.frames,
-        state.reaction,
-        Z,
-        room,
-        by_place,
-        by_rate,
+    """Add the derivatives of the forces in ``free_acceleration``, after it, to ``out``."""
+    frames, motion = system.frames, start.frames
+    scalar.differentiate(system.scalar, start.scalar, frames, out.still)
+    rigid_body.add_derivatives(
+        system.bodies, frames, start.bodies, motion, out.by_place, out.by_rate
     )
+    forces.add_derivatives(system.forces, start.forces, system.scalar, frames, state.reaction, out)
 
 
 class Evaluation(NamedTuple):
@@ -193,11 +165,12 @@ def evaluate_at(system: System, state: State) -> Evaluation:
     state = state._replace(angle=state.angle.copy())
     start, Z = new_system_workspace(system, state), np.zeros((node_count(system), 3))
     rows, violation, rate = Z.copy(), np.zeros_like(state.force), np.zeros_like(state.force)
-    by_place, by_rate, room = (np.zeros_like(system.constant) for _ in range(3))
+    by_place, by_rate, scratch = (np.zeros_like(system.constant) for _ in range(3))
+    out = Derivatives(by_place, by_rate, scratch, Z)
     prepare(system, state, start)
     scalar.count_rotations(system.scalar, start.scalar, state.angle)
     free_acceleration(system, state, start, Z, rows)
-    add_force_derivatives(system, state, start, Z, room, by_place, by_rate)
+    add_force_derivatives(system, state, start, out)
     observe(system, state, start, violation, rate)
     force_scale, place_scale = _scales(system)
     coordinate, equation = _coordinates(system), _equations(system)
@@ -210,8 +183,8 @@ def evaluate_at(system: System, state: State) -> Evaluation:
         equation=equation,
         mass=_mass(system, start)[square],
         force=(rows.reshape(-1) * force_scale)[coordinate],
-        force_by_place=(dense_matrix(system, by_place) * scale)[square],
-        force_by_rate=(dense_matrix(system, by_rate) * scale)[square],
+        force_by_place=(dense_matrix(system, out.by_place) * scale)[square],
+        force_by_rate=(dense_matrix(system, out.by_rate) * scale)[square],
         violation=violation.reshape(-1)[equation - first],
         violation_rate=rate.reshape(-1)[equation - first],
         constraint_jacobian=G[across] / _equation_scale(system).reshape(-1)[equation - first, None],

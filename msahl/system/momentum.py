@@ -1,7 +1,7 @@
-"""Momentum of an island that nothing outside pulls at: only gravity changes it.
+"""Momentum of a subsystem without external forces other than gravity.
 
 P(t) = sum m v = P(0) + M g t
-L(t) = sum m (x - x_M) x (v - v_M) + J W   stays,   M the island's mass centre
+L(t) = sum m (x - x_M) x (v - v_M) + J W   stays,   M the subsystem's mass centre
 """
 
 from typing import NamedTuple
@@ -23,7 +23,7 @@ class Momentum(NamedTuple):
 
 
 def is_alone(system: System) -> bool:
-    """Whether no joint, spring or motion ties the island to the ground and no load acts on it."""
+    """Return whether no element connects the subsystem to the ground and no load acts on it."""
     ground = moving_count(system.frames)
     ends = [system.coincide.a, system.coincide.b]
     if system.scalar is not None:

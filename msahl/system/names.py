@@ -56,6 +56,6 @@ def describe_row(model: Model, system: System, index: int) -> str:
         return f"body '{model.bodies[frames.owner[frames.of_node[node]]].name}', {kind} {axis}"
     elements = [*model.joints, *model.couplings, *model.motions]
     element = elements[int(system.multipliers.element[k])]
-    what = f"gap along {axis}" if k < system.coincide.a.size else f"equation {index % 3 + 1}"
+    what = f"violation along {axis}" if k < system.coincide.a.size else f"equation {index % 3 + 1}"
     kind = type(element).__name__.lower()
     return f"{kind} '{element.name}', {what}"

@@ -16,8 +16,8 @@ from msahl.system.arrays import State, System, SystemWorkspace
 def find_nonfinite(
     model: Model, system: System, state: State, start: SystemWorkspace, h: float
 ) -> str | None:
-    """The first element of the island ``model`` whose part of the step ``h`` from its prepared
-    ``state`` is not finite, in words; None if there is none.
+    """Return the first element of the subsystem ``model`` whose part of the step ``h`` from its
+    prepared ``state`` is not finite, in words; None if there is none.
     """
     with np.errstate(all="ignore"):
         for name, numbers in _parts(model, system, state, start, h):

@@ -1,15 +1,15 @@
-"""The order of elimination, and the sparse LU it makes, found once per scene.
+"""Find the order of elimination and the sparse LU factorisation of a system, once.
 
 Bodies are eliminated in an order of smallest degree on the graph of bodies (the ground does not
 count): in a tree that takes the leaves first, without fill-in, from however many grounds the tree
 hangs, and of the leaves those on the ground. A body goes with a joint whose other bodies, if any,
 have gone before, and alone where there is none: displacement, then the multipliers that act on it,
-then turn, then the multipliers that see nothing but turns; in this order the pivots are 1, the
+then rotation, then the multipliers that depend on rotations only; the pivots are then 1, the
 share of the joint's mass, and an inertia about the joint. So a link leaves its neighbour only the
 joint between them, and costs the same on whichever side of it the ground is. A body that a force
 holds to another leaves that one in any case and goes with a joint at once. Joints that close loops,
-and couplings, go after all their bodies. Pivots keep this order whatever the values; a scene that
-defeats it is left to the dense solver.
+and couplings, go after all their bodies. Pivots keep this order whatever the values; a system for
+which it fails is left to the dense solver.
 
 Column k of L and row k of U stand one after the other in the factor array, from ``base[k]``: the
 pivot (kept inverted), ``lower[k]`` entries of L, ``upper[k]`` of U. ``other`` says in which row or
@@ -83,7 +83,9 @@ def _node_order(system: System) -> list[int]:
 
 
 def _elements(system: System, ground: int) -> dict[int, tuple[set[int], list[int], list[int]]]:
-    """Of each joint or coupling: its moving bodies, its pushing and its turning nodes."""
+    """Return of each joint or coupling: its moving frames, its nodes with displacements and those
+    with rotations only.
+    """
     elements: dict[int, tuple[set[int], list[int], list[int]]] = {}
     multipliers = system.multipliers
     for k, node in enumerate(multipliers.node.tolist()):

@@ -7,7 +7,7 @@ import numpy as np
 from msahl.algebra.functions import Laws, build_laws
 from msahl.algebra.vector import Vector, sub
 from msahl.elements.constraints.coincide import Coincide
-from msahl.elements.constraints.coordinates import Coordinates
+from msahl.elements.constraints.coordinate_kinds import Coordinates
 from msahl.elements.constraints.equations import ConstraintEquations
 from msahl.elements.constraints.products import Products
 from msahl.elements.constraints.scalar import ScalarConstraints

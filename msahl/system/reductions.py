@@ -1,7 +1,7 @@
-"""Which unknowns a scene needs: exact reductions, read off the first state.
+"""Find which unknowns a system needs: exact reductions, from the state at t = 0.
 
 *Ballistic*: the mass centre of a body that nothing but gravity touches moves by u = h v + h^2 g/2,
-which is the time element's own answer; only its turn is left to solve for.
+which is the time element's own answer; only its rotation is left to solve for.
 
 *Planar*: if every mass centre, arm, force and velocity lies in one coordinate plane of the inertial
 axes, if every spin, moment and one principal axis of each body is its normal, and every direction
@@ -11,13 +11,13 @@ allows for the round-off of rotated vectors and for nothing else, so nothing is 
 (Distances between parallel planes would make moments; they do not count as planar.)
 
 What is not solved for must not depend on itself. The components that a planar system does not have
-are therefore zero, not small: every velocity and every guess passes through ``rigid.moving``.
+are therefore zero, not small: every velocity and every guess passes through ``frames.restrict``.
 """
 
 import numpy as np
 
 from msahl.elements import forces
-from msahl.elements.constraints.coordinates import PLAIN, RADIUS, Coordinates
+from msahl.elements.constraints.coordinate_kinds import PLAIN, RADIUS, Coordinates
 from msahl.elements.constraints.equations import ConstraintEquations
 from msahl.elements.constraints.products import DOT, SLIDE, SLIP, Products, ProductsWorkspace
 from msahl.elements.frames import first_multiplier, ground_of, moving_count
@@ -40,7 +40,7 @@ def _is_planar(system: System, start: SystemWorkspace, axis: int) -> bool:
     in_plane = [i for i in range(3) if i != axis]
     ground = ground_of(system.frames)
     motion, coincide, J = start.frames, start.coincide, start.bodies.J
-    vectors, moments = forces.vectors(system.forces, start.forces, motion.R)
+    vectors, moments = forces.vectors(system.forces, start.forces)
     # The ground's arms are places, not levers.
     arms_a = coincide.r_a[system.coincide.a != ground]
     arms_b = coincide.r_b[system.coincide.b != ground]
@@ -53,7 +53,7 @@ def _is_planar(system: System, start: SystemWorkspace, axis: int) -> bool:
     group, products = system.scalar.coordinates, start.scalar.coordinates.products
     if not all(_fits(group, products, ground, q, axis) for q in range(group.kind.size)):
         return False
-    # What pushes or drives across the plane breaks the symmetry.
+    # Forces and prescribed motions across the plane break the symmetry.
     rows = system.scalar.equations
     active = rows.coordinate[(rows.law >= 0) | (rows.coordinate[:, 1] >= 0)].reshape(-1)
     acting = np.concatenate([active, forces.coordinates_of(system.forces)])
@@ -66,7 +66,7 @@ def _is_zero(part: np.ndarray, whole: np.ndarray) -> bool:
 
 
 def _fits(group: Coordinates, products: ProductsWorkspace, ground: int, q: int, axis: int) -> bool:
-    """Whether a quantity is its own mirror image: its vectors along or across the normal."""
+    """Whether a coordinate is its own mirror image: its vectors along or across the normal."""
     for k in range(group.first[q], group.first[q + 1]):
         kind = group.products.kind[k]
         if kind not in (DOT, SLIDE, SLIP):
@@ -99,7 +99,7 @@ def _along(vector: np.ndarray, axis: int) -> bool | None:
 
 
 def symmetric_rows(system: System, start: SystemWorkspace, axis: int) -> np.ndarray:
-    """(r,) rows that hold by symmetry in a planar scene, whatever its motion in the plane."""
+    """(r,) equations satisfied by symmetry in a planar system, for any motion in the plane."""
     if system.scalar is None:
         return np.zeros(0, dtype=bool)
     rows = system.scalar.equations
@@ -109,7 +109,7 @@ def symmetric_rows(system: System, start: SystemWorkspace, axis: int) -> np.ndar
 
 
 def _held(group: Coordinates, products: ProductsWorkspace, axis: int) -> np.ndarray:
-    """(q,) quantities that a motion in the plane cannot change."""
+    """(q,) coordinates that a motion in the plane cannot change."""
     held = np.zeros(group.kind.size, dtype=bool)
     for q in np.flatnonzero(group.kind == PLAIN):
         k = group.first[q]
@@ -122,13 +122,13 @@ def _held(group: Coordinates, products: ProductsWorkspace, axis: int) -> np.ndar
 
 
 def stay_in_plane(system: System, axis: int) -> System:
-    """The system with every motion out of the plane across ``axis`` held at zero."""
+    """Return the system with every motion out of the plane across ``axis`` set to zero."""
     moves = np.array([np.arange(3) != axis, np.arange(3) == axis], dtype=float)
     return system._replace(frames=system.frames._replace(moves=moves))
 
 
 def drop_rows(system: System, held: np.ndarray) -> System:
-    """The system without the ``held`` rows (r,), and without the quantities only they needed.
+    """The system without the ``held`` rows (r,), and without the coordinates only they needed.
 
     Nodes and blocks stay where they are.
     """
@@ -183,7 +183,7 @@ def _all(system: System) -> np.ndarray:
 
 
 def needed_unknowns(system: System, start: SystemWorkspace, axis: int | None) -> np.ndarray:
-    """(f,) the flat unknowns left to solve for; ``axis`` is the normal of a planar scene."""
+    """(f,) the flat unknowns left to solve for; ``axis`` is the normal of a planar system."""
     frames, k = system.frames, int(system.coincide.a.size)
     first = first_multiplier(frames)
     needed = _all(system)

@@ -1,8 +1,8 @@
-"""Islands: parts of a scene that nothing couples are scenes of their own.
+"""Split a model into subsystems: parts that nothing couples are solved apart.
 
 Each is built, reduced and solved apart; only the columns of the results bring them together. Bodies
 are coupled by joints, by couplings and motions of joints, by forces between them, and by a load
-whose components turn with another body.
+whose components rotate with another body.
 """
 
 from dataclasses import fields, replace
@@ -15,7 +15,7 @@ KINDS = ("joints", "couplings", "motions", "loads")
 
 
 def split(model: Model) -> list[Model]:
-    """The islands of ``model``, in the order of their first bodies."""
+    """Return the subsystems of ``model``, in the order of their first bodies."""
     leader = {body.name: body.name for body in model.bodies}
 
     def find(name: str) -> str:

@@ -272,7 +272,7 @@ def _concentrated(elements: Elements, frames: Indices, blocks: Blocks) -> Indice
         force_by_rotation.append(blocks.place(u[b], theta[f]))
     body, f_axes, m_axes = np.ascontiguousarray(indices(axes).reshape(-1, 3).T)
     return {
-        "body": body,
+        "frame": body,
         "f_axes": f_axes,
         "m_axes": m_axes,
         "law": indices([entry.law for entry in elements.concentrated]),
@@ -287,7 +287,7 @@ def _drags(elements: Elements, frames: Indices, blocks: Blocks) -> Indices:
     nodes = zip(frames["displacement"][body], frames["rotation"][body], strict=True)
     places = [[blocks.place(row, column) for row in n for column in n] for n in nodes]
     return {
-        "body": body,
+        "frame": body,
         "block": indices(places).reshape(-1, 4),
         "column": indices([column for column, _ in elements.drags]),
     }

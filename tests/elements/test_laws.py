@@ -20,7 +20,8 @@ from msahl.linalg import dense, sparse_lu
 from msahl.model.couplings import COORDINATES
 from msahl.model.scheme import EXPONENTIAL, ORDER_TWO
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.schemes.midpoint import equations, newton
+from msahl.schemes.midpoint import equations, free_equations, newton
+from msahl.schemes.midpoint.workspace import new_workspace
 from msahl.system import evaluate
 from msahl.system.arrays import new_system_workspace, node_count
 from msahl.system.build import build_system
@@ -72,7 +73,7 @@ class Step:
     def __init__(self, model, h=H, reaction=None):
         self.h = h
         self.system = build_system(model)
-        self.dt2 = equations.dt2(self.system, h)
+        self.dt2 = evaluate.dt2(self.system, h)
         self.state = build_state(model, self.system)
         if reaction is not None:
             self.state.reaction[:] = reaction(self.state.reaction.shape)
@@ -80,7 +81,7 @@ class Step:
         evaluate.prepare(self.system, self.state, self.start)
         self.unknowns = choose(self.system, all_unknowns(self.system))
         self.shape = (node_count(self.system), 3)
-        equations.load(self.system, self.state, self.start, h)
+        equations.set_loads(self.system, self.state, self.start, h)
 
     def random(self, rng):
         """Unknowns of a step of large rotations; those that are not free stay where they are."""
@@ -97,9 +98,9 @@ class Step:
         """Dense, in all the unknowns."""
         size = self.unknowns.free.size
         A, values = np.zeros(size * size), np.zeros_like(self.system.constant)
-        z = Z.reshape(-1)[self.unknowns.free].copy()
-        given = (self.system, self.unknowns, self.state, self.start, self.h, z)
-        dense.jacobian(*given, Z.copy(), np.zeros(self.shape), values, A)
+        self.residual(Z)
+        equations.jacobian(self.system, self.start, self.h, Z, values)
+        dense.scatter_matrix(self.unknowns.dense_to, self.unknowns.dense_from, values, A)
         return A.reshape(size, size)
 
     def free(self, F):
@@ -342,7 +343,7 @@ def test_the_published_work_of_loads_is_what_they_do(seed):
     step.Z = step.random(rng)
     group, start = step.system.forces.concentrated, step.start.forces.concentrated
     force, moment = step.pushes(concentrated.mean_residual, group, start)
-    total = np.zeros(group.body.size)
+    total = np.zeros(group.frame.size)
     concentrated.mean_work(group, start, step.system.frames, step.Z, total)
     assert total.sum() == pytest.approx(step.work(force, moment), abs=1e-12 * np.abs(total).sum())
 
@@ -418,8 +419,8 @@ def test_the_compiled_loop_is_its_plain_self(make, scheme):
     steps = 5
     plain, fast = (SubsystemIntegrator(model, "newton", True, steps).workspace for _ in range(2))
     plan = np.arange(steps)
-    assert newton.march(plain, H / 10, 0, steps, plan) == steps
-    assert compiled(newton.march)(fast, H / 10, 0, steps, plan) == steps
+    assert newton.take_steps(plain, H / 10, 0, steps, plan) == steps
+    assert compiled(newton.take_steps)(fast, H / 10, 0, steps, plan) == steps
     for field in ("state", "start", "tables", "watch"):
         for a, b in zip(_arrays(getattr(plain, field)), _arrays(getattr(fast, field)), strict=True):
             # Trends are differences of accelerations, which divide round-off by h^2 = 1e-4.
@@ -435,18 +436,18 @@ def test_the_compiled_equations_are_their_plain_selves(make):
     step = Step(make(rng))
     z = step.free(step.random(rng))
     size = z.size
-    workspace, again = (
-        (np.zeros(step.shape), np.zeros(size), np.zeros(step.shape)) for _ in range(2)
-    )
-    given = (step.system, step.unknowns, step.state, step.start, H, z)
-    judged = dense.residual(*given, *workspace)
-    assert scipy_root._residual(*given, *again) == pytest.approx(judged, rel=1e-13)
-    for a, b in zip(workspace, again, strict=True):
+    plain, fast = (new_workspace(step.system, step.unknowns, step.state, 1) for _ in range(2))
+    for workspace in (plain, fast):
+        evaluate.prepare(step.system, step.state, workspace.start)
+        equations.set_loads(step.system, step.state, workspace.start, H)
+    f, g = np.zeros(size), np.zeros(size)
+    judged = free_equations.residual(plain, H, z, f)
+    assert scipy_root._residual(fast, H, z, g) == pytest.approx(judged, rel=1e-13)
+    for a, b in ((f, g), (plain.Z, fast.Z), (plain.F, fast.F)):
         assert a == pytest.approx(b, rel=1e-13, abs=1e-13 * np.abs(a).max())
     A, B = np.zeros(size * size), np.zeros(size * size)
-    values = np.zeros_like(step.system.constant)
-    dense.jacobian(*given, workspace[0], workspace[2], values, A)
-    scipy_root._jacobian(*given, workspace[0], workspace[2], values, B)
+    free_equations.jacobian(plain, H, z, A)
+    scipy_root._jacobian(fast, H, z, B)
     assert pytest.approx(B, rel=1e-13, abs=1e-13 * np.abs(A).max()) == A
 
 

@@ -8,7 +8,7 @@ import pytest
 from msahl.jit import compiled
 from msahl.jit.kernel_store import Store
 
-NAME, CONTENT = "msahl.schemes.midpoint.newton.march-1", bytes(range(256)) * 8
+NAME, CONTENT = "msahl.schemes.midpoint.newton.take_steps-1", bytes(range(256)) * 8
 
 
 @pytest.fixture

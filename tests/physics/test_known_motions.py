@@ -320,7 +320,7 @@ def test_velocities_that_no_translation_mends_change_by_the_least_mass():
     spun = replace(rod.bodies[0], angular_velocity=(3.0, 0.0, 0.0))
     run = simulate(replace(rod, bodies=(spun,)), dt=0.01, t_final=0.01)
     assert run.of("spin")[0] == pytest.approx((1.0, 1.0, 1.0), abs=1e-12)
-    assert "least change by mass" in run.report.warnings[0]
+    assert "smallest change, weighted by mass" in run.report.warnings[0]
 
 
 # Energy ------------------------------------------------------------------------------------------

@@ -320,4 +320,4 @@ def test_resume_over_a_damaged_run_json_is_refused(run, text):
     (run / "run.json").write_text(text)
     result = call(engine, "run", run / "source.xml", "-o", run, "--resume")
     assert result.exit_code == 2
-    assert "leave --resume out to run it anew" in result.stderr
+    assert "omit --resume to start again" in result.stderr

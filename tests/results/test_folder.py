@@ -200,7 +200,7 @@ def test_what_is_beside_results_stays_there(out):
     (out / "notes.txt").write_text("mine")
     (out / "checkpoint").mkdir()  # as others call theirs
     told = run(SINGLE, "--dt", 0.02, "--t-final", 0.2, "-o", out, status=2)
-    assert f"{out / 'checkpoint'}: not a checkpoint of msahl's" in told
+    assert f"{out / 'checkpoint'}: not a checkpoint of msahl" in told
     (out / "checkpoint").rmdir()
     (out / "checkpoint").write_text("of another program")
     run(SINGLE, "--dt", 0.02, "--t-final", 0.2, "-o", out, status=2)
@@ -290,7 +290,7 @@ def test_a_link_in_the_place_of_the_inner_folder_is_refused(out, tmp_path):
     (tmp_path / "elsewhere").mkdir()
     (out / "incomplete").symlink_to(tmp_path / "elsewhere")
     told = run(SINGLE, "--dt", 0.02, "-o", out, status=2)
-    assert f"{out / 'incomplete'}: not a folder of msahl's" in told
+    assert f"{out / 'incomplete'}: not written by msahl" in told
     assert not any((tmp_path / "elsewhere").iterdir())
 
 
@@ -318,7 +318,7 @@ def test_a_folder_removed_during_the_run_is_reported(tmp_path, monkeypatch):
     monkeypatch.setattr(RunFolder, "write", remove)
     told = run(SINGLE, "--dt", 0.01, "--t-final", 0.01, "-o", tmp_path / "out", status=4)
     assert "the folder was removed or renamed while the run wrote into it" in told
-    assert "Make workspace" not in told
+    assert "Free some disk space" not in told
 
 
 def test_an_empty_name_is_no_folder():

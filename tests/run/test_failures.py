@@ -74,7 +74,7 @@ def test_rows_before_a_full_disk_are_complete_and_the_run_can_go_on(tmp_path):
     assert told["status"] == "not written"
     assert told["message"] in ran.stderr
     assert "states.csv.part: File too large; rows up to t = " in told["message"]
-    assert "Make workspace there; go on with: msahl run " in told["message"]
+    assert "Free some disk space" in told["message"]
     assert "Traceback" not in ran.stderr
     run = read_run(tmp_path / "out")
     assert len(run.states) == len(run.reactions) == told["outputTimes"] == told["steps"] + 1 > 50
@@ -231,7 +231,7 @@ def test_a_second_signal_before_the_first_step_is_in_run_json(tmp_path, monkeypa
     monkeypatch.setattr("msahl.run.subsystem.SubsystemIntegrator.show_start", interrupt)
     result = call("run", *SHORT, "-o", tmp_path)
     assert result.exit_code == 130
-    assert "stopped before the first step; begin anew" in result.stderr
+    assert "stopped before the first step; start again" in result.stderr
     assert info(tmp_path)["status"] == "interrupted"
 
 
@@ -326,7 +326,7 @@ def test_a_stopped_study_reports_the_runs_it_has_made(tmp_path, monkeypatch):
     words = (SINGLE, "--dt", 0.1, "--dt", 0.05, "--dt", 0.025, "--t-final", 1, "--repeat", 2)
     result = call("study", *words, "--scheme", "preserving", "-o", tmp_path)
     assert result.exit_code == 143, result.output
-    assert "the report is of the runs made until then" in result.stderr
+    assert "the report contains the runs that had ended" in result.stderr
     assert "stopped before all its runs were made" in (tmp_path / "study.md").read_text()
     rows = (tmp_path / "study.csv").read_text().splitlines()
     assert len(rows) == 3  # the head, and the runs at 0.1 and 0.05 s

@@ -3,12 +3,17 @@
 import numpy as np
 import pytest
 
-from msahl.schemes.collocation.tableau import new_rule
+from msahl.schemes.collocation.tableau import new_tableau
+from tools.validation import orders as orders_module
 
 LONG = np.longdouble
 longer = pytest.mark.skipif(
     np.finfo(LONG).eps == np.finfo(float).eps, reason="longdouble is double on this machine"
 )
+
+@pytest.fixture(scope="module")
+def orders():
+    return orders_module
 
 
 STEPS = {
@@ -113,7 +118,7 @@ def test_steps_in_extended_precision_are_those_that_are_compiled(orders):
 @pytest.mark.parametrize("degree", [1, 2, 3, 4, 5])
 def test_a_rule_is_known_to_extended_precision(orders, degree):
     eps = np.finfo(LONG).eps
-    long, short = orders.longdouble.gauss(degree), new_rule("gauss", degree)
+    long, short = orders.longdouble.gauss(degree), new_tableau("gauss", degree)
     for power in range(2 * degree):
         integral = LONG(1.0) / (power + 1)
         assert abs(long.weight @ long.acting**power - integral) < 4 * eps

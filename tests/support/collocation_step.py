@@ -4,8 +4,8 @@ import numpy as np
 
 from msahl.model.scheme import split
 from msahl.schemes.collocation import equations
-from msahl.schemes.collocation.tableau import new_rule
-from msahl.schemes.collocation.workspace import new_stages
+from msahl.schemes.collocation.tableau import new_tableau
+from msahl.schemes.collocation.workspace import new_stage_arrays
 from msahl.system import evaluate
 from msahl.system.arrays import new_system_workspace, node_count
 from msahl.system.build import build_system
@@ -25,8 +25,8 @@ class Step:
         self.start = new_system_workspace(self.system, self.state)
         evaluate.prepare(self.system, self.state, self.start)
         self.unknowns = choose(self.system, all_unknowns(self.system))
-        rule = new_rule(scheme, self.degree)
-        self.stages = new_stages(self.system, self.unknowns, self.state, rule)
+        tableau = new_tableau(scheme, self.degree)
+        self.stages = new_stage_arrays(self.system, self.unknowns, self.state, tableau)
         self.stages.reaction[:] = rng.normal(size=self.stages.reaction.shape)
         self.shape = (self.degree, self.unknowns.free.size)
         self.z = 0.3 * rng.normal(size=self.shape)

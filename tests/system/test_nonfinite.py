@@ -43,7 +43,7 @@ GROWING = {
     "load 'Wind'": build_model(
         [body(velocity=(1e100, 0.0, 0.0))], loads=[Drag("Wind", "Bob", ZERO, 1e200)]
     ),
-    "jointMotion 'Motor'": build_model(
+    "motion 'Motor'": build_model(
         [body()],
         [Joint("Hinge", "revolute", GROUND.name, "Bob", ZERO, ZERO)],
         motions=(JointMotion("Motor", "Hinge", "angle", Law("polynomial", (*[0.0] * 400, 1.0))),),
@@ -69,7 +69,7 @@ def test_what_grows_beyond_all_numbers_is_named_and_never_written(name, solver):
 def test_a_step_beyond_all_expectation_is_refused_with_its_reason(solver):
     run = simulate(build_model([body()], loads=[push(1e200, 0.0, 1.0)]), dt=1.0, solver=solver)
     assert (run.report.status, run.report.output_times) == ("not converged", 1)
-    assert "times as far" in run.report.message
+    assert "times farther away" in run.report.message
 
 
 @every_solver

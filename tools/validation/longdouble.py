@@ -20,7 +20,7 @@ from unittest import mock
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from msahl.algebra.rotation import compose, from_step_turn
+from msahl.algebra.rotation import compose, from_increment
 from msahl.algebra.vector import add, at, put, scale
 from msahl.elements.constraints import scalar
 from msahl.jit.kernel import MARKED
@@ -30,7 +30,7 @@ from msahl.schemes import accelerations
 from msahl.schemes.collocation import newton
 from msahl.schemes.collocation.newton import TARGET, CollocationWorkspace
 from msahl.schemes.collocation.stepper import CollocationMethod
-from msahl.schemes.collocation.tableau import Rule, new_rule
+from msahl.schemes.collocation.tableau import Tableau, new_tableau
 from msahl.schemes.fixed_stepper import FixedStepper
 from msahl.schemes.outcome import TOLERANCE
 from msahl.schemes.output_schedule import OutputSchedule
@@ -68,14 +68,16 @@ def run(model: Model, steps: int, rows: int) -> tuple[np.ndarray, np.ndarray] | 
     assert isinstance(method, CollocationMethod)
     assert method.scheme == "gauss"
     subsystem = widened(method.subsystem)
-    mobility = inverse(subsystem.workspace.system.bodies.inertia)
-    stages = subsystem.stages._replace(rule=gauss(method.degree), mobility=mobility)
+    inverse_inertia = inverse(subsystem.workspace.system.bodies.inertia)
+    stages = subsystem.stages._replace(
+        tableau=gauss(method.degree), inverse_inertia=inverse_inertia
+    )
     subsystem = subsystem._replace(stages=stages)
     plan = OutputSchedule.at_ends(np.arange(1, steps + 1) % (steps // rows) == 0)
     with in_long():
         settle(subsystem)
         h: Any = LONG(model.simulation.t_final) / steps
-        taken = newton.march(subsystem, h, 0, steps, plan.due, plan.share)
+        taken = newton.take_steps(subsystem, h, 0, steps, plan.due, plan.share)
     tables = subsystem.workspace.tables
     return (tables.states[:rows], tables.reactions[:rows]) if taken == steps else None
 
@@ -114,13 +116,15 @@ def inverse(A: np.ndarray) -> np.ndarray:
     return X
 
 
-def gauss(s: int) -> Rule:
+def gauss(s: int) -> Tableau:
     """The rule of degree ``s`` in ``LONG``, by the formulas of ``schemes.rule``."""
-    rule = new_rule("gauss", s)
+    tableau = new_tableau("gauss", s)
     # Rodrigues' formula has but powers of 1/2, which are exact.
     ends = (Polynomial([-1.0, 0.0, 1.0]) ** s).deriv(s) / (2.0**s * math.factorial(s))
-    x = _roots(ends, 2.0 * rule.acting - 1.0)
-    y = np.concatenate([[-1.0], _roots(ends.deriv(), 2.0 * rule.closing[:-1] - 1.0), [1.0]])
+    x = _roots(ends, 2.0 * tableau.force_time - 1.0)
+    y = np.concatenate(
+        [[-1.0], _roots(ends.deriv(), 2.0 * tableau.constraint_time[:-1] - 1.0), [1.0]]
+    )
     at_forces, at_joints = _lagrange(x), _lagrange(y)
     integrals = [0.5 * p.integ(lbnd=-1.0) for p in at_forces]
     weight = np.stack([p(y[-1]) for p in integrals])
@@ -128,21 +132,21 @@ def gauss(s: int) -> Rule:
     value = np.stack([p(x) for p in at_joints], axis=1)
     slope = np.stack([2.0 * p.deriv()(x) for p in at_joints], axis=1)
     N_inverse = inverse((weight[:, None] * slope[:, :s]).T @ slope[:, 1:])
-    return rule._replace(
-        acting=0.5 * (x + 1.0),
-        weight=weight,
-        closing=0.5 * (y[1:] + 1.0),
-        push=node_weight[:s],
-        value=value[:, 1:],
-        slope=slope[:, 1:],
+    return tableau._replace(
+        force_time=0.5 * (x + 1.0),
+        force_weight=weight,
+        constraint_time=0.5 * (y[1:] + 1.0),
+        multiplier_weight=node_weight[:s],
+        basis=value[:, 1:],
+        basis_rate=slope[:, 1:],
         alpha=N_inverse @ (weight[:, None] * value[:, :s]).T,
         beta=N_inverse @ (weight[:, None] * slope[:, :s]).T,
         chi=N_inverse * node_weight[:s],
         integral=np.stack([p(y[1:]) for p in integrals], axis=1),
-        pushing=0.5 * (y[:s] + 1.0),
-        time=0.5 * (np.concatenate([y, x]) + 1.0),
-        place=np.concatenate([np.eye(s + 1)[:, 1:], value[:, 1:]]),
-        rate=np.concatenate([np.zeros((s + 1, s)), slope[:, 1:]]),
+        multiplier_time=0.5 * (y[:s] + 1.0),
+        node_time=0.5 * (np.concatenate([y, x]) + 1.0),
+        node_basis=np.concatenate([np.eye(s + 1)[:, 1:], value[:, 1:]]),
+        node_basis_rate=np.concatenate([np.zeros((s + 1, s)), slope[:, 1:]]),
     )
 
 
@@ -169,13 +173,13 @@ def settle(subsystem: CollocationWorkspace) -> None:
     length = system.frames.length
     evaluate.prepare(system, state, start)
     # What a round leaves over is quadratic: nothing, after one of round-off.
-    for _ in range(1 + accelerations.rounds(system)):
+    for _ in range(1 + accelerations.projection_rounds(system)):
         evaluate.observe(system, state, start, monitor.violation, monitor.rate)
         scalar.in_metres(system.scalar, monitor.violation, monitor.rate)
-        accelerations.undo(system, state, start, monitor.violation, instant)
+        accelerations.solve_projection(system, state, start, monitor.violation, instant)
         for b in range(length.size - 1):
             rotation = scale(1.0 / length[b], at(instant.solution, 2 * b + 1))
             put(state.x, b, add(at(state.x, b), at(instant.solution, 2 * b)))
-            put(state.p, b, compose(from_step_turn(rotation), at(state.p, b)))
+            put(state.p, b, compose(from_increment(rotation), at(state.p, b)))
         evaluate.prepare(system, state, start)
-    accelerations.keep_closed(system, state, start, monitor.violation, monitor.rate, instant)
+    accelerations.project_velocities(system, state, start, monitor.violation, monitor.rate, instant)

@@ -28,7 +28,6 @@ from msahl.algebra.rotation_arrays import angles
 from msahl.cli.console import BAD_INPUT
 from msahl.cli.main import main
 from msahl.deck import read_deck
-from msahl.linalg import dense
 from msahl.model import Model, Options
 from msahl.model.scheme import COLLOCATION, DEFAULT, DEGREE, ORDER_TWO
 from msahl.results.read import ResultError, read_run
@@ -37,7 +36,7 @@ from msahl.run.verdict import ENERGY_FAIL, PASS
 from msahl.schemes.collocation import newton, predictor, scipy_root
 from msahl.schemes.collocation.newton import CollocationWorkspace
 from msahl.schemes.fixed_stepper import FixedStepper
-from msahl.schemes.midpoint import equations
+from msahl.schemes.midpoint import equations, free_equations
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.start.velocities import StartError
 from msahl.study.reference import choose_reference
@@ -365,8 +364,7 @@ def _jacobian(workspace: Workspace, dt: float) -> np.ndarray:
     free = workspace.unknowns.free
     equations.predict(workspace.system, workspace.state, workspace.start, dt, workspace.Z)
     z, A = workspace.Z.reshape(-1)[free].copy(), np.zeros(free.size**2)
-    parts = (workspace.system, workspace.unknowns, workspace.state, workspace.start, dt, z)
-    dense.jacobian(*parts, workspace.Z, workspace.F, workspace.values, A)
+    free_equations.jacobian(workspace, dt, z, A)
     return A.reshape(free.size, free.size)
 
 
@@ -375,7 +373,7 @@ def _high_jacobian(subsystem: CollocationWorkspace, dt: float) -> np.ndarray:
     workspace, stages, (f, s) = subsystem.workspace, subsystem.stages, subsystem.y.shape
     predictor.predict(workspace.system, workspace.state, workspace.start, stages, dt)
     z = stages.Z.reshape(s, -1)[:, workspace.unknowns.free].T
-    newton.probe(subsystem, dt, z, np.empty((f, s)), True)
+    newton.evaluate_free(subsystem, dt, z, np.empty((f, s)), True)
     return scipy_root.jacobian(subsystem)
 
 

@@ -7,7 +7,7 @@
 r = R s is the arm from the mass centre to the point. With the mean arms (r0 + r1)/2 the work over
 the step is lam . (g1 - g0) exactly, so a closed joint does none, whatever h.
 
-The unknown is lam h^2/(2 m) with 1/m = 1/m_a + 1/m_b, a length. The gap is followed by increments,
+The unknown is lam dt2/m with 1/m = 1/m_a + 1/m_b, a length. The violation is summed by increments,
 g1 = g0 + (u_b + dr_b) - (u_a + dr_a), so it carries round-off of the step's displacement, not of
 the distance from the origin; g0 is what the last solution left over.
 """
@@ -17,10 +17,23 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.rotation import turn_change
-from msahl.algebra.vector import add, at, cross, matrix_at, product, put, scale, skew, sub, times
+from msahl.algebra.vector import (
+    add,
+    at,
+    cross,
+    matrix_at,
+    multiple,
+    product,
+    put,
+    scale,
+    skew,
+    sub,
+    times,
+)
 from msahl.elements.frames import (
     Frames,
     FramesWorkspace,
+    add_force_by_mass,
     displacement,
     end_tangent,
     mean,
@@ -38,14 +51,14 @@ class Coincide(NamedTuple):
     s_a: np.ndarray  # (k, 3) from the mass centre of a (ground: the origin), axes of a [m]
     s_b: np.ndarray  # (k, 3) likewise of b [m]
     mass: np.ndarray  # (k,) m, the mass that scales the multiplier [kg]
-    row: np.ndarray  # (k,) node of the multiplier and of the gap
+    row: np.ndarray  # (k,) node of the multiplier and of the equation
     moment_by_rotation: np.ndarray  # (k, 2) starts of the blocks of a and b
     moment_by_force: np.ndarray  # (k, 2)
     constraint_by_rotation: np.ndarray  # (k, 2)
 
 
 class CoincideWorkspace(NamedTuple):
-    """Arms at the start of the step in inertial axes (k, 3) [m], and the gap left there."""
+    """Arms at the start of the step in inertial axes (k, 3) [m], and the violation left there."""
 
     r_a: np.ndarray
     r_b: np.ndarray
@@ -61,6 +74,45 @@ def prepare(group: Coincide, R: np.ndarray, start: CoincideWorkspace) -> None:
 
 
 @kernel
+def add_force(
+    group: Coincide, start: CoincideWorkspace, frames: Frames, Z: np.ndarray, F: np.ndarray
+) -> None:
+    """Add the joint forces by mass at one configuration to the rows of the frames; ``Z`` holds the
+    multipliers by mass.
+    """
+    for k in range(group.a.size):
+        a, b = group.a[k], group.b[k]
+        force = scale(group.mass[k], at(Z, group.row[k]))
+        add_force_by_mass(frames, F, a, scale(-1.0, force), cross(force, at(start.r_a, k)))
+        add_force_by_mass(frames, F, b, force, cross(at(start.r_b, k), force))
+
+
+@kernel
+def add_derivatives(
+    group: Coincide, start: CoincideWorkspace, frames: Frames, Z: np.ndarray, values: np.ndarray
+) -> None:
+    """Set the derivatives at one configuration: of ``add_force`` by the multipliers, and of the
+    violation by the rotations; add those of ``add_force`` by the rotations.
+    """
+    for k in range(group.a.size):
+        force = scale(group.mass[k], at(Z, group.row[k]))
+        for side in range(2):
+            b = group.a[k] if side == 0 else group.b[k]
+            r = at(start.r_a, k) if side == 0 else at(start.r_b, k)
+            sign = -1.0 if side == 0 else 1.0
+            arm = skew(r)
+            T = multiple(1.0 / frames.length[b], arm)
+            lever = product(skew(force), T)
+            c = sign * frames.inverse_mass[b] / frames.length[b]
+            for i in range(3):
+                for j in range(3):
+                    ij = 3 * i + j
+                    values[group.constraint_by_rotation[k, side] + ij] = -sign * T[i][j]
+                    values[group.moment_by_force[k, side] + ij] = c * group.mass[k] * arm[i][j]
+                    values[group.moment_by_rotation[k, side] + ij] += c * lever[i][j]
+
+
+@kernel
 def residual(
     group: Coincide,
     start: CoincideWorkspace,
@@ -69,21 +121,9 @@ def residual(
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """Take the joint force from the bodies' rows and set the gap's."""
-    subtract_forces(group, start, frames, dt2, Z, F)
-    set_violations(group, start, frames, Z, F)
-
-
-@kernel
-def subtract_forces(
-    group: Coincide,
-    start: CoincideWorkspace,
-    frames: Frames,
-    dt2: float,
-    Z: np.ndarray,
-    F: np.ndarray,
-) -> None:
-    """Take the joint force from the bodies' rows."""
+    """Take the mean joint forces over a step of the midpoint element from the rows of the frames,
+    and set those of the violation; the unknowns in ``Z`` are dt2 times the multipliers by mass.
+    """
     for k in range(group.a.size):
         a, b = group.a[k], group.b[k]
         force = scale(group.mass[k] / dt2, at(Z, group.row[k]))
@@ -91,13 +131,14 @@ def subtract_forces(
         mean_b = mean(frames, Z, b, at(start.r_b, k))
         push(frames, dt2, F, a, scale(-1.0, force), cross(force, mean_a))
         push(frames, dt2, F, b, force, cross(mean_b, force))
+    set_violations(group, start, frames, Z, F)
 
 
 @kernel
 def set_violations(
     group: Coincide, start: CoincideWorkspace, frames: Frames, Z: np.ndarray, F: np.ndarray
 ) -> None:
-    """Set the gap's rows."""
+    """Set the constraint equations to the violations at the end of the step [m]."""
     for k in range(group.a.size):
         a, b = group.a[k], group.b[k]
         dr_a = turn_change(rotation_increment(frames, Z, a), at(start.r_a, k))
@@ -159,7 +200,9 @@ def violation_rate(
 def free_acceleration(
     group: Coincide, start: CoincideWorkspace, W: np.ndarray, F: np.ndarray
 ) -> None:
-    """Set the gap's rows to minus its acceleration [m/s^2] at zero accelerations of the bodies."""
+    """Set the constraint equations to minus the violations' second derivatives [m/s^2] at zero
+    accelerations of the frames.
+    """
     for k in range(group.a.size):
         W_a, W_b = at(W, group.a[k]), at(W, group.b[k])
         centripetal_a = cross(W_a, cross(W_a, at(start.r_a, k)))

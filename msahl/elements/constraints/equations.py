@@ -1,13 +1,13 @@
-"""Rows: scalar equations between quantities, the second half of most joints.
+"""Scalar constraint equations between coordinates, of joints, couplings and prescribed motions.
 
     c_1 q_1 + c_2 S(q_2) = offset + law(t)      S the identity, or a function the deck gives (a cam)
 
-One multiplier lam a row: its loads along q_1, q_2 are lam c_1 and lam c_2 S' (over a step the
-quotient dS/dq_2), so what the row's forces give to the bodies over a step is exactly
-lam (change of the law): nothing for a joint, the work of the drive for a prescribed motion.
+Each equation has one multiplier lam: its loads along q_1, q_2 are lam c_1 and lam c_2 S' (over a
+step the quotient dS/dq_2), so the work of its forces over a step is exactly
+lam (change of the law): zero for a joint, the work of the motor for a prescribed motion.
 
-A row is multiplied by ``scale``, a length for a row in radians and one for a row in metres, so that
-row and unknown, lam h^2/(2 m scale), are lengths like all others.
+An equation is multiplied by ``scale``, a length for one in radians and 1 for one in metres, so that
+equation and unknown, lam dt2/(m scale), are lengths like all others.
 """
 
 from typing import NamedTuple
@@ -15,36 +15,37 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws, evaluate, extent
-from msahl.elements.constraints.coordinates import (
-    BLUR,
+from msahl.elements.constraints.coordinate_jacobians import add_spring, rate_gradient
+from msahl.elements.constraints.coordinate_kinds import (
+    ROUND_OFF_FACTOR,
     Coordinates,
     CoordinatesWorkspace,
-    add_spring,
-    coordinate_acceleration,
-    rate_gradient,
-    row_factor,
+    Derivatives,
 )
+from msahl.elements.constraints.coordinates import coordinate_acceleration, row_factor
 from msahl.elements.constraints.products import PARTS
-from msahl.elements.frames import Frames, first_multiplier
+from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.jit.kernel import kernel
 
 SAME = 1e-7
-"""Change of a quantity, relative to one unit, below which a quotient becomes a derivative."""
+"""Change of a coordinate [m or rad] below which a quotient becomes a derivative."""
 
 
 class ConstraintEquations(NamedTuple):
-    """All rows; the second quantity is -1 where there is none, as are function and law."""
+    """All equations; -1 stands for no second coordinate, no function, no law."""
 
-    place: np.ndarray  # (r, 2) multiplier and gap: which of the multipliers' nodes, and its slot
+    place: (
+        np.ndarray
+    )  # (r, 2) of multiplier and equation: which of the multipliers' nodes, and its slot
     coordinate: np.ndarray  # (r, 2) the first is never -1
     coefficient: np.ndarray  # (r, 2)
     function: np.ndarray  # (r,) the law S
     law: np.ndarray  # (r,) of time
     offset: np.ndarray  # (r,) constant part of the right-hand side
-    holonomic: np.ndarray  # (r,) whether the row is one of position, not only of rates
+    holonomic: np.ndarray  # (r,) whether it constrains positions, not rates alone
     mass: np.ndarray  # (r,) [kg]
     scale: np.ndarray  # (r,) [m] or 1
-    force_block: np.ndarray  # (r, 2, 4) starts of the blocks of each quantity's parts by the node
+    force_block: np.ndarray  # (r, 2, 4) starts of the blocks of each coordinate's parts by the node
     constraint_block: np.ndarray  # (r, 2, 4) and of the node by the parts
 
 
@@ -52,7 +53,9 @@ class ConstraintEquations(NamedTuple):
 def coefficients(
     rows: ConstraintEquations, laws: Laws, start: CoordinatesWorkspace, r: int, side: int
 ) -> tuple[float, float, float, float]:
-    """Of one side: its change, coefficient of the load, of the slope, derivative of the first."""
+    """Return of one side: its change, the coefficients of load and slope, the derivative of the
+    first of these by the end value.
+    """
     q, c = rows.coordinate[r, side], rows.coefficient[r, side]
     change = start.change[q]
     if side == 0 or rows.function[r] < 0:
@@ -69,32 +72,86 @@ def coefficients(
 
 @kernel
 def law_change(rows: ConstraintEquations, laws: Laws, r: int, t: float, h: float) -> float:
-    """What the row's right-hand side changes by over the step from ``t``."""
+    """Return the change of the right-hand side over the step from ``t``."""
     if rows.law[r] < 0:
         return 0.0
     return evaluate(laws, rows.law[r], t + h)[0] - evaluate(laws, rows.law[r], t)[0]
 
 
 @kernel
-def blur(
+def law_round_off(
     rows: ConstraintEquations, laws: Laws, start: CoordinatesWorkspace, r: int, t: float, h: float
 ) -> float:
-    """What the round-off of a row's laws counts as [m]: the row has differences of their values."""
+    """Return the size [m] that the round-off of an equation's laws counts as: the equation has
+    differences of their values.
+    """
     size, q = 0.0, rows.coordinate[r, 1]
     if rows.law[r] >= 0 and h != 0.0:
         size = max(extent(laws, rows.law[r], t), extent(laws, rows.law[r], t + h))
     if rows.function[r] >= 0 and abs(start.change[q]) >= SAME:
         size += abs(rows.coefficient[r, 1]) * extent(laws, rows.function[r], start.value[q])
-    return BLUR * rows.scale[r] * size
+    return ROUND_OFF_FACTOR * rows.scale[r] * size
 
 
 @kernel
-def multiplier(
-    rows: ConstraintEquations, frames: Frames, dt2: float, Z: np.ndarray, r: int
-) -> float:
-    """lam [N, or N m for a row in radians]."""
+def multiplier(rows: ConstraintEquations, frames: Frames, Z: np.ndarray, r: int) -> float:
+    """Return lam [N, or N m for an equation in radians], where ``Z`` holds multipliers by mass. The
+    unknowns of a step are dt2 times these.
+    """
     node = first_multiplier(frames) + rows.place[r, 0]
-    return Z[node, rows.place[r, 1]] * rows.mass[r] * rows.scale[r] / dt2
+    return float(Z[node, rows.place[r, 1]] * rows.mass[r] * rows.scale[r])
+
+
+@kernel
+def add_load(
+    rows: ConstraintEquations, laws: Laws, start: CoordinatesWorkspace, r: int, lam: float
+) -> None:
+    """Add the multiplier ``lam`` of equation ``r`` to the loads along its coordinates."""
+    for side in range(2):
+        q = rows.coordinate[r, side]
+        if q >= 0:
+            _, c, _, _ = coefficients(rows, laws, start, r, side)
+            start.load[q] += lam * c
+            start.size[q] += abs(lam * c)
+
+
+@kernel
+def add_loads(
+    rows: ConstraintEquations,
+    laws: Laws,
+    start: CoordinatesWorkspace,
+    frames: Frames,
+    Z: np.ndarray,
+) -> None:
+    """Add the multipliers, in ``Z`` by mass, to the coordinates' loads at one configuration."""
+    for r in range(rows.function.size):
+        add_load(rows, laws, start, r, multiplier(rows, frames, Z, r))
+
+
+@kernel
+def set_violation(
+    rows: ConstraintEquations,
+    laws: Laws,
+    start: CoordinatesWorkspace,
+    frames: Frames,
+    violation: np.ndarray,
+    interval: tuple[float, float],
+    F: np.ndarray,
+) -> None:
+    """Set the equations to the ``violation`` (k, 3) and its change over the ``interval`` (t, h)."""
+    t, h = interval
+    for r in range(rows.function.size):
+        node, slot = rows.place[r, 0], rows.place[r, 1]
+        total = -law_change(rows, laws, r, t, h)
+        for side in range(2):
+            if rows.coordinate[r, side] >= 0:
+                change, _, _, _ = coefficients(rows, laws, start, r, side)
+                total += change
+        node += first_multiplier(frames)
+        F[node, slot] = violation[rows.place[r, 0], slot] + rows.scale[r] * total
+        start.term_size[node] = max(
+            start.term_size[node], law_round_off(rows, laws, start, r, t, h)
+        )
 
 
 @kernel
@@ -110,21 +167,10 @@ def residual(
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """Set the rows; add the multipliers to the quantities' loads."""
+    """Set the equations; add the multipliers, in ``Z`` times dt2 by mass, to the loads."""
     for r in range(rows.function.size):
-        lam = multiplier(rows, frames, dt2, Z, r)
-        node, slot = rows.place[r, 0], rows.place[r, 1]
-        total = -law_change(rows, laws, r, t, h)
-        for side in range(2):
-            q = rows.coordinate[r, side]
-            if q >= 0:
-                change, c, _, _ = coefficients(rows, laws, start, r, side)
-                total += change
-                start.load[q] += lam * c
-                start.size[q] += abs(lam * c)
-        node += first_multiplier(frames)
-        F[node, slot] = violation[rows.place[r, 0], slot] + rows.scale[r] * total
-        start.term_size[node] = max(start.term_size[node], blur(rows, laws, start, r, t, h))
+        add_load(rows, laws, start, r, multiplier(rows, frames, Z, r) / dt2)
+    set_violation(rows, laws, start, frames, violation, (t, h), F)
 
 
 @kernel
@@ -138,26 +184,65 @@ def jacobian(
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
-    """Add the rows' blocks, after ``quantity.evaluate`` and ``differentiate``."""
+    """Add the derivatives of ``residual``, after ``coordinates.evaluate`` and ``differentiate``."""
+    _add_blocks(rows, laws, coords, start, frames, -dt2, values)
     for r in range(rows.function.size):
-        lam = multiplier(rows, frames, dt2, Z, r)
-        slot = rows.place[r, 1]
-        by_unknown = rows.mass[r] * rows.scale[r] / dt2
+        if rows.function[r] >= 0:
+            lam = multiplier(rows, frames, Z, r) / dt2
+            curve = coefficients(rows, laws, start, r, 1)[3]
+            add_spring(coords, start, frames, -dt2, rows.coordinate[r, 1], lam * curve, values)
+
+
+@kernel
+def add_derivatives(
+    rows: ConstraintEquations,
+    laws: Laws,
+    coords: Coordinates,
+    start: CoordinatesWorkspace,
+    frames: Frames,
+    Z: np.ndarray,
+    values: np.ndarray,
+) -> None:
+    """Add the derivatives at one configuration: of ``add_loads`` by mass by the places and by the
+    multipliers by mass, and of the equations by the places.
+    """
+    _add_blocks(rows, laws, coords, start, frames, 1.0, values)
+    for r in range(rows.function.size):
+        if rows.function[r] >= 0:
+            lam = multiplier(rows, frames, Z, r)
+            # Over a step the coefficient changes by half as much as it does at the end.
+            curve = 2.0 * coefficients(rows, laws, start, r, 1)[3]
+            add_spring(coords, start, frames, 1.0, rows.coordinate[r, 1], lam * curve, values)
+
+
+@kernel
+def _add_blocks(
+    rows: ConstraintEquations,
+    laws: Laws,
+    coords: Coordinates,
+    start: CoordinatesWorkspace,
+    frames: Frames,
+    factor: float,
+    values: np.ndarray,
+) -> None:
+    """Add the derivatives of the equations by the places, and ``factor`` times those of the
+    accelerations by the multipliers' unknowns, which are |factor| times the multipliers by mass.
+    """
+    for r in range(rows.function.size):
+        slot, by_unknown = rows.place[r, 1], rows.mass[r] * rows.scale[r] / abs(factor)
         for side in range(2):
             q = rows.coordinate[r, side]
             if q < 0:
                 continue
-            _, c, slope, curve = coefficients(rows, laws, start, r, side)
+            _, c, slope, _ = coefficients(rows, laws, start, r, side)
             for part in range(PARTS):
                 down, right = rows.force_block[r, side, part], rows.constraint_block[r, side, part]
                 if down <= 0:
                     continue
-                factor = c * by_unknown * row_factor(coords, frames, -dt2, q, part)
+                by_lam = c * by_unknown * row_factor(coords, frames, factor, q, part)
                 for i in range(3):
-                    values[down + 3 * i + slot] += factor * start.force[q, part, i]
+                    values[down + 3 * i + slot] += by_lam * start.force[q, part, i]
                     values[right + 3 * slot + i] += rows.scale[r] * slope * start.slope[q, part, i]
-            if curve != 0.0:
-                add_spring(coords, start, frames, -dt2, q, lam * curve, values)
 
 
 @kernel
@@ -170,9 +255,9 @@ def observe(
     violation: np.ndarray,
     violation_rate: np.ndarray,
 ) -> None:
-    """Set the rows' entries of ``gap`` [m or rad] and ``gap_rate`` (k, 3), by their places.
+    """Set ``violation`` [m or rad] and ``violation_rate`` (k, 3), by the equations' places.
 
-    ``rate`` (q,) are the quantities' rates. A row between rates has no gap.
+    ``rate`` (q,) are the coordinates' rates. An equation between rates has no violation.
     """
     for r in range(rows.function.size):
         total, total_rate = -rows.offset[r], 0.0
@@ -193,7 +278,7 @@ def observe(
 
 
 def left_side(rows: ConstraintEquations, laws: Laws, start: CoordinatesWorkspace, r: int) -> float:
-    """The row's left-hand side at t = 0, less its law there: the offset that closes it."""
+    """Return the left-hand side at t = 0 less the law there: the offset without violation."""
     total = 0.0
     for side, q in enumerate(rows.coordinate[r]):
         if q >= 0:
@@ -206,7 +291,7 @@ def left_side(rows: ConstraintEquations, laws: Laws, start: CoordinatesWorkspace
 
 @kernel
 def law_rate(rows: ConstraintEquations, laws: Laws, r: int, t: float) -> float:
-    """Rate of the row's law of time."""
+    """Return the rate of the law of time of an equation."""
     return evaluate(laws, rows.law[r], t)[1]
 
 
@@ -223,9 +308,10 @@ def free_acceleration(
     t: float,
     F: np.ndarray,
 ) -> None:
-    """Set the rows to minus their second derivative at zero accelerations; ``rate`` of the q.
+    """Set the equations to minus their second derivative at zero accelerations; ``rate`` (q,).
 
-    Wants ``quantity.evaluate`` at rest: there the curves are half of the second derivatives.
+    ``coordinates.evaluate`` comes first, with unknowns 0: ``curves`` are then half of the second
+    derivatives.
     """
     first = first_multiplier(frames)
     for r in range(rows.function.size):
@@ -256,10 +342,10 @@ def work(
     column: np.ndarray,
     total: np.ndarray,
 ) -> None:
-    """Add the drives' work [J] over the step to their ``column`` of ``total``."""
+    """Add the work of prescribed motions [J] over the step to their ``column`` of ``total``."""
     for r in range(rows.function.size):
         if rows.law[r] >= 0:
-            lam = multiplier(rows, frames, dt2, Z, r)
+            lam = multiplier(rows, frames, Z, r) / dt2
             total[column[r]] += lam * law_change(rows, laws, r, t, h)
 
 
@@ -274,12 +360,12 @@ def motion_work(
     column: np.ndarray,
     total: np.ndarray,
 ) -> None:
-    """Add the drives' work [J] over a time ``dt`` at the rates that their laws have at ``t``; the
+    """Add the work of prescribed motions [J] over a time ``dt`` at their rates at ``t``; the
     unknowns ``Z`` are the multipliers over their mass and scale.
     """
     for r in range(rows.function.size):
         if rows.law[r] >= 0:
-            lam = multiplier(rows, frames, 1.0, Z, r)
+            lam = multiplier(rows, frames, Z, r)
             total[column[r]] += lam * law_rate(rows, laws, r, t) * dt
 
 
@@ -287,7 +373,7 @@ def motion_work(
 def set_rate_equations(
     rows: ConstraintEquations, rate: np.ndarray, first: int, h: float, F: np.ndarray
 ) -> None:
-    """Set the rows between rates to ``h`` times those of their quantities, ``rate`` (q,)."""
+    """Set the equations between rates to ``h`` times their values, with ``rate`` (q,)."""
     for r in range(rows.function.size):
         if not rows.holonomic[r]:
             c = h * rows.scale[r] * rows.coefficient[r, 0]
@@ -300,14 +386,10 @@ def add_rate_derivatives(
     coords: Coordinates,
     start: CoordinatesWorkspace,
     frames: Frames,
-    v: np.ndarray,
-    W: np.ndarray,
-    Z: np.ndarray,
-    room: np.ndarray,
-    by_place: np.ndarray,
-    by_rate: np.ndarray,
+    motion: FramesWorkspace,
+    out: Derivatives,
 ) -> None:
-    """Add the derivatives of ``roll`` over h by the places and by the rates."""
+    """Add the derivatives of ``set_rate_equations`` over h by the places and by the rates."""
     for r in range(rows.function.size):
         if not rows.holonomic[r]:
             c, q, slot = (
@@ -315,10 +397,10 @@ def add_rate_derivatives(
                 rows.coordinate[r, 0],
                 rows.place[r, 1],
             )
-            half = rate_gradient(coords, start, frames, v, W, Z, q, room)
+            half = rate_gradient(coords, start, frames, motion, q, out)
             for part in range(PARTS):
                 right = rows.constraint_block[r, 0, part]
                 if right > 0:
                     for i in range(3):
-                        by_rate[right + 3 * slot + i] += c * start.slope[q, part, i]
-                        by_place[right + 3 * slot + i] += 2.0 * c * half[part][i]
+                        out.by_rate[right + 3 * slot + i] += c * start.slope[q, part, i]
+                        out.by_place[right + 3 * slot + i] += 2.0 * c * half[part][i]

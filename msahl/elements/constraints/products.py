@@ -1,9 +1,9 @@
-"""Measures: the products from which joints and forces between two bodies A and B are built.
+"""Scalar products of vectors of two frames A and B, of which coordinates are functions.
 
     DOT    m = d . e            d fixed in A, e fixed in B
     SLIDE  m = n . D            n fixed in A, in B or in the ground (its owner),
                                 D = (x_B + r_B) - (x_A + r_A) from a point of A to one of B
-    SLIP   dm = mean(n) . dD    no position law: what slides along n, for rolling and knife edges
+    SLIP   dm = mean(n) . dD    no position law: the velocity along n, for rolling and knife edges
     ROLL   dm = n . (dP_B + Q_B x rho(mean(e)))  the lowest point of a disk of B on a plane of the
                                 ground: rho = -(up - (up.e) e)/sqrt(1 - (up.e)^2/r^2), |up| = r
 
@@ -20,7 +20,7 @@ joint's forces do no work and a spring's give what its energy loses.
     SLIP    the same without the owner's part
     ROLL    f = n           t_B = (mean(r_B) + rho) x n
 
-T is that of ``rigid.end_tangent``: the end of a vector fixed in a body changes by -T d(l Q), its
+T is that of ``frames.end_tangent``: the end of a vector fixed in a body changes by -T d(l Q), its
 mean by half of that.
 """
 
@@ -53,25 +53,25 @@ from msahl.jit.kernel import kernel
 
 DOT, SLIDE, SLIP, ROLL = range(4)
 PARTS = 4
-"""Unknowns of a pair of bodies, three numbers each: u_A, l_A Q_A, u_B, l_B Q_B."""
+"""Unknowns of a pair of frames, three numbers each: u_A, l_A Q_A, u_B, l_B Q_B."""
 U_A, Q_A, U_B, Q_B = range(PARTS)
 
 
 class Products(NamedTuple):
-    """All measures, one row each; those of one quantity stand together."""
+    """All scalar products; those of one coordinate stand together."""
 
     kind: np.ndarray  # (m,)
-    a: np.ndarray  # (m,) body A
-    b: np.ndarray  # (m,) body B
-    owner: np.ndarray  # (m,) body that n or d is fixed in
+    a: np.ndarray  # (m,) frame A
+    b: np.ndarray  # (m,) frame B
+    owner: np.ndarray  # (m,) frame that n or d is fixed in
     n: np.ndarray  # (m, 3) n or d, axes of the owner
-    s_a: np.ndarray  # (m, 3) point on A from its mass centre, axes of A [m]
+    s_a: np.ndarray  # (m, 3) point on A from its origin, axes of A [m]
     s_b: np.ndarray  # (m, 3) likewise of B
     e: np.ndarray  # (m, 3) direction, axes of B
 
 
 class ProductsWorkspace(NamedTuple):
-    """Vectors at the start of the step, inertial axes (m, 3), the measures' values (m,), and what
+    """Vectors at the start of the step, inertial axes (m, 3), the products' values (m,), and what
     the equations at some Z have computed of the step."""
 
     n: np.ndarray
@@ -88,7 +88,7 @@ class ProductsWorkspace(NamedTuple):
 
 @kernel
 def prepare(group: Products, x: np.ndarray, R: np.ndarray, start: ProductsWorkspace) -> None:
-    """Carry the vectors into inertial axes and evaluate the measures."""
+    """Carry the vectors into inertial axes and evaluate the products."""
     for k in range(group.kind.size):
         a, b = group.a[k], group.b[k]
         n = times(matrix_at(R, group.owner[k]), at(group.n, k))
@@ -111,7 +111,7 @@ def prepare(group: Products, x: np.ndarray, R: np.ndarray, start: ProductsWorksp
 def moved(
     group: Products, start: ProductsWorkspace, frames: Frames, Z: np.ndarray, k: int
 ) -> Vector:
-    """Change of D over the step."""
+    """Return the change of D over the step."""
     a, b = group.a[k], group.b[k]
     dr_a = turn_change(rotation_increment(frames, Z, a), at(start.r_a, k))
     dr_b = turn_change(rotation_increment(frames, Z, b), at(start.r_b, k))
@@ -120,7 +120,7 @@ def moved(
 
 @kernel
 def evaluate(group: Products, start: ProductsWorkspace, frames: Frames, Z: np.ndarray) -> None:
-    """Fill in every measure's change over the step and its discrete gradient."""
+    """Set every product's change over the step and its discrete gradient."""
     for k in range(group.kind.size):
         start.change[k], f, t_a, t_b = gradient(group, start, frames, Z, k)
         put(start.f, k, f)
@@ -182,12 +182,12 @@ def end_gradient(
     if kind == ROLL:
         T_e = end_tangent(frames, Z, b, e0)
         up, mean_e = at(start.r_a, k), scale(0.5, add(e0, e1))
-        by_turn = scale(1.0 / frames.length[b], cross(rim(up, mean_e), n0))
+        by_rotation = scale(1.0 / frames.length[b], cross(rim(up, mean_e), n0))
         by_rim = times(
             transpose(product(rim_slope(up, mean_e), T_e)),
             cross(n0, rotation_increment(frames, Z, b)),
         )
-        return n0, ZERO, sub(sub(by_turn, times(T_b, n0)), scale(0.5, by_rim))
+        return n0, ZERO, sub(sub(by_rotation, times(T_b, n0)), scale(0.5, by_rim))
     T_a = transpose(end_tangent(frames, Z, a, at(start.r_a, k)))
     dD = moved(group, start, frames, Z, k)
     by_n = add(at(start.D, k), dD)
@@ -203,14 +203,16 @@ def end_gradient(
 
 @kernel
 def rim(up: Vector, e: Vector) -> Vector:
-    """From a disk's centre to its lowest point; ``up`` is normal times radius, ``e`` its axis."""
+    """Return the vector from a disk's centre to its lowest point; ``up`` is the normal of the plane
+    times the radius, ``e`` the disk's axis.
+    """
     r2, c = dot(up, up), dot(up, e)
     return scale(-1.0 / math.sqrt(1.0 - c * c / r2), axpy(-c, e, up))
 
 
 @kernel
 def rim_slope(up: Vector, e: Vector) -> Matrix:
-    """Derivative of ``rim`` by ``e``."""
+    """Return the derivative of ``rim`` by ``e``."""
     r2, c = dot(up, up), dot(up, e)
     s = math.sqrt(1.0 - c * c / r2)
     along = axpy(-c / (s * s * r2), axpy(-c, e, up), e)
@@ -223,7 +225,7 @@ def rim_slope(up: Vector, e: Vector) -> Matrix:
 
 @kernel
 def add_block(values: np.ndarray, start: int, c: float, M: Matrix) -> None:
-    """Add ``c M`` to the block at ``start``; block 0 is nobody's."""
+    """Add ``c M`` to the block at ``start``; block 0 belongs to no node."""
     if start > 0:
         for i in range(3):
             for j in range(3):
@@ -244,7 +246,7 @@ def stiffness(
 ) -> None:
     """Add the derivative of c (f, t_A, t_B) by the unknowns to the 4 x 4 blocks of the ``pair``.
 
-    ``c`` has the factor of each part's rows: what ``rigid.push`` makes of a unit force.
+    ``c`` has the factor of each part's rows: what ``frames.push`` makes of a unit force.
     """
     a, b, owner = group.a[k], group.b[k], group.owner[k]
     kind = group.kind[k]
@@ -273,28 +275,28 @@ def stiffness(
     add_block(values, block[pair, 4 * Q_A + Q_A], -0.5 * c[Q_A], N_a)
     if owner != a and owner != b:
         return
-    turned = Q_A if owner == a else Q_B
+    rotated = Q_A if owner == a else Q_B
     arm_a = product(skew(mean(frames, Z, a, at(start.r_a, k))), T_n)
     arm_b = product(skew(mean(frames, Z, b, at(start.r_b, k))), T_n)
-    add_block(values, block[pair, 4 * U_B + turned], -0.5 * c[U_B], T_n)
-    add_block(values, block[pair, 4 * U_A + turned], 0.5 * c[U_A], T_n)
-    add_block(values, block[pair, 4 * Q_B + turned], -0.5 * c[Q_B], arm_b)
-    add_block(values, block[pair, 4 * Q_A + turned], 0.5 * c[Q_A], arm_a)
+    add_block(values, block[pair, 4 * U_B + rotated], -0.5 * c[U_B], T_n)
+    add_block(values, block[pair, 4 * U_A + rotated], 0.5 * c[U_A], T_n)
+    add_block(values, block[pair, 4 * Q_B + rotated], -0.5 * c[Q_B], arm_b)
+    add_block(values, block[pair, 4 * Q_A + rotated], 0.5 * c[Q_A], arm_a)
     if kind == SLIDE:
         D = axpy(0.5, moved(group, start, frames, Z, k), at(start.D, k))
-        half = 0.5 * c[turned]
-        add_block(values, block[pair, 4 * turned + turned], half, product(skew(D), T_n))
-        add_block(values, block[pair, 4 * turned + U_B], half, skew(n))
-        add_block(values, block[pair, 4 * turned + U_A], -half, skew(n))
-        add_block(values, block[pair, 4 * turned + Q_B], -half, N_b)
-        add_block(values, block[pair, 4 * turned + Q_A], half, N_a)
+        half = 0.5 * c[rotated]
+        add_block(values, block[pair, 4 * rotated + rotated], half, product(skew(D), T_n))
+        add_block(values, block[pair, 4 * rotated + U_B], half, skew(n))
+        add_block(values, block[pair, 4 * rotated + U_A], -half, skew(n))
+        add_block(values, block[pair, 4 * rotated + Q_B], -half, N_b)
+        add_block(values, block[pair, 4 * rotated + Q_A], half, N_a)
 
 
 @kernel
 def free_acceleration(
     group: Products, start: ProductsWorkspace, v: np.ndarray, W: np.ndarray, k: int
 ) -> tuple[float, float]:
-    """Rate of the measure, and its second derivative at zero accelerations of the bodies."""
+    """Return the rate of a product, and its second derivative at zero accelerations."""
     a, b, owner = group.a[k], group.b[k], group.owner[k]
     kind = group.kind[k]
     n, e, D = at(start.n, k), at(start.e, k), at(start.D, k)

@@ -1,7 +1,12 @@
-"""All that acts along quantities: rows of joints, couplings and motions, springs, friction.
+"""Scalar constraints: coordinates between two frames and the constraint equations between them.
 
-A scene of points and nothing else (``joints.coincide``) has none of it: ``along`` is then None, and
-the step compiled for such scenes holds none of this code.
+Joints other than coinciding points, couplings and prescribed motions are made of them; springs and
+friction act along the same coordinates (``elements.forces``). ``coordinates`` has the coordinates,
+``equations`` the equations; here are the functions that the schemes call.
+
+A system of coinciding points alone (``coincide``) has no scalar constraints: the group is None.
+Every function here is marked ``optional``: it does nothing for None, and the kernels compiled for
+such a system hold none of its code.
 """
 
 from typing import NamedTuple
@@ -9,46 +14,48 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws
-from msahl.elements.constraints import coordinates, equations
-from msahl.elements.constraints.coordinates import Coordinates, CoordinatesWorkspace
+from msahl.elements.constraints import coordinate_jacobians, coordinates, equations
+from msahl.elements.constraints.coordinate_kinds import (
+    Coordinates,
+    CoordinatesWorkspace,
+    Derivatives,
+)
 from msahl.elements.constraints.equations import ConstraintEquations
 from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import optional
 
 
 class ScalarConstraints(NamedTuple):
-    """The groups that share quantities, and the columns of work they enter theirs in."""
+    """The coordinates, and the equations between them."""
 
     coordinates: Coordinates
     equations: ConstraintEquations
     laws: Laws
-    equation_column: np.ndarray  # (r,) -1 for a row without a law
+    equation_column: np.ndarray  # (r,) of the table of work, of each equation; -1 without a motion
 
 
 class ScalarWorkspace(NamedTuple):
-    """Quantities at the start of the step and what of them has been computed since."""
+    """Values of the coordinates at the start of the step, and what is computed of them."""
 
     coordinates: CoordinatesWorkspace
     rate: np.ndarray  # (q,) rates at the start
 
 
-@kernel
+@optional()
 def prepare(
-    scalar: ScalarConstraints | None,
+    scalar: ScalarConstraints,
     x: np.ndarray,
     R: np.ndarray,
     angle: np.ndarray,
     start: ScalarWorkspace,
 ) -> None:
-    """Evaluate the quantities of the accepted state."""
-    if scalar is None:
-        return
+    """Evaluate the coordinates in a configuration; ``angle`` (q,) are the angles counted so far."""
     coordinates.prepare(scalar.coordinates, x, R, angle, start.coordinates)
 
 
-@kernel
+@optional()
 def residual(
-    scalar: ScalarConstraints | None,
+    scalar: ScalarConstraints,
     start: ScalarWorkspace,
     frames: Frames,
     violation: np.ndarray,
@@ -58,36 +65,34 @@ def residual(
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """Set the rows of the constraint equations and begin the loads along coordinates with their
-    multipliers'.
+    """Set the constraint equations of a step at ``Z``, and the loads along coordinates to those of
+    the multipliers.
     """
-    if scalar is None:
-        return
     q = start.coordinates
     coordinates.evaluate(scalar.coordinates, q, frames, Z)
     equations.residual(scalar.equations, scalar.laws, q, frames, violation, t, h, dt2, Z, F)
 
 
-@kernel
+@optional()
 def joint_jacobian(
-    scalar: ScalarConstraints | None,
+    scalar: ScalarConstraints,
     start: ScalarWorkspace,
     frames: Frames,
     dt2: float,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
-    """Add the blocks of the rows, after ``residual`` at ``Z``."""
-    if scalar is None:
-        return
+    """Add the derivatives of the constraint equations and of the multipliers' forces, after
+    ``residual`` at ``Z``.
+    """
     q = start.coordinates
     coordinates.differentiate(scalar.coordinates, q, frames, Z)
     equations.jacobian(scalar.equations, scalar.laws, scalar.coordinates, q, frames, dt2, Z, values)
 
 
-@kernel
+@optional()
 def accept(
-    scalar: ScalarConstraints | None,
+    scalar: ScalarConstraints,
     start: ScalarWorkspace,
     frames: Frames,
     t: float,
@@ -97,9 +102,9 @@ def accept(
     angle: np.ndarray,
     work: np.ndarray,
 ) -> None:
-    """Count the angles on and add the work of the prescribed motions."""
-    if scalar is None:
-        return
+    """Add the changes over the solved step to the counted ``angle`` (q,), the work of prescribed
+    motions [J] to its columns of ``work``.
+    """
     q = start.coordinates
     equations.work(
         scalar.equations, scalar.laws, frames, t, h, dt2, Z, scalar.equation_column, work
@@ -108,48 +113,42 @@ def accept(
         angle[k] = q.value[k] + q.change[k]
 
 
-@kernel
-def count_rotations(
-    scalar: ScalarConstraints | None, start: ScalarWorkspace, angle: np.ndarray
-) -> None:
-    """Bring the counted angles (q,) to those of the prepared state, less than half a turn away."""
-    if scalar is None:
-        return
+@optional()
+def count_rotations(scalar: ScalarConstraints, start: ScalarWorkspace, angle: np.ndarray) -> None:
+    """Set the counted angles (q,) to those of the configuration, half a revolution away at most."""
     coordinates.count_rotations(scalar.coordinates, start.coordinates, angle)
 
 
-@kernel
+@optional(1.0)
 def tolerance_factor(
-    scalar: ScalarConstraints | None, start: ScalarWorkspace, node: int, step: float
+    scalar: ScalarConstraints, start: ScalarWorkspace, node: int, step: float
 ) -> float:
-    """By how much a row of ``node`` may be worse than one of the size ``step`` [m], as a factor:
-    loads along quantities, such as stiff springs, may be larger, and no row is known better than
-    its largest part. After ``residual``.
+    """Return ``step`` over the largest term in the equations of ``node``, at most 1, after
+    ``residual``; both are lengths [m].
+
+    An equation is known no better than the round-off of its largest term. The force of a stiff
+    spring can be much larger than the motion in a step, by which residuals are judged otherwise.
     """
-    if scalar is None:
-        return 1.0
     return step / max(step, start.coordinates.term_size[node])
 
 
-@kernel
+@optional()
 def update_reaction_trend(
-    scalar: ScalarConstraints | None,
+    scalar: ScalarConstraints,
     reaction: np.ndarray,
     trend: np.ndarray,
     old: float,
     new: float,
 ) -> None:
-    """Set the reactions' ``trend`` (j, 6) to ``old`` times itself and ``new`` times them."""
-    if scalar is None:
-        return
+    """Set ``trend`` (j, 6) to ``old`` times itself plus ``new`` times ``reaction`` (j, 6)."""
     for j in range(reaction.shape[0]):
         for i in range(6):
             trend[j, i] = old * trend[j, i] + new * reaction[j, i]
 
 
-@kernel
+@optional()
 def free_acceleration(
-    scalar: ScalarConstraints | None,
+    scalar: ScalarConstraints,
     start: ScalarWorkspace,
     frames: Frames,
     v: np.ndarray,
@@ -157,9 +156,7 @@ def free_acceleration(
     t: float,
     F: np.ndarray,
 ) -> None:
-    """Set the rows of the constraint equations in the acceleration problem, after ``rates``."""
-    if scalar is None:
-        return
+    """Set the constraint equations of the index-1 problem, after ``rates``."""
     equations.free_acceleration(
         scalar.equations,
         scalar.laws,
@@ -174,161 +171,151 @@ def free_acceleration(
     )
 
 
-@kernel
+@optional()
 def rates(
-    scalar: ScalarConstraints | None,
+    scalar: ScalarConstraints,
     start: ScalarWorkspace,
     frames: Frames,
-    v: np.ndarray,
-    W: np.ndarray,
-    Z: np.ndarray,
+    motion: FramesWorkspace,
+    still: np.ndarray,
 ) -> None:
-    """Evaluate the coordinates and their rates at one configuration; ``Z`` is zero."""
-    if scalar is None:
-        return
-    coordinates.evaluate(scalar.coordinates, start.coordinates, frames, Z)
-    coordinates.rates(scalar.coordinates, start.coordinates, v, W, start.rate)
+    """Evaluate the coordinates and their rates at one configuration; ``still`` is a step without
+    motion.
+    """
+    coordinates.evaluate(scalar.coordinates, start.coordinates, frames, still)
+    coordinates.rates(scalar.coordinates, start.coordinates, motion.v, motion.W, start.rate)
 
 
-@kernel
+@optional()
 def differentiate(
-    scalar: ScalarConstraints | None, start: ScalarWorkspace, frames: Frames, Z: np.ndarray
+    scalar: ScalarConstraints, start: ScalarWorkspace, frames: Frames, still: np.ndarray
 ) -> None:
-    """Fill the derivatives of the coordinates, after ``rates``; ``Z`` is zero."""
-    if scalar is None:
-        return
-    coordinates.differentiate(scalar.coordinates, start.coordinates, frames, Z)
+    """Set the derivatives of the coordinates at one configuration, after ``rates``."""
+    coordinates.differentiate(scalar.coordinates, start.coordinates, frames, still)
 
 
-@kernel
+@optional()
 def add_rate_derivatives(
-    scalar: ScalarConstraints | None,
+    scalar: ScalarConstraints,
     start: ScalarWorkspace,
     frames: Frames,
-    v: np.ndarray,
-    W: np.ndarray,
-    Z: np.ndarray,
-    room: np.ndarray,
-    by_place: np.ndarray,
-    by_rate: np.ndarray,
+    motion: FramesWorkspace,
+    out: Derivatives,
 ) -> None:
-    """Add the derivatives of ``roll`` over h, after ``differentiate``; ``Z`` is zero."""
-    if scalar is None:
-        return
+    """Add the derivatives of ``set_rate_equations`` over h, after ``differentiate``."""
     equations.add_rate_derivatives(
-        scalar.equations,
-        scalar.coordinates,
-        start.coordinates,
-        frames,
-        v,
-        W,
-        Z,
-        room,
-        by_place,
-        by_rate,
+        scalar.equations, scalar.coordinates, start.coordinates, frames, motion, out
     )
 
 
-@kernel
-def add_constraint_forces(
-    scalar: ScalarConstraints | None,
+@optional()
+def set_violations(
+    scalar: ScalarConstraints,
     start: ScalarWorkspace,
     frames: Frames,
     violation: np.ndarray,
-    t: float,
-    h: float,
+    interval: tuple[float, float],
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """As ``residual`` of the rows alone, with a reach of -1: their forces are added, by mass."""
-    if scalar is None:
-        return
+    """Set the constraint equations to the ``violation`` (k, 3) and its change by the
+    displacements ``Z`` over the ``interval`` (t, h).
+    """
     q = start.coordinates
     coordinates.evaluate(scalar.coordinates, q, frames, Z)
-    equations.residual(scalar.equations, scalar.laws, q, frames, violation, t, h, -1.0, Z, F)
+    equations.set_violation(scalar.equations, scalar.laws, q, frames, violation, interval, F)
+
+
+@optional()
+def add_constraint_forces(
+    scalar: ScalarConstraints,
+    start: ScalarWorkspace,
+    frames: Frames,
+    Z: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """Add the forces of the constraint equations by mass at one configuration to the frames'
+    equations; ``Z`` holds the multipliers by mass, and displacements that are zero.
+    """
+    q = start.coordinates
+    coordinates.evaluate(scalar.coordinates, q, frames, Z)
+    equations.add_loads(scalar.equations, scalar.laws, q, frames, Z)
     coordinates.push(scalar.coordinates, q, frames, 1.0, F)
 
 
-@kernel
+@optional()
 def add_constraint_derivatives(
-    scalar: ScalarConstraints | None,
+    scalar: ScalarConstraints,
     start: ScalarWorkspace,
     frames: Frames,
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
-    """Add the derivative of ``hold``, after it at the same ``Z``."""
-    if scalar is None:
-        return
-    joint_jacobian(scalar, start, frames, -1.0, Z, values)
-    coordinates.stiffness(scalar.coordinates, start.coordinates, frames, 1.0, Z, values)
+    """Add the derivatives of ``add_constraint_forces``, after it at the same ``Z``, and those of
+    the constraint equations.
+    """
+    q, coords = start.coordinates, scalar.coordinates
+    coordinates.differentiate(coords, q, frames, Z)
+    equations.add_derivatives(scalar.equations, scalar.laws, coords, q, frames, Z, values)
+    # The unit forces' mean over a step changes by half as much as the forces themselves.
+    coordinate_jacobians.stiffness(coords, q, frames, 2.0, Z, values)
 
 
-@kernel
+@optional()
 def raise_term_sizes(
-    scalar: ScalarConstraints | None, start: ScalarWorkspace, c: float, term_size: np.ndarray
+    scalar: ScalarConstraints, start: ScalarWorkspace, c: float, term_size: np.ndarray
 ) -> None:
-    """Raise ``pull`` (nodes,) to ``c`` times the largest parts of the loads last pushed."""
-    if scalar is None:
-        return
+    """Raise ``term_size`` (nodes,) to ``c`` times the largest terms of the last evaluation."""
     for node in range(term_size.size):
         term_size[node] = max(term_size[node], c * start.coordinates.term_size[node])
 
 
-@kernel
+@optional()
 def set_rate_equations(
-    scalar: ScalarConstraints | None,
+    scalar: ScalarConstraints,
     start: ScalarWorkspace,
     frames: Frames,
     h: float,
     F: np.ndarray,
 ) -> None:
-    """Set the rows that are of rates alone to ``h`` times them, after ``rates``."""
-    if scalar is None:
-        return
+    """Set the equations between rates to ``h`` times these, after ``rates``."""
     equations.set_rate_equations(scalar.equations, start.rate, first_multiplier(frames), h, F)
 
 
-@kernel
-def clear_rate_violations(scalar: ScalarConstraints | None, violation: np.ndarray) -> None:
-    """Take from the ``gap`` (k, 3) left by a step what is of rows between rates: they have none."""
-    if scalar is None:
-        return
+@optional()
+def clear_rate_violations(scalar: ScalarConstraints, violation: np.ndarray) -> None:
+    """Set the ``violation`` (k, 3) of equations between rates to 0: they constrain no position."""
     for r in range(scalar.equations.function.size):
         if not scalar.equations.holonomic[r]:
             violation[scalar.equations.place[r, 0], scalar.equations.place[r, 1]] = 0.0
 
 
-@kernel
+@optional()
 def motion_work(
-    scalar: ScalarConstraints | None,
+    scalar: ScalarConstraints,
     frames: Frames,
     t: float,
     dt: float,
     Z: np.ndarray,
     work: np.ndarray,
 ) -> None:
-    """Add the work [J] of the drives over a time ``dt`` at the rates of ``t``; the multipliers in
-    ``Z`` are by mass.
+    """Add the work [J] of prescribed motions over a time ``dt`` at their rates at ``t``; ``Z``
+    holds the multipliers by mass.
     """
-    if scalar is None:
-        return
     equations.motion_work(
         scalar.equations, scalar.laws, frames, t, dt, Z, scalar.equation_column, work
     )
 
 
-@kernel
+@optional()
 def values(
-    scalar: ScalarConstraints | None,
+    scalar: ScalarConstraints,
     start: ScalarWorkspace,
     frames: FramesWorkspace,
     value: np.ndarray,
     rate: np.ndarray,
 ) -> None:
-    """Set ``value`` and ``rate`` (q,) to those of the quantities in the prepared state."""
-    if scalar is None:
-        return
+    """Set ``value`` and ``rate`` (q,) to those of the coordinates in the prepared state."""
     q = start.coordinates
     coordinates.slopes(scalar.coordinates, q)
     coordinates.rates(scalar.coordinates, q, frames.v, frames.W, rate)
@@ -336,31 +323,25 @@ def values(
         value[k] = q.value[k]
 
 
-@kernel
+@optional()
 def observe(
-    scalar: ScalarConstraints | None,
+    scalar: ScalarConstraints,
     start: ScalarWorkspace,
     frames: FramesWorkspace,
     t: float,
     violation: np.ndarray,
     violation_rate: np.ndarray,
 ) -> None:
-    """Fill in gaps and rates of the rows."""
-    if scalar is None:
-        return
+    """Set violations and their rates of the constraint equations."""
     q = start.coordinates
     coordinates.slopes(scalar.coordinates, q)
     coordinates.rates(scalar.coordinates, q, frames.v, frames.W, start.rate)
     equations.observe(scalar.equations, scalar.laws, q, start.rate, t, violation, violation_rate)
 
 
-@kernel
-def in_metres(
-    scalar: ScalarConstraints | None, violation: np.ndarray, violation_rate: np.ndarray
-) -> None:
-    """Multiply the gaps of rows in radians by their length, so that they compare with others."""
-    if scalar is None:
-        return
+@optional()
+def in_metres(scalar: ScalarConstraints, violation: np.ndarray, violation_rate: np.ndarray) -> None:
+    """Multiply violations in radians by a length of the body, so that all are in metres."""
     for r in range(scalar.equations.function.size):
         node, slot = scalar.equations.place[r, 0], scalar.equations.place[r, 1]
         violation[node, slot] *= scalar.equations.scale[r]

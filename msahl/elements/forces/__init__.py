@@ -28,8 +28,8 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws, evaluate
-from msahl.elements.constraints import coordinates
-from msahl.elements.constraints.coordinates import CoordinatesWorkspace
+from msahl.elements.constraints import coordinate_jacobians, coordinates
+from msahl.elements.constraints.coordinate_kinds import CoordinatesWorkspace, Derivatives
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.forces import concentrated, drag, friction, spring
 from msahl.elements.forces.concentrated import ConcentratedLoads, ConcentratedWorkspace
@@ -57,6 +57,8 @@ ReactionForces = Frictions
 class ForcesWorkspace(NamedTuple):
     """What the forces need of the configuration they are evaluated at, in inertial axes."""
 
+    motion: FramesWorkspace
+    place: ScalarWorkspace  # coordinates and their rates; None where the system has none
     concentrated: ConcentratedWorkspace
     drag: np.ndarray  # (d, 3) arms [m]
     reactions: np.ndarray  # (j, 6) the joints' reactions extrapolated to the step [N, N m]
@@ -64,11 +66,19 @@ class ForcesWorkspace(NamedTuple):
     stretch: np.ndarray  # (s,) smoothed changes of the springs' coordinates, the state's own
 
 
-def new_workspace(forces: Forces, reaction: np.ndarray, stretch: np.ndarray) -> ForcesWorkspace:
-    """Return the arrays that ``prepare`` fills; ``reaction`` (j, 6) and ``stretch`` (s,) are those
-    of the state.
+def new_workspace(
+    forces: Forces,
+    motion: FramesWorkspace,
+    place: ScalarWorkspace,
+    reaction: np.ndarray,
+    stretch: np.ndarray,
+) -> ForcesWorkspace:
+    """Return the arrays that ``prepare`` fills beside ``motion`` and ``place``, which are shared;
+    ``reaction`` (j, 6) and ``stretch`` (s,) are those of the state.
     """
     return ForcesWorkspace(
+        motion=motion,
+        place=place,
         concentrated=concentrated.new_workspace(forces.concentrated),
         drag=np.zeros_like(forces.drag.s),
         reactions=np.zeros_like(reaction),
@@ -82,14 +92,13 @@ def prepare(
     forces: Forces,
     start: ForcesWorkspace,
     scalar: ScalarConstraints | None,
-    R: np.ndarray,
     reaction: np.ndarray,
     trend: np.ndarray,
 ) -> None:
-    """Set what forces need of a configuration with the rotation matrices ``R`` (n+1, 3, 3), and
-    extrapolate the joints' ``reaction`` (j, 6) by its ``trend``.
+    """Set what forces need of the configuration of ``start.motion``, and extrapolate the joints'
+    ``reaction`` (j, 6) by its ``trend``.
     """
-    drag.prepare(forces.drag, R, start.drag)
+    drag.prepare(forces.drag, start.motion.R, start.drag)
     if scalar is None:
         return
     for j in range(reaction.shape[0]):
@@ -98,15 +107,15 @@ def prepare(
 
 
 @kernel
-def set_time(forces: Forces, start: ForcesWorkspace, t: float, R: np.ndarray) -> None:
+def set_time(forces: Forces, start: ForcesWorkspace, t: float) -> None:
     """Set the forces that depend on time to their values at the time ``t``."""
     concentrated.at_time(forces.concentrated, forces.laws, t, start.concentrated.factor)
-    concentrated.prepare(forces.concentrated, start.concentrated.factor, R, start.concentrated)
+    set_node(forces, start, start.concentrated.factor)
 
 
 def new_node_factors(forces: Forces, degree: int) -> np.ndarray:
     """Return the array that ``node_factors`` fills."""
-    return np.zeros((degree, forces.concentrated.body.size))
+    return np.zeros((degree, forces.concentrated.frame.size))
 
 
 @kernel
@@ -120,9 +129,9 @@ def node_factors(
 
 
 @kernel
-def set_node(forces: Forces, start: ForcesWorkspace, factor: np.ndarray, R: np.ndarray) -> None:
-    """Set the forces that depend on time to their values at one node, by its ``factor`` (k,)."""
-    concentrated.prepare(forces.concentrated, factor, R, start.concentrated)
+def set_node(forces: Forces, start: ForcesWorkspace, factor: np.ndarray) -> None:
+    """Set the forces that depend on time to their values by the ``factor`` (k,) of one node."""
+    concentrated.prepare(forces.concentrated, factor, start.motion.R, start.concentrated)
 
 
 @kernel
@@ -130,24 +139,20 @@ def add_forces(
     forces: Forces,
     start: ForcesWorkspace,
     scalar: ScalarConstraints | None,
-    place: ScalarWorkspace,
     frames: Frames,
-    motion: FramesWorkspace,
     reaction: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """Add all forces at one configuration by mass to the rows ``F`` (nodes, 3) [m/s^2].
-
-    ``motion`` holds velocities, ``place`` coordinates and rates (``along.rates`` comes first), and
-    ``reaction`` (j, 6) the joints' reactions.
+    """Add all forces at one configuration by mass to the rows ``F`` (nodes, 3) [m/s^2], after
+    ``scalar.rates``; ``reaction`` (j, 6) are the joints' reactions.
     """
     if scalar is not None:
-        q = place.coordinates
-        spring.add_load(forces.spring, forces.laws, scalar.coordinates, q, place.rate)
-        friction.add_load(forces.friction, reaction, q, place.rate)
+        q = start.place.coordinates
+        spring.add_load(forces.spring, forces.laws, scalar.coordinates, q, start.place.rate)
+        friction.add_load(forces.friction, reaction, q, start.place.rate)
         coordinates.push(scalar.coordinates, q, frames, 1.0, F)
     concentrated.add_force(forces.concentrated, start.concentrated, frames, F)
-    drag.add_force(forces.drag, start.drag, frames, motion.v, motion.W, F)
+    drag.add_force(forces.drag, start.drag, frames, start.motion, F)
 
 
 @kernel
@@ -155,43 +160,23 @@ def add_derivatives(
     forces: Forces,
     start: ForcesWorkspace,
     scalar: ScalarConstraints | None,
-    place: ScalarWorkspace,
     frames: Frames,
-    motion: FramesWorkspace,
     reaction: np.ndarray,
-    Z: np.ndarray,
-    room: np.ndarray,
-    by_place: np.ndarray,
-    by_rate: np.ndarray,
+    out: Derivatives,
 ) -> None:
-    """Add the derivatives of ``add_forces`` to the block values ``by_place`` and ``by_rate``.
-
-    It comes after ``add_forces`` and ``along.differentiate``. ``Z`` is zero; ``room`` holds block
-    values.
-    """
-    v, W = motion.v, motion.W
-    concentrated.add_derivatives(forces.concentrated, start.concentrated, frames, by_place)
-    drag.add_derivatives(forces.drag, start.drag, frames, v, W, by_place, by_rate)
+    """Add the derivatives of ``add_forces``, after it and after ``scalar.differentiate``."""
+    motion = start.motion
+    concentrated.add_derivatives(forces.concentrated, start.concentrated, frames, out.by_place)
+    drag.add_derivatives(forces.drag, start.drag, frames, motion, out.by_place, out.by_rate)
     if scalar is None:
         return
-    q, coords, laws = place.coordinates, scalar.coordinates, forces.laws
-    spring.add_derivatives(forces.spring, laws, coords, q, frames, v, W, Z, room, by_place, by_rate)
-    friction.add_derivatives(
-        forces.friction,
-        reaction,
-        coords,
-        q,
-        place.rate,
-        frames,
-        v,
-        W,
-        Z,
-        room,
-        by_place,
-        by_rate,
+    place, group = start.place, scalar.coordinates
+    spring.add_derivatives(
+        forces.spring, forces.laws, group, place.coordinates, frames, motion, out
     )
-    # At rest the unit forces' mean over a step changes by half as much as the forces themselves.
-    coordinates.stiffness(coords, q, frames, 2.0, Z, by_place)
+    friction.add_derivatives(forces.friction, reaction, group, place, frames, motion, out)
+    # The unit forces' mean over a step changes by half as much as the forces themselves.
+    coordinate_jacobians.stiffness(group, place.coordinates, frames, 2.0, out.still, out.by_place)
 
 
 @kernel
@@ -199,8 +184,6 @@ def add_power(
     forces: Forces,
     start: ForcesWorkspace,
     scalar: ScalarConstraints | None,
-    place: ScalarWorkspace,
-    motion: FramesWorkspace,
     reaction: np.ndarray,
     dt: float,
     work: np.ndarray,
@@ -209,21 +192,21 @@ def add_power(
 
     Springs count by their elastic energy, not by work.
     """
-    v, W = motion.v, motion.W
-    concentrated.add_power(forces.concentrated, start.concentrated, v, W, dt, work)
-    drag.add_power(forces.drag, start.drag, v, W, dt, work)
+    concentrated.add_power(forces.concentrated, start.concentrated, start.motion, dt, work)
+    drag.add_power(forces.drag, start.drag, start.motion, dt, work)
     if scalar is None:
         return
-    spring.add_power(forces.spring, place.rate, dt, work)
-    friction.add_power(forces.friction, reaction, place.rate, dt, work)
+    spring.add_power(forces.spring, start.place.rate, dt, work)
+    friction.add_power(forces.friction, reaction, start.place.rate, dt, work)
 
 
 @kernel
-def over_step(forces: Forces, start: ForcesWorkspace, t: float, h: float, R: np.ndarray) -> bool:
+def over_step(forces: Forces, start: ForcesWorkspace, t: float, h: float) -> bool:
     """Set the forces that depend on time to their means over a step ``h`` from ``t``; return
     whether they have first moments as well.
     """
-    return concentrated.over_step(forces.concentrated, forces.laws, t, h, R, start.concentrated)
+    group, R = forces.concentrated, start.motion.R
+    return concentrated.over_step(group, forces.laws, t, h, R, start.concentrated)
 
 
 @kernel
@@ -231,18 +214,17 @@ def mean_residual(
     forces: Forces,
     start: ForcesWorkspace,
     scalar: ScalarConstraints | None,
-    place: ScalarWorkspace,
     frames: Frames,
-    h: float,
-    dt2: float,
+    step: tuple[float, float],
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """Take all mean forces over the step, and the loads of constraint equations along coordinates,
-    from the rows ``F`` (nodes, 3) [m]. It comes after ``along.residual`` at ``Z``.
+    """Take all mean forces over the ``step`` (h, dt2), and the loads of constraint equations along
+    coordinates, from the rows ``F`` (nodes, 3) [m]. It comes after ``scalar.residual`` at ``Z``.
     """
+    h, dt2 = step
     if scalar is not None:
-        q = place.coordinates
+        q = start.place.coordinates
         spring.add_mean_load(forces.spring, forces.laws, scalar.coordinates, q, start.stretch, h)
         friction.add_mean_load(forces.friction, start.reactions, q, h)
         coordinates.push(scalar.coordinates, q, frames, -dt2, F)
@@ -255,21 +237,20 @@ def mean_jacobian(
     forces: Forces,
     start: ForcesWorkspace,
     scalar: ScalarConstraints | None,
-    place: ScalarWorkspace,
     frames: Frames,
-    h: float,
-    dt2: float,
+    step: tuple[float, float],
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
     """Add the derivatives of ``mean_residual`` to the block ``values``, after it and after
-    ``along.joint_jacobian`` at the same ``Z``.
+    ``scalar.joint_jacobian`` at the same ``Z``.
     """
+    h, dt2 = step
     if scalar is not None:
-        q, coords = place.coordinates, scalar.coordinates
-        spring.mean_jacobian(forces.spring, forces.laws, coords, q, frames, h, dt2, values)
-        friction.mean_jacobian(forces.friction, start.reactions, coords, q, frames, h, dt2, values)
-        coordinates.stiffness(coords, q, frames, -dt2, Z, values)
+        q, group = start.place.coordinates, scalar.coordinates
+        spring.mean_jacobian(forces.spring, forces.laws, group, q, frames, step, values)
+        friction.mean_jacobian(forces.friction, start.reactions, group, q, frames, step, values)
+        coordinate_jacobians.stiffness(group, q, frames, -dt2, Z, values)
     concentrated.mean_jacobian(forces.concentrated, start.concentrated, frames, dt2, Z, values)
     drag.mean_jacobian(forces.drag, start.drag, frames, h, dt2, Z, values)
 
@@ -279,7 +260,6 @@ def mean_work(
     forces: Forces,
     start: ForcesWorkspace,
     scalar: ScalarConstraints | None,
-    place: ScalarWorkspace,
     frames: Frames,
     h: float,
     Z: np.ndarray,
@@ -290,8 +270,8 @@ def mean_work(
     drag.mean_work(forces.drag, start.drag, frames, h, Z, work)
     if scalar is None:
         return
-    spring.mean_work(forces.spring, place.coordinates, h, work)
-    friction.mean_work(forces.friction, start.reactions, place.coordinates, h, work)
+    spring.mean_work(forces.spring, start.place.coordinates, h, work)
+    friction.mean_work(forces.friction, start.reactions, start.place.coordinates, h, work)
 
 
 @kernel
@@ -325,26 +305,22 @@ def work_of_first(
 
 @kernel
 def smooth(
-    forces: Forces,
-    start: ForcesWorkspace,
-    scalar: ScalarConstraints | None,
-    place: ScalarWorkspace,
-    pole: float,
+    forces: Forces, start: ForcesWorkspace, scalar: ScalarConstraints | None, pole: float
 ) -> float:
     """Return the energy [J] that a decaying scheme took from the springs over the accepted step."""
     if scalar is None:
         return 0.0
-    return spring.smooth(forces.spring, place.coordinates, pole, start.stretch)
+    return spring.smooth(forces.spring, start.place.coordinates, pole, start.stretch)
 
 
 @kernel
 def elastic_energy(
-    forces: Forces, start: ForcesWorkspace, scalar: ScalarConstraints | None, place: ScalarWorkspace
+    forces: Forces, start: ForcesWorkspace, scalar: ScalarConstraints | None
 ) -> float:
     """Set ``start.elastic`` to the elastic energy of each spring; return their sum [J]."""
     if scalar is None:
         return 0.0
-    return spring.energy(forces.spring, forces.laws, place.coordinates, start.elastic)
+    return spring.energy(forces.spring, forces.laws, start.place.coordinates, start.elastic)
 
 
 @kernel
@@ -378,7 +354,7 @@ def energy_columns(forces: Forces) -> int:
 
 def acts_at_points(forces: Forces) -> bool:
     """Return whether a force acts on a body from outside the system."""
-    return bool(forces.concentrated.body.size or forces.drag.body.size)
+    return bool(forces.concentrated.frame.size or forces.drag.frame.size)
 
 
 def pressed_by_reactions(forces: Forces) -> ReactionForces | None:
@@ -409,14 +385,14 @@ def set_origins(forces: Forces, value: np.ndarray) -> None:
 
 
 def vectors(
-    forces: Forces, start: ForcesWorkspace, R: np.ndarray
+    forces: Forces, start: ForcesWorkspace
 ) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
     """Return the vectors (k, 3) of all forces at points that lie in the plane of a planar system:
     forces and their arms; and those normal to it: moments. Inertial axes, sizes without the laws of
     time, which may vanish at t = 0.
     """
-    group = forces.concentrated
-    arms = np.einsum("kij,kj->ki", R[group.body], group.s)
+    group, R = forces.concentrated, start.motion.R
+    arms = np.einsum("kij,kj->ki", R[group.frame], group.s)
     of_forces = np.einsum("kij,kj->ki", R[group.f_axes], group.f)
     moments = np.einsum("kij,kj->ki", R[group.m_axes], group.m)
     # The arm matters only where a force acts.
@@ -429,7 +405,7 @@ def work_scales(forces: Forces, length: np.ndarray) -> tuple[float, float]:
     """
     group = forces.concentrated
     force, moment = (np.linalg.norm(of, axis=1) for of in (group.f, group.m))
-    return float(moment.sum()), float(force @ length[group.body])
+    return float(moment.sum()), float(force @ length[group.frame])
 
 
 def laws_of_time(forces: Forces) -> list[int]:
@@ -470,12 +446,12 @@ def numbers_at_points(
     forces: Forces, start: ForcesWorkspace, v: np.ndarray
 ) -> Iterator[tuple[int, np.ndarray]]:
     """Yield the column of work and the numbers of each force at a point, for the message about
-    numbers that are not finite; ``v`` (n+1, 3) are velocities.
+    numbers that are not finite; ``v`` (n+1, 3) are the state's velocities.
     """
     for k, column in enumerate(forces.concentrated.column):
         yield column, np.concatenate([np.ravel(part[k]) for part in start.concentrated])
     for k, column in enumerate(forces.drag.column):
-        speed = np.linalg.norm(v[forces.drag.body[k]])
+        speed = np.linalg.norm(v[forces.drag.frame[k]])
         yield column, np.array(forces.drag.coefficient[k] * speed**2)
 
 

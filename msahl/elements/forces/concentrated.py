@@ -56,6 +56,7 @@ from msahl.algebra.vector import (
 )
 from msahl.elements.frames import (
     Frames,
+    FramesWorkspace,
     add_force_by_mass,
     displacement_node,
     end_tangent,
@@ -69,7 +70,7 @@ from msahl.jit.kernel import kernel
 class ConcentratedLoads(NamedTuple):
     """The group of all concentrated loads."""
 
-    body: np.ndarray  # (k,)
+    frame: np.ndarray  # (k,)
     s: np.ndarray  # (k, 3) point from the mass centre, axes of the body [m]
     f: np.ndarray  # (k, 3) in the axes of body f_axes [N]
     f_axes: np.ndarray  # (k,)
@@ -99,7 +100,7 @@ NEGLIGIBLE = 1e-15
 
 def new_workspace(group: ConcentratedLoads) -> ConcentratedWorkspace:
     """Return the arrays that ``prepare`` and ``over_step`` fill."""
-    k = group.body.size
+    k = group.frame.size
     return ConcentratedWorkspace(
         *(np.zeros((k, 3)) for _ in range(3)),
         *(np.zeros(k) for _ in range(2)),
@@ -110,7 +111,7 @@ def new_workspace(group: ConcentratedLoads) -> ConcentratedWorkspace:
 @kernel
 def at_time(group: ConcentratedLoads, laws: Laws, t: float, factor: np.ndarray) -> None:
     """Set the factors (k,) to the laws' values at the time ``t``."""
-    for k in range(group.body.size):
+    for k in range(group.frame.size):
         factor[k] = 1.0 if group.law[k] < 0 else evaluate(laws, group.law[k], t)[0]
 
 
@@ -125,7 +126,7 @@ def over_step(
 ) -> bool:
     """Prepare a step of the midpoint element; return whether a law has a first moment over it."""
     moved = False
-    for k in range(group.body.size):
+    for k in range(group.frame.size):
         start.factor[k], start.first[k] = 1.0, 0.0
         if group.law[k] >= 0:
             values = moments(laws, group.law[k], t, h)
@@ -135,7 +136,7 @@ def over_step(
                 moved = True
     prepare(group, start.factor, R, start)
     if moved:
-        for k in range(group.body.size):
+        for k in range(group.frame.size):
             f = times(matrix_at(R, group.f_axes[k]), at(group.f, k))
             m = times(matrix_at(R, group.m_axes[k]), at(group.m, k))
             put(start.first_f, k, scale(start.first[k], f))
@@ -155,7 +156,7 @@ def at_nodes(
     """Set the factors (s, k) at the nodes of a collocation step; ``from_moments`` (s, s) are the
     weights of the laws' moments in them.
     """
-    for k in range(group.body.size):
+    for k in range(group.frame.size):
         values = (1.0, 0.0, 0.0, 0.0, 0.0)
         if group.law[k] >= 0:
             values = moments(laws, group.law[k], t, h)
@@ -170,9 +171,9 @@ def prepare(
     group: ConcentratedLoads, factor: np.ndarray, R: np.ndarray, start: ConcentratedWorkspace
 ) -> None:
     """Set arm, force and moment in inertial axes, multiplied by the factors (k,)."""
-    for k in range(group.body.size):
+    for k in range(group.frame.size):
         c = factor[k]
-        put(start.r, k, times(matrix_at(R, group.body[k]), at(group.s, k)))
+        put(start.r, k, times(matrix_at(R, group.frame[k]), at(group.s, k)))
         put(start.f, k, scale(c, times(matrix_at(R, group.f_axes[k]), at(group.f, k))))
         put(start.m, k, scale(c, times(matrix_at(R, group.m_axes[k]), at(group.m, k))))
 
@@ -188,9 +189,9 @@ def add_force(
     group: ConcentratedLoads, start: ConcentratedWorkspace, frames: Frames, F: np.ndarray
 ) -> None:
     """Add the loads by mass to the rows of their bodies."""
-    for k in range(group.body.size):
+    for k in range(group.frame.size):
         r, f, m = at(start.r, k), at(start.f, k), at(start.m, k)
-        add_force_by_mass(frames, F, group.body[k], f, moment(r, f, m))
+        add_force_by_mass(frames, F, group.frame[k], f, moment(r, f, m))
 
 
 @kernel
@@ -198,16 +199,13 @@ def add_derivatives(
     group: ConcentratedLoads, start: ConcentratedWorkspace, frames: Frames, by_place: np.ndarray
 ) -> None:
     """Add the derivatives of the loads by mass by the rotations; rates do not change them."""
-    for k in range(group.body.size):
-        b = group.body[k]
+    for k in range(group.frame.size):
+        b = group.frame[k]
         by_arm = tangent(frames, b, at(start.r, k))
         by_force = tangent(frames, group.f_axes[k], at(start.f, k))
         by_moment = tangent(frames, group.m_axes[k], at(start.m, k))
-        c = -frames.inverse_mass[b]
-        _add_blocks(
-            group, frames, k, c, at(start.r, k), at(start.f, k), (by_arm, by_force, by_moment),
-            by_place,
-        )  # fmt: skip
+        c, acting = -frames.inverse_mass[b], (at(start.r, k), at(start.f, k))
+        _add_blocks(group, frames, k, c, acting, (by_arm, by_force, by_moment), by_place)
 
 
 @kernel
@@ -222,16 +220,16 @@ def _add_blocks(
     frames: Frames,
     k: int,
     c: float,
-    r: Vector,
-    f: Vector,
+    acting: tuple[Vector, Vector],
     by_turn: tuple[Matrix, Matrix, Matrix],
     values: np.ndarray,
 ) -> None:
-    """Add ``c`` times the derivatives of force and moment of load ``k``, whose arm, force and
-    moment change with the rotations by minus the three matrices ``by_turn``.
+    """Add ``c`` times the derivatives of force and moment of load ``k``, of which arm and force are
+    ``acting``. Arm, force and moment change with the rotations by minus the matrices ``by_turn``.
     """
+    r, f = acting
     by_arm, by_lever = product(skew(f), by_turn[0]), product(skew(r), by_turn[1])
-    c_turn = c / frames.length[group.body[k]]
+    c_turn = c / frames.length[group.frame[k]]
     for i in range(3):
         for j in range(3):
             values[group.force_by_rotation[k] + 3 * i + j] += c * by_turn[1][i][j]
@@ -244,16 +242,16 @@ def _add_blocks(
 def add_power(
     group: ConcentratedLoads,
     start: ConcentratedWorkspace,
-    v: np.ndarray,
-    W: np.ndarray,
+    motion: FramesWorkspace,
     dt: float,
     total: np.ndarray,
 ) -> None:
     """Add ``dt`` times the power [W] of each load to its column of ``total`` [J]."""
-    for k in range(group.body.size):
-        b = group.body[k]
-        V = add(at(v, b), cross(at(W, b), at(start.r, k)))
-        power = dot(at(start.f, k), V) + dot(at(start.m, k), at(W, b))
+    for k in range(group.frame.size):
+        b = group.frame[k]
+        W = at(motion.W, b)
+        V = add(at(motion.v, b), cross(W, at(start.r, k)))
+        power = dot(at(start.f, k), V) + dot(at(start.m, k), W)
         total[group.column[k]] += power * dt
 
 
@@ -267,8 +265,8 @@ def mean_residual(
     F: np.ndarray,
 ) -> None:
     """Take the mean loads from the rows of their bodies."""
-    for k in range(group.body.size):
-        b = group.body[k]
+    for k in range(group.frame.size):
+        b = group.frame[k]
         r = mean(frames, Z, b, at(start.r, k))
         f = mean(frames, Z, group.f_axes[k], at(start.f, k))
         m = mean(frames, Z, group.m_axes[k], at(start.m, k))
@@ -285,8 +283,8 @@ def mean_jacobian(
     values: np.ndarray,
 ) -> None:
     """Add the derivatives of ``mean_residual`` by the rotation increments."""
-    for k in range(group.body.size):
-        b, axes_f, axes_m = group.body[k], group.f_axes[k], group.m_axes[k]
+    for k in range(group.frame.size):
+        b, axes_f, axes_m = group.frame[k], group.f_axes[k], group.m_axes[k]
         r = mean(frames, Z, b, at(start.r, k))
         f = mean(frames, Z, axes_f, at(start.f, k))
         by_arm = end_tangent(frames, Z, b, at(start.r, k))
@@ -294,7 +292,7 @@ def mean_jacobian(
         by_moment = end_tangent(frames, Z, axes_m, at(start.m, k))
         # The mean moves by half as much as the end, and push takes dt2 F/m from the rows.
         c = 0.5 * dt2 * frames.inverse_mass[b]
-        _add_blocks(group, frames, k, c, r, f, (by_arm, by_force, by_moment), values)
+        _add_blocks(group, frames, k, c, (r, f), (by_arm, by_force, by_moment), values)
 
 
 @kernel
@@ -306,8 +304,8 @@ def mean_work(
     total: np.ndarray,
 ) -> None:
     """Add the work [J] of each mean load over the step to its column of ``total``."""
-    for k in range(group.body.size):
-        b = group.body[k]
+    for k in range(group.frame.size):
+        b = group.frame[k]
         Q = rotation_increment(frames, Z, b)
         f = mean(frames, Z, group.f_axes[k], at(start.f, k))
         m = mean(frames, Z, group.m_axes[k], at(start.m, k))
@@ -329,8 +327,8 @@ def add_first(
     group: ConcentratedLoads, start: ConcentratedWorkspace, frames: Frames, F: np.ndarray
 ) -> None:
     """Add the first moments of the loads by mass to the rows of their bodies."""
-    for k in range(group.body.size):
-        add_force_by_mass(frames, F, group.body[k], at(start.first_f, k), at(start.first_m, k))
+    for k in range(group.frame.size):
+        add_force_by_mass(frames, F, group.frame[k], at(start.first_f, k), at(start.first_m, k))
 
 
 @kernel
@@ -349,13 +347,13 @@ def work_of_first(
     Their sum is ``-lost``. The part that goes through joints is shared out by the laws' moments.
     """
     size, rest = 0.0, -lost
-    for k in range(group.body.size):
-        b = group.body[k]
+    for k in range(group.frame.size):
+        b = group.frame[k]
         own = (
             -h * h * (dot(at(a, b), at(start.first_f, k)) + dot(at(alpha, b), at(start.first_m, k)))
         )
         total[group.column[k]] += own
         rest -= own
         size += abs(start.first[k])
-    for k in range(group.body.size):
+    for k in range(group.frame.size):
         total[group.column[k]] += rest * abs(start.first[k]) / size

@@ -42,6 +42,7 @@ from msahl.algebra.vector import (
 from msahl.elements.constraints.products import add_block
 from msahl.elements.frames import (
     Frames,
+    FramesWorkspace,
     add_force_by_mass,
     displacement_node,
     end_tangent,
@@ -55,7 +56,7 @@ from msahl.jit.kernel import kernel
 class Drags(NamedTuple):
     """The group of all drags."""
 
-    body: np.ndarray  # (d,)
+    frame: np.ndarray  # (d,)
     s: np.ndarray  # (d, 3) point from the mass centre, axes of the body [m]
     coefficient: np.ndarray  # (d,) c
     block: np.ndarray  # (d, 4) starts of (u, u), (u, Q), (Q, u), (Q, Q) of the body
@@ -85,25 +86,25 @@ def force_slope(c: float, V: Vector) -> Matrix:
 @kernel
 def prepare(group: Drags, R: np.ndarray, arm: np.ndarray) -> None:
     """Set the arms r (d, 3) in inertial axes."""
-    for k in range(group.body.size):
-        put(arm, k, times(matrix_at(R, group.body[k]), at(group.s, k)))
+    for k in range(group.frame.size):
+        put(arm, k, times(matrix_at(R, group.frame[k]), at(group.s, k)))
 
 
 @kernel
-def velocity(group: Drags, arm: np.ndarray, v: np.ndarray, W: np.ndarray, k: int) -> Vector:
+def velocity(group: Drags, arm: np.ndarray, motion: FramesWorkspace, k: int) -> Vector:
     """Return the velocity V of the point at one configuration."""
-    b = group.body[k]
-    return add(at(v, b), cross(at(W, b), at(arm, k)))
+    b = group.frame[k]
+    return add(at(motion.v, b), cross(at(motion.W, b), at(arm, k)))
 
 
 @kernel
 def add_force(
-    group: Drags, arm: np.ndarray, frames: Frames, v: np.ndarray, W: np.ndarray, F: np.ndarray
+    group: Drags, arm: np.ndarray, frames: Frames, motion: FramesWorkspace, F: np.ndarray
 ) -> None:
     """Add the drags by mass to the rows of their bodies."""
-    for k in range(group.body.size):
-        f = force(group.coefficient[k], velocity(group, arm, v, W, k))
-        add_force_by_mass(frames, F, group.body[k], f, cross(at(arm, k), f))
+    for k in range(group.frame.size):
+        f = force(group.coefficient[k], velocity(group, arm, motion, k))
+        add_force_by_mass(frames, F, group.frame[k], f, cross(at(arm, k), f))
 
 
 @kernel
@@ -111,16 +112,15 @@ def add_derivatives(
     group: Drags,
     arm: np.ndarray,
     frames: Frames,
-    v: np.ndarray,
-    W: np.ndarray,
+    motion: FramesWorkspace,
     by_place: np.ndarray,
     by_rate: np.ndarray,
 ) -> None:
     """Add the derivatives of the drags by mass by the places and by the rates."""
-    for k in range(group.body.size):
-        b = group.body[k]
+    for k in range(group.frame.size):
+        b = group.frame[k]
         length, r = frames.length[b], skew(at(arm, k))
-        V = velocity(group, arm, v, W, k)
+        V = velocity(group, arm, motion, k)
         by_V, f = force_slope(group.coefficient[k], V), skew(force(group.coefficient[k], V))
         c = frames.inverse_mass[b]
         by_W, lever = product(by_V, r), product(r, by_V)
@@ -128,7 +128,7 @@ def add_derivatives(
         add_block(by_rate, group.block[k, 1], -c / length, by_W)
         add_block(by_rate, group.block[k, 2], c / length, lever)
         add_block(by_rate, group.block[k, 3], -c / length**2, product(r, by_W))
-        by_arm = product(by_V, product(skew(at(W, b)), r))
+        by_arm = product(by_V, product(skew(at(motion.W, b)), r))
         add_block(by_place, group.block[k, 1], -c / length, by_arm)
         add_block(by_place, group.block[k, 3], -c / length**2, product(r, by_arm))
         add_block(by_place, group.block[k, 3], c / length**2, product(f, r))
@@ -138,21 +138,20 @@ def add_derivatives(
 def add_power(
     group: Drags,
     arm: np.ndarray,
-    v: np.ndarray,
-    W: np.ndarray,
+    motion: FramesWorkspace,
     dt: float,
     total: np.ndarray,
 ) -> None:
     """Add ``dt`` times the power [W] of each drag to its column of ``total`` [J]."""
-    for k in range(group.body.size):
-        V = velocity(group, arm, v, W, k)
+    for k in range(group.frame.size):
+        V = velocity(group, arm, motion, k)
         total[group.column[k]] += dot(force(group.coefficient[k], V), V) * dt
 
 
 @kernel
 def displacement(group: Drags, arm: np.ndarray, frames: Frames, Z: np.ndarray, k: int) -> Vector:
     """Return the displacement u + dr of the point over the step."""
-    b = group.body[k]
+    b = group.frame[k]
     return add(
         at(Z, displacement_node(frames, b)),
         turn_change(rotation_increment(frames, Z, b), at(arm, k)),
@@ -170,8 +169,8 @@ def mean_residual(
     F: np.ndarray,
 ) -> None:
     """Take the mean drags from the rows of their bodies."""
-    for k in range(group.body.size):
-        b = group.body[k]
+    for k in range(group.frame.size):
+        b = group.frame[k]
         f = force(group.coefficient[k], scale(1.0 / h, displacement(group, arm, frames, Z, k)))
         push(frames, dt2, F, b, f, cross(mean(frames, Z, b, at(arm, k)), f))
 
@@ -187,8 +186,8 @@ def mean_jacobian(
     values: np.ndarray,
 ) -> None:
     """Add the derivatives of ``mean_residual`` by the unknowns."""
-    for k in range(group.body.size):
-        b = group.body[k]
+    for k in range(group.frame.size):
+        b = group.frame[k]
         V = scale(1.0 / h, displacement(group, arm, frames, Z, k))
         by_V = force_slope(group.coefficient[k], V)
         T = end_tangent(frames, Z, b, at(arm, k))
@@ -209,7 +208,7 @@ def mean_work(
     group: Drags, arm: np.ndarray, frames: Frames, h: float, Z: np.ndarray, total: np.ndarray
 ) -> None:
     """Add the work [J] of each mean drag over the step to its column of ``total``."""
-    for k in range(group.body.size):
+    for k in range(group.frame.size):
         moved = displacement(group, arm, frames, Z, k)
         f = force(group.coefficient[k], scale(1.0 / h, moved))
         total[group.column[k]] += dot(f, moved)

@@ -23,14 +23,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements.constraints.coordinates import (
+from msahl.elements.constraints.coordinate_jacobians import add_damper, add_spring
+from msahl.elements.constraints.coordinate_kinds import (
     ANGLE,
     Coordinates,
     CoordinatesWorkspace,
-    add_damper,
-    add_spring,
+    Derivatives,
 )
-from msahl.elements.frames import Frames
+from msahl.elements.constraints.scalar import ScalarWorkspace
+from msahl.elements.frames import Frames, FramesWorkspace
 from msahl.jit.kernel import kernel
 
 
@@ -74,21 +75,16 @@ def add_derivatives(
     group: Frictions,
     reactions: np.ndarray,
     coords: Coordinates,
-    start: CoordinatesWorkspace,
-    rate: np.ndarray,
+    place: ScalarWorkspace,
     frames: Frames,
-    v: np.ndarray,
-    W: np.ndarray,
-    Z: np.ndarray,
-    room: np.ndarray,
-    by_place: np.ndarray,
-    by_rate: np.ndarray,
+    motion: FramesWorkspace,
+    out: Derivatives,
 ) -> None:
     """Add the derivatives of the frictions by mass by the places and by the rates."""
     for f in range(group.coordinate.size):
         q = group.coordinate[f]
-        slope = load(group, reactions, f, rate[q])[1]
-        add_damper(coords, start, frames, v, W, Z, q, slope, room, by_place, by_rate)
+        slope = load(group, reactions, f, place.rate[q])[1]
+        add_damper(coords, place.coordinates, frames, motion, q, slope, out)
 
 
 @kernel
@@ -120,11 +116,11 @@ def mean_jacobian(
     coords: Coordinates,
     start: CoordinatesWorkspace,
     frames: Frames,
-    h: float,
-    dt2: float,
+    step: tuple[float, float],
     values: np.ndarray,
 ) -> None:
-    """Add the derivatives of the mean frictions by the unknowns."""
+    """Add the derivatives of the mean frictions over the ``step`` (h, dt2) by the unknowns."""
+    h, dt2 = step
     for f in range(group.coordinate.size):
         q = group.coordinate[f]
         slope = load(group, reactions, f, start.change[q] / h)[1] / h

@@ -30,16 +30,16 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws, evaluate, mean
-from msahl.elements.constraints.coordinates import (
-    BLUR,
+from msahl.elements.constraints.coordinate_jacobians import add_damper, add_spring
+from msahl.elements.constraints.coordinate_kinds import (
+    ROUND_OFF_FACTOR,
     Coordinates,
     CoordinatesWorkspace,
-    add_damper,
-    add_spring,
-    extent,
+    Derivatives,
 )
+from msahl.elements.constraints.coordinates import extent
 from msahl.elements.constraints.equations import SAME
-from msahl.elements.frames import Frames
+from msahl.elements.frames import Frames, FramesWorkspace
 from msahl.jit.kernel import kernel
 
 
@@ -96,7 +96,7 @@ def add_load(
         q = group.coordinate[s]
         T, slope = tension(group, laws, s, elongation(group, start, s))
         start.load[q] -= T + group.damping[s] * rate[q]
-        unsure = BLUR * abs(0.5 * slope) * extent(coords, start, q)
+        unsure = ROUND_OFF_FACTOR * abs(0.5 * slope) * extent(coords, start, q)
         start.size[q] += abs(T) + abs(group.damping[s] * rate[q]) + unsure
 
 
@@ -107,20 +107,16 @@ def add_derivatives(
     coords: Coordinates,
     start: CoordinatesWorkspace,
     frames: Frames,
-    v: np.ndarray,
-    W: np.ndarray,
-    Z: np.ndarray,
-    room: np.ndarray,
-    by_place: np.ndarray,
-    by_rate: np.ndarray,
+    motion: FramesWorkspace,
+    out: Derivatives,
 ) -> None:
     """Add the derivatives of the loads by mass by the places and by the rates."""
     for s in range(group.coordinate.size):
         q = group.coordinate[s]
         _, slope = tension(group, laws, s, elongation(group, start, s))
-        add_spring(coords, start, frames, 1.0, q, -slope, by_place)
+        add_spring(coords, start, frames, 1.0, q, -slope, out.by_place)
         slope = -group.damping[s]
-        add_damper(coords, start, frames, v, W, Z, q, slope, room, by_place, by_rate)
+        add_damper(coords, start, frames, motion, q, slope, out)
 
 
 @kernel
@@ -159,7 +155,7 @@ def add_mean_load(
         start.load[q] -= T + lag
         # A tension whose mean vanishes can be large at both ends, and that of a stiff spring is no
         # more accurate than its length.
-        unsure = BLUR * abs(slope) * extent(coords, start, q)
+        unsure = ROUND_OFF_FACTOR * abs(slope) * extent(coords, start, q)
         start.size[q] += abs(T) + abs(slope * dq) + abs(lag) + unsure
 
 
@@ -170,11 +166,11 @@ def mean_jacobian(
     coords: Coordinates,
     start: CoordinatesWorkspace,
     frames: Frames,
-    h: float,
-    dt2: float,
+    step: tuple[float, float],
     values: np.ndarray,
 ) -> None:
-    """Add the derivatives of the mean loads by the unknowns."""
+    """Add the derivatives of the mean loads over the ``step`` (h, dt2) by the unknowns."""
+    h, dt2 = step
     for s in range(group.coordinate.size):
         q = group.coordinate[s]
         _, slope = mean_tension(group, laws, s, elongation(group, start, s), start.change[q])

@@ -1,15 +1,17 @@
-"""Rows at times within a step of higher degree, as accurate as its ends.
+"""Interpolates a collocation step: states at output times within it, as accurate as at its ends.
 
-The polynomials of a step are of order s + 1 between its ends, and of order 2s at them. So rows
-between are taken from other polynomials, of what is known at the ends: place, velocity and, from
-the index-1 problem, acceleration. That of degree 5 has an error of h^6 in places, h^5 in
-velocities; accelerations of the places it says at 2 l times within the step, entered beside the
-others, give one of degree 5 + 2 l with h^(6 + 2l) and h^(5 + 2l), and so on from l to l + 1.
+The polynomials of the scheme are of order s + 1 within a step and of order 2 s at its ends. So
+output times within a step get other polynomials, fitted to what is known at the ends: position,
+velocity and, from the index-1 problem (``accelerations``), acceleration. The one of degree 5 has an
+error of h^6 in positions and h^5 in velocities. Accelerations at 2 l times within the step, taken
+at its positions, are added to the conditions and give a polynomial of degree 5 + 2 l with errors of
+h^(6 + 2 l) and h^(5 + 2 l), and so on from level l to l + 1.
 
-Displacements and turns are from the start of the step, turns by the parameters of
-``schemes.chart``. A row's places and velocities are put back on the joints by the least change by
-mass, which is of the size of the error, its reactions follow from its accelerations, its work from
-powers at Gauss nodes between the start and the row.
+Displacements and rotations are from the start of the step; rotations are expressed by the
+parameters of ``local_rotation``. The interpolated positions and velocities are projected onto the
+constraints by the least change weighted by mass, which is of the size of the interpolation error.
+Reactions follow from the accelerations, and works from the powers at Gauss nodes between the start
+of the step and the output time.
 """
 
 from typing import NamedTuple
@@ -38,23 +40,22 @@ from msahl.jit.kernel import apart, kernel
 from msahl.schemes import accelerations
 from msahl.schemes.accelerations import Instant
 from msahl.schemes.collocation import local_rotation
-from msahl.schemes.midpoint import equations
 from msahl.schemes.midpoint.workspace import Workspace
+from msahl.schemes.midpoint.workspace import write_row as write_state
 from msahl.system import evaluate
 from msahl.system.arrays import State, new_system_workspace
 
 ENDS = 6
-"""Conditions at the ends of a step: place, velocity, acceleration at either."""
-CLOSINGS = 2
-"""Of a row's places: its gaps are those of the interpolation, and closing them is quadratic."""
-
-
+"""Conditions at the ends of a step: position, velocity and acceleration at both."""
+PROJECTIONS = 2
+"""Projections of interpolated positions onto the constraints; convergence is quadratic."""
 INWARDS, ROUND_OFF = 1e-12, 2e-15
-"""How far from the ends of a step laws are asked: parts of the step, and of the time."""
+"""Distance from the ends of a step at which laws are evaluated: fractions of the step and of the
+time."""
 
 
-class Point(NamedTuple):
-    """What is known of the motion at one end of a step."""
+class StepEnd(NamedTuple):
+    """The motion at one end of a step."""
 
     time: np.ndarray  # (1,)
     x: np.ndarray  # (n+1, 3)
@@ -66,30 +67,34 @@ class Point(NamedTuple):
 
 
 class DenseOutput(NamedTuple):
-    """Room for rows within a step."""
+    """Conditions, polynomials and work arrays of the interpolation within a step."""
 
-    workspace: Workspace  # the rows' own, with a state of its own
-    begin: Point
-    end: Point
-    curve: np.ndarray  # (c, 2 (n+1), 3) u and c: values, rates, second rates by t/h; c = ENDS + 2 l
-    bent: np.ndarray  # (2 l or 2, 2 (n+1), 3) second rates at nodes within, before they are entered
-    basis: np.ndarray  # (l + 1, c, c) coefficients of each condition's polynomial, by level
-    nodes: np.ndarray  # (l + 1, 2 l) times of a level's accelerations, in parts of the step
-    value: np.ndarray  # (c,) weights of the conditions in a value, and in a rate
+    workspace: Workspace  # with a state of its own, that of the output time
+    begin: StepEnd
+    end: StepEnd
+    curve: (
+        np.ndarray
+    )  # (c, 2 (n+1), 3) conditions on u and c: values, rates and second rates by t/h
+    inner: (
+        np.ndarray
+    )  # (2 l or 2, 2 (n+1), 3) second rates at times within, before they are entered
+    basis: np.ndarray  # (l + 1, c, c) by level, coefficients of each condition's polynomial
+    nodes: np.ndarray  # (l + 1, 2 l) by level, times of accelerations as fractions of the step
+    value: np.ndarray  # (c,) basis polynomials at the output time, and their rates
     rate: np.ndarray  # (c,)
     gauss: np.ndarray  # (s,) nodes and weights of the work's quadrature
     weight: np.ndarray  # (s,)
-    own: int  # column of a decaying scheme's own work, or -1
+    scheme_work: int  # column of the energy that a decaying scheme takes, or -1
 
 
 def levels(order: int) -> int:
-    """How often accelerations within must be entered for velocities of this ``order``."""
+    """Number of times that accelerations within must be added for velocities of this ``order``."""
     return max(0, (order - 4) // 2)
 
 
 def new_dense_output(workspace: Workspace, order: int, decays: bool) -> DenseOutput:
-    """Room for the rows between of steps whose ends are of this ``order``; what a scheme that
-    ``decays`` takes is shared out evenly over its step.
+    """Return the interpolation of steps whose ends are of this ``order``; the energy that a scheme
+    that ``decays`` takes is spread evenly over its step.
     """
     state, of_frames = workspace.state, first_multiplier(workspace.system.frames)
     own = State(*(array.copy() for array in state))
@@ -104,24 +109,24 @@ def new_dense_output(workspace: Workspace, order: int, decays: bool) -> DenseOut
     x, b = legendre.leggauss((order + 1) // 2)
     return DenseOutput(
         workspace=workspace._replace(state=own, start=new_system_workspace(workspace.system, own)),
-        begin=new_point(state),
-        end=new_point(state),
+        begin=new_step_end(state),
+        end=new_step_end(state),
         curve=np.zeros((conditions, of_frames, 3)),
-        bent=np.zeros((max(2 * most, 2), of_frames, 3)),
+        inner=np.zeros((max(2 * most, 2), of_frames, 3)),
         basis=basis,
         nodes=nodes,
         value=np.zeros(conditions),
         rate=np.zeros(conditions),
         gauss=0.5 * (x + 1.0),
         weight=0.5 * b,
-        own=state.work.size - 1 if decays else -1,
+        scheme_work=state.work.size - 1 if decays else -1,
     )
 
 
-def new_point(state: State) -> Point:
-    """Room for a point of scenes like that of ``state``."""
+def new_step_end(state: State) -> StepEnd:
+    """Return an empty end of a step of systems like that of ``state``."""
     vectors = state.x.shape
-    return Point(
+    return StepEnd(
         time=np.zeros(1),
         x=np.zeros(vectors),
         p=np.zeros(vectors),
@@ -133,8 +138,8 @@ def new_point(state: State) -> Point:
 
 
 def _basis(nodes: np.ndarray) -> np.ndarray:
-    """(c, c) by condition, coefficients of powers of 2 t - 1: value, rate and second rate at 0, and
-    at 1, then second rates at the ``nodes``.
+    """(c, c) for each condition, the coefficients of its polynomial in powers of 2 t - 1. The
+    conditions are value, rate and second rate at 0 and at 1, then second rates at the ``nodes``.
     """
     count = ENDS + len(nodes)
     powers = np.eye(count)
@@ -148,8 +153,8 @@ def _basis(nodes: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def mark(point: Point, workspace: Workspace) -> None:
-    """Note the scene's accepted state as an end of the step."""
+def save_end(point: StepEnd, workspace: Workspace) -> None:
+    """Save the accepted state as an end of the step."""
     state, start = workspace.state, workspace.start
     point.time[0] = state.time[0]
     copy(state.x, point.x)
@@ -163,7 +168,7 @@ def mark(point: Point, workspace: Workspace) -> None:
 
 
 @kernel
-def copy_point(point: Point, other: Point) -> None:
+def copy_end(point: StepEnd, other: StepEnd) -> None:
     """Make ``other`` the same as ``point``."""
     other.time[0] = point.time[0]
     copy(point.x, other.x)
@@ -177,10 +182,10 @@ def copy_point(point: Point, other: Point) -> None:
 
 
 @kernel
-def trace(between: DenseOutput, room: Instant) -> None:
-    """Set the curves from ``begin`` to ``end``."""
-    begin, end, curve = between.begin, between.end, between.curve
-    frames = between.workspace.system.frames
+def fit(output: DenseOutput, instant: Instant) -> None:
+    """Fit the polynomials between ``begin`` and ``end``."""
+    begin, end, curve = output.begin, output.end, output.curve
+    frames = output.workspace.system.frames
     h = end.time[0] - begin.time[0]
     for b in range(moving_count(frames)):
         c = compose(at(end.p, b), inverse(at(begin.p, b)))
@@ -193,28 +198,28 @@ def trace(between: DenseOutput, room: Instant) -> None:
         put(curve[3], turn_node, c)
         put(curve[4], u_node, scale(h, at(end.v, b)))
         put(curve[4], turn_node, scale(h, local_rotation.parameter_rate(c, at(end.W, b))))
-    for level in range(between.basis.shape[0]):
+    for level in range(output.basis.shape[0]):
         count = 2 if level == 0 else 2 * level
         for m in range(count):
             if level == 0:
-                _stand(between, begin if m == 0 else end)
+                _set_to_end(output, begin if m == 0 else end)
             else:
-                weigh(between, level - 1, between.nodes[level, m])
-                move(between, h, between.nodes[level, m])
-            accelerate(between, room, h, m)
+                set_basis_weights(output, level - 1, output.nodes[level, m])
+                interpolate(output, h, output.nodes[level, m])
+            save_accelerations(output, instant, h, m)
         for m in range(count):
             entry = ENDS + m
             if level == 0:
                 entry = 2 + 3 * m
             for node in range(curve.shape[1]):
-                put(curve[entry], node, at(between.bent[m], node))
+                put(curve[entry], node, at(output.inner[m], node))
 
 
 @kernel
-def _stand(between: DenseOutput, point: Point) -> None:
-    """Bring the rows' state to an end of the step."""
-    state, begin, end = between.workspace.state, between.begin, between.end
-    # A law that has a kink there is asked on this step's side of it.
+def _set_to_end(output: DenseOutput, point: StepEnd) -> None:
+    """Set the interpolated state to an end of the step."""
+    state, begin, end = output.workspace.state, output.begin, output.end
+    # A law with a breakpoint there is evaluated on this step's side of it.
     inwards = INWARDS * (end.time[0] - begin.time[0]) + ROUND_OFF * abs(end.time[0])
     state.time[0] = point.time[0] + (inwards if point.time[0] < end.time[0] else -inwards)
     for b in range(point.x.shape[0] - 1):
@@ -222,13 +227,13 @@ def _stand(between: DenseOutput, point: Point) -> None:
         put(state.p, b, at(point.p, b))
         put(state.v, b, at(point.v, b))
         put(state.w, b, times(transpose(matrix(at(point.p, b))), at(point.W, b)))
-    _prepare(between, begin.angle)
+    _prepare(output, begin.angle)
 
 
 @apart
-def _prepare(between: DenseOutput, angle: np.ndarray) -> None:
-    """Prepare the rows' state; angles are counted from those given."""
-    workspace = between.workspace
+def _prepare(output: DenseOutput, angle: np.ndarray) -> None:
+    """Prepare the interpolated state; full turns are counted from the angles given."""
+    workspace = output.workspace
     for q in range(angle.size):
         workspace.state.angle[q] = angle[q]
     evaluate.prepare(workspace.system, workspace.state, workspace.start)
@@ -236,21 +241,21 @@ def _prepare(between: DenseOutput, angle: np.ndarray) -> None:
 
 
 @kernel
-def weigh(between: DenseOutput, level: int, tau: float) -> None:
-    """Set the weights of the conditions at ``tau``, in parts of the step."""
+def set_basis_weights(output: DenseOutput, level: int, tau: float) -> None:
+    """Evaluate the basis polynomials and their rates at the fraction ``tau`` of the step."""
     count, x = ENDS + 2 * level, 2.0 * tau - 1.0
-    for i in range(between.value.size):
+    for i in range(output.value.size):
         value, rate = 0.0, 0.0
         if i < count:
             for k in range(count - 1, -1, -1):
                 rate = rate * x + value
-                value = value * x + between.basis[level, i, k]
-        between.value[i], between.rate[i] = value, 2.0 * rate
+                value = value * x + output.basis[level, i, k]
+        output.value[i], output.rate[i] = value, 2.0 * rate
 
 
 @kernel
 def _sum(curve: np.ndarray, weights: np.ndarray, node: int) -> Vector:
-    """What the ``weights`` make of the conditions of a node."""
+    """Sum of the conditions of a node, times the ``weights``."""
     total = ZERO
     for i in range(weights.size):
         total = axpy(weights[i], at(curve[i], node), total)
@@ -258,112 +263,94 @@ def _sum(curve: np.ndarray, weights: np.ndarray, node: int) -> Vector:
 
 
 @apart
-def move(between: DenseOutput, h: float, tau: float) -> None:
-    """Bring the rows' state to ``tau``, by the weights there."""
-    state, begin, curve = between.workspace.state, between.begin, between.curve
-    frames = between.workspace.system.frames
+def interpolate(output: DenseOutput, h: float, tau: float) -> None:
+    """Set the state to that at the fraction ``tau`` of the step, where the basis was evaluated."""
+    state, begin, curve = output.workspace.state, output.begin, output.curve
+    frames = output.workspace.system.frames
     state.time[0] = begin.time[0] + h * tau
     for b in range(moving_count(frames)):
-        c = _sum(curve, between.value, rotation_node(frames, b))
-        c_dot = scale(1.0 / h, _sum(curve, between.rate, rotation_node(frames, b)))
+        c = _sum(curve, output.value, rotation_node(frames, b))
+        c_dot = scale(1.0 / h, _sum(curve, output.rate, rotation_node(frames, b)))
         p = compose(c, at(begin.p, b))
         u_node = displacement_node(frames, b)
-        put(state.x, b, add(at(begin.x, b), _sum(curve, between.value, u_node)))
+        put(state.x, b, add(at(begin.x, b), _sum(curve, output.value, u_node)))
         put(state.p, b, p)
-        put(state.v, b, scale(1.0 / h, _sum(curve, between.rate, u_node)))
+        put(state.v, b, scale(1.0 / h, _sum(curve, output.rate, u_node)))
         put(state.w, b, times(transpose(matrix(p)), local_rotation.momentum(c, c_dot)))
-    _prepare(between, begin.angle)
+    _prepare(output, begin.angle)
 
 
 @apart
-def accelerate(between: DenseOutput, room: Instant, h: float, m: int) -> None:
-    """Set ``bent`` of node ``m`` to the accelerations of the rows' state."""
-    workspace, begin = between.workspace, between.begin
+def save_accelerations(output: DenseOutput, instant: Instant, h: float, m: int) -> None:
+    """Set the ``inner`` condition ``m`` to the accelerations of the interpolated state."""
+    workspace, begin = output.workspace, output.begin
     frames, state, start = workspace.system.frames, workspace.state, workspace.start
-    accelerations.accelerate(workspace.system, state, start, room)
+    accelerations.accelerate(workspace.system, state, start, instant)
     gravity = workspace.system.bodies.gravity
     for b in range(moving_count(frames)):
-        a = at(room.solution, displacement_node(frames, b))
+        a = at(instant.solution, displacement_node(frames, b))
         if frames.ballistic[b]:
             a = (gravity[0], gravity[1], gravity[2])
-        alpha = scale(1.0 / frames.length[b], at(room.solution, rotation_node(frames, b)))
-        # W = H c_dot by t; no turn from the start has a rate of W itself.
+        alpha = scale(1.0 / frames.length[b], at(instant.solution, rotation_node(frames, b)))
+        # Derivative of W = H c_dot by time.
         c = compose(at(state.p, b), inverse(at(begin.p, b)))
         c_dot = local_rotation.parameter_rate(c, at(start.frames.W, b))
         alpha = sub(alpha, times(local_rotation.momentum_slope(c, c_dot), c_dot))
-        put(between.bent[m], displacement_node(frames, b), scale(h * h, a))
+        put(output.inner[m], displacement_node(frames, b), scale(h * h, a))
         c_ddot = local_rotation.parameter_rate(c, alpha)
-        put(between.bent[m], rotation_node(frames, b), scale(h * h, c_ddot))
+        put(output.inner[m], rotation_node(frames, b), scale(h * h, c_ddot))
 
 
 @apart
-def publish(between: DenseOutput, room: Instant, tau: float, row: int) -> None:
-    """Enter the state at ``tau`` of the traced step in a ``row`` of the tables."""
-    workspace, begin, end = between.workspace, between.begin, between.end
-    h, last = end.time[0] - begin.time[0], between.basis.shape[0] - 1
+def write_row(output: DenseOutput, instant: Instant, tau: float, row: int) -> None:
+    """Write the state at the fraction ``tau`` of the fitted step into a ``row`` of the tables."""
+    workspace, begin, end = output.workspace, output.begin, output.end
+    h, last = end.time[0] - begin.time[0], output.basis.shape[0] - 1
     for w in range(begin.work.size):
         workspace.state.work[w] = begin.work[w]
     if begin.work.size > 0:
-        for i in range(between.gauss.size):
-            weigh(between, last, tau * between.gauss[i])
-            move(between, h, tau * between.gauss[i])
-            accelerations.accelerate(workspace.system, workspace.state, workspace.start, room)
-            _add_work(between, room, h * tau * between.weight[i])
-    if between.own >= 0:
-        taken = end.work[between.own] - begin.work[between.own]
-        workspace.state.work[between.own] += tau * taken
-    weigh(between, last, tau)
-    move(between, h, tau)
-    for _ in range(max(CLOSINGS, accelerations.rounds(workspace.system))):
-        _close(between, room)
-        _prepare(between, begin.angle)
-    accelerations.keep_closed(
+        for i in range(output.gauss.size):
+            set_basis_weights(output, last, tau * output.gauss[i])
+            interpolate(output, h, tau * output.gauss[i])
+            accelerations.accelerate(workspace.system, workspace.state, workspace.start, instant)
+            _add_work(output, instant, h * tau * output.weight[i])
+    if output.scheme_work >= 0:
+        taken = end.work[output.scheme_work] - begin.work[output.scheme_work]
+        workspace.state.work[output.scheme_work] += tau * taken
+    set_basis_weights(output, last, tau)
+    interpolate(output, h, tau)
+    for _ in range(max(PROJECTIONS, accelerations.projection_rounds(workspace.system))):
+        _project(output, instant)
+        _prepare(output, begin.angle)
+    accelerations.project_velocities(
         workspace.system,
         workspace.state,
         workspace.start,
         workspace.monitor.violation,
         workspace.monitor.rate,
-        room,
+        instant,
     )
-    equations.publish(
-        workspace.system,
-        workspace.state,
-        workspace.start,
-        0.0,
-        workspace.mean_reaction,
-        workspace.mean_force,
-        workspace.tables,
-        row,
-    )
-    accelerations.publish(workspace, room, row)
+    write_state(workspace, 0.0, row)
+    accelerations.write_instantaneous_reactions(workspace, instant, row)
 
 
 @kernel
-def _add_work(between: DenseOutput, room: Instant, dt: float) -> None:
-    """Add to the rows' work what loads and drives do over a time ``dt``."""
+def _add_work(output: DenseOutput, instant: Instant, dt: float) -> None:
+    """Add the work of loads and prescribed motions over a time ``dt`` [s]."""
     system, state, start = (
-        between.workspace.system,
-        between.workspace.state,
-        between.workspace.start,
+        output.workspace.system,
+        output.workspace.state,
+        output.workspace.start,
     )
     frames = system.frames
-    forces.add_power(
-        system.forces,
-        start.forces,
-        system.scalar,
-        start.scalar,
-        start.frames,
-        state.reaction,
-        dt,
-        state.work,
-    )
-    scalar.motion_work(system.scalar, frames, state.time[0], dt, room.solution, state.work)
+    forces.add_power(system.forces, start.forces, system.scalar, state.reaction, dt, state.work)
+    scalar.motion_work(system.scalar, frames, state.time[0], dt, instant.solution, state.work)
 
 
 @kernel
-def _close(between: DenseOutput, room: Instant) -> None:
-    """Move the rows' state onto the joints, by the least change by mass."""
-    workspace = between.workspace
+def _project(output: DenseOutput, instant: Instant) -> None:
+    """Project the positions onto the constraints, by the least change weighted by mass."""
+    workspace = output.workspace
     system, state, start, monitor = (
         workspace.system,
         workspace.state,
@@ -373,8 +360,8 @@ def _close(between: DenseOutput, room: Instant) -> None:
     frames = system.frames
     evaluate.observe(system, state, start, monitor.violation, monitor.rate)
     scalar.in_metres(system.scalar, monitor.violation, monitor.rate)
-    accelerations.undo(system, state, start, monitor.violation, room)
+    accelerations.solve_projection(system, state, start, monitor.violation, instant)
     for b in range(moving_count(frames)):
-        turn = scale(1.0 / frames.length[b], at(room.solution, rotation_node(frames, b)))
-        put(state.x, b, add(at(state.x, b), at(room.solution, displacement_node(frames, b))))
+        turn = scale(1.0 / frames.length[b], at(instant.solution, rotation_node(frames, b)))
+        put(state.x, b, add(at(state.x, b), at(instant.solution, displacement_node(frames, b))))
         put(state.p, b, compose(from_step_turn(turn), at(state.p, b)))

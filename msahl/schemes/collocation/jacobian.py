@@ -1,4 +1,9 @@
-"""The derivative of the rows of ``schemes.element`` by the stages."""
+"""Evaluates the Jacobian of a collocation step: the derivative of ``equations`` by the stages.
+
+An entry of the Jacobian of the lowest order becomes a block (s, s), by stage of the unknown and of
+the equation: the derivative by position or by rate at a time node, times the basis polynomials of
+the unknown and the weights of the equation.
+"""
 
 import numpy as np
 
@@ -25,116 +30,106 @@ from msahl.elements.constraints.products import add_block
 from msahl.elements.frames import first_multiplier, rotation_node
 from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import local_rotation
-from msahl.schemes.collocation.workspace import BODY, GAP, Stages, moment_in_chart
+from msahl.schemes.collocation.workspace import BODY, VIOLATION, StageArrays, moment_for_parameters
 from msahl.system.arrays import System, SystemWorkspace
 
 
 @kernel
-def clear(system: System, stages: Stages) -> None:
-    """Set the Jacobian to what does not change: a displacement is its own row's."""
+def clear(system: System, stages: StageArrays) -> None:
+    """Set the Jacobian to its constant part: each displacement in its own equation."""
     values = stages.values
     for e in range(values.shape[0]):
         for k in range(values.shape[1]):
             for j in range(values.shape[2]):
                 values[e, k, j] = 0.0
-            if stages.sort[e] == BODY:
+            if stages.block_kind[e] == BODY:
                 values[e, k, k] = system.constant[stages.needed[e]]
 
 
 @kernel
-def hold(system: System, stages: Stages, h: float, row: int, k: int) -> None:
-    """Add what the joints' ``row``-th gaps and ``k``-th forces contribute."""
-    _hold(system, stages)
-    _into_chart(system, stages, False)
-    _enter_held(stages, h, row, k)
+def add_constraints(system: System, stages: StageArrays, h: float, row: int, k: int) -> None:
+    """Add the constraint equations of stage ``row`` and the constraint forces of stage ``k``."""
+    _differentiate_constraints(system, stages)
+    _convert_to_parameters(system, stages, False)
+    _enter_constraints(stages, h, row, k)
 
 
 @kernel
-def act(system: System, start: SystemWorkspace, stages: Stages, h: float, i: int) -> None:
-    """Add what the inertia of the turns and the loads at c_i contribute."""
-    _add_turning(system, start, stages, h, i)
-    if not stages.idle:
-        _act(system, stages, i)
-        _into_chart(system, stages, True)
-        _enter_acting(system, stages, h, i)
+def add_forces(
+    system: System, start: SystemWorkspace, stages: StageArrays, h: float, i: int
+) -> None:
+    """Add the rotational inertia and the forces at c_i."""
+    _add_rotational_inertia(system, start, stages, h, i)
+    if not stages.gravity_only:
+        _differentiate_forces(system, stages, i)
+        _convert_to_parameters(system, stages, True)
+        _enter_forces(system, stages, h, i)
 
 
 @kernel
-def _hold(system: System, stages: Stages) -> None:
-    """Set ``by_place`` to the derivative of ``element._hold``, halved where bodies meet bodies, and
-    of the gaps.
+def _differentiate_constraints(system: System, stages: StageArrays) -> None:
+    """Set ``by_position`` to the derivatives of the constraints and of the accelerations by the
+    multipliers: by positions and by multipliers over mass.
     """
-    values, node, frames = stages.by_place, stages.start, system.frames
+    values, node, frames = stages.by_position, stages.start, system.frames
     for e in range(values.size):
         values[e] = stages.linear[e]
-    coincide.jacobian(system.coincide, node.coincide, frames, -1.0, stages.still, values)
-    scalar.add_constraint_derivatives(system.scalar, node.scalar, frames, stages.still, values)
+    coincide.add_derivatives(system.coincide, node.coincide, frames, stages.at_rest, values)
+    scalar.add_constraint_derivatives(system.scalar, node.scalar, frames, stages.at_rest, values)
 
 
 @kernel
-def _act(system: System, stages: Stages, i: int) -> None:
-    """Set ``by_place`` and ``by_rate`` to the derivatives of ``equations._act``."""
-    place, rate, node, frames = stages.by_place, stages.by_rate, stages.start, system.frames
-    for e in range(place.size):
-        place[e], rate[e] = 0.0, 0.0
-    group, still, room = system.scalar, stages.still, stages.room
-    v, W = node.frames.v, node.frames.W
-    scalar.differentiate(group, node.scalar, frames, still)
-    forces.add_derivatives(
-        system.forces,
-        node.forces,
-        group,
-        node.scalar,
-        frames,
-        node.frames,
-        stages.reaction[i],
-        still,
-        room,
-        place,
-        rate,
-    )
-    scalar.add_rate_derivatives(group, node.scalar, frames, v, W, still, room, place, rate)
+def _differentiate_forces(system: System, stages: StageArrays, i: int) -> None:
+    """Set ``by_position`` and ``by_rate`` to the derivatives of the accelerations by the forces."""
+    position, rate, node, frames = stages.by_position, stages.by_rate, stages.start, system.frames
+    for e in range(position.size):
+        position[e], rate[e] = 0.0, 0.0
+    group, out = system.scalar, stages.derivatives
+    scalar.differentiate(group, node.scalar, frames, out.still)
+    forces.add_derivatives(system.forces, node.forces, group, frames, stages.reaction[i], out)
+    scalar.add_rate_derivatives(group, node.scalar, frames, node.frames, out)
 
 
 @kernel
-def _into_chart(system: System, stages: Stages, rated: bool) -> None:
-    """Bring the derivatives by and of turns from inertial axes into the chart: H^T (.) H, and what
-    the change of H does to the moments of ``stages.row`` and, where ``rated``, to the rates. Those
-    of joint forces, not ``rated``, are halved.
+def _convert_to_parameters(system: System, stages: StageArrays, rated: bool) -> None:
+    """Convert the derivatives by and of rotations from inertial axes to the rotation parameters:
+    H^T (.) H, and the terms by which H changes the moments of ``stages.accelerations`` and, where
+    ``rated``, the rates.
     """
     frames, bodies = system.frames, system.bodies
     first = first_multiplier(frames)
     for m in range(1, system.blocks.shape[0]):
         row, column = system.blocks[m, 0], system.blocks[m, 1]
-        turned_row = row < first and frames.rotates[row]
-        turned_column = column < first and frames.rotates[column]
-        if not (turned_row or turned_column):
+        rotates_row = row < first and frames.rotates[row]
+        rotates_column = column < first and frames.rotates[column]
+        if not (rotates_row or rotates_column):
             continue
-        turned_row = turned_row and stages.rule.varied
-        H_row = matrix_at(stages.tangent, frames.of_node[row]) if turned_row else IDENTITY
-        H_column = matrix_at(stages.tangent, frames.of_node[column]) if turned_column else IDENTITY
-        place = product(product(transpose(H_row), block_at(stages.by_place, m)), H_column)
+        rotates_row = rotates_row and stages.tableau.is_variational
+        H_row = matrix_at(stages.tangent, frames.of_node[row]) if rotates_row else IDENTITY
+        H_column = matrix_at(stages.tangent, frames.of_node[column]) if rotates_column else IDENTITY
+        position = product(product(transpose(H_row), block_at(stages.by_position, m)), H_column)
         if rated:
             rate = product(transpose(H_row), block_at(stages.by_rate, m))
-            if turned_column:
+            if rotates_column:
                 f = frames.of_node[column]
-                c, c_dot = at(stages.turn, f), at(stages.turning, f)
-                place = combine(1.0, product(rate, local_rotation.momentum_slope(c, c_dot)), place)
+                c, c_dot = at(stages.parameters, f), at(stages.parameter_rates, f)
+                position = combine(
+                    1.0, product(rate, local_rotation.momentum_slope(c, c_dot)), position
+                )
             put_block(stages.by_rate, m, product(rate, H_column))
-        put_block(stages.by_place, m, place)
-    if not stages.rule.varied:
+        put_block(stages.by_position, m, position)
+    if not stages.tableau.is_variational:
         return
-    share = 1.0 if rated else 0.5
     for b in range(bodies.frame.size):
         f = bodies.frame[b]
-        moment = at(stages.row, rotation_node(frames, f))
-        slope = local_rotation.rate_slope(at(stages.turn, f), moment)
-        add_block(stages.by_place, bodies.block[b], share / frames.length[f], slope)
+        moment = at(stages.accelerations, rotation_node(frames, f))
+        slope = local_rotation.rate_slope(at(stages.parameters, f), moment)
+        add_block(stages.by_position, bodies.block[b], 1.0 / frames.length[f], slope)
 
 
 @kernel
 def block_at(values: np.ndarray, m: int) -> Matrix:
-    """Block ``m``."""
+    """Return block ``m``."""
     e = 9 * m
     return (
         (values[e], values[e + 1], values[e + 2]),
@@ -152,59 +147,81 @@ def put_block(values: np.ndarray, m: int, M: Matrix) -> None:
 
 
 @kernel
-def _enter_held(stages: Stages, h: float, row: int, k: int) -> None:
-    """Take the derivatives of the joints' ``row``-th gaps and ``k``-th forces into the Jacobian."""
-    values, chi = stages.values, stages.rule.chi
+def _enter_constraints(stages: StageArrays, h: float, row: int, k: int) -> None:
+    """Add the derivatives of the constraint equations of stage ``row`` and of the constraint forces
+    of stage ``k`` to the Jacobian.
+    """
+    values, chi = stages.values, stages.tableau.chi
     for e in range(values.shape[0]):
-        sort, value = stages.sort[e], stages.by_place[stages.needed[e]]
+        kind, value = stages.block_kind[e], stages.by_position[stages.needed[e]]
         if value == 0.0:
             continue
-        if sort == GAP:
-            if row >= 0 and not stages.rolling[e]:
+        if kind == VIOLATION:
+            if row >= 0 and not stages.is_rate_row[e]:
                 values[e, row, row] = value
-        elif k >= 0 and (sort != BODY or row >= 0):
-            column, share = (row, h * h) if sort == BODY else (k, -1.0)
+        elif k >= 0 and (kind != BODY or row >= 0):
+            column, share = (row, h * h) if kind == BODY else (k, 2.0)
             for j in range(chi.shape[0]):
-                values[e, column, j] += 2.0 * share * chi[j, k] * value
+                values[e, column, j] += share * chi[j, k] * value
 
 
 @kernel
-def _enter_acting(system: System, stages: Stages, h: float, i: int) -> None:
-    """Take the derivatives of the loads at c_i into the Jacobian."""
-    values, rule, place, rate = stages.values, stages.rule, stages.by_place, stages.by_rate
-    s = rule.weight.size
+def _enter_forces(system: System, stages: StageArrays, h: float, i: int) -> None:
+    """Add the derivatives of the forces at c_i to the Jacobian."""
+    values, tableau, position, rate = (
+        stages.values,
+        stages.tableau,
+        stages.by_position,
+        stages.by_rate,
+    )
+    s = tableau.force_weight.size
     for e in range(values.shape[0]):
         entry = stages.needed[e]
         m, p, q = entry // 9, entry % 9 // 3, entry % 3
-        by_place, by_rate, bent_place, bent_rate = place[entry], rate[entry], 0.0, 0.0
-        if rule.varied and stages.sort[e] == BODY and system.frames.rotates[system.blocks[m, 0]]:
+        by_place, by_rate, base_position, base_rate = position[entry], rate[entry], 0.0, 0.0
+        if (
+            tableau.is_variational
+            and stages.block_kind[e] == BODY
+            and system.frames.rotates[system.blocks[m, 0]]
+        ):
             for r in range(3):
-                bow = stages.bow[system.frames.of_node[system.blocks[m, 0]], p, r]
-                bent_place += bow * place[9 * m + 3 * r + q]
-                bent_rate += bow * rate[9 * m + 3 * r + q]
-        if by_place == by_rate == bent_place == bent_rate == 0.0:
+                base_change = stages.base_change[system.frames.of_node[system.blocks[m, 0]], p, r]
+                base_position += base_change * position[9 * m + 3 * r + q]
+                base_rate += base_change * rate[9 * m + 3 * r + q]
+        if by_place == by_rate == base_position == base_rate == 0.0:
             continue
         for k in range(s):
-            phi, slope = h * h * rule.value[i, k], h * rule.slope[i, k]
-            total, bent = phi * by_place + slope * by_rate, phi * bent_place + slope * bent_rate
-            if stages.sort[e] == GAP:
+            phi, slope = h * h * tableau.basis[i, k], h * tableau.basis_rate[i, k]
+            total, base_term = (
+                phi * by_place + slope * by_rate,
+                phi * base_position + slope * base_rate,
+            )
+            if stages.block_kind[e] == VIOLATION:
                 values[e, k, i] += total / h
             else:
                 for j in range(s):
-                    values[e, k, j] += rule.alpha[j, i] * total
-                    values[e, k, j] -= rule.closing[j] * rule.weight[i] * bent
+                    values[e, k, j] += tableau.alpha[j, i] * total
+                    values[e, k, j] -= (
+                        tableau.constraint_time[j] * tableau.force_weight[i] * base_term
+                    )
 
 
 @kernel
-def _add_turning(system: System, start: SystemWorkspace, stages: Stages, h: float, i: int) -> None:
-    """Take the derivatives of the inertia of the turns at c_i into the Jacobian."""
-    rule, frames = stages.rule, system.frames
-    if not rule.varied:
-        _add_spinning(system, stages, h, i)
+def _add_rotational_inertia(
+    system: System, start: SystemWorkspace, stages: StageArrays, h: float, i: int
+) -> None:
+    """Add the derivatives of the rotational inertia at c_i to the Jacobian.
+
+    ``stages.momentum_slopes``: derivatives by c and c_dot of the momentum (0, 1), of h dT/dc (2, 3)
+    and of the term of ``equations._set_base_change`` (4, 5).
+    """
+    tableau, frames = stages.tableau, system.frames
+    if not tableau.is_variational:
+        _add_angular_momentum(system, stages, h, i)
         return
     for b in range(system.bodies.frame.size):
         f = system.bodies.frame[b]
-        c, c_dot = at(stages.turn, f), at(stages.turning, f)
+        c, c_dot = at(stages.parameters, f), at(stages.parameter_rates, f)
         J, H = matrix_at(start.bodies.J, b), matrix_at(stages.tangent, f)
         z = times(J, local_rotation.rate(c, c_dot))
         by_c = local_rotation.rate_slope(c, c_dot)
@@ -212,36 +229,38 @@ def _add_turning(system: System, start: SystemWorkspace, stages: Stages, h: floa
         pi_c = combine(1.0, product(H, product(J, by_c)), local_rotation.momentum_slope(c, z))
         force_c = product(transpose(by_c), product(J, by_c))
         force_c = combine(1.0, local_rotation.curvature(c, z, c_dot), force_c)
-        bow, bow_rate = matrix_at(stages.bow, f), matrix_at(stages.bow_rate, f)
+        change, change_rate = (
+            matrix_at(stages.base_change, f),
+            matrix_at(stages.base_change_rate, f),
+        )
         pi, force = local_rotation.momentum(c, z), times(transpose(by_c), z)
-        moment = moment_in_chart(frames, stages, f)
+        moment = moment_for_parameters(frames, stages, f)
         force = axpy(frames.length[f] / frames.inverse_mass[f], moment, force)
-        # What the bow moves, by c(t) and by c_dot; by c_k in ``_enter_turning``.
-        moved_c = combine(
-            1.0, product(bow_rate, pi_c), local_rotation.square_slope(c_dot, scale(2 * h, pi))
-        )
-        moved_c = combine(h, product(bow, force_c), moved_c)
-        moved_c = combine(2.0 * h, local_rotation.square_slope(c, force), moved_c)
-        moved = combine(
-            1.0, product(bow_rate, mass), local_rotation.square_slope(c, scale(2.0 * h, pi))
-        )
-        moved = combine(h, product(bow, transpose(pi_c)), moved)
-        put_matrix(stages.slope, 0, pi_c)
-        put_matrix(stages.slope, 1, mass)
-        put_matrix(stages.slope, 2, multiple(h, force_c))
-        put_matrix(stages.slope, 3, multiple(h, transpose(pi_c)))
-        put_matrix(stages.slope, 4, moved_c)
-        put_matrix(stages.slope, 5, moved)
-        put(stages.push, 0, force)
-        put(stages.push, 1, pi)
-        _enter_turning(system, stages, h, i, b)
+        # Derivatives of the base-change term by c(t) and c_dot; those by c_k are in
+        # ``_enter_rotation``.
+        slope = local_rotation.square_slope(c_dot, scale(2 * h, pi))
+        base_c = combine(1.0, product(change_rate, pi_c), slope)
+        base_c = combine(h, product(change, force_c), base_c)
+        base_c = combine(2.0 * h, local_rotation.square_slope(c, force), base_c)
+        slope = local_rotation.square_slope(c, scale(2.0 * h, pi))
+        base_c_dot = combine(1.0, product(change_rate, mass), slope)
+        base_c_dot = combine(h, product(change, transpose(pi_c)), base_c_dot)
+        put_matrix(stages.momentum_slopes, 0, pi_c)
+        put_matrix(stages.momentum_slopes, 1, mass)
+        put_matrix(stages.momentum_slopes, 2, multiple(h, force_c))
+        put_matrix(stages.momentum_slopes, 3, multiple(h, transpose(pi_c)))
+        put_matrix(stages.momentum_slopes, 4, base_c)
+        put_matrix(stages.momentum_slopes, 5, base_c_dot)
+        put(stages.momentum_loads, 0, force)
+        put(stages.momentum_loads, 1, pi)
+        _enter_rotation(system, stages, h, i, b)
 
 
 @kernel
-def _enter_turning(system: System, stages: Stages, h: float, i: int, b: int) -> None:
-    """Add to the Jacobian what ``stages.slope`` and ``stages.push`` say of body ``b`` at c_i."""
-    values, rule, slope, Z = stages.values, stages.rule, stages.slope, stages.Z
-    force, pi = at(stages.push, 0), at(stages.push, 1)
+def _enter_rotation(system: System, stages: StageArrays, h: float, i: int, b: int) -> None:
+    """Add ``stages.momentum_slopes`` and ``stages.momentum_loads`` of body ``b`` at c_i."""
+    values, tableau, slope, Z = stages.values, stages.tableau, stages.momentum_slopes, stages.Z
+    force, pi = at(stages.momentum_loads, 0), at(stages.momentum_loads, 1)
     frames, f = system.frames, system.bodies.frame[b]
     scaled = h * frames.inverse_mass[f] / frames.length[f] ** 2
     for p in range(3):
@@ -249,34 +268,34 @@ def _enter_turning(system: System, stages: Stages, h: float, i: int, b: int) -> 
             e = stages.slot[system.bodies.block[b] + 3 * p + q]
             if e < 0:
                 continue
-            for k in range(rule.weight.size):
-                phi, rate = scaled * rule.value[i, k], scaled * rule.slope[i, k] / h
+            for k in range(tableau.force_weight.size):
+                phi, rate = scaled * tableau.basis[i, k], scaled * tableau.basis_rate[i, k] / h
                 by_pi = phi * slope[0, p, q] + rate * slope[1, p, q]
                 by_force = phi * slope[2, p, q] + rate * slope[3, p, q]
-                bent = phi * slope[4, p, q] + rate * slope[5, p, q]
-                if rule.varied:
-                    bend = axpy(rate, pi, scale(phi, force))
+                base_term = phi * slope[4, p, q] + rate * slope[5, p, q]
+                if tableau.is_variational:
+                    load = axpy(rate, pi, scale(phi, force))
                     at_k = scale(-2.0 * h / frames.length[f], at(Z[k], rotation_node(frames, f)))
-                    bent += local_rotation.square_slope(at_k, bend)[p][q]
-                for j in range(rule.weight.size):
-                    total = rule.beta[j, i] * by_pi + rule.alpha[j, i] * by_force
-                    total -= rule.closing[j] * rule.weight[i] * bent
+                    base_term += local_rotation.square_slope(at_k, load)[p][q]
+                for j in range(tableau.force_weight.size):
+                    total = tableau.beta[j, i] * by_pi + tableau.alpha[j, i] * by_force
+                    total -= tableau.constraint_time[j] * tableau.force_weight[i] * base_term
                     values[e, k, j] += total
 
 
 @kernel
-def _add_spinning(system: System, stages: Stages, h: float, i: int) -> None:
-    """As ``_add_turning`` where the parameters are not varied: of the angular momentum J W."""
+def _add_angular_momentum(system: System, stages: StageArrays, h: float, i: int) -> None:
+    """As ``_add_rotational_inertia`` for a scheme that is not variational: of the momentum J W."""
     node, bodies = stages.start, system.bodies
-    for k in range(stages.slope.shape[0]):
-        put_matrix(stages.slope, k, skew(ZERO))
+    for k in range(stages.momentum_slopes.shape[0]):
+        put_matrix(stages.momentum_slopes, k, skew(ZERO))
     for b in range(bodies.frame.size):
         f = bodies.frame[b]
         J, H, W = matrix_at(node.bodies.J, b), matrix_at(stages.tangent, f), at(node.frames.W, f)
-        c, c_dot = at(stages.turn, f), at(stages.turning, f)
-        # J turns with the body, W is H c_dot.
+        c, c_dot = at(stages.parameters, f), at(stages.parameter_rates, f)
+        # J rotates with the body, W = H c_dot.
         turned = combine(1.0, product(J, skew(W)), skew(scale(-1.0, times(J, W))))
         by_c = combine(1.0, product(turned, H), product(J, local_rotation.momentum_slope(c, c_dot)))
-        put_matrix(stages.slope, 0, by_c)
-        put_matrix(stages.slope, 1, product(J, H))
-        _enter_turning(system, stages, h, i, b)
+        put_matrix(stages.momentum_slopes, 0, by_c)
+        put_matrix(stages.momentum_slopes, 1, product(J, H))
+        _enter_rotation(system, stages, h, i, b)

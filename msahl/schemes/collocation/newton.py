@@ -1,10 +1,10 @@
-"""Steps of the time elements of higher degree, as ``solve.newton`` and ``solve.step`` take those of
-the lowest: Newton's method, acceptance, many steps of an island.
+"""Solves collocation steps by Newton's method, accepts them, and takes many steps of a subsystem.
 
-At the end of a step the velocities are made to keep the joints closed, by the smallest change by
-mass, which is what the multiplier of the last node does. Friction presses by the reaction that
-follows from the accelerations at its node, found anew in every iteration. What the energy balance
-comes to lack by a decaying scheme is entered as that scheme's work; what it gains is left to tell.
+After a step the velocities are projected onto the constraints, by the least change weighted by
+mass, which is what the multiplier of the last node does. Friction depends on reactions; these
+follow from the accelerations at its node and are computed anew in every iteration. Energy lost by a
+decaying scheme is entered as the work of that scheme; energy gained stays visible in the energy
+balance.
 """
 
 import math
@@ -17,61 +17,65 @@ from msahl.elements.constraints.scalar import clear_rate_violations
 from msahl.elements.forces import ReactionForces, pressed_by_reactions
 from msahl.elements.frames import first_multiplier
 from msahl.jit.kernel import apart, kernel
-from msahl.linalg import block_lu, dense
+from msahl.linalg import block_lu
 from msahl.model.scheme import COLLOCATION
 from msahl.schemes import accelerations
 from msahl.schemes.accelerations import Instant, new_instant
 from msahl.schemes.collocation import dense_output, equations, predictor
 from msahl.schemes.collocation.dense_output import DenseOutput, new_dense_output
-from msahl.schemes.collocation.tableau import new_rule
-from msahl.schemes.collocation.workspace import Stages, go, new_stages
+from msahl.schemes.collocation.tableau import new_tableau
+from msahl.schemes.collocation.workspace import StageArrays, new_stage_arrays, set_node
+from msahl.schemes.midpoint import free_equations
 from msahl.schemes.midpoint.newton import DIVERGED, MAX_ITERATIONS, STUCK
-from msahl.schemes.midpoint.workspace import Workspace, show
+from msahl.schemes.midpoint.workspace import Workspace
+from msahl.schemes.midpoint.workspace import record_step as record_at_end
 from msahl.schemes.outcome import TOLERANCE
-from msahl.system.arrays import State, System, SystemWorkspace
-from msahl.system.diagnostics import Monitor, energy_balance
+from msahl.system.arrays import State, System
+from msahl.system.diagnostics import energy_balance
 from msahl.system.ordering import Elimination
 
 TARGET = 1e-14
-"""As ``outcome.TARGET``: these steps are few and long, and what is left of each counts the less."""
-WORTH = 5.0
-"""Iterations that are better made with the derivative at hand: a new one with its factors costs
-about three, and two more follow."""
-NEAR = 0.03
-"""First residual of a step up to which the next may go by one velocity more. Steps that follow less
-than that of the motion are led astray by it."""
-RECALLED = 0.01
-"""Share of the gap from absolute positions that a step closes beside what the last one left over.
-Gaps followed by increments wander by round-off as turns are composed: 1e-11 m in two million steps.
-A share this small carries little of the round-off of positions into the velocities."""
+"""As ``outcome.TARGET``. Collocation steps are few and long, so the residual of each matters less
+to the energy."""
+MAX_WITH_OLD_JACOBIAN = 5.0
+"""Refactor only if more than 5 further iterations are expected with the old Jacobian: a new one
+with its factors costs about as much as three iterations, and two more follow."""
+PREDICTED_WELL = 0.03
+"""First residual of a step up to which the next prediction may extrapolate with one velocity more.
+Where predictions are worse than this, that velocity makes them worse still."""
+DRIFT_FEEDBACK = 0.01
+"""Fraction of the absolute position drift fed back per step, besides the violation that the last
+step left over. A violation that is followed by increments alone drifts by rounding errors as
+rotations are composed: 1e-11 m in two million steps. A fraction this small carries little of the
+rounding errors of positions into the velocities."""
 
 
 class CollocationWorkspace(NamedTuple):
-    """An island on its way by steps of higher degree."""
+    """Data and work arrays of one subsystem for collocation steps of one degree."""
 
     workspace: Workspace
     pressed: ReactionForces | None  # forces that depend on reactions; None: no code for them
-    stages: Stages
+    stages: StageArrays
     instant: Instant
     factor: np.ndarray  # (entries, s, s) sparse factors, blocks transposed
     y: np.ndarray  # (f, s) right-hand side, in the order of elimination
-    taken: np.ndarray  # (s,) room of the factors
-    between: DenseOutput
-    whole: np.ndarray  # (s + 1, nodes, 3) velocities of a step to be gone through again
-    held: np.ndarray  # (s, nodes, 3) its solution
+    pivot_rows: np.ndarray  # (s,) work array of the factorisation
+    dense_output: DenseOutput
+    whole_rates: np.ndarray  # (s + 1, nodes, 3) velocities of a step that is repeated in halves
+    whole_solution: np.ndarray  # (s, nodes, 3) solution of that step
     outcome: np.ndarray  # (2,) residual and worst row of the last step
 
 
 def new_collocation_workspace(
     workspace: Workspace, scheme: str, degree: int
 ) -> CollocationWorkspace:
-    """Room for steps by the ``scheme`` of a ``degree`` from the scene's prepared state."""
+    """Return the workspace for steps by the ``scheme`` of a ``degree`` from the prepared state."""
     lu, higher = workspace.unknowns.elimination, COLLOCATION[scheme]
-    stages = new_stages(
-        workspace.system, workspace.unknowns, workspace.state, new_rule(scheme, degree)
+    stages = new_stage_arrays(
+        workspace.system, workspace.unknowns, workspace.state, new_tableau(scheme, degree)
     )
     violation, rate = workspace.monitor.violation, workspace.monitor.rate
-    stages.level[0] = energy_balance(
+    stages.first_energy[0] = energy_balance(
         workspace.system, workspace.state, workspace.start, violation, rate
     )
     return CollocationWorkspace(
@@ -81,78 +85,78 @@ def new_collocation_workspace(
         instant=new_instant(workspace.system, workspace.unknowns),
         factor=np.zeros((int(lu.base[-1]), degree, degree)),
         y=np.zeros((lu.order.size, degree)),
-        taken=np.zeros(degree, dtype=np.int64),
-        between=new_dense_output(workspace, higher.order(degree), higher.decays),
-        whole=np.zeros_like(stages.before),
-        held=np.zeros_like(stages.Z),
+        pivot_rows=np.zeros(degree, dtype=np.int64),
+        dense_output=new_dense_output(workspace, higher.order(degree), higher.decays),
+        whole_rates=np.zeros_like(stages.last_rates),
+        whole_solution=np.zeros_like(stages.Z),
         outcome=np.zeros(2),
     )
 
 
 @kernel
-def forget(high: CollocationWorkspace) -> None:
-    """Let the next step be guessed from the accelerations of its start."""
-    high.stages.known[1] = 0.0
+def reset_prediction(subsystem: CollocationWorkspace) -> None:
+    """Predict the next step from the accelerations at its start, without earlier steps."""
+    subsystem.stages.last_step[1] = 0.0
 
 
 @kernel
 def is_slow(residual: float, before: float) -> bool:
-    """Whether a new derivative is worth its price, at the pace of the last iteration."""
+    """Whether a new Jacobian is expected to save work, by the convergence of the last iteration."""
     if not residual < before:
         return True
-    return math.log(TARGET / residual) < WORTH * (math.log(residual) - math.log(before))
+    expected = math.log(TARGET / residual)
+    return expected < MAX_WITH_OLD_JACOBIAN * (math.log(residual) - math.log(before))
 
 
 @kernel
-def judge(free: np.ndarray, F: np.ndarray, pull: np.ndarray, length: float) -> tuple[float, int]:
-    """As ``dense.judge``: the largest free row relative to the step's length or to the loads in it,
-    and its index among the flat rows.
+def relative_residual(
+    free: np.ndarray, F: np.ndarray, load_scale: np.ndarray, length: float
+) -> tuple[float, int]:
+    """Largest free residual relative to the step's length or to the loads in it, if they are
+    larger, and its index among the flat rows.
     """
     worst, largest = -1, 0.0
     for i in range(free.size):
         node = free[i] // 3
-        relief = length / max(length, pull[node])
+        relief = length / max(length, load_scale[node])
         for j in range(F.shape[0]):
             row = abs(F[j, node, free[i] % 3]) * relief
-            # Written so that a nan is the worst of all.
+            # Written so that a nan counts as the largest of all.
             if not row <= largest:
                 worst, largest = free[i], row
     return largest / length, worst
 
 
 @apart
-def press(
+def update_reactions(
     pressed: ReactionForces | None,
     system: System,
     state: State,
-    stages: Stages,
-    room: Instant,
+    stages: StageArrays,
+    instant: Instant,
     h: float,
 ) -> None:
-    """Set the reactions where forces act, if there is friction, which presses by them."""
+    """Set the reactions at the nodes where forces act, if some depend on them, as friction does."""
     if pressed is None:
         return
-    for n in range(stages.rule.acts.size):
-        i = stages.rule.acts[n]
+    for n in range(stages.tableau.force_stage.size):
+        i = stages.tableau.force_stage[n]
         if i < 0:
             continue
-        go(system, state, stages, h, n)
+        set_node(system, state, stages, h, n)
         copy(stages.reaction[i], stages.state.reaction)
-        accelerations.accelerate(system, stages.state, stages.start, room)
+        accelerations.accelerate(system, stages.state, stages.start, instant)
         copy(stages.state.reaction, stages.reaction[i])
 
 
 @kernel
-def drop_null(
-    lu: Elimination,
-    relaxation: float,
-    chi: np.ndarray,
-    Z: np.ndarray,
-    factor: np.ndarray,
-    y: np.ndarray,
-    first: int,
-) -> None:
-    """As ``newton.drop_null``: take from multipliers what the joints' redundancy leaves open."""
+def remove_null_multipliers(subsystem: CollocationWorkspace) -> None:
+    """Subtract from the multipliers what redundant constraints leave undetermined in them; see
+    ``midpoint.newton.remove_null_multipliers``.
+    """
+    workspace, y, Z = subsystem.workspace, subsystem.y, subsystem.stages.Z
+    lu, chi = workspace.unknowns.elimination, subsystem.stages.tableau.chi
+    relaxation, first = workspace.system.relaxation, first_multiplier(workspace.system.frames)
     s = y.shape[1]
     for k in range(y.shape[0]):
         node, i = lu.order[k] // 3, lu.order[k] % 3
@@ -161,7 +165,7 @@ def drop_null(
             if node >= first:
                 for n in range(s):
                     y[k, j] += 2.0 * relaxation * chi[j, n] * Z[n, node, i]
-    block_lu.solve(lu, factor, y)
+    block_lu.solve(lu, subsystem.factor, y)
     for k in range(y.shape[0]):
         node = lu.order[k] // 3
         if node >= first:
@@ -170,23 +174,20 @@ def drop_null(
 
 
 @kernel
-def drop_gap(high: CollocationWorkspace) -> None:
-    """As ``newton.drop_gap``: take from the gaps handed to the next step what no motion can close,
-    left over from this one or seen in absolute positions.
+def remove_null_violation(subsystem: CollocationWorkspace) -> None:
+    """Subtract from the violation that the next step is to remove the part that no motion can
+    remove, left over from this step or seen in absolute positions; see
+    ``midpoint.newton.remove_null_violation``.
     """
-    workspace, y, chi = high.workspace, high.y, high.stages.rule.chi
-    system, lu, violation = (
-        workspace.system,
-        workspace.unknowns.elimination,
-        workspace.state.violation,
-    )
-    s = y.shape[1]
+    workspace, y, chi = subsystem.workspace, subsystem.y, subsystem.stages.tableau.chi
+    system, lu = workspace.system, workspace.unknowns.elimination
+    violation, s = workspace.state.violation, y.shape[1]
     first = first_multiplier(system.frames)
     for k in range(y.shape[0]):
         node, i = lu.order[k] // 3, lu.order[k] % 3
         for j in range(s):
             y[k, j] = violation[node - first, i] if node >= first and j == s - 1 else 0.0
-    block_lu.solve(lu, high.factor, y)
+    block_lu.solve(lu, subsystem.factor, y)
     for k in range(y.shape[0]):
         node, i = lu.order[k] // 3, lu.order[k] % 3
         if node >= first:
@@ -196,97 +197,110 @@ def drop_gap(high: CollocationWorkspace) -> None:
 
 
 @kernel
-def gather(lu: Elimination, F: np.ndarray, y: np.ndarray) -> None:
-    """Set ``y`` (f, s) to the free rows ``F`` (s, nodes, 3) in the order of elimination."""
+def gather_stages(lu: Elimination, F: np.ndarray, y: np.ndarray) -> None:
+    """Set ``y`` (f, s) to the free rows of ``F`` (s, nodes, 3) in the order of elimination."""
     for k in range(y.shape[0]):
         for j in range(y.shape[1]):
             y[k, j] = F[j, lu.order[k] // 3, lu.order[k] % 3]
 
 
 @kernel
-def advance(
-    system: System,
-    state: State,
-    start: SystemWorkspace,
-    stages: Stages,
-    monitor: Monitor,
-    room: Instant,
-    h: float,
-) -> None:
-    """Take over the solved step."""
+def accept_step(subsystem: CollocationWorkspace, h: float) -> None:
+    """Advance the state by the solved step and project its velocities onto the constraints."""
+    workspace, stages = subsystem.workspace, subsystem.stages
+    system, state, start = workspace.system, workspace.state, workspace.start
+    violation, rate = workspace.monitor.violation, workspace.monitor.rate
     equations.accept(system, state, start, stages, h)
-    accelerations.keep_closed(system, state, start, monitor.violation, monitor.rate, room)
+    accelerations.project_velocities(system, state, start, violation, rate, subsystem.instant)
     for k in range(state.violation.shape[0]):
         for i in range(3):
-            state.violation[k, i] += RECALLED * (monitor.violation[k, i] - state.violation[k, i])
-    if stages.rule.decays:
-        lost = stages.level[0] - energy_balance(
-            system, state, start, monitor.violation, monitor.rate
-        )
+            state.violation[k, i] += DRIFT_FEEDBACK * (violation[k, i] - state.violation[k, i])
+    if stages.tableau.decays:
+        lost = stages.first_energy[0] - energy_balance(system, state, start, violation, rate)
         state.work[state.work.size - 1] -= max(0.0, lost)
 
 
 @kernel
-def march(
-    high: CollocationWorkspace, h: float, first: int, last: int, due: np.ndarray, share: np.ndarray
+def take_steps(
+    subsystem: CollocationWorkspace,
+    h: float,
+    first: int,
+    last: int,
+    due: np.ndarray,
+    share: np.ndarray,
 ) -> int:
-    """As ``newton.march``, with rows as in ``solve.plan``, their reactions those of their own
-    times; without rows where ``due`` is empty.
+    """Take steps ``first``..``last - 1`` of a chunk; return the number of the first that did not
+    converge, or ``last``. ``due`` and ``share`` are those of ``OutputSchedule``; where ``due`` is
+    empty nothing is recorded.
     """
     for step in range(first, last):
         if due.size > 0:
-            dense_output.mark(high.between.begin, high.workspace)
-        if not take(high, h):
+            dense_output.save_end(subsystem.dense_output.begin, subsystem.workspace)
+        if not take_step(subsystem, h):
             return step
         if due.size > 0:
-            publish(high, h, step, due, share)
+            record_step(subsystem, h, step, due, share)
     return last
 
 
 @kernel
-def publish(
-    high: CollocationWorkspace, h: float, step: int, due: np.ndarray, share: np.ndarray
+def record_step(
+    subsystem: CollocationWorkspace, h: float, step: int, due: np.ndarray, share: np.ndarray
 ) -> None:
-    """Enter the accepted state in row ``step`` of the watch, and the rows of the tables that are
-    due; the step's begin is marked.
+    """Write the accepted state to row ``step`` of the monitor, and the rows of the tables that are
+    due; the start of the step has been saved in the dense output.
     """
-    workspace, room = high.workspace, high.instant
+    workspace, output, instant = subsystem.workspace, subsystem.dense_output, subsystem.instant
     first, last = due[step], due[step + 1]
     end = -1
     if last > first and share[last - 1] == 1.0:
         end, last = last - 1, last - 1
-    show(workspace, h, step, end)
+    record_at_end(workspace, h, step, end)
     if end >= 0:
-        accelerations.publish(workspace, room, end)
+        accelerations.write_instantaneous_reactions(workspace, instant, end)
     if last > first:
-        dense_output.mark(high.between.end, workspace)
-        dense_output.trace(high.between, room)
+        dense_output.save_end(output.end, workspace)
+        dense_output.fit(output, instant)
         for row in range(first, last):
-            dense_output.publish(high.between, room, share[row], row)
+            dense_output.write_row(output, instant, share[row], row)
 
 
 @apart
-def take(high: CollocationWorkspace, h: float) -> bool:
-    """Take a step of size ``h``, if it converges; ``high.outcome`` says how it went."""
-    workspace, stages, station_room = high.workspace, high.stages, high.instant
-    system, state, start, unknowns = (
-        workspace.system,
-        workspace.state,
-        workspace.start,
-        workspace.unknowns,
-    )
-    lu, factor, y = unknowns.elimination, high.factor, high.y
-    multipliers, relaxation = first_multiplier(system.frames), system.relaxation
-    before, smallest, way, length, first = math.inf, math.inf, 0.0, 0.0, math.inf
-    iteration, fresh, relaxed = 0, True, relaxation > 0.0
-    predictor.predict(system, state, start, stages, h)
+def take_step(subsystem: CollocationWorkspace, h: float) -> bool:
+    """Take a step of size ``h`` if it converges, and return whether it did; ``subsystem.outcome``
+    receives its residual and worst row.
+    """
+    workspace, stages = subsystem.workspace, subsystem.stages
+    system = workspace.system
+    predictor.predict(system, workspace.state, workspace.start, stages, h)
+    residual, worst, first = iterate(subsystem, h)
+    subsystem.outcome[0], subsystem.outcome[1] = residual, worst
+    if not residual <= TOLERANCE:
+        return False
+    stages.predicted_well[0] = 1.0 if first <= PREDICTED_WELL else 0.0
+    accept_step(subsystem, h)
+    if system.relaxation > 0.0:
+        remove_null_violation(subsystem)
+    return True
+
+
+@kernel
+def iterate(subsystem: CollocationWorkspace, h: float) -> tuple[float, int, float]:
+    """Solve the step from the prediction by Newton's method; return its relative residual, the
+    worst row, and the residual of the prediction.
+    """
+    workspace, stages = subsystem.workspace, subsystem.stages
+    system, state, start = workspace.system, workspace.state, workspace.start
+    lu, free = workspace.unknowns.elimination, workspace.unknowns.free
+    before, smallest, predicted, first = math.inf, math.inf, 0.0, math.inf
+    iteration, fresh, relaxed = 0, True, system.relaxation > 0.0
     while True:
-        press(high.pressed, system, state, stages, station_room, h)
+        update_reactions(subsystem.pressed, system, state, stages, subsystem.instant, h)
         length = equations.evaluate(system, state, start, stages, h, fresh)
-        length = max(length, dense.AT_REST)
-        residual, worst = judge(unknowns.free, stages.F, stages.pull, length)
+        length = max(length, free_equations.AT_REST)
+        residual, worst = relative_residual(free, stages.F, stages.load_scale, length)
         if iteration == 0:
-            way, first = length, residual
+            predicted, first = length, residual
         smallest = min(smallest, residual)
         if residual <= TARGET or (residual > STUCK * before and residual <= TOLERANCE):
             if not relaxed:
@@ -294,8 +308,10 @@ def take(high: CollocationWorkspace, h: float) -> bool:
             if not fresh:
                 fresh = True
                 continue
-            block_lu.factor(lu, stages.source, stages.values, factor, high.taken)
-            drop_null(lu, relaxation, stages.rule.chi, stages.Z, factor, y, multipliers)
+            block_lu.factor(
+                lu, stages.source, stages.values, subsystem.factor, subsystem.pivot_rows
+            )
+            remove_null_multipliers(subsystem)
             relaxed, fresh, before, smallest = False, False, math.inf, math.inf
             continue
         if iteration == MAX_ITERATIONS or not residual <= DIVERGED * smallest:
@@ -303,58 +319,52 @@ def take(high: CollocationWorkspace, h: float) -> bool:
         if not fresh and is_slow(residual, before):
             fresh = True
             continue
-        if fresh:
-            block_lu.factor(lu, stages.source, stages.values, factor, high.taken)
-            workspace.counts[1] += 1
-        correct(lu, factor, stages.F, stages.Z, y)
-        workspace.counts[0] += 1
+        apply_correction(subsystem, fresh)
         iteration += 1
         before, fresh = residual, False
-    if dense.is_astray(system, way, length):
+    if free_equations.is_implausible(system, predicted, length):
         residual = math.inf
-    high.outcome[0], high.outcome[1] = residual, worst
-    if not residual <= TOLERANCE:
-        return False
-    stages.near[0] = 1.0 if first <= NEAR else 0.0
-    advance(system, state, start, stages, workspace.monitor, station_room, h)
-    if relaxation > 0.0:
-        drop_gap(high)
-    return True
+    return residual, worst, first
 
 
 @kernel
-def correct(
-    lu: Elimination,
-    factor: np.ndarray,
-    F: np.ndarray,
-    Z: np.ndarray,
-    y: np.ndarray,
-) -> None:
-    """Take from the free unknowns ``Z`` what the factors say of the rows ``F``."""
-    gather(lu, F, y)
-    block_lu.solve(lu, factor, y)
+def apply_correction(subsystem: CollocationWorkspace, fresh: bool) -> None:
+    """Subtract Newton's correction from the free unknowns; factor the Jacobian first if it is
+    ``fresh``.
+    """
+    stages, lu, y = subsystem.stages, subsystem.workspace.unknowns.elimination, subsystem.y
+    if fresh:
+        block_lu.factor(lu, stages.source, stages.values, subsystem.factor, subsystem.pivot_rows)
+        subsystem.workspace.counts[1] += 1
+    gather_stages(lu, stages.F, y)
+    block_lu.solve(lu, subsystem.factor, y)
     for k in range(y.shape[0]):
         for j in range(y.shape[1]):
-            Z[j, lu.order[k] // 3, lu.order[k] % 3] -= y[k, j]
+            stages.Z[j, lu.order[k] // 3, lu.order[k] % 3] -= y[k, j]
+    subsystem.workspace.counts[0] += 1
 
 
 @kernel
-def probe(
-    high: CollocationWorkspace, h: float, z: np.ndarray, f: np.ndarray, fresh: bool
+def evaluate_free(
+    subsystem: CollocationWorkspace, h: float, z: np.ndarray, f: np.ndarray, fresh: bool
 ) -> tuple[float, int, float]:
-    """Set the free rows ``f`` (f, s) at the free unknowns ``z``, and where ``fresh`` their
-    derivative; what ``judge`` says of them, and the step's length [m].
+    """Set the free rows ``f`` (f, s) at the free unknowns ``z`` (f, s), and where ``fresh`` the
+    Jacobian; return the relative residual, the worst row and the step's length [m].
     """
-    workspace, stages, free = high.workspace, high.stages, high.workspace.unknowns.free
+    workspace, stages, free = (
+        subsystem.workspace,
+        subsystem.stages,
+        subsystem.workspace.unknowns.free,
+    )
     system, state = workspace.system, workspace.state
     for i in range(free.size):
         for j in range(z.shape[1]):
             stages.Z[j, free[i] // 3, free[i] % 3] = z[i, j]
-    press(high.pressed, system, state, stages, high.instant, h)
+    update_reactions(subsystem.pressed, system, state, stages, subsystem.instant, h)
     length = equations.evaluate(system, state, workspace.start, stages, h, fresh)
-    length = max(length, dense.AT_REST)
+    length = max(length, free_equations.AT_REST)
     for i in range(free.size):
         for j in range(f.shape[1]):
             f[i, j] = stages.F[j, free[i] // 3, free[i] % 3]
-    residual, worst = judge(free, stages.F, stages.pull, length)
+    residual, worst = relative_residual(free, stages.F, stages.load_scale, length)
     return residual, worst, length

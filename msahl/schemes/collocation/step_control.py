@@ -1,19 +1,31 @@
-"""Steps of higher degree whose size follows from a tolerance.
+"""Chooses the size of collocation steps from a tolerance on their local errors.
 
-Steps go in pairs of two halves. One step of the whole size from the same start says what the pair's
-own error is, by order p: |pair - whole| / (2^p - 1), of places and of turns times the bodies'
-lengths. A pair is accepted if that is at most its share of the tolerance, by time, so that the own
-errors of all steps add up to the tolerance; what the motion makes of them is another matter. The
-size of the next pair is the one at which the error would be a little less than its share: over a
-pair it goes with the power p + 1, over a unit of time with p.
+Steps are taken in pairs of equal halves, and each pair is compared with one step of the whole size
+from the same state. Of a method of order p the difference gives the local error of the pair,
 
-No pair goes past a kink: where a law of time has one is known, and where a quantity comes to one of
-a spring's table or of a cam, or to the width of a friction, is found (``solve.kinks``).
+    e = |pair - whole step| / (2^p - 1)                                                  [m]
 
-The error of positions at the ends of steps alone says little where motions are prescribed (where
-all are, there is none) or loads oscillate (their impulses are exact). So in all systems but those
-of coinciding points without laws of time the error of the row between, at the middle of the whole
-step, counts as well, and that of the works, by the energy of the system over its length.
+    |.|    the largest of all bodies: displacement plus body length times rotation
+    h      size of the pair [s]
+    tol    tolerance [m], T the duration of the run [s]
+
+A pair is accepted if e <= tol h/T, so that the local errors of a run add up to the tolerance. How
+far they grow afterwards depends on the motion and is not controlled. Over a pair the error goes
+with h^(p+1), so e/h goes with h^p, and the next pair has the size
+
+    h <- 0.9 h (tol h / (T e))^(1/p)      within limits of one change                     (1)
+
+No pair extends beyond a breakpoint: where a law of time has one is known, and where a coordinate
+reaches a breakpoint of a spring's table or of a cam, or the width of a friction law, is searched
+for (``breakpoints``).
+
+The positions at the ends of steps say little where motions are prescribed (if all are, there is no
+error) or where loads oscillate (their impulses are exact). So in all systems but those of
+coinciding points without laws of time two more terms count: the error of the dense output at the
+middle of the whole step, and that of the works, relative to the system's energy, times its length.
+
+Source: E. Hairer, S. P. Noersett, G. Wanner, Solving Ordinary Differential Equations I (1993),
+section II.4, for the pairs and (1).
 """
 
 import math
@@ -26,33 +38,33 @@ from msahl.algebra.vector import at, copy, dot, sub
 from msahl.elements import forces
 from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import breakpoints, dense_output, newton
-from msahl.schemes.collocation.breakpoints import Breakpoints, new_kinks
-from msahl.schemes.collocation.dense_output import Point
+from msahl.schemes.collocation.breakpoints import Breakpoints, new_breakpoints
+from msahl.schemes.collocation.dense_output import StepEnd
 from msahl.schemes.collocation.newton import CollocationWorkspace
 from msahl.system import evaluate
 from msahl.system.arrays import State
 from msahl.system.diagnostics import KINETIC, look
 
 NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST, WIDEST, STOP, ENERGY = range(10)
-"""Figures: size of the next pair [s]; tolerance per second [m/s]; where the pairs end for now [s];
-sum of the own errors so far, and the largest [m]; size that the last pair should have had [s]; the
-smallest and the widest accepted step [s]; where the present pair ends at the latest, as a kink was
-found there [s]; the largest energy so far that works are compared with [J].
-"""
+"""Places in ``StepControl.figures``: size of the next pair [s]; tolerance per second [m/s]; time
+that no pair may pass for now [s]; sum of the local errors so far and the largest of them [m]; size
+that the last pair should have had [s]; smallest and largest accepted step [s]; time of a breakpoint
+or an event at which the present pair ends at the latest [s]; largest kinetic energy so far, with
+which works are compared [J]."""
 ACCEPTED, REFUSED, ROWS, SOUGHT = range(4)
-"""Counts: pairs accepted and refused so far, rows of the present chunk, how often a kink was sought
-since the last accepted pair."""
+"""Places in ``StepControl.counts``: pairs accepted and refused so far, rows written in the present
+chunk, searches for a breakpoint since the last accepted pair."""
 SEARCHES = 12
-"""At most, for one kink: each search squares the distance from it."""
-WIDEST_TURN = 1.5
-"""Of a body over a pair [rad]: between two bodies less than half a turn then, as angles are counted
-on by less than that."""
+"""Most searches for one breakpoint; each squares the distance from it."""
+MAX_ROTATION = 1.5
+"""Largest rotation of a body over a pair [rad]. Two bodies then rotate by less than half a turn
+relative to each other, as is needed to count full turns of their angle."""
 SAFETY, SHRINK, GROW = 0.9, 0.2, 3.0
-"""A pair aims at this part of the size that its error allows; limits of one change."""
+"""Factor of (1), and the limits of one change of the size."""
 ROUND_OFF = 4e-16
-"""Part of the places and lengths that no smaller step makes more certain."""
+"""Fraction of positions and lengths that is rounding error: no smaller step reduces it."""
 TOO_SMALL = 1e-12
-"""Part of the run that no pair is shorter than."""
+"""Shortest pair, as a fraction of the time at which the pairs end for now."""
 
 
 class ControlSettings(NamedTuple):
@@ -64,22 +76,22 @@ class ControlSettings(NamedTuple):
 
 
 class StepControl(NamedTuple):
-    """Where the choice of steps stands, and room for going back."""
+    """State of the step-size control, and memory for taking a pair back."""
 
     figures: np.ndarray  # (10,) see above
     counts: np.ndarray  # (4,)
-    sizes: np.ndarray  # (steps,) of the present chunk's steps [s]
-    ends: np.ndarray  # (steps,) where they end [s]
-    kept: State  # the state that a pair starts from
-    middle: Point
-    end: Point
-    x: np.ndarray  # (n+1, 3) where the whole step leads
-    p: np.ndarray  # (n+1, 3)
-    x_middle: np.ndarray  # (n+1, 3) where its rows between have its middle
+    sizes: np.ndarray  # (steps,) sizes of the present chunk's steps [s]
+    ends: np.ndarray  # (steps,) times of their ends [s]
+    start: State  # at the start of the pair
+    middle: StepEnd  # of the pair
+    end: StepEnd
+    x: np.ndarray  # (n+1, 3) mass centres at the end of the whole step [m]
+    p: np.ndarray  # (n+1, 3) rotations there
+    x_middle: np.ndarray  # (n+1, 3) mass centres at the middle of it, by the dense output [m]
     p_middle: np.ndarray  # (n+1, 3)
     work: np.ndarray  # (w,) at its end [J]
-    checks_rows: bool  # whether errors of rows between and of works count as well
-    kinks: Breakpoints
+    checks_rows: bool  # whether errors of the dense output and of works count as well
+    breakpoints: Breakpoints
 
 
 def new_step_control(
@@ -97,9 +109,9 @@ def new_step_control(
         counts=np.zeros(4, dtype=np.int64),
         sizes=np.zeros(steps),
         ends=np.zeros(steps),
-        kept=State(*(array.copy() for array in state)),
-        middle=dense_output.new_point(state),
-        end=dense_output.new_point(state),
+        start=State(*(array.copy() for array in state)),
+        middle=dense_output.new_step_end(state),
+        end=dense_output.new_step_end(state),
         x=np.zeros_like(state.x),
         p=np.zeros_like(state.p),
         x_middle=np.zeros_like(state.x),
@@ -107,106 +119,153 @@ def new_step_control(
         work=np.zeros_like(state.work),
         checks_rows=system.scalar is not None
         or max(forces.laws_of_time(system.forces), default=-1) >= 0,
-        kinks=new_kinks(system),
+        breakpoints=new_breakpoints(system),
     )
 
 
 @kernel
-def march(
+def take_pairs(
     subsystem: CollocationWorkspace, control: StepControl, order: int, last: int, times: np.ndarray
 ) -> int:
-    """Take pairs until there are ``last`` steps or all rows of the ``times``; how many steps were
-    taken. Fewer than that: the next pair does not converge however small it is.
+    """Take pairs until there are ``last`` steps or all rows of the ``times`` are written; return
+    the number of steps taken. 0 means that no pair converges within the tolerance, however small.
 
-    Without ``last`` one pair is tried and taken back. Refused pairs count as well, but for those
-    before the first good one: a call ends in time, however hard the steps turn.
+    With ``last`` = 0 one pair is tried and taken back. Refused pairs count as well, except for
+    those before the first accepted one: a call ends in time, however hard the steps turn.
     """
     done, tried, figures = 0, 0, control.figures
     control.counts[ROWS] = 0
     if last == 0:
-        return int(attempt(subsystem, control, order, 0, False))
+        return int(try_pair(subsystem, control, order, 0, False))
     while (tried + 2 <= last or done == 0) and control.counts[ROWS] < times.size:
         tried += 2
-        if attempt(subsystem, control, order, done, True):
+        if try_pair(subsystem, control, order, done, True):
             done += 2
-            fill(subsystem, control, times)
+            write_rows(subsystem, control, times)
         elif figures[NEXT] < TOO_SMALL * figures[END]:
             break
     return done
 
 
 @kernel
-def attempt(
+def try_pair(
     subsystem: CollocationWorkspace, control: StepControl, order: int, row: int, commit: bool
 ) -> bool:
-    """Take a pair, into rows ``row`` and ``row + 1`` of the watch; whether its error is small
-    enough. Else, or if it is not to be kept, all is as before but for the size of the next.
+    """Take a pair, into the rows ``row`` and ``row + 1`` of the monitor; return whether its error
+    is small enough. If it is not, or if the pair is not to be kept, the state is as before and only
+    the size of the next pair has changed.
     """
     workspace, figures = subsystem.workspace, control.figures
     t = workspace.state.time[0]
-    kink = breakpoints.next_kink(control.kinks, workspace.system, t, TOO_SMALL * figures[END])
-    left = min(figures[END], kink, figures[STOP]) - t
-    spin = largest_spin(workspace.start.frames.W)
-    h = figures[NEXT]
-    if workspace.system.scalar is not None and h * spin > WIDEST_TURN:
-        h = WIDEST_TURN / spin
-    if h > left * (1.0 - 1e-9):
-        h = left
-    elif 2.0 * h > left:
-        h = 0.5 * left
-    keep(workspace.state, control.kept)
-    dense_output.mark(subsystem.between.begin, workspace)
-    breakpoints.note(control.kinks, workspace, 0)
-    if not pair(subsystem, control, h, row):
+    left = time_left(subsystem, control, t)
+    h = pair_size(subsystem, figures[NEXT], left)
+    copy_state(workspace.state, control.start)
+    dense_output.save_end(subsystem.dense_output.begin, workspace)
+    breakpoints.save_coordinates(control.breakpoints, workspace, 0)
+    if not take_pair(subsystem, control, h, row):
         figures[NEXT] = figures[BEST] = 0.25 * h
         control.counts[REFUSED] += 1
-        go_back(subsystem, control)
-        newton.forget(subsystem)
+        restore_start(subsystem, control)
+        newton.reset_prediction(subsystem)
         return False
-    if commit and seek(subsystem, control, h):
-        go_back(subsystem, control)
-        follow(subsystem, t, h)
+    if commit and passes_breakpoint(subsystem, control, h):
+        restore_start(subsystem, control)
+        restore_polynomials(subsystem, t, h)
         return False
-    error, known = apart(subsystem, control)
-    if control.checks_rows:
-        rest, unsure = apart_within(subsystem, control, row)
-        error, known = error + rest, known + unsure
-    error /= 2.0**order - 1.0
-    share = figures[SHARE] * h
-    growth = GROW
-    if error > known:
-        growth = min(GROW, max(SHRINK, SAFETY * (share / error) ** (1.0 / order)))
-    figures[BEST] = growth * h
-    good = error <= max(share, known)
-    spin = max(largest_spin(control.middle.W), largest_spin(control.end.W))
-    if workspace.system.scalar is not None and h * spin > 2.0 * WIDEST_TURN:
-        good, growth = False, WIDEST_TURN / (h * spin)
-    if good:
-        figures[NEXT] = max(figures[NEXT], growth * h) if h < figures[NEXT] else growth * h
-    else:
-        figures[NEXT] = min(growth, SAFETY) * h
+    error, round_off = local_error(subsystem, control, order, row)
+    good = choose_next_size(subsystem, control, order, h, error, round_off)
     if good and commit:
-        control.counts[ACCEPTED] += 1
-        control.counts[SOUGHT], figures[STOP] = 0, math.inf
+        accept_pair(control, row, h, error)
         if h == left and left < figures[END] - t:
-            newton.forget(subsystem)
-        figures[ERROR] += error
-        figures[LARGEST] = max(figures[LARGEST], error)
-        figures[SMALLEST] = min(figures[SMALLEST], 0.5 * h)
-        figures[WIDEST] = max(figures[WIDEST], 0.5 * h)
-        control.sizes[row] = control.sizes[row + 1] = 0.5 * h
-        control.ends[row], control.ends[row + 1] = control.middle.time[0], control.end.time[0]
+            newton.reset_prediction(subsystem)
         return True
     if commit:
         control.counts[REFUSED] += 1
-    go_back(subsystem, control)
-    follow(subsystem, t, h)
+    restore_start(subsystem, control)
+    restore_polynomials(subsystem, t, h)
     return good
 
 
 @kernel
-def largest_spin(W: np.ndarray) -> float:
-    """Of all bodies [rad/s]."""
+def time_left(subsystem: CollocationWorkspace, control: StepControl, t: float) -> float:
+    """Time [s] from ``t`` to where the pair must end at the latest."""
+    figures, system = control.figures, subsystem.workspace.system
+    law = breakpoints.next_law_breakpoint(control.breakpoints, system, t, TOO_SMALL * figures[END])
+    return min(figures[END], law, figures[STOP]) - t
+
+
+@kernel
+def pair_size(subsystem: CollocationWorkspace, wanted: float, left: float) -> float:
+    """Size [s] of the next pair: the ``wanted`` one if the rotations and the time ``left`` allow
+    it, and half of that time rather than a short rest.
+    """
+    workspace, h = subsystem.workspace, wanted
+    speed = largest_angular_speed(workspace.start.frames.W)
+    if workspace.system.scalar is not None and h * speed > MAX_ROTATION:
+        h = MAX_ROTATION / speed
+    if h > left * (1.0 - 1e-9):
+        h = left
+    elif 2.0 * h > left:
+        h = 0.5 * left
+    return h
+
+
+@kernel
+def local_error(
+    subsystem: CollocationWorkspace, control: StepControl, order: int, row: int
+) -> tuple[float, float]:
+    """Local error of the pair [m], and how much of that is rounding error."""
+    error, round_off = end_difference(subsystem, control)
+    if control.checks_rows:
+        rest, more = middle_difference(subsystem, control, row)
+        error, round_off = error + rest, round_off + more
+    return error / (2.0**order - 1.0), round_off
+
+
+@kernel
+def choose_next_size(
+    subsystem: CollocationWorkspace,
+    control: StepControl,
+    order: int,
+    h: float,
+    error: float,
+    round_off: float,
+) -> bool:
+    """Set the size of the next pair after one of size ``h``; return whether that one is good."""
+    figures = control.figures
+    share = figures[SHARE] * h
+    growth = GROW
+    if error > round_off:
+        growth = min(GROW, max(SHRINK, SAFETY * (share / error) ** (1.0 / order)))
+    figures[BEST] = growth * h
+    good = error <= max(share, round_off)
+    speed = max(largest_angular_speed(control.middle.W), largest_angular_speed(control.end.W))
+    if subsystem.workspace.system.scalar is not None and h * speed > 2.0 * MAX_ROTATION:
+        good, growth = False, MAX_ROTATION / (h * speed)
+    if good:
+        figures[NEXT] = max(figures[NEXT], growth * h) if h < figures[NEXT] else growth * h
+    else:
+        figures[NEXT] = min(growth, SAFETY) * h
+    return good
+
+
+@kernel
+def accept_pair(control: StepControl, row: int, h: float, error: float) -> None:
+    """Enter a good pair of size ``h`` in figures and counts, and as steps ``row``, ``row + 1``."""
+    figures = control.figures
+    control.counts[ACCEPTED] += 1
+    control.counts[SOUGHT], figures[STOP] = 0, math.inf
+    figures[ERROR] += error
+    figures[LARGEST] = max(figures[LARGEST], error)
+    figures[SMALLEST] = min(figures[SMALLEST], 0.5 * h)
+    figures[WIDEST] = max(figures[WIDEST], 0.5 * h)
+    control.sizes[row] = control.sizes[row + 1] = 0.5 * h
+    control.ends[row], control.ends[row + 1] = control.middle.time[0], control.end.time[0]
+
+
+@kernel
+def largest_angular_speed(W: np.ndarray) -> float:
+    """Largest angular speed of all bodies [rad/s]."""
     largest = 0.0
     for b in range(W.shape[0]):
         largest = max(largest, dot(at(W, b), at(W, b)))
@@ -214,68 +273,73 @@ def largest_spin(W: np.ndarray) -> float:
 
 
 @kernel
-def seek(subsystem: CollocationWorkspace, control: StepControl, h: float) -> bool:
-    """Whether the pair has gone past a kink of a quantity; it is to be taken again up to there."""
-    part = breakpoints.crossing(control.kinks, subsystem.workspace.system, h)
+def passes_breakpoint(subsystem: CollocationWorkspace, control: StepControl, h: float) -> bool:
+    """Whether the pair passed a breakpoint of a coordinate; then it is to be taken again, and to
+    end there.
+    """
+    part = breakpoints.first_crossing(control.breakpoints, subsystem.workspace.system, h)
     if part == 1.0 or control.counts[SOUGHT] == SEARCHES:
         return False
     control.counts[SOUGHT] += 1
-    control.figures[STOP] = control.kept.time[0] + part * h
+    control.figures[STOP] = control.start.time[0] + part * h
     return True
 
 
 @kernel
-def pair(subsystem: CollocationWorkspace, control: StepControl, h: float, row: int) -> bool:
-    """Take a step of size ``h``, note where it leads, and go there in two halves."""
+def take_pair(subsystem: CollocationWorkspace, control: StepControl, h: float, row: int) -> bool:
+    """Take a step of size ``h``, save its end, and take the same time in two halves; return whether
+    all three were solved.
+    """
     workspace = subsystem.workspace
     system, state, start = workspace.system, workspace.state, workspace.start
-    if not newton.take(subsystem, h):
+    if not newton.take_step(subsystem, h):
         return False
     copy(state.x, control.x)
     copy(state.p, control.p)
     if control.checks_rows:
-        go_between(subsystem, control, h)
-    learn(subsystem)
-    go_back(subsystem, control)
+        save_middle(subsystem, control, h)
+    save_polynomials(subsystem)
+    restore_start(subsystem, control)
     for half in range(2):
-        follow(subsystem, control.kept.time[0], h)
-        if not newton.take(subsystem, 0.5 * h):
+        restore_polynomials(subsystem, control.start.time[0], h)
+        if not newton.take_step(subsystem, 0.5 * h):
             return False
         look(system, state, start, 0.5 * h, workspace.monitor, row + half)
-        dense_output.mark(control.middle if half == 0 else control.end, workspace)
-        breakpoints.note(control.kinks, workspace, 1 + half)
+        dense_output.save_end(control.middle if half == 0 else control.end, workspace)
+        breakpoints.save_coordinates(control.breakpoints, workspace, 1 + half)
     return True
 
 
 @kernel
-def go_between(subsystem: CollocationWorkspace, control: StepControl, h: float) -> None:
-    """Note what the rows between and the works of the whole step are."""
-    room = subsystem.between
-    dense_output.mark(room.end, subsystem.workspace)
-    dense_output.trace(room, subsystem.instant)
-    dense_output.weigh(room, room.basis.shape[0] - 1, 0.5)
-    dense_output.move(room, h, 0.5)
-    copy(room.workspace.state.x, control.x_middle)
-    copy(room.workspace.state.p, control.p_middle)
+def save_middle(subsystem: CollocationWorkspace, control: StepControl, h: float) -> None:
+    """Save the middle of the whole step, by its dense output, and the works at its end."""
+    output = subsystem.dense_output
+    dense_output.save_end(output.end, subsystem.workspace)
+    dense_output.fit(output, subsystem.instant)
+    dense_output.set_basis_weights(output, output.basis.shape[0] - 1, 0.5)
+    dense_output.interpolate(output, h, 0.5)
+    copy(output.workspace.state.x, control.x_middle)
+    copy(output.workspace.state.p, control.p_middle)
     for w in range(control.work.size):
         control.work[w] = subsystem.workspace.state.work[w]
 
 
 @kernel
-def apart_within(
+def middle_difference(
     subsystem: CollocationWorkspace, control: StepControl, row: int
 ) -> tuple[float, float]:
-    """How far rows between of the whole step are from the pair's middle, and the works from the
-    pair's, by the energy over the length of the scene [m]; how much of that is round-off.
+    """Difference [m] between the dense output of the whole step and the pair at its middle, plus
+    the difference of their works over the energy, times the length of the system; and how much of
+    that is rounding error.
     """
     workspace, figures = subsystem.workspace, control.figures
     frames = workspace.system.frames
     error, length = 0.0, 0.0
     for b in range(control.x.shape[0] - 1):
-        way = sub(at(control.middle.x, b), at(control.x_middle, b))
-        turn = compose(at(control.middle.p, b), inverse(at(control.p_middle, b)))
-        far = math.sqrt(dot(way, way)) + frames.length[b] * math.sqrt(dot(turn, turn))
-        error, length = max(error, far), max(length, frames.length[b])
+        u = sub(at(control.middle.x, b), at(control.x_middle, b))
+        c = compose(at(control.middle.p, b), inverse(at(control.p_middle, b)))
+        distance = math.sqrt(dot(u, u)) + frames.length[b] * math.sqrt(dot(c, c))
+        error, length = max(error, distance), max(length, frames.length[b])
     for r in range(row, row + 2):
         figures[ENERGY] = max(figures[ENERGY], workspace.monitor.rows[r, KINETIC])
     work, size = 0.0, figures[ENERGY]
@@ -288,81 +352,83 @@ def apart_within(
 
 
 @kernel
-def apart(subsystem: CollocationWorkspace, control: StepControl) -> tuple[float, float]:
-    """How far the pair and the whole step are apart [m], and how much of that is round-off."""
+def end_difference(subsystem: CollocationWorkspace, control: StepControl) -> tuple[float, float]:
+    """Difference [m] between the ends of the pair and of the whole step, and how much of that is
+    rounding error.
+    """
     state, frames = subsystem.workspace.state, subsystem.workspace.system.frames
     error, size = 0.0, 0.0
     for b in range(state.x.shape[0] - 1):
-        way = sub(at(state.x, b), at(control.x, b))
-        turn = compose(at(state.p, b), inverse(at(control.p, b)))
+        u = sub(at(state.x, b), at(control.x, b))
+        c = compose(at(state.p, b), inverse(at(control.p, b)))
         length = frames.length[b]
-        error = max(error, math.sqrt(dot(way, way)) + length * math.sqrt(dot(turn, turn)))
+        error = max(error, math.sqrt(dot(u, u)) + length * math.sqrt(dot(c, c)))
         size = max(size, math.sqrt(dot(at(state.x, b), at(state.x, b))) + length)
     return error, ROUND_OFF * size
 
 
 @kernel
-def keep(state: State, kept: State) -> None:
-    """Copy what a step of higher degree changes of the state."""
-    kept.time[0] = state.time[0]
-    copy(state.x, kept.x)
-    copy(state.x_low, kept.x_low)
-    copy(state.p, kept.p)
-    copy(state.v, kept.v)
-    copy(state.w, kept.w)
-    copy(state.a, kept.a)
-    copy(state.alpha, kept.alpha)
-    copy(state.force, kept.force)
-    copy(state.violation, kept.violation)
-    copy(state.reaction, kept.reaction)
-    for source, target in ((state.angle, kept.angle), (state.work, kept.work)):
+def copy_state(state: State, other: State) -> None:
+    """Copy to ``other`` what a collocation step changes of the ``state``."""
+    other.time[0] = state.time[0]
+    copy(state.x, other.x)
+    copy(state.x_low, other.x_low)
+    copy(state.p, other.p)
+    copy(state.v, other.v)
+    copy(state.w, other.w)
+    copy(state.a, other.a)
+    copy(state.alpha, other.alpha)
+    copy(state.force, other.force)
+    copy(state.violation, other.violation)
+    copy(state.reaction, other.reaction)
+    for source, target in ((state.angle, other.angle), (state.work, other.work)):
         for i in range(source.size):
             target[i] = source[i]
 
 
 @kernel
-def go_back(subsystem: CollocationWorkspace, control: StepControl) -> None:
-    """Go back to where the pair starts."""
+def restore_start(subsystem: CollocationWorkspace, control: StepControl) -> None:
+    """Bring the state back to the start of the pair."""
     workspace = subsystem.workspace
-    keep(control.kept, workspace.state)
+    copy_state(control.start, workspace.state)
     evaluate.prepare(workspace.system, workspace.state, workspace.start)
 
 
 @kernel
-def learn(subsystem: CollocationWorkspace) -> None:
-    """Keep the polynomials of the step just taken."""
-    for k in range(subsystem.whole.shape[0]):
-        copy(subsystem.stages.before[k], subsystem.whole[k])
-    for k in range(subsystem.held.shape[0]):
-        copy(subsystem.stages.Z[k], subsystem.held[k])
+def save_polynomials(subsystem: CollocationWorkspace) -> None:
+    """Save the polynomials of the step just taken, for the predictions of the halves."""
+    for k in range(subsystem.whole_rates.shape[0]):
+        copy(subsystem.stages.last_rates[k], subsystem.whole_rates[k])
+    for k in range(subsystem.whole_solution.shape[0]):
+        copy(subsystem.stages.Z[k], subsystem.whole_solution[k])
 
 
 @kernel
-def follow(subsystem: CollocationWorkspace, t: float, h: float) -> None:
-    """Let the next step follow the polynomials kept, of a step ``h`` from ``t``."""
-    for k in range(subsystem.whole.shape[0]):
-        copy(subsystem.whole[k], subsystem.stages.before[k])
-    for k in range(subsystem.held.shape[0]):
-        copy(subsystem.held[k], subsystem.stages.Z[k])
-    subsystem.stages.known[0], subsystem.stages.known[1] = t, h
+def restore_polynomials(subsystem: CollocationWorkspace, t: float, h: float) -> None:
+    """Let the next prediction follow the saved polynomials, of a step ``h`` from ``t``."""
+    for k in range(subsystem.whole_rates.shape[0]):
+        copy(subsystem.whole_rates[k], subsystem.stages.last_rates[k])
+    for k in range(subsystem.whole_solution.shape[0]):
+        copy(subsystem.whole_solution[k], subsystem.stages.Z[k])
+    subsystem.stages.last_step[0], subsystem.stages.last_step[1] = t, h
 
 
 @kernel
-def fill(subsystem: CollocationWorkspace, control: StepControl, times: np.ndarray) -> None:
-    """Enter the rows of the ``times`` that the accepted pair has passed."""
-    room = subsystem.between
+def write_rows(subsystem: CollocationWorkspace, control: StepControl, times: np.ndarray) -> None:
+    """Write the rows of the ``times`` that the accepted pair has passed."""
+    output = subsystem.dense_output
     for half in range(2):
         end = control.middle if half == 0 else control.end
-        t, h = room.begin.time[0], end.time[0] - room.begin.time[0]
-        dense_output.copy_point(end, room.end)
-        traced = False
+        t, h = output.begin.time[0], end.time[0] - output.begin.time[0]
+        dense_output.copy_end(end, output.end)
+        fitted = False
         while control.counts[ROWS] < times.size:
             row = control.counts[ROWS]
             if times[row] > t + h * (1.0 + 1e-9):
                 break
-            if not traced:
-                dense_output.trace(room, subsystem.instant)
-                traced = True
-            dense_output.publish(room, subsystem.instant, (times[row] - t) / h, row)
+            if not fitted:
+                dense_output.fit(output, subsystem.instant)
+                fitted = True
+            dense_output.write_row(output, subsystem.instant, (times[row] - t) / h, row)
             control.counts[ROWS] += 1
-        dense_output.copy_point(end, room.begin)
+        dense_output.copy_end(end, output.begin)

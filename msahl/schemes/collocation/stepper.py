@@ -17,7 +17,7 @@ from msahl.model.scheme import COLLOCATION
 from msahl.schemes.collocation import dense_output, newton, step_control
 from msahl.schemes.collocation.newton import CollocationWorkspace, new_collocation_workspace
 from msahl.schemes.collocation.step_control import ControlSettings
-from msahl.schemes.collocation.workspace import Stages
+from msahl.schemes.collocation.workspace import StageArrays
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.schemes.outcome import Outcome, Requests
 from msahl.schemes.output_schedule import OutputSchedule
@@ -25,9 +25,9 @@ from msahl.schemes.stepper import NO_TIMES, Advance, Chunk, Events, Stepper
 from msahl.system import evaluate
 from msahl.system.arrays import State
 
-_take_steps = compiled(newton.march)
-_record_step = compiled(newton.publish)
-_take_pairs = compiled(step_control.march)
+_take_steps = compiled(newton.take_steps)
+_record_step = compiled(newton.record_step)
+_take_pairs = compiled(step_control.take_pairs)
 
 NO_ROWS = np.zeros(0, dtype=np.int64)
 
@@ -58,7 +58,7 @@ class CollocationMethod:
         return f"{kind}{friction}-collocation"
 
     @property
-    def memory(self) -> Stages:
+    def memory(self) -> StageArrays:
         """See ``StepMethod``."""
         return self.subsystem.stages
 
@@ -77,7 +77,7 @@ class CollocationMethod:
         if degree not in self.by_degree:
             self.by_degree[degree] = new_collocation_workspace(self.workspace, self.scheme, degree)
         self.subsystem = self.by_degree[degree]
-        newton.forget(self.subsystem)
+        newton.reset_prediction(self.subsystem)
 
     def take_steps(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:
         """See ``StepMethod``."""
@@ -94,7 +94,7 @@ class CollocationMethod:
         """See ``StepMethod``; scipy is slow to import."""
         from msahl.schemes.collocation import scipy_root
 
-        return self._checked(scipy_root.take(self.subsystem, h, count_work))
+        return self._checked(scipy_root.take_step(self.subsystem, h, count_work))
 
     def record_step(self, h: float, step: int, schedule: OutputSchedule) -> None:
         """See ``StepMethod``."""
@@ -102,8 +102,8 @@ class CollocationMethod:
 
     def reset_prediction(self) -> None:
         """See ``StepMethod``."""
-        newton.forget(self.subsystem)
-        dense_output.mark(self.subsystem.between.begin, self.workspace)
+        newton.reset_prediction(self.subsystem)
+        dense_output.save_end(self.subsystem.dense_output.begin, self.workspace)
 
     @property
     def outcome(self) -> Outcome:
@@ -114,7 +114,7 @@ class CollocationMethod:
     def _checked(self, outcome: Outcome) -> Outcome:
         """Return the ``outcome``; after a failure discard the predictor's history."""
         if not outcome.converged:
-            newton.forget(self.subsystem)
+            newton.reset_prediction(self.subsystem)
         return outcome
 
 

@@ -1,9 +1,9 @@
-"""Nodes and weights of the higher-order time elements of degree s.
+"""Computes nodes and weights of the collocation schemes gauss and radau of degree s.
 
 ``gauss``: positions over a step are polynomials of degree s through the Lobatto nodes t_0 = 0 ...
-t_s = 1 (in parts of the step), phi_k their Lagrange polynomials. Forces and inertia are summed at
-the s Gauss nodes c_i with weights b_i, joint forces at the Lobatto nodes with weights B_k. The
-variation by the position at node k,
+t_s = 1 (fractions of the step), with the Lagrange polynomials phi_k. Forces and inertia are summed
+at the s Gauss nodes c_i with weights b_i, constraint forces at the Lobatto nodes with weights B_k.
+The variation by the position at node k,
 
     delta_k0 p0 + sum_i b_i (h phi_k(c_i) F_i + phi_k'(c_i) P_i) + h B_k G_k^T lam_k = 0 ,  k < s ,
 
@@ -15,13 +15,13 @@ m u_dot has the displacement z_j itself on the left:
 
 (the first column of N^-1 is -t_j).
 
-``radau``: velocities and momenta may jump where a step begins, and are collocated at Radau's nodes
-t_1 ... t_s = 1, with A_ji the integral from 0 to t_j of the Lagrange polynomial of node i among
-them. Forces, inertia and joint forces are all there, joints closed there, and
+``radau``: velocities and momenta may jump at the start of a step, and are collocated at the Radau
+nodes t_1 ... t_s = 1, with A_ji the integral from 0 to t_j of the Lagrange polynomial of node i.
+Forces, inertia, constraint forces and constraints are all evaluated there, and
 
     m z_j = h t_j p0 + h^2 sum_i (A^2)_ji (F_i + G_i^T lam_i) :   alpha = chi = -A^2 ,   beta = A
 
-with momenta m u_dot = p0 + h A (F + G^T lam) at the nodes, of which the last are those of the end.
+with momenta m u_dot = p0 + h A (F + G^T lam) at the nodes; the last ones are those of the end.
 
 Source: L. O. Jay, Specialized partitioned additive Runge-Kutta methods for systems of
 overdetermined DAEs with holonomic constraints, SIAM J. Numer. Anal. 45 (2007), for the method in
@@ -38,43 +38,45 @@ from numpy.polynomial import legendre, polynomial
 from msahl.model.scheme import COLLOCATION
 
 
-class Rule(NamedTuple):
-    """The numbers of one scheme of degree s; times in parts of the step.
+class Tableau(NamedTuple):
+    """Nodes and weights of one scheme of degree s; times are fractions of the step.
 
-    ``time``, ``closes``, ``pushes`` and ``acts`` are what a step comes to, one after the other:
-    places where joints close or push, and where forces act.
+    A step is evaluated at m time nodes, one after the other: some with constraints and constraint
+    forces, some with forces and inertia.
     """
 
-    acting: np.ndarray  # (s,) c_i, where forces and inertia are summed
-    weight: np.ndarray  # (s,) b_i
-    closing: np.ndarray  # (s,) t_j, j = 1..s, where joints are closed: the places z_j
-    push: np.ndarray  # (s,) B_k of the joint forces
-    value: np.ndarray  # (s, s) phi_j(c_i), j = 1..s
-    slope: np.ndarray  # (s, s) phi_j'(c_i), j = 1..s
-    alpha: np.ndarray  # (s, s) of forces at c_i in the equation of z_j
-    beta: np.ndarray  # (s, s) of momenta
-    chi: np.ndarray  # (s, s) of joint forces
-    from_moments: np.ndarray  # (s, s) factors of loads at c_i from their laws' moments
+    force_time: np.ndarray  # (s,) c_i, times of forces and inertia
+    force_weight: np.ndarray  # (s,) b_i
+    constraint_time: (
+        np.ndarray
+    )  # (s,) t_j, j = 1..s, times of the constraints and of the unknowns z_j
+    multiplier_weight: np.ndarray  # (s,) B_k of the constraint forces
+    basis: np.ndarray  # (s, s) phi_j(c_i), j = 1..s
+    basis_rate: np.ndarray  # (s, s) phi_j'(c_i), j = 1..s
+    alpha: np.ndarray  # (s, s) alpha_ji of forces at c_i in the equation of z_j
+    beta: np.ndarray  # (s, s) beta_ji of momenta
+    chi: np.ndarray  # (s, s) chi_jk of constraint forces
+    from_moments: np.ndarray  # (s, s) from the moments of a law of time to factors at c_i
     integral: np.ndarray  # (s, s) from 0 to t_j of the Lagrange polynomials through c_i
-    pushing: np.ndarray  # (s,) where joint forces push
-    late: int  # i of the last c_i before the end, -1 if there is none
-    varied: bool  # whether rows of turns are variations by their parameters, or moments
+    multiplier_time: np.ndarray  # (s,) times of the constraint forces
+    last_inner: int  # index i of the last c_i before the end, -1 if there is none
+    is_variational: bool  # whether rotations are balanced by variations of their parameters
     decays: bool
-    time: np.ndarray  # (m,)
-    closes: np.ndarray  # (m,) j - 1 if joints close there at t_j, else -1
-    pushes: np.ndarray  # (m,) k if joint forces k push there, else -1
-    acts: np.ndarray  # (m,) i if forces act there at c_i, else -1
-    place: np.ndarray  # (m, s) phi_j there
-    rate: np.ndarray  # (m, s) phi_j' there; zero where nobody asks
+    node_time: np.ndarray  # (m,)
+    constraint_stage: np.ndarray  # (m,) j - 1 if constraints hold there at t_j, else -1
+    multiplier_stage: np.ndarray  # (m,) k if constraint forces k act there, else -1
+    force_stage: np.ndarray  # (m,) i if forces act there at c_i, else -1
+    node_basis: np.ndarray  # (m, s) phi_j there
+    node_basis_rate: np.ndarray  # (m, s) phi_j' there; zero where it is not used
 
 
-def new_rule(scheme: str, s: int) -> Rule:
-    """The rule of one of the ``schemes.COLLOCATION`` of degree ``s`` >= 1."""
+def new_tableau(scheme: str, s: int) -> Tableau:
+    """Return the tableau of a collocation ``scheme`` of degree ``s`` >= 1."""
     return {"gauss": _gauss, "radau": _radau}[scheme](s)
 
 
-def _gauss(s: int) -> Rule:
-    """Forces at Gauss's nodes, joints at Lobatto's."""
+def _gauss(s: int) -> Tableau:
+    """Return the tableau of ``gauss``: forces at Gauss nodes, constraints at Lobatto nodes."""
     x, b = legendre.leggauss(s)
     gauss, weight = 0.5 * (x + 1.0), 0.5 * b
     ends = legendre.Legendre.basis(s)
@@ -83,68 +85,68 @@ def _gauss(s: int) -> Rule:
     value, slope = lagrange(lobatto, gauss), lagrange(lobatto, gauss, 1)
     inverse = np.linalg.inv((weight[:, None] * slope[:, :s]).T @ slope[:, 1:])
     none = np.full(s, -1)
-    return Rule(
-        acting=gauss,
-        weight=weight,
-        closing=lobatto[1:],
-        push=node_weight[:s],
-        value=value[:, 1:].copy(),
-        slope=slope[:, 1:].copy(),
+    return Tableau(
+        force_time=gauss,
+        force_weight=weight,
+        constraint_time=lobatto[1:],
+        multiplier_weight=node_weight[:s],
+        basis=value[:, 1:].copy(),
+        basis_rate=slope[:, 1:].copy(),
         alpha=inverse @ (weight[:, None] * value[:, :s]).T,
         beta=inverse @ (weight[:, None] * slope[:, :s]).T,
         chi=inverse * node_weight[:s],
         from_moments=_from_moments(gauss, weight),
         integral=lagrange(gauss, lobatto[1:], -1),
-        pushing=lobatto[:s],
-        late=s - 1,
-        varied=True,
+        multiplier_time=lobatto[:s],
+        last_inner=s - 1,
+        is_variational=True,
         decays=COLLOCATION["gauss"].decays,
-        time=np.concatenate([lobatto, gauss]),
-        closes=np.concatenate([np.arange(s + 1) - 1, none]),
-        pushes=np.concatenate([np.arange(s), [-1], none]),
-        acts=np.concatenate([[-1], none, np.arange(s)]),
-        place=np.concatenate([np.eye(s + 1)[:, 1:], value[:, 1:]]),
-        rate=np.concatenate([np.zeros((s + 1, s)), slope[:, 1:]]),
+        node_time=np.concatenate([lobatto, gauss]),
+        constraint_stage=np.concatenate([np.arange(s + 1) - 1, none]),
+        multiplier_stage=np.concatenate([np.arange(s), [-1], none]),
+        force_stage=np.concatenate([[-1], none, np.arange(s)]),
+        node_basis=np.concatenate([np.eye(s + 1)[:, 1:], value[:, 1:]]),
+        node_basis_rate=np.concatenate([np.zeros((s + 1, s)), slope[:, 1:]]),
     )
 
 
-def _radau(s: int) -> Rule:
-    """All at Radau's nodes, the last of them the end."""
+def _radau(s: int) -> Tableau:
+    """Return the tableau of ``radau``: everything at Radau nodes, the last of which is the end."""
     basis = legendre.Legendre.basis
     nodes = 0.5 * (np.sort((basis(s) - basis(s - 1)).roots().real) + 1.0)
     nodes[-1] = 1.0
     integral, slope = lagrange(nodes, nodes, -1), lagrange(np.append(0.0, nodes), nodes, 1)[:, 1:]
     twice, weight = -integral @ integral, integral[-1].copy()
     one, none = np.arange(s), np.full(s, -1)
-    return Rule(
-        acting=nodes,
-        weight=weight,
-        closing=nodes,
-        push=weight,
-        value=np.eye(s),
-        slope=slope.copy(),
+    return Tableau(
+        force_time=nodes,
+        force_weight=weight,
+        constraint_time=nodes,
+        multiplier_weight=weight,
+        basis=np.eye(s),
+        basis_rate=slope.copy(),
         alpha=twice,
         beta=integral,
         chi=twice,
         from_moments=_from_moments(nodes, weight),
         integral=integral,
-        pushing=nodes,
-        late=s - 2,
-        varied=False,
+        multiplier_time=nodes,
+        last_inner=s - 2,
+        is_variational=False,
         decays=COLLOCATION["radau"].decays,
-        # Of each node the joints, then the forces.
-        time=np.repeat(nodes, 2),
-        closes=np.stack([one, none], axis=1).ravel(),
-        pushes=np.stack([one, none], axis=1).ravel(),
-        acts=np.stack([none, one], axis=1).ravel(),
-        place=np.repeat(np.eye(s), 2, axis=0),
-        rate=np.repeat(slope, 2, axis=0),
+        # At each node the constraints come first, then the forces.
+        node_time=np.repeat(nodes, 2),
+        constraint_stage=np.stack([one, none], axis=1).ravel(),
+        multiplier_stage=np.stack([one, none], axis=1).ravel(),
+        force_stage=np.stack([none, one], axis=1).ravel(),
+        node_basis=np.repeat(np.eye(s), 2, axis=0),
+        node_basis_rate=np.repeat(slope, 2, axis=0),
     )
 
 
 def _from_moments(nodes: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """(s, s) inverse of the moments, against Legendre's polynomials, that the rule with these nodes
-    and weights finds of values at the nodes.
+    """(s, s) matrix from moments of a function to values at the ``nodes``: the inverse of the
+    moments with Legendre polynomials that a quadrature with these ``weights`` gives.
     """
     return np.linalg.inv(legendre.legvander(2.0 * nodes - 1.0, len(nodes) - 1).T * weight)
 
@@ -153,7 +155,7 @@ def lagrange(nodes: np.ndarray, places: np.ndarray, derivative: int = 0) -> np.n
     """(m, n) values at m ``places`` of the Lagrange polynomials of n ``nodes``, of their first
     ``derivative``, or, if that is -1, of their integrals from 0.
     """
-    # About the middle of the step powers are told apart best.
+    # Powers about the middle of the step give the best conditioned matrix.
     powers = np.linalg.inv(np.vander(2.0 * nodes - 1.0, increasing=True))
     if derivative == 1:
         powers = 2.0 * polynomial.polyder(powers)

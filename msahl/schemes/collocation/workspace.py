@@ -1,6 +1,6 @@
-"""Room for a step of degree s, and where the bodies are at a node of time within it."""
+"""Arrays of a collocation step, and the state of the system at a time node within it."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from msahl.algebra.vector import (
 )
 from msahl.elements import forces
 from msahl.elements.constraints import scalar
+from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.elements.frames import (
     Frames,
     displacement,
@@ -31,123 +32,157 @@ from msahl.elements.frames import (
 )
 from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import local_rotation
-from msahl.schemes.collocation.tableau import Rule
+from msahl.schemes.collocation.tableau import Tableau
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
 from msahl.system.unknowns import Unknowns
 
-BODY, FORCE, GAP, BETWEEN = range(4)
-"""Kinds of a block: body by body, body by multiplier, gap by body, gap by multiplier."""
+BODY, FORCE, VIOLATION, MULTIPLIER = range(4)
+"""Kinds of a block of the Jacobian: equations of bodies by bodies, of bodies by multipliers,
+constraint equations by bodies, constraint equations by multipliers."""
 
 
-class Stages(NamedTuple):
-    """Room for a step of degree s; nodes as in ``system.arrays``."""
+class StageArrays(NamedTuple):
+    """Unknowns, equations and work arrays of a step with s stages; nodes as in ``system.arrays``.
 
-    rule: Rule
-    linear: np.ndarray  # (9 m,) constant part of the joints' derivatives
-    needed: np.ndarray  # (q,) entries of the Jacobian that the unknowns have
-    sort: np.ndarray  # (q,) kind of the block of each
-    rolling: np.ndarray  # (q,) whether its row is one between rates
-    slot: np.ndarray  # (9 m,) where each of all entries is among the needed, -1 if it is not
-    source: np.ndarray  # those of the sparse factors there
-    idle: bool  # whether nothing acts at c_i but gravity and inertia
-    mobility: np.ndarray  # (n+1, 3, 3) inverse inertia, body axes
-    state: State  # of one node of time
-    start: SystemWorkspace  # likewise
-    turn: np.ndarray  # (n+1, 3) c at that node
-    turning: np.ndarray  # (n+1, 3) its rate
-    tangent: np.ndarray  # (n+1, 3, 3) H there
-    bow: np.ndarray  # (n+1, 3, 3) see ``schemes.element``
-    bow_rate: np.ndarray  # (n+1, 3, 3)
-    still: np.ndarray  # (nodes, 3) no displacement, the node's multipliers
-    moved: np.ndarray  # (nodes, 3) u and l Q up to the node, no multipliers
-    row: np.ndarray  # (nodes, 3) what acts at the node
-    violation: np.ndarray  # (nodes, 3) how open the joints are there
-    by_place: np.ndarray  # (9 m,) derivatives at the node
-    by_rate: np.ndarray  # (9 m,)
-    room: np.ndarray  # (9 m,)
-    Z: np.ndarray  # (s, nodes, 3) z_1..z_s, multipliers 0..s-1
-    F: np.ndarray  # (s, nodes, 3) rows
-    impulse: np.ndarray  # (nodes, 3) change of momentum over the step, by mass
-    work: np.ndarray  # (w,) over the step [J]
-    values: np.ndarray  # (q, s, s) the Jacobian, by stage of the unknown, then of the row
-    slope: np.ndarray  # (6, 3, 3) of a body's momentum, force and bow by place, and by rate
-    push: np.ndarray  # (2, 3) its force and momentum
-    pull: np.ndarray  # (nodes,) largest part of a load along a quantity in the rows of a node [m]
-    pulled: np.ndarray  # (nodes,) such parts near the end of the last step, by h^2
+    "At the node" means at the time node that ``set_node`` was called for last.
+    """
+
+    tableau: Tableau
+    # The Jacobian's entries
+    linear: np.ndarray  # (9 m,) constant part of the constraints' derivatives
+    needed: np.ndarray  # (q,) entries that the free unknowns have
+    block_kind: np.ndarray  # (q,) kind of the block that each belongs to
+    is_rate_row: np.ndarray  # (q,) whether its row is a constraint equation between rates
+    slot: np.ndarray  # (9 m,) index of each entry among the needed ones, -1 if it is not needed
+    source: np.ndarray  # those of the sparse factors, likewise
+    gravity_only: bool  # whether gravity and inertia are all that acts at c_i
+    inverse_inertia: np.ndarray  # (b, 3, 3) of the bodies, body axes [1/(kg m^2)]
+    # At the node
+    state: State
+    start: SystemWorkspace
+    parameters: np.ndarray  # (f, 3) c, the rotation since the start of the step
+    parameter_rates: np.ndarray  # (f, 3) c_dot [1/s]
+    tangent: np.ndarray  # (f, 3, 3) H(c)
+    base_change: np.ndarray  # (f, 3, 3) see ``equations._set_base_change``
+    base_change_rate: np.ndarray  # (f, 3, 3) its derivative by t/h
+    at_rest: np.ndarray  # (nodes, 3) zero increments, and the node's multipliers
+    increments: np.ndarray  # (nodes, 3) u and l Q since the start of the step, no multipliers [m]
+    accelerations: np.ndarray  # (nodes, 3) by the forces or the multipliers [m/s^2]
+    violation: np.ndarray  # (nodes, 3) constraint violation [m]
+    by_position: np.ndarray  # (9 m,) derivatives by positions
+    by_rate: np.ndarray  # (9 m,) derivatives by rates
+    derivatives: Derivatives  # these two, and what it takes to compute them
+    # Of the step
+    Z: np.ndarray  # (s, nodes, 3) unknowns z_1..z_s, multipliers 0..s-1
+    F: np.ndarray  # (s, nodes, 3) equations
+    impulse: np.ndarray  # (nodes, 3) change of momentum over the step, by mass [m/s]
+    work: np.ndarray  # (w,) of loads and prescribed motions over the step [J]
+    values: np.ndarray  # (q, s, s) the Jacobian, by stage of the unknown, then of the equation
+    momentum_slopes: np.ndarray  # (6, 3, 3) of a body: see ``jacobian._add_rotational_inertia``
+    momentum_loads: np.ndarray  # (2, 3) force and momentum of a body
+    load_scale: np.ndarray  # (nodes,) largest part of a load along a coordinate, by node [m]
+    last_load_scale: np.ndarray  # (nodes,) of these near the end of the last step, by h^2
+    # For the next prediction
     rate: np.ndarray  # (s, nodes, 3) velocities at c_i, inertial axes
-    before: np.ndarray  # (s + 1, nodes, 3) of the step the next guess follows, last at its start
-    reaction: np.ndarray  # (s, j, 6) joints' reactions at c_i
+    last_rates: np.ndarray  # (s + 1, nodes, 3) those of the step to follow, and at its start last
+    reaction: np.ndarray  # (s, j, 6) reactions of the joints at c_i [N, N m]
     factor: np.ndarray  # (s, k) of the forces that depend on time, at c_i
-    known: np.ndarray  # (2,) start and size [s] of the step of those polynomials; no size: none
-    window: np.ndarray  # (3,) the same as seen from the present step, in parts of it; and ``near``
-    near: np.ndarray  # (1,) 1 if the last guess was near, else 0
-    seen: np.ndarray  # (s, s + 2) weights by which velocities at c_i follow from them and from ours
-    pushed: np.ndarray  # (s, s) likewise joint forces, which are ours with h^2
-    level: np.ndarray  # (1,) energy balance at the start of the run [J]
+    last_step: np.ndarray  # (2,) start and size of the step to follow [s]; size 0: there is none
+    prediction_window: np.ndarray  # (3,) these by the present step, and ``predicted_well``
+    predicted_well: np.ndarray  # (1,) 1 if the last prediction was good, else 0
+    rate_weights: np.ndarray  # (s, s + 2) of ``last_rates`` and the present one in the prediction
+    multiplier_weights: np.ndarray  # (s, s) of the multipliers of the step to follow, h^2 included
+    first_energy: np.ndarray  # (1,) energy balance at the start of the run [J]
 
 
-def new_stages(system: System, unknowns: Unknowns, state: State, rule: Rule) -> Stages:
-    """Room for steps by ``rule`` from ``state``."""
-    degree = rule.weight.size
-    n, nodes = frame_count(system.frames), (node_count(system), 3)
-    stages, vectors = (degree, *nodes), (n, 3)
-    node_state = State(*(array.copy() for array in state))
+def new_stage_arrays(
+    system: System, unknowns: Unknowns, state: State, tableau: Tableau
+) -> StageArrays:
+    """Return the arrays for steps by ``tableau`` from ``state``."""
+    degree = tableau.force_weight.size
+    entries = _jacobian_entries(system, unknowns)
+    return StageArrays(
+        tableau=tableau,
+        gravity_only=system.scalar is None and not forces.acts_at_points(system.forces),
+        inverse_inertia=np.linalg.inv(system.bodies.inertia),
+        work=np.zeros_like(state.work),
+        values=np.zeros((entries["needed"].size, degree, degree)),
+        momentum_slopes=np.zeros((6, 3, 3)),
+        momentum_loads=np.zeros((2, 3)),
+        factor=forces.new_node_factors(system.forces, degree),
+        **entries,
+        **_node_arrays(system, state),
+        **_step_arrays(system, state, degree),
+        first_energy=np.zeros(1),
+    )
+
+
+def _jacobian_entries(system: System, unknowns: Unknowns) -> dict[str, Any]:
+    """Return the entries of the Jacobian that are needed, and what they belong to."""
     of_body = system.blocks < first_multiplier(system.frames)
-    sort = np.select(
-        [of_body.all(axis=1), of_body[:, 0], of_body[:, 1]], [BODY, FORCE, GAP], BETWEEN
+    kind = np.select(
+        [of_body.all(axis=1), of_body[:, 0], of_body[:, 1]], [BODY, FORCE, VIOLATION], MULTIPLIER
     )
     needed = np.union1d(unknowns.elimination.source, unknowns.dense_from)
     slot = np.full(system.constant.size, -1)
     slot[needed] = np.arange(needed.size)
-    return Stages(
-        rule=rule,
-        linear=np.where(np.repeat(sort, 9) == BODY, 0.0, system.constant),
-        needed=needed,
-        sort=sort[needed // 9],
-        rolling=_rolling(system)[needed],
-        slot=slot,
-        source=slot[unknowns.elimination.source],
-        idle=system.scalar is None and not forces.acts_at_points(system.forces),
-        mobility=np.linalg.inv(system.bodies.inertia),
-        state=node_state,
-        start=new_system_workspace(system, node_state),
-        turn=np.zeros(vectors),
-        turning=np.zeros(vectors),
-        tangent=np.zeros((*vectors, 3)),
-        bow=np.zeros((*vectors, 3)),
-        bow_rate=np.zeros((*vectors, 3)),
-        still=np.zeros(nodes),
-        moved=np.zeros(nodes),
-        row=np.zeros(nodes),
-        violation=np.zeros(nodes),
-        by_place=np.zeros_like(system.constant),
-        by_rate=np.zeros_like(system.constant),
-        room=np.zeros_like(system.constant),
-        Z=np.zeros(stages),
-        F=np.zeros(stages),
-        impulse=np.zeros(nodes),
-        work=np.zeros_like(state.work),
-        values=np.zeros((needed.size, degree, degree)),
-        slope=np.zeros((6, 3, 3)),
-        push=np.zeros((2, 3)),
-        pull=np.zeros(nodes[0]),
-        pulled=np.zeros(nodes[0]),
-        rate=np.zeros(stages),
-        before=np.zeros((degree + 1, *nodes)),
-        reaction=np.zeros((degree, *state.reaction.shape)),
-        factor=forces.new_node_factors(system.forces, degree),
-        known=np.zeros(2),
-        window=np.zeros(3),
-        near=np.zeros(1),
-        seen=np.zeros((degree, degree + 2)),
-        pushed=np.zeros((degree, degree)),
-        level=np.zeros(1),
-    )
+    # Accelerations by multipliers have the opposite sign of a step's equations by its unknowns.
+    sign = np.select([kind == BODY, kind == VIOLATION], [0.0, 1.0], -1.0)
+    return {
+        "linear": np.repeat(sign, 9) * system.constant,
+        "needed": needed,
+        "block_kind": kind[needed // 9],
+        "is_rate_row": _rate_rows(system)[needed],
+        "slot": slot,
+        "source": slot[unknowns.elimination.source],
+    }
 
 
-def _rolling(system: System) -> np.ndarray:
-    """(9 m,) entries of the Jacobian in rows between rates."""
+def _node_arrays(system: System, state: State) -> dict[str, Any]:
+    """Arrays of one time node."""
+    nodes, vectors = (node_count(system), 3), (frame_count(system.frames), 3)
+    node_state = State(*(array.copy() for array in state))
+    arrays: dict[str, Any] = {
+        "state": node_state,
+        "start": new_system_workspace(system, node_state),
+    }
+    for name in ("parameters", "parameter_rates"):
+        arrays[name] = np.zeros(vectors)
+    for name in ("tangent", "base_change", "base_change_rate"):
+        arrays[name] = np.zeros((*vectors, 3))
+    for name in ("increments", "accelerations", "violation"):
+        arrays[name] = np.zeros(nodes)
+    by_position, by_rate, scratch = np.zeros((3, system.constant.size))
+    derivatives = Derivatives(by_position, by_rate, scratch, np.zeros(nodes))
+    return arrays | {
+        "derivatives": derivatives,
+        "by_position": by_position,
+        "by_rate": by_rate,
+        "at_rest": derivatives.still,
+    }
+
+
+def _step_arrays(system: System, state: State, degree: int) -> dict[str, Any]:
+    """Arrays of the unknowns and equations of a step, and of its prediction."""
+    nodes = node_count(system)
+    arrays: dict[str, Any] = {n: np.zeros((degree, nodes, 3)) for n in ("Z", "F", "rate")}
+    return arrays | {
+        "impulse": np.zeros((nodes, 3)),
+        "load_scale": np.zeros(nodes),
+        "last_load_scale": np.zeros(nodes),
+        "last_rates": np.zeros((degree + 1, nodes, 3)),
+        "reaction": np.zeros((degree, *state.reaction.shape)),
+        "last_step": np.zeros(2),
+        "prediction_window": np.zeros(3),
+        "predicted_well": np.zeros(1),
+        "rate_weights": np.zeros((degree, degree + 2)),
+        "multiplier_weights": np.zeros((degree, degree)),
+    }
+
+
+def _rate_rows(system: System) -> np.ndarray:
+    """(9 m,) which entries of the Jacobian are in constraint equations between rates."""
     rows = np.zeros((node_count(system), 3), dtype=bool)
     if system.scalar:
         group = system.scalar.equations
@@ -157,13 +192,13 @@ def _rolling(system: System) -> np.ndarray:
 
 
 @kernel
-def go(system: System, state: State, stages: Stages, h: float, n: int) -> None:
-    """Bring ``stages.start`` to what the rule has as number ``n``; only what inertia needs, where
-    nothing else acts there.
+def set_node(system: System, state: State, stages: StageArrays, h: float, n: int) -> None:
+    """Set ``stages.state`` and ``stages.start`` to the time node ``n`` of the tableau; where only
+    inertia and gravity act there, set just what inertia needs.
     """
-    rule = stages.rule
-    bare = stages.idle and rule.acts[n] >= 0
-    tau, phi, slope = rule.time[n], rule.place[n], rule.rate[n]
+    tableau = stages.tableau
+    bare = stages.gravity_only and tableau.force_stage[n] >= 0
+    tau, phi, slope = tableau.node_time[n], tableau.node_basis[n], tableau.node_basis_rate[n]
     frames, Z, node = system.frames, stages.Z, stages.state
     node.time[0] = state.time[0] + h * tau
     for b in range(moving_count(frames)):
@@ -174,28 +209,36 @@ def go(system: System, state: State, stages: Stages, h: float, n: int) -> None:
             rate = slope[j] / h
             v, lc_dot = axpy(rate, u_j, v), axpy(rate, lc_j, lc_dot)
         c = scale(1.0 / frames.length[b], lc)
-        put(stages.turn, b, c)
-        put(stages.turning, b, scale(1.0 / frames.length[b], lc_dot))
+        put(stages.parameters, b, c)
+        put(stages.parameter_rates, b, scale(1.0 / frames.length[b], lc_dot))
         put_matrix(stages.tangent, b, local_rotation.tangent(c))
         put(node.v, b, v)
         if bare:
             continue
-        put(stages.moved, displacement_node(frames, b), u)
-        put(stages.moved, rotation_node(frames, b), scale(frames.length[b], to_step_turn(c)))
+        put(stages.increments, displacement_node(frames, b), u)
+        put(stages.increments, rotation_node(frames, b), scale(frames.length[b], to_step_turn(c)))
         put(node.x, b, add(at(state.x, b), u))
         put(node.p, b, compose(c, at(state.p, b)))
     if not bare:
         evaluate.prepare(system, node, stages.start)
     for b in range(moving_count(frames)):
-        put(stages.start.frames.W, b, times(matrix_at(stages.tangent, b), at(stages.turning, b)))
+        put(
+            stages.start.frames.W,
+            b,
+            times(matrix_at(stages.tangent, b), at(stages.parameter_rates, b)),
+        )
     for q in range(node.angle.size):
         node.angle[q] = state.angle[q]
     scalar.count_rotations(system.scalar, stages.start.scalar, node.angle)
 
 
 @kernel
-def moment_in_chart(frames: Frames, stages: Stages, b: int) -> Vector:
-    """The moment in ``stages.row`` as the rows of body ``b`` have it."""
-    if not stages.rule.varied:
-        return at(stages.row, rotation_node(frames, b))
-    return times(transpose(matrix_at(stages.tangent, b)), at(stages.row, rotation_node(frames, b)))
+def moment_for_parameters(frames: Frames, stages: StageArrays, b: int) -> Vector:
+    """Moment in ``stages.accelerations`` on frame ``b`` as its equations contain it: H^T M if the
+    scheme is variational.
+    """
+    if not stages.tableau.is_variational:
+        return at(stages.accelerations, rotation_node(frames, b))
+    return times(
+        transpose(matrix_at(stages.tangent, b)), at(stages.accelerations, rotation_node(frames, b))
+    )

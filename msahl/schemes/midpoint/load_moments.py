@@ -13,14 +13,14 @@ from msahl.schemes.midpoint.workspace import Workspace
 from msahl.system import evaluate
 
 NO_STEP = 1e-100
-"""Step size for the limit in which the Jacobian holds masses and joints alone; its square is still
-a normal number."""
+"""Step size [s] of the limit in which the Jacobian contains only masses and constraints; its square
+is still a normal number."""
 
 
 @kernel
-def load(workspace: Workspace, h: float) -> None:
-    """Size the loads for a step ``h`` from the prepared state; before its first guess."""
-    if equations.load(workspace.system, workspace.state, workspace.start, h):
+def set_loads(workspace: Workspace, h: float) -> None:
+    """Set the loads over a step ``h`` from the prepared state, before the step is predicted."""
+    if equations.set_loads(workspace.system, workspace.state, workspace.start, h):
         _solve(workspace)
         _enter(workspace, h)
     else:
@@ -30,7 +30,7 @@ def load(workspace: Workspace, h: float) -> None:
 
 @apart
 def _solve(workspace: Workspace) -> None:
-    """Set ``Z`` to the accelerations by the loads' first moments, joints kept closed."""
+    """Set ``Z`` to the accelerations by the first moments of the loads, with the constraints."""
     system, start, Z, F = workspace.system, workspace.start, workspace.Z, workspace.F
     order = workspace.unknowns.elimination.order
     for node in range(Z.shape[0]):
@@ -43,12 +43,12 @@ def _solve(workspace: Workspace) -> None:
     forces.add_first(system.forces, start.forces, system.frames, F)
     dense.gather(order, F, workspace.y)
     sparse_lu.solve(workspace.unknowns.elimination, workspace.factor, workspace.y)
-    dense.spread(order, workspace.y, Z)
+    dense.scatter(order, workspace.y, Z)
 
 
 @kernel
 def _enter(workspace: Workspace, h: float) -> None:
-    """Set the bodies' offsets by the accelerations in ``Z``."""
+    """Set the velocity offsets of the frames from the accelerations in ``Z``."""
     frames = workspace.system.frames
     for b in range(moving_count(frames)):
         dv = scale(h, at(workspace.Z, displacement_node(frames, b)))

@@ -1,8 +1,10 @@
-"""Newton's method on the sparse system, and the loop of many steps, to be compiled.
+"""Solves steps of order 2 by Newton's method with sparse factors, and takes many steps in a row.
 
-One Jacobian serves a whole step: the guess is good enough that the error of the first, exact,
-iteration is squared and later ones gain as much again. It is renewed where a residual does not
-fall to a twentieth.
+    J dz = f(z) ,   z <- z - dz
+
+One Jacobian J serves a whole step: the prediction is good enough for the first iteration, which is
+exact, to square the error, and later ones gain about as much again. J is evaluated anew where the
+residual does not fall to a twentieth.
 """
 
 import math
@@ -13,21 +15,22 @@ from msahl.elements.frames import first_multiplier
 from msahl.jit.kernel import kernel
 from msahl.linalg import dense, sparse_lu
 from msahl.schemes.midpoint import equations, load_moments
-from msahl.schemes.midpoint.workspace import Workspace, accept, show
+from msahl.schemes.midpoint.free_equations import is_implausible, relative_residual
+from msahl.schemes.midpoint.workspace import Workspace, accept_step, record_step
 from msahl.schemes.outcome import TARGET, TOLERANCE
 
 MAX_ITERATIONS = 25
 SLOW = 0.05
-"""Ratio of residuals above which the Jacobian is made anew."""
+"""Ratio of successive residuals above which the Jacobian is evaluated anew."""
 STUCK = 0.5
-"""Ratio of residuals above which a solved step is not improved further."""
+"""Ratio of successive residuals above which a solved step is not improved further."""
 DIVERGED = 1e3
-"""Residual, relative to the smallest so far, at which an iteration is given up."""
+"""Residual relative to the smallest so far at which the iteration is given up."""
 
 
 @kernel
-def solve_step(workspace: Workspace, h: float) -> tuple[float, int]:
-    """Solve one step from the guess in ``Z``; its residual (relative) and worst row."""
+def iterate(workspace: Workspace, h: float) -> tuple[float, int]:
+    """Solve one step from the prediction in ``Z``; return its relative residual and worst row."""
     system, state, start, Z, F = (
         workspace.system,
         workspace.state,
@@ -35,44 +38,42 @@ def solve_step(workspace: Workspace, h: float) -> tuple[float, int]:
         workspace.Z,
         workspace.F,
     )
-    unknowns, y = workspace.unknowns, workspace.y
-    order = unknowns.elimination.order
+    lu, y = workspace.unknowns.elimination, workspace.y
     equations.residual(system, state, start, h, Z, F)
-    residual, worst, guess = dense.judge(system, unknowns, start, h, Z, F)
-    step = guess
+    residual, worst, predicted = relative_residual(workspace, h)
+    length = predicted
     smallest, slow, stuck = residual, True, False
     for _ in range(MAX_ITERATIONS):
         if residual <= TARGET or stuck or not residual <= DIVERGED * smallest:
             break
         if slow:
             equations.jacobian(system, start, h, Z, workspace.values)
-            sparse_lu.factor(unknowns.elimination, workspace.values, workspace.factor)
-            workspace.pivots[0] = max(
-                workspace.pivots[0], sparse_lu.spread(unknowns.elimination, workspace.factor)
-            )
+            sparse_lu.factor(lu, workspace.values, workspace.factor)
+            ratio = sparse_lu.pivot_ratio(lu, workspace.factor)
+            workspace.pivots[0] = max(workspace.pivots[0], ratio)
             workspace.counts[1] += 1
-        dense.gather(order, F, y)
-        sparse_lu.solve(unknowns.elimination, workspace.factor, y)
+        dense.gather(lu.order, F, y)
+        sparse_lu.solve(lu, workspace.factor, y)
         for k in range(y.size):
-            Z[order[k] // 3, order[k] % 3] -= y[k]
+            Z[lu.order[k] // 3, lu.order[k] % 3] -= y[k]
         workspace.counts[0] += 1
         before = residual
         equations.residual(system, state, start, h, Z, F)
-        residual, worst, step = dense.judge(system, unknowns, start, h, Z, F)
+        residual, worst, length = relative_residual(workspace, h)
         slow = residual > SLOW * before
         stuck = residual > STUCK * before and residual <= TOLERANCE
         smallest = min(smallest, residual)
-    if dense.is_astray(system, guess, step):
+    if is_implausible(system, predicted, length):
         return math.inf, worst
     return residual, worst
 
 
 @kernel
-def drop_null(workspace: Workspace) -> None:
-    """Take from the multipliers what the joints' redundancy leaves open.
+def remove_null_multipliers(workspace: Workspace) -> None:
+    """Subtract from the multipliers what redundant constraints leave undetermined in them.
 
-    With G^T n = 0 the relaxed Jacobian maps (0, n) to (0, -relaxation n), so its factors pick
-    n out. What is left is the multipliers' smallest, weighted by mass as the unknowns are.
+    With G^T n = 0 the relaxed Jacobian maps (0, n) to (0, -relaxation n), so its factors separate
+    n from the rest. The remaining multipliers are the smallest, weighted by mass as the unknowns.
     """
     lu, Z, y = workspace.unknowns.elimination, workspace.Z, workspace.y
     first = first_multiplier(workspace.system.frames)
@@ -87,9 +88,9 @@ def drop_null(workspace: Workspace) -> None:
 
 
 @kernel
-def drop_gap(workspace: Workspace) -> None:
-    """Take from the solved step's gaps what no motion can close: round-off of redundant rows, which
-    would add up from step to step.
+def remove_null_violation(workspace: Workspace) -> None:
+    """Subtract from the violation that a solved step leaves the part that no motion can remove:
+    rounding errors of redundant equations, which would add up from step to step.
 
     With n^T G = 0 the relaxed system answers the rows F by multipliers of which n^T takes
     -n^T F / relaxation.
@@ -105,32 +106,34 @@ def drop_gap(workspace: Workspace) -> None:
 
 
 @kernel
-def take(workspace: Workspace, h: float, share: float) -> tuple[float, int]:
-    """Take a step of size ``h``, a ``share`` of the whole one, if it converges: residual, row."""
-    load_moments.load(workspace, h)
+def take_step(workspace: Workspace, h: float, share: float) -> tuple[float, int]:
+    """Take a step of size ``h``, a ``share`` of the whole one, if it converges; return its relative
+    residual and worst row.
+    """
+    load_moments.set_loads(workspace, h)
     equations.predict(workspace.system, workspace.state, workspace.start, h, workspace.Z)
-    residual, worst = solve_step(workspace, h)
+    residual, worst = iterate(workspace, h)
     if workspace.system.relaxation > 0.0 and residual <= TOLERANCE:
         equations.jacobian(workspace.system, workspace.start, h, workspace.Z, workspace.values)
         sparse_lu.factor(workspace.unknowns.elimination, workspace.values, workspace.factor)
-        drop_null(workspace)
-        residual, worst = solve_step(workspace, h)
-        drop_gap(workspace)
+        remove_null_multipliers(workspace)
+        residual, worst = iterate(workspace, h)
+        remove_null_violation(workspace)
     if residual <= TOLERANCE:
-        accept(workspace, h, share)
+        accept_step(workspace, h, share)
     return residual, worst
 
 
 @kernel
-def march(workspace: Workspace, h: float, first: int, last: int, schedule: np.ndarray) -> int:
-    """Take steps ``first``..``last - 1`` of a chunk; the one that would not converge, or ``last``.
+def take_steps(workspace: Workspace, h: float, first: int, last: int, rows: np.ndarray) -> int:
+    """Take steps ``first``..``last - 1`` of a chunk; return the number of the first that did not
+    converge, or ``last``.
 
-    Step k fills row k of the watch and is published in row ``plan[k]`` of the tables unless that
-    is negative.
+    Step k fills row k of the monitor, and row ``rows[k]`` of the tables unless that is negative.
     """
     for k in range(first, last):
-        residual, _ = take(workspace, h, 1.0)
+        residual, _ = take_step(workspace, h, 1.0)
         if not residual <= TOLERANCE:
             return k
-        show(workspace, h, k, schedule[k])
+        record_step(workspace, h, k, rows[k])
     return last

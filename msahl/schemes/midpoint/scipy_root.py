@@ -1,7 +1,8 @@
-"""A step solved by ``scipy.optimize.root``: the reference, and the rescue of hard steps.
+"""Solves steps of order 2 by ``scipy.optimize.root``: as the reference, and where Newton fails.
 
 Powell's hybrid method with the analytic Jacobian. It stops on the relative change of the iterate
-and calls round-off a failure; whether the step is solved is decided by our own residual.
+and reports a failure at rounding errors, so the relative residual of ``free_equations`` decides
+whether the step is solved.
 """
 
 from collections.abc import Callable
@@ -11,121 +12,135 @@ from scipy.optimize import root
 
 from msahl.elements.frames import first_multiplier
 from msahl.jit.compiled import compiled
-from msahl.linalg import dense
-from msahl.schemes.midpoint import load_moments, workspace
+from msahl.schemes.midpoint import free_equations, load_moments, workspace
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.schemes.outcome import EVALUATION, Outcome
-from msahl.system.arrays import System
-from msahl.system.unknowns import Unknowns
 
 STEP_TOLERANCE = 1e-11
-"""Where ``hybr`` stops; its convergence is superlinear, so the residual is far below by then."""
-
+"""Relative change at which ``hybr`` stops; it converges superlinearly, so the residual is far
+smaller by then."""
 REPAIRS = 3
-"""Each gains at least three digits: the relaxation against the joints' compliances."""
+"""Newton steps after ``hybr``. Each gains at least three digits: the relaxation relative to the
+compliances of the joints."""
 
-_load = compiled(load_moments.load)
-_guess = compiled(dense.guess)
-_residual = compiled(dense.residual)
-_jacobian = compiled(dense.jacobian)
-_accept = compiled(workspace.accept)
+_set_loads = compiled(load_moments.set_loads)
+_predict = compiled(free_equations.predict)
+_residual = compiled(free_equations.residual)
+_jacobian = compiled(free_equations.jacobian)
+_accept_step = compiled(workspace.accept_step)
+
+Function = Callable[[np.ndarray], np.ndarray]
 
 
-def take(
-    workspace: Workspace, h: float, share: float, after: Callable[[int], None] = lambda work: None
-) -> Outcome:
-    """Take a step of size ``h``, a ``share`` of the whole one, if it converges; ``after`` is told
-    of the work done.
-    """
-    system, unknowns, state, start = (
-        workspace.system,
-        workspace.unknowns,
-        workspace.state,
-        workspace.start,
-    )
-    size = unknowns.free.size
-    guess, outcome, step_length = np.empty(size), Outcome(0.0, -1), 0.0
+class _Equations:
+    """Residual and Jacobian of one step in the free unknowns, and how well it is solved."""
 
-    def fun(z: np.ndarray) -> np.ndarray:
-        nonlocal outcome, step_length
-        after(EVALUATION + size**3)
-        f = np.empty(size)
-        given = (system, unknowns, state, start, h, z, workspace.Z)
-        *judged, step_length = _residual(*given, f, workspace.F)
-        outcome = Outcome(*judged)
-        workspace.counts[0] += 1
+    def __init__(self, workspace: Workspace, h: float, count_work: Callable[[int], None]) -> None:
+        self.workspace, self.h, self.count_work = workspace, h, count_work
+        self.size = workspace.unknowns.free.size
+        self.outcome, self.length = Outcome(0.0, -1), 0.0
+
+    def residual(self, z: np.ndarray) -> np.ndarray:
+        """The free rows at ``z``."""
+        self.count_work(EVALUATION + self.size**3)
+        f = np.empty(self.size)
+        *judged, self.length = _residual(self.workspace, self.h, z, f)
+        self.outcome = Outcome(*judged)
+        self.workspace.counts[0] += 1
         return f
 
-    def jac(z: np.ndarray) -> np.ndarray:
-        A = np.empty(size * size)
-        _jacobian(
-            system, unknowns, state, start, h, z, workspace.Z, workspace.F, workspace.values, A
-        )
-        workspace.counts[1] += 1
-        return A.reshape(size, size)
+    def jacobian(self, z: np.ndarray) -> np.ndarray:
+        """(f, f) their derivative at ``z``."""
+        A = np.empty(self.size * self.size)
+        _jacobian(self.workspace, self.h, z, A)
+        self.workspace.counts[1] += 1
+        return A.reshape(self.size, self.size)
 
-    _load(workspace, h)
-    _guess(system, unknowns, state, start, h, workspace.Z, guess)
-    f = fun(guess)
-    guessed = step_length
-    # An infinite residual is that of a guess at rest: any force is large against no motion.
-    if not outcome.converged and not np.isnan(outcome.residual):
-        z = hunt(fun, jac, guess, f, lambda: outcome.converged)
-        if system.relaxation > 0.0 and outcome.converged:
-            # Powell's updates wander where the residual does not see them; steps of Newton's
-            # method repair what the smallest multipliers cost the others.
-            A = jac(z)
-            z -= _null_part(system, unknowns, A, z)
-            f = fun(z)
-            for _ in range(REPAIRS):
-                z -= np.linalg.solve(A, f)
-                f = fun(z)
-            # As ``newton.drop_gap``.
-            multipliers = unknowns.free[unknowns.free >= 3 * first_multiplier(system.frames)]
-            open_part = np.linalg.solve(A, f)[-multipliers.size :]
-            workspace.F.reshape(-1)[multipliers] += system.relaxation * open_part
-    if dense.is_astray(system, guessed, step_length):
-        return Outcome(np.inf, outcome.worst)
-    if outcome.converged:
-        _accept(workspace, h, share)
-    return outcome
+    def is_solved(self) -> bool:
+        """Whether the rows evaluated last are solved."""
+        return self.outcome.converged
 
 
-def hunt(
-    fun: Callable[[np.ndarray], np.ndarray],
-    jac: Callable[[np.ndarray], np.ndarray],
-    guess: np.ndarray,
-    f: np.ndarray,
-    solved: Callable[[], bool],
+def take_step(
+    workspace: Workspace,
+    h: float,
+    share: float,
+    count_work: Callable[[int], None] = lambda work: None,
+) -> Outcome:
+    """Take a step of size ``h``, a ``share`` of the whole one, if it converges; ``count_work`` is
+    told of the work done.
+    """
+    step, z = _Equations(workspace, h, count_work), np.empty(workspace.unknowns.free.size)
+    _set_loads(workspace, h)
+    _predict(workspace, h, z)
+    f = step.residual(z)
+    predicted = step.length
+    # An infinite residual is that of a system at rest: any force is large relative to no motion.
+    if not step.outcome.converged and not np.isnan(step.outcome.residual):
+        z = find_root(step.residual, step.jacobian, z, f, step.is_solved)
+        if workspace.system.relaxation > 0.0 and step.outcome.converged:
+            _remove_null_parts(step, z)
+    if free_equations.is_implausible(workspace.system, predicted, step.length):
+        return Outcome(np.inf, step.outcome.worst)
+    if step.outcome.converged:
+        _accept_step(workspace, h, share)
+    return step.outcome
+
+
+def _remove_null_parts(step: _Equations, z: np.ndarray) -> None:
+    """Remove from the solution ``z`` what redundant constraints leave undetermined in multipliers
+    and violation; see ``newton.remove_null_multipliers`` and ``newton.remove_null_violation``.
+
+    Powell's updates drift where the residual does not see them; steps of Newton's method repair
+    what the smallest multipliers cost the others.
+    """
+    workspace, free = step.workspace, step.workspace.unknowns.free
+    relaxation = workspace.system.relaxation
+    is_multiplier = free >= 3 * first_multiplier(workspace.system.frames)
+    A = step.jacobian(z)
+    part = np.linalg.solve(A, np.where(is_multiplier, -relaxation * z, 0.0))
+    z -= np.where(is_multiplier, part, 0.0)
+    f = step.residual(z)
+    for _ in range(REPAIRS):
+        z -= np.linalg.solve(A, f)
+        f = step.residual(z)
+    multipliers = free[is_multiplier]
+    violation = np.linalg.solve(A, f)[-multipliers.size :]
+    workspace.F.reshape(-1)[multipliers] += relaxation * violation
+
+
+def find_root(
+    fun: Function, jac: Function, z: np.ndarray, f: np.ndarray, is_solved: Callable[[], bool]
 ) -> np.ndarray:
-    """Where ``hybr`` comes to from the ``guess``, whose residual is ``f``, and polished."""
-    # hybr's trust region starts at a multiple of its unknowns: the change of the guess, in
-    # units of the step's own lengths, starts at zero and is of order one.
-    unit = max(np.abs(guess).max(), np.abs(f).max())
-    # Trial points far out may overflow; the residual there says so and they are given up.
+    """Root of ``fun`` found by ``hybr`` from the prediction ``z``, where its value is ``f``, and
+    improved by Newton's method.
+    """
+    # hybr's trust region starts at a multiple of its unknowns. As these are taken the changes of
+    # the prediction, relative to the step's own lengths: they start at zero and are of order one.
+    unit = max(np.abs(z).max(), np.abs(f).max())
+    # Distant trial points may overflow; their residual is infinite and they are rejected.
     with np.errstate(all="ignore"):
         found = root(
-            lambda y: fun(guess + unit * y) / unit,
-            np.zeros(guess.size),
-            jac=lambda y: jac(guess + unit * y),
+            lambda y: fun(z + unit * y) / unit,
+            np.zeros(z.size),
+            jac=lambda y: jac(z + unit * y),
             method="hybr",
             options={"xtol": STEP_TOLERANCE},
         )
-        return polish(fun, jac, guess + unit * found.x, solved)
+        return polish(fun, jac, z + unit * found.x, is_solved)
 
 
 def polish(
-    fun: Callable[[np.ndarray], np.ndarray],
-    jac: Callable[[np.ndarray], np.ndarray],
-    z: np.ndarray,
-    solved: Callable[[], bool],
+    fun: Function, jac: Function, z: np.ndarray, is_solved: Callable[[], bool]
 ) -> np.ndarray:
-    """Digits that hybr leaves, as its unit is that of the largest row: beside a stiff spring's all
-    motion is small. A few steps of Newton's method, evaluated last where they end.
+    """Improve a root by a few steps of Newton's method; ``fun`` is evaluated last at the result.
+
+    ``hybr`` measures all unknowns by the largest row: beside that of a stiff spring all motion is
+    small, and its digits are missing.
     """
     f = fun(z)
     for _ in range(REPAIRS):
-        if solved() or not np.isfinite(f).all():
+        if is_solved() or not np.isfinite(f).all():
             break
         A = jac(z)
         if not np.isfinite(A).all():
@@ -133,10 +148,3 @@ def polish(
         z = z - np.linalg.lstsq(A, f, rcond=None)[0]
         f = fun(z)
     return z
-
-
-def _null_part(system: System, unknowns: Unknowns, A: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """What the joints' redundancy leaves open in the multipliers (see ``newton.drop_null``)."""
-    multipliers = unknowns.free >= 3 * first_multiplier(system.frames)
-    part = np.linalg.solve(A, np.where(multipliers, -system.relaxation * z, 0.0))
-    return np.where(multipliers, part, 0.0)

@@ -11,11 +11,11 @@ from msahl.schemes.midpoint.workspace import Workspace
 from msahl.schemes.outcome import Outcome
 from msahl.schemes.output_schedule import OutputSchedule
 
-_take_steps = compiled(newton.march)
-_take_step = compiled(newton.take)
-_record_step = compiled(workspace.show)
-_write_reactions = compiled(accelerations.publish)
-_take_steps_instantaneous = compiled(accelerations.march)
+_take_steps = compiled(newton.take_steps)
+_take_step = compiled(newton.take_step)
+_record_step = compiled(workspace.record_step)
+_write_reactions = compiled(accelerations.write_instantaneous_reactions)
+_take_steps_instantaneous = compiled(accelerations.take_steps)
 
 
 class MidpointMethod:
@@ -66,7 +66,7 @@ class MidpointMethod:
         """See ``StepMethod``; scipy is slow to import."""
         from msahl.schemes.midpoint import scipy_root
 
-        return scipy_root.take(self.workspace, h, share, count_work)
+        return scipy_root.take_step(self.workspace, h, share, count_work)
 
     def record_step(self, h: float, step: int, schedule: OutputSchedule) -> None:
         """See ``StepMethod``."""

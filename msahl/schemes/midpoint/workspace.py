@@ -1,9 +1,10 @@
-"""Work arrays and kernels that both solvers share: accepting a step and showing it."""
+"""Work arrays of one subsystem; accepts a solved step of order 2 and records it in the tables."""
 
 from typing import NamedTuple
 
 import numpy as np
 
+from msahl.elements import forces, reactions, rigid_body
 from msahl.jit.kernel import kernel
 from msahl.schemes.midpoint import equations
 from msahl.system import evaluate
@@ -21,27 +22,27 @@ from msahl.system.unknowns import Unknowns
 
 
 class Workspace(NamedTuple):
-    """One island on its way: constant data, what advances, and room to work in."""
+    """Constant data of one subsystem, its state, and work arrays."""
 
     system: System
     unknowns: Unknowns
     state: State
     start: SystemWorkspace
     Z: np.ndarray  # (nodes, 3) unknowns of the step
-    F: np.ndarray  # (nodes, 3) its rows
+    F: np.ndarray  # (nodes, 3) its equations
     values: np.ndarray  # block values of the Jacobian
     factor: np.ndarray  # its sparse factors
     y: np.ndarray  # (f,) right-hand side, in the order of elimination
-    mean_force: np.ndarray  # (k, 3) multipliers over the step being taken, halves added up
-    mean_reaction: np.ndarray  # (j, 6) likewise the joints' reactions [N, N m]
+    mean_force: np.ndarray  # (k, 3) multipliers over the present step, summed over substeps
+    mean_reaction: np.ndarray  # (j, 6) likewise the reactions of the joints [N, N m]
     counts: np.ndarray  # (2,) iterations and factorisations so far
-    pivots: np.ndarray  # (1,) widest spread of a Jacobian's pivots so far
+    pivots: np.ndarray  # (1,) largest pivot ratio of a Jacobian so far
     tables: Tables
     monitor: Monitor
 
 
 def new_workspace(system: System, unknowns: Unknowns, state: State, chunk: int) -> Workspace:
-    """Room for chunks of up to ``chunk`` steps."""
+    """Return the workspace for chunks of up to ``chunk`` steps."""
     nodes = (node_count(system), 3)
     return Workspace(
         system=system,
@@ -63,8 +64,10 @@ def new_workspace(system: System, unknowns: Unknowns, state: State, chunk: int) 
 
 
 @kernel
-def accept(workspace: Workspace, h: float, share: float) -> None:
-    """Take over the solved step of size ``h``, a ``share`` of the whole one; prepare the next."""
+def accept_step(workspace: Workspace, h: float, share: float) -> None:
+    """Advance the state by the solved step of size ``h``, a ``share`` of the whole one; prepare the
+    next.
+    """
     equations.accept(
         workspace.system, workspace.state, workspace.start, h, workspace.Z, workspace.F
     )
@@ -78,25 +81,42 @@ def accept(workspace: Workspace, h: float, share: float) -> None:
 
 
 @kernel
-def show(workspace: Workspace, h: float, step: int, row: int) -> None:
-    """Enter the state accepted after a step ``h`` in row ``step`` of the watch; publish it in
-    ``row`` unless that is negative.
+def record_step(workspace: Workspace, h: float, step: int, row: int) -> None:
+    """Write the state accepted after a step ``h`` to row ``step`` of the monitor, and to ``row`` of
+    the tables unless that is negative.
     """
     look(workspace.system, workspace.state, workspace.start, h, workspace.monitor, step)
     if row >= 0:
-        equations.publish(
-            workspace.system,
-            workspace.state,
-            workspace.start,
-            h,
-            workspace.mean_reaction,
-            workspace.mean_force,
-            workspace.tables,
-            row,
-        )
+        write_row(workspace, h, row)
     for k in range(workspace.mean_force.shape[0]):
         for i in range(3):
             workspace.mean_force[k, i] = 0.0
     for k in range(workspace.mean_reaction.shape[0]):
         for i in range(6):
             workspace.mean_reaction[k, i] = 0.0
+
+
+@kernel
+def write_row(workspace: Workspace, h: float, row: int) -> None:
+    """Write the accepted state to a ``row`` of the tables, with the mean reactions over the step
+    ``h`` before it.
+    """
+    system, state, start = workspace.system, workspace.state, workspace.start
+    tables = workspace.tables
+    rigid_body.write_states(
+        system.bodies, state.x, state.p, start.frames, state.w, tables.states, row
+    )
+    reactions.write_reactions(
+        system.shown,
+        system.scalar,
+        workspace.mean_reaction,
+        workspace.mean_force,
+        state.time[0] - 0.5 * h,
+        tables.reactions,
+        row,
+    )
+    for k in range(state.work.size):
+        tables.work[row, k] = state.work[k]
+    for k in range(state.work.size, tables.work.shape[1]):
+        tables.work[row, k] = 0.0
+    forces.publish_energy(system.forces, start.forces, state.work.size, tables.work, row)

@@ -16,7 +16,7 @@ from msahl.model import Drag
 from msahl.model.scheme import COLLOCATION, choices, split
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.collocation import local_rotation, predictor
-from msahl.schemes.collocation.tableau import new_rule
+from msahl.schemes.collocation.tableau import new_tableau
 from msahl.study.exact import recognise
 from msahl.study.runs import with_step
 from tests.support.collocation_step import Step
@@ -35,25 +35,25 @@ def of_degree(model, degree):
 
 @every_degree
 def test_a_rule_integrates_what_it_should(degree):
-    rule, s = new_rule("gauss", degree), degree
-    t = np.append(0.0, rule.closing)
+    tableau, s = new_tableau("gauss", degree), degree
+    t = np.append(0.0, tableau.constraint_time)
     for power in range(2 * s):
-        integral = rule.weight @ rule.acting**power
+        integral = tableau.force_weight @ tableau.force_time**power
         assert integral == pytest.approx(1.0 / (power + 1), abs=1e-15)
     # Joint forces: all of Lobatto's rule but its last node, where every power is 1.
-    last = 1.0 - rule.push.sum()
+    last = 1.0 - tableau.multiplier_weight.sum()
     for power in range(2 * s):
-        integral = rule.push @ t[:s] ** power + last
+        integral = tableau.multiplier_weight @ t[:s] ** power + last
         assert integral == pytest.approx(1.0 / (power + 1), abs=1e-15)
     # A momentum that is a rate of the unknowns gives the unknowns; numbers of the size of s^2.
-    np.testing.assert_allclose(rule.beta @ rule.slope, np.eye(s), atol=1e-13)
+    np.testing.assert_allclose(tableau.beta @ tableau.basis_rate, np.eye(s), atol=1e-13)
     # A constant force, of loads or of joints, displaces by t^2/2.
-    np.testing.assert_allclose(rule.alpha.sum(axis=1), -0.5 * t[1:] ** 2, atol=1e-13)
-    # What it interpolates, it interpolates exactly: powers up to s - 1, and s where more is given.
-    power = rule.acting ** (s - 1)
-    np.testing.assert_allclose(rule.integral @ power, t[1:] ** s / s, atol=1e-14)
-    np.testing.assert_allclose(rule.value @ t[1:] ** s, rule.acting**s, atol=1e-14)
-    np.testing.assert_allclose(rule.slope @ t[1:] ** s, s * power, atol=1e-13)
+    np.testing.assert_allclose(tableau.alpha.sum(axis=1), -0.5 * t[1:] ** 2, atol=1e-13)
+    # What it interpolates, it interpolates exactly: powers up to s - 1, and s where it knows more.
+    power = tableau.force_time ** (s - 1)
+    np.testing.assert_allclose(tableau.integral @ power, t[1:] ** s / s, atol=1e-14)
+    np.testing.assert_allclose(tableau.basis @ t[1:] ** s, tableau.force_time**s, atol=1e-14)
+    np.testing.assert_allclose(tableau.basis_rate @ t[1:] ** s, s * power, atol=1e-13)
 
 
 @pytest.mark.parametrize("scheme", COLLOCATION)
@@ -65,28 +65,30 @@ def test_a_rule_integrates_what_it_should(degree):
 def test_a_guess_follows_the_known_polynomials(scheme, degree, begin, size, near):
     """Of the step before, also of another size, and of one that went through here."""
     step = Step(pendulum(), f"{scheme}{degree}", 0.1, np.random.default_rng(1))
-    stages, rule, s = step.stages, step.stages.rule, degree
+    stages, tableau, s = step.stages, step.stages.tableau, degree
     t, h = 7.0, 0.1
-    stages.known[:], stages.near[0] = (t + begin * h, size * h), near
-    assert predictor.look(stages, t, h)
+    stages.last_step[:], stages.predicted_well[0] = (t + begin * h, size * h), near
+    assert predictor.set_weights(stages, t, h)
     # Velocities where their step begins tell more, but where they jump there or the last guess was
     # far off. At the present place ours do, once, also where that is one of their nodes.
-    follows = near > 0.0 and not rule.decays
-    at = np.append(begin + size * rule.acting, begin if follows else np.nan)
+    follows = near > 0.0 and not tableau.decays
+    at = np.append(begin + size * tableau.force_time, begin if follows else np.nan)
     power = np.count_nonzero(np.abs(np.nan_to_num(at)) > 1e-6)
     values = np.append(np.nan_to_num(at), 0.0) ** power
     # Times are known to round-off over the step; weights are up to 1e3 out of the nodes' range.
-    np.testing.assert_allclose(stages.seen @ values, rule.acting**power, atol=1e-9)
-    pushes = (begin + size * rule.pushing) ** (s - 1)
-    np.testing.assert_allclose(stages.pushed @ pushes * size**2, rule.pushing ** (s - 1), atol=1e-9)
+    np.testing.assert_allclose(stages.rate_weights @ values, tableau.force_time**power, atol=1e-9)
+    pushes = (begin + size * tableau.multiplier_time) ** (s - 1)
+    np.testing.assert_allclose(
+        stages.multiplier_weights @ pushes * size**2, tableau.multiplier_time ** (s - 1), atol=1e-9
+    )
 
 
 def test_a_guess_follows_nothing_far_behind():
     step = Step(pendulum(), "gauss3", 0.1, np.random.default_rng(1))
-    step.stages.known[:] = 0.0, 0.1
-    assert not predictor.look(step.stages, 0.1, 0.2)
-    step.stages.known[1] = 0.0
-    assert not predictor.look(step.stages, 0.1, 0.1)
+    step.stages.last_step[:] = 0.0, 0.1
+    assert not predictor.set_weights(step.stages, 0.1, 0.2)
+    step.stages.last_step[1] = 0.0
+    assert not predictor.set_weights(step.stages, 0.1, 0.1)
 
 
 def test_the_local_parametrisation_rotates_as_it_says():

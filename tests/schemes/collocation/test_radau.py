@@ -12,7 +12,7 @@ from msahl.deck import read_deck
 from msahl.model.scheme import choices
 from msahl.results.read import read_run
 from msahl.run.verdict import PASS
-from msahl.schemes.collocation.tableau import new_rule
+from msahl.schemes.collocation.tableau import new_tableau
 from msahl.study.exact import recognise
 from msahl.study.plan import Plan
 from msahl.study.runs import with_step
@@ -36,17 +36,17 @@ PADE = {
 
 @every_degree
 def test_a_rule_integrates_what_it_should(degree):
-    rule, s = new_rule("radau", degree), degree
-    t = rule.acting
-    assert (rule.closing == t).all()
+    tableau, s = new_tableau("radau", degree), degree
+    t = tableau.force_time
+    assert (tableau.constraint_time == t).all()
     assert t[-1] == 1.0
     for power in range(2 * s - 1):
-        assert rule.weight @ t**power == pytest.approx(1.0 / (power + 1), abs=1e-15)
+        assert tableau.force_weight @ t**power == pytest.approx(1.0 / (power + 1), abs=1e-15)
     # Rates of polynomials through 0 at the start are summed to what they are rates of.
-    np.testing.assert_allclose(rule.beta @ rule.slope, np.eye(s), atol=1e-14)
+    np.testing.assert_allclose(tableau.beta @ tableau.basis_rate, np.eye(s), atol=1e-14)
     # A constant force displaces by t^2/2; with one node, which is the end, by all of its last rate.
     moved = 0.5 * t**2 if s > 1 else t
-    np.testing.assert_allclose(rule.alpha.sum(axis=1), -moved, atol=1e-15)
+    np.testing.assert_allclose(tableau.alpha.sum(axis=1), -moved, atol=1e-15)
 
 
 @pytest.mark.parametrize("make", ELEMENTS.values(), ids=ELEMENTS)
