@@ -52,7 +52,7 @@ def matrix(p: Vector) -> Matrix:
 
 @kernel
 def compose(p: Vector, q: Vector) -> Vector:
-    """Rescaled parameters of ``R(p) R(q)``: first turn ``p``, then ``q`` about the turned axes."""
+    """Rescaled parameters of ``R(p) R(q)``: rotate by ``p``, then ``q`` in the new axes."""
     p0 = 2.0 - 0.125 * dot(p, p)
     q0 = 2.0 - 0.125 * dot(q, q)
     # Euler parameters of the product, times (4 - p0)(4 - q0); their sign picks the shadow.
@@ -66,18 +66,18 @@ def compose(p: Vector, q: Vector) -> Vector:
 
 @kernel
 def inverse(p: Vector) -> Vector:
-    """Parameters of the opposite turn."""
+    """Return the parameters of the inverse rotation."""
     return (-p[0], -p[1], -p[2])
 
 
 @kernel
-def from_step_turn(Q: Vector) -> Vector:
-    """Wiener-Milenkovic parameters of the step turn ``Q``; any ``Q``, since phi < pi."""
+def from_increment(Q: Vector) -> Vector:
+    """Return the Wiener-Milenkovic parameters of the rotation increment ``Q``, as phi < pi."""
     return scale(2.0 / (1.0 + math.sqrt(1.0 + 0.25 * dot(Q, Q))), Q)
 
 
 @kernel
-def to_step_turn(c: Vector) -> Vector:
+def to_increment(c: Vector) -> Vector:
     """``Q`` of the parameters ``c``, ``|c| < 4``."""
     return scale(1.0 / (1.0 - dot(c, c) / 16.0), c)
 
@@ -112,14 +112,14 @@ def of_angle(c: Vector) -> Vector:
 
 
 @kernel
-def turn_change(Q: Vector, a: Vector) -> Vector:
+def rotation_change(Q: Vector, a: Vector) -> Vector:
     """``(R(Q) - 1) a``: the change of a body-fixed vector over the step, free of cancellation."""
     Qa = cross(Q, a)
     return scale(1.0 / (1.0 + 0.25 * dot(Q, Q)), axpy(0.5, cross(Q, Qa), Qa))
 
 
 @kernel
-def turn_tangent(Q: Vector) -> Matrix:
+def rotation_tangent(Q: Vector) -> Matrix:
     """``D`` with ``d(R(Q) a) = (D dQ) x R(Q) a``: ``D = (1 + [Q]/2) / N``."""
     n = 1.0 / (1.0 + 0.25 * dot(Q, Q))
     x, y, z = 0.5 * n * Q[0], 0.5 * n * Q[1], 0.5 * n * Q[2]

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.algebra.rotation import matrix, turn_change, turn_tangent
+from msahl.algebra.rotation import matrix, rotation_change, rotation_tangent
 from msahl.algebra.vector import (
     ZERO,
     Matrix,
@@ -136,14 +136,14 @@ def restrict(frames: Frames, kind: int, a: Vector) -> Vector:
 @kernel
 def mean(frames: Frames, Z: np.ndarray, f: int, a: Vector) -> Vector:
     """Mean over the step of a vector fixed in frame ``f`` that is ``a`` at the start."""
-    return axpy(0.5, turn_change(rotation_increment(frames, Z, f), a), a)
+    return axpy(0.5, rotation_change(rotation_increment(frames, Z, f), a), a)
 
 
 @kernel
 def end_tangent(frames: Frames, Z: np.ndarray, f: int, a: Vector) -> Matrix:
     """Matrix T with d(R(Q) a) = -T d(l Q)."""
     Q = rotation_increment(frames, Z, f)
-    T = product(skew(add(a, turn_change(Q, a))), turn_tangent(Q))
+    T = product(skew(add(a, rotation_change(Q, a))), rotation_tangent(Q))
     c = 1.0 / frames.length[f]
     return multiple(c, T)
 

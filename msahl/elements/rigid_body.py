@@ -34,7 +34,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.algebra.rotation import angle_share, matrix, turn_change, turn_tangent
+from msahl.algebra.rotation import angle_share, matrix, rotation_change, rotation_tangent
 from msahl.algebra.vector import (
     Vector,
     add,
@@ -136,7 +136,7 @@ def residual(
         psi = angle_share(Q)[0] if frames.exponential is not None else 1.0
         forced = axpy(-h, at(motion.W_go, f), scale(psi, Q))
         L = times(J, axpy(dt2 / h, at(motion.W, f), forced))
-        change = scale(psi, add(times(J, forced), turn_change(Q, L)))
+        change = scale(psi, add(times(J, forced), rotation_change(Q, L)))
         c = bodies.inverse_mass[b] / frames.length[f]
         put(F, rotation_node(frames, f), scale(c, change))
 
@@ -162,16 +162,16 @@ def jacobian(
         psi, g = angle_share(Q) if frames.exponential is not None else (1.0, 0.0)
         forced = axpy(-h, at(motion.W_go, f), scale(psi, Q))
         L = times(J, axpy(dt2 / h, at(motion.W, f), forced))
-        K = skew(add(L, turn_change(Q, L)))
-        JQ, change = times(J, Q), add(times(J, forced), turn_change(Q, L))
-        D = turn_tangent(Q)
+        K = skew(add(L, rotation_change(Q, L)))
+        JQ, change = times(J, Q), add(times(J, forced), rotation_change(Q, L))
+        D = rotation_tangent(Q)
         c = bodies.inverse_mass[b] / (frames.length[f] * frames.length[f])
         for j in range(3):
             Jj = (J[0][j], J[1][j], J[2][j])
             Dj = (D[0][j], D[1][j], D[2][j])
             if frames.exponential is not None:
                 Jj = axpy(g * Q[j], JQ, scale(psi, Jj))
-            column = sub(add(Jj, turn_change(Q, Jj)), times(K, Dj))
+            column = sub(add(Jj, rotation_change(Q, Jj)), times(K, Dj))
             if frames.exponential is not None:
                 column = axpy(g * Q[j], change, scale(psi, column))
             for i in range(3):

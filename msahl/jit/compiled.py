@@ -22,7 +22,7 @@ from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 from numba.extending import register_jitable
 
-import msahl.jit.struct_arguments  # noqa: F401 - tells numba what a group is
+import msahl.jit.struct_arguments  # noqa: F401 - registers groups with numba
 from msahl.jit.kernel import APART, MARKED
 from msahl.jit.kernel_store import Store
 from msahl.jit.linking import Apart, Entered, Inlined
@@ -143,7 +143,7 @@ class _Registrar(event.Listener):
 
 
 class _Stopwatch(event.Listener):
-    """Measures the seconds of compiling in this process; calls ``tell`` when it begins."""
+    """Counts the seconds of compiling in this process; calls ``tell`` when it begins."""
 
     def __init__(self) -> None:
         self.seconds, self.began, self.depth = 0.0, 0.0, 0
@@ -170,7 +170,7 @@ def working_clock() -> float:
 
 
 STORE = Store(cache_folder())
-# LLVM turns operations on tuples into vector instructions.
+# LLVM makes vector instructions of operations on tuples.
 setattr(numba.config, "SLP_VECTORIZE", 1)  # noqa: B010 - missing in its type stub
 event.register("numba:compile", _Registrar())  # type: ignore[no-untyped-call]
 event.register("numba:compile", STOPWATCH)  # type: ignore[no-untyped-call]

@@ -39,7 +39,7 @@ def optional(
 ]:
     """Mark a function whose first argument may be None as compilable; return ``otherwise`` then.
 
-    This is the one place where the kernels of systems without such a group are told apart. numba
+    This is the one place where systems without such a group are treated differently. numba
     compiles a version of each function for the types of its arguments; where the first is None it
     compiles nothing of the function itself.
     """

@@ -3,7 +3,7 @@
 numba passes a ``NamedTuple`` as all of its scalars, seven and more for an array: a thousand for a
 system, at every call, which took a third of the compile time. Here such a group of arrays is stored
 in memory while a kernel runs, and its address is passed. The group itself never changes while a
-kernel runs (only entries of its arrays do), and the compiler is told so.
+kernel runs (only entries of its arrays do), and the loads are marked invariant.
 """
 
 import hashlib
@@ -82,11 +82,11 @@ def _load(builder: Any, place: Any) -> Any:
     """Load the value at ``place`` and declare it invariant; LLVM allows this for scalars only."""
     kind = place.type.pointee
     if isinstance(kind, ir.Aggregate):
-        whole = ir.Constant(kind, ir.Undefined)
+        aggregate = ir.Constant(kind, ir.Undefined)
         for k in range(len(kind)):
             part = builder.gep(place, [_INT(0), _INT(k)], inbounds=True)
-            whole = builder.insert_value(whole, _load(builder, part), k)
-        return whole
+            aggregate = builder.insert_value(aggregate, _load(builder, part), k)
+        return aggregate
     value = builder.load(place)
     value.set_metadata("invariant.load", builder.module.add_metadata([]))
     return value

@@ -23,7 +23,7 @@ Row = tuple[float, ...]
 
 
 class _Rows(NamedTuple):
-    """Length of the rows of blocks, and the functions of ``algebra.vector`` for such rows."""
+    """Length of a block's rows, and the functions of ``algebra.vector`` for such rows."""
 
     size: int
     at: Kernel

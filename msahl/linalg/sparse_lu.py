@@ -2,7 +2,7 @@
 
     A = L U ,   A y = b
 
-The pivots have a fixed order, found once for a system. Positions, targets and lengths of the rows
+The pivots have a fixed order, found once for a system. Positions, targets and lengths of rows
 of L and U are tables of the ``Elimination``, so nothing is searched for here.
 """
 

@@ -6,7 +6,7 @@
 F and M are the reaction on the child over the step, M about the joint's point P on the child; the
 opposite acts on the parent at the same place in space. With rotation increments Q and the arms'
 means over the step,  du = u + Q x mean(P - x)  is the displacement of a body's matter at P, and the
-second is the whole work of the reaction on both bodies: zero to round-off for an ideal joint,
+second is the total work of the reaction on both bodies: zero to round-off for an ideal joint,
 whatever the step.
 
 A rolling disk's moment is not published. Its forces act at the rim's lowest point, as
@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.algebra.rotation import compose, inverse, matrix, to_step_turn, turn_change
+from msahl.algebra.rotation import compose, inverse, matrix, rotation_change, to_increment
 from msahl.algebra.vector import Vector, add, at, axpy, cross, dot, scale, sub, times
 from msahl.elements.constraints.products import rim
 from msahl.elements.rigid_body import STATE_SIZE, three
@@ -125,7 +125,7 @@ def _reaction_work(
 @kernel
 def _rolling_moment(r: float, n: Vector, e0: Vector, Q: Vector, F: Vector) -> Vector:
     """Mean moment of a disk's reaction about its centre over a rotation increment ``Q``."""
-    e1 = add(e0, turn_change(Q, e0))
+    e1 = add(e0, rotation_change(Q, e0))
     m0, m1 = dot(n, e0), dot(n, e1)
     root0, root1 = math.sqrt(1.0 - m0 * m0), math.sqrt(1.0 - m1 * m1)
     mean = scale(0.5, add(e0, e1))
@@ -144,13 +144,13 @@ def _carried(history: History, row: int, b: int, a: Vector) -> Vector:
 def _rotation(history: History, row: int, b: int) -> Vector:
     """Return the rotation increment of body ``b`` over the step that ends at ``row``."""
     before, after = at(history.p[row - 1], b), at(history.p[row], b)
-    return to_step_turn(compose(after, inverse(before)))
+    return to_increment(compose(after, inverse(before)))
 
 
 @kernel
 def _mean(Q: Vector, a: Vector) -> Vector:
     """Return the mean over a rotation increment ``Q`` of a vector that starts as ``a``."""
-    return axpy(0.5, turn_change(Q, a), a)
+    return axpy(0.5, rotation_change(Q, a), a)
 
 
 @kernel

@@ -7,15 +7,15 @@ import numpy as np
 
 from msahl.system.diagnostics import (
     BALANCE,
+    CONSTRAINT_WORK,
+    DISPLACEMENT,
     DISTANCE,
-    GAP,
-    GAP_RATE,
-    GAP_WORK,
     KINETIC,
     LOCAL,
+    ROTATION,
     SPEED,
-    TURN,
-    WAY,
+    VIOLATION,
+    VIOLATION_RATE,
 )
 
 AT_REST = 1e-12
@@ -43,7 +43,7 @@ class Extremes:
         """Add the monitor's rows of some steps, one array (steps, 10) for each subsystem."""
         if not len(subsystems[0]):
             return
-        total = np.sum([rows[:, :GAP] for rows in subsystems], axis=0)
+        total = np.sum([rows[:, :VIOLATION] for rows in subsystems], axis=0)
         worst = np.max(subsystems, axis=0)
         error = np.abs(total[:, BALANCE] - self.balance)
         self.error = max(self.error, float(error.max()))
@@ -62,7 +62,7 @@ class Extremes:
     @property
     def displacement(self) -> float:
         """Largest displacement of a mass centre since t = 0 [m]."""
-        return self.worst[WAY]
+        return self.worst[DISPLACEMENT]
 
     @property
     def size(self) -> float:
@@ -100,13 +100,13 @@ class Extremes:
             "energyErrorMax": self.error,
             "energyErrorMaxRelative": self.error / self.kinetic if moves else None,
             "energyErrorRms": (self.squares / max(self.steps, 1)) ** 0.5,
-            "constraintViolationMax": self.worst[GAP],
-            "constraintViolationRateMax": self.worst[GAP_RATE],
-            "constraintWorkMax": self.worst[GAP_WORK],
+            "constraintViolationMax": self.worst[VIOLATION],
+            "constraintViolationRateMax": self.worst[VIOLATION_RATE],
+            "constraintWorkMax": self.worst[CONSTRAINT_WORK],
             "speedMax": self.worst[SPEED],
-            "rotationPerStepMax": self.worst[TURN],
+            "rotationPerStepMax": self.worst[ROTATION],
             "distanceMax": self.worst[DISTANCE],
-            "displacementMax": self.worst[WAY],
+            "displacementMax": self.worst[DISPLACEMENT],
             "localErrorMax": self.worst[LOCAL],
             "localErrorSum": self.local,
         }

@@ -57,12 +57,12 @@ class StepMethod(Protocol):
         """
 
     def take_step(self, h: float, share: float) -> Outcome:
-        """Take one step of size ``h``, which is a ``share`` of the whole one, in compiled code."""
+        """Take one step of size ``h``, a ``share`` of the requested one, in compiled code."""
 
     def take_step_by_scipy(
         self, h: float, share: float, count_work: Callable[[int], None]
     ) -> Outcome:
-        """As ``take_step``, with scipy; ``count_work`` is told of the work done."""
+        """As ``take_step``, with scipy; ``count_work`` receives the work done."""
 
     def record_step(self, h: float, step: int, schedule: OutputSchedule) -> None:
         """Write the monitor's row ``step`` and the rows of the tables that are due there."""
@@ -74,7 +74,7 @@ class StepMethod(Protocol):
 class FixedStepper:
     """A ``Stepper`` with steps of a given size.
 
-    ``begun`` tells whether ``auto`` may use the compiled loop, ``large`` whether the subsystem is
+    ``begun`` says whether ``auto`` may use the compiled loop, ``large`` whether the subsystem is
     too large for scipy.
     """
 
@@ -166,7 +166,7 @@ class FixedStepper:
         return outcome
 
     def _subdivide(self, h: float, share: float, depth: int = MAX_SUBDIVISIONS) -> Outcome:
-        """Take a step ``h``, a ``share`` of the whole one, or its two halves if it fails."""
+        """Take a step ``h``, a ``share`` of the requested one, or its two halves if it fails."""
         outcome = self._solve_once(h, share)
         if outcome.converged or depth == 0:
             return outcome

@@ -1,4 +1,4 @@
-"""Tells how well a step is solved, and when a hard step must ask whether to stop."""
+"""Reports how well a step is solved, and when a hard step must ask whether to stop."""
 
 from collections.abc import Callable
 from typing import NamedTuple

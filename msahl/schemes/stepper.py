@@ -7,7 +7,7 @@ same loop.
 
 A class that implements ``Stepper`` must
 
-1. advance the state of its workspace by whole accepted steps only: after ``advance`` the state is
+1. advance the state of its workspace by accepted steps only: after ``advance`` the state is
    that of the last step counted in ``Advance.steps``, also where a further step failed;
 2. write, for step k of a chunk, the row k of ``workspace.monitor.rows`` and the rows of
    ``workspace.tables`` that the schedule assigns to it, and no others;
@@ -24,7 +24,7 @@ A class that implements ``Stepper`` must
    steps, after ``reset_prediction``: the caller changed the state or its steps are changing fast;
 7. take the degree of another stepper of the same class in ``follow_degree``, if it has one: a
    companion run is compared with the run step by step;
-8. tell in ``smallest_tried`` the size [s] of the shortest step that it tries for a chunk;
+8. return in ``smallest_tried`` the size [s] of the shortest step that it tries for a chunk;
 9. count in ``scipy_steps`` and ``subdivisions`` the steps solved by scipy and the steps divided;
 10. end a step at every event of ``events``, if that is not None, let the event change the state,
     and go on from there. Where ``events`` is None this costs nothing: the compiled loop over many

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.algebra.rotation import compose, from_step_turn
+from msahl.algebra.rotation import compose, from_increment
 from msahl.algebra.vector import at, scale
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import first_multiplier, frame_count, moving_count, rotation_node
@@ -51,7 +51,7 @@ def assemble(system: System, state: State) -> Assembled:
         state.x[:] += step[frames.displacement]
         for b in range(frame_count(frames)):
             Q = scale(1.0 / frames.length[b], at(step, rotation_node(frames, b)))
-            state.p[b] = compose(from_step_turn(Q), at(state.p, b))
+            state.p[b] = compose(from_increment(Q), at(state.p, b))
         violation = _largest_violation(system, state)
     if not violation <= 1e3 * CLOSED * length:
         raise StartError(

@@ -3,7 +3,7 @@ reactions are unique.
 
 Multipliers lam with G^T lam = 0 move nothing: any amount of them can be added to a solution. They
 form the null space of G^T. A component of a reaction is a linear function of the multipliers, so it
-is unique if that function is zero in the whole null space. Source: Wojtyra, Joint reactions in
+is unique if that function is zero in all of the null space. Source: Wojtyra, Joint reactions in
 rigid body mechanisms with dependent constraints, Mech. Mach. Theory 44 (2009), who decides by
 joint; the functions are those by which the reactions are published.
 """
@@ -58,7 +58,7 @@ def constraint_matrix(system: System, state: State) -> "csr_array":
 
 def constraint_rank(system: System, state: State) -> int:
     """Number of independent joint equations in the state's configuration."""
-    # A regular matrix of the whole system proves them independent, and is cheap where it is large.
+    # A regular matrix of the full system proves them independent, and is cheap where it is large.
     if is_regular(system, state, choose(system, all_unknowns(system))):
         return multiplier_count(system)
     G = constraint_matrix(system, state)

@@ -9,7 +9,7 @@ A vector y holds x (3), e (4), v (3), w (3) of every body, one body after the ot
 
 import numpy as np
 
-from msahl.algebra.rotation import compose, from_step_turn
+from msahl.algebra.rotation import compose, from_increment
 from msahl.algebra.vector import add, at, matrix_at, put, scale, times, transpose
 from msahl.elements import rigid_body
 from msahl.elements.constraints import scalar
@@ -142,7 +142,7 @@ def _move(system: System, state: State, instant: Instant) -> None:
     for b in range(moving_count(system.frames)):
         rotation = rotation_increment(system.frames, instant.solution, b)
         put(state.x, b, add(at(state.x, b), displacement(system.frames, instant.solution, b)))
-        put(state.p, b, compose(from_step_turn(rotation), at(state.p, b)))
+        put(state.p, b, compose(from_increment(rotation), at(state.p, b)))
 
 
 @kernel

@@ -1,14 +1,15 @@
-"""What is known of a run over all its steps, thinned in the output or not.
+"""Record figures of every accepted step: energy balance, violations, speeds, local errors.
 
-Every accepted step leaves a row of figures; chunk by chunk they are folded into the extremes of the
-run. The energy balance is E - work of the loads: it stays what it was, exactly, for the exact
-motion. The local error is what one step adds to a body's place,
+The figures of a chunk of steps are kept in rows, and reduced to the extremes of the run between
+chunks, whether or not a step is an output time. The energy balance is E - work of the loads; it is
+constant for the exact motion. The local error is the estimated error of a body's position by one
+step,
 
     h^2/12 |change of a| + l (h^2/12 |change of alpha| + (h W)^3/12)
 
-the trapezoidal rule's for the way and for the turn, and the discrete turn's own (2 tan(h W/2) is
-taken for h W). Their sum is an estimate of a regular motion's error, from above or near it; what
-chaos makes of it, only a second run can tell.
+that of the trapezoidal rule for displacement and rotation, and that of the rotation increment (2
+tan(h W/2) for h W). Their sum estimates the error of a regular motion from above or near it; it
+does not contain the growth of errors in a chaotic motion.
 """
 
 import math
@@ -23,16 +24,27 @@ from msahl.jit.kernel import apart, kernel
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace
 
-BALANCE, KINETIC, GAP, GAP_RATE, GAP_WORK, SPEED, TURN, DISTANCE, WAY, LOCAL = range(10)
+(
+    BALANCE,
+    KINETIC,
+    VIOLATION,
+    VIOLATION_RATE,
+    CONSTRAINT_WORK,
+    SPEED,
+    ROTATION,
+    DISTANCE,
+    DISPLACEMENT,
+    LOCAL,
+) = range(10)
 
 
 class Monitor(NamedTuple):
-    """Rows of one chunk, and room for the joints' gaps.
+    """Figures of the steps of one chunk, and arrays for the constraint violations.
 
-    A row is: balance, kinetic energy [J]; largest gap [m] and gap rate [m/s]; work that the joints'
-    forces have in their gaps [J]; of the bodies the highest speed [m/s], of the mass centre and the
-    turning at l, the fastest turn a step [rad], the farthest from the origin and from where they
-    began, and the largest local error [m].
+    A row is: balance, kinetic energy [J]; largest violation [m] and its rate [m/s]; work of the
+    multipliers on the violations [J]; of the bodies the highest speed, of mass centre and of
+    rotation at l [m/s], the largest rotation per step [rad], distance from the origin, displacement
+    since t = 0, and local error [m].
     """
 
     rows: np.ndarray  # (steps, 10)
@@ -42,7 +54,7 @@ class Monitor(NamedTuple):
 
 
 def new_monitor(state: State, steps: int) -> Monitor:
-    """Room for ``steps`` rows."""
+    """Return a monitor for ``steps`` steps."""
     return Monitor(
         rows=np.zeros((steps, LOCAL + 1)),
         began=state.x.copy(),
@@ -52,7 +64,7 @@ def new_monitor(state: State, steps: int) -> Monitor:
 
 
 @kernel
-def look(
+def record_figures(
     system: System, state: State, start: SystemWorkspace, h: float, monitor: Monitor, row: int
 ) -> None:
     """Fill a row with the figures of the accepted, prepared state after a step ``h``."""
@@ -64,10 +76,10 @@ def look(
     scalar.in_metres(system.scalar, monitor.violation, monitor.rate)
     monitor.rows[row, BALANCE] = balanced(kinetic + potential, state)
     monitor.rows[row, KINETIC] = kinetic
-    monitor.rows[row, GAP] = largest_length(monitor.violation)
-    monitor.rows[row, GAP_RATE] = largest_length(monitor.rate)
-    monitor.rows[row, GAP_WORK] = work
-    look_at_bodies(system, state, start, h, monitor, row)
+    monitor.rows[row, VIOLATION] = largest_length(monitor.violation)
+    monitor.rows[row, VIOLATION_RATE] = largest_length(monitor.rate)
+    monitor.rows[row, CONSTRAINT_WORK] = work
+    record_bodies(system, state, start, h, monitor, row)
 
 
 @kernel
@@ -82,17 +94,19 @@ def balanced(energy: float, state: State) -> float:
 def energy_balance(
     system: System, state: State, start: SystemWorkspace, violation: np.ndarray, rate: np.ndarray
 ) -> float:
-    """Energy balance [J] of the prepared state; ``gap`` and ``rate`` (k, 3) are room."""
+    """Return the energy balance [J] of the prepared state; sets ``violation`` and ``rate``."""
     kinetic, potential = evaluate.observe(system, state, start, violation, rate)
     return balanced(kinetic + potential, state)
 
 
 @kernel
-def look_at_bodies(
+def record_bodies(
     system: System, state: State, start: SystemWorkspace, h: float, monitor: Monitor, row: int
 ) -> None:
-    """Fill in speed, turn, distance, way and local error, each of the body where it is largest."""
-    speed, turn, distance, way, local = 0.0, 0.0, 0.0, 0.0, 0.0
+    """Record speed, rotation per step, distance, displacement and local error, each the largest of
+    all bodies.
+    """
+    speed, rotation, distance, displacement, local = 0.0, 0.0, 0.0, 0.0, 0.0
     for b in range(moving_count(system.frames)):
         v, W, x = at(start.frames.v, b), at(start.frames.W, b), at(state.x, b)
         a, alpha = at(state.a_trend[0], b), at(state.alpha_trend[0], b)
@@ -101,15 +115,15 @@ def look_at_bodies(
         angle = h * spin
         bend = math.sqrt(dot(a, a)) + length * math.sqrt(dot(alpha, alpha))
         speed = max(speed, math.sqrt(dot(v, v)) + length * spin)
-        turn = max(turn, angle)
+        rotation = max(rotation, angle)
         distance = max(distance, dot(x, x))
         gone = sub(x, at(monitor.began, b))
-        way = max(way, dot(gone, gone))
+        displacement = max(displacement, dot(gone, gone))
         local = max(local, h * h * bend + length * angle * angle * angle)
     monitor.rows[row, SPEED] = speed
-    monitor.rows[row, TURN] = turn
+    monitor.rows[row, ROTATION] = rotation
     monitor.rows[row, DISTANCE] = math.sqrt(distance)
-    monitor.rows[row, WAY] = math.sqrt(way)
+    monitor.rows[row, DISPLACEMENT] = math.sqrt(displacement)
     monitor.rows[row, LOCAL] = local / 12.0
 
 

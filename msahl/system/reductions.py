@@ -60,9 +60,9 @@ def _is_planar(system: System, start: SystemWorkspace, axis: int) -> bool:
     return not _held(group, products, axis)[acting[acting >= 0]].any()
 
 
-def _is_zero(part: np.ndarray, whole: np.ndarray) -> bool:
-    """Whether ``part`` (n, k) is nothing but round-off of the vectors ``whole`` (n, m)."""
-    return bool(np.all(np.abs(part) <= ROUND_OFF * np.linalg.norm(whole, axis=1)[:, None]))
+def _is_zero(part: np.ndarray, vectors: np.ndarray) -> bool:
+    """Whether ``part`` (n, k) is nothing but round-off of ``vectors`` (n, m)."""
+    return bool(np.all(np.abs(part) <= ROUND_OFF * np.linalg.norm(vectors, axis=1)[:, None]))
 
 
 def _fits(group: Coordinates, products: ProductsWorkspace, ground: int, q: int, axis: int) -> bool:

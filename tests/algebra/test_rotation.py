@@ -14,14 +14,14 @@ from msahl.algebra.rotation import (
     HALF_TURN,
     compose,
     from_axis_angle,
-    from_step_turn,
+    from_increment,
     inverse,
     matrix,
     rescaled,
+    rotation_change,
+    rotation_tangent,
     to_axis_angle,
-    to_step_turn,
-    turn_change,
-    turn_tangent,
+    to_increment,
 )
 from msahl.algebra.vector import skew
 
@@ -100,11 +100,11 @@ def test_rescaling_keeps_the_orientation(axis, length):
 def test_rotation_increment_and_parameters_say_the_same(axis, phi):
     unit = np.array(axis) / math.hypot(*axis)
     Q = tuple(2.0 * math.tan(phi / 2) * unit)
-    c = from_step_turn(Q)
+    c = from_increment(Q)
     assert c == pytest.approx(4.0 * math.tan(phi / 4) * unit, rel=1e-14, abs=1e-300)
     # Near half a revolution 1 - c.c/16 cancels: its relative error is eps over itself.
     loss = 1.0 / (1.0 - np.dot(c, c) / 16.0)
-    assert to_step_turn(c) == pytest.approx(Q, rel=ROUND_OFF * loss, abs=1e-300)
+    assert to_increment(c) == pytest.approx(Q, rel=ROUND_OFF * loss, abs=1e-300)
 
 
 @given(axes, st.one_of(st.floats(0.0, 3.1), small), axes)
@@ -114,19 +114,19 @@ def test_the_change_of_a_rotated_vector_does_not_cancel(axis, phi, a):
     # Rodrigues' formula, 1 - cos by the half angle.
     Ka = np.cross(unit, a)
     change = math.sin(phi) * Ka + 2.0 * math.sin(phi / 2) ** 2 * np.cross(unit, Ka)
-    assert np.abs(np.array(turn_change(Q, a)) - change).max() <= ROUND_OFF * min(1.0, phi) * 4
+    assert np.abs(np.array(rotation_change(Q, a)) - change).max() <= ROUND_OFF * min(1.0, phi) * 4
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-8, 1e-3, 0.5, 2.0, 30.0])
 def test_the_tangent_of_a_rotation_is_its_derivative_on_the_manifold(size):
     rng = np.random.default_rng(3)
     Q = size * rng.normal(size=3)
-    D = np.array(turn_tangent(tuple(Q)))
+    D = np.array(rotation_tangent(tuple(Q)))
     e = 1e-5 * max(1.0, size)
     for j in range(3):
         step = np.zeros(3)
         step[j] = e
-        ends = [np.array(matrix(from_step_turn(tuple(Q + s * step)))) for s in (1.0, -1.0)]
+        ends = [np.array(matrix(from_increment(tuple(Q + s * step)))) for s in (1.0, -1.0)]
         # R(Q + e) R(Q - e)^T = exp([2 e D_j] + O(e^3)); its skew part is that angle to O(e^3).
         W = ends[0] @ ends[1].T
         angle = 0.5 * np.array([W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]])

@@ -15,11 +15,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from msahl.algebra.functions import Law
-from msahl.algebra.rotation import compose, from_axis_angle, from_step_turn
+from msahl.algebra.rotation import compose, from_axis_angle, from_increment
 from msahl.algebra.vector import ZERO
 from msahl.elements import forces
 from msahl.elements.constraints import scalar
-from msahl.elements.constraints.coordinates import Derivatives
+from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.model import (
     Bushing,
     ConcentratedLoad,
@@ -196,7 +196,7 @@ def exact():
 @pytest.fixture
 def plain(monkeypatch):
     """Let the adaptive stepper call its kernels uncompiled."""
-    monkeypatch.setattr(collocation_stepper, "_take_pairs", step_control.march)
+    monkeypatch.setattr(collocation_stepper, "_take_pairs", step_control.take_pairs)
 
 
 def run(word, steps, accuracy=None):
@@ -216,9 +216,9 @@ def run(word, steps, accuracy=None):
             assert integrator.advance(Chunk(last=steps, times=np.array([T]))).steps > 0
     elif degree:
         subsystem = integrator.stepper.method.subsystem
-        assert collocation.march(subsystem, h, 0, steps, nothing_due, np.zeros(0)) == steps
+        assert collocation.take_steps(subsystem, h, 0, steps, nothing_due, np.zeros(0)) == steps
     else:
-        assert midpoint.march(workspace, h, 0, steps, nothing_due - 1) == steps
+        assert midpoint.take_steps(workspace, h, 0, steps, nothing_due - 1) == steps
     state = workspace.state
     angle = 4.0 * np.arctan(state.p[0, 1] / 4.0)
     drift = abs(balance_of(workspace) - balance)
@@ -323,7 +323,7 @@ class Point:
         self.v, self.W = np.zeros((2, moving + 1, 3))
         self.v[:moving], self.W[:moving] = rng.normal(size=(2, moving, 3))
         for f in range(moving):
-            turn = from_step_turn(random_vector(rng, 0.4))
+            turn = from_increment(random_vector(rng, 0.4))
             self.state.p[f] = compose(turn, tuple(self.state.p[f]))
         self.start = new_system_workspace(self.system, self.state)
         self.still = np.zeros((node_count(self.system), 3))
@@ -371,7 +371,7 @@ class Point:
                 continue
             p = np.array(
                 [
-                    compose(from_step_turn(tuple(s * turn[f])), tuple(self.state.p[f]))
+                    compose(from_increment(tuple(s * turn[f])), tuple(self.state.p[f]))
                     for f in range(len(turn))
                 ]
             )

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from msahl.algebra.rotation import compose, from_axis_angle, from_step_turn, matrix
+from msahl.algebra.rotation import compose, from_axis_angle, from_increment, matrix
 from msahl.elements.constraints import coordinates
 from msahl.joints.registry import KINDS
 from msahl.run.subsystem import SubsystemIntegrator
@@ -141,7 +141,7 @@ def test_degrees_of_freedom_open_nothing_and_the_rest_do(kind, seed):
             assert np.abs(violation).max(initial=0.0) < 1e-13
     for twist in held.twists()[1]:
         small = 1e-3 * twist
-        A = np.array(matrix(from_step_turn(vector(small[3:]))))
+        A = np.array(matrix(from_increment(vector(small[3:]))))
         violation, _ = held.opened(held.moved(A, small[:3]))
         assert np.abs(violation).max() > 1e-5
 

@@ -98,8 +98,10 @@ def test_every_deck_goes_on_bit_for_bit(monkeypatch, path):
     same_run(monkeypatch, model, Options(every=3), 20)
 
 
-HIGHER_ORDER_DECKS = ("triple_pendulum_45", "spring_damper", "friction_hinge", "joint_motion_table", "bricard",
-          "two_pendulums", "knife_edge")  # fmt: skip
+HIGHER_ORDER_DECKS = (
+    "triple_pendulum_45", "spring_damper", "friction_hinge", "joint_motion_table", "bricard",
+    "two_pendulums", "knife_edge",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("name", HIGHER_ORDER_DECKS)

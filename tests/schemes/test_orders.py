@@ -11,6 +11,7 @@ longer = pytest.mark.skipif(
     np.finfo(LONG).eps == np.finfo(float).eps, reason="longdouble is double on this machine"
 )
 
+
 @pytest.fixture(scope="module")
 def orders():
     return orders_module

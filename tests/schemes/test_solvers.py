@@ -193,8 +193,11 @@ def test_a_failed_step_leaves_the_state_as_it_was(monkeypatch, solver):
         assert np.array_equal(array, value)
 
 
-def _flat(start):
-    return [array for group in start if group is not None for array in group]
+def _flat(group):
+    """The arrays of nested groups."""
+    if isinstance(group, tuple):
+        return [array for part in group for array in _flat(part)]
+    return [group] if isinstance(group, np.ndarray) else []
 
 
 # Work counts -------------------------------------------------------------------------------------

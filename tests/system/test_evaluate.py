@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from msahl.algebra.rotation import compose, from_step_turn, matrix
+from msahl.algebra.rotation import compose, from_increment, matrix
 from msahl.algebra.vector import at
 from msahl.system import evaluate
 from msahl.system.arrays import new_system_workspace
@@ -26,7 +26,7 @@ def moved(system, state, direction, step):
         x[f] += by_node[frames.displacement[f]]
         theta = by_node[frames.rotation[f]]
         # A rotation increment of the length |theta| is the angle |theta|, to its third power.
-        p[f] = compose(from_step_turn(tuple(theta)), at(p, f))
+        p[f] = compose(from_increment(tuple(theta)), at(p, f))
         w[f] = np.array(matrix(at(p, f))).T @ W
     return state._replace(x=x, p=p, w=w)
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.algebra.rotation import turn_change
+from msahl.algebra.rotation import rotation_change
 from msahl.algebra.vector import (
     add,
     at,
@@ -121,7 +121,7 @@ def residual(
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """Take the mean joint forces over a step of the midpoint element from the rows of the frames,
+    """Take the mean joint forces over a step of the midpoint element from the frames' equations,
     and set those of the violation; the unknowns in ``Z`` are dt2 times the multipliers by mass.
     """
     for k in range(group.a.size):
@@ -141,8 +141,8 @@ def set_violations(
     """Set the constraint equations to the violations at the end of the step [m]."""
     for k in range(group.a.size):
         a, b = group.a[k], group.b[k]
-        dr_a = turn_change(rotation_increment(frames, Z, a), at(start.r_a, k))
-        dr_b = turn_change(rotation_increment(frames, Z, b), at(start.r_b, k))
+        dr_a = rotation_change(rotation_increment(frames, Z, a), at(start.r_a, k))
+        dr_b = rotation_change(rotation_increment(frames, Z, b), at(start.r_b, k))
         moved = sub(add(displacement(frames, Z, b), dr_b), add(displacement(frames, Z, a), dr_a))
         put(F, group.row[k], add(at(start.violation, k), moved))
 
@@ -156,7 +156,7 @@ def jacobian(
     Z: np.ndarray,
     values: np.ndarray,
 ) -> None:
-    """Add the blocks that change with the turns and the force."""
+    """Add the derivatives that depend on the rotations and on the force."""
     for k in range(group.a.size):
         force = scale(group.mass[k] / dt2, at(Z, group.row[k]))
         for side in range(2):

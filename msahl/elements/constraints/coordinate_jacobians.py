@@ -84,20 +84,20 @@ def rate_gradient(
     A rate is the unit force times the velocities, so it is the stiffness times them. Wants
     ``evaluate`` at rest.
     """
-    room, v, W = out.scratch, motion.v, motion.W
+    scratch, v, W = out.scratch, motion.v, motion.W
     for block in group.block[q]:
         if block > 0:
             for e in range(block, block + 9):
-                room[e] = 0.0
-    _add_unit_force_derivatives(group, start, frames, out.still, q, (1.0, 1.0, 1.0, 1.0), room)
+                scratch[e] = 0.0
+    _add_unit_force_derivatives(group, start, frames, out.still, q, (1.0, 1.0, 1.0, 1.0), scratch)
     k = group.first[q]
     a, b = group.products.a[k], group.products.b[k]
     speed = (at(v, a), at(W, a), at(v, b), at(W, b))
     return (
-        _times_velocities(group, q, U_A, speed, room),
-        _times_velocities(group, q, Q_A, speed, room),
-        _times_velocities(group, q, U_B, speed, room),
-        _times_velocities(group, q, Q_B, speed, room),
+        _times_velocities(group, q, U_A, speed, scratch),
+        _times_velocities(group, q, Q_A, speed, scratch),
+        _times_velocities(group, q, U_B, speed, scratch),
+        _times_velocities(group, q, Q_B, speed, scratch),
     )
 
 
@@ -107,7 +107,7 @@ def _times_velocities(
     q: int,
     column: int,
     speed: tuple[Vector, Vector, Vector, Vector],
-    room: np.ndarray,
+    scratch: np.ndarray,
 ) -> Vector:
     """Return the velocities times the blocks of one column."""
     total = ZERO
@@ -115,7 +115,7 @@ def _times_velocities(
         e = group.block[q, PARTS * row + column]
         if e > 0:
             for j in range(3):
-                line = (room[e + 3 * j], room[e + 3 * j + 1], room[e + 3 * j + 2])
+                line = (scratch[e + 3 * j], scratch[e + 3 * j + 1], scratch[e + 3 * j + 2])
                 total = axpy(speed[row][j], line, total)
     return total
 

@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.algebra.rotation import turn_change
+from msahl.algebra.rotation import rotation_change
 from msahl.algebra.vector import (
     ZERO,
     Matrix,
@@ -113,8 +113,8 @@ def moved(
 ) -> Vector:
     """Return the change of D over the step."""
     a, b = group.a[k], group.b[k]
-    dr_a = turn_change(rotation_increment(frames, Z, a), at(start.r_a, k))
-    dr_b = turn_change(rotation_increment(frames, Z, b), at(start.r_b, k))
+    dr_a = rotation_change(rotation_increment(frames, Z, a), at(start.r_a, k))
+    dr_b = rotation_change(rotation_increment(frames, Z, b), at(start.r_b, k))
     return sub(add(displacement(frames, Z, b), dr_b), add(displacement(frames, Z, a), dr_a))
 
 
@@ -136,10 +136,10 @@ def gradient(
     a, b, owner = group.a[k], group.b[k], group.owner[k]
     kind = group.kind[k]
     n0, e0 = at(start.n, k), at(start.e, k)
-    dn = turn_change(rotation_increment(frames, Z, owner), n0)
+    dn = rotation_change(rotation_increment(frames, Z, owner), n0)
     n = axpy(0.5, dn, n0)
     if kind == DOT:
-        de = turn_change(rotation_increment(frames, Z, b), e0)
+        de = rotation_change(rotation_increment(frames, Z, b), e0)
         e = axpy(0.5, de, e0)
         t = cross(e, n)
         return dot(n, de) + dot(e, dn), ZERO, scale(-1.0, t), t
@@ -147,7 +147,7 @@ def gradient(
     r_a = mean(frames, Z, a, at(start.r_a, k))
     r_b = mean(frames, Z, b, at(start.r_b, k))
     if kind == ROLL:
-        de = turn_change(rotation_increment(frames, Z, b), e0)
+        de = rotation_change(rotation_increment(frames, Z, b), e0)
         rho = rim(at(start.r_a, k), axpy(0.5, de, e0))
         t_b = cross(add(r_b, rho), n0)
         return dot(n0, dD) + dot(rotation_increment(frames, Z, b), cross(rho, n0)), n0, ZERO, t_b
@@ -172,9 +172,9 @@ def end_gradient(
     kind = group.kind[k]
     n0, e0 = at(start.n, k), at(start.e, k)
     T_n = transpose(end_tangent(frames, Z, owner, n0))
-    dn = turn_change(rotation_increment(frames, Z, owner), n0)
+    dn = rotation_change(rotation_increment(frames, Z, owner), n0)
     n1 = add(n0, dn)
-    e1 = add(e0, turn_change(rotation_increment(frames, Z, b), e0))
+    e1 = add(e0, rotation_change(rotation_increment(frames, Z, b), e0))
     if kind == DOT:
         T_e = transpose(end_tangent(frames, Z, b, e0))
         return ZERO, scale(-1.0, times(T_n, e1)), scale(-1.0, times(T_e, n1))

@@ -18,7 +18,7 @@ Over a step of the midpoint element (``over_step``, then ``mean_residual``, ``me
 ``mean_work``) rows are lengths: -dt2 times those accelerations, where dt2 is h^2/2 or, of a
 decaying scheme, more.
 
-In a system without coordinates ``along`` is None, and the kernels compiled for it hold no code of
+In a system without coordinates ``scalar`` is None, and the kernels compiled for it hold no code of
 springs and friction.
 """
 

@@ -38,7 +38,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws, evaluate, moments
-from msahl.algebra.rotation import turn_change
+from msahl.algebra.rotation import rotation_change
 from msahl.algebra.vector import (
     Matrix,
     Vector,
@@ -309,7 +309,7 @@ def mean_work(
         Q = rotation_increment(frames, Z, b)
         f = mean(frames, Z, group.f_axes[k], at(start.f, k))
         m = mean(frames, Z, group.m_axes[k], at(start.m, k))
-        moved = add(at(Z, displacement_node(frames, b)), turn_change(Q, at(start.r, k)))
+        moved = add(at(Z, displacement_node(frames, b)), rotation_change(Q, at(start.r, k)))
         total[group.column[k]] += dot(f, moved) + dot(m, Q)
 
 

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.algebra.rotation import turn_change
+from msahl.algebra.rotation import rotation_change
 from msahl.algebra.vector import (
     IDENTITY,
     Matrix,
@@ -154,7 +154,7 @@ def displacement(group: Drags, arm: np.ndarray, frames: Frames, Z: np.ndarray, k
     b = group.frame[k]
     return add(
         at(Z, displacement_node(frames, b)),
-        turn_change(rotation_increment(frames, Z, b), at(arm, k)),
+        rotation_change(rotation_increment(frames, Z, b), at(arm, k)),
     )
 
 

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import legendre, polynomial
 
-from msahl.algebra.rotation import compose, from_step_turn, inverse, matrix
+from msahl.algebra.rotation import compose, from_increment, inverse, matrix
 from msahl.algebra.vector import (
     ZERO,
     Vector,
@@ -62,7 +62,7 @@ class StepEnd(NamedTuple):
     p: np.ndarray  # (n+1, 3)
     v: np.ndarray  # (n+1, 3)
     W: np.ndarray  # (n+1, 3) inertial axes
-    angle: np.ndarray  # (q,) the quantities' values
+    angle: np.ndarray  # (q,) values of the coordinates
     work: np.ndarray  # (w,)
 
 
@@ -189,15 +189,15 @@ def fit(output: DenseOutput, instant: Instant) -> None:
     h = end.time[0] - begin.time[0]
     for b in range(moving_count(frames)):
         c = compose(at(end.p, b), inverse(at(begin.p, b)))
-        u_node, turn_node = displacement_node(frames, b), rotation_node(frames, b)
+        u_node, Q_node = displacement_node(frames, b), rotation_node(frames, b)
         put(curve[0], u_node, ZERO)
-        put(curve[0], turn_node, ZERO)
+        put(curve[0], Q_node, ZERO)
         put(curve[1], u_node, scale(h, at(begin.v, b)))
-        put(curve[1], turn_node, scale(h, at(begin.W, b)))
+        put(curve[1], Q_node, scale(h, at(begin.W, b)))
         put(curve[3], u_node, sub(at(end.x, b), at(begin.x, b)))
-        put(curve[3], turn_node, c)
+        put(curve[3], Q_node, c)
         put(curve[4], u_node, scale(h, at(end.v, b)))
-        put(curve[4], turn_node, scale(h, local_rotation.parameter_rate(c, at(end.W, b))))
+        put(curve[4], Q_node, scale(h, local_rotation.parameter_rate(c, at(end.W, b))))
     for level in range(output.basis.shape[0]):
         count = 2 if level == 0 else 2 * level
         for m in range(count):
@@ -232,7 +232,7 @@ def _set_to_end(output: DenseOutput, point: StepEnd) -> None:
 
 @apart
 def _prepare(output: DenseOutput, angle: np.ndarray) -> None:
-    """Prepare the interpolated state; full turns are counted from the angles given."""
+    """Prepare the interpolated state; full revolutions are counted from the angles given."""
     workspace = output.workspace
     for q in range(angle.size):
         workspace.state.angle[q] = angle[q]
@@ -362,6 +362,6 @@ def _project(output: DenseOutput, instant: Instant) -> None:
     scalar.in_metres(system.scalar, monitor.violation, monitor.rate)
     accelerations.solve_projection(system, state, start, monitor.violation, instant)
     for b in range(moving_count(frames)):
-        turn = scale(1.0 / frames.length[b], at(instant.solution, rotation_node(frames, b)))
+        Q = scale(1.0 / frames.length[b], at(instant.solution, rotation_node(frames, b)))
         put(state.x, b, add(at(state.x, b), at(instant.solution, displacement_node(frames, b))))
-        put(state.p, b, compose(from_step_turn(turn), at(state.p, b)))
+        put(state.p, b, compose(from_increment(Q), at(state.p, b)))

@@ -290,12 +290,12 @@ def accept(
     scalar.raise_term_sizes(system.scalar, stages.start.scalar, 1.0, stages.last_load_scale)
     for b in range(bodies.frame.size):
         f = bodies.frame[b]
-        u_node, turn_node = displacement_node(frames, f), rotation_node(frames, f)
+        u_node, Q_node = displacement_node(frames, f), rotation_node(frames, f)
         u = at(stages.Z[s - 1], u_node)
-        c = scale(1.0 / frames.length[f], at(stages.Z[s - 1], turn_node))
+        c = scale(1.0 / frames.length[f], at(stages.Z[s - 1], Q_node))
         pi = add(
             scaled_momentum(system, start.bodies.J, start.frames.W, b),
-            at(stages.impulse, turn_node),
+            at(stages.impulse, Q_node),
         )
         L = local_rotation.moment(c, pi) if stages.tableau.is_variational else pi
         L = scale(frames.length[f] / frames.inverse_mass[f], L)
@@ -309,9 +309,9 @@ def accept(
         put(state.w, f, times(matrix_at(stages.inverse_inertia, b), times(transpose(matrix(p)), L)))
         for i in range(s):
             put(stages.last_rates[i], u_node, at(stages.rate[i], u_node))
-            put(stages.last_rates[i], turn_node, at(stages.rate[i], turn_node))
+            put(stages.last_rates[i], Q_node, at(stages.rate[i], Q_node))
         put(stages.last_rates[s], u_node, at(start.frames.v, f))
-        put(stages.last_rates[s], turn_node, at(start.frames.W, f))
+        put(stages.last_rates[s], Q_node, at(start.frames.W, f))
     _accept_multipliers(system, state, stages, h)
     _set_end_accelerations(system, state, start, stages, h)
     stages.last_step[0], stages.last_step[1] = state.time[0], h

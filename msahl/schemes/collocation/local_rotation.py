@@ -38,8 +38,8 @@ def tangent(c: Vector) -> Matrix:
     """Return the matrix H."""
     s = scale(0.25, c)
     k = 1.0 / (1.0 + dot(s, s)) ** 2
-    turned = outer(2.0, s, s, skew(scale(2.0, s)))
-    B = combine(1.0 - dot(s, s), IDENTITY, turned)
+    skew_part = outer(2.0, s, s, skew(scale(2.0, s)))
+    B = combine(1.0 - dot(s, s), IDENTITY, skew_part)
     return multiple(k, B)
 
 

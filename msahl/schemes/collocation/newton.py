@@ -61,8 +61,8 @@ class CollocationWorkspace(NamedTuple):
     y: np.ndarray  # (f, s) right-hand side, in the order of elimination
     pivot_rows: np.ndarray  # (s,) work array of the factorisation
     dense_output: DenseOutput
-    whole_rates: np.ndarray  # (s + 1, nodes, 3) velocities of a step that is repeated in halves
-    whole_solution: np.ndarray  # (s, nodes, 3) solution of that step
+    long_rates: np.ndarray  # (s + 1, nodes, 3) velocities of a long step, to predict its halves
+    long_solution: np.ndarray  # (s, nodes, 3) its solution
     outcome: np.ndarray  # (2,) residual and worst row of the last step
 
 
@@ -87,8 +87,8 @@ def new_collocation_workspace(
         y=np.zeros((lu.order.size, degree)),
         pivot_rows=np.zeros(degree, dtype=np.int64),
         dense_output=new_dense_output(workspace, higher.order(degree), higher.decays),
-        whole_rates=np.zeros_like(stages.last_rates),
-        whole_solution=np.zeros_like(stages.Z),
+        long_rates=np.zeros_like(stages.last_rates),
+        long_solution=np.zeros_like(stages.Z),
         outcome=np.zeros(2),
     )
 

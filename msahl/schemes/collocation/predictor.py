@@ -122,8 +122,8 @@ def _rate_time(tableau: Tableau, begin: float, size: float, near: float, j: int)
 SWEEPS = 3
 """Iterations for the predicted rotations; each gains a power of the rotation over the step."""
 MAX_PARAMETERS = 16.0
-"""Largest predicted rotation parameters, at 304 degrees. Near a full turn they tend to infinity,
-and relative to a step of such a length any residual would be small."""
+"""Largest predicted rotation parameters, at 304 degrees. Near a full revolution they tend to
+infinity, and relative to a step of such a length any residual would be small."""
 
 
 @kernel

@@ -57,7 +57,7 @@ def take_step(
     h: float,
     count_work: Callable[[int], None] = lambda work: None,
 ) -> Outcome:
-    """Take a step of size ``h`` if it converges; ``count_work`` is told of the work done."""
+    """Take a step of size ``h`` if it converges; ``count_work`` receives the work done."""
     workspace, stages = subsystem.workspace, subsystem.stages
     free, s = workspace.unknowns.free, subsystem.y.shape[1]
     step = _Equations(subsystem, h, count_work)

@@ -1,9 +1,10 @@
 """Chooses the size of collocation steps from a tolerance on their local errors.
 
-Steps are taken in pairs of equal halves, and each pair is compared with one step of the whole size
-from the same state. Of a method of order p the difference gives the local error of the pair,
+Steps are taken in pairs of equal halves, and each pair is compared with one long step, of the size
+of the pair, from the same state. Of a method of order p the difference gives the local error of the
+pair,
 
-    e = |pair - whole step| / (2^p - 1)                                                  [m]
+    e = |pair - long step| / (2^p - 1)                                                  [m]
 
     |.|    the largest of all bodies: displacement plus body length times rotation
     h      size of the pair [s]
@@ -22,7 +23,7 @@ for (``breakpoints``).
 The positions at the ends of steps say little where motions are prescribed (if all are, there is no
 error) or where loads oscillate (their impulses are exact). So in all systems but those of
 coinciding points without laws of time two more terms count: the error of the dense output at the
-middle of the whole step, and that of the works, relative to the system's energy, times its length.
+middle of the long step, and that of the works, relative to the system's energy, times its length.
 
 Source: E. Hairer, S. P. Noersett, G. Wanner, Solving Ordinary Differential Equations I (1993),
 section II.4, for the pairs and (1).
@@ -43,7 +44,7 @@ from msahl.schemes.collocation.dense_output import StepEnd
 from msahl.schemes.collocation.newton import CollocationWorkspace
 from msahl.system import evaluate
 from msahl.system.arrays import State
-from msahl.system.diagnostics import KINETIC, look
+from msahl.system.diagnostics import KINETIC, record_figures
 
 NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST, WIDEST, STOP, ENERGY = range(10)
 """Places in ``StepControl.figures``: size of the next pair [s]; tolerance per second [m/s]; time
@@ -57,8 +58,8 @@ chunk, searches for a breakpoint since the last accepted pair."""
 SEARCHES = 12
 """Most searches for one breakpoint; each squares the distance from it."""
 MAX_ROTATION = 1.5
-"""Largest rotation of a body over a pair [rad]. Two bodies then rotate by less than half a turn
-relative to each other, as is needed to count full turns of their angle."""
+"""Largest rotation of a body over a pair [rad]. Two bodies then rotate by less than half a
+revolution relative to each other, as is needed to count full revolutions of their angle."""
 SAFETY, SHRINK, GROW = 0.9, 0.2, 3.0
 """Factor of (1), and the limits of one change of the size."""
 ROUND_OFF = 4e-16
@@ -70,7 +71,7 @@ TOO_SMALL = 1e-12
 class ControlSettings(NamedTuple):
     """What the user asked of the step-size control."""
 
-    tolerance: float  # of the local errors of a whole run, added up [m]
+    tolerance: float  # of the local errors of a run, added up [m]
     dt: float  # size of the steps tried first [s]
     t_final: float  # [s]
 
@@ -85,7 +86,7 @@ class StepControl(NamedTuple):
     start: State  # at the start of the pair
     middle: StepEnd  # of the pair
     end: StepEnd
-    x: np.ndarray  # (n+1, 3) mass centres at the end of the whole step [m]
+    x: np.ndarray  # (n+1, 3) mass centres at the end of the long step [m]
     p: np.ndarray  # (n+1, 3) rotations there
     x_middle: np.ndarray  # (n+1, 3) mass centres at the middle of it, by the dense output [m]
     p_middle: np.ndarray  # (n+1, 3)
@@ -131,7 +132,7 @@ def take_pairs(
     the number of steps taken. 0 means that no pair converges within the tolerance, however small.
 
     With ``last`` = 0 one pair is tried and taken back. Refused pairs count as well, except for
-    those before the first accepted one: a call ends in time, however hard the steps turn.
+    those before the first accepted one: a call ends in time, however hard the steps become.
     """
     done, tried, figures = 0, 0, control.figures
     control.counts[ROWS] = 0
@@ -304,7 +305,7 @@ def take_pair(subsystem: CollocationWorkspace, control: StepControl, h: float, r
         restore_polynomials(subsystem, control.start.time[0], h)
         if not newton.take_step(subsystem, 0.5 * h):
             return False
-        look(system, state, start, 0.5 * h, workspace.monitor, row + half)
+        record_figures(system, state, start, 0.5 * h, workspace.monitor, row + half)
         dense_output.save_end(control.middle if half == 0 else control.end, workspace)
         breakpoints.save_coordinates(control.breakpoints, workspace, 1 + half)
     return True
@@ -312,7 +313,7 @@ def take_pair(subsystem: CollocationWorkspace, control: StepControl, h: float, r
 
 @kernel
 def save_middle(subsystem: CollocationWorkspace, control: StepControl, h: float) -> None:
-    """Save the middle of the whole step, by its dense output, and the works at its end."""
+    """Save the middle of the long step, by its dense output, and the works at its end."""
     output = subsystem.dense_output
     dense_output.save_end(output.end, subsystem.workspace)
     dense_output.fit(output, subsystem.instant)
@@ -328,7 +329,7 @@ def save_middle(subsystem: CollocationWorkspace, control: StepControl, h: float)
 def middle_difference(
     subsystem: CollocationWorkspace, control: StepControl, row: int
 ) -> tuple[float, float]:
-    """Difference [m] between the dense output of the whole step and the pair at its middle, plus
+    """Difference [m] between the dense output of the long step and the pair at its middle, plus
     the difference of their works over the energy, times the length of the system; and how much of
     that is rounding error.
     """
@@ -353,7 +354,7 @@ def middle_difference(
 
 @kernel
 def end_difference(subsystem: CollocationWorkspace, control: StepControl) -> tuple[float, float]:
-    """Difference [m] between the ends of the pair and of the whole step, and how much of that is
+    """Difference [m] between the ends of the pair and of the long step, and how much of that is
     rounding error.
     """
     state, frames = subsystem.workspace.state, subsystem.workspace.system.frames
@@ -397,19 +398,19 @@ def restore_start(subsystem: CollocationWorkspace, control: StepControl) -> None
 @kernel
 def save_polynomials(subsystem: CollocationWorkspace) -> None:
     """Save the polynomials of the step just taken, for the predictions of the halves."""
-    for k in range(subsystem.whole_rates.shape[0]):
-        copy(subsystem.stages.last_rates[k], subsystem.whole_rates[k])
-    for k in range(subsystem.whole_solution.shape[0]):
-        copy(subsystem.stages.Z[k], subsystem.whole_solution[k])
+    for k in range(subsystem.long_rates.shape[0]):
+        copy(subsystem.stages.last_rates[k], subsystem.long_rates[k])
+    for k in range(subsystem.long_solution.shape[0]):
+        copy(subsystem.stages.Z[k], subsystem.long_solution[k])
 
 
 @kernel
 def restore_polynomials(subsystem: CollocationWorkspace, t: float, h: float) -> None:
     """Let the next prediction follow the saved polynomials, of a step ``h`` from ``t``."""
-    for k in range(subsystem.whole_rates.shape[0]):
-        copy(subsystem.whole_rates[k], subsystem.stages.last_rates[k])
-    for k in range(subsystem.whole_solution.shape[0]):
-        copy(subsystem.whole_solution[k], subsystem.stages.Z[k])
+    for k in range(subsystem.long_rates.shape[0]):
+        copy(subsystem.long_rates[k], subsystem.stages.last_rates[k])
+    for k in range(subsystem.long_solution.shape[0]):
+        copy(subsystem.long_solution[k], subsystem.stages.Z[k])
     subsystem.stages.last_step[0], subsystem.stages.last_step[1] = t, h
 
 

@@ -256,11 +256,11 @@ class AdaptiveStepper:
         """Change to the degree that takes the least work, if the gain is worth it."""
         present = self.method.degree
         self.sizes[present] = float(self.control.figures[step_control.NEXT])
-        work = {present: self._measure_work(present, present)}
+        work = {present: self._work_rate(present, present)}
         for change in (1, -1):
             degree = present + change
             while degree in self.degrees:
-                work[degree] = self._measure_work(degree, degree - change)
+                work[degree] = self._work_rate(degree, degree - change)
                 if work[degree] > work[degree - change]:
                     break
                 degree += change
@@ -275,7 +275,7 @@ class AdaptiveStepper:
             since = float(self.workspace.state.time[0])
             self.chosen.append({"degree": best, "since": since, "work": compared})
 
-    def _measure_work(self, degree: int, like: int) -> float:
+    def _work_rate(self, degree: int, like: int) -> float:
         """Work per second of motion at this ``degree``, by pairs that are tried and taken back;
         the first has the size found for the degree ``like``.
         """
@@ -296,7 +296,7 @@ class AdaptiveStepper:
 def work_of(degree: int, iterations: int, factorisations: int) -> float:
     """Work of solved steps, in iterations of degree 1.
 
-    Measured with pendulums, tops and four-bars: the cost of an iteration is proportional to 1 + s,
+    By timings of pendulums, tops and four-bars: the cost of an iteration is proportional to 1 + s,
     that of a Jacobian with its factors to 2 + s^2/2; at degree 1 their ratio is 1 to 2.5.
     """
     return 0.5 * (1 + degree) * iterations + (2.0 + 0.5 * degree**2) * factorisations

@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msahl.algebra.rotation import compose, to_step_turn
+from msahl.algebra.rotation import compose, to_increment
 from msahl.algebra.vector import (
     ZERO,
     Vector,
@@ -216,7 +216,7 @@ def set_node(system: System, state: State, stages: StageArrays, h: float, n: int
         if bare:
             continue
         put(stages.increments, displacement_node(frames, b), u)
-        put(stages.increments, rotation_node(frames, b), scale(frames.length[b], to_step_turn(c)))
+        put(stages.increments, rotation_node(frames, b), scale(frames.length[b], to_increment(c)))
         put(node.x, b, add(at(state.x, b), u))
         put(node.p, b, compose(c, at(state.p, b)))
     if not bare:

@@ -25,7 +25,7 @@ scaling; the decay is ours.
 
 import numpy as np
 
-from msahl.algebra.rotation import angle_share, compose, from_step_turn, of_angle
+from msahl.algebra.rotation import angle_share, compose, from_increment, of_angle
 from msahl.algebra.vector import (
     Vector,
     add,
@@ -206,7 +206,7 @@ def _accept_frame(
         total = state.x[b, i] + (u[i] + state.x_low[b, i])
         state.x_low[b, i] += u[i] - (total - state.x[b, i])
         state.x[b, i] = total
-    put(state.p, b, compose(from_step_turn(Q), at(state.p, b)))
+    put(state.p, b, compose(from_increment(Q), at(state.p, b)))
     put(state.v, b, v1)
     put(state.w, b, add(at(state.w, b), dw))
     if decay.chi > 0.0 and frames.owner[b] >= 0:

@@ -2,10 +2,9 @@
 
     J dz = f(z) ,   z <- z - dz
 
-One Jacobian J serves a whole step: the prediction is good enough for the first iteration, which is
-exact, to square the error, and later ones gain about as much again. J is evaluated anew where the
-residual does not fall to a twentieth.
-"""
+One Jacobian J serves all iterations of a step: the prediction is good enough for the first
+iteration, which is exact, to square the error, and later ones gain about as much again. J is
+evaluated anew where the residual does not fall to a twentieth."""
 
 import math
 
@@ -107,8 +106,8 @@ def remove_null_violation(workspace: Workspace) -> None:
 
 @kernel
 def take_step(workspace: Workspace, h: float, share: float) -> tuple[float, int]:
-    """Take a step of size ``h``, a ``share`` of the whole one, if it converges; return its relative
-    residual and worst row.
+    """Take a step of size ``h``, a ``share`` of the requested one, if it converges; return its
+    relative residual and worst row.
     """
     load_moments.set_loads(workspace, h)
     equations.predict(workspace.system, workspace.state, workspace.start, h, workspace.Z)

@@ -67,8 +67,8 @@ def take_step(
     share: float,
     count_work: Callable[[int], None] = lambda work: None,
 ) -> Outcome:
-    """Take a step of size ``h``, a ``share`` of the whole one, if it converges; ``count_work`` is
-    told of the work done.
+    """Take a step of size ``h``, a ``share`` of the requested one, if it converges; ``count_work``
+    receives the work done.
     """
     step, z = _Equations(workspace, h, count_work), np.empty(workspace.unknowns.free.size)
     _set_loads(workspace, h)
@@ -135,7 +135,7 @@ def polish(
 ) -> np.ndarray:
     """Improve a root by a few steps of Newton's method; ``fun`` is evaluated last at the result.
 
-    ``hybr`` measures all unknowns by the largest row: beside that of a stiff spring all motion is
+    ``hybr`` scales all unknowns by the largest row: beside that of a stiff spring all motion is
     small, and its digits are missing.
     """
     f = fun(z)

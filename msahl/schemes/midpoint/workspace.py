@@ -17,7 +17,7 @@ from msahl.system.arrays import (
     new_tables,
     node_count,
 )
-from msahl.system.diagnostics import Monitor, look, new_monitor
+from msahl.system.diagnostics import Monitor, new_monitor, record_figures
 from msahl.system.unknowns import Unknowns
 
 
@@ -65,8 +65,8 @@ def new_workspace(system: System, unknowns: Unknowns, state: State, chunk: int) 
 
 @kernel
 def accept_step(workspace: Workspace, h: float, share: float) -> None:
-    """Advance the state by the solved step of size ``h``, a ``share`` of the whole one; prepare the
-    next.
+    """Advance the state by the solved step of size ``h``, a ``share`` of the requested one; prepare
+    the next.
     """
     equations.accept(
         workspace.system, workspace.state, workspace.start, h, workspace.Z, workspace.F
@@ -85,7 +85,7 @@ def record_step(workspace: Workspace, h: float, step: int, row: int) -> None:
     """Write the state accepted after a step ``h`` to row ``step`` of the monitor, and to ``row`` of
     the tables unless that is negative.
     """
-    look(workspace.system, workspace.state, workspace.start, h, workspace.monitor, step)
+    record_figures(workspace.system, workspace.state, workspace.start, h, workspace.monitor, step)
     if row >= 0:
         write_row(workspace, h, row)
     for k in range(workspace.mean_force.shape[0]):
