@@ -4,11 +4,17 @@ import numpy as np
 import pytest
 
 from msahl.schemes.collocation.tableau import new_tableau
+from tools.validation import orders as orders_module
 
 LONG = np.longdouble
 longer = pytest.mark.skipif(
     np.finfo(LONG).eps == np.finfo(float).eps, reason="longdouble is double on this machine"
 )
+
+
+@pytest.fixture(scope="module")
+def orders():
+    return orders_module
 
 
 STEPS = {
