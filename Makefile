@@ -9,6 +9,9 @@ RESULTS := results
 WORKERS ?= 2
 # Seconds that make fuzz takes.
 SECONDS ?= 300
+# Tests that make coverage runs as plain Python.
+COVERED ?= $(addprefix tests/,algebra check cli deck elements/test_forces.py joints post results run \
+  schemes start study system physics/test_closed_forms.py physics/test_mechanisms.py)
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 OUT := $(RESULTS)/$(basename $(notdir $(DECK)))
 
@@ -20,14 +23,15 @@ SWEEP_DECKS := $(foreach n,single double,$(foreach a,45 89 135,$(n)_pendulum_$(a
 SWEEP_STEPS := 0.1 0.04 0.01 0.004 0.002
 SWEEP_RUNS := $(foreach d,$(SWEEP_DECKS),$(foreach h,$(SWEEP_STEPS),$(SWEEP)/$(d)/$(h)/states.csv))
 
-.PHONY: help run test test-slow coverage mutate fuzz lint regress regress-update sweep bench thesis validation convergence \
-  stability error-table docs examples clean
+.PHONY: help run test test-slow kernels coverage mutate fuzz lint regress regress-update sweep \
+  bench thesis validation convergence stability error-table docs examples clean
 .DELETE_ON_ERROR:
 
 help:
 	@echo 'make run             set up .venv, run DECK ($(DECK)) and write its report'
 	@echo 'make test            set up .venv, check the style and types, run all tests but the slow ones'
 	@echo 'make test-slow       run the slow tests'
+	@echo 'make kernels         compile the kernels that the tests need (make test does it)'
 	@echo 'make lint            check the sources with ruff and mypy'
 	@echo 'make coverage        measure which lines and branches the tests execute'
 	@echo 'make mutate          falsify lines of physics one by one and check that a test fails'
@@ -53,16 +57,20 @@ run: .venv/installed
 	@echo 'pictures: $(OUT)/report/'
 
 # The tests include those of make regress.
-test: lint
+test: lint kernels
 	@$(PYTEST) -m 'not slow'
 
-test-slow: .venv/tested
+test-slow: kernels
 	@$(PYTEST) -m slow
+
+# Each process that runs tests would compile the kernels that it meets first.
+kernels: .venv/tested
+	@$(BIN)/python -m tests.support.compile_kernels $(WORKERS)
 
 # Compiled kernels are not traced: they run as plain Python, except in the tests of the compiler.
 coverage: .venv/tested
 	$(BIN)/coverage erase
-	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run -m pytest -q -n $(WORKERS) --dist worksteal $(COVERED)
+	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run -m pytest -q -n $(WORKERS) --dist worksteal -m 'not slow' $(COVERED)
 	$(BIN)/coverage run -m pytest -q tests/jit
 	$(BIN)/coverage combine -q
 	$(BIN)/coverage report

@@ -1,5 +1,5 @@
-"""Laws: functions of one variable that a deck gives, of time for motions and loads, of length or
-angle for springs and cams.
+"""Evaluate laws: functions of one variable that a deck gives, of time for motions and loads, of
+length or angle for springs and cams.
 
     polynomial  c_0 + c_1 t + c_2 t^2 + ...          a constant is its first term
     sine        offset + amplitude sin(omega t + phase)
@@ -53,7 +53,7 @@ class Law:
 
 
 class Laws(NamedTuple):
-    """All laws of a scene: their numbers one after the other."""
+    """All laws of a model: their numbers one after the other."""
 
     kind: np.ndarray  # (l,)
     first: np.ndarray  # (l + 1,) into numbers
@@ -63,8 +63,8 @@ class Laws(NamedTuple):
 
 
 def build_laws(laws: Sequence[Law]) -> Laws:
-    """The laws as arrays; PIECES hold count, period, breaks, six coefficients a piece and the value
-    at the end.
+    """Return the laws as arrays; PIECES hold the number of pieces, period, breaks, six coefficients
+    of each piece and the value at the end.
     """
     parts = [_numbers(law) for law in laws]
     sizes = [len(numbers) for _, numbers in parts]
@@ -113,23 +113,25 @@ def _table(law: Law) -> list[float]:
 
 @kernel
 def evaluate(laws: Laws, law: int, t: float) -> tuple[float, float, float]:
-    """Value and first two derivatives of ``law`` at ``t``."""
+    """Return the value and the first two derivatives of ``law`` at ``t``."""
     numbers, first, last = laws.numbers, laws.first[law], laws.first[law + 1]
     if laws.kind[law] == POLYNOMIAL:
-        return _horner(numbers, first, last, t)
+        return _polynomial(numbers, first, last, t)
     if laws.kind[law] == SINE:
         amplitude, omega, offset = numbers[first], numbers[first + 1], numbers[first + 3]
         phase = omega * t + numbers[first + 2]
         s, c = amplitude * math.sin(phase), amplitude * math.cos(phase)
         return offset + s, omega * c, -omega * omega * s
     start, x, inside = _piece(numbers, first, t)
-    value, rate, second = _horner(numbers, start, start + DEGREE + 1, x)
+    value, rate, second = _polynomial(numbers, start, start + DEGREE + 1, x)
     return (value, rate, second) if inside else (value, 0.0, 0.0)
 
 
 @kernel
 def extent(laws: Laws, law: int, t: float) -> float:
-    """Size of the largest terms in the value of ``law`` at ``t``, whose round-off the value has."""
+    """Return the sum of the sizes of the terms in the value of ``law`` at ``t``: the round-off of
+    the value is that of these terms.
+    """
     numbers, first, last, x = laws.numbers, laws.first[law], laws.first[law + 1], t
     if laws.kind[law] == SINE:
         phase = abs(numbers[first + 1] * t) + abs(numbers[first + 2])
@@ -142,18 +144,18 @@ def extent(laws: Laws, law: int, t: float) -> float:
         total += abs(numbers[i] * power)
         power *= x
     # The argument itself has the round-off of t.
-    return total + abs(t * _horner(numbers, first, last, x)[1])
+    return total + abs(t * _polynomial(numbers, first, last, x)[1])
 
 
 @kernel
 def mean(laws: Laws, law: int, a: float, d: float) -> float:
-    """Mean of ``law`` from ``a`` to ``a + d``."""
+    """Return the mean of ``law`` from ``a`` to ``a + d``."""
     return moments(laws, law, a, d)[0]
 
 
 @apart
 def moments(laws: Laws, law: int, a: float, d: float) -> Moments:
-    """Moments of ``law`` from ``a`` to ``a + d``, as the module defines them."""
+    """Return the moments of ``law`` from ``a`` to ``a + d``, as the module defines them."""
     numbers, first, last = laws.numbers, laws.first[law], laws.first[law + 1]
     if d == 0.0:
         return evaluate(laws, law, a)[0], 0.0, 0.0, 0.0, 0.0
@@ -174,7 +176,9 @@ def moments(laws: Laws, law: int, a: float, d: float) -> Moments:
 
 @kernel
 def moments_of_pieces(laws: Laws, first: int, a: float, d: float) -> Moments:
-    """Moments from ``a`` to ``a + d`` of the pieces whose numbers start at ``first``; d > 0."""
+    """Return the moments from ``a`` to ``a + d``, d > 0, of the pieces whose numbers start at
+    ``first``.
+    """
     numbers = laws.numbers
     low, period = numbers[first + 2], numbers[first + 1]
     if not period > 0.0:
@@ -196,7 +200,7 @@ def moments_of_pieces(laws: Laws, first: int, a: float, d: float) -> Moments:
 
 @kernel
 def _repeats(n: float) -> tuple[float, float]:
-    """Place r and weight w of the outer two of three periods that stand for ``n``.
+    """Return place r and weight w of the outer two of three periods that stand for ``n``.
 
     A sum over the periods of what is a polynomial of the fifth degree in their place is w times
     those at the places -r and r from the middle and n - 2 w times that in the middle: so the second
@@ -259,9 +263,7 @@ def _part(
     size = right - left
     for g in range(laws.node.size):
         x_g = x + size * d * laws.node[g]
-        value = 0.0
-        for i in range(last - 1, first - 1, -1):
-            value = value * x_g + laws.numbers[i]
+        value, _, _ = _polynomial(laws.numbers, first, last, x_g)
         p = 2.0 * (left + away + size * laws.node[g]) - 1.0
         total = _add(total, weight * size * laws.weight[g] * value, p)
     return total
@@ -269,7 +271,7 @@ def _part(
 
 @kernel
 def _add(total: Moments, value: float, x: float) -> Moments:
-    """``total`` and Legendre's polynomials at ``x``, times ``value``."""
+    """Return ``total`` plus ``value`` times Legendre's polynomials at ``x``."""
     x2 = x * x
     return (
         total[0] + value,
@@ -282,7 +284,9 @@ def _add(total: Moments, value: float, x: float) -> Moments:
 
 @kernel
 def _bessel(x: float) -> Moments:
-    """Spherical Bessel functions j_0..j_4, to a few machine epsilons (absolute)."""
+    """Return the spherical Bessel functions j_0..j_4 with an absolute error of a few machine
+    epsilons.
+    """
     if abs(x) >= 2.0:
         # Upwards, which costs digits below the order: 1e-15 at 2.
         j0 = math.sin(x) / x
@@ -302,7 +306,7 @@ def _bessel(x: float) -> Moments:
 
 @kernel
 def _series(k: int, z: float) -> float:
-    """j_k (2 k + 1)!!/x^k, for z = x^2 below 4: terms alternate and fall at once."""
+    """Return j_k (2 k + 1)!!/x^k for z = x^2 below 4, where terms alternate and fall at once."""
     total, term, n = 1.0, 1.0, 0
     while abs(term) > 1e-17:
         n += 1
@@ -313,7 +317,9 @@ def _series(k: int, z: float) -> float:
 
 @kernel
 def _piece(numbers: np.ndarray, first: int, t: float) -> tuple[int, float, bool]:
-    """Where the coefficients of the piece at ``t`` start, the argument in it, and if inside."""
+    """Return where the coefficients of the piece at ``t`` start, the argument in the piece, and
+    whether ``t`` is inside the table.
+    """
     count, period = int(numbers[first]), numbers[first + 1]
     breaks = first + 2
     low, high = numbers[breaks], numbers[breaks + count]
@@ -328,8 +334,8 @@ def _piece(numbers: np.ndarray, first: int, t: float) -> tuple[int, float, bool]
 
 @kernel
 def index(numbers: np.ndarray, first: int, x: float) -> int:
-    """Number of the piece that holds ``x``, from its begin on; -1 before the first of them, their
-    count from the end of the last on.
+    """Return the number of the piece with ``x`` in it or at its beginning: -1 before the first
+    piece, their count from the end of the last one on.
     """
     count, breaks = int(numbers[first]), first + 2
     left, right = -1, count + 1
@@ -344,7 +350,9 @@ def index(numbers: np.ndarray, first: int, x: float) -> int:
 
 @kernel
 def piece_of(laws: Laws, law: int, x: float) -> tuple[float, float]:
-    """Between which breaks a law is smooth at ``x``; from a break on it is the next piece."""
+    """Return the breaks between which a law is smooth at ``x``; a break belongs to the piece that
+    begins there.
+    """
     if laws.kind[law] != PIECES:
         return -math.inf, math.inf
     numbers, first = laws.numbers, laws.first[law]
@@ -361,8 +369,10 @@ def piece_of(laws: Laws, law: int, x: float) -> tuple[float, float]:
 
 
 @kernel
-def _horner(numbers: np.ndarray, first: int, last: int, x: float) -> tuple[float, float, float]:
-    """Value and two derivatives of the polynomial with ascending coefficients."""
+def _polynomial(numbers: np.ndarray, first: int, last: int, x: float) -> tuple[float, float, float]:
+    """Return the value at ``x`` of the polynomial with the ascending coefficients
+    ``numbers[first:last]``, and two derivatives.
+    """
     value, rate, second = 0.0, 0.0, 0.0
     for i in range(last - 1, first - 1, -1):
         second = second * x + 2.0 * rate
