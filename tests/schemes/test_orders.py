@@ -76,7 +76,7 @@ CASES = [(name, word) for name, words in STEPS.items() for word in words]
 
 
 def assert_order(orders, name, word, ladder):
-    wanted = {"position", "orientation", "velocity", "spin"} | (
+    wanted = {"position", "orientation", "velocity", "angular_velocity"} | (
         {"reaction"} if name != "spring" else set()
     )
     found = {quantity: ladder.mean_slope(quantity) for quantity in ladder.known}
@@ -122,11 +122,11 @@ def test_a_rule_is_known_to_extended_precision(orders, degree):
     long, short = orders.longdouble.gauss(degree), new_tableau("gauss", degree)
     for power in range(2 * degree):
         integral = LONG(1.0) / (power + 1)
-        assert abs(long.weight @ long.acting**power - integral) < 4 * eps
-        pushed = long.push @ np.append(LONG(0.0), long.closing[:-1]) ** power
-        assert abs(pushed + 1.0 - long.push.sum() - integral) < 4 * eps
+        assert abs(long.force_weight @ long.force_time**power - integral) < 4 * eps
+        pushed = long.multiplier_weight @ np.append(LONG(0.0), long.constraint_time[:-1]) ** power
+        assert abs(pushed + 1.0 - long.multiplier_weight.sum() - integral) < 4 * eps
     # As of the rule in double precision: numbers of the size of s^2, and inverses of them.
-    assert np.abs(long.beta @ long.slope - np.eye(degree)).max() < 200 * eps
-    assert np.abs(long.alpha.sum(axis=1) + 0.5 * long.closing**2).max() < 20 * eps
+    assert np.abs(long.beta @ long.basis_rate - np.eye(degree)).max() < 200 * eps
+    assert np.abs(long.alpha.sum(axis=1) + 0.5 * long.constraint_time**2).max() < 20 * eps
     for key, value in long._asdict().items():
         np.testing.assert_allclose(np.asarray(value, float), getattr(short, key), atol=1e-13)

@@ -62,8 +62,8 @@ def test_a_pendulum_by_elliptic_functions(tools):
 def test_estimates_of_a_few_cells(tools):
     """Of a regular motion the estimate is above the true error and below twice that."""
     error, case = tools["error"], tools["models"].CASES[0]
-    short = tools["models"].Model("short", "pendulum", case.build, 0.8, 10)
-    cells = error.measure(short, only=("preserving", "decaying"), tolerances=())
+    short = tools["models"].Case("short", "pendulum", case.build, 0.8, 10)
+    cells = error.run_cells(short, only=("preserving", "decaying"), tolerances=())
     assert [cell.step for cell in cells[:3]] == pytest.approx([0.08, 0.02, 0.005])
     found = list(error.comparisons(cells))
     assert len(found) == 3 * len(cells)
@@ -75,7 +75,7 @@ def cell_of(error, **changes):
     numbers = {}
     for name in error.QUANTITIES:
         numbers |= {name: 1e-3, f"{name}_estimate": 2e-3, f"{name}_floor": 1e-9}
-    text = ("planet", "gauss3", 0.1, None, "", "completed", "PASS", "PASS", 3, 0.25)
+    text = ("planet", "gauss3", 0.1, None, "", "completed", "PASS", "PASS", 3)
     first = dict(zip(error.Cell.__dataclass_fields__, text, strict=False))
     return error.Cell(**(first | numbers | changes))
 
@@ -83,7 +83,7 @@ def cell_of(error, **changes):
 def test_cells_are_read_as_they_were_written(tools, tmp_path):
     error = tools["error"]
     auto = {"scheme": "auto", "step": None, "kind": "global", "position_estimate": None}
-    cells = [cell_of(error), cell_of(error, tolerance=1e-6, **auto)]
+    cells = [cell_of(error), cell_of(error, tolerance=1e-6, seconds=0.25, **auto)]
     error.write_cells(tmp_path / "cells.csv", cells)
     assert error.read_cells(tmp_path / "cells.csv") == cells
 
@@ -99,7 +99,7 @@ def test_the_page_reports_what_is_outside(tools):
         cell_of(error, scheme="gauss5", position=1e-12, position_estimate=1e-11),
         cell_of(error, scheme="gauss1", **{f"{q}_estimate": None for q in error.QUANTITIES}),
         cell_of(error, scheme="gauss2", status="not converged", **nothing),
-        cell_of(error, **local),
+        cell_of(error, **local, seconds=0.25),
         cell_of(error, **(local | {"kind": "global", "seconds": 0.5, "position": 3e-7})),
     ]
     told = dict(page.summary(cells))
