@@ -56,12 +56,14 @@ CSS = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 52rem; margin: 2rem auto; padding: 0 1rem; }
 h1, h2 { line-height: 1.2; }
 h2 { margin-top: 2.2em; border-bottom: 1px solid var(--line); padding-bottom: .2em; }
-div { overflow-x: auto; }
+div { overflow-x: auto; margin: 1em 0; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .9em; }
-th, td { text-align: left; padding: .25em .8em; border-bottom: 1px solid var(--line); }
+th, td { text-align: left; padding: .25em .6em; border-bottom: 1px solid var(--line); }
 th { background: var(--soft); vertical-align: bottom; }
-.number { text-align: right; white-space: nowrap; }
-td { overflow-wrap: anywhere; }
+.number { text-align: right; }
+td.number { white-space: nowrap; }
+td:first-child { min-width: 6em; }
+td { overflow-wrap: break-word; }
 summary { cursor: pointer; margin-top: 1.2em; font-size: 1.3em; font-weight: 600; }
 img { width: 100%; background: white; border-radius: 6px; margin: .5em 0; }
 """.strip()

@@ -167,7 +167,7 @@ def _check_times(
 
 def check_rows(path: Path, table: pd.DataFrame, only_times: bool = False) -> None:
     """Raise ``ResultError`` at the first number of a table that is not finite (``only_times``: at
-    the first such time), or the first time that is not later than that of the row before."""
+    the first such time), or the first time that is not later than that before it."""
     numbers = (table[["time"]] if only_times else table).to_numpy()
     bad = np.argwhere(~np.isfinite(numbers))
     if bad.size:

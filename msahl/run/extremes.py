@@ -1,4 +1,4 @@
-"""Extremes of a run over all its steps, from the rows that the monitor writes at every step."""
+"""Extremes of a run over all its steps, from what the monitor writes at every step."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -77,7 +77,7 @@ WORKING = [*PENDULUM]
 
 def pendulum(loads, **simulation):
     """The bob below a pivot at the origin; gravity along +z, rotation about y."""
-    turn = from_axis_angle((0.0, 1.0, 0.0), START)
+    rotation = from_axis_angle((0.0, 1.0, 0.0), START)
     place = (ARM * np.sin(START), 0.0, ARM * np.cos(START))
     velocity = (RATE * place[2], 0.0, -RATE * place[0])
     R = np.array([[np.cos(START), 0, np.sin(START)], [0, 1, 0], [-np.sin(START), 0, np.cos(START)]])
@@ -85,7 +85,7 @@ def pendulum(loads, **simulation):
         mass=MASS,
         inertia=INERTIA,
         position=place,
-        orientation=turn,
+        orientation=rotation,
         velocity=tuple(R.T @ velocity),
         angular_velocity=(0.0, RATE, 0.0),
     )
@@ -141,9 +141,9 @@ class Exact:
         P, dP = self.at(theta, (0.0, 0.0, 0.3))
         move = P - self.first[2:4]
         force = -np.array([9.0 * move[0] + 0.4 * dP[0] * rate, 5.0 * move[1]])
-        turn_rate = c * rate
-        moment = -(3.0 * (s - self.first[4]) + 0.2 * turn_rate) * c
-        power = -0.4 * (dP[0] * rate) ** 2 - 0.2 * turn_rate**2
+        rotation_rate = c * rate
+        moment = -(3.0 * (s - self.first[4]) + 0.2 * rotation_rate) * c
+        power = -0.4 * (dP[0] * rate) ** 2 - 0.2 * rotation_rate**2
         all_of_it["mount"] = (force, dP @ force + moment, power)
         return {name: all_of_it[name] for name in all_of_it if name in self.names}
 
@@ -165,14 +165,14 @@ class Exact:
 
     def energies(self, theta):
         """Elastic energies [J] of line, coil and mount."""
-        line, _, x, z, turn = self.lengths(theta)
-        dx, dz, dturn = x - self.first[2], z - self.first[3], turn - self.first[4]
+        line, _, x, z, rotation = self.lengths(theta)
+        dx, dz, drotation = x - self.first[2], z - self.first[3], rotation - self.first[4]
         stretch, twist = line - 0.5, theta - START - 0.2
         return np.array(
             [
                 2.0 * stretch + 15.0 * stretch**2,
                 0.7 * twist + 3.0 * twist**2,
-                4.5 * dx**2 + 2.5 * dz**2 + 1.5 * dturn**2,
+                4.5 * dx**2 + 2.5 * dz**2 + 1.5 * drotation**2,
             ]
         )
 
@@ -228,8 +228,8 @@ def run(word, steps, accuracy=None):
 
 def balance_of(workspace):
     """Energy less all work [J]."""
-    room = np.zeros((2, *workspace.state.violation.shape))
-    return energy_balance(workspace.system, workspace.state, workspace.start, *room)
+    arrays = np.zeros((2, *workspace.state.violation.shape))
+    return energy_balance(workspace.system, workspace.state, workspace.start, *arrays)
 
 
 def elastic_of(workspace):
@@ -323,8 +323,8 @@ class Point:
         self.v, self.W = np.zeros((2, moving + 1, 3))
         self.v[:moving], self.W[:moving] = rng.normal(size=(2, moving, 3))
         for f in range(moving):
-            turn = from_increment(random_vector(rng, 0.4))
-            self.state.p[f] = compose(turn, tuple(self.state.p[f]))
+            rotation = from_increment(random_vector(rng, 0.4))
+            self.state.p[f] = compose(rotation, tuple(self.state.p[f]))
         self.start = new_system_workspace(self.system, self.state)
         self.still = np.zeros((node_count(self.system), 3))
 
@@ -359,20 +359,20 @@ class Point:
     def difference(self, by, direction, step):
         """Derivative along a ``direction`` of the unknowns, by central differences."""
         frames = self.system.frames
-        u, turn = direction[frames.displacement], direction[frames.rotation]
-        turn = turn / frames.length[:, None]
-        u[-1], turn[-1] = 0.0, 0.0
+        u, rotation = direction[frames.displacement], direction[frames.rotation]
+        rotation = rotation / frames.length[:, None]
+        u[-1], rotation[-1] = 0.0, 0.0
         values = []
         for s in (step, -step):
             if by == "rate":
                 values.append(
-                    self.forces(self.state.x, self.state.p, self.v + s * u, self.W + s * turn)
+                    self.forces(self.state.x, self.state.p, self.v + s * u, self.W + s * rotation)
                 )
                 continue
             p = np.array(
                 [
-                    compose(from_increment(tuple(s * turn[f])), tuple(self.state.p[f]))
-                    for f in range(len(turn))
+                    compose(from_increment(tuple(s * rotation[f])), tuple(self.state.p[f]))
+                    for f in range(len(rotation))
                 ]
             )
             values.append(self.forces(self.state.x + s * u, p, self.v, self.W))

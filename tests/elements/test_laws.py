@@ -421,7 +421,7 @@ def test_the_compiled_loop_is_its_plain_self(make, scheme):
     plan = np.arange(steps)
     assert newton.take_steps(plain, H / 10, 0, steps, plan) == steps
     assert compiled(newton.take_steps)(fast, H / 10, 0, steps, plan) == steps
-    for field in ("state", "start", "tables", "watch"):
+    for field in ("state", "start", "tables", "monitor"):
         for a, b in zip(_arrays(getattr(plain, field)), _arrays(getattr(fast, field)), strict=True):
             # Trends are differences of accelerations, which divide round-off by h^2 = 1e-4.
             assert a == pytest.approx(b, rel=1e-10, abs=1e-9)

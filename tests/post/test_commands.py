@@ -43,7 +43,7 @@ def test_tables(run, command):
 
 
 def test_a_partial_and_a_thinned_run_say_so(tmp_path):
-    write(tmp_path / "part", whole=False)
+    write(tmp_path / "part", complete=False)
     states, reactions = conical_rows()
     info = {**INFO, "options": {"every": 4}}
     write(tmp_path / "thin", states[::4], reactions[::4], info=info)

@@ -175,7 +175,7 @@ def test_a_thinned_run_has_no_virtual_work(tmp_path, told):
 
 
 def test_a_run_cut_off_is_read_to_its_last_complete_row(tmp_path):
-    write_conical(tmp_path, whole=False)
+    write_conical(tmp_path, complete=False)
     part = tmp_path / "states.csv.part"
     text = part.read_text()
     part.write_text(text[: text.rstrip("\n").rfind("\n") + 25])  # the last row, cut short
@@ -187,7 +187,7 @@ def test_a_run_cut_off_is_read_to_its_last_complete_row(tmp_path):
 
 
 def test_a_run_without_rows_is_no_run(tmp_path):
-    write_conical(tmp_path, *(rows[:0] for rows in conical_rows()), whole=False)
+    write_conical(tmp_path, *(rows[:0] for rows in conical_rows()), complete=False)
     with pytest.raises(ResultError, match="no rows yet"):
         read_run(tmp_path)
 

@@ -109,7 +109,7 @@ def test_a_table_that_cannot_be_written_takes_no_row_of_the_others(tmp_path, mon
     assert len(read_table(tmp_path / "states.csv.part")) == 3
 
 
-def test_run_json_has_its_room_from_the_start(tmp_path):
+def test_run_json_has_its_space_from_the_start(tmp_path):
     write_beginning(tmp_path, {"status": "running", "pid": 1})
     part = tmp_path / "run.json.part"
     assert json.loads(part.read_text())["status"] == "running"

@@ -4,11 +4,17 @@ import numpy as np
 import pytest
 
 from msahl.schemes.collocation.tableau import new_tableau
+from tools.validation import orders as orders_module
 
 LONG = np.longdouble
 longer = pytest.mark.skipif(
     np.finfo(LONG).eps == np.finfo(float).eps, reason="longdouble is double on this machine"
 )
+
+
+@pytest.fixture(scope="module")
+def orders():
+    return orders_module
 
 
 STEPS = {
@@ -101,8 +107,8 @@ def test_order_10_shows_in_extended_precision(orders, name):
 
 @longer
 def test_steps_in_extended_precision_are_those_that_are_compiled(orders):
-    scene = orders.SCENES["double pendulum"]
-    compiled, plain = (orders.run_rows(scene, "gauss5", number, 6) for number in (float, LONG))
+    case = orders.CASES["double pendulum"]
+    compiled, plain = (orders.run_rows(case, "gauss5", number, 6) for number in (float, LONG))
     assert plain.states.dtype == plain.reactions.dtype == LONG
     apart = orders.errors(compiled, plain)
     # Round-off of 24 steps in double precision; what they lack of the motion is 1e-12 to 1e-11.

@@ -82,7 +82,7 @@ def _state(t):
     return (t, *x, *p, *times(to_body, v), *times(to_body, (0.0, 0.0, OMEGA)))
 
 
-def write(folder, states=None, reactions=None, info=None, whole=True):
+def write(folder, states=None, reactions=None, info=None, complete=True):
     """Write rows (default: the exact ones) as a run's folder."""
     exact = conical_rows()
     states = exact[0] if states is None else states
@@ -96,7 +96,7 @@ def write(folder, states=None, reactions=None, info=None, whole=True):
             if info and info.get("error"):
                 errors = np.column_stack([states[:, 0], np.full((len(states), 2), 1e-9)])
             results.write({"states": states, "reactions": reactions, "error": errors})
-        results.complete = whole
+        results.complete = complete
     if info is not None:
         write_json(folder / "run.json", info)
 

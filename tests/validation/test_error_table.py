@@ -29,7 +29,7 @@ def test_accelerations_are_those_of_the_engine(tools, name):
 
 def test_a_breakpoint_in_a_displacement_is_located(tools):
     """A ball falls on a one-sided spring and leaves it: free fall, half an oscillation, rise."""
-    scene = next(s for s in tools["models"].CASES if s.name == "bouncing ball")
+    case = next(s for s in tools["models"].CASES if s.name == "bouncing ball")
     g, k, height = 9.80665, 4000.0, 0.4
     touch, speed, omega = np.sqrt(2.0 * height / g), np.sqrt(2.0 * g * height), np.sqrt(k)
     amplitude, sag = np.hypot(speed / omega, g / k), g / k
@@ -40,7 +40,7 @@ def test_a_breakpoint_in_a_displacement_is_located(tools):
     z = -sag - amplitude * np.sin(omega * (times - touch) - phase)
     z[fall] = height - 0.5 * g * times[fall] ** 2
     z[rise] = speed * (times[rise] - leave) - 0.5 * g * (times[rise] - leave) ** 2
-    equations = tools["reference"].Equations(scene.model)
+    equations = tools["reference"].Equations(case.model)
     start = np.zeros(12)
     start[2] = 0.5
     ys = tools["reference"].solve(equations, equations.first(start), times, 1e-12)
@@ -61,8 +61,8 @@ def test_a_pendulum_by_elliptic_functions(tools):
 
 def test_estimates_of_a_few_cells(tools):
     """Of a regular motion the estimate is above the true error and below twice that."""
-    error, scene = tools["error"], tools["models"].CASES[0]
-    short = tools["models"].Model("short", "pendulum", scene.build, 0.8, 10)
+    error, case = tools["error"], tools["models"].CASES[0]
+    short = tools["models"].Model("short", "pendulum", case.build, 0.8, 10)
     cells = error.measure(short, only=("preserving", "decaying"), tolerances=())
     assert [cell.step for cell in cells[:3]] == pytest.approx([0.08, 0.02, 0.005])
     found = list(error.comparisons(cells))

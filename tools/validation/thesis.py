@@ -137,13 +137,13 @@ def explanations() -> Iterator[tuple[str, str]]:
     )
     yield (
         '"RMS" that are means',
-        "A root mean square is not negative; several printed ones are. And a mean that a few steps "
-        "dominate falls by ten when ten times as many follow: the tops' printed values do, so "
-        f"value times steps is the same for 10 s and 100 s (top 1: {totals[0]:.4f} J and "
-        f"{totals[1]:.4f} J). The true RMS does not depend on the length of the run: those "
-        f"of msahl for top 1 are {np.sqrt((short.work**2).mean()):.3e} J and "
-        f"{np.sqrt((long.work**2).mean()):.3e} J, "
-        f"its means {short.work.mean():.2e} J and {long.work.mean():.2e} J.",
+        "A root mean square is not negative; several printed ones are. And a mean that a few "
+        "steps dominate falls by ten when ten times as many follow: the tops' printed values do, "
+        f"so value times steps is the same for 10 s and 100 s (top 1: {totals[0]:.4f} J and "
+        f"{totals[1]:.4f} J). The true RMS does not depend on the length of the run: that of "
+        f"msahl for top 1 are {np.sqrt((short.work**2).mean()):.3e} J and "
+        f"{np.sqrt((long.work**2).mean()):.3e} J, its means {short.work.mean():.2e} J and "
+        f"{long.work.mean():.2e} J.",
     )
     single = run_deck("single_pendulum_45", 0.01, 10.0)
     spin = single.metrics.energy.rotational

@@ -41,10 +41,11 @@ if TYPE_CHECKING:
 def compare(
     run: Path, reference: Path, rtol: float, atol: float, columns: str, until: float | None
 ) -> None:
-    """Compare the numbers of RUN with those of REFERENCE: two folders of runs, or two CSV files.
+    """Compare the numbers of two runs.
 
-    Values a of RUN and b of REFERENCE are equal if |a - b| <= atol + rtol |b|. They are matched by
-    time; REFERENCE may have fewer output times than RUN, which agree within 1e-9 of the time span.
+    RUN and REFERENCE are folders of runs, or CSV files. Values a of RUN and b of REFERENCE are
+    equal if |a - b| <= atol + rtol |b|. They are matched by time; REFERENCE may have fewer output
+    times than RUN, which agree within 1e-9 of the time span.
 
     Exit status: 0 equal, 1 different (the first and the worst difference are printed), 2 not
     comparable (different columns, or RUN lacks an output time).

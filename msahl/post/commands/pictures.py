@@ -51,7 +51,7 @@ def plot(
     forms: tuple[str, ...],
     output: Path | None,
 ) -> None:
-    """Draw figures of RUN and print the files written.
+    """Draw figures of a run; print the files written.
 
     KIND is path, error, energy, work, constraints or reactions (default: all for which RUN has
     data).
@@ -74,10 +74,10 @@ def plot(
     "-o", "--output", metavar="DIR", help="Write the report to DIR (default: RUN/report)."
 )
 def report(run: Path, output: Path | None) -> None:
-    """Write a report on RUN: its verdict, accuracy, figures and settings.
+    """Write a report on a run.
 
-    Writes report.md with its pictures, and report.html, a single file with the pictures in it.
-    Prints both paths.
+    The report has its verdict, accuracy, figures and settings. Writes report.md with its pictures,
+    and report.html, a single file with the pictures in it. Prints both paths.
 
     Example: msahl-post report results/double_pendulum_89
     """

@@ -18,10 +18,11 @@ from msahl.terminal import echo
 @click.command()
 @table_of_runs
 def energy(runs: tuple[Path, ...], form: str | None) -> None:
-    """Print the energy balance error of each RUN: E(t) - E(0) - work done on the system.
+    """Print energy balance errors of runs.
 
-    The error is divided by |E(1)|, as in Hainge (2010, eq. 3.11), which is meaningless if E(1) is
-    near zero, and by the largest kinetic energy. RMS, mean and max are over the output times.
+    The error is E(t) - E(0) - work done on the system. It is divided by |E(1)|, as in Hainge (2010,
+    eq. 3.11), which is meaningless if E(1) is near zero, and by the largest kinetic energy. RMS,
+    mean and max are over the output times.
 
     Example: msahl-post energy results/double_*
     """
@@ -34,7 +35,7 @@ def energy(runs: tuple[Path, ...], form: str | None) -> None:
 @click.command()
 @table_of_runs
 def work(runs: tuple[Path, ...], form: str | None) -> None:
-    """Print the virtual work of each joint over a step, in two definitions.
+    """Print the virtual work of joints over a step.
 
     Hainge's virtual work (2010, eq. 3.16-3.18) is joint force . child's mean velocity . step size;
     it is not zero if the joint exchanges energy between translation and rotation. The work of the
@@ -55,9 +56,10 @@ def work(runs: tuple[Path, ...], form: str | None) -> None:
 @click.command()
 @table_of_runs
 def constraints(runs: tuple[Path, ...], form: str | None) -> None:
-    """Print the constraint violation of each joint, coupling and motion.
+    """Print constraint violations.
 
-    The violation is given at position level [m, rad] and at velocity level [m/s, rad/s].
+    The violation of each joint, coupling and motion is given at position level [m, rad] and at
+    velocity level [m/s, rad/s].
 
     Example: msahl-post constraints results/triple_pendulum_135 --json
     """
@@ -72,10 +74,10 @@ def constraints(runs: tuple[Path, ...], form: str | None) -> None:
 @click.command()
 @path_parameter("run", metavar="RUN")
 def reactions(run: Path) -> None:
-    """Print RUN's reactions in each joint's own axes (z: the joint's axis) as CSV.
+    """Print reactions in the joints' own axes as CSV.
 
-    In reactions.csv they are in inertial axes. The joint's axes are those of its parent, halfway
-    through the step over which the reaction is the mean.
+    The z axis is the joint's axis. In reactions.csv they are in inertial axes. The joint's axes are
+    those of its parent, halfway through the step over which the reaction is the mean.
 
     Example: msahl-post reactions results/four_bar > own_axes.csv
     """
@@ -103,10 +105,11 @@ def reactions(run: Path) -> None:
 @path_parameter("run", metavar="RUN")
 @click.argument("column", metavar="COLUMN")
 def events(run: Path, column: str, level: float | None, form: str | None) -> None:
-    """Print the times at which a COLUMN of RUN's tables passes a value or has an extremum.
+    """Print when a column has a value or an extremum.
 
-    Values are interpolated between the output times. The uncertainty of each time is that of the
-    interpolation; the error of the computed motion is not part of it (see: msahl-post verdict).
+    COLUMN is a column of RUN's tables. Values are interpolated between the output times. The
+    uncertainty of each time is that of the interpolation; the error of the computed motion is not
+    part of it (see: msahl-post verdict).
 
     Example: msahl-post events results/double_pendulum_89 Bob1.x --at 0
     """

@@ -19,7 +19,7 @@ from msahl.terminal import echo
 )
 @click.option("--names", "form", flag_value="names", help="Print the runs' folders only.")
 def verdict(runs: tuple[Path, ...], form: str | None, only: tuple[str, ...]) -> None:
-    """Print the verdict on each RUN, its errors and its reasons.
+    """Print the verdicts on runs, with reasons.
 
     Exit status: 0, or 1 if the verdict on any run is FAIL, shown or not.
 

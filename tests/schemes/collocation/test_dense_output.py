@@ -57,7 +57,7 @@ def test_output_between_steps_is_of_the_order_of_the_ends(degree):
 )
 def test_reactions_and_work_between_are_as_good(name, dt, degree, t_final):
     """Of a damper, a joint motion and a joint between rates, against steps so small that none is
-    between. The rows' own error is of the steps' order, and at most a few times theirs.
+    between. The error of the output is of the steps' order, and at most a few times theirs.
     """
     model = deck(name)
     known = between_rows(model, 5, t_final / 40, None, t_final)

@@ -49,7 +49,7 @@ def test_a_rule_integrates_what_it_should(degree):
     np.testing.assert_allclose(tableau.beta @ tableau.basis_rate, np.eye(s), atol=1e-13)
     # A constant force, of loads or of joints, displaces by t^2/2.
     np.testing.assert_allclose(tableau.alpha.sum(axis=1), -0.5 * t[1:] ** 2, atol=1e-13)
-    # What it interpolates, it interpolates exactly: powers up to s - 1, and s where it knows more.
+    # What it interpolates, it interpolates exactly: powers up to s - 1, and s where more is given.
     power = tableau.force_time ** (s - 1)
     np.testing.assert_allclose(tableau.integral @ power, t[1:] ** s / s, atol=1e-14)
     np.testing.assert_allclose(tableau.basis @ t[1:] ** s, tableau.force_time**s, atol=1e-14)
