@@ -1,5 +1,6 @@
-"""Evaluate laws: functions of one variable that a deck gives, of time for motions and loads, of
-length or angle for springs and cams.
+"""Evaluate laws, which are functions of one variable that a deck gives.
+
+The variable is the time for motions and loads, and a length or an angle for springs and cams.
 
     polynomial  c_0 + c_1 t + c_2 t^2 + ...          a constant is its first term
     sine        offset + amplitude sin(omega t + phase)

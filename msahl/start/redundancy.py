@@ -1,5 +1,4 @@
-"""Degrees of freedom: how many of the joints' equations are independent, and which components of
-reactions are unique.
+"""Count the independent joint equations and find the components of reactions that are unique.
 
 Multipliers lam with G^T lam = 0 move nothing: any amount of them can be added to a solution. They
 form the null space of G^T. A component of a reaction is a linear function of the multipliers, so it

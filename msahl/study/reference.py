@@ -5,16 +5,11 @@
 after it only the invariants of a chaotic motion are known.
 """
 
-import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
-from msahl.deck import DeckError
-from msahl.model import Model
-from msahl.results.read import ResultError, read_run
 from msahl.study.dynamics import Dynamics
 
 SAME_TIME = 1e-9
@@ -66,44 +61,3 @@ class TableReference:
     def forces(self, times: np.ndarray) -> np.ndarray:
         """Return the joint forces (m, 3 k) [N] of the states in the table; NaN at other times."""
         return self.dynamics.forces(times, self.states(times))
-
-
-def stored(folder: Path, model: Model) -> TableReference:
-    """Return the run in ``folder`` as a reference."""
-    run = read_run(folder)
-    table = run.states.to_numpy()[:, 1:]
-    if table.shape[1] != 12 * len(model.bodies):
-        raise ResultError(f"{folder}: not a run of this deck (it has other bodies)")
-    description = f"The reference is the stored run {folder}."
-    return TableReference(description, run.time, table, float(run.time[-1]), 0.0, Dynamics(model))
-
-
-def choose_reference(
-    wanted: str, model: Model, times: np.ndarray, accuracy: float, seconds: float = math.inf
-) -> Reference:
-    """Return the reference that ``wanted`` names: "auto", "exact", "independent" or a run's folder.
-
-    "auto" is exact if a closed form is known, else independent, else, if the independent one takes
-    more than ``seconds``, from msahl's own runs at small steps. Raises ``ResultError`` if there is
-    none.
-    """
-    from msahl.study.exact import recognise
-    from msahl.study.independent import TooSlowError, independent
-    from msahl.study.refined_runs import refined_reference
-
-    exact = recognise(model) if wanted in ("auto", "exact") else None
-    if exact is not None:
-        return exact
-    if wanted == "exact":
-        raise ResultError("no closed form is known for this model; use --reference auto")
-    if wanted == "independent":
-        return independent(model, times, accuracy)
-    if wanted == "auto":
-        try:
-            return independent(model, times, accuracy, seconds)
-        except TooSlowError as error:
-            return refined_reference(model, accuracy, seconds, error.solution)
-    try:
-        return stored(Path(wanted), model)
-    except DeckError as error:
-        raise ResultError(str(error.faults[0])) from error

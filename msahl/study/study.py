@@ -14,7 +14,8 @@ from msahl.study.dynamics import Dynamics
 from msahl.study.errors import METRICS, ErrorMetric, compute_errors
 from msahl.study.order import FLAT, Fit, fit_order
 from msahl.study.plan import Plan, StudyRun
-from msahl.study.reference import Reference, choose_reference
+from msahl.study.reference import Reference
+from msahl.study.reference_choice import choose_reference
 from msahl.study.runs import Case, run_trials
 from msahl.study.search import Observer, Search
 

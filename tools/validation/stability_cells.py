@@ -39,7 +39,7 @@ from msahl.schemes.fixed_stepper import FixedStepper
 from msahl.schemes.midpoint import equations, free_equations
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.start.velocities import StartError
-from msahl.study.reference import choose_reference
+from msahl.study.reference_choice import choose_reference
 from msahl.study.runs import run_in_memory, with_step
 from msahl.system.build import build_system
 from tools.validation.extreme_families import DECKS, FAMILIES, Family

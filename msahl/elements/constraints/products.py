@@ -273,23 +273,44 @@ def stiffness(
     N_a, N_b = product(skew(n), T_a), product(skew(n), T_b)
     add_block(values, block[pair, 4 * Q_B + Q_B], 0.5 * c[Q_B], N_b)
     add_block(values, block[pair, 4 * Q_A + Q_A], -0.5 * c[Q_A], N_a)
-    if owner != a and owner != b:
-        return
+    if owner in (a, b):
+        _owner_stiffness(group, start, frames, Z, k, block[pair], c, (T_n, N_a, N_b), values)
+
+
+@kernel
+def _owner_stiffness(
+    group: Products,
+    start: ProductsWorkspace,
+    frames: Frames,
+    Z: np.ndarray,
+    k: int,
+    block: np.ndarray,
+    c: tuple[float, float, float, float],
+    slopes: tuple[Matrix, Matrix, Matrix],
+    values: np.ndarray,
+) -> None:
+    """Add the part of ``stiffness`` that is due to the rotation of the body that owns n.
+
+    ``slopes`` are T of n, [n] T of r_A and [n] T of r_B.
+    """
+    a, b, owner = group.a[k], group.b[k], group.owner[k]
+    n = mean(frames, Z, owner, at(start.n, k))
+    T_n, N_a, N_b = slopes
     rotated = Q_A if owner == a else Q_B
     arm_a = product(skew(mean(frames, Z, a, at(start.r_a, k))), T_n)
     arm_b = product(skew(mean(frames, Z, b, at(start.r_b, k))), T_n)
-    add_block(values, block[pair, 4 * U_B + rotated], -0.5 * c[U_B], T_n)
-    add_block(values, block[pair, 4 * U_A + rotated], 0.5 * c[U_A], T_n)
-    add_block(values, block[pair, 4 * Q_B + rotated], -0.5 * c[Q_B], arm_b)
-    add_block(values, block[pair, 4 * Q_A + rotated], 0.5 * c[Q_A], arm_a)
-    if kind == SLIDE:
+    add_block(values, block[4 * U_B + rotated], -0.5 * c[U_B], T_n)
+    add_block(values, block[4 * U_A + rotated], 0.5 * c[U_A], T_n)
+    add_block(values, block[4 * Q_B + rotated], -0.5 * c[Q_B], arm_b)
+    add_block(values, block[4 * Q_A + rotated], 0.5 * c[Q_A], arm_a)
+    if group.kind[k] == SLIDE:
         D = axpy(0.5, moved(group, start, frames, Z, k), at(start.D, k))
         half = 0.5 * c[rotated]
-        add_block(values, block[pair, 4 * rotated + rotated], half, product(skew(D), T_n))
-        add_block(values, block[pair, 4 * rotated + U_B], half, skew(n))
-        add_block(values, block[pair, 4 * rotated + U_A], -half, skew(n))
-        add_block(values, block[pair, 4 * rotated + Q_B], -half, N_b)
-        add_block(values, block[pair, 4 * rotated + Q_A], half, N_a)
+        add_block(values, block[4 * rotated + rotated], half, product(skew(D), T_n))
+        add_block(values, block[4 * rotated + U_B], half, skew(n))
+        add_block(values, block[4 * rotated + U_A], -half, skew(n))
+        add_block(values, block[4 * rotated + Q_B], -half, N_b)
+        add_block(values, block[4 * rotated + Q_A], half, N_a)
 
 
 @kernel

@@ -1,5 +1,4 @@
-"""Evaluate all forces of a system: the one list of the kinds of force that every scheme goes
-through.
+"""Evaluate all forces of a system: the list of kinds of force that every scheme goes through.
 
 Each kind is a module of this package. It states its law once, at one configuration, and beside it
 the discrete form over a step of the midpoint element. The functions here call each kind once and in
