@@ -69,7 +69,7 @@ EQUATIONS = "schemes/collocation/equations.py"
 JACOBIAN = "schemes/collocation/jacobian.py"
 OUTPUT = "schemes/collocation/dense_output.py"
 STEPS = "schemes/collocation/step_control.py"
-CHART = "schemes/collocation/local_rotation.py"
+LOCAL = "schemes/collocation/local_rotation.py"
 TABLEAU = "schemes/collocation/tableau.py"
 CONCENTRATED = "elements/forces/concentrated.py"
 DRAG = "elements/forces/drag.py"
@@ -79,7 +79,7 @@ PRODUCTS = "elements/constraints/products.py"
 COINCIDE = "elements/constraints/coincide.py"
 ROWS = "elements/constraints/equations.py"
 REACTIONS = "elements/reactions.py"
-TURNS = "algebra/rotation.py"
+ROTATION = "algebra/rotation.py"
 FUNCTIONS = "algebra/functions.py"
 VELOCITIES = "start/velocities.py"
 POSITIONS = "start/positions.py"
@@ -129,9 +129,9 @@ MUTANTS = (
     Mutant("collocation: Jacobian by the rates", JACOBIAN,
            "basis[i, k], h * tableau.basis_rate", "basis[i, k], 0.5 * h * tableau.basis_rate",
            (STAGES,)),
-    Mutant("collocation: second derivative of the kinetic energy", CHART,
+    Mutant("collocation: second derivative of the kinetic energy", LOCAL,
            "outer(24.0 * n * k**4", "outer(12.0 * n * k**4", (STAGES,)),
-    Mutant("collocation: rate of the rotation parameters", CHART,
+    Mutant("collocation: rate of the rotation parameters", LOCAL,
            "moment(scale(-1.0, c), W)", "moment(c, W)", (DENSE, GAUSS)),
     Mutant("dense output: rotation at the end of the step", OUTPUT,
            "compose(at(end.p, b), inverse(at(begin.p, b)))",
@@ -141,11 +141,11 @@ MUTANTS = (
            "error / (2.0**order - 1.0)", "error / (4.0**order - 1.0)", (CONTROL,)),
     Mutant("step control: exponent of the step size", STEPS,
            "(share / error) ** (1.0 / order)", "(error / share) ** (1.0 / order)", (CONTROL,)),
-    Mutant("load: arm left out of the moment", CONCENTRATED,
+    Mutant("load: moment without its arm", CONCENTRATED,
            "return add(cross(r, f), m)", "return m", (EVALUATE, ENGINE)),
     Mutant("load: first moment of a law has the wrong sign", CONCENTRATED,
            "-0.5 * values[1]", "0.5 * values[1]", (LOADS,)),
-    Mutant("load: power of the moment left out", CONCENTRATED,
+    Mutant("load: power without that of the moment", CONCENTRATED,
            " + dot(at(start.m, k), W)", "", (FORCES, LOADS)),
     Mutant("drag: linear in the velocity", DRAG,
            "scale(-c * math.sqrt(dot(V, V)), V)", "scale(-c, V)", (FORCES, ENGINE)),
@@ -156,7 +156,7 @@ MUTANTS = (
     Mutant("friction: derivative by the rate", FRICTION,
            "-limit * (1.0 - t * t) / group.width[f]", "-limit * (1.0 + t * t) / group.width[f]",
            (EVALUATE, DERIVATIVE)),
-    Mutant("friction: one component of the reaction left out", FRICTION,
+    Mutant("friction: reaction without one component", FRICTION,
            " + reactions[joint, 2] ** 2", "", (ENGINE, FORCES)),
     Mutant("spring: mean of a table's tension", SPRING,
            "tension(group, laws, s, q0 + 0.5 * dq)", "tension(group, laws, s, q0 + dq)",
@@ -177,12 +177,12 @@ MUTANTS = (
     Mutant("reactions: moment about the mass centre", REACTIONS,
            "moment = sub(moment, cross(arm, force))", "moment = add(moment, cross(arm, force))",
            (JOINTS, KNOWN, INSTANT)),
-    Mutant("rotation: product of two", TURNS,
+    Mutant("rotation: product of two", ROTATION,
            "add(axpy(q0, p, scale(p0, q)), cross(p, q))",
            "add(axpy(q0, p, scale(p0, q)), cross(q, p))", (ROTATION,)),
-    Mutant("rotation: series of the angle for small increments", TURNS,
+    Mutant("rotation: series of the angle for small increments", ROTATION,
            "q * (1.0 / 80.0 - q * rest)", "q * (1.0 / 60.0 - q * rest)", (ROTATION, UPDATE)),
-    Mutant("rotation: change of a vector", TURNS,
+    Mutant("rotation: change of a vector", ROTATION,
            "axpy(0.5, cross(Q, Qa), Qa)", "axpy(-0.5, cross(Q, Qa), Qa)", (ROTATION,)),
     Mutant("start: angular velocities in the wrong axes", VELOCITIES,
            '"bji,bj->bi", start.frames.R, dW', '"bij,bj->bi", start.frames.R, dW',
@@ -193,7 +193,7 @@ MUTANTS = (
     Mutant("start: angular accelerations not divided by the length", VELOCITIES,
            "solution[frames.rotation] / frames.length[:, None]", "solution[frames.rotation]",
            (START, KNOWN, INSTANT)),
-    Mutant("start: assembly turns bodies the wrong way", POSITIONS,
+    Mutant("start: assembly rotates bodies the wrong way", POSITIONS,
            "scale(1.0 / frames.length[b], at(step", "scale(-1.0 / frames.length[b], at(step",
            (MECHANISMS,)),
 )  # fmt: skip

@@ -12,7 +12,7 @@ moments over an interval, against Legendre's polynomials P_k:
     m_k = integral over [0, 1] of law(a + d x) P_k(2 x - 1)          k = 0..4; m_0 is the mean
 
 polynomial, pieces   Gauss quadrature, exact for them, of each piece's part of the interval; the
-                     whole periods within it are three weighted ones, see ``_repeats``
+                     complete periods within it are three weighted ones, see ``_repeats``
 sine                 m_k + i (...) = amplitude exp(i phase) i^k j_k(omega d/2), with the phase in
                      the middle and the spherical Bessel functions j_k
 
@@ -88,7 +88,7 @@ def _numbers(law: Law) -> tuple[int, list[float]]:
         return SINE, list(law.numbers)
     if law.kind == "ramp":
         start_value, end_value, start, end = law.numbers
-        # A numpy number gives inf where powers of a short span vanish; the deck tells of it.
+        # A numpy number gives inf where powers of a short span vanish; the deck check reports it.
         rise, span = end_value - start_value, np.float64(end - start)
         quintic = [start_value, 0.0, 0.0, 10.0, -15.0, 6.0]
         pieces = quintic[:3] + [c * rise / span**k for k, c in enumerate(quintic[3:], start=3)]
@@ -103,7 +103,7 @@ def _table(law: Law) -> list[float]:
     if law.kind == "linear":
         pieces[:, 0], pieces[:, 1] = y[:-1], np.diff(y) / np.diff(x)
     else:
-        # Half a second to import: only scenes with splines pay.
+        # Half a second to import: only models with splines pay.
         from scipy.interpolate import CubicSpline
 
         ends = "periodic" if law.kind == "periodic" else "not-a-knot"

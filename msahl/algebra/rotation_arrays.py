@@ -1,10 +1,10 @@
-"""Wiener-Milenkovic parameters of whole tables: arrays (..., 3), as results hold them."""
+"""Wiener-Milenkovic parameters of complete tables: arrays (..., 3), as results hold them."""
 
 import numpy as np
 
 
 def angles(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Angle of the turn from ``q`` to ``p`` (..., 3) [rad]; exact for small ones, too."""
+    """Return the angle of the rotation from ``q`` to ``p`` (..., 3) [rad], also of small ones."""
     e, f = _euler(p), _euler(q)
     apart = np.minimum(*(np.sqrt(((e - sign * f) ** 2).sum(axis=-1)) for sign in (1.0, -1.0)))
     return np.asarray(4.0 * np.arcsin(np.minimum(0.5 * apart, 1.0)))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from msahl.algebra.rotation import (
-    HALF_TURN,
+    HALF_REVOLUTION,
     compose,
     from_axis_angle,
     from_increment,
@@ -44,7 +44,7 @@ def exponential(axis, phi):
 def test_the_matrix_is_the_exponential_and_orthogonal(axis, phi):
     p = from_axis_angle(axis, phi)
     R = np.array(matrix(p))
-    assert math.hypot(*p) <= HALF_TURN * (1 + ROUND_OFF)
+    assert math.hypot(*p) <= HALF_REVOLUTION * (1 + ROUND_OFF)
     assert np.abs(R @ R.T - np.eye(3)).max() < 1e-14
     assert np.linalg.det(R) == pytest.approx(1.0, abs=1e-14)
     # expm itself squares a few times: its own error grows with the angle.
@@ -55,7 +55,7 @@ def test_the_matrix_is_the_exponential_and_orthogonal(axis, phi):
 def test_composition_is_the_product_of_the_matrices(a, phi, b, psi):
     p, q = from_axis_angle(a, phi), from_axis_angle(b, psi)
     both = compose(p, q)
-    assert math.hypot(*both) <= HALF_TURN * (1 + ROUND_OFF)
+    assert math.hypot(*both) <= HALF_REVOLUTION * (1 + ROUND_OFF)
     product = np.array(matrix(p)) @ np.array(matrix(q))
     assert np.abs(np.array(matrix(both)) - product).max() < ROUND_OFF
 
@@ -91,9 +91,9 @@ def test_no_rotation_has_an_axis_all_the_same():
 def test_rescaling_keeps_the_orientation(axis, length):
     p = tuple(length * x / math.hypot(*axis) for x in axis)
     q = rescaled(p)
-    assert math.hypot(*q) <= HALF_TURN * (1 + ROUND_OFF)
+    assert math.hypot(*q) <= HALF_REVOLUTION * (1 + ROUND_OFF)
     assert np.abs(np.array(matrix(p)) - np.array(matrix(q))).max() < ROUND_OFF
-    assert (q == p) == (math.hypot(*p) <= HALF_TURN)
+    assert (q == p) == (math.hypot(*p) <= HALF_REVOLUTION)
 
 
 @given(axes, st.one_of(st.floats(0.0, 3.1), small))

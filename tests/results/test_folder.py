@@ -172,7 +172,7 @@ def _kill_at(count):
     Path.replace, Path.unlink = counted(Path.replace), counted(Path.unlink)
 
 
-def test_the_next_run_finishes_what_a_kill_left_behind(out, monkeypatch):
+def test_the_next_run_finishes_a_replacement_that_was_killed(out, monkeypatch):
     """Complete inside, and not a file moved yet."""
     with monkeypatch.context() as patch:
         patch.setattr(folders, "finish", lambda folder: None)

@@ -218,8 +218,8 @@ def mean_residual(
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """Take all mean forces over the ``step`` (h, dt2), and the loads of constraint equations along
-    coordinates, from the rows ``F`` (nodes, 3) [m]. It comes after ``scalar.residual`` at ``Z``.
+    """Subtract all mean forces over the ``step`` (h, dt2), and the loads of constraint equations
+    along coordinates, from the equations ``F`` (nodes, 3) [m]. Call it after ``scalar.residual``.
     """
     h, dt2 = step
     if scalar is not None:

@@ -221,21 +221,21 @@ def _add_blocks(
     k: int,
     c: float,
     acting: tuple[Vector, Vector],
-    by_turn: tuple[Matrix, Matrix, Matrix],
+    by_rotation: tuple[Matrix, Matrix, Matrix],
     values: np.ndarray,
 ) -> None:
     """Add ``c`` times the derivatives of force and moment of load ``k``, of which arm and force are
-    ``acting``. Arm, force and moment change with the rotations by minus the matrices ``by_turn``.
+    ``acting``. Arm, force and moment change with the rotations by minus ``by_rotation``.
     """
     r, f = acting
-    by_arm, by_lever = product(skew(f), by_turn[0]), product(skew(r), by_turn[1])
-    c_turn = c / frames.length[group.frame[k]]
+    by_arm, by_lever = product(skew(f), by_rotation[0]), product(skew(r), by_rotation[1])
+    c_rotation = c / frames.length[group.frame[k]]
     for i in range(3):
         for j in range(3):
-            values[group.force_by_rotation[k] + 3 * i + j] += c * by_turn[1][i][j]
-            values[group.moment_by_rotation[k, 0] + 3 * i + j] -= c_turn * by_arm[i][j]
-            values[group.moment_by_rotation[k, 1] + 3 * i + j] += c_turn * by_lever[i][j]
-            values[group.moment_by_rotation[k, 2] + 3 * i + j] += c_turn * by_turn[2][i][j]
+            values[group.force_by_rotation[k] + 3 * i + j] += c * by_rotation[1][i][j]
+            values[group.moment_by_rotation[k, 0] + 3 * i + j] -= c_rotation * by_arm[i][j]
+            values[group.moment_by_rotation[k, 1] + 3 * i + j] += c_rotation * by_lever[i][j]
+            values[group.moment_by_rotation[k, 2] + 3 * i + j] += c_rotation * by_rotation[2][i][j]
 
 
 @kernel
@@ -264,7 +264,7 @@ def mean_residual(
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """Take the mean loads from the rows of their bodies."""
+    """Subtract the mean loads from the equations of their bodies."""
     for k in range(group.frame.size):
         b = group.frame[k]
         r = mean(frames, Z, b, at(start.r, k))
@@ -290,7 +290,7 @@ def mean_jacobian(
         by_arm = end_tangent(frames, Z, b, at(start.r, k))
         by_force = end_tangent(frames, Z, axes_f, at(start.f, k))
         by_moment = end_tangent(frames, Z, axes_m, at(start.m, k))
-        # The mean moves by half as much as the end, and push takes dt2 F/m from the rows.
+        # The mean moves by half as much as the end, and push subtracts dt2 F/m.
         c = 0.5 * dt2 * frames.inverse_mass[b]
         _add_blocks(group, frames, k, c, (r, f), (by_arm, by_force, by_moment), values)
 

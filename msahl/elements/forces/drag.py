@@ -168,7 +168,7 @@ def mean_residual(
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """Take the mean drags from the rows of their bodies."""
+    """Subtract the mean drags from the equations of their bodies."""
     for k in range(group.frame.size):
         b = group.frame[k]
         f = force(group.coefficient[k], scale(1.0 / h, displacement(group, arm, frames, Z, k)))
@@ -194,13 +194,13 @@ def mean_jacobian(
         r = skew(mean(frames, Z, b, at(arm, k)))
         by_Q = product(by_V, T)
         c = dt2 * frames.inverse_mass[b]
-        c_turn = c / frames.length[b]
+        c_rotation = c / frames.length[b]
         lever = product(skew(force(group.coefficient[k], V)), T)
         add_block(values, group.block[k, 0], -c / h, by_V)
         add_block(values, group.block[k, 1], c / h, by_Q)
-        add_block(values, group.block[k, 2], -c_turn / h, product(r, by_V))
-        add_block(values, group.block[k, 3], c_turn / h, product(r, by_Q))
-        add_block(values, group.block[k, 3], -0.5 * c_turn, lever)
+        add_block(values, group.block[k, 2], -c_rotation / h, product(r, by_V))
+        add_block(values, group.block[k, 3], c_rotation / h, product(r, by_Q))
+        add_block(values, group.block[k, 3], -0.5 * c_rotation, lever)
 
 
 @kernel

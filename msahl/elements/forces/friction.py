@@ -14,7 +14,7 @@ w       rate at which friction has risen to three quarters of its limit [m/s or 
 
 Discrete form over a step of size h of the midpoint element: (q1 - q0)/h in place of q_dot, work
 load (q1 - q0). N is extrapolated there from the last two steps, which is second-order accurate, and
-everything else is implicit. Derivatives leave out the change of N. Source: Coulomb's law with the
+everything else is implicit. The derivatives omit the change of N. Source: Coulomb's law with the
 usual regularisation by tanh.
 """
 

@@ -21,7 +21,7 @@ chi/2 k (dq - s) in addition, where s is the smoothed change of q, as it does wi
 velocities (``elements.rigid_body``); k of a table is its steepest rise there.
 
 The load acts through the coordinate's unit force: a two-point spring pulls along its line, a
-torsional one turns about its axis. Source: Gonzalez, Time integration and discrete Hamiltonian
+torsional one acts about its axis. Source: Gonzalez, Time integration and discrete Hamiltonian
 systems, J. Nonlinear Sci. 6 (1996), for the quotient.
 """
 
