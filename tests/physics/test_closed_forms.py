@@ -274,9 +274,9 @@ def test_a_driven_slider_crank_follows_its_formula(h):
     known = r * np.cos(phi) + np.sqrt(length**2 - (r * np.sin(phi)) ** 2)
     # Closed at every step whatever its size.
     assert run.of("position")[:, 0] == pytest.approx(known, abs=1e-11)
-    assert run.report.coordinates == {"byCount": -3, "byRank": 0}
+    assert run.report.degrees_of_freedom == {"byCount": -3, "byRank": 0}
     # In space the hinges' reactions are not unique; the motor's moment is.
-    assert "Motor" not in run.report.nonUniqueReactions
+    assert "Motor" not in run.report.non_unique_reactions
 
 
 @pytest.mark.parametrize("degrees", [20.0, 45.0])

@@ -57,8 +57,8 @@ def test_bricards_mechanism_keeps_its_energy_and_its_joints():
     run = simulate(deck("bricard"), dt=0.01, t_final=10.0)
     report, extremes = run.report, run.report.extremes
     assert report.status == "completed"
-    assert report.coordinates == {"byCount": 0, "byRank": 1}
-    assert list(report.nonUniqueReactions) == [joint.name for joint in run.model.joints]
+    assert report.degrees_of_freedom == {"byCount": 0, "byRank": 1}
+    assert list(report.non_unique_reactions) == [joint.name for joint in run.model.joints]
     assert "P1: Fx, Fy, Fz" in report.verdict["checks"]["reactions"]["text"]
     assert report.verdict["checks"]["reactions"]["word"] == "PASS"
     # It falls and comes back: the kinetic energy is what is exchanged.
@@ -72,7 +72,7 @@ def test_the_stiff_governor_runs_at_large_steps():
     assert (run.report.status, run.report.subdivisions) == ("completed", 0)
     assert run.report.extremes["energyErrorMaxRelative"] < 1e-9
     assert run.report.extremes["constraintViolationMax"] < 1e-10
-    assert run.report.coordinates["byCount"] == run.report.coordinates["byRank"]
+    assert run.report.degrees_of_freedom["byCount"] == run.report.degrees_of_freedom["byRank"]
 
 
 def test_forces_of_a_four_bar_are_unique_in_its_plane():
@@ -81,13 +81,16 @@ def test_forces_of_a_four_bar_are_unique_in_its_plane():
     """
     model = deck("four_bar")
     run = simulate(model, dt=0.01, t_final=1.0)
-    assert run.report.coordinates == {"byCount": -3, "byRank": run.report.coordinates["byRank"]}
-    assert run.report.nonUniqueReactions == {j.name: ["Fy", "Mx", "Mz"] for j in model.joints}
+    assert run.report.degrees_of_freedom == {
+        "byCount": -3,
+        "byRank": run.report.degrees_of_freedom["byRank"],
+    }
+    assert run.report.non_unique_reactions == {j.name: ["Fy", "Mx", "Mz"] for j in model.joints}
     assert run.report.extremes["energyErrorMaxRelative"] < 1e-10
     kinds = ("revolute", "pointOnLine", "spherical", "revolute")
     joints = tuple(replace(j, kind=kind) for j, kind in zip(model.joints, kinds, strict=True))
     simple = simulate(replace(model, joints=joints), dt=0.01, t_final=1.0, full=True)
-    assert simple.report.nonUniqueReactions == {}
+    assert simple.report.non_unique_reactions == {}
     for j in range(4):
         known = simple.force(j)[:, ::2]
         # Forces carry the round-off of a step's places, 1e-16 m, times 2 m/h^2.
@@ -110,7 +113,7 @@ def test_reactions_that_cease_to_be_unique_during_the_motion():
     model = build_model([frame, door], joints, gravity=(0.0, 0.0, -9.8), motions=(rotation,))
     at_first = SubsystemIntegrator(model, "newton", full=False, chunk=1).shared
     assert at_first == {name: ["Fx", "Fy", "Fz", "My", "Mz"] for name in ("H1", "H2")}
-    later = simulate(model, dt=0.01, t_final=0.5).report.nonUniqueReactions
+    later = simulate(model, dt=0.01, t_final=0.5).report.non_unique_reactions
     assert later == {name: ["Fx", "Fy", "Fz", "Mx", "My", "Mz"] for name in ("H1", "H2")}
 
 

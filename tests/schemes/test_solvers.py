@@ -31,7 +31,7 @@ def test_newton_root_and_auto_go_the_same_way(path):
     assert {runs[s].report.subdivisions for s in runs} == {0}
     known = next(iter(runs.values()))
     # Redundant joints are relaxed, by 1e-9 of their compliance.
-    tolerance = 1e-8 if known.report.nonUniqueReactions else 1e-10
+    tolerance = 1e-8 if known.report.non_unique_reactions else 1e-10
     for run in runs.values():
         for b in range(len(model.bodies)):
             assert np.abs(run.of("position", b) - known.of("position", b)).max() < tolerance
@@ -39,7 +39,7 @@ def test_newton_root_and_auto_go_the_same_way(path):
         force = np.abs(known.reactions[:, 1:]).max(initial=1.0)
         # Which of many equally good reactions shared joints show is left to the relaxation against
         # the round-off of a solver's last iterations: some 2e-4 of the force, so 1e-3.
-        allowed = 1e-3 if known.report.nonUniqueReactions else 1e2 * tolerance
+        allowed = 1e-3 if known.report.non_unique_reactions else 1e2 * tolerance
         assert np.abs(run.reactions - known.reactions).max() < allowed * force
     subsystems = known.report.subsystems
     steps = {"newton": 0, "root": n * subsystems, "auto": subsystems}

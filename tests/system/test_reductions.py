@@ -42,7 +42,7 @@ def test_the_reduced_equations_give_the_full_ones_answer(path, solver):
     points = path.parent.name in ("thesis", "basics")
     # Rows along directions round a little more than points that coincide.
     tolerance = {"newton": 1e-13 if points else 1e-12, "root": 1e-10}[solver]
-    if runs[1].report.nonUniqueReactions:
+    if runs[1].report.non_unique_reactions:
         tolerance = 1e-10  # redundant joints are relaxed, and full models have more of them
     for what in ("position", "orientation", "velocity", "spin"):
         for b in range(len(model.bodies)):

@@ -270,7 +270,7 @@ def test_both_solvers_find_the_same_motion(name):
     scale = np.abs(newton.states).max()
     # Both to residuals of 1e-12 of a step.
     np.testing.assert_allclose(newton.states, root.states, atol=1e-10 * scale)
-    if not newton.report.nonUniqueReactions:
+    if not newton.report.non_unique_reactions:
         # Those of redundant joints are not unique.
         near = 1e-8 * np.abs(newton.reactions).max()
         np.testing.assert_allclose(newton.reactions, root.reactions, atol=near)
