@@ -86,6 +86,7 @@ lint: .venv/tested
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/python tools/check_words.py
 
 regress: .venv/tested
 	$(BIN)/python tools/regress.py check
