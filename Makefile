@@ -32,7 +32,7 @@ help:
 	@echo 'make test            set up .venv, check the style and types, run all tests but the slow ones'
 	@echo 'make test-slow       run the slow tests'
 	@echo 'make kernels         compile the kernels that the tests need (make test does it)'
-	@echo 'make lint            check the sources with ruff and mypy'
+	@echo 'make lint            check the sources with ruff and mypy, and the words of all texts'
 	@echo 'make coverage        measure which lines and branches the tests execute'
 	@echo 'make mutate          falsify lines of physics one by one and check that a test fails'
 	@echo 'make fuzz            generate malformed decks for SECONDS ($(SECONDS)) and run them'
