@@ -154,7 +154,7 @@ def test_a_deck_drawn_by_hand_is_closed_and_told(tmp_path):
     out = tmp_path / "run"
     result = CliRunner().invoke(main, ["run", str(path), "--t-final", "0.5", "-o", str(out)])
     assert result.exit_code == 0, result.output
-    told = "moved body 'Crank' by 0.00612 m and 0.00846 rad, body 'Coupler' by 0.00467 m"
+    told = "moving body 'Crank' by 0.00612 m and 0.00846 rad, body 'Coupler' by 0.00467 m"
     assert told in result.stderr
     assert any(
         told in warning for warning in json.loads((out / "run.json").read_text())["warnings"]

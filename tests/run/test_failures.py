@@ -309,7 +309,7 @@ def test_a_study_without_a_start_or_a_run_to_its_end_says_so(tmp_path):
     words = ("--repeat", 1, "--dt", 0.02, "--dt", 0.01, "--reference", tmp_path / "true")
     result = call("study", deck, *words, "-o", tmp_path / "out")
     assert result.exit_code == 3, result.output
-    assert "Runs that did not come to their end" in (tmp_path / "out" / "study.md").read_text()
+    assert "Runs that did not reach the end time" in (tmp_path / "out" / "study.md").read_text()
 
 
 def test_a_stopped_study_reports_the_runs_it_has_made(tmp_path, monkeypatch):
@@ -327,7 +327,7 @@ def test_a_stopped_study_reports_the_runs_it_has_made(tmp_path, monkeypatch):
     result = call("study", *words, "--scheme", "preserving", "-o", tmp_path)
     assert result.exit_code == 143, result.output
     assert "the report contains the runs that had ended" in result.stderr
-    assert "stopped before all its runs were made" in (tmp_path / "study.md").read_text()
+    assert "stopped before all of its runs were made" in (tmp_path / "study.md").read_text()
     rows = (tmp_path / "study.csv").read_text().splitlines()
     assert len(rows) == 3  # the head, and the runs at 0.1 and 0.05 s
 
@@ -350,9 +350,9 @@ def test_a_study_keeps_the_repeats_it_has():
     ran = []
     result = study(plan, ran.append, lambda: len(ran) == 3)
     assert (result.stopped, ran) == (True, ["preserving 0.1", "preserving 0.05", "preserving 0.1"])
-    assert [point.trial.dt for point in result.points] == [0.1, 0.05]
+    assert [point.trial.dt for point in result.runs] == [0.1, 0.05]
     complete = study(plan)
-    errors = [[p.largest("position") for p in r.points][:2] for r in (result, complete)]
+    errors = [[p.largest("position") for p in r.runs][:2] for r in (result, complete)]
     assert errors[0] == errors[1]
 
 

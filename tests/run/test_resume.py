@@ -134,7 +134,7 @@ def test_output_between_steps_goes_on_bit_for_bit(monkeypatch, name):
     """Where they stand in their steps does not depend on where chunks begin."""
     model = deck(name)
     dt = model.simulation.dt
-    given = {"scheme": "gauss", "degree": 2, "t_final": 24 * dt, "interval": 0.37 * dt}
+    given = {"scheme": "gauss", "degree": 2, "t_final": 24 * dt, "output_interval": 0.37 * dt}
     model = replace(model, simulation=replace(model.simulation, **given))
     same_run(monkeypatch, model, Options(accuracy=1e-6), 9)
 

@@ -54,7 +54,7 @@ def test_a_hard_step_that_is_stopped_is_taken_anew_when_the_run_goes_on(monkeypa
     first, begun = advance(violent(), Options(solver), stopped=stopped, save=saved.append)
     assert first.status == "interrupted"
     assert first.steps < complete.steps
-    assert first.rows == first.steps + 1
+    assert first.output_times == first.steps + 1
     monkeypatch.setattr(msahl.run.loop, "CHUNK_SECONDS", 0.1)
     rest, gone_on = advance(violent(), Options(solver), since=saved[-1])
     assert rest.status == "completed"

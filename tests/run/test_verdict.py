@@ -415,7 +415,7 @@ def test_a_run_cut_off_by_force_has_failed(runs, tmp_path):
     (tmp_path / "states.csv.part").write_text("time\n")
     result = call(post, "verdict", tmp_path)
     assert result.exit_code == 1
-    assert "cut off by force" in result.stdout
+    assert "the run was killed" in result.stdout
     result = call(post, "verdict", tmp_path / "nothing")
     assert result.exit_code == 2
     assert "no verdict" in result.stderr

@@ -108,7 +108,7 @@ def test_order_10_shows_in_extended_precision(orders, name):
 @longer
 def test_steps_in_extended_precision_are_those_that_are_compiled(orders):
     case = orders.CASES["double pendulum"]
-    compiled, plain = (orders.run_rows(case, "gauss5", number, 6) for number in (float, LONG))
+    compiled, plain = (orders.run_case(case, "gauss5", number, 6) for number in (float, LONG))
     assert plain.states.dtype == plain.reactions.dtype == LONG
     apart = orders.errors(compiled, plain)
     # Round-off of 24 steps in double precision; what they lack of the motion is 1e-12 to 1e-11.

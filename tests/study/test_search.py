@@ -249,7 +249,7 @@ def test_the_command_and_its_recommendation(tmp_path):
     error = (states[:, 1:] - true).reshape(-1, 2, 12)[:, :, :3]
     assert np.sqrt((error**2).sum(axis=2)).max() <= 1e-4
     assert "complete command" in text
-    assert "than the deck's own settings" in text
+    assert "than the run with the deck's own settings" in text
 
 
 def test_an_error_that_is_round_off_is_reported():
@@ -268,4 +268,4 @@ def test_steps_of_a_scheme_that_chooses_them_are_refused(tmp_path):
     words = [str(DECK), "--scheme", "auto", "--dt", "0.1", "-o", str(tmp_path)]
     found = CliRunner().invoke(command, words)
     assert found.exit_code == 2
-    assert "chooses its steps" in found.stderr
+    assert "chooses its step size" in found.stderr

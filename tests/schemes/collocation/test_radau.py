@@ -228,7 +228,7 @@ def test_the_command_and_the_deck_ask_for_it(tmp_path):
     result = CliRunner().invoke(main, ["check", str(bad)])
     assert result.exit_code == 2
     line = given[: given.index("<simulation ")].count("\n") + 1
-    expected = f"{bad}:{line}: simulation: it is of degree 4; those of scheme radau are 1 to 3"
+    expected = f"{bad}:{line}: simulation: the degree is 4; the radau scheme has the degrees 1 to 3"
     assert expected in result.output
     result = CliRunner().invoke(main, ["run", str(source), "--scheme", "radau4"])
     assert result.exit_code == 2

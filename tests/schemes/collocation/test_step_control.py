@@ -93,7 +93,7 @@ def test_a_run_by_tolerance_goes_on_bit_for_bit(monkeypatch, tolerance):
     complete, rows = advance(model, Options())
     (_, first), (rest, second) = in_two_parts(monkeypatch, model, Options(), 6, 2)
     assert bits(first, second) == bits(rows)
-    assert rest.control == complete.control
+    assert rest.step_control == complete.step_control
     assert rest.error == complete.error
 
 
@@ -136,7 +136,7 @@ def test_the_command_asks_for_it(tmp_path):
     assert "greater than zero" in result.stderr
     result = CliRunner().invoke(main, [*words, "--solver", "root"])
     assert result.exit_code == 2
-    assert "takes the steps it is given" in result.stderr
+    assert "takes steps of a given size" in result.stderr
 
 
 def test_what_no_step_meets_is_reported():
