@@ -10,6 +10,7 @@ import os
 import sys
 import tempfile
 import time
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
 from pathlib import Path
 
@@ -75,9 +76,9 @@ def main(processes: int) -> None:
     if os.environ.get("NUMBA_DISABLE_JIT") or STORE.load(DONE) is not None:
         return
     print("compiling the kernels of the tests", flush=True)
-    with multiprocessing.get_context("spawn").Pool(processes) as pool:
-        for line in pool.imap_unordered(compile_job, JOBS, chunksize=1):
-            print(f"  {line}", flush=True)
+    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
+        for job in as_completed([pool.submit(compile_job, job) for job in JOBS]):
+            print(f"  {job.result()}", flush=True)
     STORE.save(DONE, b"")
 
 
