@@ -176,7 +176,16 @@ def test_spins_and_momenta(degree):
     assert np.log2(lost[0] / lost[1]) == pytest.approx(2.0 * degree - 1.0, abs=0.4)
 
 
-@pytest.mark.parametrize("name", ["double_pendulum_89", "revolute", "bricard", "friction_hinge"])
+@pytest.mark.parametrize(
+    "name",
+    # Friction by scipy is a kernel of its own, which takes a minute to compile.
+    [
+        "double_pendulum_89",
+        "revolute",
+        "bricard",
+        pytest.param("friction_hinge", marks=pytest.mark.slow),
+    ],
+)
 def test_both_solvers_find_the_same_motion(name):
     newton, root = (
         simulate(deck(name), dt=0.02, t_final=0.2, scheme="radau2", solver=solver)
