@@ -24,6 +24,7 @@ from msahl.run.report import COMPLETED, INTERRUPTED, NOT_CONVERGED, NOT_WRITTEN,
 from msahl.run.saved_run import restore_snapshot, take_snapshot
 from msahl.run.setup import RunSetup, build_setup, new_report
 from msahl.run.snapshot import SavedSteps, Snapshot, digest
+from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.tables import ERROR, Sink
 from msahl.schemes.outcome import Stopped
 from msahl.schemes.output_schedule import OutputSchedule
@@ -210,7 +211,7 @@ class TimeLoop:
         began, estimate = time.perf_counter(), self.setup.estimate
         stride = estimate.companion.stride if estimate else 1
         chunk = self.setup.plan.next_chunk(steps, stride)
-        advance = self._advance(chunk)
+        advance = self._advance(chunk, stride)
         begins = np.append(chunk.begin, advance.ends)
         done = self._finite_steps(advance.steps, advance.schedule, begins)
         self.report.add_seconds("loop", time.perf_counter() - began)
@@ -223,14 +224,16 @@ class TimeLoop:
         )
         self._hand_over(good, chunk)
 
-    def _advance(self, chunk: Chunk) -> Advance:
-        """Advance every subsystem; returns the shortest advance."""
+    def _advance(self, chunk: Chunk, stride: int) -> Advance:
+        """Advance every subsystem by a multiple of ``stride`` steps, where that is possible;
+        returns the shortest advance.
+        """
         shortest: Advance | None = None
         for integrator in self.setup.integrators:
             # Steps that become hard must not delay the answer to a request to stop. The other
             # subsystems go as far as the first.
             patience = math.inf if shortest else PATIENCE
-            advance = integrator.advance(chunk, patience)
+            advance = _complete(integrator, chunk, integrator.advance(chunk, patience), stride)
             if shortest is None or advance.steps < shortest.steps:
                 shortest = advance
                 failure = self.setup.plan.failure(integrator, advance)
@@ -306,3 +309,20 @@ class TimeLoop:
     def _end_unwritten(self, error: OSError) -> None:
         extent = f"; rows up to t = {self._time:g} s are complete"
         self.report.end(NOT_WRITTEN, not_written(error, extent))
+
+
+def _complete(
+    integrator: SubsystemIntegrator, chunk: Chunk, advance: Advance, stride: int
+) -> Advance:
+    """Take the steps that an ``advance`` which was cut short lacks to a multiple of ``stride``.
+
+    A step of the companion replaces so many steps of the run. If the clock could cut them, it would
+    decide on the companion's step sizes, and so on the last digits of the estimated error.
+    """
+    missing = -advance.steps % stride
+    last = min(advance.steps + missing, chunk.last)
+    if not advance.outcome.converged or last == advance.steps:
+        return advance
+    rest = integrator.advance(chunk._replace(first=advance.steps, last=last))
+    taken = rest.steps
+    return rest._replace(sizes=np.full(taken, chunk.h), ends=chunk.ends[:taken])
