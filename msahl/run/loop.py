@@ -320,9 +320,9 @@ def _complete(
     decide on the companion's step sizes, and so on the last digits of the estimated error.
     """
     missing = -advance.steps % stride
-    last = min(advance.steps + missing, chunk.last)
-    if not advance.outcome.converged or last == advance.steps:
+    if not advance.outcome.converged or not missing or advance.steps >= chunk.last:
         return advance
+    last = min(advance.steps + missing, chunk.last)
     rest = integrator.advance(chunk._replace(first=advance.steps, last=last))
     taken = rest.steps
     return rest._replace(sizes=np.full(taken, chunk.h), ends=chunk.ends[:taken])
