@@ -110,7 +110,7 @@ def _constant(topology: Topology, frames: Frames, coincide: Coincide) -> np.ndar
         put(start, 1.0)
     for k in range(coincide.a.size):
         for side, (sign, frame) in enumerate(((-1.0, coincide.a[k]), (1.0, coincide.b[k]))):
-            share = float(frames.inverse_mass[frame] * coincide.mass[k])
+            share = frames.inverse_mass[frame] * coincide.mass[k]
             put(topology.coincide_blocks[k, side, 0], -sign * share)
             put(topology.coincide_blocks[k, side, 1], sign)
     for start in topology.relaxed_blocks:

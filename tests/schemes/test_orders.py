@@ -88,21 +88,14 @@ def test_every_quantity_has_the_order_of_the_theory(orders, name, word):
     assert_order(orders, name, word, orders.climb(name, word, float, STEPS[name][word]))
 
 
-KNOWN_FAULT = pytest.mark.xfail(
-    strict=True,
-    reason="with joint coordinates the references in extended precision differ by 3e-15 and not by "
-    "2e-16: some intermediate number is a double, so too few errors are clear of that",
-)
-
-
 @longer
 @pytest.mark.parametrize(
     "name",
     [
         "double pendulum",
         "asymmetric top",
-        pytest.param("four-bar", marks=(pytest.mark.slow, KNOWN_FAULT)),
-        pytest.param("spring", marks=(pytest.mark.slow, KNOWN_FAULT)),
+        pytest.param("four-bar", marks=pytest.mark.slow),
+        pytest.param("spring", marks=pytest.mark.slow),
     ],
 )
 def test_order_10_shows_in_extended_precision(orders, name):

@@ -99,7 +99,7 @@ def multiplier(rows: ConstraintEquations, frames: Frames, Z: np.ndarray, r: int)
     unknowns of a step are dt2 times these.
     """
     node = first_multiplier(frames) + rows.place[r, 0]
-    return float(Z[node, rows.place[r, 1]] * rows.mass[r] * rows.scale[r])
+    return Z[node, rows.place[r, 1]] * rows.mass[r] * rows.scale[r]
 
 
 @kernel

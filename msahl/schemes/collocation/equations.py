@@ -141,7 +141,7 @@ def scaled_momentum(system: System, J: np.ndarray, W: np.ndarray, b: int) -> Vec
 def moment_scale(system: System, b: int) -> float:
     """1/(m l) of the frame of body ``b``, by which moments are divided [1/(kg m)]."""
     f = system.bodies.frame[b]
-    return float(system.frames.inverse_mass[f] / system.frames.length[f])
+    return system.frames.inverse_mass[f] / system.frames.length[f]
 
 
 @kernel
