@@ -383,9 +383,13 @@ def installed(tmp_path_factory):
 
 FROM_TARGET = """
 import sys
-import msahl
+# The checkout is installed as editable: it would complete a package that lacks modules.
+sys.meta_path[:] = [f for f in sys.meta_path if "editable" not in getattr(f, "__module__", "")]
 from msahl.cli.main import main
-assert msahl.__file__.startswith(sys.argv.pop(1)), msahl.__file__
+target = sys.argv.pop(1)
+foreign = [name for name, module in sys.modules.items()
+           if name.startswith("msahl") and not module.__file__.startswith(target)]
+assert not foreign, foreign
 main()
 """
 
