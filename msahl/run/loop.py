@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from msahl.jit.compiled import is_kept, keep, trouble
+from msahl.jit.compiled import STOPWATCH, prepare, trouble
 from msahl.model import Model, Options, resolve
 from msahl.run.attempts import Attempts
 from msahl.run.companion import Steps
@@ -119,15 +119,14 @@ class TimeLoop:
 
     def run(self, since: Snapshot | None) -> Report:
         """Take all steps, or those after the snapshot ``since``."""
-        kinds, hooks = self.setup.kinds, self.hooks
-        compiles = not all(is_kept(kind) for kind in kinds)
-        if compiles:
-            hooks.tell("compiling kernels for this kind of model (once)")
+        hooks = self.hooks
+        STOPWATCH.tell = lambda: hooks.tell("compiling kernels for this kind of model (once)")
         self._begin(since)
         for integrator in self.setup.all_integrators:
             integrator.stepper.requests.stopped = hooks.stopped
         try:
-            self._take_all(1 if compiles else self._first_steps())
+            prepare(self.setup.calls, hooks.stopped)
+            self._take_all(self._first_steps())
         except Stopped:  # in the middle of a hard step
             self._go_back()
             self._interrupt()
@@ -135,8 +134,6 @@ class TimeLoop:
         except KeyboardInterrupt:  # a second request to stop, in the middle of a chunk
             self.report.end(INTERRUPTED, f"stopped at once, after t = {self._time:g} s")
             self._go_back()
-        for kind in kinds:
-            keep(kind)
         if trouble():
             hooks.tell(trouble())
         conclude(self.setup, self.record, self.report)

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from msahl.jit.compiled import Call
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.schemes.outcome import EVALUATION, STEP_WORK, Outcome, Requests
 from msahl.schemes.output_schedule import OutputSchedule
@@ -36,6 +37,10 @@ class StepMethod(Protocol):
     @property
     def kind(self) -> str:
         """Name of the compiled code that the steps need."""
+
+    @property
+    def calls(self) -> list[Call]:
+        """As ``Stepper.calls``."""
 
     @property
     def memory(self) -> Any:
@@ -93,6 +98,11 @@ class FixedStepper:
     def kind(self) -> str:
         """See ``Stepper``."""
         return self.method.kind
+
+    @property
+    def calls(self) -> list[Call]:
+        """See ``Stepper``."""
+        return self.method.calls
 
     @property
     def memory(self) -> Any:

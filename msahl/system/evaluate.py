@@ -35,7 +35,7 @@ from msahl.elements.constraints import coincide, coordinates, scalar
 from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.elements.frames import first_multiplier, moving_count
 from msahl.elements.frames import prepare as prepare_frames
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import kernel, unit
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
 
 
@@ -45,7 +45,7 @@ def dt2(system: System, h: float) -> float:
     return system.decay.share * h * h
 
 
-@kernel
+@unit
 def prepare(system: System, state: State, start: SystemWorkspace) -> None:
     """Compute what the other functions need of the configuration of ``state`` into ``start``."""
     prepare_frames(
@@ -116,7 +116,7 @@ def free_acceleration(
     forces.add_forces(system.forces, start.forces, system.scalar, frames, state.reaction, F)
 
 
-@kernel
+@unit
 def observe(
     system: System, state: State, start: SystemWorkspace, violation: np.ndarray, rate: np.ndarray
 ) -> tuple[float, float]:

@@ -22,7 +22,7 @@ from msahl.elements.constraints.coordinate_kinds import (
 )
 from msahl.elements.constraints.products import PARTS, Q_A, Q_B, U_A, U_B
 from msahl.elements.frames import Frames, displacement_node, rotation_node
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import kernel, unit
 
 
 @kernel
@@ -35,7 +35,7 @@ def prepare(
         start.value[q] = value(group, start, angle[q], q)
 
 
-@kernel
+@unit
 def evaluate(
     group: Coordinates, start: CoordinatesWorkspace, frames: Frames, Z: np.ndarray
 ) -> None:
@@ -61,7 +61,7 @@ def evaluate(
             start.force[q, Q_B, i] = t_b
 
 
-@kernel
+@unit
 def differentiate(
     group: Coordinates, start: CoordinatesWorkspace, frames: Frames, Z: np.ndarray
 ) -> None:
@@ -151,7 +151,7 @@ def count_rotations(group: Coordinates, start: CoordinatesWorkspace, angle: np.n
             start.value[q] = angle[q]
 
 
-@kernel
+@unit
 def rates(
     group: Coordinates, start: CoordinatesWorkspace, v: np.ndarray, W: np.ndarray, rate: np.ndarray
 ) -> None:

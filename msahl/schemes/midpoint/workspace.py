@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.elements import forces, reactions, rigid_body
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import kernel, unit
 from msahl.schemes.midpoint import equations
 from msahl.system import evaluate
 from msahl.system.arrays import (
@@ -63,7 +63,7 @@ def new_workspace(system: System, unknowns: Unknowns, state: State, chunk: int) 
     )
 
 
-@kernel
+@unit
 def accept_step(workspace: Workspace, h: float, share: float) -> None:
     """Advance the state by the solved step of size ``h``, a ``share`` of the requested one; prepare
     the next.

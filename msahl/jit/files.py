@@ -1,0 +1,133 @@
+"""Finds object files: those of the installed package first, then those in the user's folder.
+
+The name of a file tells everything its content depends on: the kernel and its types of arguments,
+its sources (``reach``), the processor, and in the user's folder the compiler. Files of the package
+are made for two levels of x86-64 (``PORTABLE``), and can be loaded without any compiler.
+"""
+
+import hashlib
+import os
+import platform
+import sys
+from functools import cache, cached_property
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import platformdirs
+
+from msahl.jit.arguments import symbol_of
+from msahl.jit.kernel_store import HEAD, Store, digest_of
+from msahl.jit.object_file import ObjectFile, Unit
+from msahl.jit.reach import PACKAGE, own_digest, resolve, source_digest
+
+LAYOUT = 3
+"""Version of the format of object files."""
+SETTINGS = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_OPT")
+"""Variables of the environment that change what the compiler makes."""
+FEATURES_V3 = ("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
+PORTABLE = {"x86-64-v3": FEATURES_V3, "x86-64": ()}
+"""Processors that the files of a package are made for, the fastest first, and what they must have."""
+
+
+def user_folder() -> Path:
+    """Return the folder of the user's object files."""
+    kept = os.environ.get("NUMBA_CACHE_DIR")
+    return Path(kept or platformdirs.user_cache_dir("msahl", appauthor=False)) / "kernels"
+
+
+class Files:
+    """Object files by kernel and types of arguments."""
+
+    def __init__(self, store: Store) -> None:
+        self.store = store
+
+    def find(self, unit: Unit) -> ObjectFile | None:
+        """Return the machine code of a kernel; None if there is none that can be trusted."""
+        portable = portable_name(unit)
+        content = _packaged(portable) or self.store.load(self._own_name(portable))
+        if not content:
+            return None
+        try:
+            return ObjectFile.from_bytes(content)
+        except (ValueError, TypeError, KeyError):
+            self.store.discard(self._own_name(portable))
+            return None
+
+    def save(self, unit: Unit, compiled: ObjectFile) -> None:
+        """Keep the machine code of a kernel, if that is possible."""
+        self.store.save(self._own_name(portable_name(unit)), compiled.as_bytes())
+
+    def find_code(self, unit: Unit) -> ObjectFile | None:
+        """Return the intermediate code of a function; None if there is none."""
+        content = self.store.load(self._code_name(unit))
+        return ObjectFile.from_bytes(content) if content else None
+
+    def save_code(self, unit: Unit, code: ObjectFile) -> None:
+        """Keep the intermediate code of a function, if that is possible."""
+        self.store.save(self._code_name(unit), code.as_bytes())
+
+    def _code_name(self, unit: Unit) -> str:
+        return f"{symbol_of(*unit)}-{own_digest(resolve(unit[0], unit[1]))[:24]}-{self._machine}.bc"
+
+    def _own_name(self, portable: str) -> str:
+        return f"{portable}-{self._machine}"
+
+    @cached_property
+    def _machine(self) -> str:
+        """A short name for the compiler and the processor."""
+        from llvmlite import binding as llvm
+
+        told = [llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten(), sys.platform]
+        told += [_version("numba"), _version("llvmlite"), sys.implementation.cache_tag]
+        told += [os.environ.get(name, "") for name in SETTINGS]
+        return hashlib.sha256(repr((LAYOUT, told)).encode()).hexdigest()[:12]
+
+
+def portable_name(unit: Unit) -> str:
+    """Return the name of a kernel, its types of arguments and its sources."""
+    return f"{symbol_of(*unit)}-{_sources(unit[0], unit[1])}"
+
+
+@cache
+def _sources(module: str, name: str) -> str:
+    return source_digest(resolve(module, name))[:24]
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return ""
+
+
+@cache
+def packaged_folder() -> Path | None:
+    """Return the folder of the package's files for this processor; None if there is none."""
+    if platform.machine().lower() not in ("x86_64", "amd64") or not sys.platform.startswith(
+        "linux"
+    ):
+        return None
+    folder = PACKAGE / "kernels"
+    if not folder.is_dir():
+        return None
+    from llvmlite import binding as llvm
+
+    found = llvm.get_host_cpu_features()
+    fitting = (
+        folder / level
+        for level, features in PORTABLE.items()
+        if all(found.get(feature) for feature in features)
+    )
+    return next((path for path in fitting if path.is_dir()), None)
+
+
+def _packaged(name: str) -> bytes | None:
+    """Return a file of the package; None if there is none, or if it is damaged."""
+    folder = packaged_folder()
+    if folder is None:
+        return None
+    try:
+        content = (folder / name).read_bytes()
+    except OSError:
+        return None
+    return content[HEAD:] if content[:HEAD] == digest_of(name, content[HEAD:]) else None
