@@ -5,7 +5,7 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +15,7 @@ import click
 from click.core import ParameterSource
 
 import msahl
+from msahl.cli.compiling import show_compiling
 from msahl.cli.console import BAD_VERDICT, NOT_WRITTEN, STATUS, say, stop
 from msahl.cli.decks import model_to_run
 from msahl.cli.options import DECK, output_option, run_options
@@ -199,7 +200,7 @@ def _simulate(
     try:
         with results, _progress(job.model, not talk.quiet) as progress:
             tell = (lambda message: None) if talk.quiet else say
-            hooks = loop.Hooks(progress, stopped, tell, save)
+            hooks = loop.Hooks(progress, stopped, tell, save, show_compiling(not talk.quiet))
             report = loop.run(job.model, job.options, results, hooks, snapshot)
             set_alarm(0.0)  # what ends the run now must not be interrupted
             results.complete = report.status == COMPLETED
@@ -286,9 +287,12 @@ def _progress(model: "Model", shown: bool) -> Iterator[Callable[[int, float], An
 def _versions() -> dict[str, str]:
     """Versions of msahl, Python and the packages that numbers depend on."""
     import platform
-    from importlib.metadata import version
+    from importlib.metadata import PackageNotFoundError, version
 
-    versions = {package: version(package) for package in PACKAGES}
+    versions = {}
+    for package in PACKAGES:
+        with suppress(PackageNotFoundError):  # numba is needed for compiling alone
+            versions[package] = version(package)
     return {"msahl": msahl.__version__, "python": platform.python_version(), **versions}
 
 

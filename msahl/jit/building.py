@@ -179,6 +179,7 @@ def build(
                     jobs[k] = job, time.perf_counter()
                     team.send(k, job, work)
             if not jobs:
+                listen(work.progress({}))
                 return
             listen(work.progress(dict(jobs.values())))
             try:

@@ -26,7 +26,7 @@ SETTINGS = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_OPT")
 """Variables of the environment that change what the compiler makes."""
 FEATURES_V3 = ("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
 PORTABLE = {"x86-64-v3": FEATURES_V3, "x86-64": ()}
-"""Processors that the files of a package are made for, the fastest first, and what they must have."""
+"""Processors that the files of a package are made for, the fastest first, and what they need."""
 
 
 def user_folder() -> Path:

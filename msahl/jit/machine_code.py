@@ -59,7 +59,7 @@ class _Calls:
 _calls = _Calls()
 
 
-@global_compiler_lock  # type: ignore[untyped-decorator]
+@global_compiler_lock
 def front_end(function: Function, arguments: Sequence[Description]) -> ObjectFile:
     """Return the intermediate code of ``function`` for these types of arguments, and what it
     calls.
@@ -74,15 +74,15 @@ def front_end(function: Function, arguments: Sequence[Description]) -> ObjectFil
         named = function.__code__.co_argcount
         kinds = (*kinds[:named], types.StarArgTuple(kinds[named:]))
     expected = result_of(function)
-    flags: Any = Flags()  # type: ignore[no-untyped-call]
+    flags: Any = Flags()
     flags.error_model, flags.nrt = OPTIONS["error_model"], OPTIONS["_nrt"]
     flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
     result = None if expected is None else type_of(expected)
-    done: Any = compile_extra(  # type: ignore[no-untyped-call]
+    done: Any = compile_extra(
         typing_context, context, function, kinds, result, flags, {}, pipeline_class=Separate
     )
     library: Library = done.library
-    library.finalize()  # type: ignore[no-untyped-call]
+    library.finalize()
     symbol = symbol_of(function.__module__, function.__qualname__, arguments)
     small = len(function.__code__.co_code) < SMALL
     inline = small and function not in APART and function not in UNITS
@@ -91,20 +91,20 @@ def front_end(function: Function, arguments: Sequence[Description]) -> ObjectFil
     return ObjectFile(code, returned, tuple(_calls.units))
 
 
-@global_compiler_lock  # type: ignore[untyped-decorator]
+@global_compiler_lock
 def link(unit: Unit, codes: Mapping[Unit, ObjectFile]) -> ObjectFile:
     """Return the machine code of a function, given the intermediate ``codes`` of it and of those
     that it calls; units stay outside.
     """
     context = cpu_target.target_context
     symbol = symbol_of(*unit)
-    library = ObjectLibrary(context.codegen(), symbol)  # type: ignore[no-untyped-call]
+    library = ObjectLibrary(context.codegen(), symbol)
     for key in sorted(codes, key=repr):
         library.add_bitcode(codes[key].code)
     library.exported = (symbol, f"{symbol}.entry")
     result = codes[unit].result
     _add_entry(library, context, unit, type_of(result))
-    library.finalize()  # type: ignore[no-untyped-call]
+    library.finalize()
     outside = {other for code in codes.values() for other in code.units} - set(codes)
     return ObjectFile(library.emit_object(), result, tuple(sorted(outside, key=repr)))
 
@@ -163,9 +163,7 @@ def _add_entry(library: ObjectLibrary, context: Any, unit: Unit, result: types.T
     members = tuple((f"a{k}", argument) for k, argument in enumerate(unit[2]))
     group = Group((GROUP, "arguments", members))
     kinds = [type_of(argument) for argument in unit[2]]
-    given = [
-        member(context, builder, group, entry.args[0], name) for name in group.names
-    ]
+    given = [member(context, builder, group, entry.args[0], name) for name in group.names]
     kind = convention.get_function_type(result, kinds)
     function = cgutils.get_or_insert_function(module, kind, symbol)
     function.attributes.add("noinline")

@@ -5,7 +5,6 @@ half as long again.
 """
 
 import hashlib
-import os
 from collections.abc import Callable
 from typing import Any
 
@@ -25,7 +24,7 @@ def plain(function: Callable[..., Any]) -> Any:
     for source in sorted(PACKAGE.rglob("*.py")):
         digest.update(source.read_bytes())
     folder = user_folder().with_name("plain") / digest.hexdigest()[:16]
-    os.environ["NUMBA_CACHE_DIR"] = numba.config.CACHE_DIR = str(folder)
+    setattr(numba.config, "CACHE_DIR", str(folder))  # noqa: B010 - missing in its type stub
     for marked in MARKED:
         numba.extending.register_jitable(**OPTIONS)(marked)
     MARKED.clear()

@@ -12,7 +12,7 @@ import sys
 import types
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -29,8 +29,10 @@ Function = Callable[..., Any]
 
 def resolve(module: str, name: str) -> Function:
     """Return the function of that name."""
-    found: Function = functools.reduce(getattr, name.split("."), importlib.import_module(module))
-    return found
+    found: Any = importlib.import_module(module)
+    for part in name.split("."):
+        found = getattr(found, part)
+    return cast(Function, found)
 
 
 def source_digest(function: Function) -> str:

@@ -53,7 +53,8 @@ def description_of(kind: types.Type) -> Description:
     if isinstance(kind, types.Array):
         return (ARRAY, str(kind.dtype), kind.ndim, kind.layout)
     if isinstance(kind, types.BaseTuple):
-        return (TUPLE, tuple(description_of(part) for part in kind))
+        parts: Any = kind
+        return (TUPLE, tuple(description_of(part) for part in parts))
     for word, scalar in _SCALARS.items():
         if kind == scalar:
             return word

@@ -40,7 +40,11 @@ class StepMethod(Protocol):
 
     @property
     def calls(self) -> list[Call]:
-        """As ``Stepper.calls``."""
+        """As ``Stepper.calls``, of the compiled loop."""
+
+    @property
+    def scipy_calls(self) -> list[Call]:
+        """As ``Stepper.calls``, of steps that scipy solves."""
 
     @property
     def memory(self) -> Any:
@@ -102,7 +106,10 @@ class FixedStepper:
     @property
     def calls(self) -> list[Call]:
         """See ``Stepper``."""
-        return self.method.calls
+        if self.solver == "root":
+            return self.method.scipy_calls
+        by_scipy = self.solver == "auto" and not self.begun and not self.large
+        return [*self.method.calls, *(self.method.scipy_calls if by_scipy else ())]
 
     @property
     def memory(self) -> Any:

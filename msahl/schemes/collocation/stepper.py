@@ -63,6 +63,14 @@ class CollocationMethod:
         return [(_take_steps, (self.subsystem, 0.0, 0, 0, NO_ROWS, NO_TIMES))]
 
     @property
+    def scipy_calls(self) -> list[Call]:
+        """See ``StepMethod``; scipy is slow to import."""
+        from msahl.schemes.collocation import scipy_root
+
+        rows = (NO_ROWS, NO_TIMES)
+        return [*scipy_root.calls(self.subsystem), (_record_step, (self.subsystem, 0.0, 0, *rows))]
+
+    @property
     def memory(self) -> StageArrays:
         """See ``StepMethod``."""
         return self.subsystem.stages

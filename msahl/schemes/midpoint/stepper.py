@@ -49,6 +49,13 @@ class MidpointMethod:
         return [(_take_steps_instantaneous, (self.workspace, self.instant, *steps, rows))]
 
     @property
+    def scipy_calls(self) -> list[Call]:
+        """See ``StepMethod``; scipy is slow to import."""
+        from msahl.schemes.midpoint import scipy_root
+
+        return [*scipy_root.calls(self.workspace), (_record_step, (self.workspace, 0.0, 0, 0))]
+
+    @property
     def counters(self) -> dict[str, Any]:
         """See ``StepMethod``."""
         return {}
