@@ -56,6 +56,8 @@ def comparison_table(study: Study) -> list[Table]:
             seconds = command.seconds if command else None
             error = run.largest(study.plan.metric)
             rows.append((name, describe_options(run), error, run.trial.seconds, seconds))
+    if not study.commands:  # there was no time left for them
+        columns, rows = columns[:-1], [row[:-1] for row in rows]
     return [Table(columns, tuple(rows))] if rows else []
 
 
