@@ -83,6 +83,7 @@ ROTATION = "algebra/rotation.py"
 FUNCTIONS = "algebra/functions.py"
 VELOCITIES = "start/velocities.py"
 POSITIONS = "start/positions.py"
+CONFIGURATION = "system/evaluate.py"
 
 MUTANTS = (
     Mutant("midpoint: angular velocity in inertial axes", MIDPOINT,
@@ -196,6 +197,19 @@ MUTANTS = (
     Mutant("start: assembly rotates bodies the wrong way", POSITIONS,
            "scale(1.0 / frames.length[b], at(step", "scale(-1.0 / frames.length[b], at(step",
            (MECHANISMS,)),
+    Mutant("configuration: forces not prepared", CONFIGURATION,
+           "forces.prepare(system.forces, start.forces, system.scalar, state.reaction, "
+           "state.reaction_trend)", "pass", (EVALUATE, ENGINE)),
+    Mutant("configuration: laws of time not set", CONFIGURATION,
+           "forces.set_time(system.forces, start.forces, t)", "pass", (EVALUATE, ENGINE, LOADS)),
+    Mutant("configuration: no forces", CONFIGURATION,
+           "forces.add_forces(system.forces, start.forces, system.scalar, frames, "
+           "state.reaction, F)", "pass", (EVALUATE, ENGINE)),
+    Mutant("configuration: no derivatives of forces", CONFIGURATION,
+           "forces.add_derivatives(system.forces, start.forces, system.scalar, frames, "
+           "state.reaction, out)", "pass", (EVALUATE,)),
+    Mutant("configuration: energy without that of springs", CONFIGURATION,
+           "return kinetic, potential + elastic", "return kinetic, potential", (WORK, EVALUATE)),
 )  # fmt: skip
 
 

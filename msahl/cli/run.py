@@ -201,7 +201,7 @@ def _simulate(
         with results, _progress(job.model, not talk.quiet) as progress:
             tell = (lambda message: None) if talk.quiet else say
             hooks = loop.Hooks(progress, stopped, tell, save, show_compiling(not talk.quiet))
-            report = loop.run(job.model, job.options, results, hooks, snapshot)
+            report = loop.run(job.model, job.options, results, hooks, snapshot, checked=True)
             set_alarm(0.0)  # what ends the run now must not be interrupted
             results.complete = report.status == COMPLETED
     except StartError as error:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from msahl.check import require_sound
 from msahl.jit.compiled import STOPWATCH, prepare, trouble
 from msahl.jit.progress import Listener
 from msahl.model import Model, Options, resolve
@@ -69,14 +70,20 @@ def run(
     sink: Sink,
     hooks: Hooks = Hooks(),
     since: Snapshot | None = None,
+    checked: bool = False,
 ) -> Report:
     """Run ``model`` to its end, into ``sink``. A run ``since`` a snapshot writes the rows that the
     interrupted run would have written after it.
+
+    The model is checked first and ``ModelError`` raised with its faults, unless it is ``checked``:
+    the reader of decks returns no other models.
 
     A step that does not converge, a request to stop (``stopped``, KeyboardInterrupt), and a sink or
     ``save`` that raises OSError end the run, and the report says so. Raises ``StartError`` if there
     is no consistent start, ``ResumeError`` for a snapshot of another system.
     """
+    if not checked:
+        require_sound(model)
     settings = resolve(model.simulation, options)
     # An overflow is reported by ``_finite_steps`` and not by numpy.
     with np.errstate(all="ignore"):

@@ -9,6 +9,7 @@ from pathlib import Path
 from msahl.model import resolve
 from msahl.post.document import (
     Block,
+    Code,
     Folded,
     Heading,
     Items,
@@ -123,7 +124,7 @@ def build(study: Study) -> list[Block]:
     tables = ((metric, metric_table(study, key)) for key, metric in METRIC_OF.items())
     return [
         Heading(1, f"Error against run time: {_title(study)}"),
-        Paragraph(recommendation(study)),
+        *_recommended(study),
         *_output_hint(study),
         *_stopped(study),
         *first,
@@ -149,6 +150,16 @@ def build(study: Study) -> list[Block]:
 
 def _title(study: Study) -> str:
     return study.plan.model.simulation.title.strip() or "study"
+
+
+def _recommended(study: Study) -> list[Block]:
+    """Return the recommendation, with its command on a line of its own."""
+    text, best = recommendation(study), study.fastest
+    if best is None:
+        return [Paragraph(text)]
+    command = _command(study, best)
+    before, after = text.split(f" {command}. ", 1)
+    return [Paragraph(before), Code(command), Paragraph(after)]
 
 
 def recommendation(study: Study) -> str:

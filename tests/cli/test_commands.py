@@ -184,7 +184,7 @@ def test_full_omits_nothing(tmp_path):
 
 
 def test_quiet_says_nothing_and_verbose_more(tmp_path):
-    words = (THESIS / "top_1.xml", "--dt", 0.001, "-o", tmp_path)
+    words = (THESIS / "top_1.xml", "--dt", 0.001, "--t-final", 0.1, "-o", tmp_path)
     assert run(*words, "-q").output == ""
     normal, verbose = run(*words).stderr, run(*words, "-v").stderr
     assert "initial velocities violate the joints' constraints by 0.198 m/s" in normal
