@@ -49,13 +49,13 @@ class Job:
 class Build:
     """What is to be compiled: functions to be translated, and objects to be linked of them.
 
-    ``on_disk`` tells which objects need not be linked, ``on_done`` receives those that are.
+    ``on_disk`` returns the objects that need not be linked, ``on_done`` receives those that are.
     """
 
     def __init__(
         self,
         files: Files,
-        on_disk: Callable[[Unit], bool],
+        on_disk: Callable[[Unit], ObjectFile | None],
         on_done: Callable[[Unit, ObjectFile], Any],
     ) -> None:
         self.files, self.on_disk, self.on_done = files, on_disk, on_done
@@ -63,14 +63,24 @@ class Build:
         self.todo: list[Job] = []
         self.objects: dict[Unit, bool] = {}  # whether its link job was given out
         self.known: set[Unit] = set()
+        self.there: set[Unit] = set()
         self.expected = self.needed = 0.0  # seconds of the jobs done
         self.jobs = self.done = 0
 
     def add_object(self, unit: Unit) -> None:
         """Ask for the object of an entry or unit."""
-        if unit not in self.objects and not self.on_disk(unit):
-            self.objects[unit] = False
-            self._add_function(unit)
+        todo = [unit]
+        while todo:
+            unit = todo.pop()
+            if unit in self.objects or unit in self.there:
+                continue
+            there = self.on_disk(unit)
+            if there is None:
+                self.objects[unit] = False
+                self._add_function(unit)
+            else:
+                self.there.add(unit)
+                todo += there.units
 
     def _add_function(self, unit: Unit) -> None:
         """Ask for the intermediate code of a function, and of those that it calls."""

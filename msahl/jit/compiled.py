@@ -14,7 +14,7 @@ from typing import Any
 from msahl.jit.arguments import Blocks, describe, symbol_of
 from msahl.jit.files import Files, user_folder
 from msahl.jit.kernel_store import Store
-from msahl.jit.object_file import ObjectFile, Unit
+from msahl.jit.object_file import Name, ObjectFile, Unit, name_of
 from msahl.jit.progress import Listener, Progress
 
 DISABLED = bool(os.environ.get("NUMBA_DISABLE_JIT"))
@@ -92,64 +92,67 @@ def prepare(calls: Iterable[Call], stopped: Callable[[], bool] = lambda: False) 
 
     The ``STOPWATCH`` reports it. Raises KeyboardInterrupt as soon as ``stopped`` says so.
     """
-    wanted = [function.unit(given) for function, given in calls if isinstance(function, Compiled)]
-    if all(symbol_of(*unit) in _loaded for unit in wanted):
+    units = _units(calls)
+    if all(symbol_of(*unit) in _loaded for unit in units):
         return
     from msahl.jit.loading import load
 
     files = Files(STORE)
-    found: dict[Unit, ObjectFile] = {}
-    missing = _collect(files, wanted, found)
-    if missing:
-        _build(files, missing, found, stopped)
-        still = _collect(files, wanted, found)
-        assert not still, f"not compiled: {still}"
+    found: dict[str, ObjectFile] = {}
+    if not _collect(files, map(name_of, units), found):
+        _build(files, units, found, stopped)
+        complete = _collect(files, map(name_of, units), found)
+        assert complete, "a kernel was compiled, but not found"
     load(code.code for code in found.values())
-    _loaded.update({symbol_of(*unit): code for unit, code in found.items()})
+    _loaded.update(found)
 
 
 def on_disk(calls: Iterable[Call]) -> bool:
     """Whether the code that ``calls`` need is there already."""
-    wanted = [function.unit(given) for function, given in calls if isinstance(function, Compiled)]
-    return not _collect(Files(STORE), wanted, {})
+    return _collect(Files(STORE), map(name_of, _units(calls)), {})
 
 
-def _collect(files: Files, wanted: Iterable[Unit], found: dict[Unit, ObjectFile]) -> list[Unit]:
-    """Add the code of units, and of those that they call, to ``found``; return the missing ones."""
-    todo, missing = list(wanted), []
-    seen = set(todo)
+def _units(calls: Iterable[Call]) -> list[Unit]:
+    return [function.unit(given) for function, given in calls if isinstance(function, Compiled)]
+
+
+def _collect(files: Files, wanted: Iterable[Name], found: dict[str, ObjectFile]) -> bool:
+    """Add the code of kernels, and of those that they call, to ``found``; whether none is missing."""
+    todo = list(wanted)
     while todo:
-        unit = todo.pop()
-        if symbol_of(*unit) in _loaded:
+        name = todo.pop()
+        symbol = name[2]
+        if symbol in _loaded:
             continue
-        code = found.get(unit) or files.find(unit)
-        if code is None:
-            missing.append(unit)
-            continue
-        found[unit] = code
-        todo += [other for other in code.units if other not in seen]
-        seen.update(code.units)
-    return missing
+        if symbol not in found:
+            code = files.find(name)
+            if code is None:
+                return False
+            found[symbol] = code
+            todo += code.calls
+    return True
 
 
 def _build(
-    files: Files, missing: list[Unit], found: dict[Unit, ObjectFile], stopped: Callable[[], bool]
+    files: Files, units: list[Unit], found: dict[str, ObjectFile], stopped: Callable[[], bool]
 ) -> None:
-    """Compile the ``missing`` units, and those that they call."""
+    """Compile what is missing of ``units`` and those that they call."""
     from msahl.jit.building import Build, build
 
     began = time.perf_counter()
     STOPWATCH.tell()
 
-    def is_there(unit: Unit) -> bool:
-        return symbol_of(*unit) in _loaded or unit in found or files.find(unit) is not None
+    def known(unit: Unit) -> ObjectFile | None:
+        name = name_of(unit)
+        return _loaded.get(name[2]) or found.get(name[2]) or files.find(name)
 
     def keep(unit: Unit, code: ObjectFile) -> None:
-        files.save(unit, code)
-        found[unit] = code
+        name = name_of(unit)
+        files.save(name, code)
+        found[name[2]] = code
 
     try:
-        build(Build(files, is_there, keep), missing, STOPWATCH.listen, stopped)
+        build(Build(files, known, keep), units, STOPWATCH.listen, stopped)
     finally:
         STOPWATCH.seconds += time.perf_counter() - began
 

@@ -17,7 +17,7 @@ import platformdirs
 
 from msahl.jit.arguments import symbol_of
 from msahl.jit.kernel_store import HEAD, Store, digest_of
-from msahl.jit.object_file import ObjectFile, Unit
+from msahl.jit.object_file import Name, ObjectFile, Unit
 from msahl.jit.reach import PACKAGE, own_digest, resolve, source_digest
 
 LAYOUT = 3
@@ -41,9 +41,9 @@ class Files:
     def __init__(self, store: Store) -> None:
         self.store = store
 
-    def find(self, unit: Unit) -> ObjectFile | None:
+    def find(self, name: Name) -> ObjectFile | None:
         """Return the machine code of a kernel; None if there is none that can be trusted."""
-        portable = portable_name(unit)
+        portable = portable_name(name)
         content = _packaged(portable) or self.store.load(self._own_name(portable))
         if not content:
             return None
@@ -53,9 +53,9 @@ class Files:
             self.store.discard(self._own_name(portable))
             return None
 
-    def save(self, unit: Unit, compiled: ObjectFile) -> None:
+    def save(self, name: Name, compiled: ObjectFile) -> None:
         """Keep the machine code of a kernel, if that is possible."""
-        self.store.save(self._own_name(portable_name(unit)), compiled.as_bytes())
+        self.store.save(self._own_name(portable_name(name)), compiled.as_bytes())
 
     def find_code(self, unit: Unit) -> ObjectFile | None:
         """Return the intermediate code of a function; None if there is none."""
@@ -83,9 +83,10 @@ class Files:
         return hashlib.sha256(repr((LAYOUT, told)).encode()).hexdigest()[:12]
 
 
-def portable_name(unit: Unit) -> str:
-    """Return the name of a kernel, its types of arguments and its sources."""
-    return f"{symbol_of(*unit)}-{_sources(unit[0], unit[1])}"
+def portable_name(name: Name) -> str:
+    """Return the file name that tells a kernel, its types of arguments and its sources."""
+    module, function, symbol = name
+    return f"{symbol}-{_sources(module, function)}"
 
 
 @cache

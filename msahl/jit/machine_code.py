@@ -88,7 +88,7 @@ def front_end(function: Function, arguments: Sequence[Description]) -> ObjectFil
     inline = small and function not in APART and function not in UNITS
     code = library.emit_bitcode(done.fndesc.mangled_name, symbol, inline)
     returned = description_of(done.signature.return_type)
-    return ObjectFile(code, returned, tuple(_calls.units))
+    return ObjectFile.of(code, returned, _calls.units)
 
 
 @global_compiler_lock
@@ -106,7 +106,7 @@ def link(unit: Unit, codes: Mapping[Unit, ObjectFile]) -> ObjectFile:
     _add_entry(library, context, unit, type_of(result))
     library.finalize()
     outside = {other for code in codes.values() for other in code.units} - set(codes)
-    return ObjectFile(library.emit_object(), result, tuple(sorted(outside, key=repr)))
+    return ObjectFile.of(library.emit_object(), result, sorted(outside, key=repr))
 
 
 def _register_all() -> None:
