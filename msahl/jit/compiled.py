@@ -117,7 +117,7 @@ def _units(calls: Iterable[Call]) -> list[Unit]:
 
 
 def _collect(files: Files, wanted: Iterable[Name], found: dict[str, ObjectFile]) -> bool:
-    """Add the code of kernels, and of those that they call, to ``found``; whether none is missing."""
+    """Add the code of kernels and of those that they call to ``found``; whether none is missing."""
     todo = list(wanted)
     while todo:
         name = todo.pop()

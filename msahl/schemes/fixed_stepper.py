@@ -43,8 +43,8 @@ class StepMethod(Protocol):
         """As ``Stepper.calls``, of the compiled loop."""
 
     @property
-    def scipy_calls(self) -> list[Call]:
-        """As ``Stepper.calls``, of steps that scipy solves."""
+    def rare_calls(self) -> list[Call]:
+        """As ``Stepper.calls``, of steps that the compiled loop does not solve."""
 
     @property
     def memory(self) -> Any:
@@ -107,9 +107,9 @@ class FixedStepper:
     def calls(self) -> list[Call]:
         """See ``Stepper``."""
         if self.solver == "root":
-            return self.method.scipy_calls
+            return self.method.rare_calls
         by_scipy = self.solver == "auto" and not self.begun and not self.large
-        return [*self.method.calls, *(self.method.scipy_calls if by_scipy else ())]
+        return [*self.method.calls, *(self.method.rare_calls if by_scipy else ())]
 
     @property
     def memory(self) -> Any:

@@ -63,7 +63,7 @@ class CollocationMethod:
         return [(_take_steps, (self.subsystem, 0.0, 0, 0, NO_ROWS, NO_TIMES))]
 
     @property
-    def scipy_calls(self) -> list[Call]:
+    def rare_calls(self) -> list[Call]:
         """See ``StepMethod``; scipy is slow to import."""
         from msahl.schemes.collocation import scipy_root
 

@@ -49,11 +49,18 @@ class MidpointMethod:
         return [(_take_steps_instantaneous, (self.workspace, self.instant, *steps, rows))]
 
     @property
-    def scipy_calls(self) -> list[Call]:
+    def rare_calls(self) -> list[Call]:
         """See ``StepMethod``; scipy is slow to import."""
         from msahl.schemes.midpoint import scipy_root
 
-        return [*scipy_root.calls(self.workspace), (_record_step, (self.workspace, 0.0, 0, 0))]
+        calls: list[Call] = [
+            *scipy_root.calls(self.workspace),
+            (_take_step, (self.workspace, 0.0, 0.0)),
+            (_record_step, (self.workspace, 0.0, 0, 0)),
+        ]
+        if self.instant is not None:
+            calls.append((_write_reactions, (self.workspace, self.instant, 0)))
+        return calls
 
     @property
     def counters(self) -> dict[str, Any]:
