@@ -117,6 +117,7 @@ bench: .venv/installed
 	$(BIN)/python -m pip install -q -e '.[bench]'
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.precision
+	$(BIN)/python -m benchmarks.mechanisms.measure
 
 # Compares every number that the thesis prints with the computed one.
 thesis: .venv/installed
