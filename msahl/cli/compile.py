@@ -30,16 +30,20 @@ def compile_(decks: tuple[Path, ...], everything: bool, **given: Any) -> None:
         stop("msahl compile: give at least one DECK, or --all")
     from msahl.cli.kernels import calls_of_run, compile_everything
     from msahl.jit.compiled import STOPWATCH, prepare, trouble
+    from msahl.jit.progress import CompileError
     from msahl.run.options import options_beside_deck
 
     STOPWATCH.listen = show_compiling(True)
     calls = []
     for deck in decks:
         calls += calls_of_run(model_to_run(deck, given), options_beside_deck(given))
-    prepare(calls)
-    for deck in decks:
-        say(f"{shown_path(deck)}: compiled")
-    if everything:
-        compile_everything(say)
+    try:
+        prepare(calls)
+        for deck in decks:
+            say(f"{shown_path(deck)}: compiled")
+        if everything:
+            compile_everything(say)
+    except CompileError as error:
+        stop(f"msahl compile: {error}")
     if trouble():
         stop(trouble())

@@ -62,6 +62,7 @@ def run(
     Example: msahl run decks/thesis/double_pendulum_89.xml --dt 0.01 -o results/coarse
     """
     job = make_job(deck, output or Path("results") / deck.stem, given)
+    from msahl.jit.progress import CompileError
     from msahl.results.folder import FolderError
     from msahl.results.lock import FolderInUseError, locked
     from msahl.run.snapshot import ResumeError
@@ -75,7 +76,7 @@ def run(
     except OSError as error:
         where = shown_path(error.filename or job.folder)
         stop(f"{where}: {error.strerror or error}; choose another folder with -o")
-    except (FolderError, FolderInUseError, ResumeError) as error:
+    except (CompileError, FolderError, FolderInUseError, ResumeError) as error:
         stop(printable(str(error)))
     except MemoryError:
         message = "the model needs more memory than there is; make its subsystems smaller"

@@ -13,14 +13,14 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
 from msahl.jit.files import Files
 from msahl.jit.kernel import UNITS
 from msahl.jit.object_file import ObjectFile, Unit
-from msahl.jit.progress import Listener, Progress
+from msahl.jit.progress import CompileError, Listener, Progress
 from msahl.jit.reach import code_size, resolve
 from msahl.jit.worker import translate
 
@@ -31,10 +31,6 @@ WAIT = 0.1
 TRANSLATION, LINKING = 1.2e-4, 1.6e-4
 """Seconds to translate and to link one byte of bytecode; a first guess, corrected by the parts that
 are done."""
-
-
-class CompileError(RuntimeError):
-    """A kernel that cannot be compiled."""
 
 
 @dataclass(frozen=True)
@@ -209,7 +205,7 @@ class _Team:
 
     def __init__(self) -> None:
         self.answers: queue.Queue[tuple[int, dict[str, Any], bytes]] = queue.Queue()
-        self.workers: dict[int, subprocess.Popen[bytes]] = {}
+        self.workers: dict[int, tuple[subprocess.Popen[bytes], threading.Thread]] = {}
 
     def send(self, k: int, job: Job, work: Build) -> None:
         """Give a job to worker ``k``, which is started if needed."""
@@ -218,27 +214,42 @@ class _Team:
             self.answers.put((k, {"size": len(content)}, content))
             return
         if k not in self.workers:
-            self.workers[k] = subprocess.Popen(
+            process = subprocess.Popen(
                 [sys.executable, "-m", "msahl.jit.worker"],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
                 start_new_session=True,  # Ctrl-C is for the process that waits
             )
-            threading.Thread(target=self._read, args=(k,), daemon=True).start()
-        pipe = self.workers[k].stdin
+            thread = threading.Thread(target=self._read, args=(k, process), daemon=True)
+            self.workers[k] = process, thread
+            thread.start()
+        pipe = self.workers[k][0].stdin
         assert pipe is not None
         pipe.write(_request(job, work))
         pipe.flush()
 
-    def _read(self, k: int) -> None:
+    def end(self) -> None:
+        """End all workers, whatever they are doing."""
+        for process, thread in self.workers.values():
+            process.kill()
+            process.wait()
+            thread.join()
+            for pipe in (process.stdin, process.stdout):
+                assert pipe is not None
+                with suppress(OSError):  # a request that nobody reads any more
+                    pipe.close()
+
+    def _read(self, k: int, process: subprocess.Popen[bytes]) -> None:
         """Put the answers of a worker in the queue."""
-        pipe = self.workers[k].stdout
+        pipe = process.stdout
         assert pipe is not None
         for line in pipe:
+            if not line.endswith(b"\n"):  # it was killed in the middle of it
+                break
             head = json.loads(line)
             self.answers.put((k, head, pipe.read(head.get("size", 0))))
-        status = self.workers[k].wait()
+        status = process.wait()
         self.answers.put((k, {"error": f"a compiling process ended with status {status}"}, b""))
 
 
@@ -266,6 +277,4 @@ def _workers() -> Iterator[_Team]:
     try:
         yield team
     finally:
-        for process in team.workers.values():
-            process.kill()
-            process.wait()
+        team.end()

@@ -15,11 +15,18 @@ from msahl.jit.arguments import Blocks, describe, symbol_of
 from msahl.jit.files import Files, user_folder
 from msahl.jit.kernel_store import Store
 from msahl.jit.object_file import Name, ObjectFile, Unit, name_of
-from msahl.jit.progress import Listener, Progress
+from msahl.jit.progress import CompileError, Listener
 
 DISABLED = bool(os.environ.get("NUMBA_DISABLE_JIT"))
 PLAIN = "MSAHL_PLAIN_NUMBA"
 """Variable of the environment that demands plain numba."""
+
+TESTED = ((0, 66), (0, 68))
+"""First and last version of numba whose insides are those that ``machine_code`` extends."""
+NO_COMPILER = (
+    "this kind of model has no compiled code for this machine, and numba, which compiles it, is "
+    "not installed; install it with: pip install 'msahl[compile]'"
+)
 
 Call = tuple[Any, Sequence[Any]]
 """A compiled function and the arguments of a call."""
@@ -30,9 +37,7 @@ _loaded: dict[str, ObjectFile] = {}
 
 def compiled(function: Callable[..., Any]) -> Any:
     """Return ``function`` compiled on its first call, or loaded from disk."""
-    if DISABLED:
-        return function
-    return _plain(function) if os.environ.get(PLAIN) else Compiled(function)
+    return function if DISABLED else Compiled(function)
 
 
 class Compiled:
@@ -43,11 +48,16 @@ class Compiled:
         self.__doc__ = function.__doc__
         self._blocks = Blocks()
         self._entries: dict[str, Callable[..., Any]] = {}
+        self._plain: Callable[..., Any] | None = None
 
     def __call__(self, *arguments: Any) -> Any:
+        """Run the machine code; compile or load it first if that was not done."""
         found = self._blocks.find(arguments)
         if found is None:
-            found = self._blocks.add(arguments, self._entry(arguments))
+            enter = self._entry(arguments)
+            if enter is None:
+                return self._compiled_plainly(*arguments)
+            found = self._blocks.add(arguments, enter)
         block, enter = found
         return enter(block.address)
 
@@ -56,16 +66,26 @@ class Compiled:
         described = tuple(describe(argument) for argument in arguments)
         return self.function.__module__, self.function.__qualname__, described
 
-    def _entry(self, arguments: Sequence[Any]) -> Callable[..., Any]:
-        """Return the function that enters the machine code for such arguments."""
+    def _entry(self, arguments: Sequence[Any]) -> Callable[..., Any] | None:
+        """Return the function that enters the machine code for such arguments; None if there is
+        none and plain numba has to be used.
+        """
         unit = self.unit(arguments)
         symbol = symbol_of(*unit)
         if symbol not in self._entries:
             from msahl.jit.loading import entry
 
             prepare([(self, arguments)])
+            if symbol not in _loaded:
+                return None
             self._entries[symbol] = entry(symbol, _loaded[symbol].result)
         return self._entries[symbol]
+
+    def _compiled_plainly(self, *arguments: Any) -> Any:
+        from msahl.jit.plain import plain
+
+        self._plain = self._plain or plain(self.function)
+        return self._plain(*arguments)
 
 
 class _Stopwatch:
@@ -90,7 +110,8 @@ def working_clock() -> float:
 def prepare(calls: Iterable[Call], stopped: Callable[[], bool] = lambda: False) -> None:
     """Load the code that ``calls`` need, and compile what is not on disk.
 
-    The ``STOPWATCH`` reports it. Raises KeyboardInterrupt as soon as ``stopped`` says so.
+    The ``STOPWATCH`` reports it. Raises KeyboardInterrupt as soon as ``stopped`` says so, and
+    ``CompileError`` where there is no compiler.
     """
     units = _units(calls)
     if all(symbol_of(*unit) in _loaded for unit in units):
@@ -100,6 +121,9 @@ def prepare(calls: Iterable[Call], stopped: Callable[[], bool] = lambda: False) 
     files = Files(STORE)
     found: dict[str, ObjectFile] = {}
     if not _collect(files, map(name_of, units), found):
+        if not _fits():
+            STOPWATCH.tell()
+            return
         _build(files, units, found, stopped)
         complete = _collect(files, map(name_of, units), found)
         assert complete, "a kernel was compiled, but not found"
@@ -157,6 +181,19 @@ def _build(
         STOPWATCH.seconds += time.perf_counter() - began
 
 
+def _fits() -> bool:
+    """Whether the installed numba is one that ``machine_code`` extends; see ``TESTED``."""
+    if os.environ.get(PLAIN):
+        return False
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        major, minor = version("numba").split(".")[:2]
+    except PackageNotFoundError:
+        raise CompileError(NO_COMPILER) from None
+    return TESTED[0] <= (int(major), int(minor)) <= TESTED[1]
+
+
 def trouble() -> str:
     """Return why compiled code cannot be kept, and what to do; empty if it can."""
     if not STORE.trouble:
@@ -165,12 +202,3 @@ def trouble() -> str:
         f"{STORE.trouble}: compiled code is not kept there, so every run compiles again. Make "
         "the folder writable for yourself only (chmod go-w), or set NUMBA_CACHE_DIR to another one"
     )
-
-
-def _plain(function: Callable[..., Any]) -> Any:
-    from msahl.jit.plain import plain
-
-    return plain(function)
-
-
-__all__ = ["STOPWATCH", "Progress", "compiled", "prepare", "trouble", "working_clock"]

@@ -1,8 +1,12 @@
-"""The progress of compiling."""
+"""The progress of compiling, and its failure."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
+
+
+class CompileError(RuntimeError):
+    """Kernels that cannot be compiled."""
 
 
 @dataclass(frozen=True)
