@@ -19,10 +19,10 @@ from typing import Any
 
 from msahl.jit.files import Files
 from msahl.jit.kernel import UNITS
-from msahl.jit.object_file import ObjectFile, Unit
+from msahl.jit.object_file import Name, ObjectFile, Unit, name_of, types_of
 from msahl.jit.progress import CompileError, Listener, Progress
 from msahl.jit.reach import code_size, resolve
-from msahl.jit.worker import translate
+from msahl.jit.worker import link, translate
 
 MOST_PROCESSES = 4
 """Number of processes that a model's kernels keep busy."""
@@ -37,7 +37,7 @@ are done."""
 class Job:
     """Work for one process: to translate a function, or to link it with all that it calls."""
 
-    unit: Unit
+    name: Name
     links: bool
     expected: float  # seconds
 
@@ -51,76 +51,76 @@ class Build:
     def __init__(
         self,
         files: Files,
-        on_disk: Callable[[Unit], ObjectFile | None],
-        on_done: Callable[[Unit, ObjectFile], Any],
+        on_disk: Callable[[Name], ObjectFile | None],
+        on_done: Callable[[Name, ObjectFile], Any],
     ) -> None:
         self.files, self.on_disk, self.on_done = files, on_disk, on_done
-        self.codes: dict[Unit, ObjectFile] = {}
+        self.types: dict[Name, str] = {}
+        self.codes: dict[Name, ObjectFile] = {}
+        self.inside: dict[Name, list[Name]] = {}  # calls of functions that are linked with it
+        self.waiting: list[Name] = []  # objects whose parts are not all translated
+        self.known: set[tuple[Name, bool]] = set()  # functions and objects asked for
         self.todo: list[Job] = []
-        self.objects: dict[Unit, bool] = {}  # whether its link job was given out
-        self.known: set[Unit] = set()
-        self.there: set[Unit] = set()
         self.expected = self.needed = 0.0  # seconds of the jobs done
         self.jobs = self.done = 0
 
-    def add_object(self, unit: Unit) -> None:
-        """Ask for the object of an entry or unit."""
-        todo = [unit]
+    def add_object(self, name: Name, types: str) -> None:
+        """Ask for the object of an entry or unit, and for those that it calls."""
+        todo = [(name, types)]
         while todo:
-            unit = todo.pop()
-            if unit in self.objects or unit in self.there:
+            name, types = todo.pop()
+            if (name, True) in self.known:
                 continue
-            there = self.on_disk(unit)
-            if there is None:
-                self.objects[unit] = False
-                self._add_function(unit)
-            else:
-                self.there.add(unit)
-                todo += there.units
+            self.known.add((name, True))
+            there = self.on_disk(name)
+            if there is not None:
+                todo += zip(there.calls, there.types, strict=True)
+                continue
+            self.waiting.append(name)
+            self._add_function(name, types)
 
-    def _add_function(self, unit: Unit) -> None:
+    def _add_function(self, name: Name, types: str) -> None:
         """Ask for the intermediate code of a function, and of those that it calls."""
-        todo = [unit]
-        while todo:
-            unit = todo.pop()
-            if unit in self.known:
-                continue
-            self.known.add(unit)
-            code = self.files.find_code(unit)
-            if code is None:
-                size = len(resolve(unit[0], unit[1]).__code__.co_code)
-                self._put(Job(unit, False, TRANSLATION * size))
-                continue
-            self.codes[unit] = code
-            todo += self._inside(code)
+        if (name, False) in self.known:
+            return
+        self.known.add((name, False))
+        self.types[name] = types
+        code = self.files.find_code(name)
+        if code is not None:
+            self._take_code(name, code)
+        else:
+            size = len(resolve(name[0], name[1]).__code__.co_code)
+            self._put(Job(name, False, TRANSLATION * size))
 
-    def _inside(self, code: ObjectFile) -> list[Unit]:
-        """Return the calls of functions that are linked with it; ask for the objects of units."""
-        inside = []
-        for unit in code.units:
-            if resolve(unit[0], unit[1]) in UNITS:
-                self.add_object(unit)
+    def _take_code(self, name: Name, code: ObjectFile) -> None:
+        """Take the intermediate code of a function, and ask for what it calls."""
+        self.codes[name], self.inside[name] = code, []
+        for call, types in zip(code.calls, code.types, strict=True):
+            if resolve(call[0], call[1]) in UNITS:
+                self.add_object(call, types)
             else:
-                inside.append(unit)
-        return inside
+                self.inside[name].append(call)
+                self._add_function(call, types)
 
     def _put(self, job: Job) -> None:
         self.todo.append(job)
+        self.todo.sort(key=lambda job: (job.links, job.expected))
         self.jobs += 1
 
     def take(self) -> Job | None:
         """Return the next job; linking comes first, as it takes longest."""
-        for unit, given in self.objects.items():
-            if not given and self.parts(unit) is not None:
-                self.objects[unit] = True
-                self._put(Job(unit, True, LINKING * code_size(resolve(unit[0], unit[1]))))
-        self.todo.sort(key=lambda job: (job.links, job.expected))
         return self.todo.pop() if self.todo else None
 
-    def parts(self, unit: Unit) -> dict[Unit, ObjectFile] | None:
+    def find_complete(self) -> None:
+        """Put the objects on the list whose parts are all translated."""
+        for name in [name for name in self.waiting if self.parts(name) is not None]:
+            self.waiting.remove(name)
+            self._put(Job(name, True, LINKING * code_size(resolve(name[0], name[1]))))
+
+    def parts(self, name: Name) -> dict[Name, ObjectFile] | None:
         """Return the intermediate codes that make up an object; None while some are missing."""
-        found: dict[Unit, ObjectFile] = {}
-        todo = [unit]
+        found: dict[Name, ObjectFile] = {}
+        todo = [name]
         while todo:
             part = todo.pop()
             if part in found:
@@ -128,7 +128,7 @@ class Build:
             if part not in self.codes:
                 return None
             found[part] = self.codes[part]
-            todo += (u for u in found[part].units if resolve(u[0], u[1]) not in UNITS)
+            todo += self.inside[part]
         return found
 
     def finish(self, job: Job, code: ObjectFile, seconds: float) -> None:
@@ -136,12 +136,12 @@ class Build:
         self.expected, self.needed = self.expected + job.expected, self.needed + seconds
         self.done += 1
         if job.links:
-            self.on_done(job.unit, code)
-            return
-        self.files.save_code(job.unit, code)
-        self.codes[job.unit] = code
-        for unit in self._inside(code):
-            self._add_function(unit)
+            self.on_done(job.name, code)
+        else:
+            self.files.save_code(job.name, code)
+            self._take_code(job.name, code)
+        if not job.links:
+            self.find_complete()
 
     def progress(self, working: dict[Job, float]) -> Progress:
         """Return the progress; ``working`` holds the times at which jobs were begun."""
@@ -149,14 +149,12 @@ class Build:
         now = time.perf_counter()
         left = sum(factor * job.expected for job in self.todo)
         left += sum(
-            LINKING * factor * code_size(resolve(unit[0], unit[1]))
-            for unit, given in self.objects.items()
-            if not given
+            LINKING * factor * code_size(resolve(name[0], name[1])) for name in self.waiting
         )
         left += sum(max(0.0, factor * job.expected - now + t) for job, t in working.items())
-        waiting = sum(not given for given in self.objects.values())
-        names = tuple(job.unit[1] for job in working)
-        return Progress(self.done, self.jobs + waiting, names, left / max(1, processes()))
+        names = tuple(job.name[1] for job in working)
+        known = self.jobs + len(self.waiting)
+        return Progress(self.done, known, names, left / max(1, processes()))
 
 
 def processes() -> int:
@@ -176,7 +174,8 @@ def build(
     Raises ``CompileError``, and KeyboardInterrupt as soon as ``stopped`` says so.
     """
     for unit in units:
-        work.add_object(unit)
+        work.add_object(name_of(unit), types_of(unit))
+    work.find_complete()
     jobs: dict[int, tuple[Job, float]] = {}  # of each busy worker
     with _workers() as team:
         while True:
@@ -184,10 +183,9 @@ def build(
                 if k not in jobs and (job := work.take()):
                     jobs[k] = job, time.perf_counter()
                     team.send(k, job, work)
-            if not jobs:
-                listen(work.progress({}))
-                return
             listen(work.progress(dict(jobs.values())))
+            if not jobs:
+                return
             try:
                 k, head, content = team.answers.get(timeout=WAIT)
             except queue.Empty:
@@ -209,8 +207,9 @@ class _Team:
 
     def send(self, k: int, job: Job, work: Build) -> None:
         """Give a job to worker ``k``, which is started if needed."""
-        if job.unit[0] == "__main__" or "<" in job.unit[1]:
-            content = translate(job.unit).as_bytes() if not job.links else _linked(job, work)
+        module, name, _ = job.name
+        if module == "__main__" or "<" in name:  # other processes do not find it
+            content = _carry_out(job, work).as_bytes()
             self.answers.put((k, {"size": len(content)}, content))
             return
         if k not in self.workers:
@@ -253,21 +252,23 @@ class _Team:
         self.answers.put((k, {"error": f"a compiling process ended with status {status}"}, b""))
 
 
-def _linked(job: Job, work: Build) -> bytes:
-    """Link in this process."""
-    from msahl.jit import machine_code
-
-    return machine_code.link(job.unit, work.parts(job.unit) or {}).as_bytes()
+def _carry_out(job: Job, work: Build) -> ObjectFile:
+    """Do a job in this process."""
+    module, name, _ = job.name
+    if job.links:
+        return link(module, name, work.types[job.name], work.parts(job.name) or {})
+    return translate(module, name, work.types[job.name])
 
 
 def _request(job: Job, work: Build) -> bytes:
     """Return a job as ``worker`` reads it."""
+    head: dict[str, Any] = {"types": work.types[job.name]}
     if not job.links:
-        return json.dumps({"translate": job.unit}).encode() + b"\n"
-    parts = {unit: code.as_bytes() for unit, code in (work.parts(job.unit) or {}).items()}
-    sizes = [(unit, len(content)) for unit, content in parts.items()]
-    head = json.dumps({"link": job.unit, "parts": sizes}).encode()
-    return head + b"\n" + b"".join(parts.values())
+        return json.dumps(head | {"translate": job.name[:2]}).encode() + b"\n"
+    parts = {name: code.as_bytes() for name, code in (work.parts(job.name) or {}).items()}
+    sizes = [(name, len(content)) for name, content in parts.items()]
+    line = json.dumps(head | {"link": job.name[:2], "parts": sizes}).encode()
+    return line + b"\n" + b"".join(parts.values())
 
 
 @contextmanager

@@ -166,12 +166,10 @@ def _build(
     began = time.perf_counter()
     STOPWATCH.tell()
 
-    def known(unit: Unit) -> ObjectFile | None:
-        name = name_of(unit)
+    def known(name: Name) -> ObjectFile | None:
         return _loaded.get(name[2]) or found.get(name[2]) or files.find(name)
 
-    def keep(unit: Unit, code: ObjectFile) -> None:
-        name = name_of(unit)
+    def keep(name: Name, code: ObjectFile) -> None:
         files.save(name, code)
         found[name[2]] = code
 

@@ -15,9 +15,8 @@ from pathlib import Path
 
 import platformdirs
 
-from msahl.jit.arguments import symbol_of
 from msahl.jit.kernel_store import HEAD, Store, digest_of
-from msahl.jit.object_file import Name, ObjectFile, Unit
+from msahl.jit.object_file import Name, ObjectFile
 from msahl.jit.reach import PACKAGE, own_digest, resolve, source_digest
 
 LAYOUT = 3
@@ -57,17 +56,18 @@ class Files:
         """Keep the machine code of a kernel, if that is possible."""
         self.store.save(self._own_name(portable_name(name)), compiled.as_bytes())
 
-    def find_code(self, unit: Unit) -> ObjectFile | None:
+    def find_code(self, name: Name) -> ObjectFile | None:
         """Return the intermediate code of a function; None if there is none."""
-        content = self.store.load(self._code_name(unit))
+        content = self.store.load(self._code_name(name))
         return ObjectFile.from_bytes(content) if content else None
 
-    def save_code(self, unit: Unit, code: ObjectFile) -> None:
+    def save_code(self, name: Name, code: ObjectFile) -> None:
         """Keep the intermediate code of a function, if that is possible."""
-        self.store.save(self._code_name(unit), code.as_bytes())
+        self.store.save(self._code_name(name), code.as_bytes())
 
-    def _code_name(self, unit: Unit) -> str:
-        return f"{symbol_of(*unit)}-{own_digest(resolve(unit[0], unit[1]))[:24]}-{self._machine}.bc"
+    def _code_name(self, name: Name) -> str:
+        module, function, symbol = name
+        return f"{symbol}-{_own_sources(module, function)}-{self._machine}.bc"
 
     def _own_name(self, portable: str) -> str:
         return f"{portable}-{self._machine}"
@@ -92,6 +92,11 @@ def portable_name(name: Name) -> str:
 @cache
 def _sources(module: str, name: str) -> str:
     return source_digest(resolve(module, name))[:24]
+
+
+@cache
+def _own_sources(module: str, name: str) -> str:
+    return own_digest(resolve(module, name))[:24]
 
 
 def _version(package: str) -> str:

@@ -26,7 +26,7 @@ from numba.extending import register_jitable
 from msahl.jit.arguments import GROUP, Description, result_of, symbol_of
 from msahl.jit.kernel import APART, MARKED, UNITS
 from msahl.jit.linking import Included, Library, ObjectLibrary, Separate
-from msahl.jit.object_file import ObjectFile, Unit
+from msahl.jit.object_file import Name, ObjectFile, Unit, name_of
 from msahl.jit.struct_arguments import Group, description_of, member, type_of
 
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
@@ -92,21 +92,29 @@ def front_end(function: Function, arguments: Sequence[Description]) -> ObjectFil
 
 
 @global_compiler_lock
-def link(unit: Unit, codes: Mapping[Unit, ObjectFile]) -> ObjectFile:
+def link(unit: Unit, codes: Mapping[Name, ObjectFile]) -> ObjectFile:
     """Return the machine code of a function, given the intermediate ``codes`` of it and of those
     that it calls; units stay outside.
     """
-    context = cpu_target.target_context
-    symbol = symbol_of(*unit)
+    context, name = cpu_target.target_context, name_of(unit)
+    symbol = name[2]
     library = ObjectLibrary(context.codegen(), symbol)
-    for key in sorted(codes, key=repr):
+    for key in sorted(codes):
         library.add_bitcode(codes[key].code)
     library.exported = (symbol, f"{symbol}.entry")
-    result = codes[unit].result
+    result = codes[name].result
     _add_entry(library, context, unit, type_of(result))
     library.finalize()
-    outside = {other for code in codes.values() for other in code.units} - set(codes)
-    return ObjectFile.of(library.emit_object(), result, sorted(outside, key=repr))
+    called = {
+        call: words
+        for code in codes.values()
+        for call, words in zip(code.calls, code.types, strict=True)
+        if call not in codes
+    }
+    outside = tuple(sorted(called))
+    return ObjectFile(
+        library.emit_object(), result, outside, tuple(called[call] for call in outside)
+    )
 
 
 def _register_all() -> None:

@@ -20,46 +20,44 @@ def name_of(unit: Unit) -> Name:
     return unit[0], unit[1], symbol_of(*unit)
 
 
+def types_of(unit: Unit) -> str:
+    """Return the types of arguments in words. Only the compiler reads them: those of a step are
+    descriptions of a thousand arrays.
+    """
+    return json.dumps(unit[2])
+
+
 @dataclass(frozen=True)
 class ObjectFile:
-    """Code of one kernel, the type of its result, and the functions that it calls outside.
-
-    ``types`` holds the types of arguments of the ``calls``, as JSON: nobody reads them unless the
-    code of one of these is missing.
+    """Code of one kernel, the type of its result, and the functions that it calls outside, with the
+    types of their arguments (``types_of``).
     """
 
     code: bytes
     result: Description
     calls: tuple[Name, ...]
-    types: bytes
+    types: tuple[str, ...]
 
     @staticmethod
     def of(code: bytes, result: Description, units: Iterable[Unit]) -> "ObjectFile":
         """Return the code of a kernel that calls ``units``."""
         known = list(units)
-        types = json.dumps([types for _, _, types in known]).encode()
-        return ObjectFile(code, result, tuple(map(name_of, known)), types)
-
-    @property
-    def units(self) -> list[Unit]:
-        """The functions that it calls, with the types of their arguments."""
-        types = as_tuples(json.loads(self.types))
-        return [(call[0], call[1], part) for call, part in zip(self.calls, types, strict=True)]
+        return ObjectFile(code, result, tuple(map(name_of, known)), tuple(map(types_of, known)))
 
     def as_bytes(self) -> bytes:
-        """Return the content of a file: two lines of JSON, then the code."""
-        head = {"result": self.result, "calls": self.calls}
-        return b"\n".join((json.dumps(head).encode(), self.types, self.code))
+        """Return the content of a file: a line of JSON, then the code."""
+        head = {"result": self.result, "calls": self.calls, "types": self.types}
+        return json.dumps(head).encode() + b"\n" + self.code
 
     @staticmethod
     def from_bytes(content: bytes) -> "ObjectFile":
         """Read what ``as_bytes`` returned; raise ValueError for anything else."""
-        line, _, rest = content.partition(b"\n")
-        types, _, code = rest.partition(b"\n")
+        line, _, code = content.partition(b"\n")
         head = json.loads(line)
         if not isinstance(head, dict) or not code:
             raise ValueError("no object file")
-        return ObjectFile(code, as_tuples(head["result"]), as_tuples(head["calls"]), types)
+        calls = as_tuples(head["calls"])
+        return ObjectFile(code, as_tuples(head["result"]), calls, tuple(head["types"]))
 
 
 def as_tuples(value: Any) -> Any:

@@ -27,6 +27,7 @@ CONSTANTS = (bool, int, float, str, bytes, tuple)
 Function = Callable[..., Any]
 
 
+@functools.cache
 def resolve(module: str, name: str) -> Function:
     """Return the function of that name."""
     found: Any = importlib.import_module(module)
@@ -79,6 +80,7 @@ def _bytecode(function: Any) -> tuple[Any, ...]:
     return code.co_code, repr(constants), code.co_names, code.co_varnames, code.co_freevars
 
 
+@functools.cache
 def code_size(function: Function) -> int:
     """Return the bytes of bytecode that are compiled with a function, a measure of the time."""
     functions = (f for f in _functions(function) if f is function or f not in UNITS)

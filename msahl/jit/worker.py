@@ -2,8 +2,8 @@
 
 A request is a line of JSON, followed by bytes where it says so:
 
-    {"translate": unit}             to intermediate code
-    {"link": unit, "parts": [[other, size], ...]} and the intermediate codes, to machine code
+    {"translate": [module, name], "types": types}
+    {"link": [module, name], "types": types, "parts": [[name, size], ...]} and intermediate codes
 
 The answer is {"size": n} and n bytes, or {"error": text}.
 """
@@ -11,29 +11,37 @@ The answer is {"size": n} and n bytes, or {"error": text}.
 import json
 import sys
 import traceback
+from collections.abc import Mapping
 from typing import Any, BinaryIO
 
-from msahl.jit.object_file import ObjectFile, Unit, as_tuples
+from msahl.jit.object_file import Name, ObjectFile, as_tuples
 from msahl.jit.reach import resolve
 
 
-def translate(unit: Unit) -> ObjectFile:
-    """Return the intermediate code of one function."""
-    from msahl.jit import machine_code
-
-    module, name, described = unit
-    return machine_code.front_end(resolve(module, name), described)
-
-
 def _answer(request: dict[str, Any], source: BinaryIO) -> ObjectFile:
+    types = request["types"]
     if "translate" in request:
-        return translate(as_tuples(request["translate"]))
+        module, name = request["translate"]
+        return translate(module, name, types)
+    parts = {
+        as_tuples(name): ObjectFile.from_bytes(source.read(size)) for name, size in request["parts"]
+    }
+    module, name = request["link"]
+    return link(module, name, types, parts)
+
+
+def translate(module: str, name: str, types: str) -> ObjectFile:
+    """Return the intermediate code of one function; ``types`` are those of ``types_of``."""
     from msahl.jit import machine_code
 
-    codes = {
-        as_tuples(unit): ObjectFile.from_bytes(source.read(size)) for unit, size in request["parts"]
-    }
-    return machine_code.link(as_tuples(request["link"]), codes)
+    return machine_code.front_end(resolve(module, name), as_tuples(json.loads(types)))
+
+
+def link(module: str, name: str, types: str, parts: Mapping[Name, ObjectFile]) -> ObjectFile:
+    """Return the machine code of one function, with all its parts."""
+    from msahl.jit import machine_code
+
+    return machine_code.link((module, name, as_tuples(json.loads(types))), parts)
 
 
 def main() -> None:
