@@ -64,9 +64,8 @@ def arm(ends: Ends) -> float:
     return max(math.hypot(*ends.parent_point), math.hypot(*ends.child_point))
 
 
-def tolerance(ends: Ends, longest: float, context: Context) -> float:
-    """Return the accepted distance of the two points [m], by the ``longest`` arm [m]."""
-    here, there = points(ends, context)
+def tolerance(here: Vector, there: Vector, longest: float, context: Context) -> float:
+    """Return the accepted distance of two points at t = 0 [m], by the ``longest`` arm [m]."""
     far = max(math.hypot(*here), math.hypot(*there), context.extent)
     return max(FIT * longest, ROUNDING * far)
 
@@ -75,7 +74,7 @@ def apart(ends: Ends, context: Context) -> Iterator[Finding]:
     """Find two points that should coincide at t = 0 and do not."""
     here, there = points(ends, context)
     distance = math.dist(here, there)
-    if distance > tolerance(ends, arm(ends), context):
+    if distance > tolerance(here, there, arm(ends), context):
         message = (
             f"its points are {distance:.4g} m apart at t = 0: {shown(here)} m on parent "
             f"'{ends.parent}' but {shown(there)} m on child '{ends.child}' (inertial axes); "

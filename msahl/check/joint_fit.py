@@ -20,6 +20,10 @@ from msahl.model.joints import Joint
 
 def fit_findings(joint: Joint, context: Context) -> Iterator[Finding]:
     """Find what violates the joint at t = 0; with ``project`` only what no motion can correct."""
+    if KINDS[joint.kind].equations(joint) == [Coincide()]:
+        if not context.project:
+            yield from apart(joint, context)
+        return
     start = JointAtStart(joint, context)
     singular = _singular(joint, start)
     if singular or context.project:
@@ -75,7 +79,7 @@ class JointAtStart:
         )
         lengths = [abs(value) for _, value in joint.parameters if not math.isnan(value)]
         longest = max(arm(joint), math.hypot(*self.D), *lengths, 0.0)
-        self.tolerance = tolerance(joint, longest, context)
+        self.tolerance = tolerance(here, there, longest, context)
 
     def direction(self, product: Product) -> Vector:
         """Return the product's own direction n."""

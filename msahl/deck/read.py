@@ -28,9 +28,9 @@ from msahl.deck.loads import (
     read_friction,
 )
 from msahl.deck.motions import check_prescribed_once, read_joint_motion, read_point_motion
-from msahl.deck.parse import parse, read_bytes
+from msahl.deck.parse import parse, parse_valid, parsed, read_bytes
 from msahl.deck.references import check_references, is_complete
-from msahl.deck.schema import check_schema
+from msahl.deck.schema import check_schema, schema_bytes, validator
 from msahl.deck.simulation import Assembly, read_assembly, read_simulation
 from msahl.deck.springs import read_bushing, read_joint_spring, read_spring_damper
 from msahl.deck.values import Reader
@@ -68,10 +68,14 @@ def read_deck(path: str | PathLike[str], thorough: bool = False) -> Model:
     """
     path = Path(path)
     faults = Faults(str(path))
-    root = parse(read_bytes(path, faults), faults)
-    check_schema(root, faults, thorough)
+    data = read_bytes(path, faults)
+    root = None if thorough else parse_valid(data, validator(schema_bytes()))
+    if root is None:
+        root = parse(data, faults)
+        check_schema(root, faults, thorough)
     model = _read_model(root, faults)
     faults.raise_if_any()
+    parsed(data)
     return model
 
 
@@ -142,7 +146,9 @@ def _read_axes(root: Element, sound: list[Element], reader: Reader) -> None:
     if not is_complete(root, "bodies", TAGS):
         context.grounds.setdefault(INERTIAL)
     for element in sound:
-        context.axes[text(element.find("name"))] = matrix(reader.orientation(element))
+        orientation = reader.orientation(element)
+        axes = IDENTITY if orientation is ZERO else matrix(orientation)
+        context.axes[text(element.find("name"))] = axes
 
 
 def _read_kinds(root: Element, reader: Reader) -> None:

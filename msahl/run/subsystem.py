@@ -23,6 +23,7 @@ from msahl.system.arrays import (
     new_system_workspace,
 )
 from msahl.system.build import Places, build_system
+from msahl.system.node_order import node_order
 from msahl.system.nonfinite import find_nonfinite, overflow
 from msahl.system.reductions import (
     all_unknowns,
@@ -67,7 +68,8 @@ class SubsystemIntegrator:
         """Make the state consistent, choose the unknowns and apply the model reductions."""
         model = self.model
         self.moved = assemble(system, state) if model.position == "project" else None
-        self.rank = constraint_rank(system, state)
+        nodes = node_order(system)
+        self.rank = constraint_rank(system, state, nodes)
         self.redundant = multiplier_count(system) - self.rank
         self.shared: dict[str, list[str]] = {}
         self._add_shared(system, state)
@@ -75,7 +77,7 @@ class SubsystemIntegrator:
         prepare(system, state, start)
         self.axis = None if full else plane_normal(system, start)
         free = all_unknowns(system) if full else needed_unknowns(system, start, self.axis)
-        unknowns = choose(system, free)
+        unknowns = choose(system, free, nodes)
         self.change = make_consistent(system, state, free, model.velocity)
         if self.redundant and not is_regular(system, state, unknowns):
             system = build_system(model, relaxed=True, places=Places(state.x, state.p))

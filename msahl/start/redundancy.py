@@ -56,10 +56,12 @@ def constraint_matrix(system: System, state: State) -> "csr_array":
     return coo_array((values[chosen].ravel(), (i.ravel(), j.ravel())), shape).tocsr()
 
 
-def constraint_rank(system: System, state: State) -> int:
-    """Number of independent joint equations in the state's configuration."""
+def constraint_rank(system: System, state: State, nodes: np.ndarray | None = None) -> int:
+    """Number of independent joint equations in the state's configuration; ``nodes`` is the order of
+    elimination, if it is known.
+    """
     # A regular matrix of the full system proves them independent, and is cheap where it is large.
-    if is_regular(system, state, choose(system, all_unknowns(system))):
+    if is_regular(system, state, choose(system, all_unknowns(system), nodes)):
         return multiplier_count(system)
     G = constraint_matrix(system, state)
     equations = _equations(G)

@@ -39,11 +39,14 @@ class _Entries(NamedTuple):
     source: np.ndarray
 
 
-def eliminate(system: System, free: np.ndarray) -> Elimination:
-    """The elimination of the ``free`` unknowns in the pattern of the system's blocks."""
+def eliminate(system: System, free: np.ndarray, nodes: np.ndarray | None = None) -> Elimination:
+    """The elimination of the ``free`` unknowns in the pattern of the system's blocks; ``nodes`` as
+    in ``node_order``, if known.
+    """
+    nodes = node_order(system) if nodes is None else nodes
     position = np.full(3 * node_count(system), -1)
     position[free] = 0
-    flat = (3 * node_order(system)[:, None] + np.arange(3)).reshape(-1)
+    flat = (3 * nodes[:, None] + np.arange(3)).reshape(-1)
     order = flat[position[flat] == 0]
     position[order] = np.arange(order.size)
     return _program(order, _scalar_entries(system, position))

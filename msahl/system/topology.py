@@ -195,7 +195,7 @@ def _coincide(
 
 def _frames_of(pairs: list[Pair]) -> np.ndarray:
     """(k, 2) frames of pairs."""
-    return np.array([pair[:2] for pair in pairs], dtype=np.int64).reshape(-1, 2)
+    return np.array([(pair.a, pair.b) for pair in pairs], dtype=np.int64).reshape(-1, 2)
 
 
 def _products(elements: Elements) -> Indices:
