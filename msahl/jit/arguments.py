@@ -176,7 +176,7 @@ class Blocks:
 
 
 def _identity(value: Any) -> Any:
-    """Return what tells an argument from others: the type of a number or an array, else the
+    """Return what distinguishes an argument from others: the type of a number or an array, else the
     identity.
     """
     if isinstance(value, tuple):

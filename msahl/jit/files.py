@@ -1,6 +1,6 @@
 """Finds object files: those of the installed package first, then those in the user's folder.
 
-The name of a file tells everything its content depends on: the kernel and its types of arguments,
+The name of a file lists everything its content depends on: the kernel and its types of arguments,
 its sources (``reach``), the processor, and in the user's folder the compiler. Files of the package
 are made for two levels of x86-64 (``PORTABLE``), and can be loaded without any compiler.
 """
@@ -84,7 +84,7 @@ class Files:
 
 
 def portable_name(name: Name) -> str:
-    """Return the file name that tells a kernel, its types of arguments and its sources."""
+    """Return the file name of a kernel, its types of arguments and its sources."""
     module, function, symbol = name
     return f"{symbol}-{_sources(module, function)}"
 

@@ -1,7 +1,7 @@
 """Translates kernels into object files, by numba; the only module that does so.
 
 ``front_end`` translates one function, for one set of argument types, into LLVM's intermediate code.
-It knows of the functions that it calls only their names and what they return, by their annotations
+Of the functions that it calls it needs only the names and what they return, by their annotations
 (``arguments.result_of``), so all functions can be translated side by side, and each only once.
 ``link`` makes an object file of a function with all that it calls, except for units
 (``kernel.unit``), which have files of their own. The file holds two functions: SYMBOL, with numba's

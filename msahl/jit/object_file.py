@@ -1,6 +1,4 @@
-"""The code of one kernel, intermediate or for the machine, as it is kept on disk and sent between
-processes.
-"""
+"""The code of one kernel, as it is kept on disk and sent between processes."""
 
 import json
 from collections.abc import Iterable

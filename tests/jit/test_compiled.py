@@ -47,7 +47,7 @@ def test_arrays_are_seen_as_they_are_at_each_call():
     assert fast(other, 1.0, out, True)[1] == 10
 
 
-def test_types_are_told_apart():
+def test_types_have_different_descriptions():
     known = [1.0, 1, True, None, np.zeros(2), np.zeros((2, 2)), np.zeros((2, 3)).T, kernels.outer()]
     assert len({describe(value) for value in known}) == len(known)
     assert describe(np.float64(1.0)) == describe(1.0)
@@ -129,7 +129,7 @@ def test_a_request_to_stop_ends_compiling(store):
     assert not any(path.suffix != ".bc" for path in store.folder.glob("*everything*"))
 
 
-def test_without_a_compiler_the_remedy_is_told(store, monkeypatch):
+def test_without_a_compiler_the_message_says_what_to_install(store, monkeypatch):
     def absent(name):
         raise metadata.PackageNotFoundError(name)
 
