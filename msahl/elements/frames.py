@@ -100,13 +100,15 @@ def first_multiplier(frames: Frames) -> int:
 @kernel
 def displacement_node(frames: Frames, f: int) -> int:
     """Node of the displacement u of frame ``f`` and of its force equations."""
-    return int(frames.displacement[f])
+    node: int = frames.displacement[f]
+    return node
 
 
 @kernel
 def rotation_node(frames: Frames, f: int) -> int:
     """Node of l Q of frame ``f`` and of its moment equations."""
-    return int(frames.rotation[f])
+    node: int = frames.rotation[f]
+    return node
 
 
 @kernel

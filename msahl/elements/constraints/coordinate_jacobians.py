@@ -19,10 +19,10 @@ from msahl.elements.constraints.coordinate_kinds import (
 from msahl.elements.constraints.coordinates import row_factor
 from msahl.elements.constraints.products import PARTS, Q_A, Q_B, U_A, U_B
 from msahl.elements.frames import Frames, FramesWorkspace
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import apart, kernel
 
 
-@kernel
+@apart
 def stiffness(
     group: Coordinates,
     start: CoordinatesWorkspace,
@@ -47,7 +47,7 @@ def stiffness(
         _add_unit_force_derivatives(group, start, frames, Z, q, c, values)
 
 
-@kernel
+@apart
 def _add_unit_force_derivatives(
     group: Coordinates,
     start: CoordinatesWorkspace,
@@ -70,7 +70,7 @@ def _add_unit_force_derivatives(
         _add_weight_derivatives(group, start, frames, Z, q, c, values)
 
 
-@kernel
+@apart
 def rate_gradient(
     group: Coordinates,
     start: CoordinatesWorkspace,
@@ -149,7 +149,7 @@ def _add_weight_derivatives(
         add_outer(values, group.block, q, c, force, row)
 
 
-@kernel
+@apart
 def add_outer(
     values: np.ndarray,
     block: np.ndarray,
@@ -168,7 +168,7 @@ def add_outer(
                         values[start + 3 * i + j] += c[p] * force[p][i] * row[r][j]
 
 
-@kernel
+@apart
 def add_spring(
     group: Coordinates,
     start: CoordinatesWorkspace,

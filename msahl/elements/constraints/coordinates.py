@@ -22,7 +22,7 @@ from msahl.elements.constraints.coordinate_kinds import (
 )
 from msahl.elements.constraints.products import PARTS, Q_A, Q_B, U_A, U_B
 from msahl.elements.frames import Frames, displacement_node, rotation_node
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import apart, kernel
 
 
 @kernel
@@ -35,7 +35,7 @@ def prepare(
         start.value[q] = value(group, start, angle[q], q)
 
 
-@kernel
+@apart
 def evaluate(
     group: Coordinates, start: CoordinatesWorkspace, frames: Frames, Z: np.ndarray
 ) -> None:
@@ -61,7 +61,7 @@ def evaluate(
             start.force[q, Q_B, i] = t_b
 
 
-@kernel
+@apart
 def differentiate(
     group: Coordinates, start: CoordinatesWorkspace, frames: Frames, Z: np.ndarray
 ) -> None:
@@ -81,7 +81,7 @@ def differentiate(
                 start.slope[q, Q_B, i] += c * j_b[i]
 
 
-@kernel
+@apart
 def push(
     group: Coordinates, start: CoordinatesWorkspace, frames: Frames, factor: float, F: np.ndarray
 ) -> None:

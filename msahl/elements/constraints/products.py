@@ -49,7 +49,7 @@ from msahl.algebra.vector import (
     transpose,
 )
 from msahl.elements.frames import Frames, displacement, end_tangent, mean, rotation_increment
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import apart, kernel
 
 DOT, SLIDE, SLIP, ROLL = range(4)
 PARTS = 4
@@ -128,7 +128,7 @@ def evaluate(group: Products, start: ProductsWorkspace, frames: Frames, Z: np.nd
         put(start.t_b, k, t_b)
 
 
-@kernel
+@apart
 def gradient(
     group: Products, start: ProductsWorkspace, frames: Frames, Z: np.ndarray, k: int
 ) -> tuple[float, Vector, Vector, Vector]:
@@ -163,7 +163,7 @@ def gradient(
     return change, n, t_a, t_b
 
 
-@kernel
+@apart
 def end_gradient(
     group: Products, start: ProductsWorkspace, frames: Frames, Z: np.ndarray, k: int
 ) -> tuple[Vector, Vector, Vector]:
@@ -313,7 +313,7 @@ def _owner_stiffness(
         add_block(values, block[4 * rotated + Q_A], half, N_a)
 
 
-@kernel
+@apart
 def free_acceleration(
     group: Products, start: ProductsWorkspace, v: np.ndarray, W: np.ndarray, k: int
 ) -> tuple[float, float]:

@@ -49,7 +49,7 @@ from msahl.elements.frames import (
     rotation_increment,
     rotation_node,
 )
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import apart, kernel
 from msahl.system.arrays import State, System, SystemWorkspace
 from msahl.system.evaluate import dt2, joint_jacobian, set_reactions
 
@@ -60,7 +60,7 @@ def set_loads(system: System, state: State, start: SystemWorkspace, h: float) ->
     return forces.over_step(system.forces, start.forces, state.time[0], h)
 
 
-@kernel
+@apart
 def predict(system: System, state: State, start: SystemWorkspace, h: float, Z: np.ndarray) -> None:
     """Set ``Z`` to the predicted unknowns, by extrapolated accelerations and constraint forces.
 
@@ -118,7 +118,7 @@ def save_change(trend: np.ndarray, k: int, change: Vector) -> None:
     put(trend[0], k, change)
 
 
-@kernel
+@apart
 def residual(
     system: System, state: State, start: SystemWorkspace, h: float, Z: np.ndarray, F: np.ndarray
 ) -> None:
@@ -131,7 +131,7 @@ def residual(
     forces.mean_residual(system.forces, start.forces, system.scalar, frames, (h, h2), Z, F)
 
 
-@kernel
+@apart
 def jacobian(
     system: System, start: SystemWorkspace, h: float, Z: np.ndarray, values: np.ndarray
 ) -> None:
@@ -161,7 +161,7 @@ def step_length(system: System, start: SystemWorkspace, h: float, Z: np.ndarray)
     return largest
 
 
-@kernel
+@apart
 def accept(
     system: System, state: State, start: SystemWorkspace, h: float, Z: np.ndarray, F: np.ndarray
 ) -> None:
