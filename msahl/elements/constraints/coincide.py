@@ -24,10 +24,10 @@ from msahl.algebra.vector import (
     cross,
     matrix_at,
     multiple,
-    product,
     put,
     scale,
     skew,
+    skew_product,
     sub,
     times,
 )
@@ -103,7 +103,7 @@ def add_derivatives(
             sign = -1.0 if side == 0 else 1.0
             arm = skew(r)
             T = multiple(1.0 / frames.length[b], arm)
-            lever = product(skew(force), T)
+            lever = skew_product(force, T)
             c = sign * frames.inverse_mass[b] / frames.length[b]
             for i in range(3):
                 for j in range(3):
@@ -168,7 +168,7 @@ def jacobian(
             sign = -1.0 if side == 0 else 1.0
             T = end_tangent(frames, Z, b, r0)
             arm = skew(mean(frames, Z, b, r0))
-            lever = product(skew(force), T)
+            lever = skew_product(force, T)
             c = sign * frames.inverse_mass[b] / frames.length[b]
             for i in range(3):
                 for j in range(3):
