@@ -82,7 +82,7 @@ def _bytecode(function: Any) -> tuple[Any, ...]:
 
 @functools.cache
 def code_size(function: Function) -> int:
-    """Return the bytes of bytecode compiled with a function; the time to compile grows with them."""
+    """Return the bytes of bytecode compiled with a function, to which the time is proportional."""
     functions = (f for f in _functions(function) if f is function or f not in UNITS)
     return sum(len(f.__code__.co_code) for f in functions)
 

@@ -80,7 +80,7 @@ def assemble(system: System, state: State, start: SystemWorkspace, instant: Inst
     sparse_lu.factor(instant.unknowns.elimination, instant.values, instant.factor)
 
 
-@kernel
+@apart
 def solve(instant: Instant) -> None:
     """Solve for the right-hand side ``rows``; the ``solution`` is zero where it is not free."""
     order = instant.unknowns.elimination.order

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from msahl.elements.frames import first_multiplier
-from msahl.jit.kernel import kernel, unit
+from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import dense, sparse_lu
 from msahl.schemes.midpoint import equations, load_moments
 from msahl.schemes.midpoint.free_equations import is_implausible, relative_residual
@@ -27,7 +27,7 @@ DIVERGED = 1e3
 """Residual relative to the smallest so far at which the iteration is given up."""
 
 
-@kernel
+@apart
 def iterate(workspace: Workspace, h: float) -> tuple[float, int]:
     """Solve one step from the prediction in ``Z``; return its relative residual and worst row."""
     system, state, start, Z, F = (
