@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import redirect_stdout, suppress
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
@@ -78,7 +78,7 @@ def _use_results() -> None:
     from msahl.cli.main import main
     from msahl.post.cli import main as post
 
-    with tempfile.TemporaryDirectory() as folder, redirect_stdout(StringIO()):
+    with _silence(), tempfile.TemporaryDirectory() as folder:
         for name in TYPICAL:
             deck, out = str(example_deck(name)), f"{folder}/{Path(name).stem}"
             _call(main, "run", deck, "-q", "-o", out, "--t-final", "0.05")
@@ -86,6 +86,13 @@ def _use_results() -> None:
                 _call(post, command, out)
             study = ("--t-final", "0.2", "--budget", "1", "--reference", "independent")
             _call(main, "study", deck, "-o", f"{out}-study", *study)
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Discard what commands print."""
+    with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
+        yield
 
 
 def _call(command: click.Command, *words: str) -> None:

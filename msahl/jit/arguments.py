@@ -1,16 +1,16 @@
 """Describes the arguments of compiled code, and lays them out in memory, without a compiler.
 
 A kernel is compiled for types: a float, an int, a bool, None, an array of a number of dimensions,
-a group (``NamedTuple``) of these. Here a type is a nested tuple of words, its *description*; two
-calls with equal descriptions run the same machine code. Compiled code is entered with the address
-of one block of memory that holds all arguments one after the other, as a C struct:
+a group (``NamedTuple``) or a tuple of these. Here a type is a nested tuple of words, its
+*description*; two calls with equal descriptions run the same machine code. Compiled code is entered
+with the address of one block of memory that holds all arguments one after the other, as a C struct:
 
     float, int       8 bytes
     bool             1 byte, aligned by what follows
     None             8 bytes without meaning
     array            two null pointers, number of entries, bytes of an entry, address of the first,
                      shape, strides: 8 bytes each (numba's layout of an array)
-    group            its members, in place
+    group, tuple     its members, in place
 """
 
 import ctypes
@@ -53,6 +53,8 @@ def describe(value: Any) -> Description:
     if isinstance(value, tuple) and hasattr(value, "_fields"):
         members = tuple(describe(part) for part in value)
         return (GROUP, type(value).__name__, tuple(zip(value._fields, members, strict=True)))
+    if isinstance(value, tuple):
+        return (TUPLE, tuple(describe(part) for part in value))
     raise TypeError(f"a kernel takes no {type(value).__name__}")
 
 

@@ -5,6 +5,7 @@ is translated once, whoever calls it; which functions it calls is known then. As
 of an entry or unit are translated, it is linked to an object file.
 """
 
+import atexit
 import json
 import os
 import queue
@@ -273,9 +274,21 @@ def _request(job: Job, work: Build) -> bytes:
 
 @contextmanager
 def _workers() -> Iterator[_Team]:
-    """A team whose processes are ended in any case."""
-    team = _Team()
+    """Lend the team of this process, which is ended with it, or at once after any failure."""
+    global _team
+    team, _team = _team or _Team(), None
     try:
         yield team
-    finally:
+    except BaseException:
         team.end()
+        raise
+    _team = team
+
+
+def _end_team() -> None:
+    if _team is not None:
+        _team.end()
+
+
+_team: _Team | None = None
+atexit.register(_end_team)

@@ -20,6 +20,9 @@ from tests.jit import kernels
 pytestmark = pytest.mark.skipif(compiled.DISABLED, reason="nothing is compiled")
 
 
+PAIR = (np.ones(2), 0.25)
+
+
 @pytest.fixture
 def store(tmp_path, monkeypatch):
     """An empty store, and no memory of what was loaded."""
@@ -33,7 +36,9 @@ def test_every_kind_of_argument_arrives():
     fast, group = Compiled(kernels.everything), kernels.outer()
     for x, wanted, size in ((0.5, True, 3), (-1.5, False, 5), (0.0, True, 0)):
         mine, theirs = np.zeros(size), np.zeros(size)
-        assert fast(group, x, mine, wanted) == kernels.everything(group, x, theirs, wanted)
+        assert fast(group, x, mine, wanted, PAIR) == kernels.everything(
+            group, x, theirs, wanted, PAIR
+        )
         assert mine.tobytes() == theirs.tobytes()
 
 
@@ -41,10 +46,10 @@ def test_arrays_are_seen_as_they_are_at_each_call():
     fast, group, out = Compiled(kernels.everything), kernels.outer(), np.zeros(2)
     for value in (1.0, 7.0):
         group.inner.table[:] = value
-        fast(group, 1.0, out, True)
-        assert out[0] == kernels.weigh(group.inner, 1.0)
+        fast(group, 1.0, out, True, PAIR)
+        assert out[0] == kernels.weigh(group.inner, 1.0) + 0.25
     other = kernels.outer(rows=9)
-    assert fast(other, 1.0, out, True)[1] == 10
+    assert fast(other, 1.0, out, True, PAIR)[1] == 10
 
 
 def test_types_have_different_descriptions():
@@ -57,7 +62,7 @@ def test_types_have_different_descriptions():
 
 def test_a_unit_has_a_file_of_its_own(store):
     group = kernels.outer()
-    Compiled(kernels.everything)(group, 1.0, np.zeros(1), True)
+    Compiled(kernels.everything)(group, 1.0, np.zeros(1), True, PAIR)
     objects = {path.name.split("-")[0] for path in store.folder.iterdir() if path.suffix != ".bc"}
     assert objects == {"tests.jit.kernels.everything", "tests.jit.kernels.weigh"}
 
@@ -66,7 +71,7 @@ def test_compiling_reports_its_progress(store, monkeypatch):
     told = []
     monkeypatch.setattr(STOPWATCH, "listen", told.append)
     before = STOPWATCH.seconds
-    Compiled(kernels.everything)(kernels.outer(), 1.0, np.zeros(1), True)
+    Compiled(kernels.everything)(kernels.outer(), 1.0, np.zeros(1), True, PAIR)
     done = [progress.done for progress in told]
     assert done == sorted(done)
     assert told[-1].done == told[-1].known
@@ -123,7 +128,7 @@ def test_a_kernel_that_cannot_be_compiled_is_named(store):
 
 
 def test_a_request_to_stop_ends_compiling(store):
-    arguments = (kernels.outer(), 1.0, np.zeros(1), True)
+    arguments = (kernels.outer(), 1.0, np.zeros(1), True, PAIR)
     with pytest.raises(KeyboardInterrupt):
         prepare([(Compiled(kernels.everything), arguments)], stopped=lambda: True)
     assert not any(path.suffix != ".bc" for path in store.folder.glob("*everything*"))
@@ -143,14 +148,15 @@ import numpy as np
 from msahl.jit.compiled import compiled
 from tests.jit import kernels
 out = np.zeros(3)
-print([*map(float, compiled(kernels.everything)(kernels.outer(), 0.7, out, True)), *out.tolist()])
+results = compiled(kernels.everything)(kernels.outer(), 0.7, out, True, (np.ones(2), 0.25))
+print([*map(float, results), *out.tolist()])
 """
 
 
 def test_plain_numba_gives_the_same_digits(tmp_path):
     """Where numba's insides differ from what is extended, it compiles everything itself."""
     out = np.zeros(3)
-    results = kernels.everything(kernels.outer(), 0.7, out, True)
+    results = kernels.everything(kernels.outer(), 0.7, out, True, PAIR)
     environment = os.environ | {"MSAHL_PLAIN_NUMBA": "1", "NUMBA_CACHE_DIR": str(tmp_path)}
     done = subprocess.run(
         [sys.executable, "-c", PLAIN], env=environment, capture_output=True, text=True, check=True
