@@ -7,6 +7,7 @@ degrees of freedom remain, those of a chain of ten rods.
 """
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from benchmarks.mechanisms.parts import body, joint, model, rod
 from msahl.algebra.vector import Vector
@@ -60,3 +61,38 @@ def _columns(
             column.append(hanging)
         columns.append(column)
     return columns, joints
+
+
+def swing(t: np.ndarray, meshes: int = MESHES, tolerance: float = 1e-13) -> np.ndarray:
+    """Return the mass centres (t, bodies, 3) at the times ``t``, the first of which is 0, from the
+    angles th of the levels:
+
+        M_ij th_j'' = -C_ij sin(th_i - th_j) th_j'^2 - g w_i sin(th_i),  M = C cos(...) + rods J
+
+    Mass centres of a level are at sums of e_j = (sin th_j, 0, -cos th_j) with the coefficients
+    ``rods`` and ``bars``; C and w are their moments over all bodies.
+    """
+    rods = LENGTH * (np.tri(meshes, k=-1) + 0.5 * np.eye(meshes))
+    bars = LENGTH * np.tri(meshes)
+    C = MASS * ((meshes + 1) * rods.T @ rods + meshes * bars.T @ bars)
+    weight = MASS * ((meshes + 1) * rods.sum(axis=0) + meshes * bars.sum(axis=0))
+    J = (meshes + 1) * rod(MASS, (LENGTH, 0.0, 0.0), RADIUS)[1, 1] * np.eye(meshes)
+
+    def rate(_: float, y: np.ndarray) -> np.ndarray:
+        th, th_dot = y[:meshes], y[meshes:]
+        difference = th[:, None] - th[None, :]
+        load = -C * np.sin(difference) @ th_dot**2 + GRAVITY[2] * weight * np.sin(th)
+        return np.concatenate([th_dot, np.linalg.solve(C * np.cos(difference) + J, load)])
+
+    start = np.concatenate([np.full(meshes, ANGLE), np.zeros(meshes)])
+    found = solve_ivp(
+        rate, (0.0, t[-1]), start, method="DOP853", t_eval=t, rtol=tolerance, atol=tolerance
+    )
+    th = found.y[:meshes]
+    e = np.stack([np.sin(th), np.zeros_like(th), -np.cos(th)])  # (3, levels, t)
+    aside = LENGTH * np.array([1.0, 0.0, 0.0])
+    columns = np.einsum("lj,cjt->tlc", rods, e)
+    levels = np.einsum("lj,cjt->tlc", bars, e)
+    hanging = [columns[:, k] + i * aside for i in range(meshes + 1) for k in range(meshes)]
+    across = [levels[:, k] + (i + 0.5) * aside for k in range(meshes) for i in range(meshes)]
+    return np.stack(hanging + across, axis=1)
