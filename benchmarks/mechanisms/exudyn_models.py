@@ -27,6 +27,8 @@ from msahl.model import Model
 VERSION = exu.__version__
 SPARSE_FROM = 10
 """Bodies from which the sparse solver is the faster one for Exudyn."""
+LARGEST_TREE = 100
+"""Bodies from which the tree, whose matrices are dense, is not measured (net: 0.2 s a step)."""
 BODIES, PLANE, TREE = "bodies", "plane", "tree"
 
 
@@ -68,6 +70,8 @@ def cannot(model: Model, variant: str) -> str:
     given, form = layout(model), VARIANTS[variant].form
     loops = bool(given.closing or given.gears)
     loops |= any(hinge.kind == "spherical" for hinge in given.tree)
+    if form == TREE and len(given.masses) >= LARGEST_TREE:
+        return "a step of so large a tree takes forty times that of the bodies in a plane"
     if given.gears and form != TREE:
         return "gears relate the coordinates of a tree"
     if form == PLANE and given.normal is None:

@@ -46,14 +46,14 @@ def draw_mechanisms(found: list[Found], path: Path) -> None:
 
 
 def runs(found: Found, program: str) -> list[tuple[float, float]]:
-    """Return seconds and errors of all runs of a program, the quickest first."""
+    """Return seconds and errors of all runs of a program, the fastest first."""
     curves = [curve for curve in found.curves if curve.code.name.startswith(program)]
     points = [p for curve in curves for p in curve.sorted() if p.samples and p.error > 0.0]
     return sorted((p.seconds, p.error) for p in points)
 
 
 def best(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return those that are better than all quicker ones."""
+    """Return those that are better than all faster ones."""
     kept: list[tuple[float, float]] = []
     for seconds, error in points:
         if not kept or error < kept[-1][1]:
