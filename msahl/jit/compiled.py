@@ -142,18 +142,18 @@ def _units(calls: Iterable[Call]) -> list[Unit]:
 
 def _collect(files: Files, wanted: Iterable[Name], found: dict[str, ObjectFile]) -> bool:
     """Add the code of kernels and of those that they call to ``found``; whether none is missing."""
-    todo = list(wanted)
+    todo, seen = list(wanted), set(_loaded)
     while todo:
         name = todo.pop()
         symbol = name[2]
-        if symbol in _loaded:
+        if symbol in seen:
             continue
-        if symbol not in found:
-            code = files.find(name)
-            if code is None:
-                return False
-            found[symbol] = code
-            todo += code.calls
+        seen.add(symbol)
+        code = found.get(symbol) or files.find(name)
+        if code is None:
+            return False
+        found[symbol] = code
+        todo += code.calls
     return True
 
 

@@ -143,7 +143,7 @@ def test_without_a_compiler_the_message_says_what_to_install(store, monkeypatch)
         Compiled(kernels.twice)(1.0)
 
 
-PLAIN = """
+PROGRAM = """
 import numpy as np
 from msahl.jit.compiled import compiled
 from tests.jit import kernels
@@ -153,15 +153,37 @@ print([*map(float, results), *out.tolist()])
 """
 
 
+def run_program(folder, **environment):
+    """What another process prints whose object files are in ``folder``."""
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM],
+        env=os.environ | {"NUMBA_CACHE_DIR": str(folder)} | environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout
+
+
+def uncompiled_program():
+    out = np.zeros(3)
+    results = kernels.everything(kernels.outer(), 0.7, out, True, (np.ones(2), 0.25))
+    return f"{[*map(float, results), *out.tolist()]}\n"
+
+
+def test_a_file_that_is_missing_is_made_and_linked_with_the_others(tmp_path):
+    """Where only a unit, or only the entry, is on disk, the other one finds it."""
+    assert run_program(tmp_path) == uncompiled_program()
+    for name in ("everything", "weigh"):
+        (path,) = (p for p in tmp_path.glob(f"kernels/*{name}*") if p.suffix != ".bc")
+        path.unlink()
+        assert run_program(tmp_path) == uncompiled_program()
+        assert path.exists()
+
+
 def test_plain_numba_gives_the_same_digits(tmp_path):
     """Where numba's insides differ from what is extended, it compiles everything itself."""
-    out = np.zeros(3)
-    results = kernels.everything(kernels.outer(), 0.7, out, True, PAIR)
-    environment = os.environ | {"MSAHL_PLAIN_NUMBA": "1", "NUMBA_CACHE_DIR": str(tmp_path)}
-    done = subprocess.run(
-        [sys.executable, "-c", PLAIN], env=environment, capture_output=True, text=True, check=True
-    )
-    assert done.stdout == f"{[*map(float, results), *out.tolist()]}\n"
+    assert run_program(tmp_path, MSAHL_PLAIN_NUMBA="1") == uncompiled_program()
 
 
 def test_symbols_tell_module_name_and_types():
