@@ -9,9 +9,14 @@ RESULTS := results
 WORKERS ?= 2
 # Seconds that make fuzz takes.
 SECONDS ?= 300
-# Tests that make coverage runs as plain Python.
-COVERED ?= $(addprefix tests/,algebra check cli deck elements/test_forces.py joints post results run \
-  schemes start study system physics/test_closed_forms.py physics/test_mechanisms.py)
+# Tests that make coverage runs as plain Python: those that take seconds there.
+COVERED ?= $(addprefix tests/,algebra check cli deck elements/test_forces.py joints results start \
+  $(patsubst %,post/test_%.py,commands damaged_folders document events figures metrics \
+    reactions_in_joint_axes) \
+  $(patsubst %,run/test_%.py,options unchecked_models) \
+  $(patsubst %,schemes/test_%.py,short_runs stepper) \
+  $(patsubst %,study/test_%.py,closed_forms fitted_order short_studies) \
+  $(patsubst %,system/test_%.py,build evaluate nonfinite))
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 OUT := $(RESULTS)/$(basename $(notdir $(DECK)))
 

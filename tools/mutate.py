@@ -125,7 +125,7 @@ MUTANTS = (
            "local_rotation.moment(c, pi) if", "pi if", (SHORT, ORDERS, MOMENTUM)),
     Mutant("collocation: weights of the impulses", EQUATIONS,
            "tableau.alpha[:, i], h * tableau.force_weight[i]",
-           "tableau.alpha[:, i], h / tableau.force_weight.size", (SHORT, ORDERS)),
+           "tableau.alpha[:, i], h / tableau.force_weight.size", (FORCES, ORDERS)),
     Mutant("collocation: Jacobian of the joint forces", JACOBIAN,
            "+= share * chi[j, k]", "+= 0.5 * share * chi[j, k]", (STAGES,)),
     Mutant("collocation: Jacobian by the rates", JACOBIAN,

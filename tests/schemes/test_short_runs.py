@@ -65,6 +65,17 @@ def test_scipy_solves_the_steps_as_newton_does(scheme):
         assert other.states == pytest.approx(runs[0].states, abs=ROUNDED)
 
 
+@pytest.mark.parametrize("scheme", ["preserving", "gauss3"])
+def test_scipy_solves_redundant_equations_as_newton_does(scheme):
+    """Also for the reactions, of which the ones of least norm are published."""
+    given = {"t_final": 0.002, "scheme": scheme, "full": True, "error": "off"}
+    newton, root = (simulate(deck("four_bar"), solver=s, **given) for s in ("newton", "root"))
+    assert newton.report.status == root.report.status == "completed"
+    assert root.states == pytest.approx(newton.states, abs=ROUNDED)
+    largest = np.abs(newton.reactions).max()
+    assert root.reactions == pytest.approx(newton.reactions, abs=1e-10 * largest)
+
+
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
 def test_a_run_by_tolerance_is_as_accurate_at_every_output_time(tolerance):
     run = simulate(by_tolerance(pendulum(), tolerance, 0.05), t_final=0.3, scheme="auto")

@@ -16,7 +16,7 @@ from msahl.study.exact import recognise
 from msahl.study.exact.elliptic import first_kind, jacobi, third_kind
 from msahl.study.independent import solve
 
-SHORTEN = 0.05 if os.environ.get("NUMBA_DISABLE_JIT") else 1.0
+SHORTEN = 0.02 if os.environ.get("NUMBA_DISABLE_JIT") else 1.0
 """Factor on the time of every comparison: plain Python takes some hundred times as long."""
 DECKS = Path(__file__).parents[2] / "decks"
 CLOSED = (
