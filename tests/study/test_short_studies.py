@@ -65,6 +65,7 @@ def test_a_top_by_its_closed_form_and_other_metrics(tmp_path):
     html, text, table = run_study(tmp_path, TOP, *words, *metric)
     assert len(table) == 3
     assert "The reference is exact" in text
+    assert "with an error of at most 1 N (reaction, mean over the step) at every" in text
     assert "<summary>Observed orders</summary>" in html
     finer = table.sort_values("dt")
     for name in ("position_max", "orientation_max", "angular_velocity_max"):
