@@ -141,7 +141,7 @@ MUTANTS = (
     Mutant("dense output: weights of the work", OUTPUT,
            "weight=0.5 * b", "weight=b", (SHORT, DENSE)),
     Mutant("step control: Richardson's divisor", STEPS,
-           "error / (2.0**order - 1.0)", "error / (4.0**order - 1.0)", (SHORT, CONTROL)),
+           "error / (2.0**order - 1.0)", "error / (4.0**order - 1.0)", (CONTROL,)),
     Mutant("step control: exponent of the step size", STEPS,
            "(share / error) ** (1.0 / order)", "(error / share) ** (1.0 / order)",
            (SHORT, CONTROL)),

@@ -13,6 +13,7 @@ from msahl.model.scheme import choices, split
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import Chunk
+from msahl.study.exact import recognise
 from tests.support.models import GROUND, body, build_model, deck, pendulum, simulate
 
 G, ARM = 9.80665, 5.0
@@ -93,6 +94,19 @@ def test_output_between_the_ends_of_steps_is_as_accurate_as_there():
     found = errors(run)
     assert found.max() < 1e-8
     assert found[1:4].max() < 100.0 * found[4]
+
+
+def test_a_top_between_the_ends_of_steps_is_as_its_closed_form():
+    """Its rotations do not commute, so their order shows."""
+    model = deck("top_1")
+    model = replace(model, simulation=replace(model.simulation, output_interval=0.001))
+    run = simulate(model, dt=0.004, t_final=0.016, scheme="gauss3", error="off")
+    exact = recognise(deck("top_1")).states(run.time)
+    scale = np.abs(exact).max(axis=0) + 1.0
+    found = np.abs(run.states[:, 1:] - exact) / scale
+    assert len(found) == 17
+    assert found[::4].max() < 1e-9  # at the ends of steps
+    assert found.max() < 1e-7
 
 
 def test_a_ball_leaves_a_one_sided_spring_when_its_law_does():
