@@ -240,7 +240,9 @@ def runs(folder: Path, tests: tuple[str, ...]) -> str:
     if ran.returncode == 0:
         return ""
     failed = [line for line in ran.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-    return failed[0].split(" - ")[0].split()[1] if failed else ran.stdout[-200:]
+    if not failed:
+        return ran.stdout[-200:]
+    return failed[0].split(" - ")[0].removeprefix("FAILED ").removeprefix("ERROR ")
 
 
 def try_out(folder: Path, mutant: Mutant) -> str:
