@@ -9,9 +9,18 @@ RESULTS := results
 WORKERS ?= 2
 # Seconds that make fuzz takes.
 SECONDS ?= 300
-# Tests that make coverage runs as plain Python.
-COVERED ?= $(addprefix tests/,algebra check cli deck elements/test_forces.py joints post results run \
-  schemes start study system physics/test_closed_forms.py physics/test_mechanisms.py)
+# Tests that make coverage runs as plain Python: those that take seconds there.
+COVERED ?= $(addprefix tests/,algebra check cli deck elements/test_forces.py joints results start \
+  $(patsubst %,post/test_%.py,commands damaged_folders document events figures metrics \
+    reactions_in_joint_axes) \
+  $(patsubst %,run/test_%.py,attempts options unchecked_models) \
+  $(patsubst %,run/test_verdict.py::test_%,each_check_covers_its_limits the_worst_comes_first) \
+  $(patsubst %,schemes/test_%.py,short_runs stepper) \
+  schemes/midpoint/test_rotation_update.py::test_the_share_of_the_angle \
+  $(patsubst %,study/test_%.py,closed_forms fitted_order short_studies) \
+  $(patsubst %,study/test_search.py::test_%,breakpoints_of_laws a_prescribed_motion_has_breaks) \
+  $(patsubst %,study/test_study.py::test_%,errors_of_a_rotated_body faults_are_reported) \
+  $(patsubst %,system/test_%.py,build evaluate nonfinite))
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 OUT := $(RESULTS)/$(basename $(notdir $(DECK)))
 

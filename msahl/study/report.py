@@ -165,16 +165,16 @@ def _recommended(study: Study) -> list[Block]:
 def recommendation(study: Study) -> str:
     """Return sentences on the fastest run that meets the target and on what it gains."""
     plan, best = study.plan, study.fastest
-    wanted = f"{METRIC_OF[plan.metric].name} error of at most {plan.target:g}{_unit(study)}"
+    wanted = _wanted(study)
     if best is None:
-        return f"No run of this study has a {wanted}; {_most_accurate(study)}"
+        return f"No run of this study has {wanted}; {_most_accurate(study)}"
     wanted += " at every output time"
     if study.reference.horizon < plan.model.simulation.t_final:
         wanted += (
             f" up to t = {study.reference.horizon:.4g} s, after which there are no reference values"
         )
     sentences = [
-        f"The fastest run with a {wanted} is: {_command(study, best)}.",
+        f"The fastest run with {wanted} is: {_command(study, best)}.",
         f"Its {_error_and_time(study, best)}.",
         *_gain(study, best),
     ]
@@ -186,6 +186,15 @@ def recommendation(study: Study) -> str:
     if resolve(plan.model.simulation).adaptive and not best.trial.case.chooses_steps:
         sentences.append("Remove the tolerance that the deck sets before you make this run.")
     return " ".join(sentences)
+
+
+def _wanted(study: Study) -> str:
+    """Describe the error that the target allows."""
+    name, limit = METRIC_OF[study.plan.metric].name, f"{study.plan.target:g}{_unit(study)}"
+    if "," in name:
+        return f"an error of at most {limit} ({name})"
+    article = "an" if name[0] in "aeiou" else "a"
+    return f"{article} {name} error of at most {limit}"
 
 
 def _unit(study: Study) -> str:
