@@ -1,4 +1,4 @@
-"""Decks of large structures of any size: chain, tree, ladder, net, grid.
+"""Decks of large structures of any size: chain, tree, ladder, net.
 
     python -m benchmarks.structure_decks net 20000 > net.xml
 
@@ -7,7 +7,6 @@ tree    the same, but two links hang on each: a binary tree
 ladder  two chains and a rung between every two neighbours: closed loops one behind the other
 net     knots and rods between them, all by spherical joints, held along its upper edge: closed
         loops side by side, without redundant equations
-grid    plates joined to their neighbours by revolute joints of one axis: closed loops, redundant
 
 z is down; gravity acts along z, and every structure starts at rest, off its equilibrium.
 """
@@ -42,11 +41,10 @@ class Connection(NamedTuple):
 
 
 class Structure(NamedTuple):
-    """Bodies and joints; all joints are of one ``kind``."""
+    """Bodies and the spherical joints between them."""
 
     bodies: list[Body]
     joints: list[Connection]
-    kind: str = "spherical"
 
 
 def chain(n: int) -> Structure:
@@ -107,28 +105,11 @@ def net(n: int) -> Structure:
     return Structure(bodies, joints)
 
 
-def grid(n: int) -> Structure:
-    """m x m plates, each joined to the next ones in its row and column by revolute joints."""
-    m = max(2, round(math.sqrt(n)))
-    bodies = [Body(f"Plate{i}_{j}", (i + 0.5, j + 0.5, 0.0)) for i in range(m) for j in range(m)]
-    joints = [Connection(GROUND, "Plate0_0", (0.0, 0.5, 0.0))]
-    for i in range(m):
-        for j in range(m):
-            if i:
-                ends = (f"Plate{i - 1}_{j}", f"Plate{i}_{j}")
-                joints.append(Connection(*ends, (float(i), j + 0.5, 0.0)))
-            if j:
-                ends = (f"Plate{i}_{j - 1}", f"Plate{i}_{j}")
-                joints.append(Connection(*ends, (i + 0.5, float(j), 0.0)))
-    return Structure(bodies, joints, "revolute")
-
-
 STRUCTURES: dict[str, Callable[[int], Structure]] = {
     "chain": chain,
     "tree": tree,
     "ladder": ladder,
     "net": net,
-    "grid": grid,
 }
 
 
@@ -180,14 +161,11 @@ def _deck(kind: str, structure: Structure, dt: float, t_final: float) -> Iterato
         )
     yield "    </bodies>\n    <joints>\n"
     for i, (parent, child, at) in enumerate(structure.joints):
-        axis = f'<orientation basis="{GROUND}"><e2>1.0</e2></orientation>'
-        ends = (
+        ends = "".join(
             f"<{end}><name>{name}</name>{_position(name, _from(places[name], at))}</{end}>"
             for end, name in (("parent", parent), ("child", child))
         )
-        axis = "" if structure.kind == "spherical" else axis
-        inner = f"<name>Joint{i}</name>{''.join(ends)}{axis}"
-        yield f"      <{structure.kind}>{inner}</{structure.kind}>\n"
+        yield f"      <spherical><name>Joint{i}</name>{ends}</spherical>\n"
     yield (
         f"    </joints>\n  </system>\n  <simulation>\n    <title>{kind}</title>\n"
         f'    <deltaT units="sec">{dt!r}</deltaT>\n    <tFinal units="sec">{t_final!r}</tFinal>\n'

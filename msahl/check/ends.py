@@ -5,7 +5,7 @@ import sys
 from collections.abc import Iterator
 from typing import Protocol
 
-from msahl.algebra.vector import Matrix, Vector, dot, sub
+from msahl.algebra.vector import IDENTITY, Matrix, Vector, dot, sub
 from msahl.check.context import Context
 from msahl.check.directions import PARALLEL
 from msahl.check.faults import Finding, shown
@@ -85,6 +85,8 @@ def apart(ends: Ends, context: Context) -> Iterator[Finding]:
 
 def frame_findings(axes: Matrix, part: str) -> Iterator[Finding]:
     """Find rows of a joint's frame that are not three right-handed unit vectors."""
+    if axes == IDENTITY:  # of joints without axes
+        return
     x, y, z = axes
     products = (dot(x, y), dot(y, z), dot(z, x), *(math.hypot(*row) - 1.0 for row in axes))
     volume = dot(

@@ -7,7 +7,9 @@ Only records without faults by the schema are read further, but every name and e
 checked: a fault in one record neither makes references to it wrong nor hides its own references.
 """
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+import gc
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -73,10 +75,25 @@ def read_deck(path: str | PathLike[str], thorough: bool = False) -> Model:
     if root is None:
         root = parse(data, faults)
         check_schema(root, faults, thorough)
-    model = _read_model(root, faults)
+    with _without_collector():
+        model = _read_model(root, faults)
     faults.raise_if_any()
     parsed(data)
     return model
+
+
+@contextmanager
+def _without_collector() -> Iterator[None]:
+    """Pause the search for cycles of objects: records have none, and it would go through all of
+    them again and again as they become more.
+    """
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 def _read_model(root: Element, faults: Faults) -> Model:

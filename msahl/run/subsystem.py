@@ -69,7 +69,8 @@ class SubsystemIntegrator:
         model = self.model
         self.moved = assemble(system, state) if model.position == "project" else None
         nodes = node_order(system)
-        self.rank = constraint_rank(system, state, nodes)
+        unknowns = choose(system, all_unknowns(system), nodes)
+        self.rank = constraint_rank(system, state, unknowns)
         self.redundant = multiplier_count(system) - self.rank
         self.shared: dict[str, list[str]] = {}
         self._add_shared(system, state)
@@ -77,7 +78,8 @@ class SubsystemIntegrator:
         prepare(system, state, start)
         self.axis = None if full else plane_normal(system, start)
         free = all_unknowns(system) if full else needed_unknowns(system, start, self.axis)
-        unknowns = choose(system, free, nodes)
+        if free.size < unknowns.free.size:
+            unknowns = choose(system, free, nodes)
         self.change = make_consistent(system, state, free, model.velocity)
         if self.redundant and not is_regular(system, state, unknowns):
             system = build_system(model, relaxed=True, places=Places(state.x, state.p))

@@ -56,12 +56,12 @@ def constraint_matrix(system: System, state: State) -> "csr_array":
     return coo_array((values[chosen].ravel(), (i.ravel(), j.ravel())), shape).tocsr()
 
 
-def constraint_rank(system: System, state: State, nodes: np.ndarray | None = None) -> int:
-    """Number of independent joint equations in the state's configuration; ``nodes`` is the order of
-    elimination, if it is known.
+def constraint_rank(system: System, state: State, unknowns: Unknowns | None = None) -> int:
+    """Number of independent joint equations in the state's configuration; ``unknowns`` are all
+    unknowns of the system, if they are at hand.
     """
     # A regular matrix of the full system proves them independent, and is cheap where it is large.
-    if is_regular(system, state, choose(system, all_unknowns(system), nodes)):
+    if is_regular(system, state, unknowns or choose(system, all_unknowns(system))):
         return multiplier_count(system)
     G = constraint_matrix(system, state)
     equations = _equations(G)

@@ -26,7 +26,7 @@ class Elimination(NamedTuple):
     lower: np.ndarray  # (f,) number of entries of L below pivot k
     upper: np.ndarray  # (f,) number of entries of U right of pivot k
     other: np.ndarray  # (length,) row (of L entries) or column (of U entries) in the order
-    target: np.ndarray  # (operations,) places in the factor
+    target: np.ndarray  # (operations,) places in the factor, in 32 bits: it is the longest by far
     source: np.ndarray  # (q,) places in the block values ...
     place: np.ndarray  # (q,) ... and where they go in the factor
 

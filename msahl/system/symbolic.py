@@ -20,6 +20,8 @@ from msahl.jit.kernel import kernel
 SPARE = 4
 """Length of the lists at first, per entry of the matrix; it is doubled as often as necessary."""
 
+NO_LIMIT = int(np.iinfo(np.int64).max)
+
 
 class Lists(NamedTuple):
     """Lists of numbers: list k is ``items[first[k] : first[k + 1]]``."""
@@ -53,18 +55,33 @@ def fill(n: int, rows: np.ndarray, columns: np.ndarray) -> Filled:
     """Return the pattern of the factors of an (n, n) matrix with entries (``rows``, ``columns``)
     and a full diagonal; all lists are sorted.
     """
+    lower, upper, _ = _merged(n, rows, columns, NO_LIMIT)
+    return Filled(_sorted(lower), _sorted(upper))
+
+
+def product_count(n: int, rows: np.ndarray, columns: np.ndarray, most: int) -> int:
+    """Return the multiplications that factor such a matrix; if they are more than ``most``, any
+    number that is larger.
+    """
+    return _merged(n, rows, columns, most)[2]
+
+
+def _merged(n: int, rows: np.ndarray, columns: np.ndarray, most: int) -> tuple[_Half, _Half, int]:
+    """Return columns of L and rows of U, unsorted, and the multiplications of all pivots; these end
+    with the first that makes them more than ``most``.
+    """
     above = rows < columns
     below = rows > columns
     right = grouped(rows[above], columns[above], n)
     under = grouped(columns[below], rows[below], n)
     lower, upper = _new_half(under), _new_half(right)
-    k = 0
+    k, products = 0, np.zeros(1, dtype=np.int64)
     while True:
-        k = by_size(_merge, n)(k, under, right, lower, upper, np.full((2, n), -1))
-        if k == n:
-            break
+        mark = np.full((2, n), -1)
+        k = by_size(_merge, n)((k, most), under, right, (lower, upper), mark, products)
+        if k == n or products[0] > most:
+            return lower, upper, int(products[0])
         lower, upper = _enlarged(lower), _enlarged(upper)
-    return Filled(_sorted(lower), _sorted(upper))
 
 
 def grouped(keys: np.ndarray, items: np.ndarray, n: int) -> Lists:
@@ -89,18 +106,30 @@ def _enlarged(half: _Half) -> _Half:
 
 
 @kernel
-def _merge(k: int, under: Lists, right: Lists, lower: _Half, upper: _Half, mark: np.ndarray) -> int:
-    """Find row and column of the pivots from ``k`` on; return the first that does not fit into the
-    arrays, the number of pivots if all do.
+def _merge(
+    begin: tuple[int, int],
+    under: Lists,
+    right: Lists,
+    halves: tuple[_Half, _Half],
+    mark: np.ndarray,
+    products: np.ndarray,
+) -> int:
+    """Find row and column of the pivots from the first number of ``begin`` on, until ``products``
+    is larger than the second; return the pivot that does not fit into the arrays, the number of
+    pivots if all do.
     """
+    k, most = begin
+    lower, upper = halves
     n = lower.newest.size
-    while k < n:
+    while k < n and products[0] <= most:
         if not _gather(k, right, upper, lower, mark[0]):
             return k
         if not _gather(k, under, lower, upper, mark[1]):
             return k
         _chain(k, upper)
         _chain(k, lower)
+        below, above = lower.first[k + 1] - lower.first[k], upper.first[k + 1] - upper.first[k]
+        products[0] += below * above
         k += 1
     return k
 
@@ -180,7 +209,9 @@ def targets(filled: Filled, base: np.ndarray, wanted: Lists) -> tuple[np.ndarray
     n, (lower, upper) = base.size - 1, filled
     products = np.diff(lower.first) * np.diff(upper.first)
     operation = np.concatenate([[0], np.cumsum(products)]).astype(np.int64)
-    target = np.zeros(int(operation[-1]), dtype=np.int64)
+    if base[-1] > np.iinfo(np.uint32).max:
+        raise MemoryError  # some 30 GB of factors
+    target = np.zeros(int(operation[-1]), dtype=np.uint32)
     place = np.zeros(wanted.items.size, dtype=np.int64)
     by_row, entry = transposed(lower)
     by_size(_fill_targets, n)(
