@@ -17,7 +17,7 @@ import platformdirs
 
 from msahl.jit.kernel_store import HEAD, Store, digest_of
 from msahl.jit.object_file import Name, ObjectFile
-from msahl.jit.reach import PACKAGE, own_digest, resolve, source_digest
+from msahl.jit.reach import PACKAGE, changed, own_digest, resolve, source_digest
 
 LAYOUT = 3
 """Version of the format of object files."""
@@ -54,7 +54,9 @@ class Files:
 
     def save(self, name: Name, compiled: ObjectFile) -> None:
         """Keep the machine code of a kernel, if that is possible."""
-        self.store.save(self._own_name(portable_name(name)), compiled.as_bytes())
+        file = self._own_name(portable_name(name))
+        if not changed:
+            self.store.save(file, compiled.as_bytes())
 
     def find_code(self, name: Name) -> ObjectFile | None:
         """Return the intermediate code of a function; None if there is none."""
@@ -63,7 +65,9 @@ class Files:
 
     def save_code(self, name: Name, code: ObjectFile) -> None:
         """Keep the intermediate code of a function, if that is possible."""
-        self.store.save(self._code_name(name), code.as_bytes())
+        file = self._code_name(name)
+        if not changed:
+            self.store.save(file, code.as_bytes())
 
     def _code_name(self, name: Name) -> str:
         module, function, symbol = name

@@ -9,6 +9,7 @@ import functools
 import hashlib
 import importlib
 import sys
+import time
 import types
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -23,6 +24,11 @@ COMPILER = ("arguments", "kernel", "linking", "machine_code", "object_file", "st
 """Modules of this package that decide what is compiled, and how."""
 PACKAGE = Path(__file__).parent.parent
 CONSTANTS = (bool, int, float, str, bytes, tuple)
+
+STARTED = time.time()
+changed: set[str] = set()
+"""Modules whose files changed since this process began, so that their digests are not those of the
+code that was imported: what is compiled then must not be kept."""
 
 Function = Callable[..., Any]
 
@@ -154,7 +160,9 @@ def _names(code: types.CodeType) -> Iterator[str]:
 
 @functools.cache
 def _file_digest(module: str) -> str:
-    """Return the SHA-256 of a module's file."""
+    """Return the SHA-256 of a module's file; see ``changed``."""
     loaded = sys.modules.get(module)
     path = Path(str(loaded.__file__)) if loaded else PACKAGE / "jit" / f"{module.split('.')[-1]}.py"
+    if path.stat().st_mtime > STARTED:
+        changed.add(module)
     return hashlib.sha256(path.read_bytes()).hexdigest()

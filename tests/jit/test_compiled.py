@@ -8,7 +8,7 @@ from importlib import metadata
 import numpy as np
 import pytest
 
-from msahl.jit import compiled, files
+from msahl.jit import compiled, files, reach
 from msahl.jit.arguments import describe, symbol_of
 from msahl.jit.compiled import STOPWATCH, Compiled, prepare
 from msahl.jit.files import Files, portable_name
@@ -190,3 +190,11 @@ def test_symbols_tell_module_name_and_types():
     symbol = symbol_of("package.module", "function", (describe(1.0),))
     assert symbol.startswith("package.module.function-")
     assert symbol != symbol_of("package.module", "function", (describe(1),))
+
+
+def test_nothing_is_kept_of_sources_that_changed_meanwhile(store, monkeypatch):
+    """The key is that of the file, the code that of the module as it was imported."""
+    monkeypatch.setattr(reach, "changed", {"tests.jit.kernels"})
+    monkeypatch.setattr(files, "changed", reach.changed)
+    assert Compiled(kernels.twice)(3.0) == 6.0
+    assert not store.folder.exists() or not list(store.folder.iterdir())
