@@ -75,9 +75,10 @@ class _Members(AttributeTemplate):
 
 
 def _in_memory(context: Any, kind: types.Type) -> ir.Type:
-    """Return the memory layout of a group or a member."""
-    if isinstance(kind, Group):
-        return ir.LiteralStructType([_in_memory(context, member) for member in kind.members])
+    """Return the memory layout of a group or a member; groups and tuples hold theirs in place."""
+    if isinstance(kind, Group | types.BaseTuple):
+        parts: Any = kind.members if isinstance(kind, Group) else kind
+        return ir.LiteralStructType([_in_memory(context, part) for part in parts])
     return context.get_data_type(kind)
 
 
@@ -85,11 +86,22 @@ def _in_memory(context: Any, kind: types.Type) -> ir.Type:
 def member(context: Any, builder: Any, group: Group, address: Any, name: str) -> Any:
     """Return a member of the group at an address: its address if it is a group, else its value."""
     k = group.names.index(name)
-    kind = group.members[k]
     place = builder.bitcast(address, _in_memory(context, group).as_pointer())
     place = builder.gep(place, [_INT(0), _INT(k)], inbounds=True)
+    return _value(context, builder, group.members[k], place)
+
+
+def _value(context: Any, builder: Any, kind: types.Type, place: Any) -> Any:
+    """Return the value at a place in memory, of a group its address."""
     if isinstance(kind, Group):
-        return builder.bitcast(place, address.type)
+        return builder.bitcast(place, ir.IntType(8).as_pointer())
+    if isinstance(kind, types.BaseTuple):
+        parts: Any = kind
+        values = [
+            _value(context, builder, part, builder.gep(place, [_INT(0), _INT(k)], inbounds=True))
+            for k, part in enumerate(parts)
+        ]
+        return context.make_tuple(builder, kind, values)
     return context.data_model_manager[kind].from_data(builder, _load(builder, place))
 
 

@@ -52,11 +52,11 @@ def scaled(inner: Inner, x: float) -> float:
 
 @kernel
 def everything(
-    group: Outer, x: float, out: np.ndarray, wanted: bool, pair: tuple[np.ndarray, float]
+    group: Outer, x: float, out: np.ndarray, wanted: bool, pair: tuple[np.ndarray, float, Inner]
 ) -> tuple[float, int, bool]:
     for k in range(out.size):
         out[k] = weigh(group.inner, x) + group.numbers[k % group.numbers.size]
-        out[k] += pair[0][0] * pair[1]
+        out[k] += pair[0][0] * pair[1] * pair[2].factor
     result = math.sin(x) + scaled(group.inner, x) + scaled(group.nothing, x)
     return result, group.count + group.numbers[1], group.inner.present and group.flags[0] == wanted
 

@@ -20,7 +20,7 @@ from tests.jit import kernels
 pytestmark = pytest.mark.skipif(compiled.DISABLED, reason="nothing is compiled")
 
 
-PAIR = (np.ones(2), 0.25)
+PAIR = (np.ones(2), 0.25, kernels.outer().inner)
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def test_arrays_are_seen_as_they_are_at_each_call():
     for value in (1.0, 7.0):
         group.inner.table[:] = value
         fast(group, 1.0, out, True, PAIR)
-        assert out[0] == kernels.weigh(group.inner, 1.0) + 0.25
+        assert out[0] == kernels.weigh(group.inner, 1.0) + 0.125
     other = kernels.outer(rows=9)
     assert fast(other, 1.0, out, True, PAIR)[1] == 10
 
@@ -148,7 +148,8 @@ import numpy as np
 from msahl.jit.compiled import compiled
 from tests.jit import kernels
 out = np.zeros(3)
-results = compiled(kernels.everything)(kernels.outer(), 0.7, out, True, (np.ones(2), 0.25))
+pair = (np.ones(2), 0.25, kernels.outer().inner)
+results = compiled(kernels.everything)(kernels.outer(), 0.7, out, True, pair)
 print([*map(float, results), *out.tolist()])
 """
 
@@ -167,7 +168,7 @@ def run_program(folder, **environment):
 
 def uncompiled_program():
     out = np.zeros(3)
-    results = kernels.everything(kernels.outer(), 0.7, out, True, (np.ones(2), 0.25))
+    results = kernels.everything(kernels.outer(), 0.7, out, True, PAIR)
     return f"{[*map(float, results), *out.tolist()]}\n"
 
 

@@ -2,14 +2,12 @@
 
 import os
 
-import numba
 import numpy as np
 import pytest
 
 from msahl.algebra.vector import at, dot
 from msahl.elements.forces import drag
-from msahl.jit.compiled import OPTIONS
-from msahl.jit.linking import Entered
+from msahl.jit.compiled import Compiled
 from msahl.system.build import build_system
 from tests.support.element_samples import ELEMENTS
 
@@ -34,10 +32,11 @@ def test_a_kernel_reads_groups_and_calls_others_as_in_plain_python():
     rng = np.random.default_rng(2)
     forces = build_system(ELEMENTS["drag"](rng)).forces
     velocity = rng.normal(size=(forces.drag.frame.size, 3))
-    entered = numba.njit(**OPTIONS, pipeline_class=Entered)(power)
+    entered = Compiled(power)
     # The compiler may join a multiplication and an addition, which rounds once less.
     assert entered(forces, velocity) == pytest.approx(power(forces, velocity), rel=1e-15)
     assert power(forces, velocity) < 0.0
     doubled = forces._replace(drag=forces.drag._replace(coefficient=2.0 * forces.drag.coefficient))
     assert entered(doubled, velocity) == pytest.approx(2.0 * power(forces, velocity), rel=1e-15)
-    assert len(entered.signatures) == 1  # other numbers are no other type
+    # Other numbers are no other type.
+    assert entered.unit((doubled, velocity)) == entered.unit((forces, velocity))
