@@ -72,7 +72,8 @@ def result_of(function: Callable[..., Any]) -> Description | None:
     """
     if "<" in function.__qualname__:
         return None
-    return _described(typing.get_type_hints(function)["return"])
+    hints = typing.get_type_hints(function)
+    return _described(hints["return"]) if "return" in hints else None
 
 
 def _described(hint: Any) -> Description | None:
