@@ -139,6 +139,7 @@ def test_compiled_code_that_cannot_be_kept_is_reported_and_the_run_goes_on(tmp_p
     unsafe.save("points-auto", b"")
     unsafe.folder.chmod(0o777)
     monkeypatch.setattr(compiled, "STORE", unsafe)
+    assert unsafe.load("code") is None  # as for the first kernel that is not in memory
     result = call("run", *SHORT, "-o", tmp_path / "out")
     assert result.exit_code == 0
     assert result.stderr.count(f"{unsafe.folder} can be written to by other users") == 1
