@@ -90,7 +90,7 @@ coverage: .venv/tested
 wheel: .venv/installed
 	$(BIN)/python tools/package_kernels.py
 	$(BIN)/python -m pip wheel -q --disable-pip-version-check --no-deps -w dist . \
-	  -C--build-option=bdist_wheel -C--build-option=--plat-name=manylinux_2_17_x86_64
+	  -C--build-option=--plat-name=manylinux_2_17_x86_64
 	$(BIN)/python tools/package_kernels.py --clean
 	@ls -l dist/*.whl
 

@@ -21,8 +21,8 @@ def compile_(decks: tuple[Path, ...], everything: bool, **given: Any) -> None:
     """Compile what runs of DECKS need, or everything, and store it on disk.
 
     The first run of a kind of model compiles what it needs, which takes seconds. After msahl
-    compile --all no run, report or study compiles any more, for instance on a machine without
-    numba. The code is stored in the user's cache folder, or in NUMBA_CACHE_DIR.
+    compile --all no run, report or study compiles any more. The code is stored in the user's cache
+    folder, or in NUMBA_CACHE_DIR.
 
     Example: msahl compile decks/mechanisms/four_bar.xml --scheme gauss3
     """
