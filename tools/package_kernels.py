@@ -53,11 +53,13 @@ def main() -> None:
     shutil.rmtree(TARGET, ignore_errors=True)
     if "--clean" in sys.argv:
         return
-    for level in PORTABLE:
-        with tempfile.TemporaryDirectory() as cache:
-            compile_for(level, Path(cache))
-            size = package(Path(cache), TARGET / level)
-        print(f"{level}: {len(list((TARGET / level).iterdir()))} files, {size / 1e6:.1f} MB")
+    with tempfile.TemporaryDirectory() as folder:
+        # Nothing is packaged before all is compiled: what the package has is not compiled again.
+        for level in PORTABLE:
+            compile_for(level, Path(folder) / level)
+        for level in PORTABLE:
+            size = package(Path(folder) / level, TARGET / level)
+            print(f"{level}: {len(list((TARGET / level).iterdir()))} files, {size / 1e6:.1f} MB")
 
 
 if __name__ == "__main__":
