@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks import equivalent, ours
 from benchmarks.motion import Motion
 from benchmarks.peers import PEERS
-from benchmarks.problems import GRID, ROWS, Problem
+from benchmarks.problems import Problem
 from msahl.model.scheme import split
 
 LARGEST_ORDER = 10
@@ -165,20 +165,21 @@ def fineness(code: Code, rung: int) -> float:
     return 10.0 ** (rung / 2) if code.controlled else float(per_interval(rung))
 
 
-def knob(code: Code, rung: int) -> float:
+def knob(problem: Problem, code: Code, rung: int) -> float:
     """The step [s] or the accuracy asked for."""
     fine = fineness(code, rung)
-    return COARSEST_ACCURACY / fine if code.controlled else GRID / fine
+    return COARSEST_ACCURACY / fine if code.controlled else problem.grid / fine
 
 
 def run(problem: Problem, code: Code, rung: int) -> Motion:
     if code.controlled:
         motion: Motion = code.module.motion(
-            problem.model, GRID, ROWS, code.name, accuracy=knob(code, rung)
+            problem.model, problem.grid, problem.rows, code.name, accuracy=knob(problem, code, rung)
         )
         return motion
     k = per_interval(rung)
-    motion = code.module.motion(problem.model, GRID / k, ROWS * k, code.name, every=k)
+    h, steps = problem.grid / k, problem.rows * k
+    motion = code.module.motion(problem.model, h, steps, code.name, every=k)
     return motion
 
 
@@ -189,7 +190,8 @@ def trace(problem: Problem, code: Code, exact: np.ndarray, longest: float, budge
     curve = Curve(problem, code)
     if code.module is ours:
         accuracy = COARSEST_ACCURACY if code.controlled else None
-        ours.motion(problem.model, WARMED, 2, code.name, accuracy=accuracy)
+        warmed = min(WARMED, problem.grid / 8.0)
+        ours.motion(problem.model, warmed, 2, code.name, accuracy=accuracy)
     for target in TARGETS:
         for rung in _wanted(curve, target):
             expected = _expected(curve, rung)
@@ -257,7 +259,8 @@ def _first(curve: Curve) -> int:
 
 def _up(curve: Curve) -> int:
     """Return by how many rungs the fast motions are faster than those of a short chain."""
-    return round(UP_A_DECADE * math.log10(max(1.0, curve.problem.bodies / SHORT)))
+    series = curve.problem.series or curve.problem.bodies
+    return round(UP_A_DECADE * math.log10(max(1.0, series / SHORT)))
 
 
 def _foot(curve: Curve) -> int:
@@ -323,7 +326,7 @@ def _expected(curve: Curve, rung: int) -> float:
     code, followed = curve.code, [p for p in points if p.error <= LOST]
     near = min(followed or points, key=lambda p: abs(p.rung - rung))
     if code.estimated:
-        return ROWS * per_interval(rung) * equivalent.SECONDS
+        return curve.problem.rows * per_interval(rung) * equivalent.SECONDS
     if near.error > LOST:
         return near.seconds
     power = 1.0 / code.order if code.controlled else 1.0

@@ -70,7 +70,8 @@ def motion(
     R = _matrices(states[:, :, 1])
     v = np.einsum("tbij,tbj->tbi", R, states[:, :, 2])
     counted = report.seconds["loop"], report.steps, report.iterations
-    return Motion(table[:, 0], states[:, :, 0], R, v, states[:, :, 3], *counted)
+    x = states[:, :, 0] + np.einsum("tbij,bj->tbi", R, [body.r_BG for body in model.bodies])
+    return Motion(table[:, 0], x, R, v, states[:, :, 3], *counted)
 
 
 def _options(variant: str) -> Options:

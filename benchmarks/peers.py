@@ -10,15 +10,20 @@ PACKAGES = {
 }
 """The package that each needs, and our module that runs it."""
 
-PEERS: dict[str, ModuleType] = {}
-MISSING: dict[str, str] = {}
-"""Why a package cannot be measured."""
 
-for _package, _name in PACKAGES.items():
-    try:
-        PEERS[_package] = import_module(_name)
-    except ImportError as _error:
-        MISSING[_package] = " ".join(str(_error).split())
+def import_peers(packages: dict[str, str]) -> tuple[dict[str, ModuleType], dict[str, str]]:
+    """Return the modules that can be imported, and why others cannot, by package."""
+    peers, missing = {}, {}
+    for package, name in packages.items():
+        try:
+            peers[package] = import_module(name)
+        except ImportError as error:
+            missing[package] = " ".join(str(error).split())
+    return peers, missing
+
+
+PEERS, MISSING = import_peers(PACKAGES)
+"""By package; ``MISSING`` says why one cannot be measured."""
 
 
 def versions() -> str:

@@ -175,7 +175,7 @@ def _work_table(found: list[Found]) -> str:
                 each = 1e6 * point.seconds
                 per = each / max(point.iterations, 1) / one.problem.bodies
                 cells = [one.problem.name, f"{target:.0e}", curve.code.name.removeprefix("msahl "),
-                         f"{knob(curve.code, point.rung):.4g}", f"{point.steps}",
+                         f"{knob(one.problem, curve.code, point.rung):.4g}", f"{point.steps}",
                          f"{point.iterations / point.steps:.2f}", f"{each / point.steps:.3g}",
                          f"{per:.3g}"]  # fmt: skip
                 lines.append(f"| {' | '.join(cells)} |")
@@ -235,8 +235,9 @@ def write_csv(found: list[Found], path: Path) -> None:
 
 def _csv_row(problem: Problem, curve: Curve, p: Point) -> list[object]:
     per_step = [1e6 * p.seconds / p.steps, p.iterations / p.steps] if p.steps else ["", ""]
-    return [problem.name, problem.bodies, curve.code.name, knob(curve.code, p.rung), p.error,
-            p.seconds, len(p.samples), p.steps, *per_step, p.note]  # fmt: skip
+    step = knob(problem, curve.code, p.rung)
+    return [problem.name, problem.bodies, curve.code.name, step, p.error, p.seconds,
+            len(p.samples), p.steps, *per_step, p.note]  # fmt: skip
 
 
 if __name__ == "__main__":

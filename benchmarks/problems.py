@@ -27,6 +27,9 @@ class Problem:
     steps: tuple[float, ...]
     span: float  # over which errors are taken
     timed: float  # most that one timing sample covers
+    grid: float = GRID  # interval at whose ends all codes are compared [s]
+    rows: int = ROWS  # how many of these
+    series: int = 0  # most bodies one after the other; 0: all of them
 
     @property
     def bodies(self) -> int:

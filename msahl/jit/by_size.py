@@ -9,6 +9,8 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
+from msahl.jit.compiled import compiled
+
 LARGE = 400
 """Bodies, or other elements, from which a kernel is run compiled."""
 
@@ -20,6 +22,4 @@ def by_size(function: Callable[..., Any], size: int) -> Callable[..., Any]:
 
 @cache
 def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    from msahl.jit.compiled import compiled
-
     return compiled(function)

@@ -37,7 +37,7 @@ from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.elements.frames import first_multiplier, moving_count
 from msahl.elements.frames import prepare as prepare_frames
 from msahl.jit.by_size import by_size
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import apart, kernel, unit
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
 
 
@@ -47,7 +47,7 @@ def dt2(system: System, h: float) -> float:
     return system.decay.share * h * h
 
 
-@kernel
+@unit
 def prepare(system: System, state: State, start: SystemWorkspace) -> None:
     """Compute what the other functions need of the configuration of ``state`` into ``start``."""
     prepare_frames(
@@ -68,7 +68,7 @@ def prepare(system: System, state: State, start: SystemWorkspace) -> None:
     forces.prepare(system.forces, start.forces, system.scalar, state.reaction, state.reaction_trend)
 
 
-@kernel
+@unit
 def joint_jacobian(
     system: System, start: SystemWorkspace, h: float, Z: np.ndarray, values: np.ndarray
 ) -> None:
@@ -86,7 +86,7 @@ def joint_jacobian(
     scalar.joint_jacobian(system.scalar, start.scalar, frames, h2, Z, values)
 
 
-@kernel
+@apart
 def set_reactions(system: System, state: State, start: SystemWorkspace, Z: np.ndarray) -> None:
     """Set the joints' reactions of ``state`` from its multipliers, after the residual at ``Z``."""
     reactions.sum_reactions(
@@ -101,7 +101,7 @@ def set_reactions(system: System, state: State, start: SystemWorkspace, Z: np.nd
     )
 
 
-@kernel
+@apart
 def free_acceleration(
     system: System, state: State, start: SystemWorkspace, Z: np.ndarray, F: np.ndarray
 ) -> None:
@@ -118,7 +118,7 @@ def free_acceleration(
     forces.add_forces(system.forces, start.forces, system.scalar, frames, state.reaction, F)
 
 
-@kernel
+@unit
 def observe(
     system: System, state: State, start: SystemWorkspace, violation: np.ndarray, rate: np.ndarray
 ) -> tuple[float, float]:

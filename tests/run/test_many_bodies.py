@@ -11,7 +11,7 @@ from msahl.model import Options, resolve
 from msahl.run.setup import build_setup
 
 MOST_CALLS = {"reading": 240, "building": 110}
-"""Functions called for each link of a chain; 202 and 94 when this was written."""
+"""Python and library functions called for each link of a chain; 202 and 94 are measured."""
 
 
 def path_of(folder, n):

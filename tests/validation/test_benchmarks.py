@@ -41,7 +41,7 @@ def curve():
     problem = problems.Problem("any", problems.chain(10), (), 10.0, 10.0)
     made = curves.Curve(problem, code)
     for rung in range(2, 9):
-        h = curves.knob(code, rung)
+        h = curves.knob(problem, code, rung)
         made.points[rung] = curves.Point(rung, h**4, [1.0 / h], round(10.0 / h))
     return made
 

@@ -34,6 +34,7 @@ OUTSIDE = (
     "benchmarks/README.md",
     "benchmarks/results/speed.md",
     "benchmarks/results/precision.md",
+    "benchmarks/results/mechanisms.md",
     "benchmarks/results/scale.md",
     "benchmarks/results/writers.md",
 )

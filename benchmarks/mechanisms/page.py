@@ -1,0 +1,167 @@
+"""Write the page on the mechanisms from what is stored."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from benchmarks.curves import TARGETS, Curve, Reached
+from benchmarks.mechanisms.peers import MISSING, PEERS
+from benchmarks.mechanisms.pictures import draw_mechanisms
+from benchmarks.mechanisms.problems import ABOUT
+from benchmarks.mechanisms.store import microseconds, refusals
+from benchmarks.precision_asked import OURS, Found
+from benchmarks.verdict import Verdict, table_of_verdicts
+
+PAGE, PICTURE, MACHINE = "mechanisms.md", "mechanisms.png", "mechanisms_machine.txt"
+JUDGED = 1e-6
+"""Error [m] at which ratios are asked for."""
+AHEAD_OF_EXUDYN = 20.0
+NOT_SLOWER = 7
+"""Mechanisms on which neither MuJoCo nor Drake is to be faster."""
+RUNG = 1.5
+"""Ratio of neighbouring steps of a ladder."""
+OTHERS = ("exudyn", "mujoco", "drake")
+BOUNDS = {"<=": "≤ ", ">=": "> ", "": ""}
+
+
+def write_page(found: list[Found], machine: list[str], folder: Path) -> None:
+    """Write page and picture; an empty ``machine`` keeps what is known of it."""
+    if machine:
+        (folder / MACHINE).write_text("\n".join(f"- {line}" for line in machine) + "\n")
+    draw_mechanisms(found, folder / PICTURE)
+    (folder / PAGE).write_text(report(found, folder))
+
+
+def report(found: list[Found], folder: Path) -> str:
+    """Return the page's text."""
+    parts = [
+        "# Mechanisms",
+        "Joints other than balls: seconds of the time loop, without start-up, compiling and "
+        "building the model, until the largest position error of any mass centre at the output "
+        "times is 1e-3, 1e-6 and 1e-9 m. How to read the columns: "
+        "[Benchmarks](../README.md#how-to-read-resultsmechanismsmd).",
+        (folder / MACHINE).read_text().strip(),
+        f"## The fastest code of each program, 1e-6 m\n\n{_summary(found)}",
+        f"![error against time]({PICTURE})",
+        f"## Asked and measured\n\n{table_of_verdicts(verdicts(found))}",
+        f"## Where another program is faster\n\n{_lost(found)}",
+        *(_section(one, folder) for one in found),
+        f"## Codes and settings\n\n{_settings()}",
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _summary(found: list[Found]) -> str:
+    programs = (OURS, *OTHERS)
+    lines = [f"| mechanism | {' | '.join(programs)} |", "|---|" + "---|" * len(programs)]
+    for one in found:
+        cells = [_best_cell(one, program, JUDGED) for program in programs]
+        lines.append(f"| {one.problem.name} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _best_cell(found: Found, program: str, target: float) -> str:
+    best = found.best(program, target)
+    if best is None:
+        return "-"
+    code, reached = best
+    return f"{_milliseconds(reached)} ms ({code.removeprefix(program).strip()})"
+
+
+def _milliseconds(reached: Reached) -> str:
+    return "-" if reached.how == "-" else f"{BOUNDS[reached.how]}{1e3 * reached.seconds:.3g}"
+
+
+def verdicts(found: list[Found]) -> list[Verdict]:
+    """Return what was asked beside what was measured."""
+    made = [_exudyn(one) for one in found]
+    ahead = [one for one in found if _not_slower(one, JUDGED)]
+    slower = [one.problem.name for one in found if one not in ahead]
+    text = f"{len(ahead)} of {len(found)}" + (f"; slower: {', '.join(slower)}" if slower else "")
+    what = f"mechanisms on which neither MuJoCo nor Drake is faster, {JUDGED:.0e} m"
+    return [*made, Verdict(what, f">= {NOT_SLOWER}", text, len(ahead) >= NOT_SLOWER)]
+
+
+def _exudyn(found: Found) -> Verdict:
+    peer, ours = found.best("exudyn", JUDGED), found.best(OURS, JUDGED)
+    what = f"{found.problem.name}, {JUDGED:.0e} m: Exudyn / msahl"
+    if peer is None or ours is None:
+        return Verdict(what, f">= {AHEAD_OF_EXUDYN:g}", "not measured", False)
+    ratio = at_least(peer[1]) / ours[1].seconds
+    bound = "at least " if peer[1].how == ">=" or ours[1].how == "<=" else ""
+    text = f"{bound}{ratio:.3g} ({peer[0]} / {ours[0]})"
+    return Verdict(what, f">= {AHEAD_OF_EXUDYN:g}", text, ratio >= AHEAD_OF_EXUDYN)
+
+
+def _not_slower(found: Found, target: float) -> bool:
+    ours = found.best(OURS, target)
+    peers = [best for name in ("mujoco", "drake") if (best := found.best(name, target))]
+    return ours is not None and all(ours[1].seconds <= at_least(peer[1]) for peer in peers)
+
+
+def at_least(reached: Reached) -> float:
+    """Return the least seconds that a peer may need: where its coarsest run that succeeds is better
+    than asked, the next coarser step of the ladder failed.
+    """
+    return reached.seconds / (RUNG if reached.how == "<=" else 1.0)
+
+
+def _lost(found: list[Found]) -> str:
+    """Every mechanism and error at which another program takes less time."""
+    lines = []
+    for one in found:
+        for target in TARGETS:
+            ours = one.best(OURS, target)
+            peers = [best for name in OTHERS if (best := one.best(name, target))]
+            if ours is None or not peers:
+                continue
+            code, reached = min(peers, key=lambda best: best[1].seconds)
+            if reached.how != ">=" and reached.seconds < ours[1].seconds:
+                ratio = ours[1].seconds / reached.seconds
+                lines.append(
+                    f"- {one.problem.name}, {target:.0e} m: {code} takes {_milliseconds(reached)} "
+                    f"ms, {ours[0]} {_milliseconds(ours[1])} ms: {ratio:.2g} times as long."
+                )
+    return "\n".join(lines) or "Nowhere."
+
+
+def _section(found: Found, folder: Path) -> str:
+    name = found.problem.name
+    refused = refusals(found.problem, folder)
+    reasons = {why: [c for c in refused if refused[c] == why] for why in refused.values()}
+    without = [f"{', '.join(codes)}: {why}." for why, codes in reasons.items()]
+    parts = [
+        f"## {name[0].upper()}{name[1:]}",
+        ABOUT[name],
+        f"Reference: {found.known.words}, {found.known.apart:.1e} m apart.",
+        _table(found.curves),
+        "\n".join(f"- {line}" for line in without),
+    ]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _table(curves: Iterable[Curve]) -> str:
+    heads = [f"{target:.0e} m [ms]" for target in TARGETS]
+    lines = [
+        f"| code | {' | '.join(heads)} | µs/step | remark |",
+        "|---|" + "---|" * (len(heads) + 2),
+    ]
+    for curve in curves:
+        reached = [curve.reach(target) for target in TARGETS]
+        cells = [f"- ({_milliseconds(r)})" if r.how == ">=" else _milliseconds(r) for r in reached]
+        reasons = dict.fromkeys(r.reason for r in reached if r.reason and r.how != "<=")
+        near = curve.at(JUDGED) or (curve.sorted()[-1] if curve.points else None)
+        cells += [f"{microseconds(near):.3g}", "; ".join(reasons)]
+        lines.append(f"| {curve.code.name} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _settings() -> str:
+    lines = [
+        "- **msahl**: `--solver newton`, each scheme by its name, its defaults, step fixed; "
+        "*by tolerance*: the scheme `auto`, with a tolerance of the sum of local errors."
+    ]
+    for package, module in PEERS.items():
+        lines.append(f"- {package} {module.VERSION}:")
+        lines += [f"    - **{code}**: {text}." for code, text in module.SETTINGS.items()]
+    lines += [f"- {package} is missing ({why})." for package, why in MISSING.items()]
+    return "\n".join(lines)
