@@ -180,7 +180,7 @@ MUTANTS = (
            (SHORT, FORCES, GAUSS, KNOWN)),
     Mutant("reactions: moment about the mass centre", REACTIONS,
            "moment = sub(moment, cross(arm, force))", "moment = add(moment, cross(arm, force))",
-           (JOINTS, KNOWN, INSTANT)),
+           (SHORT, JOINTS, INSTANT)),
     Mutant("rotation: product of two", ROTATION,
            "add(axpy(q0, p, scale(p0, q)), cross(p, q))",
            "add(axpy(q0, p, scale(p0, q)), cross(q, p))", (ROTATION,)),

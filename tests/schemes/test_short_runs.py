@@ -192,3 +192,14 @@ def test_joint_forces_at_the_end_of_a_step_are_those_of_the_motion(scheme):
     force = np.linalg.norm(integrator.workspace.state.force[0])
     # Multipliers of a stage are of a lower order than the motion: 9e-4 and 5e-5 at this step.
     assert force == pytest.approx(wanted, rel=2e-3 if scheme == "radau2" else 1e-4)
+
+
+@pytest.mark.parametrize("scheme", ["preserving", "gauss3"])
+def test_a_cantilever_bears_its_weight_and_the_moment_of_it(scheme):
+    """The moment is about the joint's point, not about the mass centre."""
+    clamp = Joint("Clamp", "rigid", GROUND.name, "Bob", ZERO, (-0.5, 0.0, 0.0))
+    beam = body(position=(0.5, 0.0, 0.0))
+    model = build_model([beam], [clamp], gravity=(0.0, 0.0, -G))
+    run = simulate(model, dt=0.01, t_final=0.02, scheme=scheme, error="off")
+    assert run.force() == pytest.approx(np.tile([0.0, 0.0, 2.0 * G], (3, 1)), abs=1e-12)
+    assert run.moment() == pytest.approx(np.tile([0.0, -0.5 * 2.0 * G, 0.0], (3, 1)), abs=1e-12)
