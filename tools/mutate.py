@@ -174,7 +174,7 @@ MUTANTS = (
            "scale(-1.0 / math.sqrt(1.0 - c * c / r2), axpy(-c, e, up))",
            "scale(-1.0 / math.sqrt(1.0 - c * c / r2), up)", (IDEAL, DERIVATIVE, KNOWN)),
     Mutant("constraint: joint force acts at the start of the step", COINCIDE,
-           "mean_b = mean(frames, Z, b, at(start.r_b, k))", "mean_b = at(start.r_b, k)", (IDEAL,)),
+           "cross(axpy(0.5, dr_b, r_b), force)", "cross(r_b, force)", (IDEAL,)),
     Mutant("constraint: work of a prescribed motion", ROWS,
            "lam * law_rate(rows, laws, r, t) * dt", "lam * law_rate(rows, laws, r, t + dt) * dt",
            (SHORT, FORCES, GAUSS, KNOWN)),

@@ -1,0 +1,78 @@
+"""The command ``msahl compile``: what it compiles is what runs, reports and studies need."""
+
+import io
+
+import pytest
+from click.testing import CliRunner
+
+from msahl.cli import compiling, kernels
+from msahl.cli.main import main
+from msahl.deck import read_deck
+from msahl.jit import by_size, compiled
+from msahl.jit.progress import CompileError, Progress
+from msahl.model import Options
+from msahl.resources import example_deck, example_decks
+
+DECK = example_deck("joints/spherical.xml")
+
+
+def call(*words):
+    return CliRunner().invoke(main, ["compile", *map(str, words)])
+
+
+def test_a_deck_is_compiled_in_advance():
+    result = call(DECK, "--solver", "newton")
+    assert (result.exit_code, result.stderr) == (0, f"{DECK}: compiled\n")
+    assert compiled.on_disk(kernels.calls_of_run(read_deck(DECK), Options(solver="newton")))
+
+
+def test_something_must_be_asked_for():
+    result = call()
+    assert result.exit_code == 2
+    assert "give at least one DECK, or --all" in result.stderr
+
+
+def test_a_failure_is_reported_in_one_line(monkeypatch):
+    def fail(*_):
+        raise CompileError("no compiler")
+
+    monkeypatch.setattr(compiled, "prepare", fail)
+    result = call(DECK)
+    assert (result.exit_code, result.stderr) == (2, "msahl compile: no compiler\n")
+
+
+def test_everything_includes_large_models_reports_and_studies(monkeypatch):
+    """With one deck instead of all; nothing is left changed."""
+    prepared, called = [], []
+    monkeypatch.setattr(kernels, "example_decks", lambda: [DECK])
+    monkeypatch.setattr(kernels, "prepare", lambda calls: prepared.append(list(calls)))
+    monkeypatch.setattr(kernels, "_call", lambda command, *words: called.append(words))
+    large, told = by_size.LARGE, []
+    kernels.compile_everything(told.append)
+    assert large == by_size.LARGE
+    assert len(prepared[0]) > len(kernels.VARIANTS)
+    assert len(told) == 2
+    words = {word for words in called for word in words}
+    assert {"run", "study", "energy", "constraints"} <= words
+
+
+def test_there_are_decks_of_both_kinds():
+    systems = [
+        kernels.calls_of_run(read_deck(example_deck(d)), Options())[0] for d in kernels.TYPICAL
+    ]
+    assert [workspace[0].system.scalar is None for _, workspace in systems] == [True, False]
+    assert len(example_decks()) > 30
+
+
+@pytest.mark.parametrize(
+    ("names", "end"), [(("equations.residual",), "\r"), ((), "\n")], ids=["working", "done"]
+)
+def test_the_progress_is_one_line(monkeypatch, names, end):
+    terminal = io.StringIO()
+    monkeypatch.setattr(terminal, "isatty", lambda: True)
+    monkeypatch.setattr("sys.stderr", terminal)
+    compiling.show_compiling(True)(Progress(3, 8, names, 12.4))
+    shown = terminal.getvalue()
+    assert shown.startswith("\r  3 of 8 parts, about 12 s left")
+    assert shown.endswith(end)
+    assert len(shown.strip("\r\n")) == 78
