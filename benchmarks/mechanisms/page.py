@@ -31,6 +31,8 @@ Why:
   and joints.
 - The robot is an open tree: six coordinates and no constraints for the others, 66 unknowns for
   msahl. Its motion is smooth, so explicit formulas of order 4 to 6 need few steps.
+- The suspension is a tree of few coordinates for MuJoCo, too, with two loops closed at balls, and
+  moves smoothly.
 - The squeezer and the net have many loops. All s stages of a gauss step are solved at once, and the
   work of their factorisation grows with the third power of s; MuJoCo factors the mass matrix of a
   tree.
