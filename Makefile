@@ -9,9 +9,18 @@ RESULTS := results
 WORKERS ?= 2
 # Seconds that make fuzz takes.
 SECONDS ?= 300
-# Tests that make coverage runs as plain Python.
-COVERED ?= $(addprefix tests/,algebra check cli deck elements/test_forces.py joints post results run \
-  schemes start study system physics/test_closed_forms.py physics/test_mechanisms.py)
+# Tests that make coverage runs as plain Python: those that take seconds there.
+COVERED ?= $(addprefix tests/,algebra check cli deck elements/test_forces.py joints results start \
+  $(patsubst %,post/test_%.py,commands damaged_folders document events figures metrics \
+    reactions_in_joint_axes) \
+  $(patsubst %,run/test_%.py,attempts options unchecked_models) \
+  $(patsubst %,run/test_verdict.py::test_%,each_check_covers_its_limits the_worst_comes_first) \
+  $(patsubst %,schemes/test_%.py,short_runs stepper) \
+  schemes/midpoint/test_rotation_update.py::test_the_share_of_the_angle \
+  $(patsubst %,study/test_%.py,closed_forms fitted_order short_studies) \
+  $(patsubst %,study/test_search.py::test_%,breakpoints_of_laws a_prescribed_motion_has_breaks) \
+  $(patsubst %,study/test_study.py::test_%,errors_of_a_rotated_body faults_are_reported) \
+  $(patsubst %,system/test_%.py,build evaluate nonfinite))
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 OUT := $(RESULTS)/$(basename $(notdir $(DECK)))
 
@@ -23,7 +32,7 @@ SWEEP_DECKS := $(foreach n,single double,$(foreach a,45 89 135,$(n)_pendulum_$(a
 SWEEP_STEPS := 0.1 0.04 0.01 0.004 0.002
 SWEEP_RUNS := $(foreach d,$(SWEEP_DECKS),$(foreach h,$(SWEEP_STEPS),$(SWEEP)/$(d)/$(h)/states.csv))
 
-.PHONY: help run test test-slow kernels coverage mutate fuzz lint regress regress-update sweep \
+.PHONY: help run test test-slow test-numba kernels wheel coverage mutate fuzz lint regress regress-update sweep \
   bench thesis validation convergence stability error-table docs examples clean
 .DELETE_ON_ERROR:
 
@@ -32,6 +41,8 @@ help:
 	@echo 'make test            set up .venv, check the style and types, run all tests but the slow ones'
 	@echo 'make test-slow       run the slow tests'
 	@echo 'make kernels         compile the kernels that the tests need (make test does it)'
+	@echo 'make wheel           build a wheel with the machine code of all kernels, for x86-64 Linux'
+	@echo 'make test-numba      run the tests of compiling with the oldest and the newest numba'
 	@echo 'make lint            check the sources with ruff and mypy, and the words of all texts'
 	@echo 'make coverage        measure which lines and branches the tests execute'
 	@echo 'make mutate          falsify lines of physics one by one and check that a test fails'
@@ -65,7 +76,7 @@ test-slow: kernels
 
 # Each process that runs tests would compile the kernels that it meets first.
 kernels: .venv/tested
-	@$(BIN)/python -m tests.support.compile_kernels $(WORKERS)
+	@$(BIN)/python -m tests.support.compile_kernels
 
 # Compiled kernels are not traced: they run as plain Python, except in the tests of the compiler.
 coverage: .venv/tested
@@ -74,6 +85,24 @@ coverage: .venv/tested
 	$(BIN)/coverage run -m pytest -q tests/jit
 	$(BIN)/coverage combine -q
 	$(BIN)/coverage report
+
+# Contains the machine code of all kernels, for two levels of x86-64: needs neither numba nor time.
+wheel: .venv/installed
+	$(BIN)/python tools/package_kernels.py
+	$(BIN)/python -m pip wheel -q --disable-pip-version-check --no-deps -w dist . \
+	  -C--build-option=--plat-name=manylinux_2_17_x86_64
+	$(BIN)/python tools/package_kernels.py --clean
+	@ls -l dist/*.whl
+
+# The oldest and the newest numba that pyproject.toml allows.
+test-numba: .venv/tested
+	for version in 0.66 0.68; do \
+	  $(PYTHON) -m venv build/numba-$$version && \
+	  build/numba-$$version/bin/python -m pip install -q --disable-pip-version-check \
+	    -e '.[compile,test]' "numba==$$version.*" && \
+	  NUMBA_CACHE_DIR=$(CURDIR)/build/numba-$$version/cache \
+	    build/numba-$$version/bin/python -m pytest -q tests/jit tests/schemes/test_orders.py || exit 1; \
+	done
 
 mutate: .venv/tested
 	$(BIN)/python tools/mutate.py
@@ -153,13 +182,13 @@ clean:
 
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install -q --disable-pip-version-check -e .
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[compile]'
 	@touch $@
 
 .venv/tested: .venv/installed
-	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[test]'
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[compile,test]'
 	@touch $@
 
 .venv/documented: .venv/installed
-	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[docs]'
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[compile,docs]'
 	@touch $@

@@ -1,4 +1,4 @@
-"""Run a command; print its seconds and its peak memory [MB] as the last line of stdout.
+"""Run a command; print its seconds, peak memory [MB] and CPU seconds as the last line of stdout.
 
 A process of its own, small and without other imports: a child's peak counts what its parent held
 when it forked.
@@ -15,7 +15,8 @@ def main() -> None:
     _, status, usage = os.wait4(child, 0)
     seconds = time.perf_counter() - began
     unit = 1.0 if sys.platform == "darwin" else 1024.0
-    print(f"\n{seconds} {usage.ru_maxrss * unit / 1e6}")
+    cpu = usage.ru_utime + usage.ru_stime
+    print(f"\n{seconds} {usage.ru_maxrss * unit / 1e6} {cpu}")
     sys.exit(os.waitstatus_to_exitcode(status))
 
 

@@ -24,6 +24,7 @@ FREE_SPACE = 8e9
 class Ended(NamedTuple):
     seconds: float
     memory: float  # peak resident [MB]
+    cpu: float  # seconds of user and system time
 
 
 class Starts(NamedTuple):
@@ -51,16 +52,16 @@ def measure_starts(repeats: int) -> tuple[Ended, dict[str, Starts]]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         # The byte code of our own sources is part of an installation, not of the first run.
-        _run([*MSAHL, "check", str(deck)], folder)
+        run([*MSAHL, "check", str(deck)], folder)
         commands = {
             solver: [*MSAHL, "run", str(deck), "-q", "--solver", solver, "-o", str(folder / solver)]
             for solver in solvers
         }
-        cold = {s: _run(commands[s], folder / f"cache-{s}") for s in solvers}
+        cold = {s: run(commands[s], folder / f"cache-{s}") for s in solvers}
         for _ in range(repeats):
-            imports.append(_run(IMPORTS, folder))
+            imports.append(run(IMPORTS, folder))
             for solver in solvers:
-                warm[solver].append(_run(commands[solver], folder / f"cache-{solver}"))
+                warm[solver].append(run(commands[solver], folder / f"cache-{solver}"))
         phases = {s: json.loads((folder / s / "run.json").read_text())["seconds"] for s in solvers}
     starts = {s: Starts(cold[s], _median(warm[s]), phases[s]) for s in solvers}
     return _median(imports), starts
@@ -76,13 +77,13 @@ def measure_long_run(steps: int) -> LongRun:
         deck.write_text(chain_deck(10, LONG_STEP, steps * LONG_STEP))
         results = folder / "results"
         command = [*MSAHL, "run", str(deck), "-q", "--solver", "newton", "-o", str(results)]
-        ended = _run([*command, "--every", str(every)], folder / "cache")
+        ended = run([*command, "--every", str(every)], folder / "cache")
         size = sum(path.stat().st_size for path in results.iterdir()) / 1e6
         info = json.loads((results / "run.json").read_text())
     return LongRun(steps, every, ended, size, info)
 
 
-def _run(command: list[str], cache: Path) -> Ended:
+def run(command: list[str], cache: Path) -> Ended:
     """Run ``command`` with numba's cache in ``cache``; raises if it fails."""
     # Byte code is kept, as it is for users; some environments switch that off.
     kept = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}

@@ -11,3 +11,17 @@ def folder(name: str) -> Traversable:
         return files(f"msahl.{name}")
     except ModuleNotFoundError:
         return Path(__file__).parents[1] / name
+
+
+def example_decks() -> list[Path]:
+    """Return the decks that are installed with the package."""
+    return sorted(
+        path
+        for part in ("forces", "joints")
+        for path in Path(str(folder("decks") / part)).glob("*.xml")
+    )
+
+
+def example_deck(name: str) -> Path:
+    """Return the path of one of these decks, such as joints/revolute.xml."""
+    return Path(str(folder("decks") / name))

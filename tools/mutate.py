@@ -37,6 +37,7 @@ INSTANT = "tests/schemes/test_instantaneous_reactions.py"
 MECHANISMS = "tests/physics/test_mechanisms.py"
 FORCES = "tests/elements/test_forces.py"
 EVALUATE = "tests/system/test_evaluate.py"
+SHORT = "tests/schemes/test_short_runs.py"
 DERIVATIVE = f"{LAWS}::test_the_jacobian_is_the_derivative_of_the_residual"
 WORK = f"{LAWS}::test_published_work_and_elastic_energy_are_what_the_elements_do"
 FRAME = f"{LAWS}::test_a_rigid_motion_of_the_model_moves_the_answer"
@@ -46,7 +47,7 @@ STAGES = f"{GAUSS}::test_the_derivative_of_every_element"
 ORDERS = f"{GAUSS}::test_orders_against_closed_forms"
 MOMENTUM = f"{GAUSS}::test_momentum_of_free_bodies_is_kept"
 ENERGY = f"{GAUSS}::test_the_energy_error_does_not_grow"
-GENERAL = (ROTATION, DERIVATIVE, FRAME, EVALUATE, ENGINE, FORCES, STAGES, MOMENTUM, DECAYING)
+GENERAL = (SHORT, ROTATION, DERIVATIVE, FRAME, EVALUATE, ENGINE, FORCES, STAGES, MOMENTUM, DECAYING)
 """Tests for a change that those named with it did not notice."""
 SECONDS = 300
 """Time limit for one run of tests. A run that exceeds it has noticed nothing."""
@@ -83,13 +84,14 @@ ROTATION = "algebra/rotation.py"
 FUNCTIONS = "algebra/functions.py"
 VELOCITIES = "start/velocities.py"
 POSITIONS = "start/positions.py"
+CONFIGURATION = "system/evaluate.py"
 
 MUTANTS = (
     Mutant("midpoint: angular velocity in inertial axes", MIDPOINT,
            "times(transpose(matrix_at(start.frames.R, b)), gained_angle)",
            "times(matrix_at(start.frames.R, b), gained_angle)", (FRAME,)),
     Mutant("midpoint: joint force without the step's factor", MIDPOINT,
-           "* system.unit[k, i] / dt2(system, h)", "* system.unit[k, i] / (h * h)", (KNOWN,)),
+           "* system.unit[k, i] / dt2(system, h)", "* system.unit[k, i] / (h * h)", (SHORT, KNOWN)),
     Mutant("midpoint: rotations composed in the wrong order", MIDPOINT,
            "compose(from_increment(Q), at(state.p, b))",
            "compose(at(state.p, b), from_increment(Q))", (FRAME,)),
@@ -118,12 +120,12 @@ MUTANTS = (
            "outer(-tableau.basis_rate[i, k], c_k", "outer(tableau.basis_rate[i, k], c_k",
            (STAGES, MOMENTUM, ENERGY)),
     Mutant("collocation: joint forces at the end of a step", EQUATIONS,
-           "2.0 / (h * h) * force", "1.0 / (h * h) * force", (ORDERS, KNOWN)),
+           "2.0 / (h * h) * force", "1.0 / (h * h) * force", (SHORT,)),
     Mutant("collocation: angular momentum at the end", EQUATIONS,
-           "local_rotation.moment(c, pi) if", "pi if", (ORDERS, MOMENTUM)),
+           "local_rotation.moment(c, pi) if", "pi if", (SHORT, ORDERS, MOMENTUM)),
     Mutant("collocation: weights of the impulses", EQUATIONS,
            "tableau.alpha[:, i], h * tableau.force_weight[i]",
-           "tableau.alpha[:, i], h / tableau.force_weight.size", (STAGES, ORDERS)),
+           "tableau.alpha[:, i], h / tableau.force_weight.size", (FORCES, ORDERS)),
     Mutant("collocation: Jacobian of the joint forces", JACOBIAN,
            "+= share * chi[j, k]", "+= 0.5 * share * chi[j, k]", (STAGES,)),
     Mutant("collocation: Jacobian by the rates", JACOBIAN,
@@ -132,15 +134,17 @@ MUTANTS = (
     Mutant("collocation: second derivative of the kinetic energy", LOCAL,
            "outer(24.0 * n * k**4", "outer(12.0 * n * k**4", (STAGES,)),
     Mutant("collocation: rate of the rotation parameters", LOCAL,
-           "moment(scale(-1.0, c), W)", "moment(c, W)", (DENSE, GAUSS)),
+           "moment(scale(-1.0, c), W)", "moment(c, W)", (SHORT, DENSE, GAUSS)),
     Mutant("dense output: rotation at the end of the step", OUTPUT,
            "compose(at(end.p, b), inverse(at(begin.p, b)))",
-           "compose(inverse(at(begin.p, b)), at(end.p, b))", (DENSE,)),
-    Mutant("dense output: weights of the work", OUTPUT, "weight=0.5 * b", "weight=b", (DENSE,)),
+           "compose(inverse(at(begin.p, b)), at(end.p, b))", (SHORT, DENSE)),
+    Mutant("dense output: weights of the work", OUTPUT,
+           "weight=0.5 * b", "weight=b", (SHORT, DENSE)),
     Mutant("step control: Richardson's divisor", STEPS,
            "error / (2.0**order - 1.0)", "error / (4.0**order - 1.0)", (CONTROL,)),
     Mutant("step control: exponent of the step size", STEPS,
-           "(share / error) ** (1.0 / order)", "(error / share) ** (1.0 / order)", (CONTROL,)),
+           "(share / error) ** (1.0 / order)", "(error / share) ** (1.0 / order)",
+           (SHORT, CONTROL)),
     Mutant("load: moment without its arm", CONCENTRATED,
            "return add(cross(r, f), m)", "return m", (EVALUATE, ENGINE)),
     Mutant("load: first moment of a law has the wrong sign", CONCENTRATED,
@@ -173,10 +177,10 @@ MUTANTS = (
            "mean_b = mean(frames, Z, b, at(start.r_b, k))", "mean_b = at(start.r_b, k)", (IDEAL,)),
     Mutant("constraint: work of a prescribed motion", ROWS,
            "lam * law_rate(rows, laws, r, t) * dt", "lam * law_rate(rows, laws, r, t + dt) * dt",
-           (FORCES, GAUSS, KNOWN)),
+           (SHORT, FORCES, GAUSS, KNOWN)),
     Mutant("reactions: moment about the mass centre", REACTIONS,
            "moment = sub(moment, cross(arm, force))", "moment = add(moment, cross(arm, force))",
-           (JOINTS, KNOWN, INSTANT)),
+           (SHORT, JOINTS, INSTANT)),
     Mutant("rotation: product of two", ROTATION,
            "add(axpy(q0, p, scale(p0, q)), cross(p, q))",
            "add(axpy(q0, p, scale(p0, q)), cross(q, p))", (ROTATION,)),
@@ -196,6 +200,19 @@ MUTANTS = (
     Mutant("start: assembly rotates bodies the wrong way", POSITIONS,
            "scale(1.0 / frames.length[b], at(step", "scale(-1.0 / frames.length[b], at(step",
            (MECHANISMS,)),
+    Mutant("configuration: forces not prepared", CONFIGURATION,
+           "forces.prepare(system.forces, start.forces, system.scalar, state.reaction, "
+           "state.reaction_trend)", "pass", (EVALUATE, ENGINE)),
+    Mutant("configuration: laws of time not set", CONFIGURATION,
+           "forces.set_time(system.forces, start.forces, t)", "pass", (EVALUATE, ENGINE, LOADS)),
+    Mutant("configuration: no forces", CONFIGURATION,
+           "forces.add_forces(system.forces, start.forces, system.scalar, frames, "
+           "state.reaction, F)", "pass", (EVALUATE, ENGINE)),
+    Mutant("configuration: no derivatives of forces", CONFIGURATION,
+           "forces.add_derivatives(system.forces, start.forces, system.scalar, frames, "
+           "state.reaction, out)", "pass", (EVALUATE,)),
+    Mutant("configuration: energy without that of springs", CONFIGURATION,
+           "return kinetic, potential + elastic", "return kinetic, potential", (WORK, EVALUATE)),
 )  # fmt: skip
 
 
@@ -223,7 +240,9 @@ def runs(folder: Path, tests: tuple[str, ...]) -> str:
     if ran.returncode == 0:
         return ""
     failed = [line for line in ran.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-    return failed[0].split(" - ")[0].split()[1] if failed else ran.stdout[-200:]
+    if not failed:
+        return ran.stdout[-200:]
+    return failed[0].split(" - ")[0].removeprefix("FAILED ").removeprefix("ERROR ")
 
 
 def try_out(folder: Path, mutant: Mutant) -> str:

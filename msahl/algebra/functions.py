@@ -112,7 +112,7 @@ def _table(law: Law) -> list[float]:
     return [float(half - 1), float(period), *x.tolist(), *pieces.reshape(-1).tolist(), float(y[-1])]
 
 
-@kernel
+@apart
 def evaluate(laws: Laws, law: int, t: float) -> tuple[float, float, float]:
     """Return the value and the first two derivatives of ``law`` at ``t``."""
     numbers, first, last = laws.numbers, laws.first[law], laws.first[law + 1]
@@ -128,7 +128,7 @@ def evaluate(laws: Laws, law: int, t: float) -> tuple[float, float, float]:
     return (value, rate, second) if inside else (value, 0.0, 0.0)
 
 
-@kernel
+@apart
 def extent(laws: Laws, law: int, t: float) -> float:
     """Return the sum of the sizes of the terms in the value of ``law`` at ``t``: the round-off of
     the value is that of these terms.

@@ -85,6 +85,16 @@ def product(M: Matrix, N: Matrix) -> Matrix:
 
 
 @kernel
+def skew_product(a: Vector, M: Matrix) -> Matrix:
+    """``[a] M``, without the terms that the zeros of ``[a]`` would add."""
+    return (
+        axpy(-a[2], M[1], scale(a[1], M[2])),
+        axpy(a[2], M[0], scale(-a[0], M[2])),
+        axpy(-a[1], M[0], scale(a[0], M[1])),
+    )
+
+
+@kernel
 def combine(c: float, M: Matrix, N: Matrix) -> Matrix:
     """``c M + N`` for a number ``c``."""
     return (axpy(c, M[0], N[0]), axpy(c, M[1], N[1]), axpy(c, M[2], N[2]))

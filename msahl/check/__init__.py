@@ -13,8 +13,8 @@ from msahl.algebra.functions import Law
 from msahl.check.bodies import body_findings
 from msahl.check.context import INERTIAL, Context, context_of
 from msahl.check.ends import is_placed
-from msahl.check.faults import Fault, Finding, number_findings
-from msahl.check.joint_fit import fit_findings
+from msahl.check.faults import Fault, Finding, ModelError, number_findings
+from msahl.check.joint_fit import fit_findings, twist_findings
 from msahl.check.joints import coupling_findings, joint_findings, kind_findings
 from msahl.check.laws import law_findings
 from msahl.check.loads import element_findings, repeated_motions
@@ -23,7 +23,7 @@ from msahl.check.names import RESERVED, name_messages, unresolved
 from msahl.check.simulation import check_simulation, simulation_findings, start_findings
 from msahl.model import Joint, JointMotion, Model, RigidBody
 
-__all__ = ["Fault", "check", "check_simulation"]
+__all__ = ["Fault", "ModelError", "check", "check_simulation", "require_sound"]
 
 BODIES = ("parent", "child", "body", "force_basis", "moment_basis")
 """Fields that name a body or ground."""
@@ -57,6 +57,13 @@ def check(model: Model) -> list[Fault]:
     found += _motion_faults(model)
     run = [*simulation_findings(model.simulation), *start_findings(model)]
     return found + _faults("simulation", "", run)
+
+
+def require_sound(model: Model) -> None:
+    """Raise ``ModelError`` with all faults of a model, if it has any."""
+    faults = check(model)
+    if faults:
+        raise ModelError(faults)
 
 
 def _element_faults(kind: str, element: Any, context: Context, rules: list[Rule]) -> list[Fault]:
@@ -131,7 +138,8 @@ def _kind(joint: Joint, context: Context) -> Iterator[Finding]:
 
 def _fit(joint: Joint, context: Context) -> Iterator[Finding]:
     if is_placed(joint, context):
-        yield from fit_findings(joint, context)
+        found = [*fit_findings(joint, context)]
+        yield from found or twist_findings(joint, context)
 
 
 def _lift(coupling: Any, context: Context) -> Iterator[Finding]:

@@ -33,8 +33,20 @@ def body_findings(body: RigidBody, scale: float | None = None) -> Iterator[Findi
         yield Finding("inertia", complaint)
 
 
+def _is_plainly_possible(J: Matrix, scale: float | None) -> bool:
+    """Return whether a diagonal tensor is possible: its principal moments need no eigenvalues."""
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = J
+    if xy or xz or yx or yz or zx or zy:
+        return False
+    smallest, middle, largest = sorted((xx, yy, zz))
+    scale = largest if scale is None else scale
+    return smallest > POSITIVE * scale and largest <= smallest + middle + TRIANGLE * scale
+
+
 def impossible(J: Matrix, scale: float | None = None) -> str:
     """Return why no body has the inertia tensor ``J`` about its mass centre; "" if one can."""
+    if _is_plainly_possible(J, scale):
+        return ""
     entries = np.array(J)
     scale = float(np.abs(entries).max()) if scale is None else scale
     if np.abs(entries - entries.T).max() > SYMMETRIC * scale:

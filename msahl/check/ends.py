@@ -5,7 +5,7 @@ import sys
 from collections.abc import Iterator
 from typing import Protocol
 
-from msahl.algebra.vector import Matrix, Vector, dot, sub
+from msahl.algebra.vector import IDENTITY, Matrix, Vector, dot, sub
 from msahl.check.context import Context
 from msahl.check.directions import PARALLEL
 from msahl.check.faults import Finding, shown
@@ -64,9 +64,8 @@ def arm(ends: Ends) -> float:
     return max(math.hypot(*ends.parent_point), math.hypot(*ends.child_point))
 
 
-def tolerance(ends: Ends, longest: float, context: Context) -> float:
-    """Return the accepted distance of the two points [m], by the ``longest`` arm [m]."""
-    here, there = points(ends, context)
+def tolerance(here: Vector, there: Vector, longest: float, context: Context) -> float:
+    """Return the accepted distance of two points at t = 0 [m], by the ``longest`` arm [m]."""
     far = max(math.hypot(*here), math.hypot(*there), context.extent)
     return max(FIT * longest, ROUNDING * far)
 
@@ -75,7 +74,7 @@ def apart(ends: Ends, context: Context) -> Iterator[Finding]:
     """Find two points that should coincide at t = 0 and do not."""
     here, there = points(ends, context)
     distance = math.dist(here, there)
-    if distance > tolerance(ends, arm(ends), context):
+    if distance > tolerance(here, there, arm(ends), context):
         message = (
             f"its points are {distance:.4g} m apart at t = 0: {shown(here)} m on parent "
             f"'{ends.parent}' but {shown(there)} m on child '{ends.child}' (inertial axes); "
@@ -86,6 +85,8 @@ def apart(ends: Ends, context: Context) -> Iterator[Finding]:
 
 def frame_findings(axes: Matrix, part: str) -> Iterator[Finding]:
     """Find rows of a joint's frame that are not three right-handed unit vectors."""
+    if axes == IDENTITY:  # of joints without axes
+        return
     x, y, z = axes
     products = (dot(x, y), dot(y, z), dot(z, x), *(math.hypot(*row) - 1.0 for row in axes))
     volume = dot(

@@ -50,6 +50,14 @@ class Fault:
         return f"{place}: {self.message}" if place else self.message
 
 
+class ModelError(ValueError):
+    """A model with ``faults``, all of them; no run is made of it."""
+
+    def __init__(self, faults: list[Fault]) -> None:
+        super().__init__("\n".join(map(str, faults)))
+        self.faults = faults
+
+
 def number_findings(record: Any) -> Iterator[Finding]:
     """Find numbers of a record that are not finite or too large to compute with."""
     for field in fields(record):

@@ -20,6 +20,10 @@ from msahl.model.joints import Joint
 
 def fit_findings(joint: Joint, context: Context) -> Iterator[Finding]:
     """Find what violates the joint at t = 0; with ``project`` only what no motion can correct."""
+    if KINDS[joint.kind].equations(joint) == [Coincide()]:
+        if not context.project:
+            yield from apart(joint, context)
+        return
     start = JointAtStart(joint, context)
     singular = _singular(joint, start)
     if singular or context.project:
@@ -42,6 +46,25 @@ def fit_findings(joint: Joint, context: Context) -> Iterator[Finding]:
     yield from _shift_findings(shift, normals, start)
 
 
+def twist_findings(joint: Joint, context: Context) -> Iterator[Finding]:
+    """Find frames that do not coincide at t = 0, from where an angle counts.
+
+    Those of decks do, as their joints have one axis for both sides.
+    """
+    if "angle" not in KINDS[joint.kind].coordinates or context.project:
+        return
+    x, y = (context.rotated(axis, joint.parent, INERTIAL) for axis in joint.parent_axes[:2])
+    child_x = context.rotated(joint.child_axes[0], joint.child, INERTIAL)
+    twist = math.atan2(dot(child_x, y), dot(child_x, x))
+    if abs(twist) > PARALLEL:
+        degrees = math.degrees(twist)
+        message = (
+            f"its frames are rotated by {degrees:.7g} deg about the axis at t = 0, where the angle "
+            f"is zero; rotate child_axes by {-degrees:.7g} deg"
+        )
+        yield Finding("child_axes", message)
+
+
 class JointAtStart:
     """A joint at t = 0 in inertial axes: D from the parent's point to the child's [m], both axes,
     and the accepted constraint violation [m]."""
@@ -56,7 +79,7 @@ class JointAtStart:
         )
         lengths = [abs(value) for _, value in joint.parameters if not math.isnan(value)]
         longest = max(arm(joint), math.hypot(*self.D), *lengths, 0.0)
-        self.tolerance = tolerance(joint, longest, context)
+        self.tolerance = tolerance(here, there, longest, context)
 
     def direction(self, product: Product) -> Vector:
         """Return the product's own direction n."""

@@ -46,7 +46,8 @@ def spring_findings(spring: SpringDamper, context: Context) -> Iterator[Finding]
 
 def length_findings(spring: SpringDamper, context: Context) -> Iterator[Finding]:
     """Find a spring whose points coincide at t = 0, which leaves it without a direction."""
-    if math.dist(*points(spring, context)) <= tolerance(spring, arm(spring), context):
+    here, there = points(spring, context)
+    if math.dist(here, there) <= tolerance(here, there, arm(spring), context):
         message = "its length is zero at t = 0, so it has no direction; move one of its points"
         yield Finding("", message)
 

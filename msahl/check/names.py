@@ -26,11 +26,11 @@ def name_messages(
         if name in reserved:
             message = "the name is that of the scheme's own column in work.csv; choose another"
             yield index, message, None
+        if name.isprintable() and FORBIDDEN.isdisjoint(name):
+            continue
         bad = sorted({c for c in name if c in FORBIDDEN or not c.isprintable()})
-        if bad:
-            characters = " ".join(ascii(c)[1:-1] for c in bad)
-            message = f"a name must not contain {characters} (names head columns of results)"
-            yield index, message, None
+        characters = " ".join(ascii(c)[1:-1] for c in bad)
+        yield index, f"a name must not contain {characters} (names head columns of results)", None
 
 
 RESERVED = frozenset((WORKER,))

@@ -14,7 +14,7 @@ import click
 import msahl
 from msahl.cli.console import INTERRUPTED, open_standard_streams, say
 
-COMMANDS = ("check", "explain", "new", "run", "study")
+COMMANDS = ("check", "compile", "explain", "new", "run", "study")
 """All commands, each in the module ``msahl.cli`` of its name."""
 
 
@@ -42,7 +42,9 @@ class Commands(click.Group):
         """The command of this name, None if there is none."""
         if cmd_name not in COMMANDS:
             return None
-        command: click.Command = getattr(import_module(f"msahl.cli.{cmd_name}"), cmd_name)
+        module = import_module(f"msahl.cli.{cmd_name}")
+        # A command named as a function of Python's has an underscore behind its name.
+        command: click.Command = getattr(module, f"{cmd_name}_", None) or getattr(module, cmd_name)
         return command
 
 

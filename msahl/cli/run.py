@@ -5,7 +5,7 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +15,7 @@ import click
 from click.core import ParameterSource
 
 import msahl
+from msahl.cli.compiling import show_compiling
 from msahl.cli.console import BAD_VERDICT, NOT_WRITTEN, STATUS, say, stop
 from msahl.cli.decks import model_to_run
 from msahl.cli.options import DECK, output_option, run_options
@@ -61,6 +62,7 @@ def run(
     Example: msahl run decks/thesis/double_pendulum_89.xml --dt 0.01 -o results/coarse
     """
     job = make_job(deck, output or Path("results") / deck.stem, given)
+    from msahl.jit.progress import CompileError
     from msahl.results.folder import FolderError
     from msahl.results.lock import FolderInUseError, locked
     from msahl.run.snapshot import ResumeError
@@ -74,7 +76,7 @@ def run(
     except OSError as error:
         where = shown_path(error.filename or job.folder)
         stop(f"{where}: {error.strerror or error}; choose another folder with -o")
-    except (FolderError, FolderInUseError, ResumeError) as error:
+    except (CompileError, FolderError, FolderInUseError, ResumeError) as error:
         stop(printable(str(error)))
     except MemoryError:
         message = "the model needs more memory than there is; make its subsystems smaller"
@@ -199,8 +201,8 @@ def _simulate(
     try:
         with results, _progress(job.model, not talk.quiet) as progress:
             tell = (lambda message: None) if talk.quiet else say
-            hooks = loop.Hooks(progress, stopped, tell, save)
-            report = loop.run(job.model, job.options, results, hooks, snapshot)
+            hooks = loop.Hooks(progress, stopped, tell, save, show_compiling(not talk.quiet))
+            report = loop.run(job.model, job.options, results, hooks, snapshot, checked=True)
             set_alarm(0.0)  # what ends the run now must not be interrupted
             results.complete = report.status == COMPLETED
     except StartError as error:
@@ -286,9 +288,12 @@ def _progress(model: "Model", shown: bool) -> Iterator[Callable[[int, float], An
 def _versions() -> dict[str, str]:
     """Versions of msahl, Python and the packages that numbers depend on."""
     import platform
-    from importlib.metadata import version
+    from importlib.metadata import PackageNotFoundError, version
 
-    versions = {package: version(package) for package in PACKAGES}
+    versions = {}
+    for package in PACKAGES:
+        with suppress(PackageNotFoundError):  # numba is needed for compiling alone
+            versions[package] = version(package)
     return {"msahl": msahl.__version__, "python": platform.python_version(), **versions}
 
 

@@ -161,6 +161,12 @@ def _write(result: "Study", stopped: Interruption, deck: Path, folder: Path) -> 
     """Write the report, and end the program with the status of the study."""
     from msahl.study.report import recommendation, write_study
 
+    if not result.runs and not stopped.signal:
+        stop(
+            f"{shown_path(deck)}: the budget of {result.plan.budget:g} s was used up before a run "
+            f"had ended; nothing was written. Try --budget {4.0 * result.plan.budget:g}",
+            NOT_CONVERGED,
+        )
     if not result.runs:
         say(f"{shown_path(deck)}: stopped before a run had ended; nothing was written")
         sys.exit(128 + stopped.signal)

@@ -55,8 +55,8 @@ def _inertia(body: Element, mass: float, r_BG: Vector, reader: Reader) -> tuple[
     """Return the tensor about G in body axes [kg m^2] and the largest entry as it is given."""
     moi = body.find("moi")
     assert moi is not None  # the schema requires it
-    J = symmetric(*reader.numbers(moi, _ENTRIES, "inertia"))
-    largest = float(np.abs(J).max())
+    entries = reader.numbers(moi, _ENTRIES, "inertia")
+    J, largest = symmetric(*entries), max(map(abs, entries))
     if attribute(moi, "about", "G") == "B":
         J = about_mass_centre(J, mass, r_BG)
     return J, largest

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from msahl.algebra.vector import ZERO, Matrix, Vector, dot
+from msahl.algebra.vector import IDENTITY, ZERO, Matrix, Vector, dot
 from msahl.check.context import INERTIAL
 from msahl.check.directions import PARALLEL, clean, frame, sine
 from msahl.check.ends import is_placed as known_places
@@ -76,8 +76,11 @@ def side_direction(element: Element, side: str, tag: str, reader: Reader) -> Vec
 
 def carried(axes: Matrix, body: str, reader: Reader) -> Matrix:
     """Return a frame's rows, given in inertial axes, in the axes of ``body``."""
-    if body not in reader.context.axes:
+    own = reader.context.axes.get(body)
+    if own is None:
         return axes
+    if axes == IDENTITY:  # whose rows in the axes of the body are the rows of its matrix
+        return (clean(own[0]), clean(own[1]), clean(own[2])) if own != IDENTITY else IDENTITY
     x, y, z = (clean(reader.context.rotated(row, INERTIAL, body)) for row in axes)
     return (x, y, z)
 

@@ -4,6 +4,8 @@ A document type declaration is refused before anything in it is read, since enti
 or fetch. Comments are dropped; size, depth and text length are bounded.
 """
 
+import hashlib
+import re
 from contextlib import suppress
 from pathlib import Path
 from typing import cast
@@ -13,12 +15,17 @@ from lxml import etree
 
 from msahl.deck.faults import Element, Faults, line_of
 
-MAX_BYTES = 64 * 2**20
+MAX_BYTES = 256 * 2**20
 """Largest deck read, in bytes: some hundred thousand bodies."""
 
 MOST_ATTRIBUTES = 16
 """Attributes accepted in an element. None needs more than four, and parsing time grows with their
 square."""
+
+_UTF_8 = re.compile(
+    rb"(\xef\xbb\xbf)?(<\?xml\s[^>]*encoding\s*=\s*[\"']utf-8[\"']|\s*<[!\w])", re.I
+)
+_last_parsed = b""
 
 _XSI = "{http://www.w3.org/2001/XMLSchema-instance}"
 _LOCATIONS = ("schemaLocation", "noNamespaceSchemaLocation")
@@ -41,6 +48,30 @@ def read_bytes(path: Path, faults: Faults) -> bytes:
     if len(data) > MAX_BYTES:
         faults.stop(f"larger than {MAX_BYTES // 2**20} MiB, the largest deck accepted")
     return data
+
+
+def parse_valid(data: bytes, schema: etree.XMLSchema) -> Element | None:
+    """Return the root without comments of a deck that libxml2 finds valid while it parses it; None
+    for one that has to be parsed and validated step by step, to find its faults or their absence.
+    """
+    # In other encodings the words below may look different.
+    if not _UTF_8.match(data) or b"xmlns" in data or b"<!DOCTYPE" in data:
+        return None
+    try:
+        return etree.fromstring(data, _parser(keep_comments=False, schema=schema))
+    except etree.XMLSyntaxError:
+        return None
+
+
+def was_parsed(data: bytes) -> bool:
+    """Return whether ``parsed`` was last called with the same ``data``."""
+    return hashlib.sha256(data).digest() == _last_parsed
+
+
+def parsed(data: bytes) -> None:
+    """Note that ``data`` is a deck, so that it need not be parsed again to know it."""
+    global _last_parsed
+    _last_parsed = hashlib.sha256(data).digest()
 
 
 def parse(data: bytes, faults: Faults) -> Element:
@@ -69,7 +100,7 @@ def parse_with_comments(data: bytes) -> Element:
     return etree.fromstring(data, _parser(keep_comments=True))
 
 
-def _parser(keep_comments: bool) -> etree.XMLParser:
+def _parser(keep_comments: bool, schema: etree.XMLSchema | None = None) -> etree.XMLParser:
     """Return a parser that expands no entity, loads no DTD, uses no network and bounds memory."""
     return etree.XMLParser(
         resolve_entities=False,
@@ -79,6 +110,7 @@ def _parser(keep_comments: bool) -> etree.XMLParser:
         huge_tree=False,
         remove_comments=not keep_comments,
         remove_pis=not keep_comments,
+        schema=schema,
     )
 
 

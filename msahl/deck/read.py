@@ -7,7 +7,9 @@ Only records without faults by the schema are read further, but every name and e
 checked: a fault in one record neither makes references to it wrong nor hides its own references.
 """
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+import gc
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -28,9 +30,9 @@ from msahl.deck.loads import (
     read_friction,
 )
 from msahl.deck.motions import check_prescribed_once, read_joint_motion, read_point_motion
-from msahl.deck.parse import parse, read_bytes
+from msahl.deck.parse import parse, parse_valid, parsed, read_bytes
 from msahl.deck.references import check_references, is_complete
-from msahl.deck.schema import check_schema
+from msahl.deck.schema import check_schema, schema_bytes, validator
 from msahl.deck.simulation import Assembly, read_assembly, read_simulation
 from msahl.deck.springs import read_bushing, read_joint_spring, read_spring_damper
 from msahl.deck.values import Reader
@@ -68,11 +70,30 @@ def read_deck(path: str | PathLike[str], thorough: bool = False) -> Model:
     """
     path = Path(path)
     faults = Faults(str(path))
-    root = parse(read_bytes(path, faults), faults)
-    check_schema(root, faults, thorough)
-    model = _read_model(root, faults)
+    data = read_bytes(path, faults)
+    root = None if thorough else parse_valid(data, validator(schema_bytes()))
+    if root is None:
+        root = parse(data, faults)
+        check_schema(root, faults, thorough)
+    with _without_collector():
+        model = _read_model(root, faults)
     faults.raise_if_any()
+    parsed(data)
     return model
+
+
+@contextmanager
+def _without_collector() -> Iterator[None]:
+    """Pause the search for cycles of objects: records have none, and it would go through all of
+    them again and again as they become more.
+    """
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 def _read_model(root: Element, faults: Faults) -> Model:
@@ -142,7 +163,9 @@ def _read_axes(root: Element, sound: list[Element], reader: Reader) -> None:
     if not is_complete(root, "bodies", TAGS):
         context.grounds.setdefault(INERTIAL)
     for element in sound:
-        context.axes[text(element.find("name"))] = matrix(reader.orientation(element))
+        orientation = reader.orientation(element)
+        axes = IDENTITY if orientation is ZERO else matrix(orientation)
+        context.axes[text(element.find("name"))] = axes
 
 
 def _read_kinds(root: Element, reader: Reader) -> None:

@@ -8,9 +8,10 @@ import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
+from typing import cast
 
 from msahl.check.names import unresolved
-from msahl.deck.faults import KINDS, Element, Faults, attribute, text
+from msahl.deck.faults import KINDS, Element, Faults, attribute, collapsed, text
 from msahl.deck.values import Reader
 
 ENDS = ("parent", "child")
@@ -34,18 +35,30 @@ def check_references(root: Element, tags: Collection[str], reader: Reader) -> No
     """Add a fault for every name of a body or joint that no element has; ``tags`` are those of all
     records of a deck: bodies, joints, motions and loads."""
     context = reader.context
-    for kind, group, names, references in (
-        ("body", "bodies", context.bodies(), _to_bodies(root, reader.faults)),
-        ("joint", "joints", list(context.kinds), _to_joints(root, reader.faults)),
+    for kind, group, names, references, places in (
+        ("body", "bodies", context.bodies(), _to_bodies(root, reader.faults), BODIES),
+        ("joint", "joints", list(context.kinds), _to_joints(root, reader.faults), JOINTS),
     ):
-        known = set(names)
-        unknown = [r for r in references if r.name and r.name not in known]
+        known = {"", *names}
+        if known.issuperset(_names_at(root, places)):
+            continue
+        unknown = [r for r in references if r.name not in known]
         for r in unknown:
             reader.faults.doubt(r.at)
         if unknown:
             unknown = _without_cause(root, unknown, group, tags)
         for r in unknown:
             reader.faults.add(r.owner, unresolved(r.role, r.name, kind, names), r.at)
+
+
+def _names_at(root: Element, paths: Sequence[str]) -> set[str]:
+    """Return the texts of all elements at the ``paths`` and of all attributes ``basis``."""
+    # XPath is evaluated by libxml2, and ``iterfind`` by Python.
+    labels = (cast(list[Element], root.xpath(path)) for path in paths)
+    texts = {label.text or "" for found in labels for label in found}
+    if paths is BODIES:
+        texts.update(cast(list[str], root.xpath("system//@basis", smart_strings=False)))
+    return set(map(collapsed, texts))
 
 
 def _to_bodies(root: Element, faults: Faults) -> Iterator[Reference]:

@@ -55,15 +55,21 @@ def check_schema(root: Element, faults: Faults, thorough: bool = False) -> None:
             faults.add(cast(Element, error.elem), f"not valid: {error.reason}")
 
 
+@cache
+def validator(schema: bytes) -> etree.XMLSchema:
+    """Return the schema as libxml2's validator."""
+    return etree.XMLSchema(parse_with_comments(schema))
+
+
 def objection(root: Element, schema: bytes) -> str:
     """Return the first fault that libxml2 finds in a tree; empty if it is valid.
 
     The tree is validated while it is parsed again: for a tree in memory lxml computes the path of
     each error, in a time that grows with the square of the number of siblings.
     """
-    validator = etree.XMLSchema(parse_with_comments(schema))
+    parser = etree.XMLParser(schema=validator(schema), no_network=True)
     try:
-        etree.fromstring(etree.tostring(root), etree.XMLParser(schema=validator, no_network=True))
+        etree.fromstring(etree.tostring(root), parser)
     except etree.XMLSyntaxError as error:
         return str(error.msg)
     return ""

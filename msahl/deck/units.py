@@ -124,14 +124,21 @@ DEFAULTS: Mapping[str, Mapping[str, str]] = {
 """Unit of a number without ``units``, per unit system; the SI unit is the first of each list."""
 
 
+UNIT_FACTORS: Mapping[str, frozenset[str]] = {
+    quantity: frozenset(unit for unit, factor in factors.items() if factor == 1)
+    for quantity, factors in UNITS.items()
+}
+"""Units whose factor is 1, by physical quantity."""
+
+
 def to_si(value: float, unit: str, quantity: str) -> float:
     """Return ``value`` in SI, rounded once: 9 mm is 0.009 m, and values in SI are unchanged.
 
     A result too large for a double is infinite.
     """
-    factor = UNITS[quantity][unit]
-    if factor == 1 or not math.isfinite(value):
+    if unit in UNIT_FACTORS[quantity] or not math.isfinite(value):
         return value
+    factor = UNITS[quantity][unit]
     try:
         return float(Fraction(value) * factor)
     except OverflowError:

@@ -16,7 +16,7 @@ from msahl.check.directions import unit
 from msahl.check.faults import LARGEST, SMALLEST, Finding
 from msahl.check.loads import direction_findings
 from msahl.deck.faults import Element, Faults, attribute, text
-from msahl.deck.units import DEFAULTS, UNITS, to_si
+from msahl.deck.units import DEFAULTS, UNIT_FACTORS, UNITS, to_si
 from msahl.model.bodies import RigidBody
 from msahl.model.joints import Joint
 
@@ -87,7 +87,7 @@ class Reader:
         with are faults."""
         if element is None:
             return 0.0
-        value = float(text(element))
+        value = float(element.text or "")  # which ignores white space itself
         if quantity:
             name = attribute(element, "units") or DEFAULTS[self.unit_system][quantity]
             if name not in UNITS[quantity]:  # where the schema allows units of two quantities
@@ -111,7 +111,16 @@ class Reader:
         self, parent: Element, tags: Sequence[str], quantity: str = ""
     ) -> tuple[float, ...]:
         """Return the values of the children ``tags`` in SI; missing ones are zero."""
-        return tuple(self.number(parent.find(tag), quantity) for tag in tags)
+        values = dict.fromkeys(tags, 0.0)
+        units = UNIT_FACTORS.get(quantity, ())
+        for child in parent:
+            tag = str(child.tag)
+            if tag in values:
+                value = float(child.text or "")
+                usual = SMALLEST <= abs(value) <= LARGEST or value == 0.0
+                plain = usual and child.get("units") in units
+                values[tag] = value if plain else self.number(child, quantity)
+        return tuple(values.values())
 
     def components(self, element: Element | None) -> Vector:
         """Return the three components of a vector element as they are given, in SI."""

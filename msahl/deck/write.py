@@ -10,7 +10,7 @@ from typing import Any
 from lxml.etree import SubElement
 
 from msahl.deck.faults import Faults
-from msahl.deck.parse import parse, parse_with_comments, read_bytes
+from msahl.deck.parse import parse, parse_with_comments, read_bytes, was_parsed
 
 OTHER = {"tolerance": "localTolerance", "localTolerance": "tolerance"}
 """Elements that replace one another."""
@@ -34,7 +34,8 @@ def effective_deck(path: str | PathLike[str], changes: Mapping[str, Any] | None 
     path = Path(path)
     faults = Faults(str(path))
     data = read_bytes(path, faults)
-    parse(data, faults)
+    if not was_parsed(data):
+        parse(data, faults)
     changes = changes or {}
     numbers = {
         tag: (repr(float(changes[tag])), unit) for tag, unit in UNITS.items() if tag in changes

@@ -32,11 +32,10 @@ from msahl.algebra.vector import (
     at,
     axpy,
     multiple,
-    product,
     put,
     put_matrix,
     scale,
-    skew,
+    skew_product,
     sub,
     times,
 )
@@ -100,13 +99,15 @@ def first_multiplier(frames: Frames) -> int:
 @kernel
 def displacement_node(frames: Frames, f: int) -> int:
     """Node of the displacement u of frame ``f`` and of its force equations."""
-    return int(frames.displacement[f])
+    node: int = frames.displacement[f]
+    return node
 
 
 @kernel
 def rotation_node(frames: Frames, f: int) -> int:
     """Node of l Q of frame ``f`` and of its moment equations."""
-    return int(frames.rotation[f])
+    node: int = frames.rotation[f]
+    return node
 
 
 @kernel
@@ -143,7 +144,7 @@ def mean(frames: Frames, Z: np.ndarray, f: int, a: Vector) -> Vector:
 def end_tangent(frames: Frames, Z: np.ndarray, f: int, a: Vector) -> Matrix:
     """Matrix T with d(R(Q) a) = -T d(l Q)."""
     Q = rotation_increment(frames, Z, f)
-    T = product(skew(add(a, rotation_change(Q, a))), rotation_tangent(Q))
+    T = skew_product(add(a, rotation_change(Q, a)), rotation_tangent(Q))
     c = 1.0 / frames.length[f]
     return multiple(c, T)
 

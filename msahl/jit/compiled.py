@@ -1,164 +1,102 @@
-"""Compiles kernels with numba and caches them on disk.
+"""Gives Python the compiled forms of kernels: loaded from disk, or compiled on the first call.
 
-The cache belongs to the user (an installed package may be read-only) and has one folder per state
-of the sources: numba checks only the file of the function that Python calls, not of those called
-from it, so a cache shared between versions would run old equations. ``NUMBA_CACHE_DIR`` moves it,
-``NUMBA_DISABLE_JIT=1`` runs everything as plain Python."""
+Machine code is kept in object files (``files``), one for each kernel and set of argument types.
+``NUMBA_CACHE_DIR`` moves the user's folder of them, ``NUMBA_DISABLE_JIT=1`` runs everything as
+plain Python. No compiler is imported unless something has to be compiled; where numba's insides
+differ from what ``machine_code`` extends, plain numba is used (``plain``).
+"""
 
-import hashlib
 import os
-import pickle
-import sys
 import time
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any, cast
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
-import llvmlite
-import numba
-import platformdirs
-from numba.core import event
-from numba.core.compiler import CompileResult
-from numba.core.serialize import dumps
-from numba.extending import register_jitable
-
-import msahl.jit.struct_arguments  # noqa: F401 - registers groups with numba
-from msahl.jit.kernel import APART, MARKED
+from msahl.jit.arguments import Blocks, describe, symbol_of
+from msahl.jit.files import Files, user_folder
 from msahl.jit.kernel_store import Store
-from msahl.jit.linking import Apart, Entered, Inlined
+from msahl.jit.object_file import Name, ObjectFile, Unit, name_of
+from msahl.jit.progress import CompileError, Listener
 
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
-"""Division by zero gives inf or nan, which the solver detects, instead of an exception. Without
-numba's runtime (_nrt) a kernel cannot allocate, and arrays are passed without counting their
-references, which took seven eighths of a step of a small system."""
-SMALL = 800
-"""Bytes of Python bytecode up to which a function is inlined. That makes small systems a tenth
-faster; inlining larger functions gains nothing and takes longer to compile."""
+DISABLED = bool(os.environ.get("NUMBA_DISABLE_JIT"))
+PLAIN = "MSAHL_PLAIN_NUMBA"
+"""Variable of the environment that demands plain numba."""
 
-KERNEL_PACKAGES = ("algebra", "elements", "jit", "joints", "linalg", "model", "schemes", "system")
-KERNEL_MODULES = ("post/replay.py", "post/virtual.py", "study/dynamics.py")
-"""Sources of the package on which compiled code depends."""
-LAYOUT = 2
-"""Version of the format of cached files."""
+TESTED = ((0, 66), (0, 68))
+"""First and last version of numba whose insides are those that ``machine_code`` extends."""
+NO_COMPILER = (
+    "this kind of model has no compiled code for this machine, and numba, which compiles it, is "
+    "not installed; install it with: pip install 'msahl[compile]'"
+)
 
-_registered: set[Callable[..., Any]] = set()
+Call = tuple[Any, Sequence[Any]]
+"""A compiled function and the arguments of a call."""
 
-
-def cache_folder() -> Path:
-    """Return the folder of the compiled kernels of the present sources."""
-    kept = os.environ.get("NUMBA_CACHE_DIR")
-    root = kept or platformdirs.user_cache_dir("msahl", appauthor=False)
-    package = Path(__file__).parent.parent
-    compilers = (numba.__version__, llvmlite.__version__, sys.implementation.cache_tag)
-    digest = hashlib.sha256(f"{LAYOUT} {compilers}\n".encode())
-    packages = (s for name in KERNEL_PACKAGES for s in (package / name).rglob("*.py"))
-    for source in sorted((*packages, *(package / name for name in KERNEL_MODULES))):
-        content = source.read_bytes()
-        digest.update(f"{source.relative_to(package)} {len(content)}\n".encode() + content)
-    return Path(root) / digest.hexdigest()[:16]
+STORE = Store(user_folder())
+_loaded: dict[str, ObjectFile] = {}
 
 
-def is_kept(kind: str) -> bool:
-    """Whether the step of this ``kind`` is cached, or need not be compiled at all."""
-    return bool(os.environ.get("NUMBA_DISABLE_JIT")) or STORE.load(kind) is not None
+def compiled(function: Callable[..., Any]) -> Any:
+    """Return ``function`` compiled on its first call, or loaded from disk."""
+    return function if DISABLED else Compiled(function)
 
 
-def keep(kind: str) -> None:
-    """Record that the step of this ``kind`` is compiled and cached."""
-    if not os.environ.get("NUMBA_DISABLE_JIT"):
-        STORE.save(kind, b"")
-
-
-def trouble() -> str:
-    """Return why compiled code cannot be cached, and what to do; empty if it can."""
-    if not STORE.trouble:
-        return ""
-    return (
-        f"{STORE.trouble}: compiled code is not cached there, so every run compiles again. Make "
-        "the folder writable for yourself only (chmod go-w), or set NUMBA_CACHE_DIR to another one"
-    )
-
-
-def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return ``function`` compiled on its first call, or loaded from the cache."""
-    options = {**OPTIONS, "pipeline_class": Entered}
-    dispatcher: Any = numba.njit(**options)(function)
-    if dispatcher is not function:  # it is the function itself with NUMBA_DISABLE_JIT
-        dispatcher._cache = _Cache(function)
-    entered: Callable[..., Any] = dispatcher
-    return entered
-
-
-class _Cache:
-    """Cache of one compiled ``function``, with the methods that numba calls.
-
-    numba's own cache prepares to compile before it loads (0.35 s), executes whatever bytes it
-    finds, and loses entries when two processes save at the same time.
-    """
+class Compiled:
+    """A kernel that Python calls as machine code."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self.function = function
-        self.cache_path = str(STORE.folder)
+        self.__doc__ = function.__doc__
+        self._blocks = Blocks()
+        self._entries: dict[str, Callable[..., Any]] = {}
+        self._plain: Callable[..., Any] | None = None
 
-    def load_overload(self, signature: Any, context: Any) -> Any:
-        """Return the code cached for a signature, None if there is none."""
-        name = self._name(signature, context.codegen())
-        content = STORE.load(name)
-        if content is None:
-            return None
-        try:
-            return cast(Any, CompileResult)._rebuild(context, *pickle.loads(content))
-        except Exception:  # undamaged, but of a changed library with the same version
-            STORE.discard(name)
-            return None
+    def __call__(self, *arguments: Any) -> Any:
+        """Run the machine code; compile or load it first if that was not done."""
+        found = self._blocks.find(arguments)
+        if found is None:
+            enter = self._entry(arguments)
+            if enter is None:
+                return self._compiled_plainly(*arguments)
+            found = self._blocks.add(arguments, enter)
+        block, enter = found
+        return enter(block.address)
 
-    def save_overload(self, signature: Any, result: Any) -> None:
-        """Cache the code compiled for a signature."""
-        if not result.library.has_dynamic_globals:
-            STORE.save(self._name(signature, result.codegen), cast(Any, dumps)(result._reduce()))
+    def unit(self, arguments: Sequence[Any]) -> Unit:
+        """Return the function's name with the types of the ``arguments``."""
+        described = tuple(describe(argument) for argument in arguments)
+        return self.function.__module__, self.function.__qualname__, described
 
-    def flush(self) -> None:
-        """Do nothing: files are written at once."""
+    def _entry(self, arguments: Sequence[Any]) -> Callable[..., Any] | None:
+        """Return the function that enters the machine code for such arguments; None if there is
+        none and plain numba has to be used.
+        """
+        unit = self.unit(arguments)
+        symbol = symbol_of(*unit)
+        if symbol not in self._entries:
+            from msahl.jit.loading import entry
 
-    def _name(self, signature: Any, code: Any) -> str:
-        """Return the file name for the function, the types of its arguments, and the processor."""
-        function = self.function
-        key = (signature, code.magic_tuple(), function.__code__.co_code)
-        told = hashlib.sha256(repr(key).encode()).hexdigest()
-        return f"{function.__module__}.{function.__qualname__}-{told[:24]}"
+            prepare([(self, arguments)])
+            if symbol not in _loaded:
+                return None
+            self._entries[symbol] = entry(symbol, _loaded[symbol].result)
+        return self._entries[symbol]
 
+    def _compiled_plainly(self, *arguments: Any) -> Any:
+        from msahl.jit.plain import plain
 
-class _Registrar(event.Listener):
-    """Registers the marked functions with numba when it begins to compile; loading needs none."""
-
-    def on_start(self, event: event.Event) -> None:
-        for mark in MARKED:
-            if mark not in _registered:
-                small = len(mark.__code__.co_code) < SMALL and mark not in APART
-                register_jitable(**OPTIONS, pipeline_class=Inlined if small else Apart)(mark)
-                _registered.add(mark)
-
-    def on_end(self, event: event.Event) -> None:
-        pass
+        self._plain = self._plain or plain(self.function)
+        return self._plain(*arguments)
 
 
-class _Stopwatch(event.Listener):
-    """Counts the seconds of compiling in this process; calls ``tell`` when it begins."""
+class _Stopwatch:
+    """Counts the seconds of compiling in this process; calls ``tell`` when it begins, and
+    ``listen`` with the progress.
+    """
 
     def __init__(self) -> None:
-        self.seconds, self.began, self.depth = 0.0, 0.0, 0
+        self.seconds = 0.0
         self.tell: Callable[[], Any] = lambda: None
-
-    def on_start(self, event: event.Event) -> None:
-        if self.depth == 0:
-            self.began = time.perf_counter()
-            self.tell()
-        self.depth += 1
-
-    def on_end(self, event: event.Event) -> None:
-        self.depth -= 1
-        if self.depth == 0:
-            self.seconds += time.perf_counter() - self.began
+        self.listen: Listener = lambda progress: None
 
 
 STOPWATCH = _Stopwatch()
@@ -169,8 +107,96 @@ def working_clock() -> float:
     return time.perf_counter() - STOPWATCH.seconds
 
 
-STORE = Store(cache_folder())
-# LLVM makes vector instructions of operations on tuples.
-setattr(numba.config, "SLP_VECTORIZE", 1)  # noqa: B010 - missing in its type stub
-event.register("numba:compile", _Registrar())  # type: ignore[no-untyped-call]
-event.register("numba:compile", STOPWATCH)  # type: ignore[no-untyped-call]
+def prepare(calls: Iterable[Call], stopped: Callable[[], bool] = lambda: False) -> None:
+    """Load the code that ``calls`` need, and compile what is not on disk.
+
+    The ``STOPWATCH`` reports it. Raises KeyboardInterrupt as soon as ``stopped`` says so, and
+    ``CompileError`` where there is no compiler.
+    """
+    units = _units(calls)
+    if all(symbol_of(*unit) in _loaded for unit in units):
+        return
+    from msahl.jit.loading import load
+
+    files = Files(STORE)
+    found: dict[str, ObjectFile] = {}
+    if not _collect(files, map(name_of, units), found):
+        if not _fits():
+            STOPWATCH.tell()
+            return
+        _build(files, units, found, stopped)
+        complete = _collect(files, map(name_of, units), found)
+        assert complete, "a kernel was compiled, but not found"
+    load(code.code for code in found.values())
+    _loaded.update(found)
+
+
+def on_disk(calls: Iterable[Call]) -> bool:
+    """Whether the code that ``calls`` need is there already."""
+    return _collect(Files(STORE), map(name_of, _units(calls)), {})
+
+
+def _units(calls: Iterable[Call]) -> list[Unit]:
+    return [function.unit(given) for function, given in calls if isinstance(function, Compiled)]
+
+
+def _collect(files: Files, wanted: Iterable[Name], found: dict[str, ObjectFile]) -> bool:
+    """Add the code of kernels and of those that they call to ``found``; whether none is missing."""
+    todo, seen = list(wanted), set(_loaded)
+    while todo:
+        name = todo.pop()
+        symbol = name[2]
+        if symbol in seen:
+            continue
+        seen.add(symbol)
+        code = found.get(symbol) or files.find(name)
+        if code is None:
+            return False
+        found[symbol] = code
+        todo += code.calls
+    return True
+
+
+def _build(
+    files: Files, units: list[Unit], found: dict[str, ObjectFile], stopped: Callable[[], bool]
+) -> None:
+    """Compile what is missing of ``units`` and those that they call."""
+    from msahl.jit.building import Build, build
+
+    began = time.perf_counter()
+    STOPWATCH.tell()
+
+    def known(name: Name) -> ObjectFile | None:
+        return _loaded.get(name[2]) or found.get(name[2]) or files.find(name)
+
+    def keep(name: Name, code: ObjectFile) -> None:
+        files.save(name, code)
+        found[name[2]] = code
+
+    try:
+        build(Build(files, known, keep), units, STOPWATCH.listen, stopped)
+    finally:
+        STOPWATCH.seconds += time.perf_counter() - began
+
+
+def _fits() -> bool:
+    """Whether the installed numba is one that ``machine_code`` extends; see ``TESTED``."""
+    if os.environ.get(PLAIN):
+        return False
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        major, minor = version("numba").split(".")[:2]
+    except PackageNotFoundError:
+        raise CompileError(NO_COMPILER) from None
+    return TESTED[0] <= (int(major), int(minor)) <= TESTED[1]
+
+
+def trouble() -> str:
+    """Return why compiled code cannot be kept, and what to do; empty if it can."""
+    if not STORE.trouble:
+        return ""
+    return (
+        f"{STORE.trouble}: compiled code is not kept there, so every run compiles again. Make "
+        "the folder writable for yourself only (chmod go-w), or set NUMBA_CACHE_DIR to another one"
+    )

@@ -42,7 +42,7 @@ class Store:
                     content = file.read() if _is_own(os.fstat(file.fileno())) else b""
             except OSError:
                 return None
-            if content[:HEAD] != _digest(name, content[HEAD:]):
+            if content[:HEAD] != digest_of(name, content[HEAD:]):
                 self._remove(at, name)
                 return None
             return content[HEAD:]
@@ -55,7 +55,7 @@ class Store:
                 return
             try:
                 with open(part, "xb", opener=partial(_open_at, at)) as file:
-                    file.write(_digest(name, content) + content)
+                    file.write(digest_of(name, content) + content)
                 os.replace(at.path(part), at.path(name), src_dir_fd=at.fd, dst_dir_fd=at.fd)
             except OSError as error:
                 self._remove(at, part)
@@ -138,5 +138,6 @@ def _is_own(found: os.stat_result) -> bool:
     return not hasattr(os, "getuid") or (found.st_uid == os.getuid() and not found.st_mode & OTHERS)
 
 
-def _digest(name: str, content: bytes) -> bytes:
+def digest_of(name: str, content: bytes) -> bytes:
+    """Return the SHA-256 with which a file begins."""
     return hashlib.sha256(name.encode() + b"\n" + content).digest()

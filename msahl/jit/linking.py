@@ -1,12 +1,13 @@
-"""Compiles functions that only kernels call together with the function that Python calls.
+"""Compiles single functions to LLVM's intermediate code, and links them to object files.
 
-numba would optimise each of them with all that it calls, and generate machine code that is never
-run, once more for every level of calls; that took a third of the compile time. Here they are
-optimised and turned into machine code once, as part of the function that is entered from Python.
+numba would link each function with all that it calls, optimise it and generate machine code, once
+more for every level of calls. Here a function is translated once, without what it calls, and
+optimised and turned into machine code only as part of an entry or unit.
 """
 
 from typing import Any
 
+from llvmlite import binding as llvm
 from llvmlite.binding import Linkage
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
@@ -14,17 +15,30 @@ from numba.core.compiler_machinery import LoweringPass, PassManager, register_pa
 from numba.core.typed_passes import NativeLowering
 
 
-class _Library(JITCodeLibrary):
-    """Code that is only linked into that of its callers: not optimised and not finalised alone."""
+class Library(JITCodeLibrary):
+    """Code that is linked only: neither optimised as a whole nor turned into machine code."""
 
     def _optimize_final_module(self) -> None:
         pass
 
     def _finalize_final_module(self) -> None:
-        self._finalize_dynamic_globals()
         self._finalized = True
 
+    def emit_bitcode(self, name: str, symbol: str, inline: bool) -> bytes:
+        """Return the code with its function ``name`` as ``symbol``; all else is internal."""
+        module = self._final_module
+        module.get_function(name).name = symbol
+        for part in (*module.functions, *module.global_variables):
+            # Names of numba's are unique in one process only, and files come from several.
+            if not part.is_declaration and part.name != symbol:
+                part.linkage = "internal"
+        if inline:
+            module.get_function(symbol).add_function_attribute("alwaysinline")
+        code: bytes = module.as_bitcode()
+        return code
 
+
+@register_pass(mutates_CFG=False, analysis_only=False)
 class _Register(LoweringPass):
     """Register a lowered function for its callers, by a unique name instead of an address."""
 
@@ -35,64 +49,58 @@ class _Register(LoweringPass):
 
     def run_pass(self, state: Any) -> bool:
         unique = list[Any]().append  # numba needs a builtin; this one equals no other
+        function = state.library.get_function(state.cr.fndesc.mangled_name)
+        function.add_function_attribute("alwaysinline")
         state.targetctx.insert_user_function(unique, state.cr.fndesc, [state.library])
         state.cr = state.cr._replace(cfunc=unique)
         return True
 
 
-@register_pass(mutates_CFG=False, analysis_only=False)
-class _RegisterApart(_Register):
-    pass
+class Separate(CompilerBase):
+    """Compiler of one function without those that it calls."""
+
+    def define_pipelines(self) -> list[PassManager]:
+        """Return numba's own pipeline."""
+        self.state.flags.no_compile = True
+        name = self.state.func_id.func_qualname
+        self.state.library = Library(self.state.targetctx.codegen(), name)
+        return [DefaultPassBuilder.define_nopython_pipeline(self.state)]
 
 
-@register_pass(mutates_CFG=False, analysis_only=False)
-class _RegisterInlined(_Register):
-    def run_pass(self, state: Any) -> bool:
-        # numba's own flag would also apply to all functions that this one calls, however large.
-        function = state.library.get_function(state.cr.fndesc.mangled_name)
-        function.add_function_attribute("alwaysinline")
-        return super().run_pass(state)
-
-
-class Apart(CompilerBase):
-    """Compiler of functions that LLVM may or may not inline."""
-
-    register: type[_Register] = _RegisterApart
+class Included(CompilerBase):
+    """Compiler of functions that are part of each function that calls them, and inlined."""
 
     def define_pipelines(self) -> list[PassManager]:
         """Return numba's own pipeline with another last pass."""
-        self.state.flags.no_compile = True
-        name = self.state.func_id.func_qualname
-        self.state.library = _Library(self.state.targetctx.codegen(), name)
-        passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        passes.add_pass_after(self.register, NativeLowering)
+        (passes,) = Separate.define_pipelines(self)  # type: ignore[arg-type]
+        passes.add_pass_after(_Register, NativeLowering)
         passes.finalize()
         return [passes]
 
 
-class Inlined(Apart):
-    """Compiler of functions that are always inlined."""
+class ObjectLibrary(JITCodeLibrary):
+    """Code of a function with all that it calls, to be written to an object file.
 
-    register = _RegisterInlined
+    ``exported`` holds the names under which others find its functions.
+    """
 
+    exported: tuple[str, ...]
 
-class _EntryLibrary(JITCodeLibrary):
-    """Code of a function that Python calls, with all that it calls."""
+    def add_bitcode(self, code: bytes) -> None:
+        """Link the code of a function."""
+        self._final_module.link_in(llvm.parse_bitcode(code))
 
     def _optimize_final_module(self) -> None:
         for function in self._final_module.functions:
-            if function.linkage == Linkage.linkonce_odr:
+            if not function.is_declaration and function.name not in self.exported:
                 # Nothing outside calls it; so LLVM may inline it if it has only one caller.
-                function.linkage = "internal"
+                function.linkage = Linkage.internal
         super()._optimize_final_module()
 
+    def _finalize_final_module(self) -> None:
+        self._finalized = True
 
-class Entered(CompilerBase):
-    """Compiler of functions that Python calls."""
-
-    def define_pipelines(self) -> list[PassManager]:
-        """Return numba's own pipeline."""
-        name = self.state.func_id.func_qualname
-        self.state.library = _EntryLibrary(self.state.targetctx.codegen(), name)
-        self.state.library.enable_object_caching()
-        return [DefaultPassBuilder.define_nopython_pipeline(self.state)]
+    def emit_object(self) -> bytes:
+        """Return the machine code as an object file."""
+        code: bytes = self._codegen._tm.emit_object(self._final_module)
+        return code

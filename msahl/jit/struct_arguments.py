@@ -1,50 +1,64 @@
 """Passes NamedTuples of arrays to compiled kernels by reference, as a C struct.
 
 numba passes a ``NamedTuple`` as all of its scalars, seven and more for an array: a thousand for a
-system, at every call, which took a third of the compile time. Here such a group of arrays is stored
-in memory while a kernel runs, and its address is passed. The group itself never changes while a
-kernel runs (only entries of its arrays do), and the loads are marked invariant.
+system, at every call, which took a third of the compile time. Here such a group of arrays lies in
+memory while a kernel runs (``arguments.Block``), and its address is passed. The group itself never
+changes while a kernel runs (only entries of its arrays do), and the loads are marked invariant.
 """
 
-import hashlib
 from typing import Any
 
 from llvmlite import ir
-from numba.core import cgutils, types
+from numba.core import types
 from numba.core.typing.templates import AttributeTemplate
-from numba.extending import (
-    NativeValue,
-    infer_getattr,
-    lower_getattr_generic,
-    models,
-    register_model,
-    typeof_impl,
-    unbox,
-)
+from numba.extending import infer_getattr, lower_getattr_generic, models, register_model
+
+from msahl.jit.arguments import ARRAY, BOOL, FLOAT, GROUP, INT, NONE, TUPLE, Description, digest
 
 _INT = ir.IntType(32)
+_SCALARS = {FLOAT: types.float64, INT: types.int64, BOOL: types.boolean, NONE: types.none}
 
 
 class Group(types.Type):
     """Type of the address of a group; it depends on the names and types of the members."""
 
-    def __init__(self, kind: str, names: tuple[str, ...], members: tuple[types.Type, ...]) -> None:
-        self.names, self.members = names, members
-        layout = " ".join(f"{name}:{member}" for name, member in zip(names, members, strict=True))
+    def __init__(self, description: tuple[Any, ...]) -> None:
+        _, kind, members = description
+        self.description = description
+        self.names = tuple(name for name, _ in members)
+        self.members = tuple(type_of(member) for _, member in members)
         # Types are part of every function's name: written in full they would be half of the code.
-        super().__init__(f"{kind}.{hashlib.sha256(layout.encode()).hexdigest()[:12]}")
+        super().__init__(f"{kind}.{digest([description])}")
 
 
-_typeof_tuple = typeof_impl.dispatch(tuple)
+def type_of(description: Description) -> types.Type:
+    """Return numba's type for a description."""
+    if isinstance(description, str):
+        return _SCALARS[description]
+    kind = description[0]
+    if kind == GROUP:
+        return Group(description)
+    if kind == TUPLE:
+        return types.Tuple([type_of(part) for part in description[1]])
+    assert kind == ARRAY
+    _, dtype, dimensions, order = description
+    return types.Array(getattr(types, dtype if dtype != "bool" else "boolean"), dimensions, order)
 
 
-@typeof_impl.register(tuple)
-def _typeof(value: Any, context: Any) -> Any:
-    """Return the type of a tuple: a ``Group`` for one of our NamedTuples, else numba's type."""
-    if not type(value).__module__.startswith("msahl."):
-        return _typeof_tuple(value, context)
-    members = tuple(typeof_impl(part, context) for part in value)
-    return Group(type(value).__name__, value._fields, members)
+def description_of(kind: types.Type) -> Description:
+    """Return the description of one of numba's types."""
+    kind = types.unliteral(kind)
+    if isinstance(kind, Group):
+        return kind.description
+    if isinstance(kind, types.Array):
+        return (ARRAY, str(kind.dtype), kind.ndim, kind.layout)
+    if isinstance(kind, types.BaseTuple):
+        parts: Any = kind
+        return (TUPLE, tuple(description_of(part) for part in parts))
+    for word, scalar in _SCALARS.items():
+        if kind == scalar:
+            return word
+    raise TypeError(f"units take no {kind}")
 
 
 @register_model(Group)
@@ -61,20 +75,33 @@ class _Members(AttributeTemplate):
 
 
 def _in_memory(context: Any, kind: types.Type) -> ir.Type:
-    """Return the memory layout of a group or a member."""
-    if isinstance(kind, Group):
-        return ir.LiteralStructType([_in_memory(context, member) for member in kind.members])
+    """Return the memory layout of a group or a member; groups and tuples hold theirs in place."""
+    if isinstance(kind, Group | types.BaseTuple):
+        parts: Any = kind.members if isinstance(kind, Group) else kind
+        return ir.LiteralStructType([_in_memory(context, part) for part in parts])
     return context.get_data_type(kind)
 
 
 @lower_getattr_generic(Group)
-def _member(context: Any, builder: Any, group: Group, address: Any, name: str) -> Any:
+def member(context: Any, builder: Any, group: Group, address: Any, name: str) -> Any:
+    """Return a member of the group at an address: its address if it is a group, else its value."""
     k = group.names.index(name)
-    kind = group.members[k]
     place = builder.bitcast(address, _in_memory(context, group).as_pointer())
     place = builder.gep(place, [_INT(0), _INT(k)], inbounds=True)
+    return _value(context, builder, group.members[k], place)
+
+
+def _value(context: Any, builder: Any, kind: types.Type, place: Any) -> Any:
+    """Return the value at a place in memory, of a group its address."""
     if isinstance(kind, Group):
-        return builder.bitcast(place, address.type)
+        return builder.bitcast(place, ir.IntType(8).as_pointer())
+    if isinstance(kind, types.BaseTuple):
+        parts: Any = kind
+        values = [
+            _value(context, builder, part, builder.gep(place, [_INT(0), _INT(k)], inbounds=True))
+            for k, part in enumerate(parts)
+        ]
+        return context.make_tuple(builder, kind, values)
     return context.data_model_manager[kind].from_data(builder, _load(builder, place))
 
 
@@ -90,37 +117,3 @@ def _load(builder: Any, place: Any) -> Any:
     value = builder.load(place)
     value.set_metadata("invariant.load", builder.module.add_metadata([]))
     return value
-
-
-@unbox(Group)
-def _unbox(group: Group, value: Any, c: Any) -> NativeValue:
-    memory = cgutils.alloca_once(c.builder, _in_memory(c.context, group))
-    failed = _fill(group, value, memory, c)
-    with c.builder.if_then(failed, likely=False):
-        c.pyapi.err_set_string("PyExc_TypeError", f"not the {group} this kernel is compiled for")
-    address = c.builder.bitcast(memory, c.context.get_value_type(group))
-    # Launder the pointer through an empty asm so that LLVM cannot connect the stores above with the
-    # invariant loads below.
-    identity = ir.FunctionType(address.type, [address.type])
-    address = c.builder.asm(identity, "", "=r,0,~{memory}", [address], side_effect=True)
-    return NativeValue(address, is_error=failed)
-
-
-def _fill(group: Group, value: Any, memory: Any, c: Any) -> Any:
-    """Write the members of the Python object ``value`` to ``memory``; return if it failed."""
-    failed = cgutils.false_bit
-    for k, kind in enumerate(group.members):
-        part = c.pyapi.tuple_getitem(value, k)
-        place = c.builder.gep(memory, [_INT(0), _INT(k)], inbounds=True)
-        if isinstance(kind, Group):
-            wrong = _fill(kind, part, place, c)
-        elif isinstance(kind, types.Array):
-            place = c.builder.bitcast(place, c.pyapi.voidptr)
-            wrong = cgutils.is_not_null(c.builder, c.pyapi.numba_array_adaptor(part, place))
-        else:
-            native = c.unbox(kind, part)
-            model = c.context.data_model_manager[kind]
-            c.builder.store(model.as_data(c.builder, native.value), place)
-            wrong = native.is_error
-        failed = c.builder.or_(failed, wrong)
-    return failed

@@ -10,11 +10,11 @@ import math
 
 import numpy as np
 
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import kernel, unit
 from msahl.system.ordering import Elimination
 
 
-@kernel
+@unit
 def factor(lu: Elimination, values: np.ndarray, W: np.ndarray) -> None:
     """Factor the block ``values`` into ``W``; a zero pivot leaves infinities there."""
     for e in range(W.size):
@@ -47,7 +47,7 @@ def pivot_ratio(lu: Elimination, W: np.ndarray) -> float:
     return largest / smallest
 
 
-@kernel
+@unit
 def solve(lu: Elimination, W: np.ndarray, y: np.ndarray) -> None:
     """Replace the right-hand side ``y`` (f,), in the order of elimination, by the solution."""
     n = lu.order.size

@@ -26,6 +26,13 @@ class Paragraph:
 
 
 @dataclass(frozen=True, slots=True)
+class Code:
+    """A line to copy, such as a command."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class Items:
     """A list; each item has a term (may be empty) and a text."""
 
@@ -49,7 +56,7 @@ class Folded:
     blocks: tuple["Block", ...]
 
 
-Block = Heading | Paragraph | Items | Picture | Table | Folded
+Block = Heading | Paragraph | Code | Items | Picture | Table | Folded
 
 CSS = """
 :root { color-scheme: light dark; --line: #8886; --soft: #8881; }
@@ -64,6 +71,7 @@ th { background: var(--soft); vertical-align: bottom; }
 td.number { white-space: nowrap; }
 td:first-child { min-width: 6em; }
 td { overflow-wrap: break-word; }
+pre { overflow-x: auto; background: var(--soft); padding: .6em .8em; border-radius: 6px; }
 summary { cursor: pointer; margin-top: 1.2em; font-size: 1.3em; font-weight: 600; }
 img { width: 100%; background: white; border-radius: 6px; margin: .5em 0; }
 """.strip()
@@ -80,6 +88,8 @@ def _markdown(block: Block) -> str:
             return f"{'#' * level} {_plain(text)}"
         case Paragraph(text):
             return _plain(text)
+        case Code(text):
+            return f"    {printable(text)}"
         case Items(items):
             return "\n".join(
                 f"- **{_plain(term)}**: {_plain(text)}" if term else f"- {_plain(text)}"
@@ -97,8 +107,8 @@ def _markdown(block: Block) -> str:
 
 _MARKS = re.compile(r"[\\`*|<>\[\]{}&~#]|(?<![^\W_])_|_(?![^\W_])")
 """Characters that Markdown reads as markup; underscores only if they are not within a word."""
-_BEGINNING = re.compile(r"^(\s*(?:[-+=]|\d+(?=[.)])))")
-"""Characters that make a paragraph a list or a heading."""
+_BEGINNING = re.compile(r"^(\s*(?:[-+=](?=\s|[-=]*\s*$)|\d+(?=[.)](?:\s|$))))")
+"""Characters that make a paragraph a list, a heading or a rule; numbers and options do not."""
 
 
 def _plain(text: str) -> str:
@@ -132,6 +142,8 @@ def _html(block: Block) -> str:
             return f"<h{level}>{_escaped(text)}</h{level}>"
         case Paragraph(text):
             return f"<p>{_escaped(text)}</p>"
+        case Code(text):
+            return f"<pre><code>{_escaped(text)}</code></pre>"
         case Items(items):
             lines = [
                 f"<li><b>{_escaped(term)}</b>: {_escaped(text)}</li>"

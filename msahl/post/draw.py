@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from io import BytesIO
 from itertools import cycle, pairwise, product
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import matplotlib
@@ -37,6 +38,8 @@ STYLE: dict[Any, Any] = {
     "lines.linewidth": 1.2,
     "svg.hashsalt": "msahl",
 }
+TITLE_WIDTH = 64
+"""Characters in a line of a title; more would run into the legend."""
 MOST_IN_LEGEND = 12
 MOST_DECADES = 8
 """Decades of a logarithmic scale; products of rounding errors would extend it much further down."""
@@ -64,7 +67,8 @@ def new_figure(rows: int, height: float = 2.4, title: str = "") -> tuple[Figure,
     figure = Figure(figsize=(8.0, 0.9 + height * rows))
     FigureCanvasAgg(figure)
     axes = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
-    axes[0].set_title(plain(title))
+    lines = (wrap(line, TITLE_WIDTH) for line in title.splitlines())
+    axes[0].set_title(plain("\n".join(part for line in lines for part in line)))
     return figure, list(axes)
 
 

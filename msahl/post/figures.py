@@ -174,8 +174,8 @@ def _constraints(run: Run, metrics: Metrics, choice: Choice) -> tuple[str, Figur
 
 
 def _reaction_label(name: str, not_unique: tuple[str, ...]) -> str:
-    """Return the name of a joint, with the components of its reaction that are not unique."""
-    return f"{name} ({', '.join(not_unique)} not unique)" if not_unique else name
+    """Return the name of a joint, and below it its reaction's components that are not unique."""
+    return f"{name}\n({', '.join(not_unique)} not unique)" if not_unique else name
 
 
 def _reactions(run: Run, metrics: Metrics, choice: Choice) -> tuple[str, Figure]:

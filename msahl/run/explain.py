@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from msahl.jit.compiled import is_kept
+from msahl.jit.compiled import on_disk
 from msahl.model import Model, RunSettings, resolve
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.time_grid import TimeGrid
@@ -140,7 +140,7 @@ def _loaded(integrators: Sequence[SubsystemIntegrator]) -> Iterator[str]:
         "steps that Newton's method fails on (--solver auto), never with --solver newton; neither "
         "pandas nor matplotlib"
     )
-    kept = all(is_kept(f"{integrator.stepper.kind}-auto") for integrator in integrators)
+    kept = on_disk([call for integrator in integrators for call in integrator.stepper.calls])
     yield (
         "the step is compiled and stored on disk"
         if kept

@@ -11,7 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from msahl.jit.compiled import is_kept, keep, trouble
+from msahl.check import require_sound
+from msahl.jit.compiled import STOPWATCH, prepare, trouble
+from msahl.jit.progress import Listener
 from msahl.model import Model, Options, resolve
 from msahl.run.attempts import Attempts
 from msahl.run.companion import Steps
@@ -49,7 +51,8 @@ SAVE_SHARE = 0.01
 class Hooks:
     """Functions that a run calls.
 
-    ``progress`` receives the steps done and the time [s], ``tell`` messages about what takes long.
+    ``progress`` receives the steps done and the time [s], ``tell`` messages about what takes long,
+    ``compiling`` how far the kernels are compiled.
     ``stopped`` says whether to stop. ``save`` is given a snapshot every few seconds, and when the
     run is stopped.
     """
@@ -58,6 +61,7 @@ class Hooks:
     stopped: Callable[[], bool] = lambda: False
     tell: Callable[[str], Any] = lambda message: None
     save: Callable[[Snapshot], Any] | None = None
+    compiling: Listener = lambda progress: None
 
 
 def run(
@@ -66,14 +70,20 @@ def run(
     sink: Sink,
     hooks: Hooks = Hooks(),
     since: Snapshot | None = None,
+    checked: bool = False,
 ) -> Report:
     """Run ``model`` to its end, into ``sink``. A run ``since`` a snapshot writes the rows that the
     interrupted run would have written after it.
+
+    The model is checked first and ``ModelError`` raised with its faults, unless it is ``checked``:
+    the reader of decks returns no other models.
 
     A step that does not converge, a request to stop (``stopped``, KeyboardInterrupt), and a sink or
     ``save`` that raises OSError end the run, and the report says so. Raises ``StartError`` if there
     is no consistent start, ``ResumeError`` for a snapshot of another system.
     """
+    if not checked:
+        require_sound(model)
     settings = resolve(model.simulation, options)
     # An overflow is reported by ``_finite_steps`` and not by numpy.
     with np.errstate(all="ignore"):
@@ -119,15 +129,15 @@ class TimeLoop:
 
     def run(self, since: Snapshot | None) -> Report:
         """Take all steps, or those after the snapshot ``since``."""
-        kinds, hooks = self.setup.kinds, self.hooks
-        compiles = not all(is_kept(kind) for kind in kinds)
-        if compiles:
-            hooks.tell("compiling kernels for this kind of model (once)")
+        hooks = self.hooks
+        STOPWATCH.tell = lambda: hooks.tell("compiling kernels for this kind of model (once)")
+        STOPWATCH.listen = hooks.compiling
         self._begin(since)
         for integrator in self.setup.all_integrators:
             integrator.stepper.requests.stopped = hooks.stopped
         try:
-            self._take_all(1 if compiles else self._first_steps())
+            prepare(self.setup.calls, hooks.stopped)
+            self._take_all(self._first_steps())
         except Stopped:  # in the middle of a hard step
             self._go_back()
             self._interrupt()
@@ -135,8 +145,6 @@ class TimeLoop:
         except KeyboardInterrupt:  # a second request to stop, in the middle of a chunk
             self.report.end(INTERRUPTED, f"stopped at once, after t = {self._time:g} s")
             self._go_back()
-        for kind in kinds:
-            keep(kind)
         if trouble():
             hooks.tell(trouble())
         conclude(self.setup, self.record, self.report)

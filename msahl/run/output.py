@@ -8,12 +8,15 @@ import numpy as np
 
 from msahl.model import Model
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.run.tables import COLUMNS
+from msahl.run.tables import COLUMNS, column_counts
 from msahl.run.time_grid import TimeGrid
 from msahl.schemes.output_schedule import OutputSchedule
 
 MAX_CHUNK = 4096
 """Most rows of a chunk, unless a single step has more."""
+Columns = slice | list[int]
+ALL = slice(1, None)
+"""The columns of all subsystems together, without the time."""
 CHUNK_NUMBERS = 2_000_000
 """Most numbers published at once: bounds the memory whatever the model and the run."""
 
@@ -34,7 +37,7 @@ class OutputTimes:
     def of(cls, model: Model, every: int) -> "OutputTimes":
         """The output times of the ``model``'s run."""
         grid, shown = TimeGrid.of_steps(model.simulation), TimeGrid.of_output(model.simulation)
-        numbers = sum(len(columns(model)) for columns in COLUMNS.values())
+        numbers = sum(column_counts(model).values())
         of_step = math.ceil(grid.h / shown.h) + 1
         rows = max(grid.n, shown.n) + 1
         chunk = max(of_step, min(MAX_CHUNK, rows, CHUNK_NUMBERS // numbers))
@@ -80,21 +83,21 @@ class TableAssembly:
 
     def __init__(self, model: Model, integrators: Sequence[SubsystemIntegrator]) -> None:
         self.integrators = integrators
-        self.columns = {name: columns(model) for name, columns in COLUMNS.items()}
-        place = {name: {c: i for i, c in enumerate(heads)} for name, heads in self.columns.items()}
-        self.places = [
-            {name: [place[name][c] for c in COLUMNS[name](part.model)[1:]] for name in COLUMNS}
-            for part in integrators
-        ]
+        self.widths = column_counts(model)
+        self.places: list[dict[str, Columns]] = [dict.fromkeys(COLUMNS, ALL)]
+        if len(integrators) > 1:
+            columns = {name: columns_of(model) for name, columns_of in COLUMNS.items()}
+            place = {name: {c: i for i, c in enumerate(heads)} for name, heads in columns.items()}
+            self.places = [_places(part.model, place) for part in integrators]
 
     @property
     def width(self) -> int:
         """Numbers of one row of all tables."""
-        return sum(map(len, self.columns.values()))
+        return sum(self.widths.values())
 
     def rows(self, times: np.ndarray) -> dict[str, np.ndarray]:
         """The first rows of the present chunk, at these ``times``, by table."""
-        tables = {name: np.zeros((times.size, len(c))) for name, c in self.columns.items()}
+        tables = {name: np.zeros((times.size, width)) for name, width in self.widths.items()}
         for table in tables.values():
             table[:, 0] = times
         for integrator, places in zip(self.integrators, self.places, strict=True):
@@ -102,6 +105,11 @@ class TableAssembly:
                 # The energy taken by a dissipative scheme is one column for all subsystems.
                 tables[name][:, places[name]] += part[: times.size]
         return tables
+
+
+def _places(part: Model, place: dict[str, dict[str, int]]) -> dict[str, Columns]:
+    """By table, where the columns of a subsystem stand, from the ``place`` of each by its name."""
+    return {name: [place[name][c] for c in COLUMNS[name](part)[1:]] for name in COLUMNS}
 
 
 def tables_of(integrator: SubsystemIntegrator) -> dict[str, np.ndarray]:

@@ -3,6 +3,7 @@
 import time
 from dataclasses import dataclass
 
+from msahl.jit.compiled import Call
 from msahl.model import Model, RunSettings
 from msahl.model.settings import ESTIMATE, LOCAL, OFF
 from msahl.run.attempts import KNOWN_NUMBERS, Attempts
@@ -37,9 +38,9 @@ class RunSetup:
         return [*self.integrators, *companion]
 
     @property
-    def kinds(self) -> set[str]:
-        """Names of the compiled code that the run needs."""
-        return {f"{of.stepper.kind}-{self.settings.solver}" for of in self.integrators}
+    def calls(self) -> list[Call]:
+        """The compiled functions that the run calls."""
+        return [call for of in self.all_integrators for call in of.stepper.calls]
 
 
 def build_setup(model: Model, settings: RunSettings, attempts: Attempts | None) -> RunSetup:

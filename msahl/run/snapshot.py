@@ -88,10 +88,14 @@ def digest(integrators: Sequence[SubsystemIntegrator]) -> str:
     found = hashlib.sha256()
     for integrator in integrators:
         found.update(f"{integrator.solver} {integrator.stepper.kind} {integrator.axis}\n".encode())
-        for leaf in _leaves((integrator.workspace.system, integrator.workspace.unknowns)):
+        workspace = integrator.workspace
+        # The targets follow from the rest, and may be gigabytes.
+        elimination = workspace.unknowns.elimination._replace(target=np.zeros(0))
+        unknowns = workspace.unknowns._replace(elimination=elimination)
+        for leaf in _leaves((workspace.system, unknowns)):
             if isinstance(leaf, np.ndarray):
                 found.update(f"{leaf.shape}{leaf.dtype.str}\n".encode())
-                found.update(leaf.tobytes())
+                found.update(np.ascontiguousarray(leaf).data)
             else:
                 found.update(f"{leaf!r}\n".encode())
     return found.hexdigest()

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from msahl.jit.by_size import by_size
 from msahl.model import Model, resolve
 from msahl.schemes.fixed_stepper import FixedStepper
 from msahl.schemes.midpoint import workspace
@@ -22,6 +23,7 @@ from msahl.system.arrays import (
     new_system_workspace,
 )
 from msahl.system.build import Places, build_system
+from msahl.system.node_order import node_order
 from msahl.system.nonfinite import find_nonfinite, overflow
 from msahl.system.reductions import (
     all_unknowns,
@@ -50,7 +52,7 @@ class SubsystemIntegrator:
     def __init__(
         self, model: Model, solver: str, full: bool, chunk: int, instantaneous: bool = False
     ) -> None:
-        self.model, self.solver = model, solver
+        self.model, self.solver, self.size = model, solver, len(model.bodies)
         system = build_system(model)
         state = build_state(model, system)
         try:
@@ -66,15 +68,18 @@ class SubsystemIntegrator:
         """Make the state consistent, choose the unknowns and apply the model reductions."""
         model = self.model
         self.moved = assemble(system, state) if model.position == "project" else None
-        self.rank = constraint_rank(system, state)
+        nodes = node_order(system)
+        unknowns = choose(system, all_unknowns(system), nodes)
+        self.rank = constraint_rank(system, state, unknowns)
         self.redundant = multiplier_count(system) - self.rank
         self.shared: dict[str, list[str]] = {}
         self._add_shared(system, state)
-        start = new_system_workspace(system, state)
-        evaluate.prepare(system, state, start)
+        start, prepare = new_system_workspace(system, state), by_size(evaluate.prepare, self.size)
+        prepare(system, state, start)
         self.axis = None if full else plane_normal(system, start)
         free = all_unknowns(system) if full else needed_unknowns(system, start, self.axis)
-        unknowns = choose(system, free)
+        if free.size < unknowns.free.size:
+            unknowns = choose(system, free, nodes)
         self.change = make_consistent(system, state, free, model.velocity)
         if self.redundant and not is_regular(system, state, unknowns):
             system = build_system(model, relaxed=True, places=Places(state.x, state.p))
@@ -85,7 +90,7 @@ class SubsystemIntegrator:
             system = drop_rows(system, symmetric_rows(system, start, self.axis))
             state = state._replace(angle=np.zeros(coordinate_count(system)))
         self.workspace: Workspace = new_workspace(system, unknowns, state, chunk)
-        evaluate.prepare(system, state, self.workspace.start)
+        prepare(system, state, self.workspace.start)
 
     def _add_shared(self, system: System, state: State) -> None:
         """Add the reactions that are not unique in this state to those found before."""
@@ -114,7 +119,7 @@ class SubsystemIntegrator:
         """Fill the first rows of monitor and tables with the state at t = 0."""
         self.workspace.mean_force[:] = self.workspace.state.force
         self.workspace.mean_reaction[:] = self.workspace.state.reaction
-        workspace.record_step(self.workspace, 0.0, 0, 0)
+        by_size(workspace.record_step, self.size)(self.workspace, 0.0, 0, 0)
 
     def advance(self, chunk: Chunk, patience: float = math.inf) -> Advance:
         """Take the steps of a ``chunk``; see ``Stepper.advance``."""

@@ -5,12 +5,20 @@ columns in ``COLUMNS``, and say in ``tables_of_model`` which models have it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
 from msahl.model import Model
-from msahl.system.names import reaction_columns, state_columns, work_columns, workers
+from msahl.system.names import (
+    STATE_COLUMNS,
+    joint_columns,
+    reaction_columns,
+    state_columns,
+    work_columns,
+    workers,
+)
 
 STATES, REACTIONS, WORK, ERROR = "states", "reactions", "work", "error"
 COLUMNS: dict[str, Callable[[Model], list[str]]] = {
@@ -23,6 +31,16 @@ ERROR_COLUMNS = ["time", "position", "orientation"]
 """Columns of the table of estimated errors [s, m, m]."""
 TABLES = (*COLUMNS, ERROR)
 """Names of all tables."""
+
+
+def column_counts(model: Model) -> dict[str, int]:
+    """The number of columns of each table that the steppers fill, without making their names."""
+    return {
+        STATES: 1 + len(STATE_COLUMNS) * len(model.bodies),
+        REACTIONS: len(reaction_columns(replace(model, joints=())))
+        + sum(len(joint_columns(joint)) for joint in model.joints),
+        WORK: len(work_columns(model)),
+    }
 
 
 def tables_of_model(model: Model) -> dict[str, list[str]]:

@@ -23,7 +23,7 @@ from msahl.elements import forces
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
 from msahl.elements.reactions import MOST_ROUNDS, is_unchanged, write_reactions
-from msahl.jit.kernel import apart, kernel
+from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import dense, sparse_lu
 from msahl.schemes.midpoint import newton
 from msahl.schemes.midpoint.load_moments import NO_STEP
@@ -69,7 +69,7 @@ def new_instant(system: System, unknowns: Unknowns | None = None) -> Instant:
     )
 
 
-@kernel
+@unit
 def assemble(system: System, state: State, start: SystemWorkspace, instant: Instant) -> None:
     """Set the right-hand side ``rows`` and factor the matrix."""
     for node in range(instant.rows.shape[0]):
@@ -80,7 +80,7 @@ def assemble(system: System, state: State, start: SystemWorkspace, instant: Inst
     sparse_lu.factor(instant.unknowns.elimination, instant.values, instant.factor)
 
 
-@kernel
+@apart
 def solve(instant: Instant) -> None:
     """Solve for the right-hand side ``rows``; the ``solution`` is zero where it is not free."""
     order = instant.unknowns.elimination.order
@@ -139,7 +139,7 @@ def solve_projection(
     solve(instant)
 
 
-@kernel
+@unit
 def project_velocities(
     system: System,
     state: State,

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from msahl.jit.compiled import Call
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.schemes.outcome import EVALUATION, STEP_WORK, Outcome, Requests
 from msahl.schemes.output_schedule import OutputSchedule
@@ -36,6 +37,14 @@ class StepMethod(Protocol):
     @property
     def kind(self) -> str:
         """Name of the compiled code that the steps need."""
+
+    @property
+    def calls(self) -> list[Call]:
+        """As ``Stepper.calls``, of the compiled loop."""
+
+    @property
+    def rare_calls(self) -> list[Call]:
+        """As ``Stepper.calls``, of steps that the compiled loop does not solve."""
 
     @property
     def memory(self) -> Any:
@@ -93,6 +102,14 @@ class FixedStepper:
     def kind(self) -> str:
         """See ``Stepper``."""
         return self.method.kind
+
+    @property
+    def calls(self) -> list[Call]:
+        """See ``Stepper``."""
+        if self.solver == "root":
+            return self.method.rare_calls
+        by_scipy = self.solver == "auto" and not self.begun and not self.large
+        return [*self.method.calls, *(self.method.rare_calls if by_scipy else ())]
 
     @property
     def memory(self) -> Any:

@@ -18,8 +18,8 @@ A class that implements ``Stepper`` must
    and ``workspace.pivots`` on which its next step depends, so that a run which is restored from
    them continues bit for bit; ``memory`` holds arrays of doubles (or None), ``counters`` what JSON
    can hold, and ``restore`` takes the latter back;
-5. name in ``kind`` the compiled code that it runs, one name for each set of argument types, and
-   compile nothing before the first step;
+5. name in ``kind`` the compiled code that it runs, one name for each set of argument types, list
+   in ``calls`` what has to be compiled or loaded, and compile nothing before the first step;
 6. start its next step from the accelerations of the state, without extrapolation from earlier
    steps, after ``reset_prediction``: the caller changed the state or its steps are changing fast;
 7. take the degree of another stepper of the same class in ``follow_degree``, if it has one: a
@@ -36,6 +36,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from msahl.jit.compiled import Call
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.schemes.outcome import Outcome, Requests
 from msahl.schemes.output_schedule import NO_OUTPUT, OutputSchedule
@@ -101,6 +102,10 @@ class Stepper(Protocol):
     @property
     def kind(self) -> str:
         """Name of the compiled code that the steps need."""
+
+    @property
+    def calls(self) -> list[Call]:
+        """Compiled functions that take the steps, with arguments of the types of their calls."""
 
     @property
     def memory(self) -> Any:

@@ -13,6 +13,7 @@ from msahl.algebra.rotation import compose, from_increment
 from msahl.algebra.vector import at, scale
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import first_multiplier, frame_count, moving_count, rotation_node
+from msahl.jit.by_size import by_size
 from msahl.start.velocities import StartError, solve_at_rest
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, new_system_workspace, node_count
@@ -64,10 +65,10 @@ def assemble(system: System, state: State) -> Assembled:
 
 def _violations(system: System, state: State) -> np.ndarray:
     """(k, 3) constraint violations [m], those in radians times a length."""
-    start = new_system_workspace(system, state)
-    evaluate.prepare(system, state, start)
+    start, size = new_system_workspace(system, state), moving_count(system.frames)
+    by_size(evaluate.prepare, size)(system, state, start)
     violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
-    evaluate.observe(system, state, start, violation, rate)
+    by_size(evaluate.observe, size)(system, state, start, violation, rate)
     scalar.in_metres(system.scalar, violation, rate)
     return violation
 

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from msahl.elements.constraints import coordinates
-from msahl.elements.frames import first_multiplier
+from msahl.elements.frames import first_multiplier, moving_count
+from msahl.jit.by_size import by_size
 from msahl.start.velocities import solve_sparse
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, multiplier_count, new_system_workspace, node_count
@@ -55,10 +56,12 @@ def constraint_matrix(system: System, state: State) -> "csr_array":
     return coo_array((values[chosen].ravel(), (i.ravel(), j.ravel())), shape).tocsr()
 
 
-def constraint_rank(system: System, state: State) -> int:
-    """Number of independent joint equations in the state's configuration."""
+def constraint_rank(system: System, state: State, unknowns: Unknowns | None = None) -> int:
+    """Number of independent joint equations in the state's configuration; ``unknowns`` are all
+    unknowns of the system, if they are at hand.
+    """
     # A regular matrix of the full system proves them independent, and is cheap where it is large.
-    if is_regular(system, state, choose(system, all_unknowns(system))):
+    if is_regular(system, state, unknowns or choose(system, all_unknowns(system))):
         return multiplier_count(system)
     G = constraint_matrix(system, state)
     equations = _equations(G)
@@ -108,7 +111,7 @@ def _components(system: System, state: State, null: np.ndarray) -> np.ndarray:
     """
     unit, rest = np.ones_like(state.force), state._replace(reaction=np.zeros_like(state.reaction))
     start, Z = new_system_workspace(system, rest), np.zeros((node_count(system), 3))
-    evaluate.prepare(system, rest, start)
+    by_size(evaluate.prepare, moving_count(system.frames))(system, rest, start)
     if system.scalar:
         rows = system.scalar.equations
         unit[rows.place[:, 0], rows.place[:, 1]] = rows.scale

@@ -21,6 +21,7 @@ from msahl.elements import forces, reactions
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import first_multiplier, moving_count
 from msahl.elements.reactions import MOST_ROUNDS
+from msahl.jit.by_size import by_size
 from msahl.linalg import sparse_lu
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
@@ -107,16 +108,16 @@ def solve_accelerations(system: System, state: State, unknowns: Unknowns) -> Non
     """
     start = new_system_workspace(system, state)
     rows, Z = np.zeros((2, node_count(system), 3))
-    frames = system.frames
+    frames, size = system.frames, moving_count(system.frames)
     for _ in range(MOST_ROUNDS):
         last = state.reaction.copy()
-        evaluate.prepare(system, state, start)
-        evaluate.free_acceleration(system, state, start, Z, rows)
+        by_size(evaluate.prepare, size)(system, state, start)
+        by_size(evaluate.free_acceleration, size)(system, state, start, Z, rows)
         solution = solve_at_rest(system, state, rows, unknowns)
         state.a[:] = solution[frames.displacement]
         state.alpha[:] = solution[frames.rotation] / frames.length[:, None]
         state.force[:] = solution[first_multiplier(frames) :] * system.unit
-        evaluate.set_reactions(system, state, start, Z)
+        by_size(evaluate.set_reactions, size)(system, state, start, Z)
         if not forces.depend_on_reactions(system.forces) or reactions.is_unchanged(
             state.reaction, last
         ):
@@ -130,9 +131,10 @@ def _largest(vectors: np.ndarray) -> float:
 
 def _violation_rate(system: System, state: State, start: SystemWorkspace) -> np.ndarray:
     """(k, 3) violation rates of the state [m/s], radians times a length; prepares ``start``."""
-    evaluate.prepare(system, state, start)
+    size = moving_count(system.frames)
+    by_size(evaluate.prepare, size)(system, state, start)
     violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
-    evaluate.observe(system, state, start, violation, rate)
+    by_size(evaluate.observe, size)(system, state, start, violation, rate)
     scalar.in_metres(system.scalar, violation, rate)
     return rate
 
@@ -204,15 +206,16 @@ def solve_sparse(values: np.ndarray, rows: np.ndarray, unknowns: Unknowns) -> np
     factor = np.zeros(int(unknowns.elimination.base[-1]))
     solution, left, y = np.zeros_like(rows), np.zeros_like(rows), rows[order]
     wanted = rows[unknowns.free]
+    factorise, solve = (by_size(k, order.size) for k in (sparse_lu.factor, sparse_lu.solve))
     largest = np.abs(wanted).max(initial=0.0)
     with np.errstate(all="ignore"):
-        sparse_lu.factor(unknowns.elimination, values, factor)
-        sparse_lu.solve(unknowns.elimination, factor, y)
+        factorise(unknowns.elimination, values, factor)
+        solve(unknowns.elimination, factor, y)
         solution[order] = y
         for _ in range(REFINEMENTS):
             left[unknowns.free] = wanted - _times(values, solution[unknowns.free], unknowns)
             y = left[order]
-            sparse_lu.solve(unknowns.elimination, factor, y)
+            solve(unknowns.elimination, factor, y)
             solution[order] += y
         x = solution[unknowns.free]
         good = np.abs(_times(values, x, unknowns) - wanted).max(initial=0.0) <= ROUND_OFF * largest

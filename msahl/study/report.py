@@ -9,6 +9,7 @@ from pathlib import Path
 from msahl.model import resolve
 from msahl.post.document import (
     Block,
+    Code,
     Folded,
     Heading,
     Items,
@@ -123,7 +124,7 @@ def build(study: Study) -> list[Block]:
     tables = ((metric, metric_table(study, key)) for key, metric in METRIC_OF.items())
     return [
         Heading(1, f"Error against run time: {_title(study)}"),
-        Paragraph(recommendation(study)),
+        *_recommended(study),
         *_output_hint(study),
         *_stopped(study),
         *first,
@@ -151,19 +152,29 @@ def _title(study: Study) -> str:
     return study.plan.model.simulation.title.strip() or "study"
 
 
+def _recommended(study: Study) -> list[Block]:
+    """Return the recommendation, with its command on a line of its own."""
+    text, best = recommendation(study), study.fastest
+    if best is None:
+        return [Paragraph(text)]
+    command = _command(study, best)
+    before, after = text.split(f" {command}. ", 1)
+    return [Paragraph(before), Code(command), Paragraph(after)]
+
+
 def recommendation(study: Study) -> str:
     """Return sentences on the fastest run that meets the target and on what it gains."""
     plan, best = study.plan, study.fastest
-    wanted = f"{METRIC_OF[plan.metric].name} error of at most {plan.target:g}{_unit(study)}"
+    wanted = _wanted(study)
     if best is None:
-        return f"No run of this study has a {wanted}; {_most_accurate(study)}"
+        return f"No run of this study has {wanted}; {_most_accurate(study)}"
     wanted += " at every output time"
     if study.reference.horizon < plan.model.simulation.t_final:
         wanted += (
             f" up to t = {study.reference.horizon:.4g} s, after which there are no reference values"
         )
     sentences = [
-        f"The fastest run with a {wanted} is: {_command(study, best)}.",
+        f"The fastest run with {wanted} is: {_command(study, best)}.",
         f"Its {_error_and_time(study, best)}.",
         *_gain(study, best),
     ]
@@ -175,6 +186,15 @@ def recommendation(study: Study) -> str:
     if resolve(plan.model.simulation).adaptive and not best.trial.case.chooses_steps:
         sentences.append("Remove the tolerance that the deck sets before you make this run.")
     return " ".join(sentences)
+
+
+def _wanted(study: Study) -> str:
+    """Describe the error that the target allows."""
+    name, limit = METRIC_OF[study.plan.metric].name, f"{study.plan.target:g}{_unit(study)}"
+    if "," in name:
+        return f"an error of at most {limit} ({name})"
+    article = "an" if name[0] in "aeiou" else "a"
+    return f"{article} {name} error of at most {limit}"
 
 
 def _unit(study: Study) -> str:

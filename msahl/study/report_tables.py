@@ -42,7 +42,7 @@ def comparison_table(study: Study) -> list[Table]:
     """Return a table of the recommended run and of the one with the deck's settings, if any."""
     metric = METRIC_OF[study.plan.metric]
     unit = "" if metric.unit == "1" else f" [{metric.unit}]"
-    columns = (
+    columns: tuple[Column, ...] = (
         Column("run", "run"),
         Column("options", "options"),
         Column("error", f"largest {metric.name} error{unit}", form=".2e", missing="-"),
@@ -56,6 +56,8 @@ def comparison_table(study: Study) -> list[Table]:
             seconds = command.seconds if command else None
             error = run.largest(study.plan.metric)
             rows.append((name, describe_options(run), error, run.trial.seconds, seconds))
+    if not study.commands:  # there was no time left for them
+        columns, rows = columns[:-1], [row[:-1] for row in rows]
     return [Table(columns, tuple(rows))] if rows else []
 
 

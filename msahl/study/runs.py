@@ -99,7 +99,7 @@ def run_in_memory(
 ) -> tuple[Report, Run]:
     """Run ``model``; return its report, and its results as if they were read from files."""
     sink = MemorySink()
-    report = run(model, options, sink, Hooks(stopped=stopped))
+    report = run(model, options, sink, Hooks(stopped=stopped), checked=True)
     states, reactions, work = (
         pd.DataFrame(sink.table(name), columns=COLUMNS[name](model))
         for name in (STATES, REACTIONS, WORK)
@@ -131,15 +131,14 @@ def timing_options(case: Case) -> Options:
 
 def run_seconds(model: Model, case: Case, stopped: Callable[[], bool]) -> float | None:
     """Run a ``case`` and return its seconds; None if it was stopped."""
-    report = run(
-        with_case(model, case), timing_options(case), MemorySink(only=()), Hooks(stopped=stopped)
-    )
+    other, sink = with_case(model, case), MemorySink(only=())
+    report = run(other, timing_options(case), sink, Hooks(stopped=stopped), checked=True)
     return None if report.status == "interrupted" else seconds_of(case, report)
 
 
 def estimated_error(model: Model, case: Case) -> float | None:
     """Run a ``case`` and return the position error [m] that it estimates; None if it cannot."""
-    report = run(with_case(model, case), Options(error=ESTIMATE), MemorySink(only=()))
+    report = run(with_case(model, case), Options(error=ESTIMATE), MemorySink(only=()), checked=True)
     if report.error is None or not report.error["complete"]:
         return None
     return float(report.error["position"])
@@ -151,7 +150,7 @@ def warm_up(model: Model, case: Case) -> None:
     few = WARM_STEPS * first.simulation.dt
     end = min(few, model.simulation.t_final)
     ended = replace(first, simulation=replace(first.simulation, t_final=end))
-    run(ended, timing_options(case), MemorySink(only=()))
+    run(ended, timing_options(case), MemorySink(only=()), checked=True)
 
 
 def run_trials(

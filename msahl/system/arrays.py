@@ -122,7 +122,7 @@ def new_coordinates_workspace(group: Coordinates, nodes: int = 0) -> Coordinates
     products = ProductsWorkspace(
         *(np.zeros((m, 3)) for _ in range(5)),
         *(np.zeros(m) for _ in range(2)),
-        *(np.zeros((m, 3)) for _ in range(3)),
+        *(np.zeros((m, 3)) for _ in range(6)),
     )
     return CoordinatesWorkspace(
         products=products,

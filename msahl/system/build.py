@@ -51,7 +51,8 @@ def rebuild_parameters(model: Model, topology: Topology, places: Places | None =
 
 def _with_numbers(elements: Elements, topology: Topology, places: Places | None) -> System:
     system = build_parameters(elements, topology)
-    _set_constants(system, places or initial_places(elements.model))
+    if system.scalar is not None:
+        _set_constants(system, places or initial_places(elements.model))
     return system
 
 
@@ -66,8 +67,7 @@ def initial_places(model: Model) -> Places:
 
 def _set_constants(system: System, places: Places) -> None:
     """Set the constants of a new system that are what its coordinates are at ``places``."""
-    if system.scalar is None:
-        return
+    assert system.scalar is not None
     group, rows = system.scalar.coordinates, system.scalar.equations
     R = np.array([matrix(at(places.p, f)) for f in range(len(places.p))])
     start = new_coordinates_workspace(group)

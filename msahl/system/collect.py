@@ -6,6 +6,7 @@ that act along the same coordinate of the same joint share it. The lists hold in
 the numbers of the model side by side; ``topology`` takes the indices, ``parameters`` the numbers.
 """
 
+import math
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -128,7 +129,8 @@ class Elements:
     def add_point(self, frame: int, point: Vector) -> Vector:
         """Return a point of a body, given from its reference point, from its mass centre [m]."""
         arm = sub(point, self.r_BG(frame))
-        self.arms[frame].append(float(np.linalg.norm(arm)))
+        row = np.array(arm)
+        self.arms[frame].append(math.sqrt(row.dot(row)))  # as numpy.linalg.norm, in half the time
         return arm
 
 
@@ -154,6 +156,7 @@ class _Collector:
             arms=[[] for _ in range(len(model.bodies) + 1)],
         )
         self.joints = {joint.name: joint for joint in model.joints}
+        self.number = {joint.name: i for i, joint in enumerate(model.joints)}
         self.shared: dict[tuple[str, str], int] = {}
         for element, joint in enumerate(model.joints):
             self._joint(element, joint)
@@ -249,7 +252,7 @@ class _Collector:
             self._bushing(column, load)
         elif isinstance(load, Friction):
             coordinate = self._joint_coordinate(load.joint, load.coordinate)
-            number = [joint.name for joint in self.model.joints].index(load.joint)
+            number = self.number[load.joint]
             lever = load.coefficient * load.radius
             entry = FrictionEntry(coordinate, number, lever, load.width, column)
             self.elements.frictions.append(entry)

@@ -20,7 +20,7 @@ import numpy as np
 from msahl.algebra.vector import at, dot, sub
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import moving_count
-from msahl.jit.kernel import apart, kernel
+from msahl.jit.kernel import apart, kernel, unit
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace
 
@@ -63,7 +63,7 @@ def new_monitor(state: State, steps: int) -> Monitor:
     )
 
 
-@kernel
+@unit
 def record_figures(
     system: System, state: State, start: SystemWorkspace, h: float, monitor: Monitor, row: int
 ) -> None:

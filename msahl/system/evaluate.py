@@ -26,6 +26,7 @@ axes. A derivative by a rotation is that at a rotation of zero from the configur
 the frame's axes become exp(dtheta) R, while v and W stay what they are.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +36,8 @@ from msahl.elements.constraints import coincide, coordinates, scalar
 from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.elements.frames import first_multiplier, moving_count
 from msahl.elements.frames import prepare as prepare_frames
-from msahl.jit.kernel import kernel
+from msahl.jit.by_size import by_size
+from msahl.jit.kernel import apart, kernel, unit
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
 
 
@@ -45,7 +47,7 @@ def dt2(system: System, h: float) -> float:
     return system.decay.share * h * h
 
 
-@kernel
+@unit
 def prepare(system: System, state: State, start: SystemWorkspace) -> None:
     """Compute what the other functions need of the configuration of ``state`` into ``start``."""
     prepare_frames(
@@ -66,7 +68,7 @@ def prepare(system: System, state: State, start: SystemWorkspace) -> None:
     forces.prepare(system.forces, start.forces, system.scalar, state.reaction, state.reaction_trend)
 
 
-@kernel
+@unit
 def joint_jacobian(
     system: System, start: SystemWorkspace, h: float, Z: np.ndarray, values: np.ndarray
 ) -> None:
@@ -84,7 +86,7 @@ def joint_jacobian(
     scalar.joint_jacobian(system.scalar, start.scalar, frames, h2, Z, values)
 
 
-@kernel
+@apart
 def set_reactions(system: System, state: State, start: SystemWorkspace, Z: np.ndarray) -> None:
     """Set the joints' reactions of ``state`` from its multipliers, after the residual at ``Z``."""
     reactions.sum_reactions(
@@ -99,7 +101,7 @@ def set_reactions(system: System, state: State, start: SystemWorkspace, Z: np.nd
     )
 
 
-@kernel
+@apart
 def free_acceleration(
     system: System, state: State, start: SystemWorkspace, Z: np.ndarray, F: np.ndarray
 ) -> None:
@@ -116,7 +118,7 @@ def free_acceleration(
     forces.add_forces(system.forces, start.forces, system.scalar, frames, state.reaction, F)
 
 
-@kernel
+@unit
 def observe(
     system: System, state: State, start: SystemWorkspace, violation: np.ndarray, rate: np.ndarray
 ) -> tuple[float, float]:
@@ -194,13 +196,15 @@ def evaluate_at(system: System, state: State) -> Evaluation:
 def jacobian_at_rest(system: System, state: State) -> np.ndarray:
     """Return the block values of the index-1 problem's matrix in the configuration of ``state``."""
     rest = state._replace(v=np.zeros_like(state.v), w=np.zeros_like(state.w))
-    start = new_system_workspace(system, rest)
-    prepare(system, rest, start)
+    start, size = new_system_workspace(system, rest), moving_count(system.frames)
+    by_size(prepare, size)(system, rest, start)
     values, Z = np.zeros_like(system.constant), np.zeros((node_count(system), 3))
     if system.scalar:
-        coordinates.evaluate(system.scalar.coordinates, start.scalar.coordinates, system.frames, Z)
+        by_size(coordinates.evaluate, size)(
+            system.scalar.coordinates, start.scalar.coordinates, system.frames, Z
+        )
     # With h^2 = 2 an acceleration of 1 m/s^2 is a displacement of 1 m over the step.
-    joint_jacobian(system, start, np.sqrt(2.0), Z, values)
+    by_size(joint_jacobian, size)(system, start, math.sqrt(2.0), Z, values)
     return values
 
 

@@ -15,7 +15,8 @@ Springy = SpringDamper | JointSpring | Bushing
 
 def state_columns(model: Model) -> list[str]:
     """Header of ``states.csv``."""
-    return ["time", *(f"{body.name}.{c}" for body in model.bodies for c in STATE_COLUMNS)]
+    ends = [f".{c}" for c in STATE_COLUMNS]
+    return ["time", *[body.name + end for body in model.bodies for end in ends]]
 
 
 def reaction_columns(model: Model) -> list[str]:

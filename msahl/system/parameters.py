@@ -59,30 +59,34 @@ def build_parameters(elements: Elements, topology: Topology) -> System:
 
 def _frames(elements: Elements, topology: Topology) -> Frames:
     bodies = elements.model.bodies
-    lengths = [_length(body, arms) for body, arms in zip(bodies, elements.arms, strict=False)]
     return Frames(
         **topology.frames,
         inverse_mass=np.array([1.0 / body.mass for body in bodies] + [0.0]),
-        length=np.array([*lengths, 1.0]),
+        length=np.array([*_lengths(bodies, elements.arms), 1.0]),
         exponential=resolve(elements.model.simulation).exponential or None,
         ballistic=np.array([*(not arms for arms in elements.arms[: len(bodies)]), True]),
         moves=np.ones((2, 3)),
     )
 
 
-def _length(body: RigidBody, arms: Sequence[float]) -> float:
-    """The length of a body: its radius of gyration or its longest arm, whichever is larger."""
-    gyration = float(np.sqrt(np.trace(np.array(body.inertia)) / (2.0 * body.mass)))
-    return max([gyration, *arms])
+def _lengths(bodies: Sequence[RigidBody], arms: Sequence[Sequence[float]]) -> list[float]:
+    """The length of each body: its radius of gyration or its longest arm, whichever is larger."""
+    mass = np.array([body.mass for body in bodies])
+    gyration = np.sqrt(np.trace(_tensors(bodies), axis1=1, axis2=2) / (2.0 * mass))
+    return [max((size, *own)) for size, own in zip(gyration.tolist(), arms, strict=False)]
+
+
+def _tensors(bodies: Sequence[RigidBody]) -> np.ndarray:
+    """(n, 3, 3) inertia of bodies."""
+    return np.array([body.inertia for body in bodies], dtype=float).reshape(-1, 3, 3)
 
 
 def _bodies(elements: Elements, topology: Topology) -> RigidBodies:
     bodies = elements.model.bodies
-    inertia = np.array([body.inertia for body in bodies], dtype=float)
     return RigidBodies(
         **topology.bodies,
         inverse_mass=np.array([1.0 / body.mass for body in bodies]),
-        inertia=inertia.reshape(-1, 3, 3),
+        inertia=_tensors(bodies),
         r_BG=_vectors(body.r_BG for body in bodies),
         gravity=np.array(elements.model.gravity, dtype=float),
     )
@@ -102,19 +106,19 @@ def _constant(topology: Topology, frames: Frames, coincide: Coincide) -> np.ndar
     """The block values that never change."""
     values = np.zeros(topology.pattern.size)
 
-    def put(start: int, value: float) -> None:
-        if start:
-            values[start : start + 9 : 4] = value
+    def put(starts: np.ndarray, numbers: np.ndarray | float) -> None:
+        places = starts[:, None] + np.array([0, 4, 8])
+        values[places] = np.broadcast_to(np.reshape(numbers, (-1, 1)), places.shape)
 
-    for start in topology.unit_blocks:
-        put(start, 1.0)
-    for k in range(coincide.a.size):
-        for side, (sign, frame) in enumerate(((-1.0, coincide.a[k]), (1.0, coincide.b[k]))):
-            share = frames.inverse_mass[frame] * coincide.mass[k]
-            put(topology.coincide_blocks[k, side, 0], -sign * share)
-            put(topology.coincide_blocks[k, side, 1], sign)
-    for start in topology.relaxed_blocks:
-        put(start, -RELAXATION)
+    put(topology.unit_blocks, 1.0)
+    for side, (sign, frame) in enumerate(((-1.0, coincide.a), (1.0, coincide.b))):
+        put(
+            topology.coincide_blocks[:, side, 0],
+            -sign * (frames.inverse_mass[frame] * coincide.mass),
+        )
+        put(topology.coincide_blocks[:, side, 1], sign)
+    put(topology.relaxed_blocks, -RELAXATION)
+    values[:9] = 0.0  # what belongs to the ground
     return values
 
 

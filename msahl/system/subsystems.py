@@ -5,8 +5,10 @@ are coupled by joints, by couplings and motions of joints, by forces between the
 whose components rotate with another body.
 """
 
+from collections.abc import Hashable
 from dataclasses import fields, replace
-from typing import Any
+from functools import cache
+from typing import Any, cast
 
 from msahl.model import Joint, Model
 
@@ -53,9 +55,16 @@ def split(model: Model) -> list[Model]:
 
 def _touched(element: Any, joints: dict[str, Joint]) -> set[str]:
     """Names of the bodies and grounds that an element acts between."""
-    keys = {field.name for field in fields(element)}
-    of_bodies = keys & {"parent", "child", "body", "force_basis", "moment_basis"}
+    of_bodies, of_joints = _references(cast(Hashable, type(element)))
     names = {getattr(element, key) for key in of_bodies}
-    for key in keys & {"joint", "first", "second"}:
+    for key in of_joints:
         names |= _touched(joints[getattr(element, key)], joints)
     return names
+
+
+@cache
+def _references(kind: Hashable) -> tuple[frozenset[str], frozenset[str]]:
+    """Fields of a kind of record that name bodies, and those that name joints."""
+    keys = frozenset(field.name for field in fields(cast(Any, kind)))
+    of_bodies = keys & {"parent", "child", "body", "force_basis", "moment_basis"}
+    return of_bodies, keys & {"joint", "first", "second"}

@@ -67,13 +67,11 @@ def build_topology(elements: Elements, relaxed: bool) -> Topology:
     bodies, unit_blocks = _bodies(frames, blocks)
     coincide, coincide_blocks = _coincide(elements, frames, blocks, first)
     concentrated, drag = _concentrated(elements, frames, blocks), _drags(elements, frames, blocks)
-    parts = [_parts(frames, *entry) for entry in elements.coordinates]
+    parts = _parts(elements, frames)
     coordinates = _coordinates(elements, parts, blocks)
     equations = _equations(elements, nodes, parts, blocks, first)
     multiplier = first + np.arange(len(nodes.element), dtype=np.int64)
-    relaxed_blocks = (
-        [blocks.constant(node, node) for node in multiplier.tolist()] if relaxed else []
-    )
+    relaxed_blocks = blocks.constant(multiplier, multiplier) if relaxed else indices([])
     return Topology(
         connections=connections(elements),
         relaxed=relaxed,
@@ -95,7 +93,7 @@ def build_topology(elements: Elements, relaxed: bool) -> Topology:
         pattern=blocks.pattern(),
         unit_blocks=unit_blocks,
         coincide_blocks=coincide_blocks,
-        relaxed_blocks=indices(relaxed_blocks),
+        relaxed_blocks=relaxed_blocks,
     )
 
 
@@ -143,11 +141,10 @@ def _frames(count: int) -> Indices:
 
 def _bodies(frames: Indices, blocks: Blocks) -> tuple[Indices, np.ndarray]:
     count = frames["displacement"].size - 1
-    block = [blocks.place(node, node) for node in frames["rotation"][:count]]
-    unit = [blocks.constant(node, node) for node in frames["displacement"][:count]]
+    rotation, displacement = frames["rotation"][:count], frames["displacement"][:count]
+    block, unit = blocks.place(rotation, rotation), blocks.constant(displacement, displacement)
     index = np.arange(count, dtype=np.int64)
-    bodies = {"frame": index, "block": indices(block), "column": STATE_SIZE * index}
-    return bodies, indices(unit)
+    return {"frame": index, "block": block, "column": STATE_SIZE * index}, unit
 
 
 def _place_multipliers(elements: Elements) -> _Nodes:
@@ -183,26 +180,22 @@ def _place_multipliers(elements: Elements) -> _Nodes:
 def _coincide(
     elements: Elements, frames: Indices, blocks: Blocks, first: int
 ) -> tuple[Indices, np.ndarray]:
-    count = len(elements.points)
-    by = {
-        key: np.zeros((count, 2), dtype=np.int64)
-        for key in ("moment_by_rotation", "moment_by_force", "constraint_by_rotation")
-    }
-    constant = np.zeros((count, 2, 2), dtype=np.int64)
-    for k, (_, pair) in enumerate(elements.points):
-        node = first + k
-        for side, frame in enumerate((pair.a, pair.b)):
-            u, theta = frames["displacement"][frame], frames["rotation"][frame]
-            constant[k, side] = blocks.constant(u, node), blocks.constant(node, u)
-            by["moment_by_rotation"][k, side] = blocks.place(theta, theta)
-            by["moment_by_force"][k, side] = blocks.place(theta, node)
-            by["constraint_by_rotation"][k, side] = blocks.place(node, theta)
-    sides = {
-        "a": indices([pair.a for _, pair in elements.points]),
-        "b": indices([pair.b for _, pair in elements.points]),
-        "row": first + np.arange(count, dtype=np.int64),
-    }
-    return sides | by, constant
+    pairs = _frames_of([pair for _, pair in elements.points])
+    node = first + np.arange(len(pairs), dtype=np.int64)[:, None]
+    u, theta = frames["displacement"][pairs], frames["rotation"][pairs]
+    rows = np.stack(np.broadcast_arrays(u, node, theta, theta, node), axis=-1)
+    columns = np.stack(np.broadcast_arrays(node, u, theta, node, theta), axis=-1)
+    starts = blocks.mixed(rows, columns, np.array([False, False, True, True, True]))
+    constant, *by = (np.ascontiguousarray(starts[:, :, i]) for i in (slice(0, 2), 2, 3, 4))
+    names = ("moment_by_rotation", "moment_by_force", "constraint_by_rotation")
+    a, b = np.ascontiguousarray(pairs.T)
+    sides = {"a": a, "b": b, "row": node.reshape(-1)}
+    return sides | dict(zip(names, by, strict=True)), constant
+
+
+def _frames_of(pairs: list[Pair]) -> np.ndarray:
+    """(k, 2) frames of pairs."""
+    return np.array([(pair.a, pair.b) for pair in pairs], dtype=np.int64).reshape(-1, 2)
 
 
 def _products(elements: Elements) -> Indices:
@@ -220,82 +213,80 @@ def all_products(elements: Elements) -> list[tuple[Product, Pair]]:
     return [(p, pair) for c, pair in elements.coordinates for p in c.products]
 
 
-def _parts(frames: Indices, coordinate: Coordinate, pair: Pair) -> list[int]:
-    """Nodes of the four parts; -1 for displacements that the coordinate does not depend on."""
-    depends = any(product.kind != DOT for product in coordinate.products)
-    u_a, u_b = frames["displacement"][[pair.a, pair.b]] if depends else (-1, -1)
-    theta_a, theta_b = frames["rotation"][[pair.a, pair.b]]
-    return [int(node) for node in (u_a, theta_a, u_b, theta_b)]
+def _parts(elements: Elements, frames: Indices) -> np.ndarray:
+    """(q, 4) nodes of the four parts; -1 of displacements that a coordinate does not depend on."""
+    depends = [any(p.kind != DOT for p in c.products) for c, _ in elements.coordinates]
+    pairs = _frames_of([pair for _, pair in elements.coordinates])
+    u = np.where(np.array(depends, dtype=bool)[:, None], frames["displacement"][pairs], -1)
+    theta = frames["rotation"][pairs]
+    return np.stack([u[:, 0], theta[:, 0], u[:, 1], theta[:, 1]], axis=1)
 
 
-def _coordinates(elements: Elements, parts: list[list[int]], blocks: Blocks) -> Indices:
-    places = [[blocks.place(row, column) for row in p for column in p] for p in parts]
+def _coordinates(elements: Elements, parts: np.ndarray, blocks: Blocks) -> Indices:
     sizes = [len(coordinate.products) for coordinate, _ in elements.coordinates]
     return {
         "kind": indices([coordinate.kind for coordinate, _ in elements.coordinates]),
         "first": np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
-        "block": indices(places).reshape(-1, PARTS * PARTS),
+        "block": blocks.place(parts[:, :, None], parts[:, None, :]).reshape(-1, PARTS * PARTS),
     }
 
 
 def _equations(
-    elements: Elements, nodes: _Nodes, parts: list[list[int]], blocks: Blocks, first: int
+    elements: Elements, nodes: _Nodes, parts: np.ndarray, blocks: Blocks, first: int
 ) -> Indices:
     entries = elements.equations
-    force_block, constraint_block = np.zeros((2, len(entries), 2, PARTS), dtype=np.int64)
-    for r, entry in enumerate(entries):
-        node = first + nodes.place[r][0]
-        for side, q in enumerate((entry.first, entry.second)):
-            if q >= 0:
-                force_block[r, side] = [blocks.place(part, node) for part in parts[q]]
-                constraint_block[r, side] = [blocks.place(node, part) for part in parts[q]]
+    place = indices(nodes.place).reshape(-1, 2)
+    coordinate = indices([(e.first, e.second) for e in entries]).reshape(-1, 2)
+    # The last row of the parts serves the coordinate -1.
+    part = np.vstack([parts, np.full((1, PARTS), -1)])[coordinate]
+    node = np.broadcast_to(first + place[:, :1, None], part.shape)
+    rows, columns = np.stack([part, node], axis=2), np.stack([node, part], axis=2)
+    starts = blocks.place(rows, columns)
     return {
-        "place": indices(nodes.place).reshape(-1, 2),
-        "coordinate": indices([(e.first, e.second) for e in entries]).reshape(-1, 2),
+        "place": place,
+        "coordinate": coordinate,
         "function": indices([e.function for e in entries]),
         "law": indices([e.law for e in entries]),
         "holonomic": np.array([not e.equation.rate for e in entries], dtype=bool),
-        "force_block": force_block,
-        "constraint_block": constraint_block,
+        "force_block": np.ascontiguousarray(starts[:, :, 0]),
+        "constraint_block": np.ascontiguousarray(starts[:, :, 1]),
     }
 
 
 def _concentrated(elements: Elements, frames: Indices, blocks: Blocks) -> Indices:
     u, theta = frames["displacement"], frames["rotation"]
-    moment_by_rotation, force_by_rotation, axes = [], [], []
-    for load, _, _ in elements.concentrated:
-        names = (load.body, load.force_basis, load.moment_basis)
-        b, f, m = (elements.frame[name] for name in names)
-        axes.append((b, f, m))
-        moment_by_rotation.append([blocks.place(theta[b], theta[c]) for c in (b, f, m)])
-    for b, f, _ in axes:
-        force_by_rotation.append(blocks.place(u[b], theta[f]))
+    frame, loads = elements.frame, [load for load, _, _ in elements.concentrated]
+    axes = [(frame[a.body], frame[a.force_basis], frame[a.moment_basis]) for a in loads]
     body, f_axes, m_axes = np.ascontiguousarray(indices(axes).reshape(-1, 3).T)
+    across = np.stack([body, f_axes, m_axes], axis=1)
+    moment_by_rotation = blocks.place(theta[body][:, None], theta[across])
+    force_by_rotation = blocks.place(u[body], theta[f_axes])
     return {
         "frame": body,
         "f_axes": f_axes,
         "m_axes": m_axes,
         "law": indices([entry.law for entry in elements.concentrated]),
-        "force_by_rotation": indices(force_by_rotation),
-        "moment_by_rotation": indices(moment_by_rotation).reshape(-1, 3),
+        "force_by_rotation": force_by_rotation,
+        "moment_by_rotation": moment_by_rotation,
         "column": indices([entry.column for entry in elements.concentrated]),
     }
 
 
 def _drags(elements: Elements, frames: Indices, blocks: Blocks) -> Indices:
     body = indices([elements.frame[load.body] for _, load in elements.drags])
-    nodes = zip(frames["displacement"][body], frames["rotation"][body], strict=True)
-    places = [[blocks.place(row, column) for row in n for column in n] for n in nodes]
+    nodes = np.stack([frames["displacement"][body], frames["rotation"][body]], axis=1)
+    places = blocks.place(nodes[:, :, None], nodes[:, None, :])
     return {
         "frame": body,
-        "block": indices(places).reshape(-1, 4),
+        "block": places.reshape(-1, 4),
         "column": indices([column for column, _ in elements.drags]),
     }
 
 
 def _springs(elements: Elements) -> Indices:
     columns = sorted({entry.column for entry in elements.springs})
-    energy = [columns.index(entry.column) for entry in elements.springs]
+    number = {column: i for i, column in enumerate(columns)}
+    energy = [number[entry.column] for entry in elements.springs]
     entries = _columns(elements.springs, "coordinate", "table", "column")
     return entries | {"energy_column": indices(energy)}
 

@@ -22,10 +22,12 @@ class Unknowns(NamedTuple):
     elimination: Elimination
 
 
-def choose(system: System, free: np.ndarray) -> Unknowns:
-    """The maps for solving the ``free`` unknowns."""
+def choose(system: System, free: np.ndarray, nodes: np.ndarray | None = None) -> Unknowns:
+    """The maps for solving the ``free`` unknowns; ``nodes`` is the order of the system's nodes, if
+    it is known.
+    """
     dense_from, dense_to = _dense_map(system, free)
-    return Unknowns(free, dense_from, dense_to, eliminate(system, free))
+    return Unknowns(free, dense_from, dense_to, eliminate(system, free, nodes))
 
 
 def _dense_map(system: System, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

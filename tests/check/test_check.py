@@ -107,6 +107,10 @@ WRONG = {
         joint(parent_axes=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 2.0))),
         "parent_axes: its rows must be three right-handed unit vectors",
     ),
+    "frames": (
+        joint(child_axes=((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0))),
+        "joint 'Axle', child_axes: its frames are rotated by 90 deg about the axis at t = 0",
+    ),
     "points": (
         joint(child_point=(1.0, 0.0, 0.0)),
         "joint 'Axle': its points are 1 m apart at t = 0: (0, 0, 0) m on parent 'Base'",

@@ -63,7 +63,8 @@ def test_markdown_shows_a_text_as_it_is(text):
         assert line.endswith(after)
         held = line[len(before) : len(line) - len(after)]
         # Nothing is left that Markdown reads: not within the line, not at its beginning.
-        assert not re.match(r"\s*([-+=#>]|\d+[.)])", held)
+        # A list's mark is followed by a space, a line below a heading is all = or -.
+        assert not re.match(r"\s*([-+](\s|$)|[-=]+\s*$|[#>]|\d+[.)](\s|$))", held)
         bare = re.sub(r"\\[!-/:-@\[-`{-~]", "", held.split(" | ")[0])
         assert not re.search(r"[`*|<>\[\]&~#]|(?<!\w)_|_(?!\w)", bare)
         assert re.sub(r"\\([!-/:-@\[-`{-~])", r"\1", held.split(" | ")[0]) == printable(text)

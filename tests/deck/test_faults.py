@@ -582,7 +582,7 @@ def test_a_file_too_large_is_not_read(tmp_path):
     with path.open("wb") as stream:
         stream.write(b"<data>")
         os.truncate(stream.fileno(), MAX_BYTES + 1)
-    assert faults_of(path) == [": larger than 64 MiB, the largest deck accepted"]
+    assert faults_of(path) == [": larger than 256 MiB, the largest deck accepted"]
 
 
 def test_check_simulation_reports_what_an_override_breaks():

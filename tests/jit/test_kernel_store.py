@@ -2,7 +2,6 @@
 
 import os
 
-import numpy as np
 import pytest
 
 from msahl.jit import compiled
@@ -124,37 +123,6 @@ def test_a_full_disk_leaves_no_part_behind(store, monkeypatch):
     store.save("new", CONTENT)
     assert store.trouble == f"{store.folder}: No space left on device"
     assert [path.name for path in store.folder.iterdir()] == [NAME]
-
-
-# With the compiler -------------------------------------------------------------------------------
-
-
-def twice(x):
-    return 2.0 * x
-
-
-@pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")
-def test_damaged_code_is_compiled_again_without_a_word(tmp_path, monkeypatch):
-    """A pickle that is cut raises EOFError; machine code with flipped bits kills the process."""
-    monkeypatch.setattr(compiled, "STORE", Store(tmp_path / "root" / "sources"))
-    assert compiled.compiled(twice)(3.0) == 6.0
-    (path,) = compiled.STORE.folder.iterdir()
-    complete = path.read_bytes()
-    chance = np.random.default_rng(0)
-    for place in chance.integers(0, len(complete), 4):
-        path.write_bytes(complete[:place] + bytes([complete[place] ^ 0x40]) + complete[place + 1 :])
-        assert compiled.compiled(twice)(3.0) == 6.0
-        path.write_bytes(complete[:place])
-        assert compiled.compiled(twice)(3.0) == 6.0
-    # What is complete is loaded and not compiled, nor written, again.
-    before = path.stat().st_mtime_ns
-    assert compiled.compiled(twice)(3.0) == 6.0
-    assert path.stat().st_mtime_ns == before
-    # Complete, and yet no code: as of another compiler that says it is the same.
-    compiled.STORE.save(path.name, b"no pickle")
-    assert compiled.compiled(twice)(3.0) == 6.0
-    assert path.read_bytes() != complete[:32] + b"no pickle"
-    assert compiled.trouble() == ""
 
 
 def test_an_unsafe_folder_is_reported_with_a_remedy(store, monkeypatch):

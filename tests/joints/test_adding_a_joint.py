@@ -1,17 +1,11 @@
 """The joint of docs/adding-an-element.md, which the program does not have, added as it says."""
 
-import os
 import re
-import shutil
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
-import msahl
 from msahl.joints.registry import KINDS
 from tests.elements import test_laws
 from tests.joints import test_degrees_of_freedom
@@ -25,31 +19,22 @@ from tests.support.element_samples import (
     rotations,
     slide,
 )
+from tests.support.guide import call, copy_program, listings, section
 
-ROOT = Path(__file__).parents[2]
-GUIDE = (ROOT / "docs" / "adding-an-element.md").read_text()
+GUIDE = section("Adding a joint")
 NAME, MODULE = "pointOnCylinder", "point_on_cylinder"
-
-
-def blocks(language):
-    """Listings of the guide."""
-    return re.findall(rf"```{language}\n(.*?)```", GUIDE, re.DOTALL)
-
-
-MODULE_TEXT, SAMPLE_TEXT = blocks("python")
-SCHEMA_TEXT, DECK_TEXT = blocks("xml")
+MODULE_TEXT, SAMPLE_TEXT = listings(GUIDE, "python")
+SCHEMA_TEXT, DECK_TEXT = listings(GUIDE, "xml")
 
 
 @pytest.fixture(scope="module")
 def checkout(tmp_path_factory):
     """A copy of the program with the guide's module, registry line, schema element and deck."""
     root = tmp_path_factory.mktemp("checkout")
-    no_caches = shutil.ignore_patterns("__pycache__")
-    shutil.copytree(Path(msahl.__file__).parent, root / "msahl", ignore=no_caches)
-    shutil.copytree(ROOT / "schemas", root / "msahl" / "schemas")  # as it is installed
+    copy_program(root)
     (root / "msahl" / "joints" / f"{MODULE}.py").write_text(MODULE_TEXT)
     add_before(root / "msahl" / "joints" / "registry.py", r"^ +point_on_line,$", f"{MODULE},", 2)
-    schema = root / "msahl" / "schemas" / "msaHLData.xsd"
+    schema = root / "schemas" / "msaHLData.xsd"
     add_before(schema, r'^ +<xs:element name="pointOnLine".*$', SCHEMA_TEXT, 1)
     (root / f"{MODULE}.xml").write_text(DECK_TEXT)
     return root
@@ -60,16 +45,6 @@ def add_before(path, line, addition, times):
     text, count = re.subn(line, lambda m: f"{addition}\n{m[0]}", path.read_text(), flags=re.M)
     assert count == times
     path.write_text(text)
-
-
-def call(root, *arguments):
-    """``msahl`` of the copy, in plain Python: nothing is compiled for a joint of a test."""
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(root)}
-    program = "import sys; from msahl.cli.main import main; main(sys.argv[1:])"
-    command = [sys.executable, "-P", "-c", program, *arguments]
-    return subprocess.run(
-        command, cwd=root, env=environment, capture_output=True, text=True, check=False
-    )
 
 
 def test_the_deck_of_the_guide_is_checked_and_run(checkout):

@@ -25,3 +25,15 @@ def test_a_name_is_shown_letter_by_letter(name):
 
 def test_plain_names_are_left_alone():
     assert plain("Crank pin") == "Crank pin"
+
+
+@pytest.mark.parametrize("what", ["reactions on the child, mean over each step", "a " * 60])
+def test_a_title_does_not_run_into_the_legend(what):
+    """Beside the longest names in the legend of a four-bar linkage."""
+    with style():
+        figure, (axes,) = new_figure(1, title=f"Four-bar linkage: {what}")
+        curves(axes, np.zeros(2), np.zeros((2, 1)), ["Rocker pivot\n(Fy, Mx, Mz not unique)"])
+        legend(figure, axes)
+        figure.canvas.draw()
+        title, labels = axes.title, figure.legends[0]
+        assert title.get_window_extent().x1 <= labels.get_window_extent().x0

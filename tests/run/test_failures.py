@@ -22,6 +22,7 @@ from msahl.results.read import read_run, read_table
 from msahl.results.write import RESERVED, RunFolder, Table, write_beginning, write_json
 from msahl.study.plan import Plan
 from msahl.study.runs import with_step
+from msahl.study.search import Search
 from msahl.study.study import study
 from tests.cli.test_commands import BLASTED
 from tests.run.test_resume import interrupted, stop_after
@@ -138,6 +139,7 @@ def test_compiled_code_that_cannot_be_kept_is_reported_and_the_run_goes_on(tmp_p
     unsafe.save("points-auto", b"")
     unsafe.folder.chmod(0o777)
     monkeypatch.setattr(compiled, "STORE", unsafe)
+    assert unsafe.load("code") is None  # as for the first kernel that is not in memory
     result = call("run", *SHORT, "-o", tmp_path / "out")
     assert result.exit_code == 0
     assert result.stderr.count(f"{unsafe.folder} can be written to by other users") == 1
@@ -330,6 +332,18 @@ def test_a_stopped_study_reports_the_runs_it_has_made(tmp_path, monkeypatch):
     assert "stopped before all of its runs were made" in (tmp_path / "study.md").read_text()
     rows = (tmp_path / "study.csv").read_text().splitlines()
     assert len(rows) == 3  # the head, and the runs at 0.1 and 0.05 s
+
+
+def test_a_study_whose_budget_is_used_up_at_once_names_the_remedy(tmp_path, monkeypatch):
+    """Every run takes longer than it may, as on a busy machine."""
+    monkeypatch.setattr(Search, "run", lambda *_: None)
+    monkeypatch.setattr(Search, "left", -1.0)
+    words = (SINGLE, "--t-final", 0.1, "--scheme", "preserving", "--budget", 5)
+    result = call("study", *words, "-o", tmp_path)
+    assert result.exit_code == 3, result.output
+    assert "the budget of 5 s was used up before a run had ended" in result.stderr
+    assert "Try --budget 20" in result.stderr
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_study_stopped_before_its_first_run_writes_nothing(tmp_path, monkeypatch):

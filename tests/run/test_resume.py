@@ -44,7 +44,8 @@ COUNTED = (
 
 
 def advance(model, options, **others):
-    report, sink = run_in_memory(model, options, **others)
+    """Report and tables of a run, also of a model whose loads are absurd."""
+    report, sink = run_in_memory(model, options, checked=True, **others)
     return report, [sink.table(name) for name in TABLES]
 
 

@@ -241,7 +241,7 @@ def test_the_command_and_its_recommendation(tmp_path):
     assert text.index("error-time.png") < text.index("| run |")
     for name in ("error-time.png", "all-errors-time.png", "error-step.png"):
         assert (out / name).stat().st_size > 1000
-    line = text.split("at every output time is: msahl ")[1].split(". Its")[0].split()
+    line = text.split("at every output time is:\n\n    msahl ")[1].splitlines()[0].split()
     run = CliRunner().invoke(main, [*line, "-q", "-o", str(tmp_path / "run")])
     assert run.exit_code == 0, run.output
     states = pd.read_csv(tmp_path / "run" / "states.csv").to_numpy()

@@ -78,19 +78,22 @@ class Result:
         return self.reaction(joint, "M")
 
 
-def run_in_memory(model, options, since=None, **hooks):
+def run_in_memory(model, options, since=None, checked=False, **hooks):
     """Report and sink of a run; ``hooks`` as in ``Hooks``."""
     sink = MemorySink()
-    return run(model, options, sink, Hooks(**hooks), since), sink
+    return run(model, options, sink, Hooks(**hooks), since, checked), sink
 
 
-def simulate(model, dt=None, t_final=None, scheme=None, damping=None, **options):
-    """Run ``model`` with the user's defaults, but for what is given; ``scheme`` is a choice."""
+def simulate(model, dt=None, t_final=None, scheme=None, damping=None, *, checked=False, **options):
+    """Run ``model`` with the user's defaults, but for what is given; ``scheme`` is a choice.
+
+    A model that counts as ``checked`` is run in spite of its faults.
+    """
     name, degree = split(scheme) if scheme else (None, None)
     given = {"dt": dt, "t_final": t_final, "scheme": name, "degree": degree, "damping": damping}
     changes = {name: value for name, value in given.items() if value is not None}
     model = replace(model, simulation=replace(model.simulation, **changes))
-    report, sink = run_in_memory(model, Options(**options))
+    report, sink = run_in_memory(model, Options(**options), checked=checked)
     return Result(model, report, *map(sink.table, TABLES))
 
 

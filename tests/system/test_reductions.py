@@ -222,7 +222,7 @@ def test_a_hard_subsystem_does_not_disturb_an_easy_one():
     wild, calm = deck("triple_pendulum_135"), pendulum(30.0)
     away = (100.0, 0.0, 0.0)
     bob = replace(calm.bodies[0], position=tuple(np.add(calm.bodies[0].position, away).tolist()))
-    joint = replace(calm.joints[0], parent=wild.grounds[0].name, parent_point=away)
+    joint = replace(calm.joints[0], name="Calm", parent=wild.grounds[0].name, parent_point=away)
     both = replace(wild, bodies=(bob, *wild.bodies), joints=(*wild.joints, joint))
     runs = [simulate(m, dt=0.15, t_final=15.0) for m in (both, calm, wild)]
     together, alone, rest = runs

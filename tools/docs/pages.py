@@ -35,6 +35,7 @@ OUTSIDE = (
     "benchmarks/results/speed.md",
     "benchmarks/results/precision.md",
     "benchmarks/results/mechanisms.md",
+    "benchmarks/results/scale.md",
     "benchmarks/results/writers.md",
 )
 LINK = re.compile(r"(\]\()([^)\s:#]+)(#[^)\s]*)?(\))")

@@ -152,7 +152,8 @@ def first_row(case: Case) -> np.ndarray:
     """Return the published states (12 n,) at t = 0, with the consistent velocities of every run."""
     memory = MemorySink(only=(STATES,))
     model, _ = at_steps(case, SCHEMES[0], 1)
-    run(replace(model, simulation=replace(model.simulation, t_final=1e-9)), Options(), memory)
+    moment = replace(model.simulation, dt=1e-9, t_final=1e-9)
+    run(replace(model, simulation=moment), Options(), memory)
     return np.array(memory.table(STATES)[0, 1:])
 
 

@@ -20,13 +20,14 @@ from msahl.algebra.rotation import rotation_change
 from msahl.algebra.vector import (
     add,
     at,
+    axpy,
     cross,
     matrix_at,
     multiple,
-    product,
     put,
     scale,
     skew,
+    skew_product,
     sub,
     times,
 )
@@ -102,7 +103,7 @@ def add_derivatives(
             sign = -1.0 if side == 0 else 1.0
             arm = skew(r)
             T = multiple(1.0 / frames.length[b], arm)
-            lever = product(skew(force), T)
+            lever = skew_product(force, T)
             c = sign * frames.inverse_mass[b] / frames.length[b]
             for i in range(3):
                 for j in range(3):
@@ -127,11 +128,13 @@ def residual(
     for k in range(group.a.size):
         a, b = group.a[k], group.b[k]
         force = scale(group.mass[k] / dt2, at(Z, group.row[k]))
-        mean_a = mean(frames, Z, a, at(start.r_a, k))
-        mean_b = mean(frames, Z, b, at(start.r_b, k))
-        push(frames, dt2, F, a, scale(-1.0, force), cross(force, mean_a))
-        push(frames, dt2, F, b, force, cross(mean_b, force))
-    set_violations(group, start, frames, Z, F)
+        r_a, r_b = at(start.r_a, k), at(start.r_b, k)
+        dr_a = rotation_change(rotation_increment(frames, Z, a), r_a)
+        dr_b = rotation_change(rotation_increment(frames, Z, b), r_b)
+        push(frames, dt2, F, a, scale(-1.0, force), cross(force, axpy(0.5, dr_a, r_a)))
+        push(frames, dt2, F, b, force, cross(axpy(0.5, dr_b, r_b), force))
+        moved = sub(add(displacement(frames, Z, b), dr_b), add(displacement(frames, Z, a), dr_a))
+        put(F, group.row[k], add(at(start.violation, k), moved))
 
 
 @kernel
@@ -165,7 +168,7 @@ def jacobian(
             sign = -1.0 if side == 0 else 1.0
             T = end_tangent(frames, Z, b, r0)
             arm = skew(mean(frames, Z, b, r0))
-            lever = product(skew(force), T)
+            lever = skew_product(force, T)
             c = sign * frames.inverse_mass[b] / frames.length[b]
             for i in range(3):
                 for j in range(3):

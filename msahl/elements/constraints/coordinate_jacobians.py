@@ -19,10 +19,10 @@ from msahl.elements.constraints.coordinate_kinds import (
 from msahl.elements.constraints.coordinates import row_factor
 from msahl.elements.constraints.products import PARTS, Q_A, Q_B, U_A, U_B
 from msahl.elements.frames import Frames, FramesWorkspace
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import apart, kernel
 
 
-@kernel
+@apart
 def stiffness(
     group: Coordinates,
     start: CoordinatesWorkspace,
@@ -32,7 +32,7 @@ def stiffness(
     values: np.ndarray,
 ) -> None:
     """Add ``factor`` times the derivative of the unit forces by mass, times the gathered loads,
-    after ``evaluate``.
+    after ``evaluate`` and ``differentiate`` at the same ``Z``.
     """
     for q in range(group.kind.size):
         load = start.load[q]
@@ -47,7 +47,7 @@ def stiffness(
         _add_unit_force_derivatives(group, start, frames, Z, q, c, values)
 
 
-@kernel
+@apart
 def _add_unit_force_derivatives(
     group: Coordinates,
     start: CoordinatesWorkspace,
@@ -67,10 +67,10 @@ def _add_unit_force_derivatives(
                 group.products, start.products, frames, Z, k, group.block, q, c_w, values
             )
     if group.kind[q] != PLAIN:
-        _add_weight_derivatives(group, start, frames, Z, q, c, values)
+        _add_weight_derivatives(group, start, q, c, values)
 
 
-@kernel
+@apart
 def rate_gradient(
     group: Coordinates,
     start: CoordinatesWorkspace,
@@ -81,8 +81,8 @@ def rate_gradient(
 ) -> tuple[Vector, Vector, Vector, Vector]:
     """Return half the derivative of a coordinate's rate by the places of its four parts.
 
-    A rate is the unit force times the velocities, so it is the stiffness times them. Wants
-    ``evaluate`` at rest.
+    A rate is the unit force times the velocities, so it is the stiffness times them. Call it after
+    ``evaluate`` and ``differentiate`` at rest.
     """
     scratch, v, W = out.scratch, motion.v, motion.W
     for block in group.block[q]:
@@ -124,8 +124,6 @@ def _times_velocities(
 def _add_weight_derivatives(
     group: Coordinates,
     start: CoordinatesWorkspace,
-    frames: Frames,
-    Z: np.ndarray,
     q: int,
     c: tuple[float, float, float, float],
     values: np.ndarray,
@@ -134,8 +132,8 @@ def _add_weight_derivatives(
     first, last = group.first[q], group.first[q + 1]
     m = start.products
     for other in range(first, last):
-        j_u, j_a, j_b = products.end_gradient(group.products, m, frames, Z, other)
-        row = (scale(-1.0, j_u), j_a, j_u, j_b)
+        j_u = at(m.j_u, other)
+        row = (scale(-1.0, j_u), at(m.j_a, other), j_u, at(m.j_b, other))
         force = (ZERO, ZERO, ZERO, ZERO)
         for k in range(first, last):
             d = start.curves[q, k - first, other - first]
@@ -149,7 +147,7 @@ def _add_weight_derivatives(
         add_outer(values, group.block, q, c, force, row)
 
 
-@kernel
+@apart
 def add_outer(
     values: np.ndarray,
     block: np.ndarray,
@@ -168,7 +166,7 @@ def add_outer(
                         values[start + 3 * i + j] += c[p] * force[p][i] * row[r][j]
 
 
-@kernel
+@apart
 def add_spring(
     group: Coordinates,
     start: CoordinatesWorkspace,

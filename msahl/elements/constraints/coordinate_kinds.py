@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.elements.constraints.products import Products, ProductsWorkspace
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import apart, kernel
 
 PLAIN, RADIUS, ANGLE, ROUND, SKEW = range(5)
 MOST = 6
@@ -94,7 +94,7 @@ def skew_distance(m: np.ndarray, k: int, L: float) -> float:
     return (square * (1.0 - s * s) - a * a - b * b + 2.0 * s * a * b) / (2.0 * L)
 
 
-@kernel
+@apart
 def weigh(group: Coordinates, start: CoordinatesWorkspace, q: int) -> None:
     """Set change, weights and their derivatives from the products."""
     kind = group.kind[q]

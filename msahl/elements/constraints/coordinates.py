@@ -22,7 +22,7 @@ from msahl.elements.constraints.coordinate_kinds import (
 )
 from msahl.elements.constraints.products import PARTS, Q_A, Q_B, U_A, U_B
 from msahl.elements.frames import Frames, displacement_node, rotation_node
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import apart, kernel, unit
 
 
 @kernel
@@ -35,7 +35,7 @@ def prepare(
         start.value[q] = value(group, start, angle[q], q)
 
 
-@kernel
+@unit
 def evaluate(
     group: Coordinates, start: CoordinatesWorkspace, frames: Frames, Z: np.ndarray
 ) -> None:
@@ -61,27 +61,28 @@ def evaluate(
             start.force[q, Q_B, i] = t_b
 
 
-@kernel
+@unit
 def differentiate(
     group: Coordinates, start: CoordinatesWorkspace, frames: Frames, Z: np.ndarray
 ) -> None:
     """Set the derivatives of the changes by the unknowns at ``Z``, after ``evaluate``."""
+    m = start.products
+    products.differentiate(group.products, m, frames, Z)
     for q in range(group.kind.size):
         first = group.first[q]
         for part in range(PARTS):
             for i in range(3):
                 start.slope[q, part, i] = 0.0
         for k in range(first, group.first[q + 1]):
-            j_u, j_a, j_b = products.end_gradient(group.products, start.products, frames, Z, k)
             c = start.slopes[q, k - first]
             for i in range(3):
-                start.slope[q, U_A, i] -= c * j_u[i]
-                start.slope[q, Q_A, i] += c * j_a[i]
-                start.slope[q, U_B, i] += c * j_u[i]
-                start.slope[q, Q_B, i] += c * j_b[i]
+                start.slope[q, U_A, i] -= c * m.j_u[k, i]
+                start.slope[q, Q_A, i] += c * m.j_a[k, i]
+                start.slope[q, U_B, i] += c * m.j_u[k, i]
+                start.slope[q, Q_B, i] += c * m.j_b[k, i]
 
 
-@kernel
+@apart
 def push(
     group: Coordinates, start: CoordinatesWorkspace, frames: Frames, factor: float, F: np.ndarray
 ) -> None:
@@ -151,7 +152,7 @@ def count_rotations(group: Coordinates, start: CoordinatesWorkspace, angle: np.n
             start.value[q] = angle[q]
 
 
-@kernel
+@unit
 def rates(
     group: Coordinates, start: CoordinatesWorkspace, v: np.ndarray, W: np.ndarray, rate: np.ndarray
 ) -> None:

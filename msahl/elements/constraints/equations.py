@@ -25,7 +25,7 @@ from msahl.elements.constraints.coordinate_kinds import (
 from msahl.elements.constraints.coordinates import coordinate_acceleration, row_factor
 from msahl.elements.constraints.products import PARTS
 from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import apart, kernel
 
 SAME = 1e-7
 """Change of a coordinate [m or rad] below which a quotient becomes a derivative."""
@@ -49,7 +49,7 @@ class ConstraintEquations(NamedTuple):
     constraint_block: np.ndarray  # (r, 2, 4) and of the node by the parts
 
 
-@kernel
+@apart
 def coefficients(
     rows: ConstraintEquations, laws: Laws, start: CoordinatesWorkspace, r: int, side: int
 ) -> tuple[float, float, float, float]:

@@ -44,12 +44,13 @@ from msahl.algebra.vector import (
     put,
     scale,
     skew,
+    skew_product,
     sub,
     times,
     transpose,
 )
 from msahl.elements.frames import Frames, displacement, end_tangent, mean, rotation_increment
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import apart, kernel
 
 DOT, SLIDE, SLIP, ROLL = range(4)
 PARTS = 4
@@ -84,6 +85,9 @@ class ProductsWorkspace(NamedTuple):
     f: np.ndarray  # (m, 3) discrete gradient
     t_a: np.ndarray
     t_b: np.ndarray
+    j_u: np.ndarray  # (m, 3) derivative of dm by the unknowns of the step
+    j_a: np.ndarray
+    j_b: np.ndarray
 
 
 @kernel
@@ -128,7 +132,7 @@ def evaluate(group: Products, start: ProductsWorkspace, frames: Frames, Z: np.nd
         put(start.t_b, k, t_b)
 
 
-@kernel
+@apart
 def gradient(
     group: Products, start: ProductsWorkspace, frames: Frames, Z: np.ndarray, k: int
 ) -> tuple[float, Vector, Vector, Vector]:
@@ -161,6 +165,16 @@ def gradient(
         elif owner == b:
             t_b = add(t_b, cross(n, D))
     return change, n, t_a, t_b
+
+
+@kernel
+def differentiate(group: Products, start: ProductsWorkspace, frames: Frames, Z: np.ndarray) -> None:
+    """Set the derivatives of every product's change by the unknowns."""
+    for k in range(group.kind.size):
+        j_u, j_a, j_b = end_gradient(group, start, frames, Z, k)
+        put(start.j_u, k, j_u)
+        put(start.j_a, k, j_a)
+        put(start.j_b, k, j_b)
 
 
 @kernel
@@ -254,8 +268,8 @@ def stiffness(
     n = mean(frames, Z, owner, n0)
     T_n = end_tangent(frames, Z, owner, n0)
     if kind == DOT:
-        S_a = product(skew(mean(frames, Z, b, e0)), T_n)
-        S_b = product(skew(n), end_tangent(frames, Z, b, e0))
+        S_a = skew_product(mean(frames, Z, b, e0), T_n)
+        S_b = skew_product(n, end_tangent(frames, Z, b, e0))
         add_block(values, block[pair, 4 * Q_A + Q_A], 0.5 * c[Q_A], S_a)
         add_block(values, block[pair, 4 * Q_A + Q_B], -0.5 * c[Q_A], S_b)
         add_block(values, block[pair, 4 * Q_B + Q_A], -0.5 * c[Q_B], S_a)
@@ -267,10 +281,10 @@ def stiffness(
         by_e = product(
             rim_slope(at(start.r_a, k), mean(frames, Z, b, e0)), end_tangent(frames, Z, b, e0)
         )
-        add_block(values, block[pair, 4 * Q_B + Q_B], 0.5 * c[Q_B], product(skew(n0), T_b))
-        add_block(values, block[pair, 4 * Q_B + Q_B], 0.5 * c[Q_B], product(skew(n0), by_e))
+        add_block(values, block[pair, 4 * Q_B + Q_B], 0.5 * c[Q_B], skew_product(n0, T_b))
+        add_block(values, block[pair, 4 * Q_B + Q_B], 0.5 * c[Q_B], skew_product(n0, by_e))
         return
-    N_a, N_b = product(skew(n), T_a), product(skew(n), T_b)
+    N_a, N_b = skew_product(n, T_a), skew_product(n, T_b)
     add_block(values, block[pair, 4 * Q_B + Q_B], 0.5 * c[Q_B], N_b)
     add_block(values, block[pair, 4 * Q_A + Q_A], -0.5 * c[Q_A], N_a)
     if owner in (a, b):
@@ -297,8 +311,8 @@ def _owner_stiffness(
     n = mean(frames, Z, owner, at(start.n, k))
     T_n, N_a, N_b = slopes
     rotated = Q_A if owner == a else Q_B
-    arm_a = product(skew(mean(frames, Z, a, at(start.r_a, k))), T_n)
-    arm_b = product(skew(mean(frames, Z, b, at(start.r_b, k))), T_n)
+    arm_a = skew_product(mean(frames, Z, a, at(start.r_a, k)), T_n)
+    arm_b = skew_product(mean(frames, Z, b, at(start.r_b, k)), T_n)
     add_block(values, block[4 * U_B + rotated], -0.5 * c[U_B], T_n)
     add_block(values, block[4 * U_A + rotated], 0.5 * c[U_A], T_n)
     add_block(values, block[4 * Q_B + rotated], -0.5 * c[Q_B], arm_b)
@@ -306,14 +320,14 @@ def _owner_stiffness(
     if group.kind[k] == SLIDE:
         D = axpy(0.5, moved(group, start, frames, Z, k), at(start.D, k))
         half = 0.5 * c[rotated]
-        add_block(values, block[4 * rotated + rotated], half, product(skew(D), T_n))
+        add_block(values, block[4 * rotated + rotated], half, skew_product(D, T_n))
         add_block(values, block[4 * rotated + U_B], half, skew(n))
         add_block(values, block[4 * rotated + U_A], -half, skew(n))
         add_block(values, block[4 * rotated + Q_B], -half, N_b)
         add_block(values, block[4 * rotated + Q_A], half, N_a)
 
 
-@kernel
+@apart
 def free_acceleration(
     group: Products, start: ProductsWorkspace, v: np.ndarray, W: np.ndarray, k: int
 ) -> tuple[float, float]:

@@ -129,7 +129,8 @@ def tolerance_factor(
     An equation is known no better than the round-off of its largest term. The force of a stiff
     spring can be much larger than the motion in a step, by which residuals are judged otherwise.
     """
-    return step / max(step, start.coordinates.term_size[node])
+    size = start.coordinates.term_size[node]
+    return 1.0 if size <= step else step / max(step, size)
 
 
 @optional()

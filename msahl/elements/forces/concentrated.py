@@ -48,10 +48,10 @@ from msahl.algebra.vector import (
     dot,
     matrix_at,
     multiple,
-    product,
     put,
     scale,
     skew,
+    skew_product,
     times,
 )
 from msahl.elements.frames import (
@@ -228,7 +228,7 @@ def _add_blocks(
     ``acting``. Arm, force and moment change with the rotations by minus ``by_rotation``.
     """
     r, f = acting
-    by_arm, by_lever = product(skew(f), by_rotation[0]), product(skew(r), by_rotation[1])
+    by_arm, by_lever = skew_product(f, by_rotation[0]), skew_product(r, by_rotation[1])
     c_rotation = c / frames.length[group.frame[k]]
     for i in range(3):
         for j in range(3):

@@ -37,6 +37,7 @@ from msahl.algebra.vector import (
     put,
     scale,
     skew,
+    skew_product,
     times,
 )
 from msahl.elements.constraints.products import add_block
@@ -128,7 +129,7 @@ def add_derivatives(
         add_block(by_rate, group.block[k, 1], -c / length, by_W)
         add_block(by_rate, group.block[k, 2], c / length, lever)
         add_block(by_rate, group.block[k, 3], -c / length**2, product(r, by_W))
-        by_arm = product(by_V, product(skew(at(motion.W, b)), r))
+        by_arm = product(by_V, skew_product(at(motion.W, b), r))
         add_block(by_place, group.block[k, 1], -c / length, by_arm)
         add_block(by_place, group.block[k, 3], -c / length**2, product(r, by_arm))
         add_block(by_place, group.block[k, 3], c / length**2, product(f, r))
@@ -195,7 +196,7 @@ def mean_jacobian(
         by_Q = product(by_V, T)
         c = dt2 * frames.inverse_mass[b]
         c_rotation = c / frames.length[b]
-        lever = product(skew(force(group.coefficient[k], V)), T)
+        lever = skew_product(force(group.coefficient[k], V), T)
         add_block(values, group.block[k, 0], -c / h, by_V)
         add_block(values, group.block[k, 1], c / h, by_Q)
         add_block(values, group.block[k, 2], -c_rotation / h, product(r, by_V))

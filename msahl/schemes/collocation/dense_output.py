@@ -36,7 +36,7 @@ from msahl.algebra.vector import (
 from msahl.elements import forces
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
-from msahl.jit.kernel import apart, kernel
+from msahl.jit.kernel import apart, kernel, unit
 from msahl.schemes import accelerations
 from msahl.schemes.accelerations import Instant
 from msahl.schemes.collocation import local_rotation
@@ -181,7 +181,7 @@ def copy_end(point: StepEnd, other: StepEnd) -> None:
         other.work[w] = point.work[w]
 
 
-@kernel
+@unit
 def fit(output: DenseOutput, instant: Instant) -> None:
     """Fit the polynomials between ``begin`` and ``end``."""
     begin, end, curve = output.begin, output.end, output.curve
@@ -280,7 +280,7 @@ def interpolate(output: DenseOutput, h: float, tau: float) -> None:
     _prepare(output, begin.angle)
 
 
-@apart
+@unit
 def save_accelerations(output: DenseOutput, instant: Instant, h: float, m: int) -> None:
     """Set the ``inner`` condition ``m`` to the accelerations of the interpolated state."""
     workspace, begin = output.workspace, output.begin
@@ -301,7 +301,7 @@ def save_accelerations(output: DenseOutput, instant: Instant, h: float, m: int) 
         put(output.inner[m], rotation_node(frames, b), scale(h * h, c_ddot))
 
 
-@apart
+@unit
 def write_row(output: DenseOutput, instant: Instant, tau: float, row: int) -> None:
     """Write the state at the fraction ``tau`` of the fitted step into a ``row`` of the tables."""
     workspace, begin, end = output.workspace, output.begin, output.end

@@ -63,7 +63,7 @@ from msahl.elements.frames import (
     moving_count,
     rotation_node,
 )
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import kernel, unit
 from msahl.schemes.collocation import jacobian, local_rotation
 from msahl.schemes.collocation.workspace import StageArrays, moment_for_parameters, set_node
 from msahl.schemes.midpoint import equations
@@ -71,7 +71,7 @@ from msahl.system.arrays import State, System, SystemWorkspace
 from msahl.system.evaluate import prepare
 
 
-@kernel
+@unit
 def evaluate(
     system: System, state: State, start: SystemWorkspace, stages: StageArrays, h: float, fresh: bool
 ) -> float:
@@ -182,7 +182,7 @@ def _set_constraint_accelerations(
     scalar.motion_work(system.scalar, frames, t, h * weight, stages.at_rest, stages.work)
 
 
-@kernel
+@unit
 def _set_force_accelerations(system: System, stages: StageArrays, h: float, i: int) -> None:
     """Set ``stages.accelerations`` to those by the forces at c_i; set the constraint equations
     between rates, and add the work of the forces.

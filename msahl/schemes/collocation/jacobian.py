@@ -28,7 +28,7 @@ from msahl.elements import forces
 from msahl.elements.constraints import coincide, scalar
 from msahl.elements.constraints.products import add_block
 from msahl.elements.frames import first_multiplier, rotation_node
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import kernel, unit
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.workspace import BODY, VIOLATION, StageArrays, moment_for_parameters
 from msahl.system.arrays import System, SystemWorkspace
@@ -46,7 +46,7 @@ def clear(system: System, stages: StageArrays) -> None:
                 values[e, k, k] = system.constant[stages.needed[e]]
 
 
-@kernel
+@unit
 def add_constraints(system: System, stages: StageArrays, h: float, row: int, k: int) -> None:
     """Add the constraint equations of stage ``row`` and the constraint forces of stage ``k``."""
     _differentiate_constraints(system, stages)
@@ -54,7 +54,7 @@ def add_constraints(system: System, stages: StageArrays, h: float, row: int, k: 
     _enter_constraints(stages, h, row, k)
 
 
-@kernel
+@unit
 def add_forces(
     system: System, start: SystemWorkspace, stages: StageArrays, h: float, i: int
 ) -> None:

@@ -16,7 +16,7 @@ from msahl.algebra.vector import copy
 from msahl.elements.constraints.scalar import clear_rate_violations
 from msahl.elements.forces import ReactionForces, pressed_by_reactions
 from msahl.elements.frames import first_multiplier
-from msahl.jit.kernel import apart, kernel
+from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import block_lu
 from msahl.model.scheme import COLLOCATION
 from msahl.schemes import accelerations
@@ -204,7 +204,7 @@ def gather_stages(lu: Elimination, F: np.ndarray, y: np.ndarray) -> None:
             y[k, j] = F[j, lu.order[k] // 3, lu.order[k] % 3]
 
 
-@kernel
+@unit
 def accept_step(subsystem: CollocationWorkspace, h: float) -> None:
     """Advance the state by the solved step and project its velocities onto the constraints."""
     workspace, stages = subsystem.workspace, subsystem.stages
@@ -265,7 +265,7 @@ def record_step(
             dense_output.write_row(output, instant, share[row], row)
 
 
-@apart
+@unit
 def take_step(subsystem: CollocationWorkspace, h: float) -> bool:
     """Take a step of size ``h`` if it converges, and return whether it did; ``subsystem.outcome``
     receives its residual and worst row.

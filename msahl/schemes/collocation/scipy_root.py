@@ -9,7 +9,7 @@ import numpy as np
 
 from msahl.elements.constraints.scalar import clear_rate_violations
 from msahl.elements.frames import first_multiplier
-from msahl.jit.compiled import compiled
+from msahl.jit.compiled import Call, compiled
 from msahl.schemes.collocation import newton, predictor
 from msahl.schemes.collocation.newton import CollocationWorkspace
 from msahl.schemes.midpoint.free_equations import is_implausible
@@ -50,6 +50,18 @@ class _Equations:
     def is_solved(self) -> bool:
         """Whether the rows evaluated last are solved."""
         return self.outcome.converged
+
+
+def calls(subsystem: CollocationWorkspace) -> list[Call]:
+    """Return the compiled functions that a step needs, with arguments; see ``Stepper.calls``."""
+    workspace = subsystem.workspace
+    z = np.empty((1, 1))
+    parts = (workspace.system, workspace.state, workspace.start, subsystem.stages)
+    return [
+        (_evaluate, (subsystem, 0.0, z, z, True)),
+        (_predict, (*parts, 0.0)),
+        (_accept_step, (subsystem, 0.0)),
+    ]
 
 
 def take_step(

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from msahl.jit.compiled import compiled
+from msahl.jit.compiled import Call, compiled
 from msahl.model.scheme import COLLOCATION
 from msahl.schemes.collocation import dense_output, newton, step_control
 from msahl.schemes.collocation.newton import CollocationWorkspace, new_collocation_workspace
@@ -56,6 +56,19 @@ class CollocationMethod:
         kind = "points" if self.workspace.system.scalar is None else "along"
         friction = "" if self.subsystem.pressed is None else "-friction"
         return f"{kind}{friction}-collocation"
+
+    @property
+    def calls(self) -> list[Call]:
+        """See ``StepMethod``."""
+        return [(_take_steps, (self.subsystem, 0.0, 0, 0, NO_ROWS, NO_TIMES))]
+
+    @property
+    def rare_calls(self) -> list[Call]:
+        """See ``StepMethod``; scipy is slow to import."""
+        from msahl.schemes.collocation import scipy_root
+
+        rows = (NO_ROWS, NO_TIMES)
+        return [*scipy_root.calls(self.subsystem), (_record_step, (self.subsystem, 0.0, 0, *rows))]
 
     @property
     def memory(self) -> StageArrays:
@@ -143,6 +156,11 @@ class AdaptiveStepper:
     def kind(self) -> str:
         """See ``Stepper``."""
         return f"{self.method.kind}-adaptive"
+
+    @property
+    def calls(self) -> list[Call]:
+        """See ``Stepper``."""
+        return [(_take_pairs, (self.method.subsystem, self.control, self.order, 0, NO_TIMES))]
 
     @property
     def memory(self) -> Any:

@@ -30,7 +30,7 @@ from msahl.elements.frames import (
     moving_count,
     rotation_node,
 )
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import kernel, unit
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.tableau import Tableau
 from msahl.system import evaluate
@@ -191,7 +191,7 @@ def _rate_rows(system: System) -> np.ndarray:
     return np.repeat(rows[system.blocks[:, 0]].reshape(-1), 3)
 
 
-@kernel
+@unit
 def set_node(system: System, state: State, stages: StageArrays, h: float, n: int) -> None:
     """Set ``stages.state`` and ``stages.start`` to the time node ``n`` of the tableau; where only
     inertia and gravity act there, set just what inertia needs.

@@ -49,7 +49,7 @@ from msahl.elements.frames import (
     rotation_increment,
     rotation_node,
 )
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import apart, kernel, unit
 from msahl.system.arrays import State, System, SystemWorkspace
 from msahl.system.evaluate import dt2, joint_jacobian, set_reactions
 
@@ -60,7 +60,7 @@ def set_loads(system: System, state: State, start: SystemWorkspace, h: float) ->
     return forces.over_step(system.forces, start.forces, state.time[0], h)
 
 
-@kernel
+@apart
 def predict(system: System, state: State, start: SystemWorkspace, h: float, Z: np.ndarray) -> None:
     """Set ``Z`` to the predicted unknowns, by extrapolated accelerations and constraint forces.
 
@@ -118,7 +118,7 @@ def save_change(trend: np.ndarray, k: int, change: Vector) -> None:
     put(trend[0], k, change)
 
 
-@kernel
+@unit
 def residual(
     system: System, state: State, start: SystemWorkspace, h: float, Z: np.ndarray, F: np.ndarray
 ) -> None:
@@ -131,7 +131,7 @@ def residual(
     forces.mean_residual(system.forces, start.forces, system.scalar, frames, (h, h2), Z, F)
 
 
-@kernel
+@unit
 def jacobian(
     system: System, start: SystemWorkspace, h: float, Z: np.ndarray, values: np.ndarray
 ) -> None:
@@ -148,20 +148,21 @@ def jacobian(
 @kernel
 def step_length(system: System, start: SystemWorkspace, h: float, Z: np.ndarray) -> float:
     """Length of the step [m], relative to which a residual is judged: its largest term."""
-    largest = 0.0
-    for i in range(3):
-        largest = max(largest, dt2(system, h) * abs(system.bodies.gravity[i]))
+    h2, gravity = dt2(system, h), system.bodies.gravity
+    # A maximum for each component: one for all would have every comparison wait for the last one.
+    x, y, z = h2 * abs(gravity[0]), h2 * abs(gravity[1]), h2 * abs(gravity[2])
     for b in range(moving_count(system.frames)):
-        for i in range(3):
-            largest = max(largest, h * abs(start.frames.v[b, i]))
-            largest = max(largest, h * abs(start.frames.W[b, i]) * system.frames.length[b])
+        v, W, length = at(start.frames.v, b), at(start.frames.W, b), system.frames.length[b]
+        x = max(x, h * abs(v[0]), h * abs(W[0]) * length)
+        y = max(y, h * abs(v[1]), h * abs(W[1]) * length)
+        z = max(z, h * abs(v[2]), h * abs(W[2]) * length)
     for node in range(Z.shape[0]):
-        for i in range(3):
-            largest = max(largest, abs(Z[node, i]))
-    return largest
+        u = at(Z, node)
+        x, y, z = max(x, abs(u[0])), max(y, abs(u[1])), max(z, abs(u[2]))
+    return max(x, y, z)
 
 
-@kernel
+@apart
 def accept(
     system: System, state: State, start: SystemWorkspace, h: float, Z: np.ndarray, F: np.ndarray
 ) -> None:

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from msahl.elements.constraints import scalar
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import apart, kernel
 from msahl.linalg import dense
 from msahl.schemes.midpoint import equations
 from msahl.schemes.midpoint.workspace import Workspace
@@ -58,7 +58,7 @@ def jacobian(workspace: Workspace, h: float, z: np.ndarray, A: np.ndarray) -> No
     dense.scatter_matrix(unknowns.dense_to, unknowns.dense_from, workspace.values, A)
 
 
-@kernel
+@apart
 def relative_residual(workspace: Workspace, h: float) -> tuple[float, int, float]:
     """Largest free residual relative to the step's length, or to the loads in it if they are
     larger; its index among the flat rows; and the step's length [m].

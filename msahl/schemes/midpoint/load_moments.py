@@ -6,7 +6,7 @@ The law is in ``elements.forces.concentrated``.
 from msahl.algebra.vector import ZERO, at, put, scale
 from msahl.elements import forces
 from msahl.elements.frames import displacement_node, moving_count, offset, rotation_node
-from msahl.jit.kernel import apart, kernel
+from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import dense, sparse_lu
 from msahl.schemes.midpoint import equations
 from msahl.schemes.midpoint.workspace import Workspace
@@ -17,7 +17,7 @@ NO_STEP = 1e-100
 is still a normal number."""
 
 
-@kernel
+@unit
 def set_loads(workspace: Workspace, h: float) -> None:
     """Set the loads over a step ``h`` from the prepared state, before the step is predicted."""
     if equations.set_loads(workspace.system, workspace.state, workspace.start, h):

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from msahl.elements.frames import first_multiplier
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import dense, sparse_lu
 from msahl.schemes.midpoint import equations, load_moments
 from msahl.schemes.midpoint.free_equations import is_implausible, relative_residual
@@ -27,7 +27,7 @@ DIVERGED = 1e3
 """Residual relative to the smallest so far at which the iteration is given up."""
 
 
-@kernel
+@apart
 def iterate(workspace: Workspace, h: float) -> tuple[float, int]:
     """Solve one step from the prediction in ``Z``; return its relative residual and worst row."""
     system, state, start, Z, F = (
@@ -104,7 +104,7 @@ def remove_null_violation(workspace: Workspace) -> None:
             F[node, lu.order[k] % 3] += workspace.system.relaxation * y[k]
 
 
-@kernel
+@unit
 def take_step(workspace: Workspace, h: float, share: float) -> tuple[float, int]:
     """Take a step of size ``h``, a ``share`` of the requested one, if it converges; return its
     relative residual and worst row.

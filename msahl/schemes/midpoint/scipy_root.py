@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import root
 
 from msahl.elements.frames import first_multiplier
-from msahl.jit.compiled import compiled
+from msahl.jit.compiled import Call, compiled
 from msahl.schemes.midpoint import free_equations, load_moments, workspace
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.schemes.outcome import EVALUATION, Outcome
@@ -59,6 +59,18 @@ class _Equations:
     def is_solved(self) -> bool:
         """Whether the rows evaluated last are solved."""
         return self.outcome.converged
+
+
+def calls(workspace: Workspace) -> list[Call]:
+    """Return the compiled functions that a step needs, with arguments; see ``Stepper.calls``."""
+    z = np.empty(0)
+    return [
+        (_set_loads, (workspace, 0.0)),
+        (_predict, (workspace, 0.0, z)),
+        (_residual, (workspace, 0.0, z, z)),
+        (_jacobian, (workspace, 0.0, z, z)),
+        (_accept_step, (workspace, 0.0, 0.0)),
+    ]
 
 
 def take_step(

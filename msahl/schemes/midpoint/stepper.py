@@ -3,7 +3,9 @@
 from collections.abc import Callable
 from typing import Any
 
-from msahl.jit.compiled import compiled
+import numpy as np
+
+from msahl.jit.compiled import Call, compiled
 from msahl.schemes import accelerations
 from msahl.schemes.accelerations import new_instant
 from msahl.schemes.midpoint import newton, workspace
@@ -37,6 +39,28 @@ class MidpointMethod:
         kind = "points" if self.workspace.system.scalar is None else "along"
         kind += "-exponential" if self.workspace.system.frames.exponential else ""
         return kind if self.instant is None else f"{kind}-instantaneous"
+
+    @property
+    def calls(self) -> list[Call]:
+        """See ``StepMethod``."""
+        steps, rows = (0.0, 0, 0), np.zeros(0, dtype=np.int64)
+        if self.instant is None:
+            return [(_take_steps, (self.workspace, *steps, rows))]
+        return [(_take_steps_instantaneous, (self.workspace, self.instant, *steps, rows))]
+
+    @property
+    def rare_calls(self) -> list[Call]:
+        """See ``StepMethod``; scipy is slow to import."""
+        from msahl.schemes.midpoint import scipy_root
+
+        calls: list[Call] = [
+            *scipy_root.calls(self.workspace),
+            (_take_step, (self.workspace, 0.0, 0.0)),
+            (_record_step, (self.workspace, 0.0, 0, 0)),
+        ]
+        if self.instant is not None:
+            calls.append((_write_reactions, (self.workspace, self.instant, 0)))
+        return calls
 
     @property
     def counters(self) -> dict[str, Any]:

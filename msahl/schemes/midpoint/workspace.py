@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.elements import forces, reactions, rigid_body
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import apart, unit
 from msahl.schemes.midpoint import equations
 from msahl.system import evaluate
 from msahl.system.arrays import (
@@ -63,7 +63,7 @@ def new_workspace(system: System, unknowns: Unknowns, state: State, chunk: int) 
     )
 
 
-@kernel
+@unit
 def accept_step(workspace: Workspace, h: float, share: float) -> None:
     """Advance the state by the solved step of size ``h``, a ``share`` of the requested one; prepare
     the next.
@@ -80,7 +80,7 @@ def accept_step(workspace: Workspace, h: float, share: float) -> None:
             workspace.mean_reaction[k, i] += share * workspace.state.reaction[k, i]
 
 
-@kernel
+@apart
 def record_step(workspace: Workspace, h: float, step: int, row: int) -> None:
     """Write the state accepted after a step ``h`` to row ``step`` of the monitor, and to ``row`` of
     the tables unless that is negative.
@@ -96,7 +96,7 @@ def record_step(workspace: Workspace, h: float, step: int, row: int) -> None:
             workspace.mean_reaction[k, i] = 0.0
 
 
-@kernel
+@apart
 def write_row(workspace: Workspace, h: float, row: int) -> None:
     """Write the accepted state to a ``row`` of the tables, with the mean reactions over the step
     ``h`` before it.

@@ -1,0 +1,100 @@
+"""Lists the compiled code that commands need, for every kind of model."""
+
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import click
+
+from msahl.deck import DeckError, read_deck
+from msahl.jit import by_size
+from msahl.jit.compiled import Call, prepare
+from msahl.model import Model, Options, resolve
+from msahl.model.scheme import AUTO, EXPONENTIAL
+from msahl.model.settings import INSTANTANEOUS
+from msahl.resources import example_deck, example_decks
+from msahl.run.setup import build_setup
+from msahl.start.velocities import StartError
+
+VARIANTS: tuple[tuple[dict[str, Any], str], ...] = (
+    ({}, "auto"),
+    ({}, "root"),
+    ({"reactions": INSTANTANEOUS}, "auto"),
+    ({"rotation_update": EXPONENTIAL}, "auto"),
+    ({"rotation_update": EXPONENTIAL, "reactions": INSTANTANEOUS}, "auto"),
+    ({"scheme": "gauss"}, "auto"),
+    ({"scheme": "gauss"}, "root"),
+    ({"scheme": AUTO}, "newton"),
+)
+"""Changes of a deck's simulation, and solvers, that need different code; decaying runs that of
+preserving, radau that of gauss, and degrees, steps and damping change nothing."""
+COMMANDS = ("energy", "constraints")
+"""Commands of ``msahl-post`` that need compiled code."""
+TYPICAL = ("joints/spherical.xml", "joints/revolute.xml")
+"""Decks without and with scalar constraint equations."""
+
+
+def calls_of_run(model: Model, options: Options) -> list[Call]:
+    """Return the compiled functions that a run calls, with arguments."""
+    return build_setup(model, resolve(model.simulation, options), None).calls
+
+
+def compile_everything(tell: Callable[[str], Any]) -> None:
+    """Compile all kernels for every kind of model: of runs, reports and studies."""
+    tell("compiling the kernels of all kinds of models")
+    models = list(_models())
+    prepare([call for model in models for call in _calls(model)])
+    tell("compiling the kernels of large models, reports and studies")
+    by_size.LARGE, large = 1, by_size.LARGE
+    try:
+        for model in models:
+            prepare(_calls(model))
+    finally:
+        by_size.LARGE = large
+    _use_results()
+
+
+def _models() -> Iterator[Model]:
+    """Yield the example decks that are installed with the package."""
+    for path in example_decks():
+        with suppress(DeckError):
+            yield read_deck(path)
+
+
+def _calls(model: Model) -> Iterator[Call]:
+    """Yield the calls of runs of a model in all variants."""
+    for changes, solver in VARIANTS:
+        changed = replace(model, simulation=replace(model.simulation, **changes))
+        with suppress(StartError):
+            yield from calls_of_run(changed, Options(solver=solver))
+
+
+def _use_results() -> None:
+    """Run some decks for a moment, and evaluate and study them."""
+    from msahl.cli.main import main
+    from msahl.post.cli import main as post
+
+    with _silence(), tempfile.TemporaryDirectory() as folder:
+        for name in TYPICAL:
+            deck, out = str(example_deck(name)), f"{folder}/{Path(name).stem}"
+            _call(main, "run", deck, "-q", "-o", out, "--t-final", "0.05")
+            for command in COMMANDS:
+                _call(post, command, out)
+            study = ("--t-final", "0.2", "--budget", "1", "--reference", "independent")
+            _call(main, "study", deck, "-o", f"{out}-study", *study)
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Discard what commands print."""
+    with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
+        yield
+
+
+def _call(command: click.Command, *words: str) -> None:
+    with suppress(SystemExit, click.exceptions.Exit):
+        command.main(list(words), standalone_mode=False)

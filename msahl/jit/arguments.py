@@ -1,0 +1,189 @@
+"""Describes the arguments of compiled code, and lays them out in memory, without a compiler.
+
+A kernel is compiled for types: a float, an int, a bool, None, an array of a number of dimensions,
+a group (``NamedTuple``) or a tuple of these. Here a type is a nested tuple of words, its
+*description*; two calls with equal descriptions run the same machine code. Compiled code is entered
+with the address of one block of memory that holds all arguments one after the other, as a C struct:
+
+    float, int       8 bytes
+    bool             1 byte, aligned by what follows
+    None             8 bytes without meaning
+    array            two null pointers, number of entries, bytes of an entry, address of the first,
+                     shape, strides: 8 bytes each (numba's layout of an array)
+    group, tuple     its members, in place
+"""
+
+import ctypes
+import hashlib
+import struct
+import typing
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+Description = tuple[Any, ...] | str
+
+FLOAT, INT, BOOL, NONE = "float", "int", "bool", "none"
+GROUP, ARRAY, TUPLE = "group", "array", "tuple"
+_SCALARS: dict[type, str] = {
+    float: FLOAT,
+    np.float64: FLOAT,
+    int: INT,
+    np.int64: INT,
+    bool: BOOL,
+    np.bool_: BOOL,
+    type(None): NONE,
+}
+_FORMATS = {FLOAT: "d", INT: "q", BOOL: "?", NONE: "q"}
+MOST_BLOCKS = 64
+"""Largest number of blocks that are kept for repeated calls."""
+
+
+def describe(value: Any) -> Description:
+    """Return the description of a value; raise TypeError for what no kernel takes."""
+    scalar = _SCALARS.get(type(value))
+    if scalar is not None:
+        return scalar
+    if isinstance(value, np.ndarray):
+        order = "C" if value.flags.c_contiguous else "F" if value.flags.f_contiguous else "A"
+        return (ARRAY, value.dtype.name, value.ndim, order)
+    if isinstance(value, tuple) and hasattr(value, "_fields"):
+        members = tuple(describe(part) for part in value)
+        return (GROUP, type(value).__name__, tuple(zip(value._fields, members, strict=True)))
+    if isinstance(value, tuple):
+        return (TUPLE, tuple(describe(part) for part in value))
+    raise TypeError(f"a kernel takes no {type(value).__name__}")
+
+
+def digest(descriptions: Sequence[Description]) -> str:
+    """Return a short name for the types of all arguments."""
+    return hashlib.sha256(repr(tuple(descriptions)).encode()).hexdigest()[:16]
+
+
+@cache
+def result_of(function: Callable[..., Any]) -> Description | None:
+    """Return the description of what a kernel returns, by its annotation; None where that does not
+    say it, or where the function cannot be found by its name.
+
+    A kernel with such a description is compiled apart from those that call it.
+    """
+    if "<" in function.__qualname__:
+        return None
+    hints = typing.get_type_hints(function)
+    return _described(hints["return"]) if "return" in hints else None
+
+
+def _described(hint: Any) -> Description | None:
+    """Return the description of an annotation; None if it has none."""
+    if typing.get_origin(hint) is tuple:
+        parts = tuple(_described(part) for part in typing.get_args(hint))
+        return None if None in parts else (TUPLE, parts)
+    return _SCALARS.get(hint) if isinstance(hint, type) else None
+
+
+def symbol_of(module: str, name: str, arguments: Sequence[Description]) -> str:
+    """Return the name under which the machine code of a kernel is found."""
+    return f"{module}.{name}-{digest(arguments)}"
+
+
+class Block:
+    """The arguments of one kind of call in memory: groups for ever, numbers and arrays by call."""
+
+    def __init__(self, arguments: Sequence[Any]) -> None:
+        self._groups = [value for value in arguments if isinstance(value, tuple)]  # kept alive
+        self._changing: list[tuple[int, int, str]] = []  # number of the argument, place, format
+        constant: list[tuple[int, str, Any]] = []
+        size = 0
+        for number, value in enumerate(arguments):
+            if not isinstance(value, tuple):
+                form = _format(value)
+                size += -size % struct.calcsize(form[-1])
+                self._changing.append((number, size, form))
+                size += struct.calcsize(form)
+                continue
+            for form, content in _numbers(value):
+                size += -size % struct.calcsize(form)
+                constant.append((size, form, content))
+                size += struct.calcsize(form)
+        self.memory = ctypes.create_string_buffer(max(8, size + -size % 8))
+        for place, form, content in constant:
+            struct.pack_into(form, self.memory, place, content)
+        self.address = ctypes.addressof(self.memory)
+
+    def update(self, arguments: Sequence[Any]) -> None:
+        """Write the arguments that are numbers or arrays."""
+        for number, place, form in self._changing:
+            value = arguments[number]
+            if isinstance(value, np.ndarray):
+                struct.pack_into(form, self.memory, place, *_array(value))
+            else:
+                struct.pack_into(form, self.memory, place, 0 if value is None else value)
+
+
+def _format(value: Any) -> str:
+    """Return the format of a number or an array in memory, as of ``struct``."""
+    if isinstance(value, np.ndarray):
+        return f"{5 + 2 * value.ndim}q"
+    return _FORMATS[_SCALARS[type(value)]]
+
+
+def _array(value: np.ndarray) -> tuple[int, ...]:
+    """Return the numbers that stand for an array in memory."""
+    address = value.__array_interface__["data"][0]
+    return 0, 0, value.size, value.itemsize, address, *value.shape, *value.strides
+
+
+def _numbers(group: tuple[Any, ...]) -> Iterator[tuple[str, Any]]:
+    """Yield format and value of all numbers that stand for a group in memory."""
+    for value in group:
+        if isinstance(value, np.ndarray):
+            yield from (("q", number) for number in _array(value))
+        elif isinstance(value, tuple):
+            yield from _numbers(value)
+        else:
+            yield _format(value), 0 if value is None else value
+
+
+class Blocks:
+    """The blocks of the last calls, by the identity of their groups, each with the function that
+    takes it.
+    """
+
+    def __init__(self) -> None:
+        self._known: OrderedDict[tuple[Any, ...], tuple[Block, Callable[..., Any]]] = OrderedDict()
+
+    def find(self, arguments: Sequence[Any]) -> tuple[Block, Callable[..., Any]] | None:
+        """Return the block of an earlier call with the same groups, with the present numbers and
+        arrays; None if there is none.
+        """
+        key = tuple(map(_identity, arguments))
+        found = self._known.get(key)
+        if found is not None:
+            self._known.move_to_end(key)
+            found[0].update(arguments)
+        return found
+
+    def add(
+        self, arguments: Sequence[Any], enter: Callable[..., Any]
+    ) -> tuple[Block, Callable[..., Any]]:
+        """Return a new block with its function, and keep them for calls to come."""
+        block = Block(arguments)
+        block.update(arguments)
+        known = self._known[tuple(map(_identity, arguments))] = block, enter
+        if len(self._known) > MOST_BLOCKS:
+            self._known.popitem(last=False)
+        return known
+
+
+def _identity(value: Any) -> Any:
+    """Return what distinguishes an argument from others: the type of a number or an array, else the
+    identity.
+    """
+    if isinstance(value, tuple):
+        return id(value)
+    if isinstance(value, np.ndarray):
+        return value.dtype, value.ndim, value.flags.c_contiguous, value.flags.f_contiguous
+    return type(value)

@@ -1,0 +1,25 @@
+"""Runs a kernel compiled for a large system, and as plain Python for a small one.
+
+What is done once in a run takes plain Python a tenth of a millisecond a body. Compiling takes
+seconds, and a compiled kernel takes milliseconds to load: worth it from some hundred bodies on.
+Both give the same digits.
+"""
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+from msahl.jit.compiled import compiled
+
+LARGE = 400
+"""Bodies, or other elements, from which a kernel is run compiled."""
+
+
+def by_size(function: Callable[..., Any], size: int) -> Callable[..., Any]:
+    """Return the kernel ``function`` as it is for fewer than ``LARGE`` elements, else compiled."""
+    return _compiled(function) if size >= LARGE else function
+
+
+@cache
+def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    return compiled(function)

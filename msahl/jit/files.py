@@ -1,0 +1,143 @@
+"""Finds object files: those of the installed package first, then those in the user's folder.
+
+The name of a file lists everything its content depends on: the kernel and its types of arguments,
+its sources (``reach``), the processor, and in the user's folder the compiler. Files of the package
+are made for two levels of x86-64 (``PORTABLE``), and can be loaded without any compiler.
+"""
+
+import hashlib
+import os
+import platform
+import sys
+from functools import cache, cached_property
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import platformdirs
+
+from msahl.jit.kernel_store import HEAD, Store, digest_of
+from msahl.jit.object_file import Name, ObjectFile
+from msahl.jit.reach import PACKAGE, changed, own_digest, resolve, source_digest
+
+LAYOUT = 3
+"""Version of the format of object files."""
+SETTINGS = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_OPT")
+"""Variables of the environment that change what the compiler makes."""
+FEATURES_V3 = ("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
+PORTABLE = {"x86-64-v3": FEATURES_V3, "x86-64": ()}
+"""Processors that the files of a package are made for, the fastest first, and what they need."""
+
+
+def user_folder() -> Path:
+    """Return the folder of the user's object files."""
+    kept = os.environ.get("NUMBA_CACHE_DIR")
+    return Path(kept or platformdirs.user_cache_dir("msahl", appauthor=False)) / "kernels"
+
+
+class Files:
+    """Object files by kernel and types of arguments."""
+
+    def __init__(self, store: Store) -> None:
+        self.store = store
+
+    def find(self, name: Name) -> ObjectFile | None:
+        """Return the machine code of a kernel; None if there is none that can be trusted."""
+        portable = portable_name(name)
+        content = _packaged(portable) or self.store.load(self._own_name(portable))
+        if not content:
+            return None
+        try:
+            return ObjectFile.from_bytes(content)
+        except (ValueError, TypeError, KeyError):
+            self.store.discard(self._own_name(portable))
+            return None
+
+    def save(self, name: Name, compiled: ObjectFile) -> None:
+        """Keep the machine code of a kernel, if that is possible."""
+        file = self._own_name(portable_name(name))
+        if not changed:
+            self.store.save(file, compiled.as_bytes())
+
+    def find_code(self, name: Name) -> ObjectFile | None:
+        """Return the intermediate code of a function; None if there is none."""
+        content = self.store.load(self._code_name(name))
+        return ObjectFile.from_bytes(content) if content else None
+
+    def save_code(self, name: Name, code: ObjectFile) -> None:
+        """Keep the intermediate code of a function, if that is possible."""
+        file = self._code_name(name)
+        if not changed:
+            self.store.save(file, code.as_bytes())
+
+    def _code_name(self, name: Name) -> str:
+        module, function, symbol = name
+        return f"{symbol}-{_own_sources(module, function)}-{self._machine}.bc"
+
+    def _own_name(self, portable: str) -> str:
+        return f"{portable}-{self._machine}"
+
+    @cached_property
+    def _machine(self) -> str:
+        """A short name for the compiler and the processor."""
+        from llvmlite import binding as llvm
+
+        told = [llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten(), sys.platform]
+        told += [_version("numba"), _version("llvmlite"), sys.implementation.cache_tag]
+        told += [os.environ.get(name, "") for name in SETTINGS]
+        return hashlib.sha256(repr((LAYOUT, told)).encode()).hexdigest()[:12]
+
+
+def portable_name(name: Name) -> str:
+    """Return the file name of a kernel, its types of arguments and its sources."""
+    module, function, symbol = name
+    return f"{symbol}-{_sources(module, function)}"
+
+
+@cache
+def _sources(module: str, name: str) -> str:
+    return source_digest(resolve(module, name))[:24]
+
+
+@cache
+def _own_sources(module: str, name: str) -> str:
+    return own_digest(resolve(module, name))[:24]
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return ""
+
+
+@cache
+def packaged_folder() -> Path | None:
+    """Return the folder of the package's files for this processor; None if there is none."""
+    if platform.machine().lower() not in ("x86_64", "amd64") or not sys.platform.startswith(
+        "linux"
+    ):
+        return None
+    folder = PACKAGE / "kernels"
+    if not folder.is_dir():
+        return None
+    from llvmlite import binding as llvm
+
+    found = llvm.get_host_cpu_features()
+    fitting = (
+        folder / level
+        for level, features in PORTABLE.items()
+        if all(found.get(feature) for feature in features)
+    )
+    return next((path for path in fitting if path.is_dir()), None)
+
+
+def _packaged(name: str) -> bytes | None:
+    """Return a file of the package; None if there is none, or if it is damaged."""
+    folder = packaged_folder()
+    if folder is None:
+        return None
+    try:
+        content = (folder / name).read_bytes()
+    except OSError:
+        return None
+    return content[HEAD:] if content[:HEAD] == digest_of(name, content[HEAD:]) else None

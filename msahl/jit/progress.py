@@ -1,0 +1,22 @@
+"""The progress of compiling, and its failure."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+
+class CompileError(RuntimeError):
+    """Kernels that cannot be compiled."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far compiling is: parts done and known, the names of those in work, time left [s]."""
+
+    done: int
+    known: int
+    names: tuple[str, ...]
+    seconds_left: float
+
+
+Listener = Callable[[Progress], Any]

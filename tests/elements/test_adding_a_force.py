@@ -1,0 +1,64 @@
+"""The force of docs/adding-an-element.md, which the program does not have, added as it says."""
+
+import re
+import shutil
+
+import pandas as pd
+import pytest
+
+from tests.support.guide import ROOT, apply, call, copy_program, listings, run_tests, section
+
+GUIDE = section("Adding a force")
+(LAW,) = listings(GUIDE, "python")
+(DECK,) = listings(GUIDE, "xml")
+FALL = 8.586670789463973
+"""Closed form: v_t t - v_t T (1 - exp(-t/T)) [m] with T = 0.625 s, v_t = 9.81 T, t = 2 s."""
+
+
+@pytest.fixture(scope="module")
+def checkout(tmp_path_factory):
+    """A copy of the program with all listings of the guide."""
+    root = tmp_path_factory.mktemp("checkout")
+    copy_program(root, "tests", "tools")
+    shutil.copy(ROOT / "pyproject.toml", root)
+    for changes in listings(GUIDE, "diff"):
+        apply(root, changes)
+    (root / "msahl" / "elements" / "forces" / "viscous.py").write_text(LAW)
+    (root / "viscous_drag.xml").write_text(DECK)
+    return root
+
+
+def test_the_deck_of_the_guide_is_checked_and_run(checkout):
+    good = call(checkout, "check", "viscous_drag.xml")
+    assert (good.returncode, good.stdout) == (0, "viscous_drag.xml: good\n"), good.stderr
+    run = call(checkout, "run", "viscous_drag.xml", "--dt", "0.1", "-o", "out")
+    assert run.returncode == 0, run.stderr
+    z = pd.read_csv(checkout / "out" / "states.csv")["Ball.z"].iloc[-1]
+    listed = re.search(r"^ *0\.1 +(\S+) +(\S+)", GUIDE, re.M)
+    # The guide's own table, as many digits as it prints; and the closed form it compares with.
+    assert z == pytest.approx(float(listed[1]), abs=1e-9)
+    assert abs(z + FALL) == pytest.approx(float(listed[2]), rel=0.05)
+
+
+def test_a_wrong_coefficient_is_a_fault(checkout):
+    (checkout / "wrong.xml").write_text(DECK.replace(">0.8<", ">-0.8<"))
+    result = call(checkout, "check", "wrong.xml")
+    assert result.returncode == 2
+    assert "load 'Oil'" in result.stderr
+    assert "it must not be less than zero" in result.stderr
+
+
+def test_the_tests_of_the_guide_hold_the_force_to_all_laws(checkout):
+    """Of the schemes one of each family; of the laws those that see derivatives and work."""
+    laws = [
+        "tests/elements/test_laws.py::test_the_jacobian_is_the_derivative_of_the_residual",
+        "tests/elements/test_laws.py::test_forces_from_outside_are_few",
+        "tests/elements/test_forces.py",
+        "tests/schemes/collocation/test_gauss.py::test_the_derivative_of_every_element",
+        "tests/system/test_evaluate.py",
+        "tests/validation/test_error_table.py::test_accelerations_are_those_of_the_engine",
+    ]
+    schemes = "(follows_the_laws and (preserving or gauss2))"
+    chosen = f"viscousDrag or outside or every_kind or changes_the_motion or {schemes}"
+    result = run_tests(checkout, "-n", "0", *laws, "-k", chosen)
+    assert result.returncode == 0, result.stdout[-2000:]

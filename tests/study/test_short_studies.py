@@ -1,0 +1,72 @@
+"""Short studies from the command to the report, in seconds even as plain Python."""
+
+import re
+
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+from msahl.cli.main import main
+from msahl.study import search, study
+from tests.support.models import ROOT
+
+THESIS = ROOT / "decks" / "thesis"
+SINGLE, TOP = THESIS / "single_pendulum_45.xml", THESIS / "top_1.xml"
+
+
+def run_study(folder, deck, *words):
+    """Report in HTML and in Markdown, and table of a study."""
+    result = CliRunner().invoke(main, ["study", *map(str, (deck, *words)), "-o", str(folder)])
+    assert result.exit_code == 0, result.output
+    texts = [(folder / f"study.{form}").read_text() for form in ("html", "md")]
+    return *texts, pd.read_csv(folder / "study.csv")
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """A clock of searches that goes on by 20 ms whenever it is looked at, on every machine."""
+    seconds = iter(0.02 * k for k in range(1_000_000))
+    for module in (search, study):
+        monkeypatch.setattr(module, "working_clock", lambda: next(seconds))
+
+
+def test_a_search_recommends_a_run_that_meets_the_target(tmp_path, clock):
+    schemes = ("--scheme", "preserving", "--scheme", "gauss2", "--scheme", "auto")
+    words = ("--t-final", 0.3, "--budget", 4, "--target", 1e-3, *schemes)
+    html, text, table = run_study(tmp_path, SINGLE, *words)
+    assert {"preserving", "gauss2", "auto"} == set(table["scheme"])
+    (command,) = re.findall(r"<pre><code>(msahl run .*)</code></pre>", html)
+    assert f"\n\n    {command}\n\n" in text
+    meets = table[table["position_max"] <= 1e-3]
+    assert len(meets) > 0
+    given = re.search(r"--scheme (\w+)", command)[1]
+    assert given in set(meets["scheme"])
+    steps = re.search(r"--dt (\S+)", command)
+    if steps:  # auto has a tolerance instead
+        assert float(steps[1]) in set(meets["dt"])
+
+
+@pytest.mark.parametrize("reference", ["auto", "independent"])
+def test_observed_orders_of_given_steps(tmp_path, reference):
+    """By the closed form of the pendulum, and by another integrator."""
+    steps = (word for dt in (0.04, 0.02, 0.01, 0.005) for word in ("--dt", dt))
+    schemes = ("--scheme", "preserving", "--scheme", "gauss2")
+    words = ("--t-final", 0.2, "--repeat", 1, "--reference", reference, *schemes)
+    _, text, table = run_study(tmp_path, SINGLE, *steps, *words)
+    for scheme, order in (("preserving", 2), ("gauss2", 4)):
+        errors = table[table["scheme"] == scheme].sort_values("dt")["position_max"].to_numpy()
+        assert errors[2] / errors[1] == pytest.approx(2.0**order, rel=0.1)
+    assert ("is exact" if reference == "auto" else "DOP853") in text
+
+
+def test_a_top_by_its_closed_form_and_other_metrics(tmp_path):
+    words = ("--dt", 0.004, "--dt", 0.002, "--dt", 0.001, "--repeat", 1, "--t-final", 0.02)
+    metric = ("--metric", "mean_reaction", "--target", 1, "--scheme", "preserving")
+    html, text, table = run_study(tmp_path, TOP, *words, *metric)
+    assert len(table) == 3
+    assert "The reference is exact" in text
+    assert "with an error of at most 1 N (reaction, mean over the step) at every" in text
+    assert "<summary>Observed orders</summary>" in html
+    finer = table.sort_values("dt")
+    for name in ("position_max", "orientation_max", "angular_velocity_max"):
+        assert finer[name].is_monotonic_increasing, name

@@ -1,0 +1,63 @@
+"""The listings of docs/adding-an-element.md, and a copy of the program that they are added to."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "adding-an-element.md").read_text()
+
+
+def section(heading):
+    """The text of a section of the guide."""
+    parts = re.split(r"^## ", PAGE, flags=re.M)
+    (text,) = [part for part in parts if part.startswith(f"{heading}\n")]
+    return text
+
+
+def listings(text, language):
+    """The listings of a section in one language."""
+    return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
+
+
+def copy_program(root, *others):
+    """Copy the package with what is installed in it, and the folders ``others``, to ``root``."""
+    no_caches = shutil.ignore_patterns("__pycache__")
+    for name in ("msahl", "schemas", *others):
+        shutil.copytree(ROOT / name, root / name, ignore=no_caches, symlinks=True)
+    (root / "msahl" / "schemas").symlink_to("../schemas")
+
+
+def apply(root, changes):
+    """Change the files of ``root`` as a listing with lines to add and to remove says."""
+    path, *hunks = re.split(r"^@@\n", changes, flags=re.M)
+    file = root / path.removeprefix("--- ").strip()
+    for hunk in hunks:
+        lines = hunk.splitlines(keepends=True)
+        old = "".join(line[1:] or "\n" for line in lines if not line.startswith("+"))
+        new = "".join(line[1:] or "\n" for line in lines if not line.startswith("-"))
+        text = "\n" + file.read_text()
+        assert text.count("\n" + old) == 1, f"{file.name} does not have once:\n{old}"
+        file.write_text(text.replace("\n" + old, "\n" + new)[1:])
+
+
+def call(root, *arguments):
+    """``msahl`` of the copy, in plain Python: nothing is compiled for an element of a test."""
+    program = "import sys; from msahl.cli.main import main; main(sys.argv[1:])"
+    return _python(root, "-c", program, *arguments)
+
+
+def run_tests(root, *arguments):
+    """Tests of the copy, in plain Python."""
+    return _python(root, "-m", "pytest", "-q", "-p", "no:cacheprovider", *arguments)
+
+
+def _python(root, *arguments):
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(root)}
+    command = [sys.executable, "-P", *arguments]
+    return subprocess.run(
+        command, cwd=root, env=environment, capture_output=True, text=True, check=False
+    )
