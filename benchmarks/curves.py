@@ -333,15 +333,17 @@ def _expected(curve: Curve, rung: int) -> float:
     return near.seconds * (fineness(code, rung) / fineness(code, near.rung)) ** power
 
 
-def take_samples_in_turn(curves: list[Curve]) -> None:
-    """Further samples of the runs next to the targets, code after code."""
+def take_samples_in_turn(curves: list[Curve], enough: float = ENOUGH) -> None:
+    """Further samples of the runs next to the targets, code after code, none of a code that has
+    used ``enough`` seconds.
+    """
     measured = [curve for curve in curves if not curve.code.estimated]
     wanted = [(curve, point) for curve in measured for point in _next_to_targets(curve)]
     spent = dict.fromkeys((curve.code.name for curve in measured), 0.0)
     for _ in range(1, MOST_SAMPLES):
         for curve, point in wanted:
             name = curve.code.name
-            if spent[name] + point.seconds < ENOUGH:
+            if spent[name] + point.seconds < enough:
                 began = time.perf_counter()
                 point.samples.append(run(curve.problem, curve.code, point.rung).seconds)
                 spent[name] += time.perf_counter() - began

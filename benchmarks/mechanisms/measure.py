@@ -14,9 +14,10 @@ from pathlib import Path
 from benchmarks import ours
 from benchmarks.curves import Code, Curve, take_samples_in_turn, trace
 from benchmarks.machine import describe
+from benchmarks.mechanisms.clock import processor_time
 from benchmarks.mechanisms.page import write_page
-from benchmarks.mechanisms.problems import MODELS, mechanism
-from benchmarks.mechanisms.store import Refused, codes, load, save
+from benchmarks.mechanisms.problems import MODELS, described, mechanism
+from benchmarks.mechanisms.store import LARGE, Refused, codes, load, save
 from benchmarks.mechanisms.truth import true_motion
 from benchmarks.precision_asked import Found
 from benchmarks.problems import Problem
@@ -24,6 +25,10 @@ from benchmarks.speed import RESULTS, tell
 
 LIMITS = {1: (1.0, 2.5), 50: (4.0, 8.0)}
 """Loop seconds of one run and of all runs of a code, by least number of bodies."""
+
+
+ENOUGH = 1.0
+"""Seconds, problems built and all, after which a code gets no more samples."""
 
 
 def main() -> None:
@@ -36,9 +41,9 @@ def main() -> None:
     options.output.mkdir(parents=True, exist_ok=True)
     machine = [] if options.page else describe()
     for name in [] if options.page else options.names or list(MODELS):
-        measure(mechanism(name), options.code, options.output)
-    problems = [mechanism(name) for name in MODELS]
-    write_page(load(problems, options.output), machine, options.output)
+        with processor_time():
+            measure(mechanism(name), options.code, options.output)
+    write_page(load(map(described, MODELS), options.output), machine, options.output)
 
 
 def measure(problem: Problem, wanted: str, folder: Path) -> None:
@@ -55,13 +60,13 @@ def measure(problem: Problem, wanted: str, folder: Path) -> None:
             began = time.perf_counter()
             found.curves.append(trace(problem, code, found.known.x, *limits))
             tell(f"{problem.name}: {code.name}, {time.perf_counter() - began:.1f} s")
-    take_samples_in_turn([curve for curve in found.curves if worth(curve)])
+    take_samples_in_turn([curve for curve in found.curves if worth(curve)], ENOUGH)
     save(found, refused, folder)
 
 
 def _warm(problem: Problem, code: Code) -> None:
     """Compile what the largest steps need, which fail to converge and are subdivided."""
-    if code.module is ours and not code.controlled:
+    if code.module is ours and not code.controlled and problem.bodies < LARGE:
         with suppress(RuntimeError, ValueError, ArithmeticError):
             ours.motion(problem.model, problem.grid, 2, code.name)
 

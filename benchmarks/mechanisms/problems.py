@@ -73,6 +73,12 @@ def mechanism(name: str) -> Problem:
     return Problem(name, model, (), span, span, grid, rows, SERIES.get(name, 0))
 
 
+def described(name: str) -> Problem:
+    """Return a mechanism as its deck or module gives it, to read results of it."""
+    build, grid, rows = MODELS[name]
+    return Problem(name, build(), (), grid * rows, grid * rows, grid, rows)
+
+
 @lru_cache(maxsize=len(MODELS))
 def consistent(model: Model) -> Model:
     """Return the model with the velocities that msahl starts from, which all programs are given."""

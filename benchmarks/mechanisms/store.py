@@ -29,7 +29,7 @@ HEADS = {
 REFERENCE = "reference"
 SCHEMES = ("preserving", "gauss2", "gauss3", "gauss4", "gauss5", "radau3")
 """Of msahl, beside the one that takes a tolerance."""
-LARGE, FEWER = 50, ("preserving", "gauss2", "gauss3")
+LARGE, FEWER = 50, ("gauss2", "gauss3")
 """From so many bodies on msahl is measured by fewer schemes: each run prepares for long."""
 
 
