@@ -13,6 +13,7 @@ from msahl.model.loads import (
     Load,
     SpringDamper,
 )
+from msahl.model.markers import Marker
 from msahl.model.model import Model
 from msahl.model.motions import JointMotion, PointMotion
 from msahl.model.settings import (
@@ -40,6 +41,7 @@ __all__ = [
     "Law",
     "Limits",
     "Load",
+    "Marker",
     "Model",
     "Options",
     "PointMotion",
