@@ -32,7 +32,7 @@ class Snapshot:
     memory: np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass
 class SavedSteps:
     """Where the subsystems' steps stood, to go back to within the same run."""
 
@@ -44,6 +44,11 @@ class SavedSteps:
         """The present state of the ``integrators``."""
         return cls(copy_memory(integrators), [of.stepper.counters for of in integrators])
 
+    def update(self, integrators: Sequence[SubsystemIntegrator]) -> None:
+        """Replace it by the present state of the same ``integrators``."""
+        self.memory = copy_memory(integrators, self.memory)
+        self.counters = [of.stepper.counters for of in integrators]
+
     def restore(self, integrators: Sequence[SubsystemIntegrator]) -> None:
         """Bring the same ``integrators`` back; the work counted since then stays counted."""
         for integrator, counters in zip(integrators, self.counters, strict=True):
@@ -51,9 +56,15 @@ class SavedSteps:
         restore_memory(integrators, self.memory)
 
 
-def copy_memory(integrators: Sequence[SubsystemIntegrator]) -> np.ndarray:
-    """(m,) a copy of all doubles that the subsystems' next steps depend on."""
-    return np.concatenate([array.ravel() for array in _changing(integrators)])
+def copy_memory(
+    integrators: Sequence[SubsystemIntegrator], memory: np.ndarray | None = None
+) -> np.ndarray:
+    """(m,) a copy of all doubles that the subsystems' next steps depend on, in ``memory`` if it has
+    that size; those of another degree have not.
+    """
+    arrays = [array.ravel() for array in _changing(integrators)]
+    fits = memory is not None and memory.size == sum(array.size for array in arrays)
+    return np.concatenate(arrays, out=memory if fits else None)
 
 
 def restore_memory(integrators: Sequence[SubsystemIntegrator], memory: np.ndarray) -> None:
