@@ -56,7 +56,7 @@ def apply_settings(root: Element, settings: Sequence[str], faults: Faults) -> No
 def _apply(root: Element, setting: str, faults: Faults) -> str:
     """Change one number; return what is wrong with the setting."""
     match = FORM.fullmatch(setting)
-    if match is None:
+    if match is None or not setting.isprintable():
         return 'write NAME=VALUE, as in L=0.8, "L=80 cm" or Bob.mass=3'
     path, number, units = match["path"], match["number"], match["units"]
     for parameter in root.iterfind("parameters/parameter"):
