@@ -5,7 +5,6 @@ rotated: motions in the x-z plane are rolls alone; those of a top near the verti
 the pole.
 """
 
-import time
 from functools import lru_cache
 from importlib.metadata import version
 from typing import NamedTuple
@@ -16,24 +15,24 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BallRpyJoint, FixedOffsetFrame, RotationalInertia, SpatialInertia
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 
-from benchmarks.motion import Motion
+from benchmarks.motion import Motion, observe_outputs
 from msahl.algebra.rotation import matrix
 from msahl.model import Model
 
 VERSION = version("drake")
 
 
-class _Variant(NamedTuple):
-    scheme: str
+class Variant(NamedTuple):
+    scheme: str  # empty: the discrete solver
     order: int
     controlled: bool
 
 
 VARIANTS = {
-    "drake RK3": _Variant("runge_kutta3", 3, controlled=True),
-    "drake RK5": _Variant("runge_kutta5", 5, controlled=True),
-    "drake RK3 fixed": _Variant("runge_kutta3", 3, controlled=False),
-    "drake RK5 fixed": _Variant("runge_kutta5", 5, controlled=False),
+    "drake RK3": Variant("runge_kutta3", 3, controlled=True),
+    "drake RK5": Variant("runge_kutta5", 5, controlled=True),
+    "drake RK3 fixed": Variant("runge_kutta3", 3, controlled=False),
+    "drake RK5 fixed": Variant("runge_kutta5", 5, controlled=False),
 }
 LARGEST, SMALLEST = 0.1, 1e-6
 """Steps under error control [s]; where a smaller one is asked for, it gives up."""
@@ -58,13 +57,10 @@ def motion(
 ) -> Motion:
     """Steps ``h``, or as many as ``accuracy`` asks for; either way some end at the output times."""
     simulator = _simulator(model, h, variant, accuracy)
-    rows, seconds = [_look(simulator, model)], 0.0
     t = h * every * np.arange(steps // every + 1)
-    for moment in t[1:]:
-        began = time.perf_counter()
-        simulator.AdvanceTo(moment)
-        seconds += time.perf_counter() - began
-        rows.append(_look(simulator, model))
+    rows, seconds = observe_outputs(
+        lambda k: simulator.AdvanceTo(t[k]), lambda: _look(simulator, model), steps // every
+    )
     x, R, v, w = (np.array(column) for column in zip(*rows, strict=True))
     taken = simulator.get_integrator().get_num_steps_taken()
     return Motion(t, x, R, v, w, seconds, taken)
@@ -85,16 +81,23 @@ def _simulator(model: Model, h: float, variant: str, accuracy: float | None) -> 
     plant = _compile(model)
     simulator = Simulator(plant)
     chosen = VARIANTS[variant]
+    set_integrator(simulator, chosen, h, accuracy, SMALLEST)
+    _place(plant, simulator.get_mutable_context(), model)
+    simulator.Initialize()
+    return simulator
+
+
+def set_integrator(
+    simulator: Simulator, chosen: Variant, h: float, accuracy: float | None, smallest: float
+) -> None:
+    """Take steps ``h``, or of at least ``smallest`` [s] as ``accuracy`` asks for."""
     ResetIntegratorFromFlags(simulator, chosen.scheme, LARGEST if chosen.controlled else h)
     integrator = simulator.get_mutable_integrator()
     if chosen.controlled:
         integrator.set_target_accuracy(accuracy)
-        integrator.set_requested_minimum_step_size(SMALLEST)
+        integrator.set_requested_minimum_step_size(smallest)
     else:
         integrator.set_fixed_step_mode(True)
-    _place(plant, simulator.get_mutable_context(), model)
-    simulator.Initialize()
-    return simulator
 
 
 @lru_cache(maxsize=1)

@@ -5,11 +5,15 @@ velocities, for all codes alike; no code judges itself. Bodies have their mass c
 our problems do).
 """
 
-from typing import NamedTuple
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from msahl.model import Model
+
+Seen = TypeVar("Seen")
 
 
 class Motion(NamedTuple):
@@ -23,6 +27,21 @@ class Motion(NamedTuple):
     seconds: float = float("nan")  # in the time loop alone
     steps: int = 0
     iterations: int = 0  # Newton's, of all steps
+
+
+def observe_outputs(
+    advance: Callable[[int], Any], look: Callable[[], Seen], outputs: int
+) -> tuple[list[Seen], float]:
+    """Call ``advance`` with the number of each output after the start; return what ``look`` saw
+    before and after all of them, and the seconds of the former alone.
+    """
+    rows, seconds = [look()], 0.0
+    for k in range(1, outputs + 1):
+        began = time.perf_counter()
+        advance(k)
+        seconds += time.perf_counter() - began
+        rows.append(look())
+    return rows, seconds
 
 
 class Errors(NamedTuple):

@@ -10,7 +10,7 @@ from functools import lru_cache
 import mujoco
 import numpy as np
 
-from benchmarks.motion import Motion
+from benchmarks.motion import Motion, observe_outputs
 from msahl.algebra.rotation import matrix
 from msahl.model import Model
 
@@ -32,12 +32,11 @@ def loop_seconds(model: Model, h: float, steps: int, variant: str) -> float:
 
 def motion(model: Model, h: float, steps: int, variant: str, every: int = 1) -> Motion:
     compiled, data = _fresh(model, h)
-    rows, seconds = [_look(compiled, data)], 0.0
-    for _ in range(steps // every):
-        began = time.perf_counter()
-        mujoco.mj_step(compiled, data, nstep=every)
-        seconds += time.perf_counter() - began
-        rows.append(_look(compiled, data))
+    rows, seconds = observe_outputs(
+        lambda k: mujoco.mj_step(compiled, data, nstep=every),
+        lambda: _look(compiled, data),
+        steps // every,
+    )
     x, R, v, w = (np.array(column) for column in zip(*rows, strict=True))
     return Motion(h * every * np.arange(len(rows)), x, R, v, w, seconds, steps)
 

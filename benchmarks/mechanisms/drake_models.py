@@ -5,10 +5,9 @@ formula of order 3. Loops and gears are constraints, which Drake has for discret
 solver SAP takes steps of order 1.
 """
 
-import time
 from functools import lru_cache
 from importlib.metadata import version
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
@@ -29,27 +28,22 @@ from pydrake.multibody.tree import (
     UnitInertia,
     UniversalJoint,
 )
-from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
+from pydrake.systems.analysis import Simulator
 
+from benchmarks.drake_peer import Variant, set_integrator
 from benchmarks.mechanisms.layout import Hinge, Layout, layout
-from benchmarks.motion import Motion
+from benchmarks.motion import Motion, observe_outputs
 from msahl.model import Model
 
 VERSION = version("drake")
 
 
-class _Variant(NamedTuple):
-    scheme: str  # empty: the discrete solver
-    order: int
-    controlled: bool
-
-
 VARIANTS = {
-    "drake RK3": _Variant("runge_kutta3", 3, controlled=True),
-    "drake RK5": _Variant("runge_kutta5", 5, controlled=True),
-    "drake Radau3": _Variant("radau3", 3, controlled=True),
-    "drake RK5 fixed": _Variant("runge_kutta5", 5, controlled=False),
-    "drake SAP": _Variant("", 1, controlled=False),
+    "drake RK3": Variant("runge_kutta3", 3, controlled=True),
+    "drake RK5": Variant("runge_kutta5", 5, controlled=True),
+    "drake Radau3": Variant("radau3", 3, controlled=True),
+    "drake RK5 fixed": Variant("runge_kutta5", 5, controlled=False),
+    "drake SAP": Variant("", 1, controlled=False),
 }
 ORDERS = {code: variant.order for code, variant in VARIANTS.items()}
 CONTROLLED = tuple(code for code, variant in VARIANTS.items() if variant.controlled)
@@ -63,8 +57,8 @@ SETTINGS = {
 }
 STIFF = 1e4
 """Damping of a spring [N s/m] beyond which a mechanism counts as stiff."""
-LARGEST, SMALLEST = 0.1, 1e-5
-"""Steps under error control [s]; where a smaller one is needed, it gives up."""
+SMALLEST = 1e-5
+"""Smallest step under error control [s]; where a smaller one is needed, it gives up."""
 
 
 def cannot(model: Model, variant: str) -> str:
@@ -93,13 +87,8 @@ def motion(
         poses = [plant.EvalBodyPoseInWorld(context, body) for body in bodies]
         return np.array([pose.translation() for pose in poses])
 
-    rows, seconds = [look()], 0.0
     t = h * every * np.arange(steps // every + 1)
-    for moment in t[1:]:
-        began = time.perf_counter()
-        simulator.AdvanceTo(moment)
-        seconds += time.perf_counter() - began
-        rows.append(look())
+    rows, seconds = observe_outputs(lambda k: simulator.AdvanceTo(t[k]), look, steps // every)
     taken = steps
     if VARIANTS[variant].scheme:
         taken = simulator.get_integrator().get_num_steps_taken()
@@ -114,13 +103,7 @@ def _simulator(
     plant = compile_plant(model, 0.0 if chosen.scheme else h)
     simulator = Simulator(plant)
     if chosen.scheme:
-        ResetIntegratorFromFlags(simulator, chosen.scheme, LARGEST if chosen.controlled else h)
-        integrator = simulator.get_mutable_integrator()
-        if chosen.controlled:
-            integrator.set_target_accuracy(accuracy)
-            integrator.set_requested_minimum_step_size(SMALLEST)
-        else:
-            integrator.set_fixed_step_mode(True)
+        set_integrator(simulator, chosen, h, accuracy, SMALLEST)
     context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
     place(plant, context, given)
     simulator.Initialize()

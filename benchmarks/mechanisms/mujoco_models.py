@@ -6,7 +6,6 @@ and a time constant of two steps, so that their violation falls with the step. T
 tolerance is zero. Constraints are switched off in a tree.
 """
 
-import time
 from functools import lru_cache
 from typing import Any
 
@@ -14,7 +13,7 @@ import mujoco
 import numpy as np
 
 from benchmarks.mechanisms.layout import Gear, Hinge, Layout, Spring, layout
-from benchmarks.motion import Motion
+from benchmarks.motion import Motion, observe_outputs
 from msahl.model import Model
 
 VERSION = mujoco.__version__
@@ -53,20 +52,19 @@ def motion(model: Model, h: float, steps: int, variant: str, every: int = 1) -> 
     compiled.opt.integrator, compiled.opt.timestep = INTEGRATORS[variant], h
     compiled.eq_solref[:] = (STEPS * h, 1.0)
     data = _start(compiled, layout(model))
-    rows, seconds = [_look(compiled, data)], 0.0
-    for _ in range(steps // every):
-        began = time.perf_counter()
-        mujoco.mj_step(compiled, data, nstep=every)
-        seconds += time.perf_counter() - began
-        rows.append(_look(compiled, data))
-        if any(data.warning[kind].number for kind in _UNSTABLE):
-            raise ArithmeticError("unstable")
+    rows, seconds = observe_outputs(
+        lambda k: mujoco.mj_step(compiled, data, nstep=every),
+        lambda: _look(compiled, data),
+        steps // every,
+    )
     none = np.zeros(0)
     t = h * every * np.arange(len(rows))
     return Motion(t, _of_bodies(compiled, model, np.array(rows)), none, none, none, seconds, steps)
 
 
 def _look(compiled: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    if any(data.warning[kind].number for kind in _UNSTABLE):
+        raise ArithmeticError("unstable")
     mujoco.mj_kinematics(compiled, data)
     return data.xipos.copy()
 

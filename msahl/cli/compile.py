@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from msahl.cli.compiling import show_compiling
+from msahl.cli.compiling import announced
 from msahl.cli.console import say, stop
 from msahl.cli.decks import model_to_run
 from msahl.cli.options import DECK, run_options
@@ -29,20 +29,20 @@ def compile_(decks: tuple[Path, ...], everything: bool, **given: Any) -> None:
     if not decks and not everything:
         stop("msahl compile: give at least one DECK, or --all")
     from msahl.cli.kernels import calls_of_run, compile_everything
-    from msahl.jit.compiled import STOPWATCH, prepare, trouble
+    from msahl.jit.compiled import prepare, trouble
     from msahl.jit.progress import CompileError
     from msahl.run.options import options_beside_deck
 
-    STOPWATCH.listen = show_compiling(True)
     calls = []
     for deck in decks:
         calls += calls_of_run(model_to_run(deck, given), options_beside_deck(given))
     try:
-        prepare(calls)
-        for deck in decks:
-            say(f"{shown_path(deck)}: compiled")
-        if everything:
-            compile_everything(say)
+        with announced(True):
+            prepare(calls)
+            for deck in decks:
+                say(f"{shown_path(deck)}: compiled")
+            if everything:
+                compile_everything(say)
     except CompileError as error:
         stop(f"msahl compile: {error}")
     if trouble():

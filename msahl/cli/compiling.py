@@ -1,18 +1,40 @@
-"""Shows the progress of compiling: one line on a terminal that is written again and again."""
+"""Announces that kernels are compiled, and shows the progress: one line that is written again."""
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from msahl.cli.console import say
+
 if TYPE_CHECKING:
-    from msahl.jit.progress import Listener, Progress
+    from msahl.jit.progress import Progress
 
 
-def show_compiling(shown: bool) -> "Listener":
-    """Return a function that shows the progress on a terminal, and does nothing elsewhere."""
-    return _show if shown and sys.stderr.isatty() else lambda progress: None
+@contextmanager
+def announced(shown: bool) -> Iterator[None]:
+    """Announce compiling within the context, if that is ``shown``; the progress on a terminal."""
+    from msahl.jit.compiled import STOPWATCH
+
+    begin, listen = STOPWATCH.tell, STOPWATCH.listen
+    told: list[bool] = []
+
+    def tell() -> None:
+        if not told:
+            told.append(True)
+            say("compiling kernels for this kind of model (once)")
+
+    if shown:
+        STOPWATCH.tell = tell
+        STOPWATCH.listen = show_progress if sys.stderr.isatty() else listen
+    try:
+        yield
+    finally:
+        STOPWATCH.tell, STOPWATCH.listen = begin, listen
 
 
-def _show(progress: "Progress") -> None:
+def show_progress(progress: "Progress") -> None:
+    """Write the progress over the last line of the terminal."""
     left = "" if progress.seconds_left < 1.0 else f", about {progress.seconds_left:.0f} s left"
     part = progress.names[0].split(".")[-1].strip("_") if progress.names else ""
     line = f"  {progress.done} of {progress.known} parts{left}  {part}"

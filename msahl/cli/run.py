@@ -5,7 +5,7 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +15,7 @@ import click
 from click.core import ParameterSource
 
 import msahl
-from msahl.cli.compiling import show_compiling
+from msahl.cli.compiling import announced
 from msahl.cli.console import BAD_VERDICT, NOT_WRITTEN, STATUS, say, stop
 from msahl.cli.decks import model_to_run
 from msahl.cli.options import DECK, output_option, run_options
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 STARTED = time.perf_counter()
 """When this module was imported; the time that Python needs before is not counted."""
 PACKAGES = ("numba", "numpy", "scipy")
-"""Packages whose versions ``run.json`` records."""
+"""Packages whose versions ``run.json`` records; numba may be missing."""
 
 
 @click.command(short_help="Run a deck and write its results.")
@@ -199,9 +199,9 @@ def _simulate(
     write_beginning(work, {"status": "running", "pid": os.getpid(), **job.about})
     results = RunFolder(work, job.model, job.text, ends)
     try:
-        with results, _progress(job.model, not talk.quiet) as progress:
+        with results, announced(not talk.quiet), _progress(job.model, not talk.quiet) as progress:
             tell = (lambda message: None) if talk.quiet else say
-            hooks = loop.Hooks(progress, stopped, tell, save, show_compiling(not talk.quiet))
+            hooks = loop.Hooks(progress, stopped, tell, save)
             report = loop.run(job.model, job.options, results, hooks, snapshot, checked=True)
             set_alarm(0.0)  # what ends the run now must not be interrupted
             results.complete = report.status == COMPLETED
@@ -288,13 +288,12 @@ def _progress(model: "Model", shown: bool) -> Iterator[Callable[[int, float], An
 def _versions() -> dict[str, str]:
     """Versions of msahl, Python and the packages that numbers depend on."""
     import platform
-    from importlib.metadata import PackageNotFoundError, version
 
-    versions = {}
-    for package in PACKAGES:
-        with suppress(PackageNotFoundError):  # numba is needed for compiling alone
-            versions[package] = version(package)
-    return {"msahl": msahl.__version__, "python": platform.python_version(), **versions}
+    from msahl.jit.files import version_of
+
+    found = {package: version_of(package) for package in PACKAGES}
+    installed = {package: version for package, version in found.items() if version}
+    return {"msahl": msahl.__version__, "python": platform.python_version(), **installed}
 
 
 def _tell(deck: Path, folder: Path, report: "Report", talk: Talk) -> None:

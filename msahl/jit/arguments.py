@@ -48,6 +48,8 @@ def describe(value: Any) -> Description:
     if scalar is not None:
         return scalar
     if isinstance(value, np.ndarray):
+        if not value.dtype.isnative:
+            raise TypeError(f"a kernel takes no array of {value.dtype.str}, of another byte order")
         order = "C" if value.flags.c_contiguous else "F" if value.flags.f_contiguous else "A"
         return (ARRAY, value.dtype.name, value.ndim, order)
     if isinstance(value, tuple) and hasattr(value, "_fields"):

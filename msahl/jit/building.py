@@ -116,7 +116,7 @@ class Build:
         """Put the objects on the list whose parts are all translated."""
         for name in [name for name in self.waiting if self.parts(name) is not None]:
             self.waiting.remove(name)
-            self._put(Job(name, True, LINKING * code_size(resolve(name[0], name[1]))))
+            self._put(Job(name, True, _linking_time(name)))
 
     def parts(self, name: Name) -> dict[Name, ObjectFile] | None:
         """Return the intermediate codes that make up an object; None while some are missing."""
@@ -138,24 +138,26 @@ class Build:
         self.done += 1
         if job.links:
             self.on_done(job.name, code)
-        else:
-            self.files.save_code(job.name, code)
-            self._take_code(job.name, code)
-        if not job.links:
-            self.find_complete()
+            return
+        self.files.save_code(job.name, code)
+        self._take_code(job.name, code)
+        self.find_complete()
 
     def progress(self, working: dict[Job, float]) -> Progress:
         """Return the progress; ``working`` holds the times at which jobs were begun."""
         factor = self.needed / self.expected if self.expected else 1.0
         now = time.perf_counter()
-        left = sum(factor * job.expected for job in self.todo)
-        left += sum(
-            LINKING * factor * code_size(resolve(name[0], name[1])) for name in self.waiting
-        )
+        left = factor * sum(job.expected for job in self.todo)
+        left += factor * sum(map(_linking_time, self.waiting))
         left += sum(max(0.0, factor * job.expected - now + t) for job, t in working.items())
         names = tuple(job.name[1] for job in working)
         known = self.jobs + len(self.waiting)
         return Progress(self.done, known, names, left / max(1, processes()))
+
+
+def _linking_time(name: Name) -> float:
+    """Return the seconds expected for linking an object."""
+    return LINKING * code_size(resolve(name[0], name[1]))
 
 
 def processes() -> int:
@@ -226,8 +228,9 @@ class _Team:
             thread.start()
         pipe = self.workers[k][0].stdin
         assert pipe is not None
-        pipe.write(_request(job, work))
-        pipe.flush()
+        with suppress(BrokenPipeError):  # it has ended, which ``_read`` reports
+            pipe.write(_request(job, work))
+            pipe.flush()
 
     def end(self) -> None:
         """End all workers, whatever they are doing."""

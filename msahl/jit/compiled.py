@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from msahl.jit.arguments import Blocks, describe, symbol_of
-from msahl.jit.files import Files, user_folder
+from msahl.jit.files import Files, user_folder, version_of
 from msahl.jit.kernel_store import Store
 from msahl.jit.object_file import Name, ObjectFile, Unit, name_of
 from msahl.jit.progress import CompileError, Listener
@@ -183,12 +183,10 @@ def _fits() -> bool:
     """Whether the installed numba is one that ``machine_code`` extends; see ``TESTED``."""
     if os.environ.get(PLAIN):
         return False
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        major, minor = version("numba").split(".")[:2]
-    except PackageNotFoundError:
-        raise CompileError(NO_COMPILER) from None
+    found = version_of("numba")
+    if not found:
+        raise CompileError(NO_COMPILER)
+    major, minor = found.split(".")[:2]
     return TESTED[0] <= (int(major), int(minor)) <= TESTED[1]
 
 

@@ -10,7 +10,7 @@ import os
 import platform
 import sys
 from functools import cache, cached_property
-from importlib.metadata import PackageNotFoundError, version
+from importlib import metadata
 from pathlib import Path
 
 import platformdirs
@@ -82,7 +82,7 @@ class Files:
         from llvmlite import binding as llvm
 
         told = [llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten(), sys.platform]
-        told += [_version("numba"), _version("llvmlite"), sys.implementation.cache_tag]
+        told += [version_of("numba"), version_of("llvmlite"), sys.implementation.cache_tag]
         told += [os.environ.get(name, "") for name in SETTINGS]
         return hashlib.sha256(repr((LAYOUT, told)).encode()).hexdigest()[:12]
 
@@ -103,10 +103,11 @@ def _own_sources(module: str, name: str) -> str:
     return own_digest(resolve(module, name))[:24]
 
 
-def _version(package: str) -> str:
+def version_of(package: str) -> str:
+    """Return the version of an installed package; empty if there is none."""
     try:
-        return version(package)
-    except PackageNotFoundError:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
         return ""
 
 

@@ -4,15 +4,15 @@ The results are the same; compiling takes two to three times as long, and steps 
 half as long again.
 """
 
-import hashlib
 from collections.abc import Callable
 from typing import Any
 
 from msahl.jit.files import user_folder
 from msahl.jit.kernel import MARKED
-from msahl.jit.reach import PACKAGE
+from msahl.jit.reach import package_digest
 
 OPTIONS: dict[str, Any] = {"error_model": "numpy"}
+_registered: set[Callable[..., Any]] = set()
 
 
 def plain(function: Callable[..., Any]) -> Any:
@@ -20,12 +20,10 @@ def plain(function: Callable[..., Any]) -> Any:
     import numba
 
     # numba's own cache looks at the file of this function alone, not at those that it calls.
-    digest = hashlib.sha256()
-    for source in sorted(PACKAGE.rglob("*.py")):
-        digest.update(source.read_bytes())
-    folder = user_folder().with_name("plain") / digest.hexdigest()[:16]
+    folder = user_folder().with_name("plain") / package_digest()[:16]
     setattr(numba.config, "CACHE_DIR", str(folder))  # noqa: B010 - missing in its type stub
     for marked in MARKED:
-        numba.extending.register_jitable(**OPTIONS)(marked)
-    MARKED.clear()
+        if marked not in _registered:
+            _registered.add(marked)
+            numba.extending.register_jitable(**OPTIONS)(marked)
     return numba.njit(cache=True, **OPTIONS)(function)

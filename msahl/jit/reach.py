@@ -18,7 +18,7 @@ from typing import Any, cast
 import numpy as np
 
 from msahl.jit.arguments import result_of
-from msahl.jit.kernel import UNITS
+from msahl.jit.kernel import APART, UNITS
 
 COMPILER = ("arguments", "kernel", "linking", "machine_code", "object_file", "struct_arguments")
 """Modules of this package that decide what is compiled, and how."""
@@ -58,13 +58,30 @@ def own_digest(function: Function) -> str:
     of its bytecode, not of its text, so comments do not count.
     """
     digest = hashlib.sha256()
-    for included in sorted(_included(function), key=lambda f: f.__qualname__):
-        _, functions, constants = _uses(included)
-        called = (f"{f.__qualname__} -> {f.__annotations__.get('return')}" for f in functions)
-        digest.update(repr((_bytecode(included), sorted(constants), sorted(called))).encode())
-    for name in COMPILER:
-        digest.update(_file_digest(f"msahl.jit.{name}").encode())
+    modules = {f"msahl.jit.{name}" for name in COMPILER}
+    for included in sorted(_included(function), key=_signature):
+        classes, functions, constants = _uses(included)
+        modules |= classes
+        called = sorted(map(_signature, functions))
+        parts = _bytecode(included), sorted(constants), called, included in UNITS | {*APART}
+        digest.update(repr(parts).encode())
+    for name in sorted(modules):
+        digest.update(_file_digest(name).encode())
     return digest.hexdigest()
+
+
+def package_digest() -> str:
+    """Return the SHA-256 of all sources of the package."""
+    digest = hashlib.sha256()
+    for source in sorted(PACKAGE.rglob("*.py")):
+        digest.update(source.read_bytes())
+    return digest.hexdigest()
+
+
+def _signature(function: Function) -> str:
+    """Return what a caller's code depends on: which function it is, and what it returns."""
+    result = function.__annotations__.get("return")
+    return f"{function.__module__}.{function.__qualname__} -> {result}"
 
 
 def _included(function: Function) -> set[Function]:
@@ -99,7 +116,7 @@ def _reached(entry: Function) -> tuple[set[str], set[str]]:
     constants: set[str] = set()
     for function in _functions(entry):
         if function in UNITS and function is not entry:
-            constants.add(f"{function.__qualname__} -> {function.__annotations__['return']}")
+            constants.add(_signature(function))
         else:
             modules, _, values = _uses(function)
             files |= modules | {function.__module__}
@@ -121,7 +138,7 @@ def _functions(entry: Function) -> set[Function]:
 
 @functools.cache
 def _uses(function: Function) -> tuple[frozenset[str], frozenset[Function], frozenset[str]]:
-    """Return the modules, functions and constants that the code of one function names."""
+    """Return the modules of classes, the functions and the constants that a function names."""
     modules, functions, constants = set(), set(), set()
     for name, value in _named(function):
         if isinstance(value, types.FunctionType):

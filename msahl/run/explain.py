@@ -136,7 +136,7 @@ def _omitted_terms(model: Model, integrators: Sequence[SubsystemIntegrator]) -> 
 
 def _loaded(integrators: Sequence[SubsystemIntegrator]) -> Iterator[str]:
     yield (
-        "a run loads numpy, lxml, orjson and numba; scipy.optimize for the first step and for "
+        "a run loads numpy, lxml, orjson and llvmlite; scipy.optimize for the first step and for "
         "steps that Newton's method fails on (--solver auto), never with --solver newton; neither "
         "pandas nor matplotlib"
     )
@@ -144,5 +144,5 @@ def _loaded(integrators: Sequence[SubsystemIntegrator]) -> Iterator[str]:
     yield (
         "the step is compiled and stored on disk"
         if kept
-        else "the first run compiles the step for this kind of model, once (10 to 40 seconds)"
+        else "the first run compiles the step for this kind of model, once (5 to 20 seconds)"
     )

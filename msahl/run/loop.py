@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from msahl.check import require_sound
-from msahl.jit.compiled import STOPWATCH, prepare, trouble
-from msahl.jit.progress import Listener
+from msahl.jit.compiled import prepare, trouble
 from msahl.model import Model, Options, resolve
 from msahl.run.attempts import Attempts
 from msahl.run.companion import Steps
@@ -51,8 +50,7 @@ SAVE_SHARE = 0.01
 class Hooks:
     """Functions that a run calls.
 
-    ``progress`` receives the steps done and the time [s], ``tell`` messages about what takes long,
-    ``compiling`` how far the kernels are compiled.
+    ``progress`` receives the steps done and the time [s], ``tell`` messages about what takes long.
     ``stopped`` says whether to stop. ``save`` is given a snapshot every few seconds, and when the
     run is stopped.
     """
@@ -61,7 +59,6 @@ class Hooks:
     stopped: Callable[[], bool] = lambda: False
     tell: Callable[[str], Any] = lambda message: None
     save: Callable[[Snapshot], Any] | None = None
-    compiling: Listener = lambda progress: None
 
 
 def run(
@@ -130,8 +127,6 @@ class TimeLoop:
     def run(self, since: Snapshot | None) -> Report:
         """Take all steps, or those after the snapshot ``since``."""
         hooks = self.hooks
-        STOPWATCH.tell = lambda: hooks.tell("compiling kernels for this kind of model (once)")
-        STOPWATCH.listen = hooks.compiling
         self._begin(since)
         for integrator in self.setup.all_integrators:
             integrator.stepper.requests.stopped = hooks.stopped

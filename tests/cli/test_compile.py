@@ -12,6 +12,7 @@ from msahl.jit import by_size, compiled
 from msahl.jit.progress import CompileError, Progress
 from msahl.model import Options
 from msahl.resources import example_deck, example_decks
+from tests.support.models import simulate
 
 DECK = example_deck("joints/spherical.xml")
 
@@ -21,6 +22,7 @@ def call(*words):
 
 
 def test_a_deck_is_compiled_in_advance():
+    call(DECK, "--solver", "newton")  # which says that it compiles, if it does
     result = call(DECK, "--solver", "newton")
     assert (result.exit_code, result.stderr) == (0, f"{DECK}: compiled\n")
     assert compiled.on_disk(kernels.calls_of_run(read_deck(DECK), Options(solver="newton")))
@@ -56,6 +58,18 @@ def test_everything_includes_large_models_reports_and_studies(monkeypatch):
     assert {"run", "study", "energy", "constraints"} <= words
 
 
+def test_what_a_command_announces_outlasts_its_runs(capsys):
+    """A study makes many runs, and the first may find everything compiled."""
+    with compiling.announced(True):
+        tell = compiled.STOPWATCH.tell
+        simulate(read_deck(DECK), dt=0.01, t_final=0.01)
+        assert compiled.STOPWATCH.tell is tell
+        tell()
+        tell()
+    assert compiled.STOPWATCH.tell is not tell
+    assert capsys.readouterr().err.count("compiling kernels") == 1
+
+
 def test_there_are_decks_of_both_kinds():
     systems = [
         kernels.calls_of_run(read_deck(example_deck(d)), Options())[0] for d in kernels.TYPICAL
@@ -71,7 +85,8 @@ def test_the_progress_is_one_line(monkeypatch, names, end):
     terminal = io.StringIO()
     monkeypatch.setattr(terminal, "isatty", lambda: True)
     monkeypatch.setattr("sys.stderr", terminal)
-    compiling.show_compiling(True)(Progress(3, 8, names, 12.4))
+    with compiling.announced(True):
+        compiled.STOPWATCH.listen(Progress(3, 8, names, 12.4))
     shown = terminal.getvalue()
     assert shown.startswith("\r  3 of 8 parts, about 12 s left")
     assert shown.endswith(end)

@@ -58,6 +58,8 @@ def test_types_have_different_descriptions():
     assert describe(np.float64(1.0)) == describe(1.0)
     with pytest.raises(TypeError, match="no str"):
         describe("text")
+    with pytest.raises(TypeError, match="byte order"):
+        describe(np.zeros(2).astype(np.dtype(float).newbyteorder()))
 
 
 def test_a_unit_has_a_file_of_its_own(store):

@@ -22,7 +22,7 @@ def test_a_unit_is_only_known_by_its_result():
     """A change of the right-hand side of the equations leaves the loop over the steps alone."""
     modules, constants = _reached(midpoint.take_steps)
     assert "msahl.elements.constraints.products" not in modules
-    assert any(text.startswith("take_step -> ") for text in constants)
+    assert any(".take_step -> " in text for text in constants)
     assert "msahl.elements.constraints.products" in _reached(coordinates.evaluate)[0]
 
 
@@ -63,3 +63,15 @@ def test_comments_do_not_matter(text):
 )
 def test_code_and_constants_matter(text):
     assert own_digest(defined(text)) != own_digest(defined(BASE))
+
+
+def test_another_function_of_the_same_name_matters():
+    """Where only an import changes, the bytecode is the same."""
+    function, other = defined(BASE), defined(BASE)
+
+    def pair(x: float) -> tuple[float, float]:
+        return x, x
+
+    pair.__module__, pair.__qualname__ = "tests.jit.other", kernels.pair.__qualname__
+    other.__globals__["pair"] = pair
+    assert own_digest(other) != own_digest(function)

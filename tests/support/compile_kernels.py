@@ -5,25 +5,14 @@
 Processes that run tests side by side would each compile the kernels that they meet first.
 """
 
-import hashlib
-from pathlib import Path
-
-import msahl
 from msahl.cli.kernels import compile_everything
 from msahl.jit.compiled import DISABLED, STORE
-
-
-def digest() -> str:
-    """Return a name for the state of the package's sources."""
-    found = hashlib.sha256()
-    for source in sorted(Path(msahl.__file__).parent.rglob("*.py")):
-        found.update(source.read_bytes())
-    return found.hexdigest()[:16]
+from msahl.jit.reach import package_digest
 
 
 def main() -> None:
     """Compile everything, and remember it."""
-    done = f"tests-{digest()}"
+    done = f"tests-{package_digest()[:16]}"
     if DISABLED or STORE.load(done) is not None:
         return
     compile_everything(print)
