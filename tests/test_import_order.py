@@ -14,6 +14,7 @@ LEAVES = ("msahl.terminal", "msahl.printable", "msahl.resources")
 ORDER = (
     "jit",
     "algebra",
+    "expressions",
     "model",
     "elements",
     "joints",

@@ -1,0 +1,1 @@
+"""Expressions of a deck: their syntax, their values, and the dimensions of these."""

@@ -1,0 +1,382 @@
+"""Read the text of an expression into a tree of records.
+
+    or < and < not < comparison < + - < * / < unary minus < ^
+
+``^`` is the power, which binds to the right; ``-x^2`` is ``-(x^2)``. Comparisons are not chained.
+A name is ``NAME`` or ``ELEMENT.VALUE``, each part an identifier or any text in quotes; a name
+before a parenthesis is a function of ``FUNCTIONS`` or else a table. Nothing is ever executed: a
+text is only split into numbers, names and signs. Length, depth and size are bounded, so every text
+is read in a time proportional to its length.
+
+Python's own parser (``ast``) is not used: it gives ``^`` the place of a logical operation, reserves
+words such as ``lambda`` and ``in`` that are good names, and warns of, or normalises, what it reads.
+"""
+
+import math
+import re
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import NoReturn, TypeAlias
+
+MAX_LENGTH = 10_000
+"""Characters of an expression."""
+MAX_DEPTH = 60
+"""Parentheses, functions, signs and powers inside one another."""
+MAX_SIZE = 2_000
+"""Numbers, names and operations of an expression."""
+
+FUNCTIONS: Mapping[str, int] = {
+    "sin": 1,
+    "cos": 1,
+    "tan": 1,
+    "asin": 1,
+    "acos": 1,
+    "atan": 1,
+    "atan2": 2,
+    "sinh": 1,
+    "cosh": 1,
+    "tanh": 1,
+    "exp": 1,
+    "log": 1,
+    "sqrt": 1,
+    "abs": 1,
+    "sign": 1,
+    "min": 2,
+    "max": 2,
+    "hypot": 2,
+    "floor": 1,
+    "mod": 2,
+    "where": 3,
+    "step": 5,
+}
+"""Number of arguments of each function. ``min`` and ``max`` may be written with more, and are then
+read as calls of two arguments inside one another."""
+
+ANY_NUMBER = ("min", "max")
+"""Functions that may be written with more arguments than ``FUNCTIONS`` says."""
+
+CONSTANTS: Mapping[str, float] = {"pi": math.pi}
+
+COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
+
+BINARY: Mapping[str, int] = {
+    "or": 1,
+    "and": 2,
+    **dict.fromkeys(COMPARISONS, 4),
+    "+": 5,
+    "-": 5,
+    "*": 6,
+    "/": 6,
+    "^": 8,
+}
+"""Operators of two operands, with their precedence."""
+
+UNARY: Mapping[str, tuple[str, int]] = {"not": ("not", 3), "-": ("negate", 7), "+": ("", 7)}
+"""Operators before an operand: the function that a ``Call`` names, and their precedence."""
+
+RESERVED = frozenset((*FUNCTIONS, *CONSTANTS, "and", "or", "not", "t"))
+"""Words that no parameter, signal, state or table may have as its name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A number; ``column`` in the text from 1, as in all records."""
+
+    value: float
+    column: int = field(default=1, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """The value called ``text``: ``L``, ``t``, or ``Crank.angle``, without quotes."""
+
+    text: str
+    column: int = field(default=1, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """An operation: ``function`` is a key of ``FUNCTIONS`` or ``BINARY``, "not" or "negate".
+
+    The number of ``arguments`` is that of the function. A condition is true unless it is zero;
+    comparisons, ``and``, ``or`` and ``not`` give 1 or 0.
+    """
+
+    function: str
+    arguments: tuple["Tree", ...]
+    column: int = field(default=1, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Lookup:
+    """The value of the table called ``table`` at one or two ``arguments``."""
+
+    table: str
+    arguments: tuple["Tree", ...]
+    column: int = field(default=1, compare=False)
+
+
+Tree: TypeAlias = Number | Name | Call | Lookup
+
+
+class ExpressionError(ValueError):
+    """What is wrong with an expression, and at which column of its text (from 1)."""
+
+    def __init__(self, message: str, column: int) -> None:
+        super().__init__(message)
+        self.message, self.column = message, column
+
+
+def inside_braces(text: str) -> str | None:
+    """Return what is between the braces of ``{...}``; None if ``text`` is not in braces."""
+    text = text.strip()
+    return text[1:-1] if len(text) > 1 and text[0] == "{" and text[-1] == "}" else None
+
+
+def parse(text: str) -> Tree:
+    """Return the tree of an expression without braces; raise ``ExpressionError``."""
+    if len(text) > MAX_LENGTH:
+        message = f"the expression has {len(text)} characters; {MAX_LENGTH} are the most accepted"
+        raise ExpressionError(message, 1)
+    return _Parser(text).tree()
+
+
+def postorder(tree: Tree) -> list[Tree]:
+    """Return all records of a tree, each after its arguments; without recursion."""
+    found, waiting = [], [tree]
+    while waiting:
+        node = waiting.pop()
+        found.append(node)
+        if isinstance(node, Call | Lookup):
+            waiting.extend(node.arguments)
+    return found[::-1]
+
+
+def check_names(tree: Tree, names: Collection[str], tables: Collection[str] = ()) -> None:
+    """Raise ``ExpressionError`` for the first name in the text that is neither of the ``names`` nor
+    of the ``tables``, each in its place; the message gives the nearest names."""
+    for node in sorted(postorder(tree), key=lambda node: node.column):
+        if isinstance(node, Name) and node.text not in names:
+            if node.text in tables:
+                message = f"'{node.text}' is a table; write {node.text}(x)"
+                raise ExpressionError(message, node.column)
+            raise ExpressionError(unknown(node.text, names), node.column)
+        if isinstance(node, Lookup) and node.table not in tables:
+            message = f"unknown function '{node.table}'{nearest(node.table, [*FUNCTIONS, *tables])}"
+            if node.table in names:
+                message = f"'{node.table}' is no function; to multiply write {node.table}*(...)"
+            raise ExpressionError(message, node.column)
+
+
+def unknown(name: str, names: Collection[str]) -> str:
+    """Return the message for a name that is none of the ``names``."""
+    return f"unknown name '{name}'{nearest(name, names)}"
+
+
+def nearest(name: str, names: Collection[str]) -> str:
+    """Return the remedy for an unknown name: those of the ``names`` that are most like it."""
+    from difflib import get_close_matches
+
+    near = get_close_matches(name, list(names), n=3)
+    if near:
+        return f"; did you mean {', '.join(near)}?"
+    some = list(names)[:10]
+    more = ", ..." if len(names) > len(some) else ""
+    return f"; known here: {', '.join(some)}{more}" if some else "; none is known here"
+
+
+_PART = r"(?:[^\W\d]\w*|'[^']*'|\"[^\"]*\")"
+_TOKEN = re.compile(
+    rf"""\s*(?:
+    (?P<number>(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)
+    |(?P<name>{_PART}(?:\.{_PART})*)
+    |(?P<sign><=|>=|==|!=|\*\*|[-+*/^(),<>])
+    |(?P<end>$)
+    )""",
+    re.VERBOSE,
+)
+
+_INSTEAD = {
+    "**": "the power is written ^",
+    "=": "equality is written ==",
+    "{": "braces stand around a complete expression only; use parentheses",
+    "}": "braces stand around a complete expression only; use parentheses",
+    "[": "use parentheses",
+    "]": "use parentheses",
+    "!": "negation is written not",
+    "&": "write and",
+    "|": "write or",
+    "%": "the remainder of a division is mod(a, b)",
+    ";": "arguments are separated by commas",
+    "'": "a quote is not closed",
+    '"': "a quote is not closed",
+}
+"""Remedies for signs that expressions do not have."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Token:
+    """A piece of the text: ``kind`` is number, name, sign, word (and, or, not) or end."""
+
+    kind: str
+    text: str
+    column: int
+
+
+def _tokens(text: str) -> Iterator[_Token]:
+    """Yield the pieces of a text; the last is its end."""
+    position = 0
+    while True:
+        match = _TOKEN.match(text, position)
+        if match is None:
+            column = position + len(text[position:]) - len(text[position:].lstrip()) + 1
+            sign = text[column - 1]
+            remedy = _INSTEAD.get(sign, "it has no meaning in an expression")
+            raise ExpressionError(f"unexpected '{sign}': {remedy}", column)
+        kind, word = str(match.lastgroup), match.group(str(match.lastgroup))
+        column, position = match.start(kind) + 1, match.end()
+        if word in _INSTEAD:
+            raise ExpressionError(f"unexpected '{word}': {_INSTEAD[word]}", column)
+        yield _Token("word" if word in ("and", "or", "not") else kind, word, column)
+        if kind == "end":
+            return
+
+
+class _Parser:
+    """Reads an expression from left to right, by the precedence of its operators."""
+
+    def __init__(self, text: str) -> None:
+        self._rest = _tokens(text)
+        self._next = next(self._rest)
+        self._depth = 0
+        self._size = 0
+
+    def tree(self) -> Tree:
+        """Return the tree of the complete text."""
+        if self._next.kind == "end":
+            raise ExpressionError("the expression is empty", self._next.column)
+        tree = self._expression(0)
+        if self._next.kind != "end":
+            self._unexpected()
+        return tree
+
+    def _take(self) -> _Token:
+        token = self._next
+        if token.kind != "end":
+            self._next = next(self._rest)
+        return token
+
+    def _unexpected(self) -> NoReturn:
+        """Raise the error of a token where an operator or the end belongs."""
+        token = self._next
+        if token.kind == "end":
+            raise ExpressionError("the expression ends too early", token.column)
+        message = f"unexpected '{token.text}'"
+        if token.text == ",":
+            message += "; a decimal is written with a point, and commas separate arguments"
+        elif token.text == ")":
+            message += "; no parenthesis is open here"
+        elif token.kind in ("number", "name") or token.text == "(":
+            message += "; an operator is missing before it, such as *"
+        raise ExpressionError(message, token.column)
+
+    def _counted(self, node: Tree) -> Tree:
+        self._size += 1
+        if self._size > MAX_SIZE:
+            message = f"the expression has more than {MAX_SIZE} numbers, names and operations"
+            raise ExpressionError(message, node.column)
+        return node
+
+    def _expression(self, least: int) -> Tree:
+        """Return the tree of what follows, up to an operator of a precedence of ``least`` or less;
+        ``^`` alone ends at none of its own."""
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            message = f"more than {MAX_DEPTH} levels inside one another"
+            raise ExpressionError(message, self._next.column)
+        left = self._operand()
+        compared = False
+        while self._next.kind in ("sign", "word") and BINARY.get(self._next.text, 0) > least:
+            operator = self._take()
+            if operator.text in COMPARISONS:
+                if compared:
+                    message = "comparisons are not chained; write a < b and b < c"
+                    raise ExpressionError(message, operator.column)
+                compared = True
+            precedence = BINARY[operator.text]
+            right = self._expression(precedence - (operator.text == "^"))
+            left = self._counted(Call(operator.text, (left, right), operator.column))
+        self._depth -= 1
+        return left
+
+    def _operand(self) -> Tree:
+        """Return the tree of a number, a name, a call, a parenthesis or a sign before these."""
+        token = self._take()
+        if token.kind == "number":
+            value = float(token.text)
+            if math.isinf(value):
+                raise ExpressionError(f"{token.text} is too large", token.column)
+            return self._counted(Number(value, token.column))
+        if token.kind == "name":
+            return self._named(token)
+        if token.text in UNARY:
+            function, precedence = UNARY[token.text]
+            operand = self._expression(precedence)
+            if not function:
+                return operand
+            return self._counted(Call(function, (operand,), token.column))
+        if token.text == "(":
+            tree = self._expression(0)
+            self._close(token)
+            return tree
+        if token.kind == "end":
+            raise ExpressionError("the expression ends too early", token.column)
+        raise ExpressionError(f"unexpected '{token.text}'; a value is missing", token.column)
+
+    def _close(self, opened: _Token) -> None:
+        if self._next.kind == "end":
+            raise ExpressionError("the parenthesis is not closed", opened.column)
+        if self._next.text != ")":
+            self._unexpected()
+        self._take()
+
+    def _named(self, token: _Token) -> Tree:
+        """Return the tree of a name, or of the call that it begins."""
+        name = token.text.replace("'", "").replace('"', "")
+        quoted = name != token.text
+        if self._next.text == "(":
+            return self._call(token, name, quoted)
+        if quoted:
+            return self._counted(Name(name, token.column))
+        if name in CONSTANTS:
+            return self._counted(Number(CONSTANTS[name], token.column))
+        if name in FUNCTIONS:
+            raise ExpressionError(f"{name} is a function; write {name}(...)", token.column)
+        return self._counted(Name(name, token.column))
+
+    def _call(self, token: _Token, name: str, quoted: bool) -> Tree:
+        """Return the tree of a call of a function or a table."""
+        opened, arguments = self._take(), []
+        if self._next.text != ")":
+            arguments.append(self._expression(0))
+            while self._next.text == ",":
+                self._take()
+                arguments.append(self._expression(0))
+        self._close(opened)
+        count = len(arguments)
+        if quoted or name not in FUNCTIONS:
+            if count not in (1, 2):
+                message = f"'{name}' is given {count} arguments; a table has one or two"
+                raise ExpressionError(message, token.column)
+            return self._counted(Lookup(name, tuple(arguments), token.column))
+        needed = FUNCTIONS[name]
+        if count < needed or (count > needed and name not in ANY_NUMBER):
+            least = "at least " if name in ANY_NUMBER else ""
+            message = f"{name} takes {least}{needed} argument{'s' * (needed > 1)}, not {count}"
+            raise ExpressionError(message, token.column)
+        if name not in ANY_NUMBER:
+            return self._counted(Call(name, tuple(arguments), token.column))
+        tree = arguments[0]
+        for argument in arguments[1:]:
+            tree = self._counted(Call(name, (tree, argument), token.column))
+        return tree
