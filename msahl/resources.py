@@ -1,27 +1,23 @@
 """Finds the folders at the top of the repository that are installed with the package."""
 
-from importlib.resources import files
-from importlib.resources.abc import Traversable
+from importlib.util import find_spec
 from pathlib import Path
 
 
-def folder(name: str) -> Traversable:
+def folder(name: str) -> Path:
     """Return ``schemas`` or ``decks``, as ``msahl.NAME`` or beside a checkout's package."""
-    try:
-        return files(f"msahl.{name}")
-    except ModuleNotFoundError:
-        return Path(__file__).parents[1] / name
+    spec = find_spec(f"msahl.{name}")
+    places = spec.submodule_search_locations if spec else None
+    return Path(places[0]) if places else Path(__file__).parents[1] / name
 
 
 def example_decks() -> list[Path]:
     """Return the decks that are installed with the package."""
     return sorted(
-        path
-        for part in ("forces", "joints")
-        for path in Path(str(folder("decks") / part)).glob("*.xml")
+        path for part in ("forces", "joints") for path in (folder("decks") / part).glob("*.xml")
     )
 
 
 def example_deck(name: str) -> Path:
     """Return the path of one of these decks, such as joints/revolute.xml."""
-    return Path(str(folder("decks") / name))
+    return folder("decks") / name

@@ -18,6 +18,31 @@ def rotations(p: np.ndarray) -> np.ndarray:
     return np.asarray(np.eye(3) + 2.0 * e0[..., None, None] * K + 2.0 * K @ K)
 
 
+def parameters(R: np.ndarray) -> np.ndarray:
+    """Return the rescaled parameters (..., 3) of rotation matrices (..., 3, 3).
+
+    Of the four products 4 e_i e of Euler parameters e, that with the largest e_i is taken: no
+    difference of nearly equal numbers is then divided by a small one.
+    """
+    trace = np.trace(R, axis1=-2, axis2=-1)[..., None]
+    skew = np.stack([R[..., k, j] - R[..., j, k] for j, k in _CYCLE], axis=-1)
+    both = R + np.swapaxes(R, -1, -2)
+    diagonal = np.diagonal(R, axis1=-2, axis2=-1)
+    products = np.empty((*R.shape[:-2], 4, 4))
+    products[..., 0, 0] = 1.0 + trace[..., 0]
+    products[..., 0, 1:] = products[..., 1:, 0] = skew
+    products[..., 1:, 1:] = both
+    products[..., range(1, 4), range(1, 4)] = 1.0 + 2.0 * diagonal - trace
+    largest = np.argmax(np.diagonal(products, axis1=-2, axis2=-1), axis=-1)
+    e = np.take_along_axis(products, largest[..., None, None], axis=-2)[..., 0, :]
+    e = e / np.sqrt((e * e).sum(axis=-1, keepdims=True))
+    e = np.where(e[..., :1] < 0.0, -e, e)
+    return np.asarray(4.0 * e[..., 1:] / (1.0 + e[..., :1]))
+
+
+_CYCLE = ((1, 2), (2, 0), (0, 1))
+
+
 def _euler(p: np.ndarray) -> np.ndarray:
     """(..., 4) Euler parameters of Wiener-Milenkovic ones."""
     square = (p * p).sum(axis=-1, keepdims=True) / 16.0

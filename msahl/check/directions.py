@@ -46,6 +46,59 @@ def frame(z: Vector, reference: Vector | None = None) -> Matrix:
     return (x, unit(cross(z, x)), z)
 
 
+def smallest_rotation(a: Vector, b: Vector, x: Vector) -> Vector:
+    """Return ``x`` rotated by the smallest rotation that takes the unit vector ``a`` to ``b``.
+
+    Where they are opposite it is the half revolution about the x of ``frame(b)``.
+    """
+    if a == b:
+        return x
+    axis = cross(a, b)
+    if dot(a, b) < 0.0 and math.hypot(*axis) < PARALLEL:
+        n = frame(b)[0]
+        return axpy(2.0 * dot(n, x), n, scale(-1.0, x))
+    once = cross(axis, x)
+    return axpy(1.0 / (1.0 + dot(a, b)), cross(axis, once), axpy(1.0, once, x))
+
+
+def perpendicular_part(a: Vector, z: Vector) -> Vector | None:
+    """Return the unit vector along ``a`` made perpendicular to ``z``; None if they are parallel."""
+    return None if sine(a, z) < PARALLEL else unit(axpy(-dot(a, z), z, a))
+
+
+def shared_references(
+    parent_axis: Vector, child_axis: Vector, parent: Vector | None, child: Vector | None
+) -> tuple[Vector, Vector]:
+    """Return the reference directions of a joint whose axes stay parallel, each in its own body's
+    axes as all arguments are; ``parent`` and ``child`` are those given.
+
+    Unless both are given, coordinates are zero where the smallest rotation that makes the axes
+    parallel takes the child's own axes to the parent's. If the axis has the same components on both
+    sides, the bodies' own axes are parallel there.
+    """
+    if parent is None and child is not None:
+        parent = smallest_rotation(child_axis, parent_axis, child)
+    if parent is None:
+        parent = frame(parent_axis)[0]
+    if child is None:
+        child = smallest_rotation(parent_axis, child_axis, parent)
+    return frame(parent_axis, parent)[0], frame(child_axis, child)[0]
+
+
+def crossed_references(
+    parent_axis: Vector, child_axis: Vector, parent: Vector | None, child: Vector | None
+) -> tuple[Vector, Vector]:
+    """Return the reference directions of a universal joint, as ``shared_references`` does.
+
+    A direction that is not given is that of the other side's axis where the smallest rotation of
+    the child makes the axes perpendicular. If they are perpendicular by their components, both
+    angles are zero where the bodies' own axes are parallel.
+    """
+    parent = parent or perpendicular_part(child_axis, parent_axis)
+    child = child or perpendicular_part(parent_axis, child_axis)
+    return frame(parent_axis, parent)[0], frame(child_axis, child)[0]
+
+
 def facing_back(axes: Matrix) -> Matrix:
     """Return the frame with y and z reversed."""
     x, y, z = axes

@@ -4,13 +4,21 @@ from dataclasses import dataclass
 
 from msahl.algebra.vector import IDENTITY, ZERO, Matrix, Vector, dot
 from msahl.check.context import INERTIAL
-from msahl.check.directions import PARALLEL, clean, frame, sine
+from msahl.check.directions import (
+    PARALLEL,
+    clean,
+    crossed_references,
+    frame,
+    shared_references,
+    sine,
+)
 from msahl.check.ends import is_placed as known_places
 from msahl.check.faults import shown
 from msahl.deck.faults import Element, text
 from msahl.deck.values import Reader
 
 SIDES = ("parent", "child")
+REFERENCE_PARALLEL = "<reference> is parallel to the axis; give another direction, or delete it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,20 +58,41 @@ def own_frame(element: Element, side: str, reader: Reader) -> Matrix | None:
     return _checked_frame(element, axis, reference, reader)
 
 
-def shared_frame(element: Element, reader: Reader) -> Matrix | None:
+def shared_frame(element: Element, reader: Reader, two_references: bool = False) -> Matrix | None:
     """Return the frame of both ends by the axis (and reference) that one gives, inertial axes.
 
-    If both give an axis, the two must agree. None without an axis free of faults.
+    If both give an axis, the two must agree; with ``two_references`` both may give a reference,
+    and the frame is by the parent's. None without an axis free of faults.
     """
     given = [side_direction(element, side, "axis", reader) for side in SIDES]
     parent, child = given
     if parent is not None and child is not None and reader.faults.sound(element):
         _check_agreement(element, parent, child, reader)
     references = [side_direction(element, side, "reference", reader) for side in SIDES]
-    if None not in references:
+    if None not in references and not two_references:
         reader.faults.add(element, "<reference> is given on both sides; keep one")
     axis = parent or child
     return _checked_frame(element, axis, references[0] or references[1], reader)
+
+
+def own_references(
+    element: Element, axes: tuple[Vector, Vector], crossed: bool, reader: Reader
+) -> tuple[Vector, Vector] | None:
+    """Return the directions of parent and child from which the joint's coordinates count, each in
+    its own axes, as its ``axes`` are; None if a reference is parallel to its axis.
+    """
+    given = []
+    for side, axis in zip(SIDES, axes, strict=True):
+        reference = side_direction(element, side, "reference", reader)
+        own = text(element.find(f"{side}/name"))
+        if reference is not None:
+            reference = reader.context.rotated(reference, INERTIAL, own)
+            if sine(axis, reference) < PARALLEL:
+                reader.faults.add(element, REFERENCE_PARALLEL)
+                return None
+        given.append(reference)
+    complete = crossed_references if crossed else shared_references
+    return complete(*axes, *given)
 
 
 def side_direction(element: Element, side: str, tag: str, reader: Reader) -> Vector | None:
@@ -91,8 +120,7 @@ def _checked_frame(
     if axis is None:
         return None
     if reference is not None and sine(axis, reference) < PARALLEL:
-        message = "<reference> is parallel to the axis; give another direction, or delete it"
-        reader.faults.add(element, message)
+        reader.faults.add(element, REFERENCE_PARALLEL)
         reference = None
     return frame(axis, reference)
 

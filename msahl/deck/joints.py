@@ -2,14 +2,24 @@
 
 import math
 
-from msahl.algebra.vector import IDENTITY, Matrix, cross, dot, sub
-from msahl.check.directions import facing_back
+from msahl.algebra.vector import IDENTITY, Matrix, Vector, cross, dot, sub
+from msahl.check.directions import PARALLEL, facing_back
 from msahl.check.ends import points
 from msahl.check.joint_fit import fit_findings
 from msahl.check.joints import joint_findings
-from msahl.deck.ends import Ends, carried, is_placed, own_frame, read_ends, shared_frame
+from msahl.deck.ends import (
+    SIDES,
+    Ends,
+    carried,
+    is_placed,
+    own_frame,
+    own_references,
+    read_ends,
+    shared_frame,
+)
 from msahl.deck.faults import Element, text
 from msahl.deck.values import Reader
+from msahl.joints.coordinates import ORIENTATION
 from msahl.joints.joint import Kind
 from msahl.joints.registry import KINDS
 from msahl.model.joints import Joint
@@ -25,7 +35,10 @@ def read_joint(element: Element, reader: Reader) -> Joint:
     if reaction is not None:  # read for its faults only: the reaction is computed
         reader.components(reaction)
         reader.basis(reaction)
-    parent_axes, child_axes = _frames(element, kind, ends, reader)
+    frames = _frames(element, kind, ends, reader)
+    parent_axes = carried(frames[0], ends.parent, reader)
+    child_axes = carried(frames[1], ends.child, reader)
+    references = _references(element, kind, (parent_axes[2], child_axes[2]), reader)
     joint = Joint(
         name=text(element.find("name")),
         kind=kind.name,
@@ -33,9 +46,11 @@ def read_joint(element: Element, reader: Reader) -> Joint:
         child=ends.child,
         parent_point=ends.parent_point,
         child_point=ends.child_point,
-        parent_axes=carried(parent_axes, ends.parent, reader),
-        child_axes=carried(child_axes, ends.child, reader),
+        parent_axes=parent_axes,
+        child_axes=child_axes,
         parameters=_parameters(element, kind, reader),
+        parent_reference=references[0],
+        child_reference=references[1],
     )
     reader.add(element, joint_findings(joint, reader.context))
     if is_placed(element, ends, reader):
@@ -61,7 +76,7 @@ def _frames(element: Element, kind: Kind, ends: Ends, reader: Reader) -> Frames:
     if kind.axes == 0:
         return IDENTITY, IDENTITY
     if kind.axes == 1:
-        shared = shared_frame(element, reader)
+        shared = shared_frame(element, reader, has_references(kind))
         if shared is None and reader.faults.sound(element):
             message = (
                 "<axis> is missing; add it to <parent> or <child>, for example "
@@ -75,6 +90,41 @@ def _frames(element: Element, kind: Kind, ends: Ends, reader: Reader) -> Frames:
     if kind.faces and is_placed(element, ends, reader):
         return parent, _facing(parent, child, ends, reader)
     return parent, child
+
+
+def has_references(kind: Kind) -> bool:
+    """Return whether coordinates of this kind count from directions on both sides."""
+    return kind.axes > 0 and kind.pose is not None and ORIENTATION not in kind.pose
+
+
+def _references(
+    element: Element, kind: Kind, axes: tuple[Vector, Vector], reader: Reader
+) -> tuple[Vector | None, Vector | None]:
+    """Return the directions from which the joint's coordinates count, own axes; None: no such."""
+    if not has_references(kind) or not reader.faults.sound(element):
+        return None, None
+    found = own_references(element, axes, kind.axes == 2, reader)
+    if found is not None and "".join(kind.pose or ()) == "slide":
+        _check_fixed_angle(element, axes[0], found, reader)
+    return found or (None, None)
+
+
+def _check_fixed_angle(
+    element: Element, axis: Vector, references: tuple[Vector, Vector], reader: Reader
+) -> None:
+    """Add a fault if both references of a joint without rotation are given and not parallel."""
+    ends = [element.find(side) for side in SIDES]
+    if any(end is None or end.find("reference") is None for end in ends):
+        return
+    parent, child = (text(end.find("name")) for end in ends if end is not None)
+    x = reader.context.rotated(references[1], child, parent)
+    degrees = math.degrees(math.atan2(dot(cross(references[0], x), axis), dot(references[0], x)))
+    if abs(degrees) > math.degrees(PARALLEL) and not reader.context.project:
+        message = (
+            f"its references are at {degrees:.7g} deg at t = 0 and must be parallel, since the "
+            "joint does not rotate; rotate the child, or give one reference"
+        )
+        reader.faults.add(element, message)
 
 
 def _facing(parent: Matrix, child: Matrix, ends: Ends, reader: Reader) -> Matrix:

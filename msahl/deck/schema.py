@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, cast
 
 from lxml import etree
 
-from msahl.deck.diagnosis import add_faults
 from msahl.deck.faults import Element, Faults
 from msahl.deck.parse import parse_with_comments
 from msahl.resources import folder
@@ -47,6 +46,8 @@ def check_schema(root: Element, faults: Faults, thorough: bool = False) -> None:
     source = schema_bytes()
     refused = objection(root, source)
     if refused:
+        from msahl.deck.diagnosis import add_faults
+
         add_faults(root, built(source).elements["data"], faults)
         if faults.sound(root):  # if the two disagree, libxml2 decides
             faults.add(root, f"not valid: {refused}")

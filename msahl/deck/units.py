@@ -7,8 +7,13 @@ standard gravity 9.80665 m/s^2, all exact (NIST SP 811); a slug is the mass to w
 """
 
 import math
+import re
 from collections.abc import Mapping
 from fractions import Fraction
+from functools import cache
+from typing import NamedTuple
+
+from msahl.expressions.dimensions import ANGLE, PURE, Dimension
 
 Factors = Mapping[str, Fraction]
 
@@ -143,3 +148,100 @@ def to_si(value: float, unit: str, quantity: str) -> float:
         return float(Fraction(value) * factor)
     except OverflowError:
         return math.copysign(math.inf, value)
+
+
+class Unit(NamedTuple):
+    """A unit's factor to SI and its dimension."""
+
+    factor: Fraction
+    dimension: Dimension
+
+
+@cache
+def symbols() -> Mapping[str, Unit]:
+    """Return the units that others are made of by products, quotients and powers."""
+    one = Fraction(1)
+    m, kg, s, ampere = (Dimension(**{unit: one}) for unit in ("m", "kg", "s", "A"))
+
+    def product(*powers: tuple[Dimension, int]) -> Dimension:
+        total = PURE
+        for base, n in powers:
+            total = total.times(base.power(Fraction(n)))
+        return total
+
+    newton = product((kg, 1), (m, 1), (s, -2))
+    joule, volt = newton.times(m), product((kg, 1), (m, 2), (s, -3), (ampere, -1))
+    pascal = newton.times(m.power(Fraction(-2)))
+    prefixes = {"": one, "k": one * 1000, "M": one * 10**6, "m": one / 1000}
+    derived = {
+        "N": (newton, "km"),
+        "J": (joule, "km"),
+        "W": (product((joule, 1), (s, -1)), "km"),
+        "Pa": (pascal, "kM"),
+        "A": (ampere, "m"),
+        "V": (volt, "km"),
+        "ohm": (product((volt, 1), (ampere, -1)), "kmM"),
+        "C": (product((ampere, 1), (s, 1)), ""),
+        "H": (product((volt, 1), (s, 1), (ampere, -1)), "m"),
+        "Wb": (product((volt, 1), (s, 1)), ""),
+    }
+    found = {
+        f"{prefix}{name}": Unit(prefixes[prefix], dimension)
+        for name, (dimension, more) in derived.items()
+        for prefix in ("", *more)
+    }
+    rate = ANGLE.times(s.power(Fraction(-1)))
+    for quantity, base in (("length", m), ("mass", kg), ("angle", ANGLE), ("time", s)):
+        found |= {name: Unit(factor, base) for name, factor in UNITS[quantity].items()}
+    found |= {name: Unit(UNITS["frequency"][name], rate) for name in ("rpm", "Hz")}
+    found |= {"h": Unit(one * 3600, s), "1": Unit(one, PURE), "%": Unit(one / 100, PURE)}
+    found |= {"bar": Unit(one * 10**5, pascal), "psi": Unit(_LBF / _IN**2, pascal)}
+    found |= {"L": Unit(one / 1000, m.power(Fraction(3))), "lbf": Unit(_LBF, newton)}
+    return found
+
+
+_FACTOR = re.compile(r"([A-Za-z%]+|1)(?:\^(-?[1-9]))?")
+
+
+@cache
+def parse_unit(name: str) -> Unit | None:
+    """Return the unit ``kg/m^3``, ``N-m-s/rad`` and the like; None if it is none.
+
+    Factors are joined by ``-``, all those after the one ``/`` divide, and ``^`` is followed by an
+    exponent of one digit.
+    """
+    above, slash, below = name.partition("/")
+    factor, dimension = Fraction(1), PURE
+    for part, sign in ((above, 1), (below, -1)) if slash else ((above, 1),):
+        position = 0
+        while True:
+            match = _FACTOR.match(part, position)
+            if match is None or match[1] not in symbols() or len(part) > LONGEST_UNIT:
+                return None
+            n, unit = sign * int(match[2] or 1), symbols()[match[1]]
+            factor *= unit.factor**n
+            dimension = dimension.times(unit.dimension.power(Fraction(n)))
+            position = match.end()
+            if position == len(part):
+                break
+            if part[position] != "-":
+                return None
+            position += 1
+    return Unit(factor, dimension)
+
+
+LONGEST_UNIT = 60
+"""Characters of one side of a compound unit."""
+
+
+@cache
+def dimension_of(quantity: str) -> Dimension:
+    """Return the dimension of a physical quantity of ``UNITS``; "" is a plain number."""
+    unit = parse_unit(DEFAULTS["SI"][quantity]) if quantity else symbols()["1"]
+    assert unit is not None  # a test goes through all
+    return unit.dimension
+
+
+def from_si(value: float, factor: Fraction) -> float:
+    """Return a finite ``value`` in SI in the unit of a ``factor``, rounded once."""
+    return value if factor == 1 else float(Fraction(value) / factor)

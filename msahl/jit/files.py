@@ -10,7 +10,7 @@ import os
 import platform
 import sys
 from functools import cache, cached_property
-from importlib import metadata
+from importlib.util import find_spec
 from pathlib import Path
 
 import platformdirs
@@ -103,12 +103,22 @@ def _own_sources(module: str, name: str) -> str:
     return own_digest(resolve(module, name))[:24]
 
 
+@cache
 def version_of(package: str) -> str:
-    """Return the version of an installed package; empty if there is none."""
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
+    """Return the version of an installed package; empty if there is none.
+
+    It is in the name of the folder PACKAGE-VERSION.dist-info beside the package. Only packages that
+    have none are looked up by ``importlib.metadata``, which takes 15 ms to import.
+    """
+    spec = find_spec(package)
+    if spec is None:
         return ""
+    for path in spec.submodule_search_locations or ():
+        for found in Path(path).parent.glob(f"{package}-*.dist-info"):
+            return found.name.removeprefix(f"{package}-").removesuffix(".dist-info")
+    from importlib import metadata
+
+    return metadata.version(package)
 
 
 @cache

@@ -8,7 +8,6 @@ renamed, so processes that save at the same time do not disturb each other.
 
 import hashlib
 import os
-import secrets
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -49,7 +48,7 @@ class Store:
 
     def save(self, name: str, content: bytes) -> None:
         """Save ``content`` under ``name``, if that is possible."""
-        part = f"{name}.{secrets.token_hex(8)}"
+        part = f"{name}.{os.urandom(8).hex()}"
         with self._opened() as at:
             if at is None:
                 return

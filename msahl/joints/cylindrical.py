@@ -12,4 +12,7 @@ def equations(joint: Joint) -> Equations:
     return [*on_axis(joint), *parallel_axes(joint)]
 
 
-KIND = Kind("cylindrical", equations, axes=1, coordinates=("slide", "angle"), bearing=True)
+SLIDE_ANGLE = ("slide", "angle")
+KIND = Kind(
+    "cylindrical", equations, axes=1, coordinates=SLIDE_ANGLE, pose=SLIDE_ANGLE, bearing=True
+)

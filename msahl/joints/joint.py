@@ -73,7 +73,9 @@ class Kind:
     ``axes`` says which the deck must give: 0 none, 1 one that both sides share at t = 0, 2 one a
     side; ``faces`` whether the child's points against the parent's at t = 0.
     ``parameters`` are (name, unit, default or None, lower bound); ``coordinates`` are those that
-    prescribed motions, springs, couplings and friction can act along. ``on_ground`` marks equations
+    prescribed motions, springs, couplings and friction can act along; ``pose`` are those that
+    determine where the child is relative to the parent (see ``joints.coordinates``), None if the
+    joint has no such coordinates. ``on_ground`` marks equations
     between rates that are valid only if the parent is a ground; ``bearing`` marks those whose
     friction follows from their reaction.
     """
@@ -83,6 +85,7 @@ class Kind:
     axes: int = 0
     parameters: tuple[tuple[str, str, float | None, float], ...] = ()
     coordinates: tuple[str, ...] = ()
+    pose: tuple[str, ...] | None = None
     moment: bool = True
     on_ground: bool = False
     faces: bool = False

@@ -12,4 +12,4 @@ def equations(joint: Joint) -> Equations:
     return [in_plane(joint.parent_axes[Z]), *parallel_axes(joint)]
 
 
-KIND = Kind("planar", equations, axes=1)
+KIND = Kind("planar", equations, axes=1, pose=("slide1", "slide2", "angle"))

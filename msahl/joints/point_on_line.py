@@ -12,4 +12,4 @@ def equations(joint: Joint) -> Equations:
     return [*on_axis(joint)]
 
 
-KIND = Kind("pointOnLine", equations, axes=1, coordinates=("slide",))
+KIND = Kind("pointOnLine", equations, axes=1, coordinates=("slide",), pose=("slide", "orientation"))

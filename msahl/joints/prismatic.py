@@ -12,4 +12,4 @@ def equations(joint: Joint) -> Equations:
     return [*on_axis(joint), *no_rotation(joint)]
 
 
-KIND = Kind("prismatic", equations, axes=1, coordinates=("slide",), bearing=True)
+KIND = Kind("prismatic", equations, axes=1, coordinates=("slide",), pose=("slide",), bearing=True)

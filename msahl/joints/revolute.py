@@ -12,4 +12,4 @@ def equations(joint: Joint) -> Equations:
     return [Coincide(), *parallel_axes(joint)]
 
 
-KIND = Kind("revolute", equations, axes=1, coordinates=("angle",), bearing=True)
+KIND = Kind("revolute", equations, axes=1, coordinates=("angle",), pose=("angle",), bearing=True)

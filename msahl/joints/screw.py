@@ -25,4 +25,5 @@ KIND = Kind(
     axes=1,
     parameters=(("pitch", "length", None, -math.inf),),
     coordinates=("angle", "slide"),
+    pose=("angle", "slide"),
 )

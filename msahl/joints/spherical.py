@@ -15,4 +15,4 @@ def equations(joint: Joint) -> Equations:
     return [Coincide()]
 
 
-KIND = Kind("spherical", equations, moment=False)
+KIND = Kind("spherical", equations, pose=("orientation",), moment=False)

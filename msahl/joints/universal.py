@@ -12,4 +12,4 @@ def equations(joint: Joint) -> Equations:
     return [Coincide(), perpendicular(joint.parent_axes[Z], joint.child_axes[Z])]
 
 
-KIND = Kind("universal", equations, axes=2)
+KIND = Kind("universal", equations, axes=2, pose=("angle1", "angle2"))

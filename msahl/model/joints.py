@@ -11,7 +11,9 @@ class Joint:
 
     ``parent_point`` and ``child_point`` [m] are given from each body's B, and ``parent_axes`` and
     ``child_axes``, the rows x, y, z of the joint's frame, in that body's axes; ``parameters`` by
-    name, in SI.
+    name, in SI. Coordinates are zero where ``child_reference``, a direction of the child
+    perpendicular to its axis, is along ``parent_reference`` (see ``msahl.joints.coordinates``); by
+    default these are the x of the frames.
     """
 
     name: str
@@ -23,6 +25,8 @@ class Joint:
     parent_axes: Matrix = IDENTITY
     child_axes: Matrix = IDENTITY
     parameters: tuple[tuple[str, float], ...] = ()
+    parent_reference: Vector | None = None
+    child_reference: Vector | None = None
 
     def parameter(self, name: str) -> float:
         """Return the value of the parameter ``name`` [SI]."""

@@ -273,7 +273,7 @@ class TimeLoop:
         if self._publish(times, self._follow(steps, advance.schedule, times)):
             self.setup.plan.accept(advance)
             self.record.add(advance.steps)
-            self.accepted = SavedSteps.of(self.setup.integrators)
+            self.accepted.update(self.setup.integrators)
         else:
             self._go_back()
 

@@ -75,7 +75,7 @@ class OutputTimes:
         """
         last = -(-written // self.chunk) * self.chunk
         rows = np.minimum(np.arange(written, last + 1) * self.every, self.shown.n)
-        return self.shown.times(np.unique(rows))
+        return self.shown.times(rows[: 1 + int(np.searchsorted(rows, self.shown.n))])
 
 
 class TableAssembly:

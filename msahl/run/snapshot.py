@@ -44,6 +44,11 @@ class SavedSteps:
         """The present state of the ``integrators``."""
         return cls(copy_memory(integrators), [of.stepper.counters for of in integrators])
 
+    def update(self, integrators: Sequence[SubsystemIntegrator]) -> None:
+        """Replace it by the present state of the same ``integrators``."""
+        copy_memory(integrators, self.memory)
+        self.counters[:] = [of.stepper.counters for of in integrators]
+
     def restore(self, integrators: Sequence[SubsystemIntegrator]) -> None:
         """Bring the same ``integrators`` back; the work counted since then stays counted."""
         for integrator, counters in zip(integrators, self.counters, strict=True):
@@ -51,9 +56,13 @@ class SavedSteps:
         restore_memory(integrators, self.memory)
 
 
-def copy_memory(integrators: Sequence[SubsystemIntegrator]) -> np.ndarray:
-    """(m,) a copy of all doubles that the subsystems' next steps depend on."""
-    return np.concatenate([array.ravel() for array in _changing(integrators)])
+def copy_memory(
+    integrators: Sequence[SubsystemIntegrator], memory: np.ndarray | None = None
+) -> np.ndarray:
+    """(m,) a copy of all doubles that the subsystems' next steps depend on, in ``memory`` if it is
+    given.
+    """
+    return np.concatenate([array.ravel() for array in _changing(integrators)], out=memory)
 
 
 def restore_memory(integrators: Sequence[SubsystemIntegrator], memory: np.ndarray) -> None:

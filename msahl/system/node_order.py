@@ -109,11 +109,9 @@ def graph_of(system: System) -> Graph:
     )  # by the numbers of the model
     rank = np.argsort(np.argsort(first))
     element, count = rank[number.reshape(-1)], first.size
-    touched = np.unique(
-        np.stack([np.repeat(element, multipliers.bodies.shape[1]), multipliers.bodies.reshape(-1)]),
-        axis=1,
-    )
-    touched = touched[:, touched[1] != ground]
+    bodies, n = multipliers.bodies.reshape(-1), ground + 1
+    pairs = n * np.repeat(element, multipliers.bodies.shape[1]) + bodies
+    touched = np.stack(np.divmod(_sorted_set(pairs[bodies != ground]), n))
     pushing, rotational = (
         grouped(element[chosen], multipliers.node[chosen], count)
         for chosen in (~multipliers.rotational, multipliers.rotational)
@@ -125,6 +123,15 @@ def graph_of(system: System) -> Graph:
         rotational=rotational,
         forced=_forced(system, ground),
     )
+
+
+def _sorted_set(numbers: np.ndarray) -> np.ndarray:
+    """Return the different ``numbers``, sorted.
+
+    ``np.unique`` would import ``numpy.ma``, which takes 10 ms.
+    """
+    ordered = np.sort(numbers)
+    return ordered[np.diff(ordered, prepend=ordered[:1] - 1) != 0]
 
 
 def _forced(system: System, ground: int) -> np.ndarray:

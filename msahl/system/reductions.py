@@ -138,8 +138,8 @@ def drop_rows(system: System, held: np.ndarray) -> System:
     rows, group = scalar.equations, scalar.coordinates
     kept = np.flatnonzero(~held)
     acting = (rows.coordinate[kept].reshape(-1), forces.coordinates_of(system.forces))
-    used = np.unique(np.concatenate(acting))
-    used = used[used >= 0]
+    numbers = np.concatenate(acting)
+    used = np.flatnonzero(np.bincount(numbers[numbers >= 0]))
     number = np.full(group.kind.size + 1, -1)  # the last entry serves -1
     number[used] = np.arange(used.size)
     spans = [np.arange(group.first[q], group.first[q + 1]) for q in used]

@@ -95,8 +95,16 @@ JOINTS = {
         ":22: joint 'J': <reference> is parallel to the axis; give another direction",
     ),
     "two references": (
-        joint("revolute", Z + "<reference><x>1</x></reference>", "<reference><x>1</x></reference>"),
+        joint(
+            "pointSlider", Z + "<reference><x>1</x></reference>", "<reference><x>1</x></reference>"
+        ),
         ":22: joint 'J': <reference> is given on both sides; keep one",
+    ),
+    "two references of a slider that are not parallel": (
+        joint(
+            "prismatic", Z + "<reference><x>1</x></reference>", "<reference><y>1</y></reference>"
+        ),
+        ":22: joint 'J': its references are at 90 deg at t = 0 and must be parallel",
     ),
     "universal with parallel axes": (
         joint("universal", X, X),

@@ -11,7 +11,7 @@ import pytest
 from msahl.jit import compiled, files, reach
 from msahl.jit.arguments import describe, symbol_of
 from msahl.jit.compiled import STOPWATCH, Compiled, prepare
-from msahl.jit.files import Files, portable_name
+from msahl.jit.files import Files, portable_name, version_of
 from msahl.jit.kernel_store import Store, digest_of
 from msahl.jit.object_file import ObjectFile, name_of
 from msahl.jit.progress import CompileError
@@ -137,12 +137,15 @@ def test_a_request_to_stop_ends_compiling(store):
 
 
 def test_without_a_compiler_the_message_says_what_to_install(store, monkeypatch):
-    def absent(name):
-        raise metadata.PackageNotFoundError(name)
-
-    monkeypatch.setattr(metadata, "version", absent)
+    monkeypatch.setattr("msahl.jit.compiled.version_of", lambda package: "")
     with pytest.raises(CompileError, match=r"pip install 'msahl\[compile\]'"):
         Compiled(kernels.twice)(1.0)
+
+
+def test_versions_are_those_of_the_packages():
+    for package in ("numba", "llvmlite", "numpy", "scipy"):
+        assert version_of(package) == metadata.version(package)
+    assert version_of("no_such_package") == ""
 
 
 PROGRAM = """

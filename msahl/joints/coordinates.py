@@ -1,0 +1,276 @@
+"""Coordinates of joints: values, rates and accelerations of a relative motion, and the inverse.
+
+    slide               displacement of the child's point from the parent's along the axis [m]
+    slide1, slide2      likewise along the parent's reference x, and along y = axis x reference [m]
+    angle               rotation of the child about the axis, from x to the child's reference [rad]
+    angle1, angle2      of a universal joint: rotation of the cross about the parent's axis, and of
+                        the child about its own axis relative to the cross [rad]
+    orientation         rotation from the parent's axes to the child's: P1 P2 P3, Wiener-Milenkovic
+                        parameters; wx wy wz, relative angular velocity in the child's axes [rad/s]
+
+All are functions of the configuration alone and do not depend on where the motion starts: an angle
+is zero where the child's reference direction is along the parent's. ``angle1`` is zero where the
+child's axis is along the parent's reference, ``angle2`` where the parent's axis is along the
+child's reference. Angles are found within half a revolution of zero; ``joints.rotations`` counts.
+
+Everything here is in the parent's axes, for m output times at once:
+
+    D       from the parent's point to the child's [m]        v, a          its derivatives
+    R       child's axes to parent's                          w, alpha      relative angular
+                                                              velocity, and its derivative
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.algebra.rotation import matrix
+from msahl.algebra.rotation_arrays import parameters
+from msahl.algebra.vector import Vector
+from msahl.joints.joint import X, Z
+from msahl.joints.registry import KINDS
+from msahl.model.joints import Joint
+
+ORIENTATION = "orientation"
+SPATIAL = (("P1", "P2", "P3"), ("wx", "wy", "wz"), ("alphax", "alphay", "alphaz"))
+"""Columns of an orientation, its rate and its acceleration."""
+SUFFIXES = ("", "Rate", "Acceleration")
+"""What is added to the name of a coordinate for its value, its rate and its acceleration."""
+LEVELS = len(SUFFIXES)
+
+
+class Relative(NamedTuple):
+    """Motion of a joint's child relative to its parent, in the parent's axes; see the module."""
+
+    D: np.ndarray  # (m, 3)
+    R: np.ndarray  # (m, 3, 3)
+    v: np.ndarray  # (m, 3)
+    w: np.ndarray  # (m, 3)
+    a: np.ndarray | None = None  # (m, 3)
+    alpha: np.ndarray | None = None  # (m, 3)
+
+
+def coordinates(joint: Joint) -> tuple[str, ...]:
+    """Return the names of the coordinates of a joint; () if it has none."""
+    return KINDS[joint.kind].pose or ()
+
+
+def columns(joint: Joint, level: int) -> list[str]:
+    """Return the names of values (``level`` 0), rates (1) or accelerations (2) of a joint."""
+    names: list[str] = []
+    for name in coordinates(joint):
+        names += SPATIAL[level] if name == ORIENTATION else [name + SUFFIXES[level]]
+    return names
+
+
+def is_angle(column: str) -> bool:
+    """Return whether a column of values counts revolutions."""
+    return column in ("angle", "angle1", "angle2")
+
+
+def frames(joint: Joint) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rows x, y, z (3, 3) of the parent's and of the child's frame that coordinates
+    refer to, each in its own body's axes: x is the reference, z the axis.
+    """
+    parent = _frame(joint.parent_reference or joint.parent_axes[X], joint.parent_axes[Z])
+    return parent, _frame(joint.child_reference or joint.child_axes[X], joint.child_axes[Z])
+
+
+def angle_offset(joint: Joint) -> float:
+    """Return the ``angle`` [rad] at which x of the two frames ``parent_axes`` and ``child_axes``
+    are parallel: the difference between the angle and the one that the equations of motion count.
+    """
+    here, there = frames(joint)
+    parent = _direction(here[X], np.array(joint.parent_axes))
+    return _direction(there[X], np.array(joint.child_axes)) - parent
+
+
+def relative(joint: Joint, parent: "Motion", child: "Motion") -> Relative:
+    """Return the motion of the child relative to the parent."""
+    s_a, s_b = np.array(joint.parent_point), np.array(joint.child_point)
+    a, b = point_motion(parent, s_a), point_motion(child, s_b)
+    R_a = np.swapaxes(parent.R, -1, -2)  # inertial to parent's axes
+    D, w_a = _rotated(R_a, b.x - a.x), _rotated(R_a, parent.w)
+    w = _rotated(R_a, child.w) - w_a
+    v = _rotated(R_a, b.v - a.v) - np.cross(w_a, D)
+    found = Relative(D, R_a @ child.R, v, w)
+    if a.a is None or b.a is None or parent.alpha is None or child.alpha is None:
+        return found
+    alpha_a = _rotated(R_a, parent.alpha)
+    centripetal = np.cross(w_a, np.cross(w_a, D) + 2.0 * v)
+    return found._replace(
+        a=_rotated(R_a, b.a - a.a) - np.cross(alpha_a, D) - centripetal,
+        alpha=_rotated(R_a, child.alpha) - alpha_a - np.cross(w_a, w),
+    )
+
+
+class Motion(NamedTuple):
+    """Motion of a body, or of a ground, at m output times: its point B and its axes."""
+
+    x: np.ndarray  # (m, 3) position, inertial axes [m]
+    R: np.ndarray  # (m, 3, 3) body to inertial axes
+    v: np.ndarray  # (m, 3) velocity, inertial axes [m/s]
+    w: np.ndarray  # (m, 3) angular velocity, inertial axes [rad/s]
+    a: np.ndarray | None = None  # (m, 3) acceleration, inertial axes [m/s^2]
+    alpha: np.ndarray | None = None  # (m, 3) angular acceleration, inertial axes [rad/s^2]
+
+
+def at_rest(m: int, accelerations: bool = False) -> Motion:
+    """Return the motion of a ground."""
+    zero = np.broadcast_to(np.zeros(3), (m, 3))
+    still = Motion(zero, np.broadcast_to(np.eye(3), (m, 3, 3)), zero, zero)
+    return still._replace(a=zero, alpha=zero) if accelerations else still
+
+
+def point_motion(body: Motion, s: np.ndarray) -> Motion:
+    """Return the motion of the point ``s`` (3,) of a body, given from B in its axes [m]."""
+    r = body.R @ s
+    spin = np.cross(body.w, r)
+    a = None
+    if body.a is not None and body.alpha is not None:
+        a = body.a + np.cross(body.alpha, r) + np.cross(body.w, spin)
+    return body._replace(x=body.x + r, v=body.v + spin, a=a)
+
+
+def values_and_rates(joint: Joint, motion: Relative) -> list[np.ndarray]:
+    """Return values and rates, and accelerations if ``motion`` has them: each (m, c) by the
+    ``columns`` of its level.
+    """
+    parts: list[list[np.ndarray]] = [[], [], []]
+    for name in coordinates(joint):
+        for level, columns_of in enumerate(_FUNCTIONS[name](joint, motion)):
+            parts[level].append(columns_of)
+    m, known = len(motion.D), 2 if motion.a is None else 3
+    return [np.concatenate([np.zeros((m, 0)), *part], axis=1) for part in parts[:known]]
+
+
+def pose(joint: Joint, values: dict[str, float], P: Vector) -> tuple[np.ndarray, np.ndarray]:
+    """Return D (3,) and R (3, 3) of a joint whose coordinates have these ``values``, missing ones
+    are 0, with the orientation ``P`` where that is a coordinate. Inverse of ``values_and_rates``.
+    """
+    here, there = frames(joint)
+    D = np.zeros(3)
+    for name, row in _SLIDES.items():
+        D = D + values.get(name, 0.0) * here[row]
+    names = coordinates(joint)
+    if ORIENTATION in names:
+        return D, np.array(matrix(P))
+    if "angle1" in names:
+        c, s = math.cos(values.get("angle2", 0.0)), -math.sin(values.get("angle2", 0.0))
+        across = child_axis(here, values.get("angle1", 0.0))
+        parents_axis = c * there[0] + s * there[1]  # in the child's axes
+        in_parent = np.array([across, here[Z], np.cross(across, here[Z])])
+        in_child = np.array([there[Z], parents_axis, np.cross(there[Z], parents_axis)])
+        return D, in_parent.T @ in_child
+    if not KINDS[joint.kind].axes:
+        return D, np.eye(3)
+    c, s = math.cos(values.get("angle", 0.0)), math.sin(values.get("angle", 0.0))
+    return D, here.T @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ there
+
+
+def directions(joint: Joint, R: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return v (3,) and w (3,) in the parent's axes for a unit rate of each column of rates."""
+    here, there = frames(joint)
+    zero = np.zeros(3)
+    found: list[tuple[np.ndarray, np.ndarray]] = []
+    for name in coordinates(joint):
+        if name in _SLIDES:
+            found.append((here[_SLIDES[name]], zero))
+        elif name == ORIENTATION:
+            found += [(zero, R[:, i]) for i in range(3)]
+        else:
+            found.append((zero, R @ there[Z] if name == "angle2" else here[Z]))
+    return found
+
+
+def child_axis(parent: np.ndarray, angle1: float) -> np.ndarray:
+    """Return the child's axis (3,) of a universal joint, in the parent's axes."""
+    return np.asarray(math.cos(angle1) * parent[0] + math.sin(angle1) * parent[1])
+
+
+def _frame(x: Vector, z: Vector) -> np.ndarray:
+    """Return rows x, y, z of a frame; x is made perpendicular to z."""
+    axis = np.array(z)
+    reference = np.array(x) - (axis @ np.array(x)) * axis
+    reference /= np.sqrt(reference @ reference)
+    return np.array([reference, np.cross(axis, reference), axis])
+
+
+def _direction(a: np.ndarray, frame: np.ndarray) -> float:
+    """Return the angle of ``a`` (3,) from x to y of a frame [rad]."""
+    return math.atan2(frame[1] @ a, frame[0] @ a)
+
+
+def _rotated(R: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """Return ``R a`` for every row; R (m, 3, 3), a (m, 3)."""
+    return np.asarray((R @ a[..., None])[..., 0])
+
+
+def _slide(row: int, joint: Joint, motion: Relative) -> list[np.ndarray]:
+    """Return D along an axis of the parent's frame and its derivatives, each (m, 1)."""
+    axis = frames(joint)[0][row]
+    vectors = (motion.D, motion.v, motion.a)
+    return [(vector @ axis)[:, None] for vector in vectors if vector is not None]
+
+
+def _angle(joint: Joint, motion: Relative) -> list[np.ndarray]:
+    """Return the angle about axes that stay parallel, and its derivatives, each (m, 1)."""
+    here, there = frames(joint)
+    e = motion.R @ there[X]
+    angle = np.arctan2(e @ here[1], e @ here[0])
+    rates = [w @ here[Z] for w in (motion.w, motion.alpha) if w is not None]
+    return [column[:, None] for column in (angle, *rates)]
+
+
+def _angle1(joint: Joint, motion: Relative) -> list[np.ndarray]:
+    """Return the angle of the child's axis about the parent's, and its derivatives."""
+    here, there = frames(joint)
+    return _about(here, motion.R @ there[Z], motion.w, motion.alpha)
+
+
+def _angle2(joint: Joint, motion: Relative) -> list[np.ndarray]:
+    """Return minus the angle of the parent's axis about the child's, in the child's axes."""
+    here, there = frames(joint)
+    R = np.swapaxes(motion.R, -1, -2)
+    alpha = None if motion.alpha is None else -_rotated(R, motion.alpha)
+    return [-part for part in _about(there, R @ here[Z], -_rotated(R, motion.w), alpha)]
+
+
+def _about(
+    frame: np.ndarray, k: np.ndarray, w: np.ndarray, alpha: np.ndarray | None
+) -> list[np.ndarray]:
+    """Return the angle of the vectors ``k`` (m, 3) from x to y of ``frame``, with its derivatives:
+    k rotates at ``w`` relative to the frame.
+    """
+    k_dot = np.cross(w, k)
+    x, y, x_dot, y_dot = k @ frame[0], k @ frame[1], k_dot @ frame[0], k_dot @ frame[1]
+    square = x * x + y * y
+    rate = (x * y_dot - y * x_dot) / square
+    found = [np.arctan2(y, x), rate]
+    if alpha is not None:
+        k_ddot = np.cross(alpha, k) + np.cross(w, k_dot)
+        torque = x * (k_ddot @ frame[1]) - y * (k_ddot @ frame[0])
+        found.append((torque - 2.0 * (x * x_dot + y * y_dot) * rate) / square)
+    return [column[:, None] for column in found]
+
+
+def _orientation(joint: Joint, motion: Relative) -> list[np.ndarray]:
+    """Return the parameters, angular velocity and acceleration in the child's axes, (m, 3) each."""
+    R = np.swapaxes(motion.R, -1, -2)
+    rates = [_rotated(R, w) for w in (motion.w, motion.alpha) if w is not None]
+    return [parameters(motion.R), *rates]
+
+
+_SLIDES = {"slide": Z, "slide1": 0, "slide2": 1}
+"""Rows of the parent's frame along which the displacements are measured."""
+_FUNCTIONS = {
+    "slide": lambda joint, motion: _slide(Z, joint, motion),
+    "slide1": lambda joint, motion: _slide(0, joint, motion),
+    "slide2": lambda joint, motion: _slide(1, joint, motion),
+    "angle": _angle,
+    "angle1": _angle1,
+    "angle2": _angle2,
+    ORIENTATION: _orientation,
+}
+"""Functions that return value, rate and acceleration of a coordinate by its name."""
