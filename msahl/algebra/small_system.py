@@ -7,7 +7,7 @@ from msahl.jit.kernel import kernel
 
 @kernel
 def factor(A: np.ndarray, pivot: np.ndarray) -> None:
-    """Replace ``A`` (n, n) by its factors L U of permuted rows; ``pivot`` (n,) receives the rows."""
+    """Replace ``A`` (n, n) by factors L U of its permuted rows; ``pivot`` (n,) receives these."""
     n = A.shape[0]
     for k in range(n):
         best = k

@@ -34,7 +34,7 @@ All expressions of a system are one tape (``expressions.tape``): a model compile
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -135,7 +135,7 @@ class SignalsWorkspace(NamedTuple):
     adjoint: np.ndarray  # (n,)
 
 
-def new_workspace(group: Signals | None, joints: int) -> SignalsWorkspace | None:
+def new_workspace(group: Signals | None, joints: int) -> Any:
     """Return the work arrays, None where there are no signals; ``joints`` is their number."""
     if group is None:
         return None
@@ -226,7 +226,7 @@ def set_inputs_over_step(
     """Set the inputs, other than coordinates, to their means over a step ``h``."""
     for j in range(group.kind.size):
         kind, m, axis = group.kind[j], group.item[j], group.component[j]
-        if kind == COORDINATE or kind == RATE:
+        if kind in (COORDINATE, RATE):
             continue
         value, size = 0.0, 0.0
         if kind == TIME:
@@ -371,7 +371,7 @@ def differentiate_coordinates_over_step(
     q = place.coordinates
     for j in range(group.kind.size):
         kind = group.kind[j]
-        if kind == COORDINATE or kind == RATE:
+        if kind in (COORDINATE, RATE):
             c = 0.5 if kind == COORDINATE else 1.0 / h
             for part in range(PARTS):
                 put(start.by_place[j], part, scale(c, at(q.slope[group.item[j]], part)))
@@ -385,7 +385,7 @@ def set_inputs(group: Signals, start: SignalsWorkspace, motion: FramesWorkspace)
     """Set the inputs, other than coordinates, to those of the configuration."""
     for j in range(group.kind.size):
         kind, m, axis = group.kind[j], group.item[j], group.component[j]
-        if kind == COORDINATE or kind == RATE:
+        if kind in (COORDINATE, RATE):
             continue
         value, size = start.time[0], 0.0
         if kind == REACTION:
@@ -611,3 +611,23 @@ def publish(group: Signals, start: SignalsWorkspace, table: np.ndarray, row: int
     """Write the published values to a ``row`` of the table, after ``evaluate``."""
     for k in range(group.shown.size):
         table[row, k] = start.values.value[group.shown[k]]
+
+
+# What a system's set-up asks of the signals, in plain Python.
+
+
+def coordinates_of(group: Signals | None) -> np.ndarray:
+    """Return the numbers of the coordinates on which expressions depend."""
+    if group is None:
+        return np.zeros(0, dtype=np.int64)
+    return group.item[np.isin(group.kind, (COORDINATE, RATE))]
+
+
+def renumbered(group: Signals | None, number: np.ndarray) -> Signals | None:
+    """Return the signals with coordinate q as number[q]."""
+    if group is None:
+        return None
+    of_coordinates = np.isin(group.kind, (COORDINATE, RATE))
+    item = group.item.copy()
+    item[of_coordinates] = number[item[of_coordinates]]
+    return group._replace(item=item)

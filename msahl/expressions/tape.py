@@ -4,10 +4,10 @@ A tape is a list of operations, each on values that were computed before it:
 
     value = constants, inputs, results of the operations in their order
 
-One sweep over the tape computes all expressions (``sweep``), and one sweep backwards the gradient of
+One sweep over the tape computes all expressions (``sweep``), one sweep backwards the gradient of
 one of them by all inputs (``gradient``): with adjoint_i = d(result)/d(value_i), each operation adds
-adjoint times its own derivatives to the adjoints of its operands. Equal parts of expressions are
-computed once. A tape is data, so no model compiles anything for its expressions.
+its adjoint times its own derivatives to the adjoints of its operands. Equal parts of expressions
+are computed once. A tape is data, so no model compiles anything for its expressions.
 
 Where a function has no derivative (``sign``, ``floor``, comparisons; ``abs``, ``min``, ``where`` at
 the place where they change over) it is that of the branch taken. ``sqrt``, ``asin``, ``acos``,
