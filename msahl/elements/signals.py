@@ -482,6 +482,22 @@ def differentiate_coordinates(
                 put(start.by_place[j], part, scale(2.0, half[part]))
 
 
+@kernel
+def frame_of_part(group: Signals, scalar: ScalarConstraints | None, j: int, part: int) -> int:
+    """Return the frame of a part of an input, -1 if there is none."""
+    kind = group.kind[j]
+    if kind in (COORDINATE, RATE):
+        return coordinate_frame(scalar, group.item[j], part)
+    frame: int = group.frame[group.item[j]] if POSITION <= kind <= SPIN and part <= Q_A else -1
+    return frame
+
+
+@optional(-1)
+def coordinate_frame(scalar: ScalarConstraints, q: int, part: int) -> int:
+    """Return the frame of a part of a coordinate."""
+    return coordinates.part_frame(scalar.coordinates, q, part)
+
+
 # States and results
 
 
@@ -604,6 +620,206 @@ def accept(group: Signals, start: SignalsWorkspace, h: float, state: np.ndarray)
     """Advance the auxiliary ``state`` (n,) by the solved step of the midpoint element."""
     for k in range(state.size):
         state[k] = start.state[k] + h * start.state_rate[k]
+
+
+# Stages of a collocation step
+
+
+class Stages(NamedTuple):
+    """The auxiliary states at the s force nodes of a collocation step, and their derivatives."""
+
+    integral: np.ndarray  # (s, s) A_il
+    weight: np.ndarray  # (s,) b_i
+    input: np.ndarray  # (s, y)
+    state: np.ndarray  # (s, n) S_i
+    rate: np.ndarray  # (s, n) f there
+    rate_by_input: np.ndarray  # (s, n, y)
+    rate_by_state: np.ndarray  # (s, n, n)
+    matrix: np.ndarray  # (s n, s n) 1 - h A f_s, and its factors
+    pivot: np.ndarray  # (s n,)
+    right: np.ndarray  # (s n,)
+    slope: np.ndarray  # (s, s, e) of the results at c_i by their entries at c_j
+    by_place: np.ndarray  # (s, y, 4, 3) of the inputs, by the unknowns' values at the node
+    by_rate: np.ndarray  # (s, y, 4, 3) and by their rates
+
+
+def new_stages(group: Signals | None, integral: np.ndarray, weight: np.ndarray) -> Any:
+    """Return the arrays for the nodes with this ``integral`` and ``weight``; None without group."""
+    if group is None:
+        return None
+    s, y, n = weight.size, group.kind.size, group.rate.size
+    return Stages(
+        integral=integral,
+        weight=weight,
+        input=np.zeros((s, y)),
+        state=np.zeros((s, n)),
+        rate=np.zeros((s, n)),
+        rate_by_input=np.zeros((s, n, y)),
+        rate_by_state=np.zeros((s, n, n)),
+        matrix=np.zeros((s * n, s * n)),
+        pivot=np.zeros(s * n, dtype=np.int64),
+        right=np.zeros(s * n),
+        slope=np.zeros((s, s, group.entry_input.size)),
+        by_place=np.zeros((s, y, PARTS, 3)),
+        by_rate=np.zeros((s, y, PARTS, 3)),
+    )
+
+
+@optional(False)
+def has_states(group: Signals) -> bool:
+    """Return whether there are auxiliary states."""
+    return group.rate.size > 0
+
+
+@optional()
+def save_inputs(group: Signals, start: SignalsWorkspace, stages: Stages, i: int) -> None:
+    """Save the inputs as those at stage ``i``."""
+    first = group.tape.constant.size
+    for j in range(group.kind.size):
+        stages.input[i, j] = start.values.value[first + j]
+
+
+@optional()
+def set_state(group: Signals, start: SignalsWorkspace, stages: Stages, i: int) -> None:
+    """Set the states of the configuration to those of stage ``i``."""
+    for k in range(group.rate.size):
+        start.state[k] = stages.state[i, k]
+
+
+@optional()
+def solve_stages(
+    group: Signals, start: SignalsWorkspace, stages: Stages, begin: np.ndarray, h: float
+) -> None:
+    """Solve for the states at all stages of a step ``h`` from ``begin`` (n,), by the inputs that
+    were saved; nan if Newton's method does not converge.
+    """
+    n, s = group.rate.size, stages.weight.size
+    for i in range(s):
+        for k in range(n):
+            stages.state[i, k] = begin[k]
+    changed, left = True, MOST_ITERATIONS
+    while changed and left > 0:
+        for i in range(s):
+            _set_stage_rates(group, start, stages, i)
+        _set_stage_matrix(stages, n, h)
+        changed, left = _improve_stages(stages, begin, n, h), left - 1
+    if changed:
+        for i in range(s):
+            for k in range(n):
+                stages.state[i, k] = stages.rate[i, k] = math.nan
+
+
+@kernel
+def _set_stage_rates(group: Signals, start: SignalsWorkspace, stages: Stages, i: int) -> None:
+    """Set the states' rates at stage ``i``, and their derivatives."""
+    n, first = group.rate.size, group.kind.size
+    _load_stage(group, start, stages, i)
+    for k in range(n):
+        stages.rate[i, k] = start.values.value[group.rate[k]]
+        gradient(group.tape, start.values, group.rate[k])
+        for j in range(first):
+            stages.rate_by_input[i, k, j] = by_input(group.tape, start.values, j)
+        for m in range(n):
+            stages.rate_by_state[i, k, m] = by_input(group.tape, start.values, first + m)
+
+
+@kernel
+def _load_stage(group: Signals, start: SignalsWorkspace, stages: Stages, i: int) -> None:
+    """Compute the values of the tape at stage ``i``."""
+    for j in range(group.kind.size):
+        set_input(group.tape, start.values, j, stages.input[i, j])
+    for k in range(group.rate.size):
+        set_input(group.tape, start.values, group.kind.size + k, stages.state[i, k])
+    sweep(group.tape, start.values)
+
+
+@kernel
+def _set_stage_matrix(stages: Stages, n: int, h: float) -> None:
+    """Set the factors of 1 - h A f_s."""
+    s = stages.weight.size
+    for i in range(s):
+        for k in range(n):
+            for j in range(s):
+                for m in range(n):
+                    unit = 1.0 if i == j and k == m else 0.0
+                    slope = h * stages.integral[i, j] * stages.rate_by_state[j, k, m]
+                    stages.matrix[n * i + k, n * j + m] = unit - slope
+    small_system.factor(stages.matrix, stages.pivot)
+
+
+@kernel
+def _improve_stages(stages: Stages, begin: np.ndarray, n: int, h: float) -> bool:
+    """Take one step of Newton's method for the states; return whether it changed them by more than
+    round-off.
+    """
+    s, changed = stages.weight.size, False
+    for i in range(s):
+        for k in range(n):
+            change = 0.0
+            for j in range(s):
+                change += h * stages.integral[i, j] * stages.rate[j, k]
+            stages.right[n * i + k] = stages.state[i, k] - begin[k] - change
+    small_system.solve(stages.matrix, stages.pivot, stages.right)
+    for i in range(s):
+        for k in range(n):
+            size = abs(begin[k])
+            for j in range(s):
+                size += abs(h * stages.integral[i, j] * stages.rate[j, k])
+            stages.state[i, k] -= stages.right[n * i + k]
+            if abs(stages.right[n * i + k]) > NO_CHANGE * size:
+                changed = True
+    return changed
+
+
+@optional()
+def set_stage_slopes(group: Signals, start: SignalsWorkspace, stages: Stages, h: float) -> None:
+    """Set the derivatives of the results at every stage by the inputs at every stage, after
+    ``solve_stages``.
+    """
+    n, s = group.rate.size, stages.weight.size
+    for i in range(s):
+        _load_stage(group, start, stages, i)
+        for r in range(group.result.size):
+            gradient(group.tape, start.values, group.result[r])
+            for k in range(n * s):
+                stages.right[k] = 0.0
+            for k in range(n):
+                stages.right[n * i + k] = by_input(group.tape, start.values, group.kind.size + k)
+            small_system.solve_transposed(stages.matrix, stages.pivot, stages.right)
+            for e in range(group.first_entry[r], group.first_entry[r + 1]):
+                j = group.entry_input[e]
+                for m in range(s):
+                    slope = by_input(group.tape, start.values, j) if m == i else 0.0
+                    for k in range(n):
+                        weight = 0.0
+                        for other in range(s):
+                            weight += stages.integral[other, m] * stages.right[n * other + k]
+                        slope += h * weight * stages.rate_by_input[m, k, j]
+                    stages.slope[i, m, e] = slope
+
+
+@optional()
+def take_slopes(group: Signals, start: SignalsWorkspace, stages: Stages, i: int, m: int) -> None:
+    """Set the derivatives of the results by the inputs, and those of the inputs, to the ones of
+    stage ``i`` by stage ``m``; for ``m`` = ``i`` those of the results alone. Without states there
+    is nothing to do.
+    """
+    if group.rate.size == 0:
+        return
+    for e in range(group.entry_input.size):
+        start.by_input[e] = stages.slope[i, m, e]
+    for j in range(group.kind.size if m != i else 0):
+        for part in range(PARTS):
+            put(start.by_place[j], part, at(stages.by_place[m, j], part))
+            put(start.by_rate[j], part, at(stages.by_rate[m, j], part))
+
+
+@optional()
+def accept_stages(group: Signals, stages: Stages, h: float, state: np.ndarray) -> None:
+    """Advance the auxiliary ``state`` (n,) by a solved collocation step."""
+    for k in range(group.rate.size):
+        for i in range(stages.weight.size):
+            state[k] += h * stages.weight[i] * stages.rate[i, k]
 
 
 @optional()

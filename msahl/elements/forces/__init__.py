@@ -32,6 +32,8 @@ from msahl.elements import signals
 from msahl.elements.constraints import coordinate_jacobians, coordinates
 from msahl.elements.constraints.coordinate_kinds import CoordinatesWorkspace, Derivatives
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
+from msahl.elements.constraints.scalar import differentiate as scalar_differentiate
+from msahl.elements.constraints.scalar import rates as scalar_rates
 from msahl.elements.forces import actuator, concentrated, drag, friction, spring
 from msahl.elements.forces.actuator import Actuators
 from msahl.elements.forces.concentrated import ConcentratedLoads, ConcentratedWorkspace
@@ -300,6 +302,35 @@ def mean_work(
     spring.mean_work(forces.spring, start.place.coordinates, h, work)
     friction.mean_work(forces.friction, start.reactions, start.place.coordinates, h, work)
     actuator.mean_work(forces.actuator, start.signals, start.place, work)
+
+
+@optional()
+def set_signal_inputs(
+    group: Signals,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    frames: Frames,
+    still: np.ndarray,
+) -> None:
+    """Set the inputs of the signals at the prepared configuration; ``still`` is a step without
+    motion.
+    """
+    scalar_rates(scalar, start.place, frames, start.motion, still)
+    signals.set_inputs(group, start.signals, start.motion)
+    signals.set_coordinates(scalar, group, start.signals, start.place)
+
+
+@optional()
+def differentiate_signal_inputs(
+    group: Signals,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    frames: Frames,
+    out: Derivatives,
+) -> None:
+    """Set the derivatives of the signals' inputs, after ``set_signal_inputs``."""
+    scalar_differentiate(scalar, start.place, frames, out.still)
+    _differentiate_signals(group, start, scalar, frames, out)
 
 
 @optional()
