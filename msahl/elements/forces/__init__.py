@@ -321,6 +321,16 @@ def set_signal_inputs(
 
 
 @optional()
+def set_prepared_inputs(
+    group: Signals, start: ForcesWorkspace, scalar: ScalarConstraints | None
+) -> None:
+    """Set the inputs of the signals at the prepared configuration."""
+    _set_rates(scalar, start.place, start.motion)
+    signals.set_inputs(group, start.signals, start.motion)
+    signals.set_coordinates(scalar, group, start.signals, start.place)
+
+
+@optional()
 def differentiate_signal_inputs(
     group: Signals,
     start: ForcesWorkspace,
@@ -396,8 +406,8 @@ def publish_signals(
     row: int,
 ) -> None:
     """Write the signals at the prepared configuration to a ``row`` of the table."""
-    _set_rates(scalar, start.place, start.motion)
-    _evaluate_signals(group, start, scalar)
+    set_prepared_inputs(group, start, scalar)
+    signals.evaluate(group, start.signals)
     signals.publish(group, start.signals, table, row)
 
 
