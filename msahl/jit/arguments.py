@@ -18,7 +18,7 @@ import hashlib
 import struct
 import typing
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
@@ -48,21 +48,29 @@ def describe(value: Any) -> Description:
     if scalar is not None:
         return scalar
     if isinstance(value, np.ndarray):
-        if not value.dtype.isnative:
-            raise TypeError(f"a kernel takes no array of {value.dtype.str}, of another byte order")
-        order = "C" if value.flags.c_contiguous else "F" if value.flags.f_contiguous else "A"
-        return (ARRAY, value.dtype.name, value.ndim, order)
+        flags = value.flags
+        order = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
+        return (ARRAY, _name_of(value.dtype), value.ndim, order)
     if isinstance(value, tuple) and hasattr(value, "_fields"):
-        members = tuple(describe(part) for part in value)
+        members = map(describe, value)
         return (GROUP, type(value).__name__, tuple(zip(value._fields, members, strict=True)))
     if isinstance(value, tuple):
-        return (TUPLE, tuple(describe(part) for part in value))
+        return (TUPLE, tuple(map(describe, value)))
     raise TypeError(f"a kernel takes no {type(value).__name__}")
 
 
-def digest(descriptions: Sequence[Description]) -> str:
+@cache
+def _name_of(dtype: np.dtype[Any]) -> str:
+    """Return the name of an array's type; raise TypeError for another byte order."""
+    if not dtype.isnative:
+        raise TypeError(f"a kernel takes no array of {dtype.str}, of another byte order")
+    return dtype.name
+
+
+@cache
+def digest(descriptions: tuple[Description, ...]) -> str:
     """Return a short name for the types of all arguments."""
-    return hashlib.sha256(repr(tuple(descriptions)).encode()).hexdigest()[:16]
+    return hashlib.sha256(repr(descriptions).encode()).hexdigest()[:16]
 
 
 @cache
@@ -88,7 +96,7 @@ def _described(hint: Any) -> Description | None:
 
 def symbol_of(module: str, name: str, arguments: Sequence[Description]) -> str:
     """Return the name under which the machine code of a kernel is found."""
-    return f"{module}.{name}-{digest(arguments)}"
+    return f"{module}.{name}-{digest(tuple(arguments))}"
 
 
 class Block:
@@ -97,22 +105,18 @@ class Block:
     def __init__(self, arguments: Sequence[Any]) -> None:
         self._groups = [value for value in arguments if isinstance(value, tuple)]  # kept alive
         self._changing: list[tuple[int, int, str]] = []  # number of the argument, place, format
-        constant: list[tuple[int, str, Any]] = []
-        size = 0
+        forms: list[str] = []
+        numbers: list[Any] = []
         for number, value in enumerate(arguments):
+            first = len(forms)
+            _lay_out((value,), forms, numbers)
             if not isinstance(value, tuple):
-                form = _format(value)
-                size += -size % struct.calcsize(form[-1])
-                self._changing.append((number, size, form))
-                size += struct.calcsize(form)
-                continue
-            for form, content in _numbers(value):
-                size += -size % struct.calcsize(form)
-                constant.append((size, form, content))
-                size += struct.calcsize(form)
-        self.memory = ctypes.create_string_buffer(max(8, size + -size % 8))
-        for place, form, content in constant:
-            struct.pack_into(form, self.memory, place, content)
+                size = struct.calcsize("".join(forms[:first]))
+                place = size + -size % struct.calcsize(forms[first][-1])
+                self._changing.append((number, place, forms[first]))
+        layout = struct.Struct("".join(forms))
+        self.memory = ctypes.create_string_buffer(max(8, layout.size + -layout.size % 8))
+        layout.pack_into(self.memory, 0, *numbers)
         self.address = ctypes.addressof(self.memory)
 
     def update(self, arguments: Sequence[Any]) -> None:
@@ -125,28 +129,26 @@ class Block:
                 struct.pack_into(form, self.memory, place, 0 if value is None else value)
 
 
-def _format(value: Any) -> str:
-    """Return the format of a number or an array in memory, as of ``struct``."""
-    if isinstance(value, np.ndarray):
-        return f"{5 + 2 * value.ndim}q"
-    return _FORMATS[_SCALARS[type(value)]]
+def _lay_out(group: tuple[Any, ...], forms: list[str], numbers: list[Any]) -> None:
+    """Append formats, as of ``struct``, and values of all numbers that stand for a group in memory.
+
+    The native layout of ``struct`` aligns each number by its own size.
+    """
+    for value in group:
+        if isinstance(value, np.ndarray):
+            forms.append(f"{5 + 2 * value.ndim}q")
+            numbers += _array(value)
+        elif isinstance(value, tuple):
+            _lay_out(value, forms, numbers)
+        else:
+            forms.append(_FORMATS[_SCALARS[type(value)]])
+            numbers.append(0 if value is None else value)
 
 
 def _array(value: np.ndarray) -> tuple[int, ...]:
     """Return the numbers that stand for an array in memory."""
     address = value.__array_interface__["data"][0]
     return 0, 0, value.size, value.itemsize, address, *value.shape, *value.strides
-
-
-def _numbers(group: tuple[Any, ...]) -> Iterator[tuple[str, Any]]:
-    """Yield format and value of all numbers that stand for a group in memory."""
-    for value in group:
-        if isinstance(value, np.ndarray):
-            yield from (("q", number) for number in _array(value))
-        elif isinstance(value, tuple):
-            yield from _numbers(value)
-        else:
-            yield _format(value), 0 if value is None else value
 
 
 class Blocks:

@@ -53,11 +53,11 @@ class Compiled:
     def __call__(self, *arguments: Any) -> Any:
         """Run the machine code; compile or load it first if that was not done."""
         found = self._blocks.find(arguments)
+        if found is None and self._plain is None:
+            prepare([(self, arguments)])
+            found = self._blocks.find(arguments)
         if found is None:
-            enter = self._entry(arguments)
-            if enter is None:
-                return self._compiled_plainly(*arguments)
-            found = self._blocks.add(arguments, enter)
+            return self._compiled_plainly(*arguments)
         block, enter = found
         return enter(block.address)
 
@@ -66,20 +66,16 @@ class Compiled:
         described = tuple(describe(argument) for argument in arguments)
         return self.function.__module__, self.function.__qualname__, described
 
-    def _entry(self, arguments: Sequence[Any]) -> Callable[..., Any] | None:
-        """Return the function that enters the machine code for such arguments; None if there is
-        none and plain numba has to be used.
+    def keep(self, arguments: Sequence[Any], unit: Unit) -> None:
+        """Have the block of memory ready for calls with these ``arguments``, whose machine code is
+        loaded.
         """
-        unit = self.unit(arguments)
         symbol = symbol_of(*unit)
         if symbol not in self._entries:
             from msahl.jit.loading import entry
 
-            prepare([(self, arguments)])
-            if symbol not in _loaded:
-                return None
             self._entries[symbol] = entry(symbol, _loaded[symbol].result)
-        return self._entries[symbol]
+        self._blocks.add(arguments, self._entries[symbol])
 
     def _compiled_plainly(self, *arguments: Any) -> Any:
         from msahl.jit.plain import plain
@@ -113,9 +109,20 @@ def prepare(calls: Iterable[Call], stopped: Callable[[], bool] = lambda: False) 
     The ``STOPWATCH`` reports it. Raises KeyboardInterrupt as soon as ``stopped`` says so, and
     ``CompileError`` where there is no compiler.
     """
-    units = _units(calls)
+    made = [
+        (function, given, function.unit(given))
+        for function, given in calls
+        if isinstance(function, Compiled)
+    ]
+    if _loads([unit for _, _, unit in made], stopped):
+        for function, given, unit in made:
+            function.keep(given, unit)
+
+
+def _loads(units: list[Unit], stopped: Callable[[], bool]) -> bool:
+    """Load the code of ``units``; return whether they have code of ours."""
     if all(symbol_of(*unit) in _loaded for unit in units):
-        return
+        return True
     from msahl.jit.loading import load
 
     files = Files(STORE)
@@ -123,12 +130,13 @@ def prepare(calls: Iterable[Call], stopped: Callable[[], bool] = lambda: False) 
     if not _collect(files, map(name_of, units), found):
         if not _fits():
             STOPWATCH.tell()
-            return
+            return False
         _build(files, units, found, stopped)
         complete = _collect(files, map(name_of, units), found)
         assert complete, "a kernel was compiled, but not found"
     load(code.code for code in found.values())
     _loaded.update(found)
+    return True
 
 
 def on_disk(calls: Iterable[Call]) -> bool:

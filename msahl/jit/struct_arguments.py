@@ -28,7 +28,7 @@ class Group(types.Type):
         self.names = tuple(name for name, _ in members)
         self.members = tuple(type_of(member) for _, member in members)
         # Types are part of every function's name: written in full they would be half of the code.
-        super().__init__(f"{kind}.{digest([description])}")
+        super().__init__(f"{kind}.{digest((description,))}")
 
 
 def type_of(description: Description) -> types.Type:

@@ -32,7 +32,7 @@ class Snapshot:
     memory: np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass
 class SavedSteps:
     """Where the subsystems' steps stood, to go back to within the same run."""
 
@@ -46,8 +46,8 @@ class SavedSteps:
 
     def update(self, integrators: Sequence[SubsystemIntegrator]) -> None:
         """Replace it by the present state of the same ``integrators``."""
-        copy_memory(integrators, self.memory)
-        self.counters[:] = [of.stepper.counters for of in integrators]
+        self.memory = copy_memory(integrators, self.memory)
+        self.counters = [of.stepper.counters for of in integrators]
 
     def restore(self, integrators: Sequence[SubsystemIntegrator]) -> None:
         """Bring the same ``integrators`` back; the work counted since then stays counted."""
@@ -59,10 +59,12 @@ class SavedSteps:
 def copy_memory(
     integrators: Sequence[SubsystemIntegrator], memory: np.ndarray | None = None
 ) -> np.ndarray:
-    """(m,) a copy of all doubles that the subsystems' next steps depend on, in ``memory`` if it is
-    given.
+    """(m,) a copy of all doubles that the subsystems' next steps depend on, in ``memory`` if it has
+    that size; those of another degree have not.
     """
-    return np.concatenate([array.ravel() for array in _changing(integrators)], out=memory)
+    arrays = [array.ravel() for array in _changing(integrators)]
+    fits = memory is not None and memory.size == sum(array.size for array in arrays)
+    return np.concatenate(arrays, out=memory if fits else None)
 
 
 def restore_memory(integrators: Sequence[SubsystemIntegrator], memory: np.ndarray) -> None:
