@@ -18,6 +18,7 @@ from msahl.check.loads import direction_findings
 from msahl.deck.faults import Element, Faults, attribute, text
 from msahl.deck.parameters import Parameter
 from msahl.deck.units import DEFAULTS, UNIT_FACTORS, UNITS, to_si
+from msahl.expressions.dimensions import Dimension, TableDimensions
 from msahl.model.bodies import RigidBody
 from msahl.model.joints import Joint
 
@@ -61,7 +62,9 @@ class Reader:
 
     ``context`` holds what checks need of other elements. It contains names and kinds of elements
     with faults too, but places of bodies only if they are free of faults. ``parameters`` may be
-    named in laws of the motion. ``bodies`` and ``joints`` hold the records free of faults.
+    named in laws of the motion. ``bodies`` and ``joints`` hold the records free of faults,
+    ``signal_dimensions`` and ``table_dimensions`` what signals, states and tables say of their
+    units.
     """
 
     unit_system: str
@@ -70,6 +73,8 @@ class Reader:
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     bodies: dict[str, RigidBody] = field(default_factory=dict)
     joints: dict[str, Joint] = field(default_factory=dict)
+    signal_dimensions: dict[str, Dimension | None] = field(default_factory=dict)
+    table_dimensions: dict[str, TableDimensions] = field(default_factory=dict)
 
     def add(self, element: Element, findings: Iterable[Finding]) -> None:
         """Add findings about the record of ``element`` to the faults, each at the child that holds
