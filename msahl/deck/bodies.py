@@ -1,5 +1,7 @@
 """Reader of grounds and rigid bodies: elements -> records."""
 
+from dataclasses import asdict, replace
+
 import numpy as np
 
 from msahl.algebra.vector import Matrix, Vector
@@ -35,6 +37,10 @@ def read_rigid_body(element: Element, reader: Reader) -> RigidBody:
         velocity=reader.vector(start.find("velocity"), own=name, wanted=name),
         angular_velocity=reader.vector(start.find("angularVelocity"), own=name, wanted=name),
     )
+    by_joints = reader.starts.get(name)
+    if by_joints is not None:
+        found = {key: value for key, value in asdict(by_joints).items() if value is not None}
+        body = replace(body, **found)
     _check(element, body, largest, reader)
     return body
 

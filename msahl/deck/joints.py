@@ -18,8 +18,8 @@ from msahl.deck.ends import (
     shared_frame,
 )
 from msahl.deck.faults import Element, text
+from msahl.deck.placement import has_references, read_joint_start, read_parameters
 from msahl.deck.values import Reader
-from msahl.joints.coordinates import ORIENTATION
 from msahl.joints.joint import Kind
 from msahl.joints.registry import KINDS
 from msahl.model.joints import Joint
@@ -48,27 +48,17 @@ def read_joint(element: Element, reader: Reader) -> Joint:
         child_point=ends.child_point,
         parent_axes=parent_axes,
         child_axes=child_axes,
-        parameters=_parameters(element, kind, reader),
+        parameters=read_parameters(element, kind, reader),
         parent_reference=references[0],
         child_reference=references[1],
     )
+    read_joint_start(element, joint, reader)
     reader.add(element, joint_findings(joint, reader.context))
     if is_placed(element, ends, reader):
         reader.add(element, fit_findings(joint, reader.context))
     if reader.faults.sound(element):
         reader.joints[joint.name] = joint
     return joint
-
-
-def _parameters(element: Element, kind: Kind, reader: Reader) -> tuple[tuple[str, float], ...]:
-    """Return every parameter of the kind by name [SI], or its default."""
-    values = []
-    for name, quantity, default, _ in kind.parameters:
-        place = element.find(name)
-        absent = place is None and default is not None
-        value = default if absent else reader.number(place, quantity)
-        values.append((name, value if value is not None else math.nan))
-    return tuple(values)
 
 
 def _frames(element: Element, kind: Kind, ends: Ends, reader: Reader) -> Frames:
@@ -90,11 +80,6 @@ def _frames(element: Element, kind: Kind, ends: Ends, reader: Reader) -> Frames:
     if kind.faces and is_placed(element, ends, reader):
         return parent, _facing(parent, child, ends, reader)
     return parent, child
-
-
-def has_references(kind: Kind) -> bool:
-    """Return whether coordinates of this kind count from directions on both sides."""
-    return kind.axes > 0 and kind.pose is not None and ORIENTATION not in kind.pose
 
 
 def _references(

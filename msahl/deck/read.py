@@ -34,6 +34,7 @@ from msahl.deck.loads import (
 from msahl.deck.motions import check_prescribed_once, read_joint_motion, read_point_motion
 from msahl.deck.parameters import Parameter
 from msahl.deck.parse import parse, parse_valid, parsed, read_bytes
+from msahl.deck.placement import place_by_joints
 from msahl.deck.references import check_references, is_complete
 from msahl.deck.schema import check_schema, schema_bytes, validator
 from msahl.deck.signals import declare_signals, read_actuator, read_signal
@@ -121,6 +122,7 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
     _read_axes(root, sound["bodies"], reader)
     _read_kinds(root, reader)
     check_references(root, TAGS, reader)
+    place_by_joints(root, reader)
     bodies = [_read_body(element, reader) for element in sound["bodies"]]
     _check_some_body(root, faults)
     joints = [read_joint(e, reader) for e in sound["joints"] if e.tag in JOINT_KINDS]
@@ -215,6 +217,7 @@ def _read_body(element: Element, reader: Reader) -> Ground | RigidBody:
     start = element.find("initialConditions")
     placed = start is None or reader.faults.sound(start)
     label = element.find("name")
+    placed &= body.name not in reader.unplaced
     if placed and label is not None and reader.faults.sound(label):
         reader.context.place(body.name, getattr(body, "position", ZERO))
     if isinstance(body, RigidBody) and reader.faults.sound(element):

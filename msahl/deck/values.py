@@ -56,15 +56,26 @@ CERTAIN = frozenset((*REFERENCES, "ends", "entries", "numbers"))
 """Parts whose findings are right even if other parts of the element could not be read."""
 
 
+@dataclass(slots=True)
+class BodyStart:
+    """What follows for a body from the coordinates of joints at t = 0; None: the body's own."""
+
+    position: Vector | None = None  # of B, inertial axes [m]
+    orientation: Vector | None = None  # Wiener-Milenkovic parameters
+    velocity: Vector | None = None  # of B, body axes [m/s]
+    angular_velocity: Vector | None = None  # body axes [rad/s]
+
+
 @dataclass(frozen=True, slots=True)
 class Reader:
     """What reading needs: default units, what was read already, and where faults go.
 
     ``context`` holds what checks need of other elements. It contains names and kinds of elements
     with faults too, but places of bodies only if they are free of faults. ``parameters`` may be
-    named in laws of the motion. ``bodies`` and ``joints`` hold the records free of faults,
-    ``signal_dimensions`` and ``table_dimensions`` what signals, states and tables say of their
-    units.
+    named in laws of the motion. ``bodies`` and ``joints`` hold the records free of faults.
+    ``starts`` are of bodies that joints place or move, ``unplaced`` those that they could not place
+    for some fault. ``signal_dimensions`` and ``table_dimensions`` are what signals, states and
+    tables say of their units.
     """
 
     unit_system: str
@@ -73,6 +84,8 @@ class Reader:
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     bodies: dict[str, RigidBody] = field(default_factory=dict)
     joints: dict[str, Joint] = field(default_factory=dict)
+    starts: dict[str, BodyStart] = field(default_factory=dict)
+    unplaced: set[str] = field(default_factory=set)
     signal_dimensions: dict[str, Dimension | None] = field(default_factory=dict)
     table_dimensions: dict[str, TableDimensions] = field(default_factory=dict)
 

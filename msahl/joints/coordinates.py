@@ -80,10 +80,12 @@ def frames(joint: Joint) -> tuple[np.ndarray, np.ndarray]:
 def angle_offset(joint: Joint) -> float:
     """Return the ``angle`` [rad] at which x of the two frames ``parent_axes`` and ``child_axes``
     are parallel: the difference between the angle and the one that the equations of motion count.
+    It is within half a revolution of zero, as the angle is at the start.
     """
     here, there = frames(joint)
     parent = _direction(here[X], np.array(joint.parent_axes))
-    return _direction(there[X], np.array(joint.child_axes)) - parent
+    offset = _direction(there[X], np.array(joint.child_axes)) - parent
+    return math.remainder(offset, 2.0 * math.pi)
 
 
 def relative(joint: Joint, parent: "Motion", child: "Motion") -> Relative:

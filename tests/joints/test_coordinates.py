@@ -172,6 +172,13 @@ def test_the_offset_leads_from_the_counted_angle_to_the_absolute_one():
     assert math.remainder(difference, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-14)
 
 
+def test_the_offset_is_within_half_a_revolution():
+    """So an expression reads the angle at the start, not one a revolution off."""
+    rng = np.random.default_rng(5)
+    offsets = [coordinates.angle_offset(joint_of("revolute", rng)) for _ in range(50)]
+    assert np.abs(offsets).max() <= math.pi
+
+
 def test_parameters_are_the_inverse_of_rotations():
     rng = np.random.default_rng(6)
     P = rng.normal(size=(200, 3))

@@ -1,0 +1,428 @@
+"""Reader of joint coordinates at t = 0, and what follows from them for bodies without their own.
+
+In a deck that gives a coordinate or a rate of any joint, a body without a position and an
+orientation of its own is placed by the joints, and one without velocities of its own moves with
+them. Bodies that no joint carries stay at the inertial origin.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.algebra.functions import build_laws, evaluate
+from msahl.algebra.rotation import from_axis_angle, matrix, rescaled
+from msahl.algebra.vector import IDENTITY, ZERO, Matrix, Vector
+from msahl.check.directions import (
+    PARALLEL,
+    crossed_references,
+    frame,
+    shared_references,
+    sine,
+    unit,
+)
+from msahl.deck.ends import SIDES
+from msahl.deck.faults import Element, attribute, text
+from msahl.deck.motions import read_joint_motion
+from msahl.deck.values import BodyStart, Reader
+from msahl.joints import coordinates
+from msahl.joints.coordinates import ORIENTATION
+from msahl.joints.joint import Kind
+from msahl.joints.placement import (
+    ColumnRates,
+    Linkage,
+    Place,
+    Rates,
+    Relation,
+    orientation_of,
+    place_of,
+)
+from msahl.joints.registry import KINDS
+from msahl.joints.tree import JointStart, spanning_tree
+from msahl.model.joints import Joint
+
+QUANTITIES = {"angle": ("angle", "angularVelocity"), "slide": ("length", "velocity")}
+"""Physical quantity of a coordinate and of its rate, by the first letters of its name."""
+ORIENTATION_RATE = "angularVelocity"
+"""Element with the rate of an orientation."""
+CONSISTENT = 1e-9
+"""Violation rate, relative to the largest speed, that counts as round-off."""
+
+
+def has_references(kind: Kind) -> bool:
+    """Return whether coordinates of this kind count from directions on both sides."""
+    return kind.axes > 0 and kind.pose is not None and ORIENTATION not in kind.pose
+
+
+def read_parameters(element: Element, kind: Kind, reader: Reader) -> tuple[tuple[str, float], ...]:
+    """Return every parameter of the kind by name [SI], or its default."""
+    values = []
+    for name, quantity, default, _ in kind.parameters:
+        place = element.find(name)
+        absent = place is None and default is not None
+        value = default if absent else reader.number(place, quantity)
+        values.append((name, value if value is not None else math.nan))
+    return tuple(values)
+
+
+def start_elements(element: Element) -> Iterator[Element]:
+    """Yield the coordinates and rates that a joint's ``<initialConditions>`` give."""
+    for start in element.iterfind("initialConditions"):
+        yield from (child for child in start if child.tag != "reaction")
+
+
+def read_joint_start(element: Element, joint: Joint, reader: Reader) -> JointStart:
+    """Return what a joint's ``<initialConditions>`` give; faults for coordinates it has not."""
+    start, names = JointStart(joint), coordinates.coordinates(joint)
+    for child in start_elements(element):
+        tag = str(child.tag)
+        name = ORIENTATION if tag == ORIENTATION_RATE else tag.removesuffix("Rate")
+        if name not in names:
+            has = ", ".join(names) or "none"
+            message = f"a {joint.kind} has no coordinate {name} (it has: {has}); delete <{tag}>"
+            reader.faults.add(child, message)
+        elif tag == ORIENTATION_RATE:
+            pass  # in axes that may still be unknown
+        elif tag != name:
+            start.rates[tag] = reader.number(child, _quantities(name)[1])
+        else:
+            given = start.guesses if _is_approximate(child) else start.values
+            if name == ORIENTATION:
+                given[name], start.P = 0.0, _orientation(child, reader)
+            else:
+                given[name] = reader.number(child, _quantities(name)[0])
+    return start
+
+
+def _is_approximate(element: Element) -> bool:
+    return attribute(element, "approximate") == "true"
+
+
+def _quantities(name: str) -> tuple[str, str]:
+    return QUANTITIES[name.rstrip("12")]
+
+
+def _orientation(element: Element, reader: Reader) -> Vector:
+    """Return the Wiener-Milenkovic parameters of an ``<orientation>`` of a joint."""
+    rotation = element.find("eulerRotation")
+    given = [child for child in element if child.tag != "eulerRotation"]
+    if (rotation is None) == (not given):
+        message = "give either <eulerRotation> or the parameters <P1>, <P2>, <P3>"
+        reader.faults.add(element, message)
+        return ZERO
+    if rotation is None:
+        x, y, z = reader.numbers(element, ("P1", "P2", "P3"))
+        return rescaled((x, y, z))
+    phi = reader.number(rotation.find("phi"), "angle")
+    u1, u2, u3 = reader.numbers(rotation, ("u1", "u2", "u3"))
+    if math.hypot(u1, u2, u3) == 0.0:
+        message = "the axis (u1, u2, u3) is zero; give a direction, for example 0 0 1"
+        reader.faults.add(rotation, message)
+        return ZERO
+    return from_axis_angle((u1, u2, u3), phi)
+
+
+def place_by_joints(root: Element, reader: Reader) -> None:
+    """Place the bodies that have no position of their own, and give those without velocities of
+    their own the velocities by the joints, if the deck gives coordinates or rates of joints.
+    """
+    elements = [e for e in root.iterfind("system/joints/*") if e.tag in KINDS]
+    if not any(True for element in elements for _ in start_elements(element)):
+        return
+    placing = _Placing(root, elements, reader)
+    if placing.is_sound:
+        placing.set_places()
+    if placing.is_sound:
+        placing.set_velocities()
+    placing.hand_over()
+
+
+class _Own(NamedTuple):
+    """What a body gives of its own start."""
+
+    place: bool
+    velocity: bool
+
+
+@dataclass
+class _Placing:
+    """The bodies of a deck while they are placed."""
+
+    root: Element
+    elements: list[Element]
+    reader: Reader
+    start_of: dict[str, Element | None] = field(default_factory=dict)
+    own: dict[str, _Own] = field(default_factory=dict)
+    places: dict[str, Place] = field(default_factory=dict)
+    velocities: dict[str, Rates] = field(default_factory=dict)
+    is_sound: bool = True
+
+    def __post_init__(self) -> None:
+        for body in self.root.iterfind("system/bodies/*"):
+            name, start = text(body.find("name")), body.find("initialConditions")
+            tags = [] if start is None else [child.tag for child in start]
+            self.start_of[name] = start
+            ground = body.tag == "ground"
+            self.own[name] = _Own(
+                ground or "position" in tags or "orientation" in tags,
+                ground or "velocity" in tags or "angularVelocity" in tags,
+            )
+            if not self.reader.faults.sound(body):
+                self.is_sound = False
+                continue
+            P = ZERO if ground else self.reader.orientation(body)
+            x = ZERO
+            if start is not None and self.own[name].place:
+                x = self.reader.vector(start.find("position"), own=name, wanted="")
+            self.places[name] = place_of(x, P)
+        self.starts = self._read_joints() if self.is_sound else []
+
+    def _read_joints(self) -> list[tuple[JointStart, Element]]:
+        """Return every joint with what is given of it; not sound if one has a fault."""
+        found = []
+        for element in self.elements:
+            if self.reader.faults.sound(element):
+                joint = self._geometry(element)
+                if joint is not None and self.reader.faults.sound(element):
+                    start = read_joint_start(element, joint, self.reader)
+                    found.append((start, element))
+            self.is_sound &= self.reader.faults.sound(element)
+        self.is_sound &= len(found) == len(self.elements)
+        return found
+
+    def _geometry(self, element: Element) -> Joint | None:
+        """Return a joint by what its two bodies hold of it, each in its own axes, wherever they
+        are; None if an axis is missing."""
+        kind = KINDS[str(element.tag)]
+        names = [text(element.find(f"{side}/name")) for side in SIDES]
+        points = [self._vector(element, side, "position") or ZERO for side in SIDES]
+        axes = self._axes(element, kind)
+        if axes is None:
+            return None
+        frames, references = axes
+        return Joint(
+            *(text(element.find("name")), kind.name, names[0], names[1], points[0], points[1]),
+            *(frames[0], frames[1], read_parameters(element, kind, self.reader)),
+            *references,
+        )
+
+    def _vector(self, element: Element, side: str, tag: str) -> Vector | None:
+        """Return a vector of one end in its body's own axes, None without it."""
+        own, given = text(element.find(f"{side}/name")), element.find(f"{side}/{tag}")
+        if given is None:
+            return None
+        basis = self.reader.basis(given) or own
+        if basis != own and not (self.own[basis].place and self.own[own].place):
+            message = (
+                f"its basis is '{basis}', but where '{own}' and '{basis}' are follows from joints; "
+                f"give the components in the axes of '{own}' and delete basis"
+            )
+            self.reader.faults.add(given, message)
+            return None
+        return self.reader.vector(given, own=own, wanted=own)
+
+    def _axes(
+        self, element: Element, kind: Kind
+    ) -> tuple[tuple[Matrix, Matrix], tuple[Vector | None, Vector | None]] | None:
+        """Return the frames and the references of both ends, None if an axis is missing."""
+        if kind.axes == 0:
+            return (IDENTITY, IDENTITY), (None, None)
+        axes: Sequence[Vector | None] = [self._direction(element, side, "axis") for side in SIDES]
+        if None in axes and kind.axes == 1:
+            axes = self._carried(element, axes)
+        references = [self._direction(element, side, "reference") for side in SIDES]
+        p, c = axes
+        if p is None or c is None:
+            return None
+        for axis, reference in zip(axes, references, strict=True):
+            if axis and reference and sine(axis, reference) < PARALLEL:
+                return None  # which the reader of joints reports
+        here, there = references
+        if has_references(kind):
+            complete = crossed_references if kind.axes == 2 else shared_references
+            here, there = complete(p, c, here, there)
+        return (frame(p, here), frame(c, there)), (here, there)
+
+    def _direction(self, element: Element, side: str, tag: str) -> Vector | None:
+        a = self._vector(element, side, tag)
+        return None if a is None or math.hypot(*a) == 0.0 else unit(a)
+
+    def _carried(self, element: Element, axes: Sequence[Vector | None]) -> Sequence[Vector | None]:
+        """Return both axes from the one that is given: its components are the same in both bodies,
+        unless both have places of their own."""
+        names = [text(element.find(f"{side}/name")) for side in SIDES]
+        axis, of = (axes[0], 0) if axes[0] is not None else (axes[1], 1)
+        if axis is not None and all(self.own[name].place for name in names):
+            rotated = self.reader.context.rotated(axis, names[of], names[1 - of])
+            return [axis, unit(rotated)][:: 1 if of == 0 else -1]
+        return [axis, axis]
+
+    def set_places(self) -> None:
+        """Place all bodies without a place of their own."""
+        starts = []
+        for start, element in self.starts:
+            joint = start.joint
+            if not (self.own[joint.parent].place and self.own[joint.child].place):
+                starts.append((start, bool(start.values)))
+            elif start.values:
+                message = (
+                    f"'{joint.parent}' and '{joint.child}' both have places of their own, from "
+                    "which the joint's coordinates follow; delete these, or the <position> and "
+                    "<orientation> of one of the two"
+                )
+                self._fail(element, message)
+        if not self.is_sound:
+            return
+        roots = [name for name, own in self.own.items() if own.place]
+        branches, loops, _ = spanning_tree(roots, starts)
+        linkage = Linkage(self.places, branches, loops, self._length())
+        violation, worst = linkage.close()
+        if worst is not None and not self.reader.context.project:
+            message = (
+                f"it cannot be closed: a constraint violation of {violation:.3g} m remains with "
+                "all given coordinates and places; correct these, or mark coordinates that may "
+                'change by approximate="true"'
+            )
+            self._fail(self._element(worst.joint.name), message)
+        for name, own in self.own.items():
+            if not own.place:
+                self.reader.context.axes[name] = matrix(orientation_of(self.places[name]))
+
+    def _length(self) -> float:
+        """Return the size of the model [m]: its longest arm or distance from the origin."""
+        arms = [
+            math.hypot(*point)
+            for start, _ in self.starts
+            for point in (start.joint.parent_point, start.joint.child_point)
+        ]
+        given = [float(np.linalg.norm(place.x)) for place in self.places.values()]
+        return max(*arms, *given, 0.0) or 1.0
+
+    def _element(self, name: str) -> Element:
+        return next(element for start, element in self.starts if start.joint.name == name)
+
+    def _fail(self, element: Element, message: str) -> None:
+        self.reader.faults.add(element, message)
+        self.is_sound = False
+
+    def set_velocities(self) -> None:
+        """Set the velocities of all bodies by their own, the rates given, and the joints."""
+        fixed = {name: self._own_rates(name) for name, own in self.own.items() if own.velocity}
+        self._read_rates()
+        if not self.is_sound:
+            return
+        rates_of = [JointStart(start.joint, rates=start.rates) for start, _ in self.starts]
+        starts = [(start, bool(start.rates)) for start in rates_of]
+        branches, loops, _ = spanning_tree(fixed, starts)
+        linkage = Linkage(self.places, branches, loops, self._length())
+        given: ColumnRates = {}
+        free = []
+        for column in linkage.columns():
+            rates = branches[column[0]].start.rates
+            if linkage.name(column) in rates:
+                given[column] = np.array([rates[linkage.name(column)]])
+            else:
+                free.append(column)
+        known = linkage.velocities(given, fixed, 1)
+        relations = [*self._relations(), *_given_rates(loops)]
+        if loops or relations:
+            found, left, name = linkage.solve_rates(free, known, relations)
+            given |= {c: np.array([rate]) for c, rate in zip(free, found.tolist(), strict=True)}
+            known = linkage.velocities(given, fixed, 1)
+            speed = max((float(np.abs(rates.v).max()) for rates in known.rates.values()), default=0)
+            spin = max((float(np.abs(rates.w).max()) for rates in known.rates.values()), default=0)
+            if left > CONSISTENT * (speed + spin * self._length()):
+                self._fail(
+                    self._element(name),
+                    f"the given rates and velocities contradict it: {left:.3g} m/s (or rad/s) "
+                    "remain; correct them, or give fewer",
+                )
+        self.velocities = known.rates
+
+    def _own_rates(self, name: str) -> Rates:
+        """Return the velocities that a body gives itself, inertial axes (1, 3)."""
+        start = self.start_of[name]
+        if start is None:
+            return Rates(*np.zeros((2, 1, 3)))
+        R = self.places[name].R
+        tags = ("velocity", "angularVelocity")
+        v, w = (self.reader.vector(start.find(tag), own=name, wanted=name) for tag in tags)
+        return Rates((R @ np.array(v))[None], (R @ np.array(w))[None])
+
+    def _read_rates(self) -> None:
+        """Add to the starts the rates of orientations, and those of prescribed motions."""
+        for start, element in self.starts:
+            spin = element.find(f"initialConditions/{ORIENTATION_RATE}")
+            if spin is not None:
+                child = start.joint.child
+                w = self.reader.vector(spin, own=child, wanted=child)
+                start.rates |= dict(zip(coordinates.SPATIAL[1], w, strict=True))
+        by_name = {start.joint.name: start for start, _ in self.starts}
+        for element in self.root.iterfind("system/motions/jointMotion"):
+            if not self.reader.faults.sound(element):
+                continue
+            motion = read_joint_motion(element, self.reader)
+            self.is_sound &= self.reader.faults.sound(element)
+            if self.is_sound and motion.joint in by_name:
+                rate = evaluate(build_laws([motion.law]), 0, 0.0)[1]
+                self._prescribe(by_name[motion.joint], f"{motion.coordinate}Rate", rate, element)
+
+    def _prescribe(self, start: JointStart, column: str, rate: float, motion: Element) -> None:
+        """Give a joint the rate of a prescribed motion at t = 0."""
+        given = start.rates.setdefault(column, rate)
+        if abs(given - rate) > CONSISTENT * max(abs(given), abs(rate)):
+            message = (
+                f"{column} is {given:g}, but motion '{text(motion.find('name'))}' prescribes "
+                f"{rate:g} at t = 0 (SI); delete it"
+            )
+            self._fail(self._element(start.joint.name), message)
+
+    def _relations(self) -> Iterator[Relation]:
+        """Yield the relations between rates by screws, gears, racks and pinions."""
+        joints = {start.joint.name: start.joint for start, _ in self.starts}
+        for joint in joints.values():
+            if joint.kind == "screw":
+                lead = joint.parameter("pitch") / (2.0 * math.pi)
+                yield Relation(((joint, "slideRate", 1.0), (joint, "angleRate", -lead)))
+        for tag, quantity, column in (("gear", "", "angle"), ("rackAndPinion", "length", "slide")):
+            for element in self.root.iterfind(f"system/joints/{tag}"):
+                first, second = (joints.get(text(element.find(t))) for t in ("first", "second"))
+                if first and second and self.reader.faults.sound(element):
+                    number = element.find("ratio" if tag == "gear" else "radius")
+                    ratio = self.reader.number(number, quantity)
+                    yield Relation(((second, f"{column}Rate", 1.0), (first, "angleRate", -ratio)))
+
+    def hand_over(self) -> None:
+        """Give the reader of bodies what was found; mark what depends on it if there is a fault."""
+        for name, own in self.own.items():
+            if not self.is_sound:
+                if not own.place:
+                    self.reader.unplaced.add(name)
+                continue
+            place, start = self.places[name], BodyStart()
+            if not own.place:
+                start.position = _vector(place.x)
+                start.orientation = orientation_of(place)
+            rates = self.velocities.get(name)
+            if not own.velocity and rates is not None:
+                start.velocity = _vector(place.R.T @ rates.v[0])
+                start.angular_velocity = _vector(place.R.T @ rates.w[0])
+            self.reader.starts[name] = start
+        for element in self.elements:
+            ends = {text(element.find(f"{side}/name")) for side in SIDES}
+            if ends & self.reader.unplaced:
+                self.reader.faults.doubt(element)
+
+
+def _given_rates(loops: list[JointStart]) -> Iterator[Relation]:
+    """Yield the rates that are given of joints which close loops."""
+    for start in loops:
+        for column, rate in start.rates.items():
+            yield Relation(((start.joint, column, 1.0),), rate)
+
+
+def _vector(a: np.ndarray) -> Vector:
+    x, y, z = (a + 0.0).tolist()  # no minus before a zero
+    return (x, y, z)
