@@ -12,7 +12,7 @@ from tests.physics.machines.integration import integrate
 
 M_BODY, M_WHEEL = 300.0, 40.0
 K_SPRING, K_TYRE = 20000.0, 180000.0
-DAMPING, ASYMMETRY, V_SIDES, V_BLOW = 1500.0, 0.5, 0.05, 0.8
+DAMPING, ASYMMETRY, V_SIDES, V_BLOW = 1500.0, 0.5, 0.3, 0.8
 """Damper [N s/m]; share by which rebound exceeds bump; rates of the two transitions [m/s]."""
 SPEED = 15.0
 WAVES = ((0.005, 5.0, 0.0), (0.0015, 1.7, 0.6))
