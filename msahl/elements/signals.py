@@ -129,6 +129,7 @@ class SignalsWorkspace(NamedTuple):
     by_rate: np.ndarray  # (y, 4, 3) by the rates of these
     gradient: np.ndarray  # (most columns, 3) of one result
     gradient_rate: np.ndarray  # (most columns, 3)
+    row: np.ndarray  # (4, 3) what a unit of the result adds to the rows of its parts
     rate_by_input: np.ndarray  # (n, y) f_y
     matrix: np.ndarray  # (n, n) 1 - h/2 f_s, and its factors
     pivot: np.ndarray  # (n,)
@@ -159,6 +160,7 @@ def new_workspace(group: Signals | None, joints: int) -> Any:
         by_rate=np.zeros((y, PARTS, 3)),
         gradient=np.zeros((most, 3)),
         gradient_rate=np.zeros((most, 3)),
+        row=np.zeros((PARTS, 3)),
         rate_by_input=np.zeros((n, y)),
         matrix=np.zeros((n, n)),
         pivot=np.zeros(n, dtype=np.int64),
@@ -171,21 +173,12 @@ def prepare(
     group: Signals,
     start: SignalsWorkspace,
     motion: FramesWorkspace,
-    time: np.ndarray,
     x: np.ndarray,
     p: np.ndarray,
-    state: np.ndarray,
-    reaction: np.ndarray,
 ) -> None:
-    """Carry the markers into inertial axes and save time, states and reactions, of a configuration
-    with the places ``x`` (f, 3), the orientations ``p`` (f, 3) and the auxiliary ``state`` (n,).
+    """Carry the markers into inertial axes, with the frames' places ``x`` (f, 3) and orientations
+    ``p`` (f, 3).
     """
-    start.time[0] = time[0]
-    for k in range(state.size):
-        start.state[k] = state[k]
-    for j in range(reaction.shape[0]):
-        for i in range(6):
-            start.reaction[j, i] = reaction[j, i]
     for m in range(group.frame.size):
         f = group.frame[m]
         R = matrix_at(motion.R, f)
@@ -195,6 +188,25 @@ def prepare(
         for axis in range(3):
             put(start.direction[m], axis, times(R, at(group.axes[m], axis)))
         _set_quaternion(group, start, at(p, f), m)
+
+
+@optional()
+def save_state(
+    group: Signals,
+    start: SignalsWorkspace,
+    time: float,
+    state: np.ndarray,
+    reaction: np.ndarray,
+) -> None:
+    """Save the time, the auxiliary ``state`` (n,) and the joints' ``reaction`` (j, 6) of a
+    configuration.
+    """
+    start.time[0] = time
+    for k in range(state.size):
+        start.state[k] = state[k]
+    for j in range(reaction.shape[0]):
+        for i in range(6):
+            start.reaction[j, i] = reaction[j, i]
 
 
 @kernel
@@ -234,7 +246,7 @@ def set_inputs_over_step(
         elif kind == REACTION:
             value = start.reaction[m, axis]
         else:
-            value, size = _marker_over_step(group, start, frames, h, Z, kind, m, axis)
+            value, size = _marker_over_step(group, start, frames, h, Z, j)
         start.size[j] = size
         set_input(group.tape, start.values, j, value)
 
@@ -246,11 +258,10 @@ def _marker_over_step(
     frames: Frames,
     h: float,
     Z: np.ndarray,
-    kind: int,
-    m: int,
-    axis: int,
+    j: int,
 ) -> tuple[float, float]:
     """Return the mean of a marker's value over a step, and of what size its round-off is."""
+    kind, m, axis = group.kind[j], group.item[j], group.component[j]
     f, size = group.frame[m], 0.0
     Q = rotation_increment(frames, Z, f)
     if kind == SPIN:
@@ -317,9 +328,8 @@ def differentiate_over_step(
 ) -> None:
     """Set the derivatives of the inputs, other than coordinates, by the unknowns of a step."""
     for j in range(group.kind.size):
-        kind, m, axis = group.kind[j], group.item[j], group.component[j]
-        if POSITION <= kind <= SPIN:
-            by_u, by_Q = _marker_gradient_over_step(group, start, frames, h, Z, kind, m, axis)
+        if POSITION <= group.kind[j] <= SPIN:
+            by_u, by_Q = _marker_gradient_over_step(group, start, frames, h, Z, j)
             put(start.by_place[j], U_A, by_u)
             put(start.by_place[j], Q_A, by_Q)
 
@@ -331,11 +341,10 @@ def _marker_gradient_over_step(
     frames: Frames,
     h: float,
     Z: np.ndarray,
-    kind: int,
-    m: int,
-    axis: int,
+    j: int,
 ) -> tuple[Vector, Vector]:
     """Return the derivative of a marker's mean value by u and by l Q."""
+    kind, m, axis = group.kind[j], group.item[j], group.component[j]
     f = group.frame[m]
     Q, length = rotation_increment(frames, Z, f), frames.length[f]
     none = (0.0, 0.0, 0.0)
