@@ -119,7 +119,7 @@ class SignalsWorkspace(NamedTuple):
     place: np.ndarray  # (p, 3) markers, inertial axes [m]
     arm: np.ndarray  # (p, 3) from the frames' origins [m]
     direction: np.ndarray  # (p, 3, 3) axes as rows, inertial axes
-    turned: np.ndarray  # (p, 4) quaternions
+    euler: np.ndarray  # (p, 4) quaternions
     reaction: np.ndarray  # (j, 6) of the accepted step before [N, N m]
     size: np.ndarray  # (y,) of which an input carries the round-off
     result: np.ndarray  # (r,)
@@ -150,7 +150,7 @@ def new_workspace(group: Signals | None, joints: int) -> Any:
         place=np.zeros((p, 3)),
         arm=np.zeros((p, 3)),
         direction=np.zeros((p, 3, 3)),
-        turned=np.zeros((p, 4)),
+        euler=np.zeros((p, 4)),
         reaction=np.zeros((joints, 6)),
         size=np.zeros(y),
         result=np.zeros(r),
@@ -219,9 +219,9 @@ def _set_quaternion(group: Signals, start: SignalsWorkspace, p: Vector, m: int) 
     scalar_part = e0 * q0 - dot(e, q)
     vector = add(axpy(e0, q, scale(q0, e)), cross(e, q))
     sign = 1.0 if scalar_part >= 0.0 else -1.0
-    start.turned[m, 0] = sign * scalar_part
+    start.euler[m, 0] = sign * scalar_part
     for i in range(3):
-        start.turned[m, 1 + i] = sign * vector[i]
+        start.euler[m, 1 + i] = sign * vector[i]
 
 
 # Inputs over a step
@@ -269,7 +269,7 @@ def _marker_over_step(
     if kind == QUATERNION:
         alpha, beta = _quaternion_weights(start, m, axis)
         root = 1.0 / math.sqrt(1.0 + 0.25 * dot(Q, Q))
-        return 0.5 * (start.turned[m, axis] + root * (alpha + 0.5 * dot(Q, beta))), 1.0
+        return 0.5 * (start.euler[m, axis] + root * (alpha + 0.5 * dot(Q, beta))), 1.0
     moved = displacement(frames, Z, f)[axis] + rotation_change(Q, at(start.arm, m))[axis]
     if kind == VELOCITY:
         return moved / h, size
@@ -283,8 +283,8 @@ def _quaternion_weights(start: SignalsWorkspace, m: int, axis: int) -> tuple[flo
     """Return alpha and beta: a rotation with Euler parameters e0, e from the configuration gives
     the component e0 alpha + e . beta.
     """
-    q0 = start.turned[m, 0]
-    q = (start.turned[m, 1], start.turned[m, 2], start.turned[m, 3])
+    q0 = start.euler[m, 0]
+    q = (start.euler[m, 1], start.euler[m, 2], start.euler[m, 3])
     if axis == 0:
         return q0, scale(-1.0, q)
     unit = (
@@ -404,7 +404,7 @@ def set_inputs(group: Signals, start: SignalsWorkspace, motion: FramesWorkspace)
             for i in range(3):
                 size = max(size, abs(start.place[m, i]), abs(start.arm[m, i]))
         elif kind == QUATERNION:
-            value, size = start.turned[m, axis], 1.0
+            value, size = start.euler[m, axis], 1.0
         elif kind == VELOCITY:
             f = group.frame[m]
             value = add(at(motion.v, f), cross(at(motion.W, f), at(start.arm, m)))[axis]

@@ -46,7 +46,7 @@ def motor():
 
 def slider():
     law = f"{P}*error + {Q}*sum - {D}*Rail.slideRate"
-    load = JointActuator("Drive", "Rail", "slide", parse(law))
+    load = JointActuator("Ram", "Rail", "slide", parse(law))
     signals = (Signal("error", parse("1 - Rail.slide")), SignalState("sum", parse("error")))
     rail = Joint("Rail", "prismatic", "Earth", "Mass", HERE, HERE)
     return build_model([body("Mass", M)], [rail], [load], signals=signals)
@@ -154,7 +154,7 @@ def test_a_run_goes_on_to_the_bit(monkeypatch, scheme):
 
 
 def two_motors(shared):
-    """Two wheels with motors, of which the second is told what the first does, or is not."""
+    """Two wheels with motors, of which the second depends on the first, or does not."""
     wheels = [body("A", position=HERE), body("B", position=(1.0, 0.0, 0.0))]
     axles = [
         Joint("X", "revolute", "Earth", "A", HERE, HERE),
@@ -211,7 +211,7 @@ def test_markers_push_each_other_apart():
 
 
 def test_signals_see_the_angle_over_revolutions_from_its_zero():
-    """A wheel that turns at 10 rad/s from an angle of 0.4 rad: its reference directions differ."""
+    """A wheel that rotates at 10 rad/s from an angle of 0.4 rad: its reference directions differ."""
     axle = Joint(
         *("Axle", "revolute", "Earth", "Wheel", HERE, HERE),
         parent_reference=(1.0, 0.0, 0.0),
