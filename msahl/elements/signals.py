@@ -121,7 +121,7 @@ class SignalsWorkspace(NamedTuple):
     place: np.ndarray  # (p, 3) markers, inertial axes [m]
     arm: np.ndarray  # (p, 3) from the frames' origins [m]
     direction: np.ndarray  # (p, 3, 3) axes as rows, inertial axes
-    turned: np.ndarray  # (p, 4) quaternions
+    euler: np.ndarray  # (p, 4) quaternions
     reaction: np.ndarray  # (j, 6) of the accepted step before [N, N m]
     size: np.ndarray  # (y,) of which an input carries the round-off
     result: np.ndarray  # (r,)
@@ -131,6 +131,7 @@ class SignalsWorkspace(NamedTuple):
     by_rate: np.ndarray  # (y, 4, 3) by the rates of these
     gradient: np.ndarray  # (most columns, 3) of one result
     gradient_rate: np.ndarray  # (most columns, 3)
+    row: np.ndarray  # (4, 3) what a unit of the result adds to the rows of its parts
     rate_by_input: np.ndarray  # (n, y) f_y
     matrix: np.ndarray  # (n, n) 1 - h/2 f_s, and its factors
     pivot: np.ndarray  # (n,)
@@ -151,7 +152,7 @@ def new_workspace(group: Signals | None, joints: int) -> Any:
         place=np.zeros((p, 3)),
         arm=np.zeros((p, 3)),
         direction=np.zeros((p, 3, 3)),
-        turned=np.zeros((p, 4)),
+        euler=np.zeros((p, 4)),
         reaction=np.zeros((joints, 6)),
         size=np.zeros(y),
         result=np.zeros(r),
@@ -161,6 +162,7 @@ def new_workspace(group: Signals | None, joints: int) -> Any:
         by_rate=np.zeros((y, PARTS, 3)),
         gradient=np.zeros((most, 3)),
         gradient_rate=np.zeros((most, 3)),
+        row=np.zeros((PARTS, 3)),
         rate_by_input=np.zeros((n, y)),
         matrix=np.zeros((n, n)),
         pivot=np.zeros(n, dtype=np.int64),
@@ -173,21 +175,12 @@ def prepare(
     group: Signals,
     start: SignalsWorkspace,
     motion: FramesWorkspace,
-    time: np.ndarray,
     x: np.ndarray,
     p: np.ndarray,
-    state: np.ndarray,
-    reaction: np.ndarray,
 ) -> None:
-    """Carry the markers into inertial axes and save time, states and reactions, of a configuration
-    with the places ``x`` (f, 3), the orientations ``p`` (f, 3) and the auxiliary ``state`` (n,).
+    """Carry the markers into inertial axes, with the frames' places ``x`` (f, 3) and orientations
+    ``p`` (f, 3).
     """
-    start.time[0] = time[0]
-    for k in range(state.size):
-        start.state[k] = state[k]
-    for j in range(reaction.shape[0]):
-        for i in range(6):
-            start.reaction[j, i] = reaction[j, i]
     for m in range(group.frame.size):
         f = group.frame[m]
         R = matrix_at(motion.R, f)
@@ -197,6 +190,25 @@ def prepare(
         for axis in range(3):
             put(start.direction[m], axis, times(R, at(group.axes[m], axis)))
         _set_quaternion(group, start, at(p, f), m)
+
+
+@optional()
+def save_state(
+    group: Signals,
+    start: SignalsWorkspace,
+    time: float,
+    state: np.ndarray,
+    reaction: np.ndarray,
+) -> None:
+    """Save the time, the auxiliary ``state`` (n,) and the joints' ``reaction`` (j, 6) of a
+    configuration.
+    """
+    start.time[0] = time
+    for k in range(state.size):
+        start.state[k] = state[k]
+    for j in range(reaction.shape[0]):
+        for i in range(6):
+            start.reaction[j, i] = reaction[j, i]
 
 
 @kernel
@@ -209,9 +221,9 @@ def _set_quaternion(group: Signals, start: SignalsWorkspace, p: Vector, m: int) 
     scalar_part = e0 * q0 - dot(e, q)
     vector = add(axpy(e0, q, scale(q0, e)), cross(e, q))
     sign = 1.0 if scalar_part >= 0.0 else -1.0
-    start.turned[m, 0] = sign * scalar_part
+    start.euler[m, 0] = sign * scalar_part
     for i in range(3):
-        start.turned[m, 1 + i] = sign * vector[i]
+        start.euler[m, 1 + i] = sign * vector[i]
 
 
 # Inputs over a step
@@ -236,7 +248,7 @@ def set_inputs_over_step(
         elif kind == REACTION:
             value = start.reaction[m, axis]
         else:
-            value, size = _marker_over_step(group, start, frames, h, Z, kind, m, axis)
+            value, size = _marker_over_step(group, start, frames, h, Z, j)
         start.size[j] = size
         set_input(group.tape, start.values, j, value)
 
@@ -248,11 +260,10 @@ def _marker_over_step(
     frames: Frames,
     h: float,
     Z: np.ndarray,
-    kind: int,
-    m: int,
-    axis: int,
+    j: int,
 ) -> tuple[float, float]:
     """Return the mean of a marker's value over a step, and of what size its round-off is."""
+    kind, m, axis = group.kind[j], group.item[j], group.component[j]
     f, size = group.frame[m], 0.0
     Q = rotation_increment(frames, Z, f)
     if kind == SPIN:
@@ -260,7 +271,7 @@ def _marker_over_step(
     if kind == QUATERNION:
         alpha, beta = _quaternion_weights(start, m, axis)
         root = 1.0 / math.sqrt(1.0 + 0.25 * dot(Q, Q))
-        return 0.5 * (start.turned[m, axis] + root * (alpha + 0.5 * dot(Q, beta))), 1.0
+        return 0.5 * (start.euler[m, axis] + root * (alpha + 0.5 * dot(Q, beta))), 1.0
     moved = displacement(frames, Z, f)[axis] + rotation_change(Q, at(start.arm, m))[axis]
     if kind == VELOCITY:
         return moved / h, size
@@ -274,8 +285,8 @@ def _quaternion_weights(start: SignalsWorkspace, m: int, axis: int) -> tuple[flo
     """Return alpha and beta: a rotation with Euler parameters e0, e from the configuration gives
     the component e0 alpha + e . beta.
     """
-    q0 = start.turned[m, 0]
-    q = (start.turned[m, 1], start.turned[m, 2], start.turned[m, 3])
+    q0 = start.euler[m, 0]
+    q = (start.euler[m, 1], start.euler[m, 2], start.euler[m, 3])
     if axis == 0:
         return q0, scale(-1.0, q)
     unit = (
@@ -319,9 +330,8 @@ def differentiate_over_step(
 ) -> None:
     """Set the derivatives of the inputs, other than coordinates, by the unknowns of a step."""
     for j in range(group.kind.size):
-        kind, m, axis = group.kind[j], group.item[j], group.component[j]
-        if POSITION <= kind <= SPIN:
-            by_u, by_Q = _marker_gradient_over_step(group, start, frames, h, Z, kind, m, axis)
+        if POSITION <= group.kind[j] <= SPIN:
+            by_u, by_Q = _marker_gradient_over_step(group, start, frames, h, Z, j)
             put(start.by_place[j], U_A, by_u)
             put(start.by_place[j], Q_A, by_Q)
 
@@ -333,11 +343,10 @@ def _marker_gradient_over_step(
     frames: Frames,
     h: float,
     Z: np.ndarray,
-    kind: int,
-    m: int,
-    axis: int,
+    j: int,
 ) -> tuple[Vector, Vector]:
     """Return the derivative of a marker's mean value by u and by l Q."""
+    kind, m, axis = group.kind[j], group.item[j], group.component[j]
     f = group.frame[m]
     Q, length = rotation_increment(frames, Z, f), frames.length[f]
     none = (0.0, 0.0, 0.0)
@@ -397,7 +406,7 @@ def set_inputs(group: Signals, start: SignalsWorkspace, motion: FramesWorkspace)
             for i in range(3):
                 size = max(size, abs(start.place[m, i]), abs(start.arm[m, i]))
         elif kind == QUATERNION:
-            value, size = start.turned[m, axis], 1.0
+            value, size = start.euler[m, axis], 1.0
         elif kind == VELOCITY:
             f = group.frame[m]
             value = add(at(motion.v, f), cross(at(motion.W, f), at(start.arm, m)))[axis]

@@ -213,7 +213,7 @@ def test_tables_of_two_variables(kind):
             assert surfaces.evaluate(table, 0, x, y)[0] == pytest.approx(entries[i, j], abs=1e-13)
     h = 1e-6
     for x, y in rng.uniform((0.0, -1.0), (3.0, 3.0), size=(50, 2)):
-        value, by_x, by_y = surfaces.evaluate(table, 0, x, y)
+        _, by_x, by_y = surfaces.evaluate(table, 0, x, y)
         ahead = surfaces.evaluate(table, 0, x + h, y)[0] - surfaces.evaluate(table, 0, x - h, y)[0]
         # Second differences of numbers near one over h^2, and round-off over h.
         assert by_x == pytest.approx(ahead / (2 * h), abs=1e-4 if kind == "linear" else 1e-7)
