@@ -59,7 +59,7 @@ def motion(
             scheme=AUTO,
             local_tolerance=accuracy,
             output_interval=h,
-            dt=model.simulation.dt,
+            dt=min(model.simulation.dt, h * steps),
         )
         chosen = replace(chosen, simulation=by_tolerance)
     report = run(chosen, options, rows)
