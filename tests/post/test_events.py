@@ -114,7 +114,7 @@ def test_the_command_and_what_it_refuses(folder):
 
 
 def test_angles_of_joints_have_events(tmp_path):
-    """A crank of one revolution a second passes its start, -60 degrees, at every whole second."""
+    """A crank of one revolution a second is back at -60 degrees after every second."""
     out, crank = tmp_path / "run", THESIS[0].parents[1] / "mechanisms" / "four_bar.xml"
     assert CliRunner().invoke(msahl, ["run", str(crank), "-o", str(out)]).exit_code == 0
     (event,) = crossings(read_run(out), "Crank pivot.angle", -np.pi / 3 - 3.0 * np.pi)
