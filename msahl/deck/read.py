@@ -8,7 +8,7 @@ checked: a fault in one record neither makes references to it wrong nor hides it
 """
 
 import gc
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -16,11 +16,13 @@ from typing import Any
 
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import IDENTITY, ZERO, Vector
-from msahl.check.context import INERTIAL, Context
+from msahl.check.context import INERTIAL, Context, add_values
 from msahl.check.names import RESERVED, name_messages
+from msahl.check.signals import circle_findings
 from msahl.deck.bodies import read_ground, read_rigid_body
 from msahl.deck.couplings import read_coupling
-from msahl.deck.faults import KINDS, Element, Faults, line_of, text
+from msahl.deck.expand import expand, is_plain
+from msahl.deck.faults import KINDS, Element, Faults, attribute, text
 from msahl.deck.joints import read_joint
 from msahl.deck.loads import (
     read_body_force,
@@ -30,16 +32,19 @@ from msahl.deck.loads import (
     read_friction,
 )
 from msahl.deck.motions import check_prescribed_once, read_joint_motion, read_point_motion
+from msahl.deck.parameters import Parameter
 from msahl.deck.parse import parse, parse_valid, parsed, read_bytes
 from msahl.deck.placement import place_by_joints
 from msahl.deck.references import check_references, is_complete
 from msahl.deck.schema import check_schema, schema_bytes, validator
+from msahl.deck.signals import declare_signals, read_actuator, read_signal
 from msahl.deck.simulation import Assembly, read_assembly, read_simulation
 from msahl.deck.springs import read_bushing, read_joint_spring, read_spring_damper
 from msahl.deck.values import Reader
 from msahl.joints.registry import KINDS as JOINT_KINDS
 from msahl.model import Ground, Model, RigidBody, Simulation
 from msahl.model.couplings import COORDINATES
+from msahl.model.signals import AnySignal
 
 Read = Callable[[Element, Reader], Any]
 
@@ -55,6 +60,7 @@ LOADS: Mapping[str, Read] = {
     "bushing": read_bushing,
     "drag": read_drag,
     "friction": read_friction,
+    "actuator": read_actuator,
 }
 TAGS = frozenset((*BODIES, *JOINT_KINDS, *COORDINATES, *MOTIONS, *LOADS))
 """Tags of all records."""
@@ -64,10 +70,13 @@ ONE_NAME = (("bodies",), ("joints", "motions", "loads"))
 of bodies and of other elements have different names."""
 
 
-def read_deck(path: str | PathLike[str], thorough: bool = False) -> Model:
+def read_deck(
+    path: str | PathLike[str], thorough: bool = False, settings: Sequence[str] = ()
+) -> Model:
     """Return the model of the deck at ``path``; raise ``DeckError`` with every fault found.
 
     With ``thorough`` a valid deck is validated by both libraries (see ``deck.schema``).
+    ``settings`` change its numbers, such as ``L=80 cm`` (see ``deck.overrides``).
     """
     path = Path(path)
     faults = Faults(str(path))
@@ -76,8 +85,10 @@ def read_deck(path: str | PathLike[str], thorough: bool = False) -> Model:
     if root is None:
         root = parse(data, faults)
         check_schema(root, faults, thorough)
+    plain = is_plain(root, data, settings)
+    parameters = {} if plain else expand(root, path, settings, faults)
     with _without_collector():
-        model = _read_model(root, faults)
+        model = _read_model(root, faults, parameters)
     faults.raise_if_any()
     parsed(data)
     return model
@@ -97,13 +108,14 @@ def _without_collector() -> Iterator[None]:
             gc.enable()
 
 
-def _read_model(root: Element, faults: Faults) -> Model:
+def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Parameter]) -> Model:
     """Return what can be read of the deck; it is complete if ``faults`` stays empty."""
     unit_system = "US" if text(root.find("unitSystem")) == "US" else "SI"
     simulation = root.find("simulation")
     usable = simulation is not None and faults.sound(simulation)
     assembly = read_assembly(root) if usable else Assembly()
-    reader = Reader(unit_system, faults, Context(project=assembly.position == "project"))
+    context = Context(project=assembly.position == "project")
+    reader = Reader(unit_system, faults, context, parameters)
     sound = {group: _sound(root.iterfind(f"system/{group}/*"), faults) for group in KINDS}
     for groups in ONE_NAME:
         _check_names(root, groups, faults)
@@ -117,6 +129,7 @@ def _read_model(root: Element, faults: Faults) -> Model:
     couplings = [read_coupling(e, reader) for e in sound["joints"] if e.tag in COORDINATES]
     motions = [MOTIONS[str(e.tag)](e, reader) for e in sound["motions"]]
     check_prescribed_once(sound["motions"], reader)
+    signals = _read_signals(root, reader)
     return Model(
         gravity=_gravity(root, reader),
         grounds=tuple(body for body in bodies if isinstance(body, Ground)),
@@ -129,7 +142,28 @@ def _read_model(root: Element, faults: Faults) -> Model:
         motions=tuple(motions),
         position=assembly.position,
         velocity=assembly.velocity,
+        signals=signals,
     )
+
+
+def _read_signals(root: Element, reader: Reader) -> tuple[AnySignal, ...]:
+    """Return the signals, states and tables, once joints and markers are known by name."""
+    elements = list(root.iterfind("system/signals/*"))
+    names = [attribute(element, "name") for element in elements]
+
+    def line(index: int) -> str:
+        return reader.faults.line_in_words(elements[index])
+
+    for index, message, _ in name_messages(names, line):
+        reader.faults.add(elements[index], message)
+    add_values(reader.context, ())
+    declare_signals(elements, reader)
+    sound = _sound(elements, reader.faults)
+    signals = [read_signal(element, reader) for element in sound]
+    by_name = dict(zip((signal.name for signal in signals), sound, strict=True))
+    for name, message in circle_findings({signal.name: signal for signal in signals}):
+        reader.faults.add(by_name[name], message)
+    return tuple(signals)
 
 
 def _sound(elements: Iterable[Element], faults: Faults) -> list[Element]:
@@ -144,7 +178,7 @@ def _check_names(root: Element, groups: Collection[str], faults: Faults) -> None
     reserved = RESERVED if "loads" in groups else ()
 
     def line(index: int) -> str:
-        return f"line {line_of(labels[index])}"
+        return faults.line_in_words(labels[index])
 
     for index, message, first in name_messages([*map(text, labels)], line, reserved):
         faults.add(labels[index], message)
@@ -194,6 +228,8 @@ def _read_body(element: Element, reader: Reader) -> Ground | RigidBody:
 def _check_some_body(root: Element, faults: Faults) -> None:
     """Add a fault if the model has no rigid body."""
     bodies = root.find("system/bodies")
+    for system in root.iterfind("system") if bodies is None else ():
+        faults.add(system, "<bodies> is missing; add it to <system>")
     if bodies is not None and faults.sound(bodies) and bodies.find("rigidBody") is None:
         faults.add(bodies, "nothing here moves; add a <rigidBody>")
 

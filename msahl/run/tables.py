@@ -19,12 +19,14 @@ from msahl.system.names import (
     coordinate_columns,
     joint_columns,
     reaction_columns,
+    signal_columns,
     state_columns,
     work_columns,
     workers,
 )
 
-STATES, REACTIONS, WORK, ERROR = "states", "reactions", "work", "error"
+STATES, REACTIONS, WORK, SIGNALS = "states", "reactions", "work", "signals"
+ERROR = "error"
 ACCELERATIONS = "accelerations"
 JOINTS = "joints"
 MOST_JOINTS = 50
@@ -34,6 +36,7 @@ COLUMNS: dict[str, Callable[[Model], list[str]]] = {
     REACTIONS: reaction_columns,
     WORK: work_columns,
     ACCELERATIONS: acceleration_columns,
+    SIGNALS: signal_columns,
 }
 """Tables that the steppers fill, by name, with their columns, of which the first is the time."""
 ERROR_COLUMNS = ["time", "position", "orientation"]
@@ -52,6 +55,7 @@ def column_counts(model: Model) -> dict[str, int]:
         + sum(len(joint_columns(joint)) for joint in model.joints),
         WORK: len(work_columns(model)),
         ACCELERATIONS: len(acceleration_columns(model)) if needs_accelerations(model) else 0,
+        SIGNALS: len(signal_columns(model)) if has_signals(model) else 0,
     }
 
 
@@ -70,6 +74,11 @@ def has_joint_table(model: Model) -> bool:
     return scalar and len(having) <= MOST_JOINTS
 
 
+def has_signals(model: Model) -> bool:
+    """Whether a run writes a table of signals."""
+    return len(signal_columns(model)) > 1
+
+
 def tables_of_model(model: Model) -> dict[str, list[str]]:
     """The tables that a run of the ``model`` writes, with their columns; that of errors apart."""
     tables = {STATES: state_columns(model)}
@@ -81,6 +90,8 @@ def tables_of_model(model: Model) -> dict[str, list[str]]:
         tables[ACCELERATIONS] = acceleration_columns(model)
     if has_joint_table(model):
         tables[JOINTS] = coordinate_columns(model, 3 if needs_accelerations(model) else 2)
+    if has_signals(model):
+        tables[SIGNALS] = signal_columns(model)
     return tables
 
 

@@ -80,6 +80,7 @@ class State(NamedTuple):
     v_rise: np.ndarray  # smoothed change of v over a step, of a decaying scheme [m/s]
     w_rise: np.ndarray  # likewise w [rad/s]
     stretch: np.ndarray  # (s,) likewise the springs' coordinates
+    auxiliary: np.ndarray  # (n,) auxiliary states of the laws of the motion
 
 
 class Tables(NamedTuple):
@@ -89,6 +90,7 @@ class Tables(NamedTuple):
     reactions: np.ndarray  # (rows, ...) [N, N m, W]
     work: np.ndarray  # (rows, ...) [J]
     accelerations: np.ndarray  # (rows, 6 n) or, if they are not wanted, (rows, 0)
+    signals: np.ndarray  # (rows, k) signals, auxiliary states, and loads of actuators
 
 
 class SystemWorkspace(NamedTuple):
@@ -172,4 +174,6 @@ def new_tables(system: System, state: State, rows: int, accelerations: bool = Fa
         reactions += int(np.count_nonzero(system.scalar.equations.law[shown.load_equation] >= 0))
     work = state.work.size + energy_columns(system.forces)
     moved = ACCELERATION_SIZE * system.bodies.frame.size if accelerations else 0
-    return Tables(*(np.zeros((rows, width)) for width in (states, reactions, work, moved)))
+    shown_signals = system.forces.signals.shown.size if system.forces.signals else 0
+    widths = (states, reactions, work, moved, shown_signals)
+    return Tables(*(np.zeros((rows, width)) for width in widths))

@@ -11,6 +11,7 @@ from msahl.algebra.rotation import matrix
 from msahl.algebra.rotation_arrays import angles
 from msahl.deck.faults import DeckError
 from msahl.deck.read import read_deck
+from msahl.deck.write import effective_deck
 from msahl.joints import coordinates
 from msahl.joints.coordinates import Motion
 from msahl.joints.registry import KINDS
@@ -19,6 +20,7 @@ from msahl.model import JointMotion
 ROOT = Path(__file__).parents[2] / "decks"
 SHIPPED = sorted([*ROOT.glob("mechanisms/*.xml"), *ROOT.glob("joints/*.xml")])
 SHIPPED.remove(ROOT / "mechanisms" / "four_bar_sketched.xml")  # its bodies are approximate
+SHIPPED.remove(ROOT / "mechanisms" / "suspension.xml")  # its joints hang on a body that is free
 SPEEDS = {"cam_valve": 2e-5, "four_bar": 1e-9}
 """Accepted differences of velocities [m/s, rad/s]: the cam is given at rest, but its motor begins
 with 1.3e-5 rad/s; the four-bar's velocities violate its joints by 1e-11 m/s, which its singular
@@ -51,7 +53,7 @@ def measured(model):
 def with_joint_coordinates(path, approximate=()):
     """The deck's tree: coordinates of all joints, those named only ``approximate`` and without
     rates, in place of the places and velocities of the bodies they carry."""
-    model, tree = read_deck(path), etree.parse(path)
+    model, tree = read_deck(path), etree.fromstring(effective_deck(path)).getroottree()
     driven = {motion.joint for motion in model.motions if isinstance(motion, JointMotion)}
     carried = {
         body

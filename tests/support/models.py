@@ -12,8 +12,8 @@ from msahl.model import ConcentratedLoad, Ground, Joint, Model, Options, RigidBo
 from msahl.model.scheme import split
 from msahl.run.loop import Hooks, run
 from msahl.run.report import Report
-from msahl.run.tables import ERROR, REACTIONS, STATES, TABLES, WORK, MemorySink
-from msahl.system.names import reaction_columns, work_columns
+from msahl.run.tables import ERROR, REACTIONS, SIGNALS, STATES, TABLES, WORK, MemorySink
+from msahl.system.names import reaction_columns, signal_columns, work_columns
 
 ROOT = Path(__file__).parents[2]
 THESIS = sorted((ROOT / "decks" / "thesis").glob("*.xml"))
@@ -38,6 +38,7 @@ class Result:
     states: np.ndarray
     reactions: np.ndarray
     work: np.ndarray
+    signals: np.ndarray
     errors: np.ndarray
     others: dict[str, np.ndarray]
 
@@ -60,6 +61,7 @@ class Result:
         for columns, table in (
             (reaction_columns, self.reactions),
             (work_columns, self.work),
+            (signal_columns, self.signals),
         ):
             if name in columns(self.model):
                 return table[:, columns(self.model).index(name)]
@@ -96,7 +98,7 @@ def simulate(model, dt=None, t_final=None, scheme=None, damping=None, *, checked
     model = replace(model, simulation=replace(model.simulation, **changes))
     report, sink = run_in_memory(model, Options(**options), checked=checked)
     tables = {name: sink.table(name) for name in TABLES}
-    own = [tables.pop(name) for name in (STATES, REACTIONS, WORK, ERROR)]
+    own = [tables.pop(name) for name in (STATES, REACTIONS, WORK, SIGNALS, ERROR)]
     return Result(model, report, *own, tables)
 
 

@@ -12,12 +12,19 @@ from msahl.schemes.midpoint import newton, workspace
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.schemes.outcome import Outcome
 from msahl.schemes.output_schedule import OutputSchedule
+from msahl.system.arrays import System
 
 _take_steps = compiled(newton.take_steps)
 _take_step = compiled(newton.take_step)
 _record_step = compiled(workspace.record_step)
 _write_reactions = compiled(accelerations.write_instantaneous_reactions)
 _take_steps_instantaneous = compiled(accelerations.take_steps)
+
+
+def kind_of(system: System) -> str:
+    """Name of the kind of system, which decides on the types of arguments."""
+    kind = "points" if system.scalar is None else "along"
+    return kind if system.forces.signals is None else f"{kind}-signals"
 
 
 class MidpointMethod:
@@ -39,7 +46,7 @@ class MidpointMethod:
     @property
     def kind(self) -> str:
         """See ``StepMethod``."""
-        kind = "points" if self.workspace.system.scalar is None else "along"
+        kind = kind_of(self.workspace.system)
         kind += "-exponential" if self.workspace.system.frames.exponential else ""
         return kind if self.instant is None else f"{kind}-instantaneous"
 

@@ -1,0 +1,109 @@
+"""Actuator: a force or torque along a coordinate, whose value is an expression of the motion.
+
+At one configuration
+
+    load = u(y, s)                                      [N, or N m along an angle]
+    d load/dz = sum_j du/dy_j dy_j/dz                   z: places and rates of the frames
+    P = u q_dot                                         power [W]
+
+u is an expression of signals y and auxiliary states s (``elements.signals``), q the coordinate: an
+angle or displacement of a joint, or the distance of two points. The load acts with equal size and
+opposite sense on the two bodies; a positive one does positive work where q increases.
+
+Over a step of the midpoint element u is evaluated once, at the means of y and s, and its work is
+u dq, exactly what the equations of the bodies contain. The Jacobian couples the bodies on which the
+actuator acts with all those that its signals depend on.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.algebra.vector import at, put, scale
+from msahl.elements.constraints.coordinates import row_factor
+from msahl.elements.constraints.products import PARTS
+from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
+from msahl.elements.frames import Frames
+from msahl.elements.signals import SignalsWorkspace
+from msahl.jit.kernel import apart, kernel, optional
+
+
+class Actuators(NamedTuple):
+    """The group of all actuators; actuator a has the result a of the signals."""
+
+    coordinate: np.ndarray  # (a,)
+    first: np.ndarray  # (a + 1,) into the blocks
+    block: np.ndarray  # (c, 4) starts of the blocks: by the results' columns, by the parts of q
+    column: np.ndarray  # (a,) of the table of work
+
+
+@optional()
+def add_load(
+    group: Actuators,
+    start: SignalsWorkspace,
+    place: ScalarWorkspace,
+) -> None:
+    """Add the actuators' loads, of a step or a configuration, to those of the coordinates."""
+    for a in range(group.coordinate.size):
+        q = group.coordinate[a]
+        place.coordinates.load[q] += start.result[a]
+        place.coordinates.size[q] += start.result_size[a]
+
+
+@kernel
+def set_rows(
+    group: Actuators,
+    scalar: ScalarConstraints,
+    place: ScalarWorkspace,
+    frames: Frames,
+    factor: float,
+    a: int,
+    row: np.ndarray,
+) -> None:
+    """Set ``row`` (4, 3) to what a unit load of actuator ``a`` adds to the equations of the four
+    parts of its coordinate: ``factor`` times the unit force by mass.
+    """
+    q = group.coordinate[a]
+    for part in range(PARTS):
+        c = row_factor(scalar.coordinates, frames, factor, q, part)
+        put(row, part, scale(c, at(place.coordinates.force[q], part)))
+
+
+@apart
+def add_rows(
+    group: Actuators, row: np.ndarray, a: int, gradient: np.ndarray, values: np.ndarray
+) -> None:
+    """Add the ``row`` of actuator ``a`` times the ``gradient`` of its load by the columns."""
+    first = group.first[a]
+    for c in range(group.first[a + 1] - first):
+        for part in range(PARTS):
+            block = group.block[first + c, part]
+            if block > 0:
+                for i in range(3):
+                    for j in range(3):
+                        values[block + 3 * i + j] += row[part, i] * gradient[c, j]
+
+
+@optional()
+def mean_work(
+    group: Actuators,
+    start: SignalsWorkspace,
+    place: ScalarWorkspace,
+    total: np.ndarray,
+) -> None:
+    """Add the work [J] of each actuator over the solved step to its column of ``total``."""
+    for a in range(group.coordinate.size):
+        total[group.column[a]] += start.result[a] * place.coordinates.change[group.coordinate[a]]
+
+
+@optional()
+def add_power(
+    group: Actuators,
+    start: SignalsWorkspace,
+    place: ScalarWorkspace,
+    dt: float,
+    total: np.ndarray,
+) -> None:
+    """Add ``dt`` times the power [W] of each actuator to its column of ``total`` [J]."""
+    for a in range(group.coordinate.size):
+        total[group.column[a]] += start.result[a] * place.rate[group.coordinate[a]] * dt
