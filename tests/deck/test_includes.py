@@ -89,6 +89,8 @@ def test_the_deck_that_ran_contains_the_parts(path, tmp_path):
     assert read_deck(copy) == model
     assert effective_deck(copy) == text
     assert b"<!-- two wheels -->" in text
+    assert b"<x>0.75</x><!-- {L.half} -->" in text
+    assert b'<parameter name="L.half" units="m">0.75<!-- {L.side/2} --></parameter>' in text
     assert deck_digest(effective_deck(path)) != deck_digest(text)
 
 
