@@ -20,6 +20,7 @@ from msahl.check.laws import law_findings
 from msahl.check.loads import element_findings, repeated_motions
 from msahl.check.loads import start_findings as placed_findings
 from msahl.check.names import RESERVED, name_messages, unresolved
+from msahl.check.signals import circle_findings, signal_findings
 from msahl.check.simulation import check_simulation, simulation_findings, start_findings
 from msahl.model import Joint, JointMotion, Model, RigidBody
 
@@ -55,6 +56,10 @@ def check(model: Model) -> list[Fault]:
     for kind, element in others:
         found += _element_faults(kind, element, context, [element_findings, placed_findings])
     found += _motion_faults(model)
+    for signal in model.signals:
+        found += _element_faults("signal", signal, context, [signal_findings])
+    signals = {signal.name: signal for signal in model.signals}
+    found += [Fault("signal", name, "", message) for name, message in circle_findings(signals)]
     run = [*simulation_findings(model.simulation), *start_findings(model)]
     return found + _faults("simulation", "", run)
 
@@ -87,6 +92,7 @@ def _name_faults(model: Model) -> Iterator[Fault]:
     others: list[tuple[str, Any]] = [("joint", e) for e in (*model.joints, *model.couplings)]
     others += [("motion", element) for element in model.motions]
     others += [("load", element) for element in model.loads]
+    others += [("signal", element) for element in model.signals]
     for elements, reserved in ((bodies, ()), (others, RESERVED)):
         names = [element.name for _, element in elements]
         kinds = [kind for kind, _ in elements]

@@ -4,11 +4,15 @@ Axes are taken as they stand at t = 0; those of a ground are the inertial axes.
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from msahl.algebra.functions import Law
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import IDENTITY, ZERO, Matrix, Vector, add, times, transpose
-from msahl.model import Model
+from msahl.joints.expression_values import MARKER_VALUES, joint_values
+from msahl.model import Model, SignalTable
+from msahl.model.signals import TIME, AnySignal
 
 INERTIAL = ""
 """Stands for the inertial axes where a frame is named; no body's name is empty."""
@@ -21,8 +25,9 @@ class Context:
     ``axes`` holds R (body to inertial components at t = 0) by name of body or ground; ``origins``
     the point B in inertial axes [m] of those whose place is known; ``extent`` the distance of the
     farthest from the inertial origin [m]; ``grounds`` the names of all grounds, and ``INERTIAL`` if
-    there may be others; ``kinds`` the kind of every joint by name. With ``project`` joints need not
-    fit at t = 0.
+    there may be others; ``kinds`` the kind of every joint by name; ``markers`` the body of every
+    marker. ``values`` are the names that expressions of the motion may use, ``tables`` the numbers
+    of arguments of the tables that these may call. With ``project`` joints need not fit at t = 0.
     """
 
     project: bool = False
@@ -31,6 +36,9 @@ class Context:
     extent: float = 0.0
     grounds: dict[str, None] = field(default_factory=dict)
     kinds: dict[str, str] = field(default_factory=dict)
+    markers: dict[str, str] = field(default_factory=dict)
+    values: dict[str, None] = field(default_factory=dict)
+    tables: dict[str, int] = field(default_factory=dict)
 
     def bodies(self) -> list[str]:
         """Names of all bodies and grounds."""
@@ -52,6 +60,20 @@ class Context:
         return a
 
 
+def add_values(context: Context, signals: Iterable[AnySignal]) -> None:
+    """Make known what expressions may name, once joints and markers are."""
+    context.values[TIME] = None
+    for joint, kind in context.kinds.items():
+        context.values.update((f"{joint}.{value}", None) for value in joint_values(kind))
+    for marker in context.markers:
+        context.values.update((f"{marker}.{value}", None) for value in MARKER_VALUES)
+    for signal in signals:
+        if isinstance(signal, SignalTable):
+            context.tables[signal.name] = 1 if isinstance(signal.table, Law) else 2
+        else:
+            context.values[signal.name] = None
+
+
 def context_of(model: Model) -> Context:
     """Return the context of a model's elements."""
     context = Context(project=model.position == "project")
@@ -63,4 +85,6 @@ def context_of(model: Model) -> Context:
         context.axes[body.name] = matrix(body.orientation)
         context.place(body.name, body.position)
     context.kinds.update({joint.name: joint.kind for joint in model.joints})
+    context.markers.update({marker.name: marker.body for marker in model.markers})
+    add_values(context, model.signals)
     return context

@@ -9,14 +9,17 @@ from msahl.check.context import Context
 from msahl.check.ends import apart, arm, ends_findings, frame_findings, is_placed, points, tolerance
 from msahl.check.faults import Finding, negative
 from msahl.check.joints import coordinate_findings
+from msahl.check.signals import joint_actuator_findings, marker_actuator_findings
 from msahl.joints.registry import KINDS
 from msahl.model import (
     Bushing,
     ConcentratedLoad,
     Drag,
     Friction,
+    JointActuator,
     JointMotion,
     JointSpring,
+    MarkerActuator,
     PointMotion,
     SpringDamper,
 )
@@ -123,6 +126,8 @@ RULES: dict[type, Callable[[Any, Context], Iterator[Finding]]] = {
     Friction: friction_findings,
     JointMotion: joint_motion_findings,
     PointMotion: point_motion_findings,
+    JointActuator: joint_actuator_findings,
+    MarkerActuator: marker_actuator_findings,
 }
 """The rules of each kind of load and motion that need no places of bodies."""
 

@@ -7,21 +7,22 @@ import click
 
 from msahl.cli.console import BAD_INPUT
 from msahl.cli.decks import read
-from msahl.cli.options import DECK
+from msahl.cli.options import DECK, set_option
 from msahl.printable import shown_path
 from msahl.terminal import echo
 
 
 @click.command(short_help="Report the faults of decks.")
 @click.argument("decks", metavar="DECK...", nargs=-1, required=True, type=DECK)
-def check(decks: tuple[Path, ...]) -> None:
+@set_option
+def check(decks: tuple[Path, ...], settings: tuple[str, ...]) -> None:
     """Report every fault of the decks, with file, line, element and remedy. No run is made.
 
     Example: msahl check decks/thesis/*.xml
     """
     faulty = False
     for deck in decks:
-        model, faults = read(deck, thorough=True)
+        model, faults = read(deck, thorough=True, settings=settings)
         faulty |= model is None
         echo("\n".join(faults) if faults else f"{shown_path(deck)}: good", err=bool(faults))
     if faulty:

@@ -6,19 +6,20 @@ import click
 
 from msahl.cli.console import stop
 from msahl.cli.decks import model_to_run
-from msahl.cli.options import DECK
+from msahl.cli.options import DECK, set_option
 from msahl.printable import shown_path
 from msahl.terminal import echo
 
 
 @click.command(short_help="Describe what running a deck involves.")
 @click.argument("deck", type=DECK)
-def explain(deck: Path) -> None:
+@set_option
+def explain(deck: Path, settings: tuple[str, ...]) -> None:
     """Describe what running DECK involves: degrees of freedom, unknowns and model reductions.
 
     Example: msahl explain decks/thesis/double_pendulum_89.xml
     """
-    model = model_to_run(deck, {})
+    model = model_to_run(deck, {}, settings)
     from msahl.run.explain import explain as lines
     from msahl.start.velocities import StartError
 

@@ -53,6 +53,18 @@ def output_option(default: str) -> Callable[[Command], Command]:
     )
 
 
+def set_option(command: Command) -> Command:
+    """Add the option that changes numbers of the deck."""
+    return click.option(
+        "--set",
+        "settings",
+        multiple=True,
+        metavar="NAME=VALUE",
+        help='Set a parameter of the deck or any of its numbers, such as L=0.8, "L=80 cm" or '
+        "Bob.mass=3; repeat for more.",
+    )(command)
+
+
 def run_options(command: Command) -> Command:
     """Add all options of the table to a ``command``."""
     for option in reversed(OPTIONS):

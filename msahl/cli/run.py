@@ -18,7 +18,7 @@ import msahl
 from msahl.cli.compiling import announced
 from msahl.cli.console import BAD_VERDICT, NOT_WRITTEN, STATUS, say, stop
 from msahl.cli.decks import model_to_run
-from msahl.cli.options import DECK, output_option, run_options
+from msahl.cli.options import DECK, output_option, run_options, set_option
 from msahl.cli.signals import Interruption, set_alarm, stoppable
 from msahl.printable import printable, shown_path
 
@@ -36,6 +36,7 @@ PACKAGES = ("numba", "numpy", "scipy")
 @click.command(short_help="Run a deck and write its results.")
 @click.argument("deck", type=DECK)
 @output_option("results/<deck's name>")
+@set_option
 @run_options
 @click.option("--resume", is_flag=True, help="Resume the interrupted run in DIR. Give the deck and "
               "the options with which it was started.")  # fmt: skip
@@ -45,6 +46,7 @@ PACKAGES = ("numba", "numpy", "scipy")
 def run(
     deck: Path,
     output: Path | None,
+    settings: tuple[str, ...],
     resume: bool,
     strict: bool,
     quiet: bool,
@@ -61,7 +63,7 @@ def run(
 
     Example: msahl run decks/thesis/double_pendulum_89.xml --dt 0.01 -o results/coarse
     """
-    job = make_job(deck, output or Path("results") / deck.stem, given)
+    job = make_job(deck, output or Path("results") / deck.stem, given, settings)
     from msahl.jit.progress import CompileError
     from msahl.results.folder import FolderError
     from msahl.results.lock import FolderInUseError, locked
@@ -101,6 +103,8 @@ class Job:
     model: "Model"
     options: "Options"
     text: bytes
+    changed: tuple[str, ...] = ()
+    """Numbers of the deck that the run was told to change, such as ``L=80 cm``."""
 
     @cached_property
     def settings(self) -> "RunSettings":
@@ -112,10 +116,11 @@ class Job:
     @cached_property
     def about(self) -> dict[str, Any]:
         """The head of ``run.json``: all that the rows of the run depend on."""
-        from msahl.deck import deck_digest
+        from msahl.deck import deck_digest, listed_parameters
         from msahl.results.folder import relative
         from msahl.run.options import recorded_options
 
+        parameters = listed_parameters(self.text)
         return {
             **_versions(),
             "deck": {
@@ -123,22 +128,25 @@ class Job:
                 "relative": click.format_filename(relative(self.deck, self.folder)),
                 "digest": deck_digest(self.text),
             },
+            **({"parameters": parameters} if parameters else {}),
+            **({"set": list(self.changed)} if self.changed else {}),
             "options": recorded_options(self.settings),
         }
 
 
-def make_job(deck: Path, folder: Path, given: dict[str, Any]) -> Job:
-    """The run of ``deck`` with the options ``given``; faults end the program."""
-    model = model_to_run(deck, given)
+def make_job(deck: Path, folder: Path, given: dict[str, Any], changed: tuple[str, ...] = ()) -> Job:
+    """The run of ``deck`` with the options ``given`` and ``changed`` numbers; faults end the
+    program."""
+    model = model_to_run(deck, given, changed)
     from msahl.deck import effective_deck
     from msahl.model.settings import LOCAL, OFF
     from msahl.run.options import deck_changes, options_beside_deck
 
     try:
-        text = effective_deck(deck, deck_changes(given))
+        text = effective_deck(deck, deck_changes(given), changed)
     except OSError as error:
         stop(f"{shown_path(error.filename or deck)}: {error.strerror or error}")
-    job = Job(deck, folder, model, options_beside_deck(given), text)
+    job = Job(deck, folder, model, options_beside_deck(given), text, changed)
     settings = job.settings
     if settings.solver == "root" and settings.adaptive:
         stop("msahl run: --solver root takes steps of a given size; omit it, or the tolerance")
@@ -259,10 +267,12 @@ def _command(resume: bool) -> str:
         given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
         if not given or name == "resume":
             continue
-        if isinstance(parameter, click.Option):
-            words.append(max(parameter.opts, key=len))
-        if not (isinstance(parameter, click.Option) and parameter.is_flag):
-            words.append(str(context.params[name]))
+        value = context.params[name]
+        for one in value if parameter.multiple else (value,):
+            if isinstance(parameter, click.Option):
+                words.append(max(parameter.opts, key=len))
+            if not (isinstance(parameter, click.Option) and parameter.is_flag):
+                words.append(str(one))
     return shlex.join([*words, "--resume"] if resume else words)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from msahl.cli.console import NOT_CONVERGED, NOT_WRITTEN, say, stop
-from msahl.cli.options import DECK, NumberType, output_option
+from msahl.cli.options import DECK, NumberType, output_option, set_option
 from msahl.cli.signals import Interruption, stoppable
 from msahl.model.scheme import AUTO, choices
 from msahl.printable import shown_path
@@ -55,6 +55,7 @@ class Request:
     repeat: int | None
     target: float
     metric: str
+    settings: tuple[str, ...]
 
 
 @click.command(short_help="Compare schemes and step sizes on a deck.")
@@ -82,6 +83,7 @@ class Request:
               show_default=True, help="Choose the error that the target limits.")  # fmt: skip
 @click.option("--t-final", type=NumberType(), metavar="S",
               help="Set the end of the runs in seconds (default: tFinal of the deck).")  # fmt: skip
+@set_option
 def study(deck: Path, output: Path | None, **given: Any) -> None:
     """Run DECK with many schemes and step sizes, and recommend the fastest run for a given error.
 
@@ -117,7 +119,7 @@ def _plan(request: Request) -> "Plan":
     from msahl.results.read import ResultError
     from msahl.study.plan import Plan
 
-    model, steps = read_deck(request.deck), request.steps
+    model, steps = read_deck(request.deck, settings=request.settings), request.steps
     if request.t_final is not None:
         model = replace(model, simulation=replace(model.simulation, t_final=request.t_final))
     cases = [replace(model.simulation, dt=step) for step in steps or (model.simulation.dt,)]
@@ -152,7 +154,9 @@ def _carry_out(plan: "Plan", request: Request, entered: float) -> "tuple[Study, 
         progress("reference")
         known = find_reference(plan)
         result = run_study(plan, progress, stopped, known, tell, until - COMMAND_SECONDS)
-        result = replace(result, deck=str(request.deck), given_end=request.t_final)
+        result = replace(
+            result, deck=str(request.deck), given_end=request.t_final, settings=request.settings
+        )
         _time_commands(result, stopped, until, progress)
     return result, stopped
 
@@ -188,12 +192,12 @@ def _time_commands(
 ) -> None:
     """Run the recommended command and the deck's own, and record their times."""
     from msahl.jit.compiled import working_clock
-    from msahl.study.command import command_arguments, run_command
+    from msahl.study.command import run_command
 
     for point in (result.fastest, result.deck_run):
         if point is None or stopped() or result.plan.steps:
             continue
-        words = command_arguments(point.trial.case, result.plan, result.deck, result.given_end)
+        words = result.command(point.trial.case)
         progress("the command itself")
         seconds = until - working_clock()
         made = run_command(words, point.trial.case, result.plan, result.reference, seconds)

@@ -3,7 +3,7 @@
 from msahl.check import check_simulation
 from msahl.deck.faults import DeckError, Fault
 from msahl.deck.read import read_deck
-from msahl.deck.write import deck_digest, effective_deck
+from msahl.deck.write import deck_digest, effective_deck, listed_parameters
 
 __all__ = [
     "DeckError",
@@ -11,5 +11,6 @@ __all__ = [
     "check_simulation",
     "deck_digest",
     "effective_deck",
+    "listed_parameters",
     "read_deck",
 ]

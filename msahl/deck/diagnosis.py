@@ -38,6 +38,9 @@ Departure = tuple[Element, Callable[[], str]]
 _PYTHONS_OWN = re.compile(r"(?![ \t\r\n0-9])[\s\d]")
 """Characters that are spaces or digits for Python, and so for xmlschema, but not in XML."""
 
+_INSIDE = re.compile(r"[A-Za-z_{}*/^]")
+"""Characters of texts that may be meant as expressions."""
+
 
 @dataclass(frozen=True, slots=True)
 class _Rule:
@@ -45,7 +48,8 @@ class _Rule:
     ``model`` (empty: no children).
 
     ``once`` means that the group is not repeated, ``needed`` that it may not be empty; ``required``
-    are the children that may not be missing. ``optional`` text may be empty, as it has a default.
+    are the children that may not be missing, ``stated`` the attributes. ``optional`` text may be
+    empty, as it has a default.
     """
 
     word: "XsdSimpleType | None"
@@ -56,6 +60,7 @@ class _Rule:
     children: "dict[str, XsdElement]"
     required: tuple[str, ...]
     attributes: "dict[str, XsdSimpleType]"
+    stated: tuple[str, ...]
 
 
 def add_faults(root: Element, declaration: "XsdElement", faults: Faults) -> None:
@@ -99,6 +104,7 @@ def _rule(declaration: "XsdElement") -> _Rule:
             if group is not None and group.model == "all" and member.min_occurs
         ),
         attributes={name: attribute.type for name, attribute in attributes.items()},
+        stated=tuple(name for name, attribute in attributes.items() if attribute.use == "required"),
     )
 
 
@@ -121,7 +127,10 @@ def _departures(element: Element, rule: _Rule) -> Iterator[Departure]:
 
 
 def _attributes(element: Element, rule: _Rule) -> Iterator[Departure]:
-    """Yield attributes that are unknown or have a wrong value. (None is required.)"""
+    """Yield attributes that are unknown, missing, or have a wrong value."""
+    for name in rule.stated:
+        if name not in element.attrib:
+            yield element, partial("attribute {} is missing; add it".format, name)
     for key, value in element.attrib.items():
         name, word = str(key), rule.attributes.get(str(key))
         if word is None:
@@ -184,7 +193,8 @@ def _wrong_attribute(name: str, value: str, word: "XsdSimpleType") -> str:
         return f"{what}'{value}'{_choice(value, allowed)}"
     if word.min_length:
         return f"the {name} is empty; give a name"
-    low, high = cast(float, word.min_value), cast(float, word.max_value)
+    number = getattr(word, "member_types", (word,))[0]  # the other is that of expressions
+    low, high = cast(float, number.min_value), cast(float, number.max_value)
     return f"{name}='{value}' is not a number from {low:g} to {high:g}"
 
 
@@ -195,7 +205,8 @@ def _wrong_text(tag: str, given: str, word: "XsdSimpleType") -> str:
         return f"unknown value '{given}'{_choice(given, allowed)}"
     if tag in NAMES:
         return "the name is empty; give a name"
-    return f"'{given}' is not a finite number such as 2, -0.5 or 1.5e-3"
+    message = f"'{given}' is not a finite number such as 2, -0.5 or 1.5e-3"
+    return f"{message}; an expression is written in braces" if _INSIDE.search(given) else message
 
 
 def _allowed(word: "XsdSimpleType") -> tuple[str, ...]:

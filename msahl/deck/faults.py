@@ -1,7 +1,7 @@
 """Faults of a deck: collected and raised all at once, each with file, line, place and remedy."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import NoReturn
 
@@ -61,6 +61,8 @@ class Faults:
         self._more = 0  # elements with faults whose messages are not kept
         self._own: set[Element] = set()
         self._touched: set[Element] = set()
+        self.origins: dict[Element, str] = {}
+        """Files of the elements that were included from other files."""
 
     def add(
         self, element: Element, message: str | Callable[[], str], at: Element | None = None
@@ -74,12 +76,22 @@ class Faults:
             self._made += 1
             line = line_of(element if at is None else at)
             text = message if isinstance(message, str) else message()
-            self._found[Fault(self.file, line, where(element), text)] = None
+            file = self._file_of(element if at is None else at)
+            self._found[Fault(file, line, where(element), text)] = None
         elif element not in self._own:
             self._more += 1
             if self._more >= MOST_COUNTED:
                 self._raise("at least ")
         self._own.add(element)
+        self.doubt(element)
+
+    def add_beside(self, place: str, message: str) -> None:
+        """Add a fault of something that is not in the file, such as an option."""
+        self._found[Fault(self.file, 0, place, message)] = None
+
+    def take(self, faults: Iterable[Fault], element: Element) -> None:
+        """Add the faults of a file that ``element`` includes."""
+        self._found.update(dict.fromkeys(faults))
         self.doubt(element)
 
     def doubt(self, element: Element) -> None:
@@ -103,9 +115,19 @@ class Faults:
         if self._found:
             self._raise()
 
+    def _file_of(self, element: Element) -> str:
+        """Return the file that an element comes from."""
+        steps = (element, *element.iterancestors()) if self.origins else ()
+        return next((self.origins[e] for e in steps if e in self.origins), self.file)
+
+    def line_in_words(self, element: Element) -> str:
+        """Return the line of an element, with its file if that is another one."""
+        file = self._file_of(element)
+        return f"line {line_of(element)}{'' if file == self.file else f' of {file}'}"
+
     def _raise(self, about: str = "") -> NoReturn:
         """Raise ``DeckError``; ``about`` precedes the number of faults that are not shown."""
-        found = sorted(self._found, key=lambda fault: fault.line)
+        found = sorted(self._found, key=lambda f: (f.file != self.file, f.file, f.line))
         shown, more = found[:MOST_SHOWN], len(found[MOST_SHOWN:]) + self._more
         if more:
             message = f"{about}{more} more faults are not shown; correct these first"
@@ -160,6 +182,8 @@ def where(element: Element) -> str:
 def _record(element: Element) -> str:
     """Return ``body 'Bob'`` for a body, joint, motion or load; "" for any other element."""
     parent = element.getparent()
+    if element.tag == "parameter":
+        return f"parameter '{attribute(element, 'name')}'"
     kind = KINDS.get(str(parent.tag)) if parent is not None else None
     if parent is None or kind is None:
         return ""

@@ -15,6 +15,9 @@ from lxml import etree
 
 from msahl.deck.faults import Element, Faults, line_of
 
+DECK, PART = "data", "part"
+"""Tags of the root of a deck, and of a file that decks include."""
+
 MAX_BYTES = 256 * 2**20
 """Largest deck read, in bytes: some hundred thousand bodies."""
 
@@ -58,9 +61,10 @@ def parse_valid(data: bytes, schema: etree.XMLSchema) -> Element | None:
     if not _UTF_8.match(data) or b"xmlns" in data or b"<!DOCTYPE" in data:
         return None
     try:
-        return etree.fromstring(data, _parser(keep_comments=False, schema=schema))
+        root = etree.fromstring(data, _parser(keep_comments=False, schema=schema))
     except etree.XMLSyntaxError:
         return None
+    return root if root.tag == DECK else None
 
 
 def was_parsed(data: bytes) -> bool:
@@ -74,8 +78,13 @@ def parsed(data: bytes) -> None:
     _last_parsed = hashlib.sha256(data).digest()
 
 
-def parse(data: bytes, faults: Faults) -> Element:
-    """Return the root without comments; raise ``DeckError`` unless it is a ``<data>`` deck."""
+def may_have_braces(data: bytes) -> bool:
+    """Return whether braces may stand in a deck, as such or as numbers of characters."""
+    return b"{" in data or b"&#" in data or not _UTF_8.match(data)
+
+
+def parse(data: bytes, faults: Faults, tag: str = DECK) -> Element:
+    """Return the root without comments; raise ``DeckError`` unless its tag is ``tag``."""
     line = _doctype_line(data)
     if line:
         faults.stop(_NO_DTD, line)
@@ -87,8 +96,11 @@ def parse(data: bytes, faults: Faults) -> Element:
     # The search above cannot read every encoding that this parser can.
     if root.getroottree().docinfo.internalDTD is not None:
         faults.stop(_NO_DTD, 1)
-    if root.tag != "data":
-        faults.stop(f"the root element is <{root.tag}>; a deck's is <data>", line_of(root))
+    if root.tag != tag:
+        what = {DECK: "deck", PART: "part"}
+        other = f" (that of a {what[root.tag]})" if root.tag in what else ""
+        message = f"the root element is <{root.tag}>{other}; a {what[tag]}'s is <{tag}>"
+        faults.stop(message, line_of(root))
     for element in _found(root, f"//*[count(@*) > {MOST_ATTRIBUTES}]"):
         faults.stop(f"<{element.tag}> has {len(element.attrib)} attributes", line_of(element))
     _drop_instance_attributes(root, faults)

@@ -8,7 +8,7 @@ checked: a fault in one record neither makes references to it wrong nor hides it
 """
 
 import gc
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -20,7 +20,8 @@ from msahl.check.context import INERTIAL, Context
 from msahl.check.names import RESERVED, name_messages
 from msahl.deck.bodies import read_ground, read_rigid_body
 from msahl.deck.couplings import read_coupling
-from msahl.deck.faults import KINDS, Element, Faults, line_of, text
+from msahl.deck.expand import expand, is_plain
+from msahl.deck.faults import KINDS, Element, Faults, text
 from msahl.deck.joints import read_joint
 from msahl.deck.loads import (
     read_body_force,
@@ -30,6 +31,7 @@ from msahl.deck.loads import (
     read_friction,
 )
 from msahl.deck.motions import check_prescribed_once, read_joint_motion, read_point_motion
+from msahl.deck.parameters import Parameter
 from msahl.deck.parse import parse, parse_valid, parsed, read_bytes
 from msahl.deck.placement import place_by_joints
 from msahl.deck.references import check_references, is_complete
@@ -64,10 +66,13 @@ ONE_NAME = (("bodies",), ("joints", "motions", "loads"))
 of bodies and of other elements have different names."""
 
 
-def read_deck(path: str | PathLike[str], thorough: bool = False) -> Model:
+def read_deck(
+    path: str | PathLike[str], thorough: bool = False, settings: Sequence[str] = ()
+) -> Model:
     """Return the model of the deck at ``path``; raise ``DeckError`` with every fault found.
 
     With ``thorough`` a valid deck is validated by both libraries (see ``deck.schema``).
+    ``settings`` change its numbers, such as ``L=80 cm`` (see ``deck.overrides``).
     """
     path = Path(path)
     faults = Faults(str(path))
@@ -76,8 +81,10 @@ def read_deck(path: str | PathLike[str], thorough: bool = False) -> Model:
     if root is None:
         root = parse(data, faults)
         check_schema(root, faults, thorough)
+    plain = is_plain(root, data, settings)
+    parameters = {} if plain else expand(root, path, settings, faults)
     with _without_collector():
-        model = _read_model(root, faults)
+        model = _read_model(root, faults, parameters)
     faults.raise_if_any()
     parsed(data)
     return model
@@ -97,13 +104,14 @@ def _without_collector() -> Iterator[None]:
             gc.enable()
 
 
-def _read_model(root: Element, faults: Faults) -> Model:
+def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Parameter]) -> Model:
     """Return what can be read of the deck; it is complete if ``faults`` stays empty."""
     unit_system = "US" if text(root.find("unitSystem")) == "US" else "SI"
     simulation = root.find("simulation")
     usable = simulation is not None and faults.sound(simulation)
     assembly = read_assembly(root) if usable else Assembly()
-    reader = Reader(unit_system, faults, Context(project=assembly.position == "project"))
+    context = Context(project=assembly.position == "project")
+    reader = Reader(unit_system, faults, context, parameters)
     sound = {group: _sound(root.iterfind(f"system/{group}/*"), faults) for group in KINDS}
     for groups in ONE_NAME:
         _check_names(root, groups, faults)
@@ -144,7 +152,7 @@ def _check_names(root: Element, groups: Collection[str], faults: Faults) -> None
     reserved = RESERVED if "loads" in groups else ()
 
     def line(index: int) -> str:
-        return f"line {line_of(labels[index])}"
+        return faults.line_in_words(labels[index])
 
     for index, message, first in name_messages([*map(text, labels)], line, reserved):
         faults.add(labels[index], message)
@@ -194,6 +202,8 @@ def _read_body(element: Element, reader: Reader) -> Ground | RigidBody:
 def _check_some_body(root: Element, faults: Faults) -> None:
     """Add a fault if the model has no rigid body."""
     bodies = root.find("system/bodies")
+    for system in root.iterfind("system") if bodies is None else ():
+        faults.add(system, "<bodies> is missing; add it to <system>")
     if bodies is not None and faults.sound(bodies) and bodies.find("rigidBody") is None:
         faults.add(bodies, "nothing here moves; add a <rigidBody>")
 

@@ -48,7 +48,7 @@ def check_schema(root: Element, faults: Faults, thorough: bool = False) -> None:
     if refused:
         from msahl.deck.diagnosis import add_faults
 
-        add_faults(root, built(source).elements["data"], faults)
+        add_faults(root, built(source).elements[str(root.tag)], faults)
         if faults.sound(root):  # if the two disagree, libxml2 decides
             faults.add(root, f"not valid: {refused}")
     elif thorough and cast(float, root.xpath("count(//*)")) <= MANY:

@@ -141,9 +141,15 @@ def to_si(value: float, unit: str, quantity: str) -> float:
 
     A result too large for a double is infinite.
     """
-    if unit in UNIT_FACTORS[quantity] or not math.isfinite(value):
+    if unit in UNIT_FACTORS[quantity]:
         return value
-    factor = UNITS[quantity][unit]
+    return to_si_by(value, UNITS[quantity][unit])
+
+
+def to_si_by(value: float, factor: Fraction) -> float:
+    """Return ``value``, in a unit of ``factor``, in SI, rounded once; infinite if too large."""
+    if factor == 1 or not math.isfinite(value):
+        return value
     try:
         return float(Fraction(value) * factor)
     except OverflowError:
@@ -243,5 +249,10 @@ def dimension_of(quantity: str) -> Dimension:
 
 
 def from_si(value: float, factor: Fraction) -> float:
-    """Return a finite ``value`` in SI in the unit of a ``factor``, rounded once."""
-    return value if factor == 1 else float(Fraction(value) / factor)
+    """Return a finite ``value`` in SI in the unit of a ``factor``: the shortest decimal that is read
+    back to the same double if there is one, so 30 deg, in rad, are 30 deg again."""
+    if factor == 1:
+        return value
+    nearest = to_si_by(value, 1 / factor)
+    shorter = (float(f"{nearest:.{digits}g}") for digits in (15, 16))
+    return next((x for x in shorter if to_si_by(x, factor) == value), nearest)

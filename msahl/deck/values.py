@@ -16,6 +16,7 @@ from msahl.check.directions import unit
 from msahl.check.faults import LARGEST, SMALLEST, Finding
 from msahl.check.loads import direction_findings
 from msahl.deck.faults import Element, Faults, attribute, text
+from msahl.deck.parameters import Parameter
 from msahl.deck.units import DEFAULTS, UNIT_FACTORS, UNITS, to_si
 from msahl.model.bodies import RigidBody
 from msahl.model.joints import Joint
@@ -69,14 +70,16 @@ class Reader:
     """What reading needs: default units, what was read already, and where faults go.
 
     ``context`` holds what checks need of other elements. It contains names and kinds of elements
-    with faults too, but places of bodies only if they are free of faults. ``bodies`` and ``joints``
-    hold the records free of faults. ``starts`` are of bodies that joints place or move,
-    ``unplaced`` those that they could not place for some fault.
+    with faults too, but places of bodies only if they are free of faults. ``parameters`` may be
+    named in laws of the motion. ``bodies`` and ``joints`` hold the records free of faults.
+    ``starts`` are of bodies that joints place or move, ``unplaced`` those that they could not place
+    for some fault.
     """
 
     unit_system: str
     faults: Faults
     context: Context = field(default_factory=Context)
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
     bodies: dict[str, RigidBody] = field(default_factory=dict)
     joints: dict[str, Joint] = field(default_factory=dict)
     starts: dict[str, BodyStart] = field(default_factory=dict)

@@ -1,16 +1,24 @@
-"""Writer of the deck as it ran: the user's own bytes, with the changes that the run was given."""
+"""Writer of the deck as it ran: the user's own bytes, with the changes that the run was given.
+
+A deck with parameters or parts is written expanded: numbers in place of expressions, which stand
+beside them in comments, and the elements of all parts. So it is one file, reads as the deck that
+ran to the bit, and its digest covers the files that were included.
+"""
 
 import hashlib
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from lxml.etree import SubElement
+from lxml.etree import Comment, SubElement, tostring
 
-from msahl.deck.faults import Faults
-from msahl.deck.parse import parse, parse_with_comments, read_bytes, was_parsed
+from msahl.deck.expand import expand, is_plain
+from msahl.deck.faults import Element, Faults, attribute, collapsed, text
+from msahl.deck.parse import may_have_braces, parse, parse_with_comments, read_bytes, was_parsed
 
 OTHER = {"tolerance": "localTolerance", "localTolerance": "tolerance"}
 """Elements that replace one another."""
@@ -24,18 +32,25 @@ UNITS = {
 """Settings that are elements of ``<simulation>``, with their units; the others are attributes."""
 
 
-def effective_deck(path: str | PathLike[str], changes: Mapping[str, Any] | None = None) -> bytes:
-    """Return the deck at ``path``, which ``read_deck`` has accepted, with ``changes`` of
-    ``<simulation>``: values [s, m] by the names of its elements and attributes.
+def effective_deck(
+    path: str | PathLike[str],
+    changes: Mapping[str, Any] | None = None,
+    settings: Sequence[str] = (),
+) -> bytes:
+    """Return the deck at ``path``, which ``read_deck`` has accepted with these ``settings``, with
+    ``changes`` of ``<simulation>``: values [s, m] by the names of its elements and attributes.
 
-    Without changes the bytes are those of the file; otherwise the document is the same, comments
-    included, but for ``<simulation>``. Raises ``DeckError`` if the file is no deck any more.
+    Of a deck without parameters and changes the bytes are those of the file; otherwise the document
+    is the same, comments included, but for numbers and parts. Raises ``DeckError`` if the file is
+    no deck any more.
     """
     path = Path(path)
     faults = Faults(str(path))
     data = read_bytes(path, faults)
-    if not was_parsed(data):
-        parse(data, faults)
+    if settings or may_have_braces(data) or b"<includes" in data or not was_parsed(data):
+        root = parse(data, faults)
+        if not is_plain(root, data, settings):
+            data = _expanded(root, data, path, settings, faults)
     changes = changes or {}
     numbers = {
         tag: (repr(float(changes[tag])), unit) for tag, unit in UNITS.items() if tag in changes
@@ -68,13 +83,75 @@ def _with_simulation(
             element.tail = tail
             element.text = number
             element.set("units", unit)
+    return _bytes(root)
+
+
+def _bytes(root: Element) -> bytes:
+    """Return the document of a tree, in its own encoding."""
     tree = root.getroottree()
-    encoding = tree.docinfo.encoding or "UTF-8"
     stream = BytesIO()
-    tree.write(stream, xml_declaration=True, encoding=encoding)
+    tree.write(stream, xml_declaration=True, encoding=tree.docinfo.encoding or "UTF-8")
     return stream.getvalue()
+
+
+def _expanded(
+    root: Element, data: bytes, path: Path, settings: Sequence[str], faults: Faults
+) -> bytes:
+    """Return the document ``data``, whose tree without comments is ``root``, expanded."""
+    document = parse_with_comments(data)
+    twins = dict(zip(root.iter("*"), document.iter("*"), strict=True))
+    expand(root, path, settings, faults)
+    faults.raise_if_any()
+    for element in root.iter("*"):
+        holder, twin = element.getparent(), twins.get(element)
+        place = None if holder is None else twins.get(holder)
+        if twin is not None and twin.getparent() is place:
+            _update(twin, element)
+        elif place is not None:  # from a part
+            place.append(deepcopy(element))
+    for includes in document.findall("includes"):
+        _add_comment(includes, tostring(includes, with_tail=False).decode())
+        document.remove(includes)
+    return _bytes(document)
+
+
+def _update(twin: Element, element: Element) -> None:
+    """Give ``twin`` the text and attributes of ``element``, and what it had in a comment."""
+    had = []
+    if len(element) == 0 and collapsed(element.text or "") != text(twin):
+        had.append(text(twin))
+        for comment in list(twin):
+            twin.remove(comment)
+        twin.text = element.text
+    for name, value in element.attrib.items():
+        if twin.get(name) != value:
+            had += [f'{name}="{twin.get(name)}"'] if name in twin.attrib else []
+            twin.set(name, value)
+    if had:
+        _add_comment(twin, " ".join(had))
+
+
+def _add_comment(element: Element, words: str) -> None:
+    """Add a comment behind an element."""
+    words = re.sub("-(?=-|$)", "- ", words)  # two hyphens would end it
+    comment = Comment(f" {words} ")
+    comment.tail, element.tail = element.tail, None
+    element.addnext(comment)
 
 
 def deck_digest(data: bytes) -> str:
     """Return the SHA-256 of a deck's bytes, in hexadecimal."""
     return hashlib.sha256(data).hexdigest()
+
+
+def listed_parameters(data: bytes) -> dict[str, dict[str, Any]]:
+    """Return value and unit of the parameters of an expanded deck, by name, for ``run.json``."""
+    if b"<parameters" not in data:
+        return {}
+    return {
+        attribute(element, "name"): {
+            "value": float(element.text or ""),
+            "units": attribute(element, "units", "1"),
+        }
+        for element in parse_with_comments(data).iterfind("parameters/parameter")
+    }

@@ -14,7 +14,7 @@ words such as ``lambda`` and ``in`` that are good names, and warns of, or normal
 
 import math
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import NoReturn, TypeAlias
 
@@ -152,6 +152,32 @@ def postorder(tree: Tree) -> list[Tree]:
     return found[::-1]
 
 
+def renamed(text: str, new: Callable[[str], str]) -> str:
+    """Return the text of an expression with another name in place of each that is not reserved;
+    a text that cannot be read is returned as it is."""
+    try:
+        tokens = list(_tokens(text))
+    except ExpressionError:
+        return text
+    parts, end = [], 0
+    for token in tokens:
+        if token.kind != "name" or token.text in RESERVED:
+            continue
+        old = _unquoted(token.text)
+        name = new(old)
+        if name != old:
+            start = token.column - 1
+            parts += [text[end:start], quoted(name)]
+            end = start + len(token.text)
+    return "".join([*parts, text[end:]])
+
+
+def quoted(name: str) -> str:
+    """Return a name as expressions have it: in quotes if it needs them."""
+    plain = re.fullmatch(r"[^\W\d]\w*(?:\.[^\W\d]\w*)*", name) and name not in RESERVED
+    return name if plain else f"'{name}'"
+
+
 def check_names(tree: Tree, names: Collection[str], tables: Collection[str] = ()) -> None:
     """Raise ``ExpressionError`` for the first name in the text that is neither of the ``names`` nor
     of the ``tables``, each in its place; the message gives the nearest names."""
@@ -240,6 +266,10 @@ def _tokens(text: str) -> Iterator[_Token]:
         yield _Token("word" if word in ("and", "or", "not") else kind, word, column)
         if kind == "end":
             return
+
+
+def _unquoted(name: str) -> str:
+    return name.replace("'", "").replace('"', "")
 
 
 class _Parser:
@@ -342,11 +372,11 @@ class _Parser:
 
     def _named(self, token: _Token) -> Tree:
         """Return the tree of a name, or of the call that it begins."""
-        name = token.text.replace("'", "").replace('"', "")
-        quoted = name != token.text
+        name = _unquoted(token.text)
+        in_quotes = name != token.text
         if self._next.text == "(":
-            return self._call(token, name, quoted)
-        if quoted:
+            return self._call(token, name, in_quotes)
+        if in_quotes:
             return self._counted(Name(name, token.column))
         if name in CONSTANTS:
             return self._counted(Number(CONSTANTS[name], token.column))
@@ -354,7 +384,7 @@ class _Parser:
             raise ExpressionError(f"{name} is a function; write {name}(...)", token.column)
         return self._counted(Name(name, token.column))
 
-    def _call(self, token: _Token, name: str, quoted: bool) -> Tree:
+    def _call(self, token: _Token, name: str, in_quotes: bool) -> Tree:
         """Return the tree of a call of a function or a table."""
         opened, arguments = self._take(), []
         if self._next.text != ")":
@@ -364,7 +394,7 @@ class _Parser:
                 arguments.append(self._expression(0))
         self._close(opened)
         count = len(arguments)
-        if quoted or name not in FUNCTIONS:
+        if in_quotes or name not in FUNCTIONS:
             if count not in (1, 2):
                 message = f"'{name}' is given {count} arguments; a table has one or two"
                 raise ExpressionError(message, token.column)

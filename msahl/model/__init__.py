@@ -5,12 +5,15 @@ from msahl.model.bodies import Ground, RigidBody
 from msahl.model.couplings import Coupling
 from msahl.model.joints import Joint
 from msahl.model.loads import (
+    Actuator,
     Bushing,
     ConcentratedLoad,
     Drag,
     Friction,
+    JointActuator,
     JointSpring,
     Load,
+    MarkerActuator,
     SpringDamper,
 )
 from msahl.model.markers import Marker
@@ -25,10 +28,12 @@ from msahl.model.settings import (
     Simulation,
     resolve,
 )
+from msahl.model.signals import Signal, SignalState, SignalTable
 
 __all__ = [
     "INSTANTANEOUS",
     "MEAN",
+    "Actuator",
     "Bushing",
     "ConcentratedLoad",
     "Coupling",
@@ -36,17 +41,22 @@ __all__ = [
     "Friction",
     "Ground",
     "Joint",
+    "JointActuator",
     "JointMotion",
     "JointSpring",
     "Law",
     "Limits",
     "Load",
     "Marker",
+    "MarkerActuator",
     "Model",
     "Options",
     "PointMotion",
     "RigidBody",
     "RunSettings",
+    "Signal",
+    "SignalState",
+    "SignalTable",
     "Simulation",
     "SpringDamper",
     "resolve",

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from msahl.algebra.functions import Law
 from msahl.algebra.vector import Matrix, Vector
+from msahl.expressions.syntax import Tree
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,4 +99,27 @@ class Friction:
     width: float
 
 
-Load = ConcentratedLoad | SpringDamper | JointSpring | Bushing | Drag | Friction
+@dataclass(frozen=True, slots=True)
+class JointActuator:
+    """Actuator along the ``coordinate`` of ``joint``: its load, equal and opposite on both bodies,
+    is an ``expression`` of the motion [N or N m], positive where the coordinate increases."""
+
+    name: str
+    joint: str
+    coordinate: str
+    expression: Tree
+
+
+@dataclass(frozen=True, slots=True)
+class MarkerActuator:
+    """Actuator between two markers, by name: a force along the line through them, equal and
+    opposite, is an ``expression`` of the motion [N]; a positive one pushes them apart."""
+
+    name: str
+    start: str
+    end: str
+    expression: Tree
+
+
+Actuator = JointActuator | MarkerActuator
+Load = ConcentratedLoad | SpringDamper | JointSpring | Bushing | Drag | Friction | Actuator

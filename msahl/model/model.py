@@ -11,8 +11,10 @@ from msahl.model.bodies import Ground, RigidBody
 from msahl.model.couplings import Coupling
 from msahl.model.joints import Joint
 from msahl.model.loads import Load
+from msahl.model.markers import Marker
 from msahl.model.motions import JointMotion, PointMotion
 from msahl.model.settings import Simulation
+from msahl.model.signals import AnySignal
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,3 +37,5 @@ class Model:
     motions: tuple[JointMotion | PointMotion, ...] = ()
     position: str = "check"  # or "project": correct the positions by Newton's method
     velocity: str = "keepAngular"  # or "massWeighted", "asGiven", "refuse"
+    markers: tuple[Marker, ...] = ()
+    signals: tuple[AnySignal, ...] = ()

@@ -97,13 +97,15 @@ class TableAssembly:
 
     def rows(self, times: np.ndarray) -> dict[str, np.ndarray]:
         """The first rows of the present chunk, at these ``times``, by table."""
-        tables = {name: np.zeros((times.size, width)) for name, width in self.widths.items()}
+        tables = {n: np.zeros((times.size, width)) for n, width in self.widths.items() if width}
         for table in tables.values():
             table[:, 0] = times
         for integrator, places in zip(self.integrators, self.places, strict=True):
-            for name, part in tables_of(integrator).items():
+            of_subsystem = tables_of(integrator)
+            for name, table in tables.items():
+                part = of_subsystem[name]
                 # The energy taken by a dissipative scheme is one column for all subsystems.
-                tables[name][:, places[name]] += part[: times.size]
+                table[:, places[name]] += part[: times.size]
         return tables
 
 

@@ -15,16 +15,19 @@ from msahl.system.names import (
     STATE_COLUMNS,
     joint_columns,
     reaction_columns,
+    signal_columns,
     state_columns,
     work_columns,
     workers,
 )
 
-STATES, REACTIONS, WORK, ERROR = "states", "reactions", "work", "error"
+STATES, REACTIONS, WORK, SIGNALS = "states", "reactions", "work", "signals"
+ERROR = "error"
 COLUMNS: dict[str, Callable[[Model], list[str]]] = {
     STATES: state_columns,
     REACTIONS: reaction_columns,
     WORK: work_columns,
+    SIGNALS: signal_columns,
 }
 """Tables that the steppers fill, by name, with their columns, of which the first is the time."""
 ERROR_COLUMNS = ["time", "position", "orientation"]
@@ -40,7 +43,13 @@ def column_counts(model: Model) -> dict[str, int]:
         REACTIONS: len(reaction_columns(replace(model, joints=())))
         + sum(len(joint_columns(joint)) for joint in model.joints),
         WORK: len(work_columns(model)),
+        SIGNALS: len(signal_columns(model)) if has_signals(model) else 0,
     }
+
+
+def has_signals(model: Model) -> bool:
+    """Whether a run writes a table of signals."""
+    return len(signal_columns(model)) > 1
 
 
 def tables_of_model(model: Model) -> dict[str, list[str]]:
@@ -50,6 +59,8 @@ def tables_of_model(model: Model) -> dict[str, list[str]]:
         tables[REACTIONS] = reaction_columns(model)
     if workers(model):
         tables[WORK] = work_columns(model)
+    if has_signals(model):
+        tables[SIGNALS] = signal_columns(model)
     return tables
 
 

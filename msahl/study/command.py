@@ -5,6 +5,7 @@ import shlex
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -32,9 +33,11 @@ class Command:
     error: float | None
 
 
-def command_arguments(case: Case, plan: Plan, deck: str, t_final: float | None = None) -> list[str]:
+def command_arguments(
+    case: Case, plan: Plan, deck: str, t_final: float | None = None, settings: Sequence[str] = ()
+) -> list[str]:
     """Return the arguments of ``msahl`` for the run of a ``case``; ``t_final`` only if it is not
-    the deck's.
+    the deck's, and ``settings`` are numbers of the deck that are changed.
     """
     given: dict[str, Any] = {"scheme": case.scheme, "t_final": t_final}
     if case.chooses_steps:
@@ -42,7 +45,8 @@ def command_arguments(case: Case, plan: Plan, deck: str, t_final: float | None =
         given |= {"tolerance": case.size, "output_interval": interval}
     else:
         given["dt"] = case.size
-    return ["run", deck, *command_words(given)]
+    changes = [word for setting in settings for word in ("--set", setting)]
+    return ["run", deck, *changes, *command_words(given)]
 
 
 def command_line(arguments: list[str]) -> str:

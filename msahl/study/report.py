@@ -21,7 +21,7 @@ from msahl.post.document import (
 from msahl.post.draw import encode, style
 from msahl.post.table import as_csv
 from msahl.results.write import replace_file
-from msahl.study.command import command_arguments, command_line
+from msahl.study.command import command_line
 from msahl.study.errors import METRIC_OF
 from msahl.study.order import FLAT
 from msahl.study.plan import StudyRun
@@ -204,8 +204,7 @@ def _unit(study: Study) -> str:
 
 def _command(study: Study, run: StudyRun) -> str:
     """Return the command line of a run."""
-    deck = study.deck or "DECK"
-    return command_line(command_arguments(run.trial.case, study.plan, deck, study.given_end))
+    return command_line(study.command(run.trial.case))
 
 
 def _error_and_time(study: Study, run: StudyRun) -> str:

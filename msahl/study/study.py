@@ -9,7 +9,7 @@ import numpy as np
 from msahl.jit.compiled import working_clock
 from msahl.model import resolve
 from msahl.model.scheme import AUTO, COLLOCATION, TOLERANCE
-from msahl.study.command import Command
+from msahl.study.command import Command, command_arguments
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import METRICS, ErrorMetric, compute_errors
 from msahl.study.order import FLAT, Fit, fit_order
@@ -32,7 +32,8 @@ class Study:
     """The results of a study; if it was ``stopped``, of the runs made until then.
 
     ``deck_case`` is the case of the deck's own settings. ``commands`` are runs by the command line,
-    of the file ``deck`` to the end time ``given_end`` if that is not the deck's.
+    of the file ``deck`` to the end time ``given_end`` if that is not the deck's, with the changes
+    ``settings`` of its numbers.
     """
 
     plan: Plan
@@ -44,6 +45,12 @@ class Study:
     commands: dict[Case, Command] = field(default_factory=dict)
     deck: str = ""
     given_end: float | None = None
+    settings: tuple[str, ...] = ()
+
+    def command(self, case: Case) -> list[str]:
+        """Return the arguments of ``msahl`` for the run of a case."""
+        deck = self.deck or "DECK"
+        return command_arguments(case, self.plan, deck, self.given_end, self.settings)
 
     @property
     def schemes(self) -> list[str]:

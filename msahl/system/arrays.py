@@ -75,6 +75,7 @@ class State(NamedTuple):
     v_rise: np.ndarray  # smoothed change of v over a step, of a decaying scheme [m/s]
     w_rise: np.ndarray  # likewise w [rad/s]
     stretch: np.ndarray  # (s,) likewise the springs' coordinates
+    auxiliary: np.ndarray  # (n,) auxiliary states of the laws of the motion
 
 
 class Tables(NamedTuple):
@@ -83,6 +84,7 @@ class Tables(NamedTuple):
     states: np.ndarray  # (rows, 12 n)
     reactions: np.ndarray  # (rows, ...) [N, N m, W]
     work: np.ndarray  # (rows, ...) [J]
+    signals: np.ndarray  # (rows, k) signals, auxiliary states, and loads of actuators
 
 
 class SystemWorkspace(NamedTuple):
@@ -165,4 +167,6 @@ def new_tables(system: System, state: State, rows: int) -> Tables:
     if system.scalar:
         reactions += int(np.count_nonzero(system.scalar.equations.law[shown.load_equation] >= 0))
     work = state.work.size + energy_columns(system.forces)
-    return Tables(*(np.zeros((rows, width)) for width in (states, reactions, work)))
+    shown_signals = system.forces.signals.shown.size if system.forces.signals else 0
+    widths = (states, reactions, work, shown_signals)
+    return Tables(*(np.zeros((rows, width)) for width in widths))

@@ -21,21 +21,18 @@ from msahl.joints.joint import (
     X,
     Y,
     Z,
-    angle,
     distance,
     in_plane,
     perpendicular,
-    slide,
 )
 from msahl.joints.registry import KINDS
 from msahl.model import Model, resolve
 from msahl.model.couplings import COORDINATES, Coupling
 from msahl.model.joints import Joint
 from msahl.model.loads import Bushing, ConcentratedLoad, Drag, Friction, JointSpring, SpringDamper
+from msahl.model.markers import Marker
 from msahl.model.motions import JointMotion, PointMotion
-
-COORDINATES_BY_NAME = {"angle": angle, "slide": slide}
-"""The coordinates that a deck can name, by their names."""
+from msahl.system.signal_inputs import SignalCollector, SignalEntries, joint_coordinate
 
 
 class Pair(NamedTuple):
@@ -109,6 +106,7 @@ class Elements:
     concentrated: list[ConcentratedEntry] = field(default_factory=list)
     drags: list[tuple[int, Drag]] = field(default_factory=list)  # column of the table of work
     laws: list[Law] = field(default_factory=list)
+    signals: SignalEntries | None = None
 
     @property
     def ground(self) -> int:
@@ -173,6 +171,15 @@ class _Collector:
                 self.elements.concentrated.append(ConcentratedEntry(load, law, column))
             if isinstance(load, ConcentratedLoad | Drag):
                 self.elements.add_point(self.elements.frame[load.body], load.point)
+        collector = SignalCollector(model, self._joint_coordinate, self._marker_distance)
+        self.elements.signals = collector.entries()
+
+    def _marker_distance(self, start: Marker, end: Marker) -> int:
+        """Add the distance of two markers and return its number."""
+        a, b = self.elements.frame[start.body], self.elements.frame[end.body]
+        s_a = self.elements.add_point(a, start.point)
+        pair = Pair(a, b, s_a, self.elements.add_point(b, end.point))
+        return self._add(distance(), pair)
 
     def _pair(self, joint: Joint | SpringDamper | Bushing) -> Pair:
         a, b = self.elements.frame[joint.parent], self.elements.frame[joint.child]
@@ -189,7 +196,7 @@ class _Collector:
         key = (joint_name, name)
         if key not in self.shared:
             joint = self.joints[joint_name]
-            self.shared[key] = self._add(COORDINATES_BY_NAME[name](joint), self._pair(joint))
+            self.shared[key] = self._add(joint_coordinate(joint, name), self._pair(joint))
         return self.shared[key]
 
     def _joint(self, element: int, joint: Joint) -> None:

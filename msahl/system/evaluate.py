@@ -31,7 +31,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements import forces, reactions, rigid_body
+from msahl.elements import forces, reactions, rigid_body, signals
 from msahl.elements.constraints import coincide, coordinates, scalar
 from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.elements.frames import first_multiplier, moving_count
@@ -66,6 +66,16 @@ def prepare(system: System, state: State, start: SystemWorkspace) -> None:
     scalar.prepare(system.scalar, state.x, R, state.angle, start.scalar)
     reactions.prepare(system.reactions, system.scalar, R, start.reaction_arms)
     forces.prepare(system.forces, start.forces, system.scalar, state.reaction, state.reaction_trend)
+    signals.prepare(
+        system.forces.signals,
+        start.forces.signals,
+        start.frames,
+        state.time,
+        state.x,
+        state.p,
+        state.auxiliary,
+        state.reaction,
+    )
 
 
 @unit

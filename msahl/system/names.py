@@ -2,7 +2,16 @@
 
 from msahl.elements.frames import first_multiplier
 from msahl.joints.registry import KINDS
-from msahl.model import Bushing, Joint, JointSpring, Model, SpringDamper, resolve
+from msahl.model import (
+    Actuator,
+    Bushing,
+    Joint,
+    JointSpring,
+    Model,
+    SignalTable,
+    SpringDamper,
+    resolve,
+)
 from msahl.model.scheme import WORKER
 from msahl.system.arrays import System
 
@@ -45,6 +54,15 @@ def work_columns(model: Model) -> list[str]:
     springs = [load for load in model.loads if isinstance(load, Springy)]
     work = [f"{name}.work" for name in workers(model)]
     return ["time", *work, *(f"{spring.name}.energy" for spring in springs)]
+
+
+def signal_columns(model: Model) -> list[str]:
+    """Header of ``signals.csv``: signals and auxiliary states [SI], and loads of actuators [N or
+    N m].
+    """
+    names = [signal.name for signal in model.signals if not isinstance(signal, SignalTable)]
+    actuators = [load for load in model.loads if isinstance(load, Actuator)]
+    return ["time", *names, *(f"{load.name}.{LOAD_COLUMN}" for load in actuators)]
 
 
 def describe_row(model: Model, system: System, index: int) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from msahl.algebra.functions import Laws, build_laws
+from msahl.algebra.rotation_arrays import parameters
 from msahl.algebra.vector import Vector, sub
 from msahl.elements.constraints.coincide import Coincide
 from msahl.elements.constraints.coordinate_kinds import Coordinates
@@ -12,6 +13,7 @@ from msahl.elements.constraints.equations import ConstraintEquations
 from msahl.elements.constraints.products import Products
 from msahl.elements.constraints.scalar import ScalarConstraints
 from msahl.elements.forces import Forces
+from msahl.elements.forces.actuator import Actuators
 from msahl.elements.forces.concentrated import ConcentratedLoads
 from msahl.elements.forces.drag import Drags
 from msahl.elements.forces.friction import Frictions
@@ -19,6 +21,8 @@ from msahl.elements.forces.spring import Springs
 from msahl.elements.frames import Frames
 from msahl.elements.reactions import Reactions
 from msahl.elements.rigid_body import RigidBodies
+from msahl.elements.signals import Signals
+from msahl.expressions.tape import build_tape
 from msahl.model import resolve
 from msahl.model.bodies import RigidBody
 from msahl.system.arrays import System
@@ -193,8 +197,42 @@ def _forces(elements: Elements, topology: Topology, laws: Laws) -> Forces:
             lever=_numbers(entry.lever for entry in frictions),
             width=_numbers(entry.width for entry in frictions),
         ),
+        actuator=None if topology.actuator is None else Actuators(**topology.actuator),
+        signals=_signals(elements, topology),
         laws=laws,
     )
+
+
+def _signals(elements: Elements, topology: Topology) -> Signals | None:
+    entries = elements.signals
+    if entries is None or topology.signals is None:
+        return None
+    names = [entry.name for entry in entries.inputs] + [state.name for state in entries.states]
+    rates = [state.rate for state in entries.states]
+    results = [entry.expression for entry in entries.results]
+    tape, places = build_tape(
+        [*rates, *results, *entries.shown], names, entries.named, entries.tables
+    )
+    rate, result, shown = np.split(places, np.cumsum([len(rates), len(results)]))
+    axes = [marker.axes for marker in entries.markers]
+    return Signals(
+        **topology.signals,
+        tape=tape,
+        origin=_numbers(entry.origin for entry in entries.inputs),
+        s=_arms(elements, ((marker.body, marker.point) for marker in entries.markers)),
+        axes=np.array(axes, dtype=float).reshape(-1, 3, 3),
+        quaternion=np.array([_quaternion(np.array(rows).T) for rows in axes]).reshape(-1, 4),
+        rate=rate,
+        result=result,
+        shown=shown,
+    )
+
+
+def _quaternion(R: np.ndarray) -> np.ndarray:
+    """Return the Euler parameters (4,) of a matrix of rotation, the first not negative."""
+    p = parameters(R[None])[0]
+    square = p @ p / 16.0
+    return np.array([1.0 - square, *(0.5 * p)]) / (1.0 + square)
 
 
 def _reactions(elements: Elements, topology: Topology) -> Reactions:

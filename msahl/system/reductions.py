@@ -137,7 +137,7 @@ def drop_rows(system: System, held: np.ndarray) -> System:
         return system
     rows, group = scalar.equations, scalar.coordinates
     kept = np.flatnonzero(~held)
-    acting = (rows.coordinate[kept].reshape(-1), forces.coordinates_of(system.forces))
+    acting = (rows.coordinate[kept].reshape(-1), forces.coordinates_needed(system.forces))
     numbers = np.concatenate(acting)
     used = np.flatnonzero(np.bincount(numbers[numbers >= 0]))
     number = np.full(group.kind.size + 1, -1)  # the last entry serves -1

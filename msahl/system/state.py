@@ -5,7 +5,7 @@ import numpy as np
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import add, cross, times
 from msahl.elements import forces
-from msahl.model import Model, resolve
+from msahl.model import Model, SignalState, resolve
 from msahl.system.arrays import State, System, coordinate_count
 from msahl.system.build import initial_places
 
@@ -42,6 +42,7 @@ def build_state(model: Model, system: System) -> State:
         v_rise=np.zeros_like(x),
         w_rise=np.zeros_like(x),
         stretch=forces.new_stretch(system.forces),
+        auxiliary=np.array([s.initial for s in model.signals if isinstance(s, SignalState)], float),
     )
 
 

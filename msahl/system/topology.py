@@ -18,6 +18,7 @@ from msahl.joints.registry import KINDS
 from msahl.system.arrays import Multipliers
 from msahl.system.collect import Elements, Pair
 from msahl.system.pattern import Blocks
+from msahl.system.signal_inputs import input_parts
 
 Indices = dict[str, np.ndarray]
 """The index arrays of a group of elements, by the names of its fields."""
@@ -39,6 +40,8 @@ class Topology(NamedTuple):
     drag: Indices
     spring: Indices
     friction: Indices
+    signals: Indices | None
+    actuator: Indices | None
     reactions: Indices
     shown: Shown
     multipliers: Multipliers
@@ -70,6 +73,7 @@ def build_topology(elements: Elements, relaxed: bool) -> Topology:
     parts = _parts(elements, frames)
     coordinates = _coordinates(elements, parts, blocks)
     equations = _equations(elements, nodes, parts, blocks, first)
+    signals, actuator = _signals(elements, parts, frames, blocks)
     multiplier = first + np.arange(len(nodes.element), dtype=np.int64)
     relaxed_blocks = blocks.constant(multiplier, multiplier) if relaxed else indices([])
     return Topology(
@@ -86,6 +90,8 @@ def build_topology(elements: Elements, relaxed: bool) -> Topology:
         drag=drag,
         spring=_springs(elements),
         friction=_columns(elements.frictions, "coordinate", "joint", "column"),
+        signals=signals,
+        actuator=actuator,
         reactions=_reactions(elements),
         shown=_shown(elements),
         multipliers=_multipliers(nodes, multiplier, elements.ground),
@@ -120,6 +126,19 @@ def connections(elements: Elements) -> tuple[Any, ...]:
         tuple(loads),
         tuple((column, load.body) for column, load in elements.drags),
         tuple((joint.kind, joint.child) for joint in elements.model.joints),
+        _signal_connections(elements),
+    )
+
+
+def _signal_connections(elements: Elements) -> tuple[Any, ...] | None:
+    entries = elements.signals
+    if entries is None:
+        return None
+    return (
+        tuple(entry[:4] for entry in entries.inputs),
+        tuple(marker.body for marker in entries.markers),
+        tuple((r.coordinate, r.column, r.inputs) for r in entries.results),
+        (len(entries.states), len(entries.shown)),
     )
 
 
@@ -289,6 +308,48 @@ def _springs(elements: Elements) -> Indices:
     energy = [number[entry.column] for entry in elements.springs]
     entries = _columns(elements.springs, "coordinate", "table", "column")
     return entries | {"energy_column": indices(energy)}
+
+
+def _signals(
+    elements: Elements, parts: np.ndarray, frames: Indices, blocks: Blocks
+) -> tuple[Indices | None, Indices | None]:
+    """Return the indices of the signals and of the actuators.
+
+    The load of an actuator depends on the frames of all its inputs, so its blocks are those of its
+    own frames by these.
+    """
+    entries = elements.signals
+    if entries is None:
+        return None, None
+    frame = indices([elements.frame[marker.body] for marker in entries.markers])
+    of_inputs = input_parts(entries, parts, frame, frames)
+    columns: list[np.ndarray] = []
+    entry_column: list[np.ndarray] = [np.zeros((0, PARTS), dtype=np.int64)]
+    places: list[np.ndarray] = [np.zeros((0, PARTS), dtype=np.int64)]
+    for result in entries.results:
+        wanted = of_inputs[list(result.inputs)].reshape(-1, PARTS)
+        own = np.unique(wanted[wanted >= 0])
+        columns.append(own)
+        entry_column.append(np.where(wanted >= 0, np.searchsorted(own, wanted), -1))
+        places.append(blocks.place(parts[result.coordinate][None, :], own[:, None]))
+    sizes = [len(result.inputs) for result in entries.results]
+    signals = {
+        "kind": indices([entry.kind for entry in entries.inputs]),
+        "item": indices([entry.item for entry in entries.inputs]),
+        "component": indices([entry.component for entry in entries.inputs]),
+        "frame": frame,
+        "first_entry": indices(np.cumsum([0, *sizes])),
+        "entry_input": indices([j for result in entries.results for j in result.inputs]),
+        "entry_column": np.concatenate(entry_column),
+        "first_column": indices(np.cumsum([0, *map(len, columns)])),
+    }
+    if not elements.coordinates:
+        return signals, None
+    return signals, {
+        "coordinate": indices([result.coordinate for result in entries.results]),
+        "block": np.concatenate(places),
+        "column": indices([result.column for result in entries.results]),
+    }
 
 
 def _reactions(elements: Elements) -> Indices:

@@ -11,7 +11,9 @@ from itertools import pairwise
 import numpy as np
 
 from msahl.algebra.rotation import from_axis_angle, matrix
+from msahl.algebra.surfaces import Surface
 from msahl.algebra.vector import ZERO
+from msahl.expressions.syntax import Call, Lookup, Name, parse
 from msahl.model import (
     Bushing,
     ConcentratedLoad,
@@ -19,10 +21,16 @@ from msahl.model import (
     Drag,
     Friction,
     Joint,
+    JointActuator,
     JointMotion,
     JointSpring,
     Law,
+    Marker,
+    MarkerActuator,
     PointMotion,
+    Signal,
+    SignalState,
+    SignalTable,
     SpringDamper,
 )
 from tests.support.models import (
@@ -295,6 +303,46 @@ def pushed_by_a_law(rng, gravity=True):
     return replace(model, loads=(push,))
 
 
+CONTROL = (
+    Signal("error", parse("J1.slide - 0.3*sin(2*t) + 0.2*J0.angle^2")),
+    SignalState("i", parse("error - 0.5*i + 0.1*J1.slideRate*k"), 0.3),
+    SignalState("k", parse("-k^3 - i*J0.angleRate"), -0.2),
+    SignalTable("cam", CAM),
+    SignalTable(
+        "map",
+        Surface(
+            "cubic",
+            (-4.0, -1.0, 1.0, 5.0),
+            (-9.0, 0.0, 9.0),
+            ((1.0, 2.0, -1.0), (0.0, 1.5, 2.0), (3.0, -1.0, 0.0), (0.5, 0.2, 1.0)),
+        ),
+    ),
+)
+
+
+def controlled(rng, gravity=True):
+    """Two joints with actuators by each other's coordinates, by auxiliary states and tables."""
+    loads = (
+        JointActuator("Motor", "J0", "angle", parse("-4*error*J0.angleRate - 3*i + cam(J0.angle)")),
+        JointActuator("Ram", "J1", "slide", parse("2*k*J0.angle - J1.slideRate*map(error, k)")),
+    )
+    model = jointed_bodies(rng, gravity, "revolute", "prismatic")
+    return replace(model, loads=loads, signals=CONTROL)
+
+
+def steered(rng, gravity=True):
+    """Two free bodies with an actuator between markers, by all values of markers."""
+    model = free_bodies(rng, 2, gravity)
+    markers = tuple(
+        Marker(name, body, random_vector(rng), tensor(random_matrix(rng)))
+        for name, body in (("M", "B0"), ("N", "B1"))
+    )
+    values = "M.x*N.y - M.z*N.vx + N.vy*M.vz - M.q0*N.q1 + M.q2*N.q3 + N.wx*M.wy - M.wz"
+    states = (SignalState("s", parse("N.wx - s*M.q1"), 0.1), Signal("all", parse(values)))
+    push = MarkerActuator("P", "M", "N", parse("3*all + 0.7*s"))
+    return replace(model, loads=(push,), markers=markers, signals=states)
+
+
 SPRING = {"stiffness": 20.0, "damping": 0.5}
 COUPLINGS = {
     "gear": coupled("gear", "revolute", "revolute", ratio=-0.7),
@@ -335,6 +383,8 @@ LOADS = {
     ),
     "bushing": between(bushing),
     "drag": dragged,
+    "actuator": controlled,
+    "actuator, markers": steered,
     "friction": along_joint("revolute", Friction("F", "J0", "angle", 0.3, 0.1, 0.5)),
     "friction, slide": along_joint("prismatic", Friction("F", "J0", "slide", 0.2, 1.0, 0.5)),
     "friction, cylindrical": along_joint(
@@ -378,7 +428,7 @@ def everything(rng, gravity=True):
 def side_by_side(parts):
     """All ``parts`` in one model, with the gravity of the first, and their first bodies' names."""
     renamed = [_renamed(part, f"{k}") for k, part in enumerate(parts)]
-    kinds = ("bodies", "joints", "couplings", "motions", "loads")
+    kinds = ("bodies", "joints", "couplings", "motions", "loads", "markers", "signals")
     everyone = {
         kind: tuple(element for part in renamed for element in getattr(part, kind))
         for kind in kinds
@@ -386,7 +436,8 @@ def side_by_side(parts):
     return replace(parts[0], **everyone), [part.bodies[0].name for part in renamed]
 
 
-REFERENCES = ("name", "parent", "child", "body", "joint", "first", "second")
+REFERENCES = ("name", "parent", "child", "body", "joint", "first", "second", "start", "end")
+EXPRESSIONS = ("expression", "rate")
 BASES = ("force_basis", "moment_basis")
 
 
@@ -396,10 +447,29 @@ def _renamed(model, mark):
     def new(element):
         keys = [key for key in (*REFERENCES, *BASES) if hasattr(element, key)]
         old = {key: getattr(element, key) for key in keys}
+        trees = {
+            key: _marked(getattr(element, key), mark)
+            for key in EXPRESSIONS
+            if hasattr(element, key)
+        }
         return replace(
             element,
             **{key: n if n == GROUND.name else f"{n}.{mark}" for key, n in old.items()},
+            **trees,
         )
 
-    fields = ("bodies", "joints", "couplings", "motions", "loads")
+    fields = ("bodies", "joints", "couplings", "motions", "loads", "markers", "signals")
     return replace(model, **{f: tuple(new(e) for e in getattr(model, f)) for f in fields})
+
+
+def _marked(tree, mark):
+    """The expression with ``mark`` behind every name of an element."""
+    if isinstance(tree, Name) and tree.text != "t":
+        element, point, value = tree.text.rpartition(".")
+        return Name(f"{element}.{mark}.{value}" if point else f"{value}.{mark}")
+    if isinstance(tree, Call | Lookup):
+        arguments = tuple(_marked(argument, mark) for argument in tree.arguments)
+        if isinstance(tree, Lookup):
+            return Lookup(f"{tree.table}.{mark}", arguments)
+        return Call(tree.function, arguments)
+    return tree

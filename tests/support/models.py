@@ -13,7 +13,7 @@ from msahl.model.scheme import split
 from msahl.run.loop import Hooks, run
 from msahl.run.report import Report
 from msahl.run.tables import TABLES, MemorySink
-from msahl.system.names import reaction_columns, work_columns
+from msahl.system.names import reaction_columns, signal_columns, work_columns
 
 ROOT = Path(__file__).parents[2]
 THESIS = sorted((ROOT / "decks" / "thesis").glob("*.xml"))
@@ -38,6 +38,7 @@ class Result:
     states: np.ndarray
     reactions: np.ndarray
     work: np.ndarray
+    signals: np.ndarray
     errors: np.ndarray
 
     @property
@@ -59,6 +60,7 @@ class Result:
         for columns, table in (
             (reaction_columns, self.reactions),
             (work_columns, self.work),
+            (signal_columns, self.signals),
         ):
             if name in columns(self.model):
                 return table[:, columns(self.model).index(name)]

@@ -123,6 +123,14 @@ def row_factor(group: Coordinates, frames: Frames, factor: float, q: int, part: 
 
 
 @kernel
+def part_frame(group: Coordinates, q: int, part: int) -> int:
+    """Return the frame of a ``part``."""
+    first = group.first[q]
+    frame: int = group.products.a[first] if part < U_B else group.products.b[first]
+    return frame
+
+
+@kernel
 def part_node(group: Coordinates, frames: Frames, q: int, part: int) -> int:
     """Return the node of the unknowns and equations of a ``part``."""
     first = group.first[q]

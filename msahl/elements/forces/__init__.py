@@ -6,8 +6,8 @@ the same order; schemes, start, study and diagnostics call nothing else. Gravity
 moments are inertial and belong to ``elements.rigid_body``.
 
     concentrated, drag     act on a point of a body and write to the rows of bodies
-    spring, friction       act along a coordinate; their loads are summed with the multipliers of
-                           constraint equations and then distributed to the rows of bodies
+    spring, friction,      act along a coordinate; their loads are summed with the multipliers of
+    actuator               constraint equations and then distributed to the rows of bodies
 
 At one configuration (``set_time`` or ``set_node``, then ``add_forces``, ``add_derivatives``,
 ``add_power``) rows are accelerations: a force by mass [m/s^2], a moment by mass and length [m/s^2].
@@ -18,7 +18,8 @@ Over a step of the midpoint element (``over_step``, then ``mean_residual``, ``me
 decaying scheme, more.
 
 In a system without coordinates ``scalar`` is None, and the kernels compiled for it hold no code of
-springs and friction.
+springs and friction; likewise ``signals`` and ``actuator`` in a system without expressions of the
+motion. Signals are evaluated before the forces that depend on them.
 """
 
 from collections.abc import Iterator
@@ -27,16 +28,21 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws, evaluate
+from msahl.elements import signals
 from msahl.elements.constraints import coordinate_jacobians, coordinates
 from msahl.elements.constraints.coordinate_kinds import CoordinatesWorkspace, Derivatives
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
-from msahl.elements.forces import concentrated, drag, friction, spring
+from msahl.elements.constraints.scalar import differentiate as scalar_differentiate
+from msahl.elements.constraints.scalar import rates as scalar_rates
+from msahl.elements.forces import actuator, concentrated, drag, friction, spring
+from msahl.elements.forces.actuator import Actuators
 from msahl.elements.forces.concentrated import ConcentratedLoads, ConcentratedWorkspace
 from msahl.elements.forces.drag import Drags
 from msahl.elements.forces.friction import Frictions
 from msahl.elements.forces.spring import Springs
 from msahl.elements.frames import Frames, FramesWorkspace
-from msahl.jit.kernel import kernel
+from msahl.elements.signals import Signals, SignalsWorkspace
+from msahl.jit.kernel import kernel, optional
 
 
 class Forces(NamedTuple):
@@ -46,6 +52,8 @@ class Forces(NamedTuple):
     drag: Drags
     spring: Springs
     friction: Frictions
+    actuator: Actuators | None
+    signals: Signals | None  # expressions of the motion
     laws: Laws  # of time and of coordinates, to which the groups refer by number
 
 
@@ -63,6 +71,7 @@ class ForcesWorkspace(NamedTuple):
     reactions: np.ndarray  # (j, 6) the joints' reactions extrapolated to the step [N, N m]
     elastic: np.ndarray  # (s,) elastic energies of the springs [J]
     stretch: np.ndarray  # (s,) smoothed changes of the springs' coordinates, the state's own
+    signals: SignalsWorkspace  # None where the system has none
 
 
 def new_workspace(
@@ -83,6 +92,7 @@ def new_workspace(
         reactions=np.zeros_like(reaction),
         elastic=np.zeros(forces.spring.coordinate.size),
         stretch=stretch,
+        signals=signals.new_workspace(forces.signals, len(reaction)),
     )
 
 
@@ -145,10 +155,12 @@ def add_forces(
     """Add all forces at one configuration by mass to the rows ``F`` (nodes, 3) [m/s^2], after
     ``scalar.rates``; ``reaction`` (j, 6) are the joints' reactions.
     """
+    _evaluate_signals(forces.signals, start, scalar)
     if scalar is not None:
         q = start.place.coordinates
         spring.add_load(forces.spring, forces.laws, scalar.coordinates, q, start.place.rate)
         friction.add_load(forces.friction, reaction, q, start.place.rate)
+        actuator.add_load(forces.actuator, start.signals, start.place)
         coordinates.push(scalar.coordinates, q, frames, 1.0, F)
     concentrated.add_force(forces.concentrated, start.concentrated, frames, F)
     drag.add_force(forces.drag, start.drag, frames, start.motion, F)
@@ -167,6 +179,7 @@ def add_derivatives(
     motion = start.motion
     concentrated.add_derivatives(forces.concentrated, start.concentrated, frames, out.by_place)
     drag.add_derivatives(forces.drag, start.drag, frames, motion, out.by_place, out.by_rate)
+    _differentiate_signals(forces.signals, start, scalar, frames, out)
     if scalar is None:
         return
     place, group = start.place, scalar.coordinates
@@ -174,6 +187,9 @@ def add_derivatives(
         forces.spring, forces.laws, group, place.coordinates, frames, motion, out
     )
     friction.add_derivatives(forces.friction, reaction, group, place, frames, motion, out)
+    actuator.add_derivatives(
+        forces.actuator, scalar, forces.signals, start.signals, place, frames, out
+    )
     # The unit forces' mean over a step changes by half as much as the forces themselves.
     coordinate_jacobians.stiffness(group, place.coordinates, frames, 2.0, out.still, out.by_place)
 
@@ -197,6 +213,7 @@ def add_power(
         return
     spring.add_power(forces.spring, start.place.rate, dt, work)
     friction.add_power(forces.friction, reaction, start.place.rate, dt, work)
+    actuator.add_power(forces.actuator, start.signals, start.place, dt, work)
 
 
 @kernel
@@ -222,10 +239,12 @@ def mean_residual(
     along coordinates, from the equations ``F`` (nodes, 3) [m]. Call it after ``scalar.residual``.
     """
     h, dt2 = step
+    _evaluate_signals_over_step(forces.signals, start, scalar, frames, h, Z)
     if scalar is not None:
         q = start.place.coordinates
         spring.add_mean_load(forces.spring, forces.laws, scalar.coordinates, q, start.stretch, h)
         friction.add_mean_load(forces.friction, start.reactions, q, h)
+        actuator.add_load(forces.actuator, start.signals, start.place)
         coordinates.push(scalar.coordinates, q, frames, -dt2, F)
     concentrated.mean_residual(forces.concentrated, start.concentrated, frames, dt2, Z, F)
     drag.mean_residual(forces.drag, start.drag, frames, h, dt2, Z, F)
@@ -245,10 +264,21 @@ def mean_jacobian(
     ``scalar.joint_jacobian`` at the same ``Z``.
     """
     h, dt2 = step
+    _differentiate_signals_over_step(forces.signals, start, scalar, frames, h, Z)
     if scalar is not None:
         q, group = start.place.coordinates, scalar.coordinates
         spring.mean_jacobian(forces.spring, forces.laws, group, q, frames, step, values)
         friction.mean_jacobian(forces.friction, start.reactions, group, q, frames, step, values)
+        actuator.mean_jacobian(
+            forces.actuator,
+            scalar,
+            forces.signals,
+            start.signals,
+            start.place,
+            frames,
+            dt2,
+            values,
+        )
         coordinate_jacobians.stiffness(group, q, frames, -dt2, Z, values)
     concentrated.mean_jacobian(forces.concentrated, start.concentrated, frames, dt2, Z, values)
     drag.mean_jacobian(forces.drag, start.drag, frames, h, dt2, Z, values)
@@ -271,6 +301,121 @@ def mean_work(
         return
     spring.mean_work(forces.spring, start.place.coordinates, h, work)
     friction.mean_work(forces.friction, start.reactions, start.place.coordinates, h, work)
+    actuator.mean_work(forces.actuator, start.signals, start.place, work)
+
+
+@optional()
+def set_signal_inputs(
+    group: Signals,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    frames: Frames,
+    still: np.ndarray,
+) -> None:
+    """Set the inputs of the signals at the prepared configuration; ``still`` is a step without
+    motion.
+    """
+    scalar_rates(scalar, start.place, frames, start.motion, still)
+    signals.set_inputs(group, start.signals, start.motion)
+    signals.set_coordinates(scalar, group, start.signals, start.place)
+
+
+@optional()
+def set_prepared_inputs(
+    group: Signals, start: ForcesWorkspace, scalar: ScalarConstraints | None
+) -> None:
+    """Set the inputs of the signals at the prepared configuration."""
+    _set_rates(scalar, start.place, start.motion)
+    signals.set_inputs(group, start.signals, start.motion)
+    signals.set_coordinates(scalar, group, start.signals, start.place)
+
+
+@optional()
+def differentiate_signal_inputs(
+    group: Signals,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    frames: Frames,
+    out: Derivatives,
+) -> None:
+    """Set the derivatives of the signals' inputs, after ``set_signal_inputs``."""
+    scalar_differentiate(scalar, start.place, frames, out.still)
+    _differentiate_signals(group, start, scalar, frames, out)
+
+
+@optional()
+def _evaluate_signals(
+    group: Signals, start: ForcesWorkspace, scalar: ScalarConstraints | None
+) -> None:
+    """Set the signals' results at one configuration, after ``scalar.rates``."""
+    signals.set_inputs(group, start.signals, start.motion)
+    signals.set_coordinates(scalar, group, start.signals, start.place)
+    signals.evaluate(group, start.signals)
+
+
+@optional()
+def _differentiate_signals(
+    group: Signals,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    frames: Frames,
+    out: Derivatives,
+) -> None:
+    """Set the derivatives of the signals' inputs at one configuration."""
+    signals.differentiate(group, start.signals, frames, start.motion)
+    signals.differentiate_coordinates(
+        scalar, group, start.signals, start.place, frames, start.motion, out
+    )
+
+
+@optional()
+def _evaluate_signals_over_step(
+    group: Signals,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    frames: Frames,
+    h: float,
+    Z: np.ndarray,
+) -> None:
+    """Set the signals' results over a step, after ``scalar.residual``."""
+    signals.set_inputs_over_step(group, start.signals, frames, h, Z)
+    signals.set_coordinates_over_step(scalar, group, start.signals, start.place, h)
+    signals.evaluate_over_step(group, start.signals, h)
+
+
+@optional()
+def _differentiate_signals_over_step(
+    group: Signals,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    frames: Frames,
+    h: float,
+    Z: np.ndarray,
+) -> None:
+    """Set the derivatives of the signals' inputs by the unknowns of a step."""
+    signals.differentiate_over_step(group, start.signals, frames, h, Z)
+    signals.differentiate_coordinates_over_step(scalar, group, start.signals, start.place, h)
+
+
+@optional()
+def publish_signals(
+    group: Signals,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    table: np.ndarray,
+    row: int,
+) -> None:
+    """Write the signals at the prepared configuration to a ``row`` of the table."""
+    set_prepared_inputs(group, start, scalar)
+    signals.evaluate(group, start.signals)
+    signals.publish(group, start.signals, table, row)
+
+
+@optional()
+def _set_rates(scalar: ScalarConstraints, place: ScalarWorkspace, motion: FramesWorkspace) -> None:
+    """Set the coordinates' rates of the prepared configuration."""
+    coordinates.slopes(scalar.coordinates, place.coordinates)
+    coordinates.rates(scalar.coordinates, place.coordinates, motion.v, motion.W, place.rate)
 
 
 @kernel
@@ -363,7 +508,15 @@ def pressed_by_reactions(forces: Forces) -> ReactionForces | None:
 
 def coordinates_of(forces: Forces) -> np.ndarray:
     """Return the numbers of the coordinates along which forces act."""
-    return np.concatenate([forces.spring.coordinate, forces.friction.coordinate])
+    along = [forces.spring.coordinate, forces.friction.coordinate]
+    if forces.actuator is not None:
+        along.append(forces.actuator.coordinate)
+    return np.concatenate(along)
+
+
+def coordinates_needed(forces: Forces) -> np.ndarray:
+    """Return the numbers of the coordinates along which forces act or on which they depend."""
+    return np.concatenate([coordinates_of(forces), signals.coordinates_of(forces.signals)])
 
 
 def renumbered(forces: Forces, number: np.ndarray) -> Forces:
@@ -371,6 +524,9 @@ def renumbered(forces: Forces, number: np.ndarray) -> Forces:
     return forces._replace(
         spring=forces.spring._replace(coordinate=number[forces.spring.coordinate]),
         friction=forces.friction._replace(coordinate=number[forces.friction.coordinate]),
+        actuator=forces.actuator
+        and forces.actuator._replace(coordinate=number[forces.actuator.coordinate]),
+        signals=signals.renumbered(forces.signals, number),
     )
 
 

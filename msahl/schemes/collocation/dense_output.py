@@ -11,7 +11,8 @@ Displacements and rotations are from the start of the step; rotations are expres
 parameters of ``local_rotation``. The interpolated positions and velocities are projected onto the
 constraints by the least change weighted by mass, which is of the size of the interpolation error.
 Reactions follow from the accelerations, and works from the powers at Gauss nodes between the start
-of the step and the output time.
+of the step and the output time. Auxiliary states are integrated from the start of the step to that
+time, by one Gauss step along the interpolated motion.
 """
 
 from typing import NamedTuple
@@ -33,13 +34,15 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import forces
+from msahl.elements import forces, signals
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
-from msahl.jit.kernel import apart, kernel, unit
+from msahl.elements.signals import Signals
+from msahl.jit.kernel import apart, kernel, optional, unit
 from msahl.schemes import accelerations
 from msahl.schemes.accelerations import Instant
 from msahl.schemes.collocation import local_rotation
+from msahl.schemes.collocation.tableau import lagrange
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.schemes.midpoint.workspace import write_row as write_state
 from msahl.system import evaluate
@@ -64,6 +67,7 @@ class StepEnd(NamedTuple):
     W: np.ndarray  # (n+1, 3) inertial axes
     angle: np.ndarray  # (q,) values of the coordinates
     work: np.ndarray  # (w,)
+    auxiliary: np.ndarray  # (n,) auxiliary states
 
 
 class DenseOutput(NamedTuple):
@@ -84,6 +88,7 @@ class DenseOutput(NamedTuple):
     rate: np.ndarray  # (c,)
     gauss: np.ndarray  # (s,) nodes and weights of the work's quadrature
     weight: np.ndarray  # (s,)
+    signals: signals.Stages  # auxiliary states at these nodes; None where the system has none
     scheme_work: int  # column of the energy that a decaying scheme takes, or -1
 
 
@@ -107,6 +112,7 @@ def new_dense_output(workspace: Workspace, order: int, decays: bool) -> DenseOut
         nodes[level, : 2 * level] = (np.arange(2 * level) + 1.0) / (2 * level + 1.0)
         basis[level, :count, :count] = _basis(nodes[level, : 2 * level])
     x, b = legendre.leggauss((order + 1) // 2)
+    gauss, weight = 0.5 * (x + 1.0), 0.5 * b
     return DenseOutput(
         workspace=workspace._replace(state=own, start=new_system_workspace(workspace.system, own)),
         begin=new_step_end(state),
@@ -117,8 +123,11 @@ def new_dense_output(workspace: Workspace, order: int, decays: bool) -> DenseOut
         nodes=nodes,
         value=np.zeros(conditions),
         rate=np.zeros(conditions),
-        gauss=0.5 * (x + 1.0),
-        weight=0.5 * b,
+        gauss=gauss,
+        weight=weight,
+        signals=signals.new_stages(
+            workspace.system.forces.signals, lagrange(gauss, gauss, -1), weight
+        ),
         scheme_work=state.work.size - 1 if decays else -1,
     )
 
@@ -134,6 +143,7 @@ def new_step_end(state: State) -> StepEnd:
         W=np.zeros(vectors),
         angle=np.zeros_like(state.angle),
         work=np.zeros_like(state.work),
+        auxiliary=np.zeros_like(state.auxiliary),
     )
 
 
@@ -165,6 +175,8 @@ def save_end(point: StepEnd, workspace: Workspace) -> None:
         point.angle[q] = state.angle[q]
     for w in range(state.work.size):
         point.work[w] = state.work[w]
+    for k in range(state.auxiliary.size):
+        point.auxiliary[k] = state.auxiliary[k]
 
 
 @kernel
@@ -179,6 +191,8 @@ def copy_end(point: StepEnd, other: StepEnd) -> None:
         other.angle[q] = point.angle[q]
     for w in range(point.work.size):
         other.work[w] = point.work[w]
+    for k in range(point.auxiliary.size):
+        other.auxiliary[k] = point.auxiliary[k]
 
 
 @unit
@@ -186,6 +200,7 @@ def fit(output: DenseOutput, instant: Instant) -> None:
     """Fit the polynomials between ``begin`` and ``end``."""
     begin, end, curve = output.begin, output.end, output.curve
     frames = output.workspace.system.frames
+    signal_group = output.workspace.system.forces.signals
     h = end.time[0] - begin.time[0]
     for b in range(moving_count(frames)):
         c = compose(at(end.p, b), inverse(at(begin.p, b)))
@@ -204,6 +219,7 @@ def fit(output: DenseOutput, instant: Instant) -> None:
             if level == 0:
                 _set_to_end(output, begin if m == 0 else end)
             else:
+                _set_auxiliary(signal_group, output, level - 1, h, output.nodes[level, m])
                 set_basis_weights(output, level - 1, output.nodes[level, m])
                 interpolate(output, h, output.nodes[level, m])
             save_accelerations(output, instant, h, m)
@@ -227,7 +243,32 @@ def _set_to_end(output: DenseOutput, point: StepEnd) -> None:
         put(state.p, b, at(point.p, b))
         put(state.v, b, at(point.v, b))
         put(state.w, b, times(transpose(matrix(at(point.p, b))), at(point.W, b)))
+    for k in range(point.auxiliary.size):
+        state.auxiliary[k] = point.auxiliary[k]
     _prepare(output, begin.angle)
+
+
+@optional()
+def _set_auxiliary(group: Signals, output: DenseOutput, level: int, h: float, tau: float) -> None:
+    """Set the auxiliary states to those at the fraction ``tau`` of the step, by the motion of this
+    ``level``; ``output.signals`` receives those at the Gauss nodes before.
+    """
+    workspace, begin = output.workspace, output.begin
+    if group.rate.size == 0:
+        return
+    own = workspace.start.forces
+    for i in range(output.gauss.size):
+        set_basis_weights(output, level, tau * output.gauss[i])
+        interpolate(output, h, tau * output.gauss[i])
+        forces.set_prepared_inputs(group, own, workspace.system.scalar)
+        signals.save_inputs(group, own.signals, output.signals, i)
+    for k in range(begin.auxiliary.size):
+        workspace.state.auxiliary[k] = begin.auxiliary[k]
+    signals.solve_stages(group, own.signals, output.signals, begin.auxiliary, tau * h)
+    signals.accept_stages(group, output.signals, tau * h, workspace.state.auxiliary)
+    if tau >= 1.0:
+        for k in range(begin.auxiliary.size):
+            workspace.state.auxiliary[k] = output.end.auxiliary[k]
 
 
 @apart
@@ -308,10 +349,13 @@ def write_row(output: DenseOutput, instant: Instant, tau: float, row: int) -> No
     h, last = end.time[0] - begin.time[0], output.basis.shape[0] - 1
     for w in range(begin.work.size):
         workspace.state.work[w] = begin.work[w]
+    group, own = workspace.system.forces.signals, workspace.start.forces.signals
+    _set_auxiliary(group, output, last, h, tau)
     if begin.work.size > 0:
         for i in range(output.gauss.size):
             set_basis_weights(output, last, tau * output.gauss[i])
             interpolate(output, h, tau * output.gauss[i])
+            signals.set_state(group, own, output.signals, i)
             accelerations.accelerate(workspace.system, workspace.state, workspace.start, instant)
             _add_work(output, instant, h * tau * output.weight[i])
     if output.scheme_work >= 0:

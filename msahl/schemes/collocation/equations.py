@@ -52,7 +52,7 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import forces
+from msahl.elements import forces, signals
 from msahl.elements.constraints import coincide, scalar
 from msahl.elements.frames import (
     Frames,
@@ -63,7 +63,8 @@ from msahl.elements.frames import (
     moving_count,
     rotation_node,
 )
-from msahl.jit.kernel import kernel, unit
+from msahl.elements.signals import Signals
+from msahl.jit.kernel import kernel, optional, unit
 from msahl.schemes.collocation import jacobian, local_rotation
 from msahl.schemes.collocation.workspace import StageArrays, moment_for_parameters, set_node
 from msahl.schemes.midpoint import equations
@@ -85,6 +86,7 @@ def evaluate(
     forces.node_factors(system.forces, state.time[0], h, stages.tableau.from_moments, stages.factor)
     if fresh:
         jacobian.clear(system, stages)
+    _solve_auxiliary_states(system.forces.signals, system, state, stages, h, fresh)
     tableau = stages.tableau
     for n in range(tableau.node_time.size):
         row, k, i = tableau.constraint_stage[n], tableau.multiplier_stage[n], tableau.force_stage[n]
@@ -144,6 +146,31 @@ def moment_scale(system: System, b: int) -> float:
     return system.frames.inverse_mass[f] / system.frames.length[f]
 
 
+@optional()
+def _solve_auxiliary_states(
+    group: Signals, system: System, state: State, stages: StageArrays, h: float, fresh: bool
+) -> None:
+    """Set the auxiliary states at the nodes c_i, which depend on the motion at all of them, and
+    where ``fresh`` the derivatives.
+    """
+    if group.rate.size == 0:
+        return
+    own = stages.start.forces.signals
+    for n in range(stages.tableau.force_stage.size):
+        i = stages.tableau.force_stage[n]
+        if i >= 0:
+            set_node(system, state, stages, h, n)
+            forces.set_signal_inputs(
+                group, stages.start.forces, system.scalar, system.frames, stages.at_rest
+            )
+            signals.save_inputs(group, own, stages.signals, i)
+            if fresh:
+                jacobian.save_input_derivatives(group, system, stages, i)
+    signals.solve_stages(group, own, stages.signals, state.auxiliary, h)
+    if fresh:
+        signals.set_stage_slopes(group, own, stages.signals, h)
+
+
 @kernel
 def _enter_violations(
     system: System, state: State, start: SystemWorkspace, stages: StageArrays, h: float, k: int
@@ -196,6 +223,7 @@ def _set_force_accelerations(system: System, stages: StageArrays, h: float, i: i
     group, reaction, dt = system.scalar, stages.reaction[i], h * stages.tableau.force_weight[i]
     scalar.rates(group, node.scalar, frames, node.frames, stages.at_rest)
     forces.set_node(system.forces, node.forces, stages.factor[i])
+    signals.set_state(system.forces.signals, node.forces.signals, stages.signals, i)
     forces.add_forces(system.forces, node.forces, group, frames, reaction, row)
     forces.add_power(system.forces, node.forces, group, reaction, dt, stages.work)
     scalar.set_rate_equations(system.scalar, node.scalar, frames, h, stages.F[i])
@@ -285,6 +313,7 @@ def accept(
     frames, bodies, s = system.frames, system.bodies, stages.tableau.force_weight.size
     for w in range(state.work.size):
         state.work[w] += stages.work[w]
+    signals.accept_stages(system.forces.signals, stages.signals, h, state.auxiliary)
     for node in range(stages.last_load_scale.size):
         stages.last_load_scale[node] = 0.0
     scalar.raise_term_sizes(system.scalar, stages.start.scalar, 1.0, stages.last_load_scale)

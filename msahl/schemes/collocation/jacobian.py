@@ -5,12 +5,15 @@ the equation: the derivative by position or by rate at a time node, times the ba
 the unknown and the weights of the equation.
 """
 
+from typing import Any
+
 import numpy as np
 
 from msahl.algebra.vector import (
     IDENTITY,
     ZERO,
     Matrix,
+    add,
     at,
     axpy,
     combine,
@@ -24,11 +27,14 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import forces
+from msahl.elements import forces, signals
 from msahl.elements.constraints import coincide, scalar
-from msahl.elements.constraints.products import add_block
+from msahl.elements.constraints.coordinates import part_frame, row_factor
+from msahl.elements.constraints.products import PARTS, Q_A, add_block
+from msahl.elements.forces.actuator import Actuators
 from msahl.elements.frames import first_multiplier, rotation_node
-from msahl.jit.kernel import kernel, unit
+from msahl.elements.signals import Signals
+from msahl.jit.kernel import apart, kernel, optional, unit
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.workspace import BODY, VIOLATION, StageArrays, moment_for_parameters
 from msahl.system.arrays import System, SystemWorkspace
@@ -64,6 +70,7 @@ def add_forces(
         _differentiate_forces(system, stages, i)
         _convert_to_parameters(system, stages, True)
         _enter_forces(system, stages, h, i)
+        _enter_other_stages(system.forces.actuator, system, stages, h, i)
 
 
 @kernel
@@ -85,6 +92,7 @@ def _differentiate_forces(system: System, stages: StageArrays, i: int) -> None:
     for e in range(position.size):
         position[e], rate[e] = 0.0, 0.0
     group, out = system.scalar, stages.derivatives
+    signals.take_slopes(system.forces.signals, node.forces.signals, stages.signals, i, i)
     scalar.differentiate(group, node.scalar, frames, out.still)
     forces.add_derivatives(system.forces, node.forces, group, frames, stages.reaction[i], out)
     scalar.add_rate_derivatives(group, node.scalar, frames, node.frames, out)
@@ -204,6 +212,104 @@ def _enter_forces(system: System, stages: StageArrays, h: float, i: int) -> None
                     values[e, k, j] -= (
                         tableau.constraint_time[j] * tableau.force_weight[i] * base_term
                     )
+
+
+@optional()
+def save_input_derivatives(group: Signals, system: System, stages: StageArrays, i: int) -> None:
+    """Save the derivatives of the signals' inputs at c_i, by the rotation parameters as
+    ``_convert_to_parameters`` has them.
+    """
+    node, frames = stages.start.forces, system.frames
+    forces.differentiate_signal_inputs(group, node, system.scalar, frames, stages.derivatives)
+    for j in range(group.kind.size):
+        for part in range(PARTS):
+            place = at(node.signals.by_place[j], part)
+            rate = at(node.signals.by_rate[j], part)
+            f = signals.frame_of_part(group, system.scalar, j, part)
+            if f >= 0 and part % 2 == Q_A % 2:
+                H = transpose(matrix_at(stages.tangent, f))
+                c, c_dot = at(stages.parameters, f), at(stages.parameter_rates, f)
+                by_c = times(transpose(local_rotation.momentum_slope(c, c_dot)), rate)
+                place, rate = add(times(H, place), by_c), times(H, rate)
+            put(stages.signals.by_place[i, j], part, place)
+            put(stages.signals.by_rate[i, j], part, rate)
+
+
+@optional()
+def _enter_other_stages(
+    actuators: Actuators, system: System, stages: StageArrays, h: float, i: int
+) -> None:
+    """Add the derivatives of the actuators' loads at c_i by the motion at the other nodes, on which
+    they depend by the auxiliary states.
+    """
+    group, own = system.forces.signals, stages.start.forces.signals
+    if not signals.has_states(group):
+        return
+    for m in range(stages.tableau.force_weight.size):
+        if m == i:
+            continue
+        signals.take_slopes(group, own, stages.signals, i, m)
+        for a in range(actuators.coordinate.size):
+            signals.set_gradient(group, own, a)
+            for part in range(PARTS):
+                _enter_load(actuators, system, stages, h, i, m, a, part)
+
+
+@apart
+def _enter_load(
+    actuators: Actuators,
+    system: System,
+    stages: StageArrays,
+    h: float,
+    i: int,
+    m: int,
+    a: int,
+    part: int,
+) -> None:
+    """Add the derivative of actuator ``a``'s load at c_i on a ``part`` of its coordinate by the
+    motion at c_m.
+    """
+    tableau, own = stages.tableau, stages.start.forces.signals
+    coords: Any = system.scalar
+    results: Any = system.forces.signals
+    q, first = actuators.coordinate[a], results.first_column[a]
+    weight = row_factor(coords.coordinates, system.frames, 1.0, q, part)
+    row, base = scale(weight, at(stages.start.scalar.coordinates.force[q], part)), ZERO
+    if part % 2 == Q_A % 2 and tableau.is_variational:
+        f = part_frame(coords.coordinates, q, part)
+        row = times(transpose(matrix_at(stages.tangent, f)), row)
+        base = times(matrix_at(stages.base_change, f), row)
+    for c in range(results.first_column[a + 1] - first):
+        block = actuators.block[first + c, part]
+        by_place, by_rate = at(own.gradient, c), at(own.gradient_rate, c)
+        for p in range(3):
+            for r in range(3):
+                e = stages.slot[block + 3 * p + r] if block > 0 else -1
+                if e >= 0:
+                    _enter_product(
+                        stages, h, (i, m), e, (row[p], base[p]), (by_place[r], by_rate[r])
+                    )
+
+
+@kernel
+def _enter_product(
+    stages: StageArrays,
+    h: float,
+    at_stages: tuple[int, int],
+    e: int,
+    row: tuple[float, float],
+    column: tuple[float, float],
+) -> None:
+    """Add the product of a ``row`` (force, base-change term) at one stage and of a ``column``
+    (derivative by place, by rate) at another one to entry ``e``.
+    """
+    tableau, (i, m) = stages.tableau, at_stages
+    for k in range(tableau.force_weight.size):
+        slope = h * h * tableau.basis[m, k] * column[0] + h * tableau.basis_rate[m, k] * column[1]
+        for j in range(tableau.force_weight.size):
+            force = tableau.alpha[j, i] * row[0]
+            base_term = tableau.constraint_time[j] * tableau.force_weight[i] * row[1]
+            stages.values[e, k, j] += slope * (force - base_term)
 
 
 @kernel

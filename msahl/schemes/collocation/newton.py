@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import copy
+from msahl.elements import signals
 from msahl.elements.constraints.scalar import clear_rate_violations
 from msahl.elements.forces import ReactionForces, pressed_by_reactions
 from msahl.elements.frames import first_multiplier
@@ -144,6 +145,7 @@ def update_reactions(
         if i < 0:
             continue
         set_node(system, state, stages, h, n)
+        signals.set_state(system.forces.signals, stages.start.forces.signals, stages.signals, i)
         copy(stages.reaction[i], stages.state.reaction)
         accelerations.accelerate(system, stages.state, stages.start, instant)
         copy(stages.state.reaction, stages.reaction[i])

@@ -382,7 +382,11 @@ def copy_state(state: State, other: State) -> None:
     copy(state.force, other.force)
     copy(state.violation, other.violation)
     copy(state.reaction, other.reaction)
-    for source, target in ((state.angle, other.angle), (state.work, other.work)):
+    for source, target in (
+        (state.angle, other.angle),
+        (state.work, other.work),
+        (state.auxiliary, other.auxiliary),
+    ):
         for i in range(source.size):
             target[i] = source[i]
 

@@ -58,6 +58,7 @@ class Tableau(NamedTuple):
     chi: np.ndarray  # (s, s) chi_jk of constraint forces
     from_moments: np.ndarray  # (s, s) from the moments of a law of time to factors at c_i
     integral: np.ndarray  # (s, s) from 0 to t_j of the Lagrange polynomials through c_i
+    force_integral: np.ndarray  # (s, s) likewise from 0 to c_j
     multiplier_time: np.ndarray  # (s,) times of the constraint forces
     last_inner: int  # index i of the last c_i before the end, -1 if there is none
     is_variational: bool  # whether rotations are balanced by variations of their parameters
@@ -97,6 +98,7 @@ def _gauss(s: int) -> Tableau:
         chi=inverse * node_weight[:s],
         from_moments=_from_moments(gauss, weight),
         integral=lagrange(gauss, lobatto[1:], -1),
+        force_integral=lagrange(gauss, gauss, -1),
         multiplier_time=lobatto[:s],
         last_inner=s - 1,
         is_variational=True,
@@ -130,6 +132,7 @@ def _radau(s: int) -> Tableau:
         chi=twice,
         from_moments=_from_moments(nodes, weight),
         integral=integral,
+        force_integral=integral,
         multiplier_time=nodes,
         last_inner=s - 2,
         is_variational=False,

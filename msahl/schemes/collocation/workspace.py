@@ -18,7 +18,7 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import forces
+from msahl.elements import forces, signals
 from msahl.elements.constraints import scalar
 from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.elements.frames import (
@@ -81,6 +81,7 @@ class StageArrays(NamedTuple):
     values: np.ndarray  # (q, s, s) the Jacobian, by stage of the unknown, then of the equation
     momentum_slopes: np.ndarray  # (6, 3, 3) of a body: see ``jacobian._add_rotational_inertia``
     momentum_loads: np.ndarray  # (2, 3) force and momentum of a body
+    signals: signals.Stages  # None where the system has none
     load_scale: np.ndarray  # (nodes,) largest part of a load along a coordinate, by node [m]
     last_load_scale: np.ndarray  # (nodes,) of these near the end of the last step, by h^2
     # For the next prediction
@@ -104,13 +105,18 @@ def new_stage_arrays(
     entries = _jacobian_entries(system, unknowns)
     return StageArrays(
         tableau=tableau,
-        gravity_only=system.scalar is None and not forces.acts_at_points(system.forces),
+        gravity_only=system.scalar is None
+        and not forces.acts_at_points(system.forces)
+        and system.forces.signals is None,
         inverse_inertia=np.linalg.inv(system.bodies.inertia),
         work=np.zeros_like(state.work),
         values=np.zeros((entries["needed"].size, degree, degree)),
         momentum_slopes=np.zeros((6, 3, 3)),
         momentum_loads=np.zeros((2, 3)),
         factor=forces.new_node_factors(system.forces, degree),
+        signals=signals.new_stages(
+            system.forces.signals, tableau.force_integral, tableau.force_weight
+        ),
         **entries,
         **_node_arrays(system, state),
         **_step_arrays(system, state, degree),

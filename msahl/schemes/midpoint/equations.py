@@ -39,7 +39,7 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import forces, rigid_body
+from msahl.elements import forces, rigid_body, signals
 from msahl.elements.constraints import coincide, scalar
 from msahl.elements.frames import (
     displacement_node,
@@ -170,6 +170,7 @@ def accept(
     frames, t, h2 = system.frames, state.time[0], dt2(system, h)
     decay, loss, gained = system.decay, 0.0, 0.0
     forces.mean_work(system.forces, start.forces, system.scalar, frames, h, Z, state.work)
+    signals.accept(system.forces.signals, start.forces.signals, h, state.auxiliary)
     scalar.accept(system.scalar, start.scalar, frames, t, h, h2, Z, state.angle, state.work)
     for b in range(moving_count(frames)):
         lost, by_a, by_alpha = _accept_frame(system, state, start, h, Z, b)

@@ -1,0 +1,39 @@
+"""Expand a deck: put its parts into place, change numbers that options set, evaluate expressions.
+
+    <includes> -> elements of <system> and parameters, with their prefix
+    --set      -> other numbers
+    {...}      -> numbers
+
+What remains is a deck without parts, whose numbers are plain; ``<parameters>`` stay, as numbers,
+for the laws of the motion that name them.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from msahl.deck.faults import Element, Faults
+from msahl.deck.includes import merge_parts, unit_system_of
+from msahl.deck.overrides import apply_settings
+from msahl.deck.parameters import Parameter, evaluate_parameters, replace_numbers
+from msahl.deck.parse import may_have_braces
+
+
+def is_plain(root: Element, data: bytes, settings: Sequence[str]) -> bool:
+    """Return whether the deck of these bytes has nothing to expand."""
+    tags = {child.tag for child in root}
+    return not (settings or may_have_braces(data) or tags & {"parameters", "includes"})
+
+
+def expand(
+    root: Element, path: Path, settings: Sequence[str], faults: Faults
+) -> dict[str, Parameter]:
+    """Expand the tree of the deck at ``path``, with ``settings`` such as ``L=80 cm``; return its
+    parameters.
+
+    Raises ``DeckError`` if a part cannot be read, since all that refers to it would be a fault.
+    """
+    merge_parts(root, path, faults)
+    apply_settings(root, settings, faults)
+    scope = evaluate_parameters(root, faults)
+    replace_numbers(root, unit_system_of(root), scope, faults)
+    return scope.parameters()

@@ -1,0 +1,154 @@
+"""Change numbers of a deck that the option ``--set`` names.
+
+    L=80 cm             the parameter L
+    Bob.mass=3          a child of an element, by the tags of its path
+    Bob.position.z=2 m  tags between may be omitted: initialConditions here
+    simulation.deltaT=0.01
+
+A number without unit is in the units that the deck has there. An expression of parameters in braces
+may stand in place of a number. What the schema makes a number can be changed, if the deck has it.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from typing import NamedTuple, cast
+
+from msahl.deck.faults import Element, Faults, attribute, text
+from msahl.deck.includes import unit_message
+from msahl.deck.parameters import unknown_unit
+from msahl.deck.schema_types import NUMBERS, types
+from msahl.deck.units import parse_unit
+from msahl.expressions.syntax import nearest
+
+FORM = re.compile(
+    r"\s*(?P<path>[^=]*[^=\s])\s*="
+    r"\s*(?P<number>[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?|\{[^{}]*\})"
+    r"\s*(?P<units>.*?)\s*"
+)
+MOST_LISTED = 8
+"""Places that a message lists."""
+MOST_SEARCHED = 20_000
+"""Places that are compared with an unknown one."""
+
+
+class _Number(NamedTuple):
+    """A number of the deck: its element, the attribute that holds it ("": the text), the name of
+    its record or its first tags, and the tags that follow."""
+
+    element: Element
+    attribute: str
+    head: str
+    tags: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return ".".join(filter(None, (self.head, *self.tags)))
+
+
+def apply_settings(root: Element, settings: Sequence[str], faults: Faults) -> None:
+    """Change the numbers that ``settings`` name; those that are wrong become faults."""
+    for setting in settings:
+        message = _apply(root, setting, faults)
+        if message:
+            faults.add_beside(f"--set {setting}", message)
+
+
+def _apply(root: Element, setting: str, faults: Faults) -> str:
+    """Change one number; return what is wrong with the setting."""
+    match = FORM.fullmatch(setting)
+    if match is None:
+        return 'write NAME=VALUE, as in L=0.8, "L=80 cm" or Bob.mass=3'
+    path, number, units = match["path"], match["number"], match["units"]
+    for parameter in root.iterfind("parameters/parameter"):
+        if attribute(parameter, "name") == path:
+            message = unit_message(units, attribute(parameter, "units"))
+            return message or _write(_Number(parameter, "", path, ()), number, units)
+    found = list(_found(root, path))
+    if len(found) == 1:
+        return _write(found[0], number, units)
+    if not found:
+        return _unknown(root, path)
+    shown = ", ".join(map(str, found[:MOST_LISTED]))
+    more = ", ..." if len(found) > MOST_LISTED else ""
+    return f"there are {len(found)} such numbers: {shown}{more}; name one of them"
+
+
+def _write(place: _Number, number: str, units: str) -> str:
+    """Write a number into its place; return why that is not possible."""
+    element = place.element
+    if place.attribute:
+        if units:
+            return "it is a plain number; omit the unit"
+        element.set(place.attribute, number)
+        return ""
+    if units:
+        allowed = types().content(element).units
+        if allowed and units not in allowed:
+            return f"'{units}' is no unit of it; expected one of {', '.join(allowed)}"
+        if not allowed and element.tag != "parameter":
+            return "it is a plain number; omit the unit"
+        if parse_unit(units) is None:
+            return unknown_unit(units)
+        element.set("units", units)
+    element.text = number
+    return ""
+
+
+def _found(root: Element, path: str) -> Iterator[_Number]:
+    """Yield the numbers that a path names."""
+    last = path.rpartition(".")[2]
+    for number in _numbers(root, last):
+        head = f"{number.head}." if number.head else ""
+        if path.startswith(head) and _is_part(path[len(head) :].split("."), number.tags):
+            yield number
+
+
+def _is_part(some: Sequence[str], all_tags: Sequence[str]) -> bool:
+    """Return whether tags are among others in the same order, the last of both being the same."""
+    rest = iter(all_tags)
+    return some[-1:] == list(all_tags[-1:]) and all(tag in rest for tag in some)
+
+
+def _numbers(root: Element, last: str = "") -> Iterator[_Number]:
+    """Yield the numbers of a deck outside its parameters; only those whose last tag, or attribute,
+    is ``last`` if that is given."""
+    if last and not re.fullmatch(r"[A-Za-z_]\w*", last):
+        return
+    for element in root.iter(last or "*"):
+        if types().content(element).is_number and element.tag != "parameter":
+            head, tags = _path(element)
+            yield _Number(element, "", head, tags)
+    for element in cast(list[Element], root.xpath(f"//*[@{last or '*'}]")):
+        kinds = types().content(element).attributes
+        for name in map(str, element.attrib):
+            if kinds.get(name) in NUMBERS and name == (last or name):
+                head, tags = _path(element)
+                yield _Number(element, name, head, (*tags, name))
+
+
+def _path(element: Element) -> tuple[str, tuple[str, ...]]:
+    """Return the name of the record that an element belongs to and the tags from there; without a
+    record "" and the tags from the root."""
+    chain = [element, *element.iterancestors()][-2::-1]  # from the child of the root to the element
+    tags = tuple(str(step.tag) for step in chain)
+    if len(chain) > 2 and tags[0] == "system":
+        name = text(chain[2].find("name")) or attribute(chain[2], "name")
+        if name:
+            return name, tags[3:]
+    return "", tags
+
+
+def _unknown(root: Element, path: str) -> str:
+    """Return the message for a path that names no number."""
+    numbers = list(islice(_numbers(root), MOST_SEARCHED))
+    parameters = [attribute(e, "name") for e in root.iterfind("parameters/parameter")]
+    of_one = [str(n) for n in numbers if n.head and path.startswith(f"{n.head}.")]
+    if of_one:
+        shown = nearest(path, of_one)
+        return f"the deck has no such number{shown}"
+    heads = dict.fromkeys(n.head or n.tags[0] for n in numbers)
+    near = nearest(path, [*parameters, *map(str, numbers)])
+    if "did you mean" in near:
+        return f"the deck has no such number or parameter{near}"
+    first = path.partition(".")[0]
+    return f"the deck has no element or parameter '{first}'{nearest(first, [*parameters, *heads])}"

@@ -1,0 +1,455 @@
+"""Expressions as a tape: values of many expressions and their gradients, by one generic kernel.
+
+A tape is a list of operations, each on values that were computed before it:
+
+    value = constants, inputs, results of the operations in their order
+
+One sweep over the tape computes all expressions (``sweep``), one sweep backwards the gradient of
+one of them by all inputs (``gradient``): with adjoint_i = d(result)/d(value_i), each operation adds
+its adjoint times its own derivatives to the adjoints of its operands. Equal parts of expressions
+are computed once. A tape is data, so no model compiles anything for its expressions.
+
+Where a function has no derivative (``sign``, ``floor``, comparisons; ``abs``, ``min``, ``where`` at
+the place where they change over) it is that of the branch taken. ``sqrt``, ``asin``, ``acos``,
+``hypot`` and powers have the derivative zero where it is infinite: it serves Newton's method, which
+then converges more slowly there. Values outside a function's domain are nan, and do no harm in a
+branch that is not taken.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from msahl.algebra import functions, surfaces
+from msahl.algebra.functions import Law, Laws, build_laws
+from msahl.algebra.surfaces import Surface, Surfaces, build_surfaces
+from msahl.expressions.syntax import Call, Lookup, Name, Number, Tree
+from msahl.jit.kernel import apart, kernel
+
+UNARY = (
+    *("negate", "not", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh"),
+    *("exp", "log", "sqrt", "abs", "sign", "floor"),
+)
+BINARY = (
+    *("+", "-", "*", "/", "^", "<", "<=", ">", ">=", "==", "!=", "and", "or"),
+    *("atan2", "min", "max", "hypot", "mod"),
+)
+(
+    NEGATE,
+    NOT,
+    SIN,
+    COS,
+    TAN,
+    ASIN,
+    ACOS,
+    ATAN,
+    SINH,
+    COSH,
+    TANH,
+    EXP,
+    LOG,
+    SQRT,
+    ABS,
+    SIGN,
+    FLOOR,
+) = range(len(UNARY))
+FIRST_BINARY = len(UNARY)
+(
+    ADD,
+    SUBTRACT,
+    MULTIPLY,
+    DIVIDE,
+    POWER,
+    LESS,
+    AT_MOST,
+    GREATER,
+    AT_LEAST,
+    EQUAL,
+    UNEQUAL,
+    AND,
+    OR,
+    ATAN2,
+    MIN,
+    MAX,
+    HYPOT,
+    MOD,
+) = range(FIRST_BINARY, FIRST_BINARY + len(BINARY))
+WHERE, CURVE, SURFACE = range(FIRST_BINARY + len(BINARY), FIRST_BINARY + len(BINARY) + 3)
+"""Choice between two values; tables of one and of two variables."""
+
+CODES: Mapping[str, int] = {name: code for code, name in enumerate((*UNARY, *BINARY, "where"))}
+LARGEST_EXPONENT = 709.0
+"""Of e, above which the power is infinite; Python's own functions would raise there."""
+
+
+class Tape(NamedTuple):
+    """Operations on values; ``a``, ``b`` and ``c`` are places of operands among the values."""
+
+    constant: np.ndarray  # (k,) the first values
+    inputs: int  # number of inputs, which come next
+    op: np.ndarray  # (m,) code of each operation
+    a: np.ndarray  # (m,)
+    b: np.ndarray  # (m,)
+    c: np.ndarray  # (m,) of a table its number
+    laws: Laws  # tables of one variable
+    surfaces: Surfaces  # tables of two
+
+
+class Values(NamedTuple):
+    """Work arrays of a tape, (k + inputs + m,) each."""
+
+    value: np.ndarray
+    adjoint: np.ndarray
+
+
+Table: TypeAlias = Law | Surface
+Part: TypeAlias = tuple[str, int]
+"""Where a value stands: among the constants, the inputs or the operations, and its number there."""
+
+
+def new_values(tape: Tape) -> Values:
+    """Return the work arrays of a ``tape``, its constants set."""
+    value = np.zeros(tape.constant.size + tape.inputs + tape.op.size)
+    value[: tape.constant.size] = tape.constant
+    return Values(value, np.zeros_like(value))
+
+
+def build_tape(
+    trees: Sequence[Tree],
+    inputs: Sequence[str],
+    named: Mapping[str, Tree],
+    tables: Mapping[str, Table],
+) -> tuple[Tape, np.ndarray]:
+    """Return the tape that computes all ``trees`` from the ``inputs``, and the place of each one's
+    value; ``named`` has the expressions that others name, without circles.
+    """
+    builder = _Builder(inputs, named, tables)
+    parts = [builder.add(tree) for tree in trees]
+    return builder.tape(), builder.places(parts)
+
+
+class _Builder:
+    """A tape while it grows."""
+
+    def __init__(
+        self, inputs: Sequence[str], named: Mapping[str, Tree], tables: Mapping[str, Table]
+    ) -> None:
+        self._named, self._tables = named, tables
+        self._inputs = {name: ("input", i) for i, name in enumerate(inputs)}
+        self._constants: list[float] = []
+        self._operations: list[tuple[int, Part, Part, Part | int]] = []
+        self._known: dict[object, Part] = {}
+        self._values: dict[str, Part] = {}  # of named expressions
+        self._curves: dict[str, int] = {}
+        self._surfaces: dict[str, int] = {}
+
+    def add(self, tree: Tree) -> Part:
+        """Add the operations of a ``tree``; return where its value is. Without recursion, except
+        into named expressions.
+        """
+        results: list[Part] = []
+        waiting: list[tuple[Tree, bool]] = [(tree, False)]
+        while waiting:
+            node, ready = waiting.pop()
+            if isinstance(node, Number):
+                results.append(self._constant(node.value))
+            elif isinstance(node, Name):
+                results.append(self._name(node.text))
+            elif not ready:
+                waiting.append((node, True))
+                waiting.extend((argument, False) for argument in reversed(node.arguments))
+            else:
+                count = len(node.arguments)
+                given = results[-count:]
+                del results[-count:]
+                results.append(self._applied(node, given))
+        (result,) = results
+        return result
+
+    def _name(self, text: str) -> Part:
+        if text in self._inputs:
+            return self._inputs[text]
+        if text not in self._values:
+            self._values[text] = self.add(self._named[text])
+        return self._values[text]
+
+    def _constant(self, value: float) -> Part:
+        key = ("constant", value, math.copysign(1.0, value))
+        if key not in self._known:
+            self._constants.append(value)
+            self._known[key] = ("constant", len(self._constants) - 1)
+        return self._known[key]
+
+    def _applied(self, node: Call | Lookup, given: list[Part]) -> Part:
+        if isinstance(node, Call):
+            if node.function == "step":
+                return self._step(given)
+            return self._operation(CODES[node.function], given)
+        table = self._tables[node.table]
+        numbers = self._curves if isinstance(table, Law) else self._surfaces
+        number = numbers.setdefault(node.table, len(numbers))
+        return self._operation(CURVE if isinstance(table, Law) else SURFACE, given, number)
+
+    def _operation(self, code: int, given: Sequence[Part], table: int = 0) -> Part:
+        """Add an operation, unless the same one is there already."""
+        a, b = given[0], given[1] if len(given) > 1 else given[0]
+        c: Part | int = given[2] if len(given) > 2 else table
+        key = (code, a, b, c)
+        if key not in self._known:
+            self._operations.append(key)
+            self._known[key] = ("operation", len(self._operations) - 1)
+        return self._known[key]
+
+    def _step(self, given: list[Part]) -> Part:
+        """Add the operations of ``step(x, x0, y0, x1, y1)``."""
+        x, x0, y0, x1, y1 = given
+
+        def does(name: str, *parts: Part) -> Part:
+            return self._operation(CODES[name], parts)
+
+        number = self._constant
+        u = does("/", does("-", x, x0), does("-", x1, x0))
+        u = does("min", does("max", u, number(0.0)), number(1.0))
+        cube = does("*", does("*", u, u), u)
+        rest = does("-", does("*", number(6.0), does("*", u, u)), does("*", number(15.0), u))
+        share = does("*", cube, does("+", number(10.0), rest))
+        return does("+", y0, does("*", does("-", y1, y0), share))
+
+    def places(self, parts: Sequence[Part]) -> np.ndarray:
+        """(n,) places among the values."""
+        inputs = len(self._constants)
+        first = {"constant": 0, "input": inputs, "operation": inputs + len(self._inputs)}
+        return np.array([first[kind] + number for kind, number in parts], dtype=np.int64)
+
+    def tape(self) -> Tape:
+        """Return the tape of all that was added."""
+        a, b = (self.places([entry[k] for entry in self._operations]) for k in (1, 2))  # type: ignore[misc]
+        last = [entry[3] for entry in self._operations]
+        c = [part if isinstance(part, int) else int(self.places([part])[0]) for part in last]
+        laws = [self._tables[name] for name in self._curves]
+        grids = [self._tables[name] for name in self._surfaces]
+        return Tape(
+            constant=np.array(self._constants, dtype=float),
+            inputs=len(self._inputs),
+            op=np.array([entry[0] for entry in self._operations], dtype=np.int64),
+            a=a,
+            b=b,
+            c=np.array(c, dtype=np.int64),
+            laws=build_laws([law for law in laws if isinstance(law, Law)]),
+            surfaces=build_surfaces([grid for grid in grids if isinstance(grid, Surface)]),
+        )
+
+
+@kernel
+def set_input(tape: Tape, values: Values, number: int, value: float) -> None:
+    """Set an input to its ``value``."""
+    values.value[tape.constant.size + number] = value
+
+
+@kernel
+def by_input(tape: Tape, values: Values, number: int) -> float:
+    """Return the derivative by an input, after ``gradient``."""
+    slope: float = values.adjoint[tape.constant.size + number]
+    return slope
+
+
+@apart
+def sweep(tape: Tape, values: Values) -> None:
+    """Compute all values of the tape from its inputs."""
+    value, first = values.value, tape.constant.size + tape.inputs
+    for i in range(tape.op.size):
+        op, x = tape.op[i], value[tape.a[i]]
+        if op < FIRST_BINARY:
+            value[first + i] = unary(op, x)
+        elif op < WHERE:
+            value[first + i] = binary(op, x, value[tape.b[i]])
+        elif op == WHERE:
+            value[first + i] = value[tape.b[i]] if x != 0.0 else value[tape.c[i]]
+        elif op == CURVE:
+            value[first + i] = functions.evaluate(tape.laws, tape.c[i], x)[0]
+        else:
+            y = value[tape.b[i]]
+            value[first + i] = surfaces.evaluate(tape.surfaces, tape.c[i], x, y)[0]
+
+
+@apart
+def gradient(tape: Tape, values: Values, place: int) -> None:
+    """Set the adjoints to the derivatives of the value at ``place``, after ``sweep``."""
+    value, adjoint, first = values.value, values.adjoint, tape.constant.size + tape.inputs
+    for i in range(adjoint.size):
+        adjoint[i] = 0.0
+    adjoint[place] = 1.0
+    for i in range(place - first, -1, -1):
+        slope = adjoint[first + i]
+        if slope == 0.0:
+            continue
+        op, a, b = tape.op[i], tape.a[i], tape.b[i]
+        if op < FIRST_BINARY:
+            adjoint[a] += slope * unary_slope(op, value[a], value[first + i])
+        elif op < WHERE:
+            by_a, by_b = binary_slopes(op, value[a], value[b], value[first + i])
+            adjoint[a] += slope * by_a
+            adjoint[b] += slope * by_b
+        elif op == WHERE:
+            adjoint[b if value[a] != 0.0 else tape.c[i]] += slope
+        elif op == CURVE:
+            adjoint[a] += slope * functions.evaluate(tape.laws, tape.c[i], value[a])[1]
+        else:
+            _, by_a, by_b = surfaces.evaluate(tape.surfaces, tape.c[i], value[a], value[b])
+            adjoint[a] += slope * by_a
+            adjoint[b] += slope * by_b
+
+
+@apart
+def unary(op: int, x: float) -> float:
+    """Return the result of an operation on one value."""
+    if op == NEGATE:
+        return -x
+    if op == NOT:
+        return 1.0 if x == 0.0 else 0.0
+    if op == SIN:
+        return math.sin(x) if math.isfinite(x) else math.nan
+    if op == COS:
+        return math.cos(x) if math.isfinite(x) else math.nan
+    if op == TAN:
+        return math.tan(x) if math.isfinite(x) else math.nan
+    if op == ASIN:
+        return math.asin(x) if abs(x) <= 1.0 else math.nan
+    if op == ACOS:
+        return math.acos(x) if abs(x) <= 1.0 else math.nan
+    if op == ATAN:
+        return math.atan(x)
+    if op == SINH:
+        return math.sinh(x) if abs(x) <= LARGEST_EXPONENT else x * math.inf
+    if op == COSH:
+        return math.cosh(x) if abs(x) <= LARGEST_EXPONENT else abs(x) * math.inf
+    if op == TANH:
+        return math.tanh(x)
+    if op == EXP:
+        return math.exp(x) if x <= LARGEST_EXPONENT else x * math.inf
+    if op == LOG:
+        return math.log(x) if x > 0.0 else (-math.inf if x == 0.0 else math.nan)
+    if op == SQRT:
+        return math.sqrt(x) if x >= 0.0 else math.nan
+    if op == ABS:
+        return abs(x)
+    if op == SIGN:
+        return 1.0 if x > 0.0 else (-1.0 if x < 0.0 else x)
+    return float(np.floor(x))
+
+
+@apart
+def unary_slope(op: int, x: float, result: float) -> float:
+    """Return the derivative of an operation on one value."""
+    if op == NEGATE:
+        return -1.0
+    if op == SIN:
+        return math.cos(x) if math.isfinite(x) else math.nan
+    if op == COS:
+        return -math.sin(x) if math.isfinite(x) else math.nan
+    if op == TAN:
+        return 1.0 + result * result
+    if op == ASIN:
+        return 1.0 / math.sqrt(1.0 - x * x) if abs(x) < 1.0 else 0.0
+    if op == ACOS:
+        return -1.0 / math.sqrt(1.0 - x * x) if abs(x) < 1.0 else 0.0
+    if op == ATAN:
+        return 1.0 / (1.0 + x * x)
+    if op == SINH:
+        return unary(COSH, x)
+    if op == COSH:
+        return unary(SINH, x)
+    if op == TANH:
+        return 1.0 - result * result
+    if op == EXP:
+        return result
+    if op == LOG:
+        return 1.0 / x if x > 0.0 else 0.0
+    if op == SQRT:
+        return 0.5 / result if result > 0.0 else 0.0
+    if op == ABS:
+        return unary(SIGN, x)
+    return 0.0
+
+
+@apart
+def binary(op: int, x: float, y: float) -> float:
+    """Return the result of an operation on two values."""
+    if op == ADD:
+        return x + y
+    if op == SUBTRACT:
+        return x - y
+    if op == MULTIPLY:
+        return x * y
+    if op == DIVIDE:
+        return x / y
+    if op == POWER:
+        return float(x**y)
+    if op == ATAN2:
+        return math.atan2(x, y)
+    # As Python's own: the first of two that are equal.
+    if op == MIN:
+        return y if y < x else x
+    if op == MAX:
+        return y if y > x else x
+    if op == HYPOT:
+        return math.hypot(x, y)
+    if op == MOD:
+        return float(x - y * np.floor(x / y))
+    if op == AND:
+        return 1.0 if x != 0.0 and y != 0.0 else 0.0
+    if op == OR:
+        return 1.0 if x != 0.0 or y != 0.0 else 0.0
+    return 1.0 if compare(op, x, y) else 0.0
+
+
+@kernel
+def compare(op: int, x: float, y: float) -> bool:
+    """Return the result of a comparison."""
+    if op == LESS:
+        return bool(x < y)
+    if op == AT_MOST:
+        return bool(x <= y)
+    if op == GREATER:
+        return bool(x > y)
+    if op == AT_LEAST:
+        return bool(x >= y)
+    return bool(x == y) if op == EQUAL else bool(x != y)
+
+
+@apart
+def binary_slopes(op: int, x: float, y: float, result: float) -> tuple[float, float]:
+    """Return the derivatives of an operation by both values."""
+    if op == ADD:
+        return 1.0, 1.0
+    if op == SUBTRACT:
+        return 1.0, -1.0
+    if op == MULTIPLY:
+        return y, x
+    if op == DIVIDE:
+        return 1.0 / y, -result / y
+    if op == POWER:
+        return power_slopes(x, y, result)
+    if op == ATAN2:
+        square = x * x + y * y
+        return (y / square, -x / square) if square > 0.0 else (0.0, 0.0)
+    if op == MIN:
+        return (0.0, 1.0) if y < x else (1.0, 0.0)
+    if op == MAX:
+        return (0.0, 1.0) if y > x else (1.0, 0.0)
+    if op == HYPOT:
+        return (x / result, y / result) if result > 0.0 else (0.0, 0.0)
+    if op == MOD:
+        return 1.0, -float(np.floor(x / y))
+    return 0.0, 0.0
+
+
+@kernel
+def power_slopes(x: float, y: float, result: float) -> tuple[float, float]:
+    """Return the derivatives of x^y by both."""
+    by_x = 0.0
+    if y != 0.0 and (x != 0.0 or y >= 1.0):
+        by_x = float(y * x ** (y - 1.0))
+    return by_x, result * math.log(x) if x > 0.0 else 0.0

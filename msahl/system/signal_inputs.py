@@ -1,0 +1,168 @@
+"""List the signals of a model by what they depend on, before they become arrays.
+
+An expression names signals, states and *inputs*: the time, coordinates of joints, values of
+markers, reactions. ``SignalEntries`` has the inputs of all expressions that a model needs, each
+once, and for each result (the load of an actuator) the inputs that it depends on.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.elements import signals
+from msahl.elements.constraints.coordinate_kinds import PLAIN
+from msahl.elements.constraints.products import SLIDE
+from msahl.expressions.syntax import Name, Tree
+from msahl.expressions.tape import Table
+from msahl.joints.coordinates import angle_offset, frames
+from msahl.joints.expression_values import MARKER_VALUES, RATE, REACTION_VALUES
+from msahl.joints.joint import Coordinate, Product, angle, slide
+from msahl.model import Joint, Marker, Model, Signal, SignalState, SignalTable
+from msahl.model.loads import JointActuator, MarkerActuator
+from msahl.model.signals import TIME, AnySignal, element_and_value, reached, tree_of
+
+
+class InputEntry(NamedTuple):
+    """An input of the expressions, see ``elements.signals``."""
+
+    name: str
+    kind: int
+    item: int = 0
+    component: int = 0
+    origin: float = 0.0
+
+
+class ResultEntry(NamedTuple):
+    """A result of the expressions: the load of an actuator along a coordinate."""
+
+    coordinate: int
+    column: int  # of the table of work
+    expression: Tree
+    inputs: tuple[int, ...]  # those on which it depends with a derivative
+
+
+class SignalEntries(NamedTuple):
+    """All that the expressions of a model consist of."""
+
+    named: dict[str, Tree]
+    tables: dict[str, Table]
+    states: tuple[SignalState, ...]
+    shown: tuple[Tree, ...]  # published values
+    inputs: tuple[InputEntry, ...]
+    markers: tuple[Marker, ...]
+    results: tuple[ResultEntry, ...]
+
+
+def joint_coordinate(joint: Joint, name: str) -> Coordinate:
+    """Return the coordinate ``name`` of a joint."""
+    if name in ("slide1", "slide2"):
+        axis = frames(joint)[0][int(name[-1]) - 1]
+        normal = (float(axis[0]), float(axis[1]), float(axis[2]))
+        return Coordinate(PLAIN, (Product(SLIDE, normal),))
+    return {"angle": angle, "slide": slide}[name](joint)
+
+
+class SignalCollector:
+    """Goes through the expressions of a model once.
+
+    ``add`` adds a coordinate of a joint to the system, if it is not there, and returns its number;
+    ``between`` that of the distance of two markers.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        add: Callable[[str, str], int],
+        between: Callable[[Marker, Marker], int],
+    ) -> None:
+        self._model, self._add, self._between = model, add, between
+        self._joints = {joint.name: (i, joint) for i, joint in enumerate(model.joints)}
+        self._markers = {marker.name: marker for marker in model.markers}
+        self._signals: dict[str, AnySignal] = {signal.name: signal for signal in model.signals}
+        self._inputs: dict[str, tuple[int, InputEntry]] = {}
+        self._used: dict[str, int] = {}
+
+    def entries(self) -> SignalEntries | None:
+        """Return the entries of the model; None if it has no expression."""
+        model = self._model
+        actuators = [
+            (column, load)
+            for column, load in enumerate(model.loads)
+            if isinstance(load, JointActuator | MarkerActuator)
+        ]
+        trees = {s.name: tree for s in model.signals if (tree := tree_of(s)) is not None}
+        if not trees and not actuators:
+            return None
+        for name in reached([*trees.values(), *(load.expression for _, load in actuators)], {}):
+            if name not in trees:
+                self._input(name)
+        states = tuple(s for s in model.signals if isinstance(s, SignalState))
+        published = [Name(s.name) for s in model.signals if not isinstance(s, SignalTable)]
+        results = tuple(self._result(column, load) for column, load in actuators)
+        return SignalEntries(
+            named={s.name: s.expression for s in model.signals if isinstance(s, Signal)},
+            tables={s.name: s.table for s in model.signals if isinstance(s, SignalTable)},
+            states=states,
+            shown=(*published, *(load.expression for _, load in actuators)),
+            inputs=tuple(entry for _, entry in self._inputs.values()),
+            markers=tuple(self._markers[name] for name in self._used),
+            results=results,
+        )
+
+    def _input(self, name: str) -> None:
+        if name not in self._inputs:
+            self._inputs[name] = (len(self._inputs), self._new_input(name))
+
+    def _new_input(self, name: str) -> InputEntry:
+        if name == TIME:
+            return InputEntry(name, signals.TIME)
+        element, value = element_and_value(name)
+        if element in self._markers:
+            kind, component = MARKER_VALUES[value]
+            return InputEntry(
+                name, kind, self._used.setdefault(element, len(self._used)), component
+            )
+        number, joint = self._joints[element]
+        if value in REACTION_VALUES:
+            return InputEntry(name, signals.REACTION, number, REACTION_VALUES.index(value))
+        coordinate = value.removesuffix(RATE)
+        q = self._add(element, coordinate)
+        if value.endswith(RATE):
+            return InputEntry(name, signals.RATE, q)
+        origin = angle_offset(joint) if coordinate == "angle" else 0.0
+        return InputEntry(name, signals.COORDINATE, q, origin=origin)
+
+    def _result(self, column: int, load: JointActuator | MarkerActuator) -> ResultEntry:
+        if isinstance(load, JointActuator):
+            q = self._add(load.joint, load.coordinate)
+        else:
+            q = self._between(self._markers[load.start], self._markers[load.end])
+        return ResultEntry(q, column, load.expression, self._dependence(load.expression))
+
+    def _dependence(self, tree: Tree) -> tuple[int, ...]:
+        """Return the inputs on which an expression depends, also by signals and states."""
+        names = reached([tree], self._signals)
+        found = [self._inputs[name] for name in names if name in self._inputs]
+        return tuple(
+            number for number, entry in found if entry.kind not in (signals.TIME, signals.REACTION)
+        )
+
+
+def input_parts(
+    entries: SignalEntries, parts: np.ndarray, frame: np.ndarray, nodes: Mapping[str, np.ndarray]
+) -> np.ndarray:
+    """(y, 4) nodes of the four parts of every input, -1 for none and for the ground's; ``parts``
+    (q, 4) are those of the coordinates, ``frame`` (p,) the markers' frames, ``nodes`` the nodes of
+    all frames, the ground's last.
+    """
+    found = np.full((len(entries.inputs), 4), -1, dtype=np.int64)
+    for j, entry in enumerate(entries.inputs):
+        if entry.kind in (signals.COORDINATE, signals.RATE):
+            found[j] = parts[entry.item]
+        elif signals.POSITION <= entry.kind <= signals.SPIN:
+            if entry.kind in (signals.POSITION, signals.VELOCITY):
+                found[j, 0] = nodes["displacement"][frame[entry.item]]
+            found[j, 1] = nodes["rotation"][frame[entry.item]]
+    found[np.isin(found, [nodes["displacement"][-1], nodes["rotation"][-1]])] = -1
+    return found
