@@ -14,7 +14,7 @@ from msahl.model.loads import Load
 from msahl.model.markers import Marker
 from msahl.model.motions import JointMotion, PointMotion
 from msahl.model.settings import Simulation
-from msahl.model.signals import AnySignal
+from msahl.model.signals import AnySignal, Stop
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,3 +39,4 @@ class Model:
     velocity: str = "keepAngular"  # or "massWeighted", "asGiven", "refuse"
     markers: tuple[Marker, ...] = ()
     signals: tuple[AnySignal, ...] = ()
+    stops: tuple[Stop, ...] = ()
