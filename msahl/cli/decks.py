@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 def read(
     deck: Path, thorough: bool = False, settings: Sequence[str] = ()
 ) -> tuple["Model | None", list[str]]:
-    """The model in ``deck`` with the numbers that ``settings`` change, None if it has faults; and the
-    faults in words."""
+    """The model in ``deck`` with the changes ``settings`` of its numbers, None if it has faults;
+    and the faults in words."""
     from msahl.deck import DeckError, read_deck
 
     try:
@@ -24,8 +24,8 @@ def read(
 
 
 def model_to_run(deck: Path, given: Mapping[str, Any], settings: Sequence[str] = ()) -> "Model":
-    """The model in ``deck`` with the numbers that ``settings`` change and the options ``given``; its
-    faults end the program."""
+    """The model in ``deck`` with the changes ``settings`` of its numbers and the options ``given``;
+    its faults end the program."""
     from msahl.deck import check_simulation
     from msahl.run.options import with_options
 

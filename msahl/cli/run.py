@@ -46,7 +46,6 @@ PACKAGES = ("numba", "numpy", "scipy")
 def run(
     deck: Path,
     output: Path | None,
-    settings: tuple[str, ...],
     resume: bool,
     strict: bool,
     quiet: bool,
@@ -63,7 +62,8 @@ def run(
 
     Example: msahl run decks/thesis/double_pendulum_89.xml --dt 0.01 -o results/coarse
     """
-    job = make_job(deck, output or Path("results") / deck.stem, given, settings)
+    changed = given.pop("settings")
+    job = make_job(deck, output or Path("results") / deck.stem, given, changed)
     from msahl.jit.progress import CompileError
     from msahl.results.folder import FolderError
     from msahl.results.lock import FolderInUseError, locked
@@ -104,7 +104,7 @@ class Job:
     options: "Options"
     text: bytes
     changed: tuple[str, ...] = ()
-    """Numbers of the deck that the run was told to change, such as ``L=80 cm``."""
+    """Changes of numbers of the deck, such as ``L=80 cm``."""
 
     @cached_property
     def settings(self) -> "RunSettings":

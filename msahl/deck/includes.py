@@ -150,7 +150,7 @@ def _add_prefix(part: Element, prefix: str) -> None:
     defined = _defined(part)
 
     def named(name: str) -> str:
-        """Return a name, or the name of a value of an element, as the deck knows it."""
+        """Return a name, or the name of a value of an element, as it is in the deck."""
         known = name in defined or name.rpartition(".")[0] in defined
         return prefix + name if known else name
 
@@ -197,6 +197,7 @@ def _set_parameters(part: Element, include: Element, prefix: str, faults: Faults
         holder = default.getparent()
         assert holder is not None
         holder.replace(default, given)
+        faults.origins[given] = faults.file
 
 
 def unit_message(units: str, default: str) -> str:

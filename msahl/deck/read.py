@@ -16,12 +16,13 @@ from typing import Any
 
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import IDENTITY, ZERO, Vector
-from msahl.check.context import INERTIAL, Context
+from msahl.check.context import INERTIAL, Context, add_values
 from msahl.check.names import RESERVED, name_messages
+from msahl.check.signals import circle_findings
 from msahl.deck.bodies import read_ground, read_rigid_body
 from msahl.deck.couplings import read_coupling
 from msahl.deck.expand import expand, is_plain
-from msahl.deck.faults import KINDS, Element, Faults, text
+from msahl.deck.faults import KINDS, Element, Faults, attribute, text
 from msahl.deck.joints import read_joint
 from msahl.deck.loads import (
     read_body_force,
@@ -36,12 +37,14 @@ from msahl.deck.parse import parse, parse_valid, parsed, read_bytes
 from msahl.deck.placement import place_by_joints
 from msahl.deck.references import check_references, is_complete
 from msahl.deck.schema import check_schema, schema_bytes, validator
+from msahl.deck.signals import declare_signals, read_actuator, read_signal
 from msahl.deck.simulation import Assembly, read_assembly, read_simulation
 from msahl.deck.springs import read_bushing, read_joint_spring, read_spring_damper
 from msahl.deck.values import Reader
 from msahl.joints.registry import KINDS as JOINT_KINDS
 from msahl.model import Ground, Model, RigidBody, Simulation
 from msahl.model.couplings import COORDINATES
+from msahl.model.signals import AnySignal
 
 Read = Callable[[Element, Reader], Any]
 
@@ -57,6 +60,7 @@ LOADS: Mapping[str, Read] = {
     "bushing": read_bushing,
     "drag": read_drag,
     "friction": read_friction,
+    "actuator": read_actuator,
 }
 TAGS = frozenset((*BODIES, *JOINT_KINDS, *COORDINATES, *MOTIONS, *LOADS))
 """Tags of all records."""
@@ -125,6 +129,7 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
     couplings = [read_coupling(e, reader) for e in sound["joints"] if e.tag in COORDINATES]
     motions = [MOTIONS[str(e.tag)](e, reader) for e in sound["motions"]]
     check_prescribed_once(sound["motions"], reader)
+    signals = _read_signals(root, reader)
     return Model(
         gravity=_gravity(root, reader),
         grounds=tuple(body for body in bodies if isinstance(body, Ground)),
@@ -137,7 +142,28 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
         motions=tuple(motions),
         position=assembly.position,
         velocity=assembly.velocity,
+        signals=signals,
     )
+
+
+def _read_signals(root: Element, reader: Reader) -> tuple[AnySignal, ...]:
+    """Return the signals, states and tables, once joints and markers are known by name."""
+    elements = list(root.iterfind("system/signals/*"))
+    names = [attribute(element, "name") for element in elements]
+
+    def line(index: int) -> str:
+        return reader.faults.line_in_words(elements[index])
+
+    for index, message, _ in name_messages(names, line):
+        reader.faults.add(elements[index], message)
+    add_values(reader.context, ())
+    declare_signals(elements, reader)
+    sound = _sound(elements, reader.faults)
+    signals = [read_signal(element, reader) for element in sound]
+    by_name = dict(zip((signal.name for signal in signals), sound, strict=True))
+    for name, message in circle_findings({signal.name: signal for signal in signals}):
+        reader.faults.add(by_name[name], message)
+    return tuple(signals)
 
 
 def _sound(elements: Iterable[Element], faults: Faults) -> list[Element]:

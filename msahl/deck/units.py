@@ -249,8 +249,11 @@ def dimension_of(quantity: str) -> Dimension:
 
 
 def from_si(value: float, factor: Fraction) -> float:
-    """Return a finite ``value`` in SI in the unit of a ``factor``: the shortest decimal that is read
-    back to the same double if there is one, so 30 deg, in rad, are 30 deg again."""
+    """Return a finite ``value`` in SI in the unit of a ``factor``.
+
+    It is a short decimal that is read back to the same double, if there is one: 30 deg, taken to
+    rad, are 30 deg again.
+    """
     if factor == 1:
         return value
     nearest = to_si_by(value, 1 / factor)

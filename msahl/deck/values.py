@@ -18,6 +18,7 @@ from msahl.check.loads import direction_findings
 from msahl.deck.faults import Element, Faults, attribute, text
 from msahl.deck.parameters import Parameter
 from msahl.deck.units import DEFAULTS, UNIT_FACTORS, UNITS, to_si
+from msahl.expressions.dimensions import Dimension, TableDimensions
 from msahl.model.bodies import RigidBody
 from msahl.model.joints import Joint
 
@@ -73,7 +74,8 @@ class Reader:
     with faults too, but places of bodies only if they are free of faults. ``parameters`` may be
     named in laws of the motion. ``bodies`` and ``joints`` hold the records free of faults.
     ``starts`` are of bodies that joints place or move, ``unplaced`` those that they could not place
-    for some fault.
+    for some fault. ``signal_dimensions`` and ``table_dimensions`` are what signals, states and
+    tables say of their units.
     """
 
     unit_system: str
@@ -84,6 +86,8 @@ class Reader:
     joints: dict[str, Joint] = field(default_factory=dict)
     starts: dict[str, BodyStart] = field(default_factory=dict)
     unplaced: set[str] = field(default_factory=set)
+    signal_dimensions: dict[str, Dimension | None] = field(default_factory=dict)
+    table_dimensions: dict[str, TableDimensions] = field(default_factory=dict)
 
     def add(self, element: Element, findings: Iterable[Finding]) -> None:
         """Add findings about the record of ``element`` to the faults, each at the child that holds

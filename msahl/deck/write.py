@@ -124,8 +124,9 @@ def _update(twin: Element, element: Element) -> None:
             twin.remove(comment)
         twin.text = element.text
     for name, value in element.attrib.items():
-        if twin.get(name) != value:
-            had += [f'{name}="{twin.get(name)}"'] if name in twin.attrib else []
+        old = twin.get(name)
+        if old != value:
+            had += [] if old is None else [f'{name!s}="{old}"']
             twin.set(name, value)
     if had:
         _add_comment(twin, " ".join(had))

@@ -80,7 +80,9 @@ TIME, COORDINATE, RATE, POSITION, VELOCITY, QUATERNION, SPIN, REACTION = range(8
 MOST_ITERATIONS = 30
 """Of Newton's method for the states; linear equations take one, and one that changes nothing."""
 NO_CHANGE = 1e-15
-"""Change of a state, relative to it and to its change over the step, that is round-off."""
+"""Change of a state, relative to the terms of its equation, that is round-off."""
+NEARLY_NO_CHANGE = 1e-8
+"""Below it a change that does not fall to its half from one iteration to the next is round-off."""
 
 
 class Signals(NamedTuple):
@@ -120,7 +122,7 @@ class SignalsWorkspace(NamedTuple):
     place: np.ndarray  # (p, 3) markers, inertial axes [m]
     arm: np.ndarray  # (p, 3) from the frames' origins [m]
     direction: np.ndarray  # (p, 3, 3) axes as rows, inertial axes
-    turned: np.ndarray  # (p, 4) quaternions
+    euler: np.ndarray  # (p, 4) quaternions
     reaction: np.ndarray  # (j, 6) of the accepted step before [N, N m]
     size: np.ndarray  # (y,) of which an input carries the round-off
     result: np.ndarray  # (r,)
@@ -130,6 +132,7 @@ class SignalsWorkspace(NamedTuple):
     by_rate: np.ndarray  # (y, 4, 3) by the rates of these
     gradient: np.ndarray  # (most columns, 3) of one result
     gradient_rate: np.ndarray  # (most columns, 3)
+    row: np.ndarray  # (4, 3) what a unit of the result adds to the rows of its parts
     rate_by_input: np.ndarray  # (n, y) f_y
     matrix: np.ndarray  # (n, n) 1 - h/2 f_s, and its factors
     pivot: np.ndarray  # (n,)
@@ -150,7 +153,7 @@ def new_workspace(group: Signals | None, joints: int) -> Any:
         place=np.zeros((p, 3)),
         arm=np.zeros((p, 3)),
         direction=np.zeros((p, 3, 3)),
-        turned=np.zeros((p, 4)),
+        euler=np.zeros((p, 4)),
         reaction=np.zeros((joints, 6)),
         size=np.zeros(y),
         result=np.zeros(r),
@@ -160,6 +163,7 @@ def new_workspace(group: Signals | None, joints: int) -> Any:
         by_rate=np.zeros((y, PARTS, 3)),
         gradient=np.zeros((most, 3)),
         gradient_rate=np.zeros((most, 3)),
+        row=np.zeros((PARTS, 3)),
         rate_by_input=np.zeros((n, y)),
         matrix=np.zeros((n, n)),
         pivot=np.zeros(n, dtype=np.int64),
@@ -172,21 +176,12 @@ def prepare(
     group: Signals,
     start: SignalsWorkspace,
     motion: FramesWorkspace,
-    time: np.ndarray,
     x: np.ndarray,
     p: np.ndarray,
-    state: np.ndarray,
-    reaction: np.ndarray,
 ) -> None:
-    """Carry the markers into inertial axes and save time, states and reactions, of a configuration
-    with the places ``x`` (f, 3), the orientations ``p`` (f, 3) and the auxiliary ``state`` (n,).
+    """Carry the markers into inertial axes, with the frames' places ``x`` (f, 3) and orientations
+    ``p`` (f, 3).
     """
-    start.time[0] = time[0]
-    for k in range(state.size):
-        start.state[k] = state[k]
-    for j in range(reaction.shape[0]):
-        for i in range(6):
-            start.reaction[j, i] = reaction[j, i]
     for m in range(group.frame.size):
         f = group.frame[m]
         R = matrix_at(motion.R, f)
@@ -196,6 +191,25 @@ def prepare(
         for axis in range(3):
             put(start.direction[m], axis, times(R, at(group.axes[m], axis)))
         _set_quaternion(group, start, at(p, f), m)
+
+
+@optional()
+def save_state(
+    group: Signals,
+    start: SignalsWorkspace,
+    time: float,
+    state: np.ndarray,
+    reaction: np.ndarray,
+) -> None:
+    """Save the time, the auxiliary ``state`` (n,) and the joints' ``reaction`` (j, 6) of a
+    configuration.
+    """
+    start.time[0] = time
+    for k in range(state.size):
+        start.state[k] = state[k]
+    for j in range(reaction.shape[0]):
+        for i in range(6):
+            start.reaction[j, i] = reaction[j, i]
 
 
 @kernel
@@ -208,9 +222,9 @@ def _set_quaternion(group: Signals, start: SignalsWorkspace, p: Vector, m: int) 
     scalar_part = e0 * q0 - dot(e, q)
     vector = add(axpy(e0, q, scale(q0, e)), cross(e, q))
     sign = 1.0 if scalar_part >= 0.0 else -1.0
-    start.turned[m, 0] = sign * scalar_part
+    start.euler[m, 0] = sign * scalar_part
     for i in range(3):
-        start.turned[m, 1 + i] = sign * vector[i]
+        start.euler[m, 1 + i] = sign * vector[i]
 
 
 # Inputs over a step
@@ -235,7 +249,7 @@ def set_inputs_over_step(
         elif kind == REACTION:
             value = start.reaction[m, axis]
         else:
-            value, size = _marker_over_step(group, start, frames, h, Z, kind, m, axis)
+            value, size = _marker_over_step(group, start, frames, h, Z, j)
         start.size[j] = size
         set_input(group.tape, start.values, j, value)
 
@@ -247,11 +261,10 @@ def _marker_over_step(
     frames: Frames,
     h: float,
     Z: np.ndarray,
-    kind: int,
-    m: int,
-    axis: int,
+    j: int,
 ) -> tuple[float, float]:
     """Return the mean of a marker's value over a step, and of what size its round-off is."""
+    kind, m, axis = group.kind[j], group.item[j], group.component[j]
     f, size = group.frame[m], 0.0
     Q = rotation_increment(frames, Z, f)
     if kind == SPIN:
@@ -259,7 +272,7 @@ def _marker_over_step(
     if kind == QUATERNION:
         alpha, beta = _quaternion_weights(start, m, axis)
         root = 1.0 / math.sqrt(1.0 + 0.25 * dot(Q, Q))
-        return 0.5 * (start.turned[m, axis] + root * (alpha + 0.5 * dot(Q, beta))), 1.0
+        return 0.5 * (start.euler[m, axis] + root * (alpha + 0.5 * dot(Q, beta))), 1.0
     moved = displacement(frames, Z, f)[axis] + rotation_change(Q, at(start.arm, m))[axis]
     if kind == VELOCITY:
         return moved / h, size
@@ -273,8 +286,8 @@ def _quaternion_weights(start: SignalsWorkspace, m: int, axis: int) -> tuple[flo
     """Return alpha and beta: a rotation with Euler parameters e0, e from the configuration gives
     the component e0 alpha + e . beta.
     """
-    q0 = start.turned[m, 0]
-    q = (start.turned[m, 1], start.turned[m, 2], start.turned[m, 3])
+    q0 = start.euler[m, 0]
+    q = (start.euler[m, 1], start.euler[m, 2], start.euler[m, 3])
     if axis == 0:
         return q0, scale(-1.0, q)
     unit = (
@@ -318,9 +331,8 @@ def differentiate_over_step(
 ) -> None:
     """Set the derivatives of the inputs, other than coordinates, by the unknowns of a step."""
     for j in range(group.kind.size):
-        kind, m, axis = group.kind[j], group.item[j], group.component[j]
-        if POSITION <= kind <= SPIN:
-            by_u, by_Q = _marker_gradient_over_step(group, start, frames, h, Z, kind, m, axis)
+        if POSITION <= group.kind[j] <= SPIN:
+            by_u, by_Q = _marker_gradient_over_step(group, start, frames, h, Z, j)
             put(start.by_place[j], U_A, by_u)
             put(start.by_place[j], Q_A, by_Q)
 
@@ -332,11 +344,10 @@ def _marker_gradient_over_step(
     frames: Frames,
     h: float,
     Z: np.ndarray,
-    kind: int,
-    m: int,
-    axis: int,
+    j: int,
 ) -> tuple[Vector, Vector]:
     """Return the derivative of a marker's mean value by u and by l Q."""
+    kind, m, axis = group.kind[j], group.item[j], group.component[j]
     f = group.frame[m]
     Q, length = rotation_increment(frames, Z, f), frames.length[f]
     none = (0.0, 0.0, 0.0)
@@ -396,7 +407,7 @@ def set_inputs(group: Signals, start: SignalsWorkspace, motion: FramesWorkspace)
             for i in range(3):
                 size = max(size, abs(start.place[m, i]), abs(start.arm[m, i]))
         elif kind == QUATERNION:
-            value, size = start.turned[m, axis], 1.0
+            value, size = start.euler[m, axis], 1.0
         elif kind == VELOCITY:
             f = group.frame[m]
             value = add(at(motion.v, f), cross(at(motion.W, f), at(start.arm, m)))[axis]
@@ -512,10 +523,11 @@ def evaluate_over_step(group: Signals, start: SignalsWorkspace, h: float) -> Non
     for k in range(n):
         set_input(group.tape, start.values, first + k, start.state[k])
     sweep(group.tape, start.values)
-    changed, left = n > 0, MOST_ITERATIONS
+    changed, left, change = n > 0, MOST_ITERATIONS, math.inf
     while changed and left > 0:
         _set_rates(group, start, share)
-        changed, left = _improve(group, start, share), left - 1
+        last, change = change, _improve(group, start, share)
+        changed, left = _is_change(change, last), left - 1
         sweep(group.tape, start.values)
     _set_results(group, start, share)
     if changed:
@@ -542,23 +554,37 @@ def _set_rates(group: Signals, start: SignalsWorkspace, share: float) -> None:
 
 
 @kernel
-def _improve(group: Signals, start: SignalsWorkspace, share: float) -> bool:
-    """Take one step of Newton's method for the states' means, which are inputs of the tape; return
-    whether it changed them by more than round-off.
+def _is_change(change: float, last: float) -> bool:
+    """Return whether an iteration's relative ``change`` of the states, after the ``last`` one, is
+    more than round-off. A nan is none: it ends the iteration.
     """
-    n, first = group.rate.size, group.tape.constant.size + group.kind.size
-    value, changed = start.values.value, False
+    if change < NEARLY_NO_CHANGE and change > 0.5 * last:
+        return False
+    return change > NO_CHANGE
+
+
+@kernel
+def _improve(group: Signals, start: SignalsWorkspace, share: float) -> float:
+    """Take one step of Newton's method for the states' means, which are inputs of the tape; return
+    the largest change, relative to the terms of its equation.
+    """
+    y, n, constants = group.kind.size, group.rate.size, group.tape.constant.size
+    first = constants + y
+    value, largest = start.values.value, 0.0
     for k in range(n):
         change = share * start.state_rate[k]
         start.adjoint[k] = value[first + k] - start.state[k] - change
     small_system.solve(start.matrix, start.pivot, start.adjoint)
     for k in range(n):
+        # The terms of a rate may be large and cancel each other, as voltages of a motor do.
         size = abs(start.state[k]) + abs(share * start.state_rate[k])
+        for j in range(y):
+            size += abs(share * start.rate_by_input[k, j] * value[constants + j])
         value[first + k] -= start.adjoint[k]
-        # Written so that a nan ends the iteration.
-        if abs(start.adjoint[k]) > NO_CHANGE * size:
-            changed = True
-    return changed
+        change = abs(start.adjoint[k])
+        if change > 0.0:
+            largest = max(largest, change / size if size > 0.0 else math.inf)
+    return largest
 
 
 @optional()
@@ -698,12 +724,13 @@ def solve_stages(
     for i in range(s):
         for k in range(n):
             stages.state[i, k] = begin[k]
-    changed, left = True, MOST_ITERATIONS
+    changed, left, change = True, MOST_ITERATIONS, math.inf
     while changed and left > 0:
         for i in range(s):
             _set_stage_rates(group, start, stages, i)
         _set_stage_matrix(stages, n, h)
-        changed, left = _improve_stages(stages, begin, n, h), left - 1
+        last, change = change, _improve_stages(stages, begin, n, h)
+        changed, left = _is_change(change, last), left - 1
     if changed:
         for i in range(s):
             for k in range(n):
@@ -749,11 +776,11 @@ def _set_stage_matrix(stages: Stages, n: int, h: float) -> None:
 
 
 @kernel
-def _improve_stages(stages: Stages, begin: np.ndarray, n: int, h: float) -> bool:
-    """Take one step of Newton's method for the states; return whether it changed them by more than
-    round-off.
+def _improve_stages(stages: Stages, begin: np.ndarray, n: int, h: float) -> float:
+    """Take one step of Newton's method for the states; return the largest change, relative to the
+    terms of its equation.
     """
-    s, changed = stages.weight.size, False
+    s, y, largest = stages.weight.size, stages.input.shape[1], 0.0
     for i in range(s):
         for k in range(n):
             change = 0.0
@@ -765,11 +792,15 @@ def _improve_stages(stages: Stages, begin: np.ndarray, n: int, h: float) -> bool
         for k in range(n):
             size = abs(begin[k])
             for j in range(s):
-                size += abs(h * stages.integral[i, j] * stages.rate[j, k])
+                terms = abs(stages.rate[j, k])
+                for m in range(y):
+                    terms += abs(stages.rate_by_input[j, k, m] * stages.input[j, m])
+                size += abs(h * stages.integral[i, j]) * terms
             stages.state[i, k] -= stages.right[n * i + k]
-            if abs(stages.right[n * i + k]) > NO_CHANGE * size:
-                changed = True
-    return changed
+            change = abs(stages.right[n * i + k])
+            if change > 0.0:
+                largest = max(largest, change / size if size > 0.0 else math.inf)
+    return largest
 
 
 @optional()

@@ -70,9 +70,13 @@ def prepare(system: System, state: State, start: SystemWorkspace) -> None:
         system.forces.signals,
         start.forces.signals,
         start.frames,
-        state.time,
         state.x,
         state.p,
+    )
+    signals.save_state(
+        system.forces.signals,
+        start.forces.signals,
+        state.time[0],
         state.auxiliary,
         state.reaction,
     )

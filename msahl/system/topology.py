@@ -347,6 +347,7 @@ def _signals(
         return signals, None
     return signals, {
         "coordinate": indices([result.coordinate for result in entries.results]),
+        "first": signals["first_column"],
         "block": np.concatenate(places),
         "column": indices([result.column for result in entries.results]),
     }

@@ -217,3 +217,16 @@ def test_velocities_may_be_kept_in_angle_or_changed_by_mass():
     assert free.of("spin")[0] == pytest.approx((0.0, rate, 0.0), abs=1e-14)
     assert np.linalg.norm(free.of("velocity")[0]) == pytest.approx(5.0 * rate, rel=1e-12)
     assert "smallest change, weighted by mass" in free.report.warnings[0]
+
+
+def test_four_corners_from_one_file_move_as_two_masses():
+    """Expect: in the header of the deck, by the matrix exponential of a quarter of the car."""
+    model = deck("suspension")
+    ends = []
+    for h in (0.001, 0.0005):
+        run = simulate(model, dt=h, t_final=1.0, every=1000)
+        ends.append(run.of("position", 0)[-1])
+        corners = np.array([run.of("position", b)[-1] for b in range(1, 5)])
+        # The corners differ by the round-off of their places alone.
+        assert np.ptp(corners[:, 2]) < 1e-12
+    assert (4 * ends[1] - ends[0]) / 3 == pytest.approx((0.0, 0.0, 0.7963125954), abs=2e-9)

@@ -72,7 +72,9 @@ def in_two_parts(monkeypatch, model, options, steps, each=1):
 
 def bits(*runs):
     """Every table's rows, those of all ``runs`` one after the other."""
-    return [b"".join(part.tobytes() for rows in runs for part in rows[k]) for k in range(4)]
+    return [
+        b"".join(part.tobytes() for rows in runs for part in rows[k]) for k in range(len(TABLES))
+    ]
 
 
 def same_run(monkeypatch, model, options, steps):

@@ -187,9 +187,7 @@ def add_derivatives(
         forces.spring, forces.laws, group, place.coordinates, frames, motion, out
     )
     friction.add_derivatives(forces.friction, reaction, group, place, frames, motion, out)
-    actuator.add_derivatives(
-        forces.actuator, scalar, forces.signals, start.signals, place, frames, out
-    )
+    _add_actuator_derivatives(forces.actuator, forces, start, scalar, frames, out)
     # The unit forces' mean over a step changes by half as much as the forces themselves.
     coordinate_jacobians.stiffness(group, place.coordinates, frames, 2.0, out.still, out.by_place)
 
@@ -269,16 +267,7 @@ def mean_jacobian(
         q, group = start.place.coordinates, scalar.coordinates
         spring.mean_jacobian(forces.spring, forces.laws, group, q, frames, step, values)
         friction.mean_jacobian(forces.friction, start.reactions, group, q, frames, step, values)
-        actuator.mean_jacobian(
-            forces.actuator,
-            scalar,
-            forces.signals,
-            start.signals,
-            start.place,
-            frames,
-            dt2,
-            values,
-        )
+        _add_actuators(forces.actuator, forces, start, scalar, frames, -dt2, values)
         coordinate_jacobians.stiffness(group, q, frames, -dt2, Z, values)
     concentrated.mean_jacobian(forces.concentrated, start.concentrated, frames, dt2, Z, values)
     drag.mean_jacobian(forces.drag, start.drag, frames, h, dt2, Z, values)
@@ -302,6 +291,42 @@ def mean_work(
     spring.mean_work(forces.spring, start.place.coordinates, h, work)
     friction.mean_work(forces.friction, start.reactions, start.place.coordinates, h, work)
     actuator.mean_work(forces.actuator, start.signals, start.place, work)
+
+
+@optional()
+def _add_actuators(
+    group: Actuators,
+    forces: Forces,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints,
+    frames: Frames,
+    factor: float,
+    values: np.ndarray,
+) -> None:
+    """Add the derivatives of the actuators' mean loads over a step by the unknowns."""
+    own = start.signals
+    for a in range(group.coordinate.size):
+        signals.set_gradient(forces.signals, own, a)
+        actuator.set_rows(group, scalar, start.place, frames, factor, a, own.row)
+        actuator.add_rows(group, own.row, a, own.gradient, values)
+
+
+@optional()
+def _add_actuator_derivatives(
+    group: Actuators,
+    forces: Forces,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints,
+    frames: Frames,
+    out: Derivatives,
+) -> None:
+    """Add the derivatives of the actuators' loads at one configuration by places and by rates."""
+    own = start.signals
+    for a in range(group.coordinate.size):
+        signals.set_gradient(forces.signals, own, a)
+        actuator.set_rows(group, scalar, start.place, frames, 1.0, a, own.row)
+        actuator.add_rows(group, own.row, a, own.gradient, out.by_place)
+        actuator.add_rows(group, own.row, a, own.gradient_rate, out.by_rate)
 
 
 @optional()

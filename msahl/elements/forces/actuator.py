@@ -15,29 +15,24 @@ u dq, exactly what the equations of the bodies contain. The Jacobian couples the
 actuator acts with all those that its signals depend on.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from msahl.algebra.vector import at
-from msahl.elements import signals
-from msahl.elements.constraints.coordinate_kinds import (
-    Coordinates,
-    CoordinatesWorkspace,
-    Derivatives,
-)
+from msahl.algebra.vector import at, put, scale
 from msahl.elements.constraints.coordinates import row_factor
 from msahl.elements.constraints.products import PARTS
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.frames import Frames
 from msahl.elements.signals import SignalsWorkspace
-from msahl.jit.kernel import apart, optional
+from msahl.jit.kernel import apart, kernel, optional
 
 
 class Actuators(NamedTuple):
     """The group of all actuators; actuator a has the result a of the signals."""
 
     coordinate: np.ndarray  # (a,)
+    first: np.ndarray  # (a + 1,) into the blocks
     block: np.ndarray  # (c, 4) starts of the blocks: by the results' columns, by the parts of q
     column: np.ndarray  # (a,) of the table of work
 
@@ -55,76 +50,38 @@ def add_load(
         place.coordinates.size[q] += start.result_size[a]
 
 
-@optional()
-def mean_jacobian(
+@kernel
+def set_rows(
     group: Actuators,
     scalar: ScalarConstraints,
-    results: Any,  # Signals
-    start: SignalsWorkspace,
     place: ScalarWorkspace,
     frames: Frames,
-    dt2: float,
-    values: np.ndarray,
+    factor: float,
+    a: int,
+    row: np.ndarray,
 ) -> None:
-    """Add the derivatives of the mean loads over a step by the unknowns."""
-    for a in range(group.coordinate.size):
-        signals.set_gradient(results, start, a)
-        add_rows(
-            group,
-            results,
-            scalar.coordinates,
-            place.coordinates,
-            frames,
-            -dt2,
-            a,
-            start.gradient,
-            values,
-        )
-
-
-@optional()
-def add_derivatives(
-    group: Actuators,
-    scalar: ScalarConstraints,
-    results: Any,  # Signals
-    start: SignalsWorkspace,
-    place: ScalarWorkspace,
-    frames: Frames,
-    out: Derivatives,
-) -> None:
-    """Add the derivatives of the loads by mass by the places and by the rates."""
-    coords, q = scalar.coordinates, place.coordinates
-    for a in range(group.coordinate.size):
-        signals.set_gradient(results, start, a)
-        add_rows(group, results, coords, q, frames, 1.0, a, start.gradient, out.by_place)
-        add_rows(group, results, coords, q, frames, 1.0, a, start.gradient_rate, out.by_rate)
+    """Set ``row`` (4, 3) to what a unit load of actuator ``a`` adds to the equations of the four
+    parts of its coordinate: ``factor`` times the unit force by mass.
+    """
+    q = group.coordinate[a]
+    for part in range(PARTS):
+        c = row_factor(scalar.coordinates, frames, factor, q, part)
+        put(row, part, scale(c, at(place.coordinates.force[q], part)))
 
 
 @apart
 def add_rows(
-    group: Actuators,
-    results: Any,
-    coords: Coordinates,
-    start: CoordinatesWorkspace,
-    frames: Frames,
-    factor: float,
-    a: int,
-    gradient: np.ndarray,
-    values: np.ndarray,
+    group: Actuators, row: np.ndarray, a: int, gradient: np.ndarray, values: np.ndarray
 ) -> None:
-    """Add ``factor`` times the unit force by mass of actuator ``a`` times the ``gradient`` of its
-    load by the columns.
-    """
-    q, first = group.coordinate[a], results.first_column[a]
-    for c in range(results.first_column[a + 1] - first):
-        row = at(gradient, c)
+    """Add the ``row`` of actuator ``a`` times the ``gradient`` of its load by the columns."""
+    first = group.first[a]
+    for c in range(group.first[a + 1] - first):
         for part in range(PARTS):
             block = group.block[first + c, part]
             if block > 0:
-                weight = row_factor(coords, frames, factor, q, part)
                 for i in range(3):
                     for j in range(3):
-                        values[block + 3 * i + j] += weight * start.force[q, part, i] * row[j]
+                        values[block + 3 * i + j] += row[part, i] * gradient[c, j]
 
 
 @optional()

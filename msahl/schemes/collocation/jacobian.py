@@ -29,8 +29,9 @@ from msahl.algebra.vector import (
 )
 from msahl.elements import forces, signals
 from msahl.elements.constraints import coincide, scalar
-from msahl.elements.constraints.coordinates import part_frame, row_factor
+from msahl.elements.constraints.coordinates import part_frame
 from msahl.elements.constraints.products import PARTS, Q_A, add_block
+from msahl.elements.forces import actuator
 from msahl.elements.forces.actuator import Actuators
 from msahl.elements.frames import first_multiplier, rotation_node
 from msahl.elements.signals import Signals
@@ -243,6 +244,7 @@ def _enter_other_stages(
     they depend by the auxiliary states.
     """
     group, own = system.forces.signals, stages.start.forces.signals
+    along: Any = system.scalar
     if not signals.has_states(group):
         return
     for m in range(stages.tableau.force_weight.size):
@@ -251,8 +253,9 @@ def _enter_other_stages(
         signals.take_slopes(group, own, stages.signals, i, m)
         for a in range(actuators.coordinate.size):
             signals.set_gradient(group, own, a)
+            actuator.set_rows(actuators, along, stages.start.scalar, system.frames, 1.0, a, own.row)
             for part in range(PARTS):
-                _enter_load(actuators, system, stages, h, i, m, a, part)
+                _enter_load(actuators, system, stages, h, (i, m), a, part)
 
 
 @apart
@@ -261,33 +264,28 @@ def _enter_load(
     system: System,
     stages: StageArrays,
     h: float,
-    i: int,
-    m: int,
+    at_stages: tuple[int, int],
     a: int,
     part: int,
 ) -> None:
-    """Add the derivative of actuator ``a``'s load at c_i on a ``part`` of its coordinate by the
-    motion at c_m.
+    """Add the derivative of actuator ``a``'s load at one stage on a ``part`` of its coordinate by
+    the motion at another one.
     """
-    tableau, own = stages.tableau, stages.start.forces.signals
-    coords: Any = system.scalar
-    results: Any = system.forces.signals
-    q, first = actuators.coordinate[a], results.first_column[a]
-    weight = row_factor(coords.coordinates, system.frames, 1.0, q, part)
-    row, base = scale(weight, at(stages.start.scalar.coordinates.force[q], part)), ZERO
-    if part % 2 == Q_A % 2 and tableau.is_variational:
-        f = part_frame(coords.coordinates, q, part)
+    own, coords = stages.start.forces.signals, system.scalar
+    row, base = at(own.row, part), ZERO
+    if part % 2 == Q_A % 2 and stages.tableau.is_variational and coords is not None:
+        f = part_frame(coords.coordinates, actuators.coordinate[a], part)
         row = times(transpose(matrix_at(stages.tangent, f)), row)
         base = times(matrix_at(stages.base_change, f), row)
-    for c in range(results.first_column[a + 1] - first):
-        block = actuators.block[first + c, part]
+    for c in range(actuators.first[a + 1] - actuators.first[a]):
+        block = actuators.block[actuators.first[a] + c, part]
         by_place, by_rate = at(own.gradient, c), at(own.gradient_rate, c)
         for p in range(3):
             for r in range(3):
                 e = stages.slot[block + 3 * p + r] if block > 0 else -1
                 if e >= 0:
                     _enter_product(
-                        stages, h, (i, m), e, (row[p], base[p]), (by_place[r], by_rate[r])
+                        stages, h, at_stages, e, (row[p], base[p]), (by_place[r], by_rate[r])
                     )
 
 

@@ -18,6 +18,7 @@ from msahl.schemes.collocation import dense_output, newton, step_control
 from msahl.schemes.collocation.newton import CollocationWorkspace, new_collocation_workspace
 from msahl.schemes.collocation.step_control import ControlSettings
 from msahl.schemes.collocation.workspace import StageArrays
+from msahl.schemes.midpoint.stepper import kind_of
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.schemes.outcome import Outcome, Requests
 from msahl.schemes.output_schedule import OutputSchedule
@@ -53,7 +54,7 @@ class CollocationMethod:
     @property
     def kind(self) -> str:
         """See ``StepMethod``."""
-        kind = "points" if self.workspace.system.scalar is None else "along"
+        kind = kind_of(self.workspace.system)
         friction = "" if self.subsystem.pressed is None else "-friction"
         return f"{kind}{friction}-collocation"
 

@@ -12,6 +12,7 @@ from msahl.schemes.midpoint import newton, workspace
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.schemes.outcome import Outcome
 from msahl.schemes.output_schedule import OutputSchedule
+from msahl.system.arrays import System
 
 _take_steps = compiled(newton.take_steps)
 _take_step = compiled(newton.take_step)
@@ -20,10 +21,17 @@ _write_reactions = compiled(accelerations.write_instantaneous_reactions)
 _take_steps_instantaneous = compiled(accelerations.take_steps)
 
 
+def kind_of(system: System) -> str:
+    """Name of the kind of system, which decides on the types of arguments."""
+    kind = "points" if system.scalar is None else "along"
+    return kind if system.forces.signals is None else f"{kind}-signals"
+
+
 class MidpointMethod:
     """The ``StepMethod`` of the energy-preserving and the decaying scheme.
 
-    ``instantaneous`` asks for reactions at the output times instead of means over the steps.
+    ``instantaneous`` asks for reactions at the output times instead of means over the steps; these
+    and accelerations need the index-1 problem of every output time.
     """
 
     degree = 0
@@ -31,12 +39,14 @@ class MidpointMethod:
 
     def __init__(self, workspace: Workspace, instantaneous: bool) -> None:
         self.workspace = workspace
-        self.instant = new_instant(workspace.system) if instantaneous else None
+        self.instant = None
+        if instantaneous or workspace.tables.accelerations.shape[1]:
+            self.instant = new_instant(workspace.system, publishes_reactions=instantaneous)
 
     @property
     def kind(self) -> str:
         """See ``StepMethod``."""
-        kind = "points" if self.workspace.system.scalar is None else "along"
+        kind = kind_of(self.workspace.system)
         kind += "-exponential" if self.workspace.system.frames.exponential else ""
         return kind if self.instant is None else f"{kind}-instantaneous"
 
