@@ -24,7 +24,7 @@ def margin(condition: Tree) -> Tree:
         if function == "not":
             return Call("negate", (margin(condition.arguments[0]),), column)
         if function in ("==", "!="):
-            message = f"{function} holds at single times only; compare with >= or <="
+            message = f"{function} is true at single times only; compare with >= or <="
             raise ExpressionError(message, column)
     raise ExpressionError(
         "this is no condition; compare two values, as in 'a > b'", condition.column

@@ -144,6 +144,9 @@ class TimeLoop:
             self._go_back()
         if trouble():
             hooks.tell(trouble())
+        if self.setup.model.stops and self.report.status == COMPLETED and not self.stopping:
+            words = words_of(self.setup.model)
+            self.report.warnings.append(f"stop: '{words}' did not begin to hold during the run")
         conclude(self.setup, self.record, self.report)
         return self.report
 
@@ -245,8 +248,8 @@ class TimeLoop:
         last = plan.progress.steps + plan.kept_before(step)
         while plan.progress.steps < last and self.report.status == COMPLETED:
             steps = plan.most_kept(last - plan.progress.steps)
-            whole = steps - steps % stride
-            chunk = plan.next_chunk(whole or steps, stride if whole else 1)
+            groups = steps - steps % stride
+            chunk = plan.next_chunk(groups or steps, stride if groups else 1)
             self._hand_over(self._advance(chunk, stride), chunk)
         if self.report.status != COMPLETED:
             return

@@ -119,8 +119,8 @@ def _velocity_warnings(integrator: SubsystemIntegrator) -> list[str]:
 
 
 def stops_at_once(condition: str) -> str:
-    """Why a run whose stop ``condition`` holds at t = 0 is not begun."""
-    return f"stop: '{condition}' holds at t = 0 already; give a condition that begins to hold later"
+    """Why a run whose stop ``condition`` is fulfilled at t = 0 is not begun."""
+    return f"stop: '{condition}' is fulfilled at t = 0 already; give one that is fulfilled later"
 
 
 def stop_not_found(condition: str, begin: float, end: float) -> str:

@@ -15,6 +15,9 @@ from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import Advance, Chunk
 
+ROUND_OFF = 1e-12
+"""Fraction of a time within which it counts as reached."""
+
 
 @dataclass(slots=True)
 class Progress:
@@ -169,7 +172,7 @@ class ControlledSteps:
     def approach(self, integrator: SubsystemIntegrator, t: float) -> int:
         """See ``StepPlan``."""
         begin, row = self.progress.time, -1
-        while begin < t:
+        while begin < t * (1.0 - ROUND_OFF):
             advance = integrator.advance(Chunk(2, begin=begin, times=np.array([t])))
             if not advance.steps:
                 return -1
