@@ -64,7 +64,7 @@ def _apply(root: Element, setting: str, faults: Faults) -> str:
         _stop_when(root, setting.removeprefix(STOP_WHEN))
         return ""
     match = FORM.fullmatch(setting)
-    if match is None:
+    if match is None or not setting.isprintable():
         return 'write NAME=VALUE, as in L=0.8, "L=80 cm" or Bob.mass=3'
     path, number, units = match["path"], match["number"], match["units"]
     for parameter in root.iterfind("parameters/parameter"):
