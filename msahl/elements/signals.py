@@ -832,6 +832,15 @@ def accept_stages(group: Signals, stages: Stages, h: float, state: np.ndarray) -
 
 
 @optional()
+def set_rates(group: Signals, start: SignalsWorkspace, rate: np.ndarray, first: int) -> None:
+    """Set the entries of ``rate`` from number ``first`` on to the states' rates, after
+    ``evaluate``.
+    """
+    for k in range(group.rate.size):
+        rate[first + k] = start.values.value[group.rate[k]]
+
+
+@optional()
 def publish(group: Signals, start: SignalsWorkspace, table: np.ndarray, row: int) -> None:
     """Write the published values to a ``row`` of the table, after ``evaluate``."""
     for k in range(group.shown.size):
