@@ -528,6 +528,8 @@ def evaluate_over_step(group: Signals, start: SignalsWorkspace, h: float) -> Non
         last, change = change, _improve(group, start, share)
         changed, left = _is_change(change, last), left - 1
         sweep(group.tape, start.values)
+    for k in range(n):
+        start.state_rate[k] = start.values.value[group.rate[k]]
     _set_results(group, start, share)
     if changed:
         # Without solution of the states the step has none.
