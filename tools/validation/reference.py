@@ -14,8 +14,8 @@ integrated with the orientations as quaternions by scipy's DOP853 between the br
 laws: breakpoints in time end an integration, breakpoints in a displacement (tables of springs,
 cams) are events.
 
-Of the engine only the records of ``msahl.model``, the values of expressions' trees, and the zero of a
-joint's angle are used.
+Of the engine only the records of ``msahl.model``, the values of expressions' trees, and the zero of
+a joint's angle are used.
 """
 
 from collections.abc import Callable
