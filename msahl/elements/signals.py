@@ -529,6 +529,8 @@ def evaluate_over_step(group: Signals, start: SignalsWorkspace, h: float) -> Non
         last, change = change, _improve(group, start, share)
         changed, left = _is_change(change, last), left - 1
         sweep(group.tape, start.values)
+    for k in range(n):
+        start.state_rate[k] = start.values.value[group.rate[k]]
     _set_results(group, start, share)
     if changed:
         # Without solution of the states the step has none.
@@ -852,6 +854,15 @@ def accept_stages(group: Signals, stages: Stages, h: float, state: np.ndarray) -
     for k in range(group.rate.size):
         for i in range(stages.weight.size):
             state[k] += h * stages.weight[i] * stages.rate[i, k]
+
+
+@optional()
+def set_rates(group: Signals, start: SignalsWorkspace, rate: np.ndarray, first: int) -> None:
+    """Set the entries of ``rate`` from number ``first`` on to the states' rates, after
+    ``evaluate``.
+    """
+    for k in range(group.rate.size):
+        rate[first + k] = start.values.value[group.rate[k]]
 
 
 @optional()
