@@ -1,9 +1,11 @@
 """The command ``msahl new``: write a commented deck to start from.
 
 A template is a deck in ``msahl/deck/templates``, or an element's example in ``decks/joints`` or
-``decks/forces``. ``--list`` shows the first words of its opening comment.
+``decks/forces``. ``--list`` shows the first words of its opening comment. A deck that is written
+names the installed schema, so that editors complete and explain its elements.
 """
 
+import re
 from difflib import get_close_matches
 from functools import cache
 from importlib.resources import files
@@ -16,6 +18,9 @@ from msahl.cli.console import stop
 from msahl.printable import shown_path
 from msahl.resources import folder
 from msahl.terminal import echo
+
+_XSI = "http://www.w3.org/2001/XMLSchema-instance"
+_ROOT = re.compile(r"<data\b[^>]*>")
 
 
 @cache
@@ -39,6 +44,14 @@ def names() -> list[str]:
 def template(name: str) -> str:
     """The text of the template of this name."""
     return decks()[name].read_text(encoding="utf-8")
+
+
+def new_deck(name: str) -> str:
+    """The text of the template of this name, with the address of the installed schema."""
+    schema = (folder("schemas") / "msaHLData.xsd").resolve().as_uri()
+    root = f'<data xmlns:xsi="{_XSI}"\n      xsi:noNamespaceSchemaLocation="{schema}">'
+    head, comment_end, deck = template(name).partition("-->")
+    return head + comment_end + _ROOT.sub(lambda _: root, deck, count=1)
 
 
 def purpose(name: str) -> str:
@@ -76,15 +89,17 @@ def _known(context: click.Context, parameter: click.Parameter, name: str) -> str
 def new(name: str, output: str | None) -> None:
     """Write a commented deck to start from. No existing file is overwritten.
 
+    The deck names the installed schema, so editors of XML complete and explain its elements.
+
     Example: msahl new pendulum -o my.xml
     """
     if output == "-":
-        click.echo(template(name), nl=False)
+        click.echo(new_deck(name), nl=False)
         return
     path = Path(output or f"{name}.xml")
     try:
         with path.open("x", encoding="utf-8") as stream:
-            stream.write(template(name))
+            stream.write(new_deck(name))
     except FileExistsError:
         stop(f"{shown_path(path)} exists; choose another file with -o")
     except OSError as error:

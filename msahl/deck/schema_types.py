@@ -96,21 +96,26 @@ class Types:
         return found
 
     def _complex(self, node: Element) -> Content:
-        """Return the content of a complex type."""
+        """Return the content of a complex type, with that of the complex type it extends."""
         parts = list(self._parts(node))
-        attributes = {
+        bases = [str(p.get("base")) for p in parts if p.tag == f"{XS}extension"]
+        extended = self._types.get(bases[0]) if bases else None
+        inherited = NOTHING
+        if extended is not None and extended.tag == f"{XS}complexType":
+            inherited = self._complex(extended)
+        attributes = dict(inherited.attributes) | {
             str(part.get("name")): part.get("type") or ""
             for part in parts
             if part.tag == f"{XS}attribute"
         }
-        bases = [part for part in parts if part.tag == f"{XS}extension"]
         units = self._types.get(attributes.get("units", ""))
         found = units.iter(f"{XS}enumeration") if units is not None else ()
         return Content(
-            text=str(bases[0].get("base")) if bases else "",
+            text=inherited.text or "".join(bases),
             units=tuple(str(word.get("value")) for word in found),
             attributes=attributes,
-            children={str(p.get("name")): p for p in parts if p.tag == f"{XS}element"},
+            children=dict(inherited.children)
+            | {str(p.get("name")): p for p in parts if p.tag == f"{XS}element"},
         )
 
     def _parts(self, node: Element) -> Iterator[Element]:

@@ -80,7 +80,9 @@ TIME, COORDINATE, RATE, POSITION, VELOCITY, QUATERNION, SPIN, REACTION = range(8
 MOST_ITERATIONS = 30
 """Of Newton's method for the states; linear equations take one, and one that changes nothing."""
 NO_CHANGE = 1e-15
-"""Change of a state, relative to it and to its change over the step, that is round-off."""
+"""Change of a state, relative to the terms of its equation, that is round-off."""
+NEARLY_NO_CHANGE = 1e-8
+"""Below it a change that does not fall to its half from one iteration to the next is round-off."""
 
 
 class Signals(NamedTuple):
@@ -520,10 +522,11 @@ def evaluate_over_step(group: Signals, start: SignalsWorkspace, h: float) -> Non
     for k in range(n):
         set_input(group.tape, start.values, first + k, start.state[k])
     sweep(group.tape, start.values)
-    changed, left = n > 0, MOST_ITERATIONS
+    changed, left, change = n > 0, MOST_ITERATIONS, math.inf
     while changed and left > 0:
         _set_rates(group, start, share)
-        changed, left = _improve(group, start, share), left - 1
+        last, change = change, _improve(group, start, share)
+        changed, left = _is_change(change, last), left - 1
         sweep(group.tape, start.values)
     _set_results(group, start, share)
     if changed:
@@ -550,23 +553,37 @@ def _set_rates(group: Signals, start: SignalsWorkspace, share: float) -> None:
 
 
 @kernel
-def _improve(group: Signals, start: SignalsWorkspace, share: float) -> bool:
-    """Take one step of Newton's method for the states' means, which are inputs of the tape; return
-    whether it changed them by more than round-off.
+def _is_change(change: float, last: float) -> bool:
+    """Return whether an iteration's relative ``change`` of the states, after the ``last`` one, is
+    more than round-off. A nan is none: it ends the iteration.
     """
-    n, first = group.rate.size, group.tape.constant.size + group.kind.size
-    value, changed = start.values.value, False
+    if change < NEARLY_NO_CHANGE and change > 0.5 * last:
+        return False
+    return change > NO_CHANGE
+
+
+@kernel
+def _improve(group: Signals, start: SignalsWorkspace, share: float) -> float:
+    """Take one step of Newton's method for the states' means, which are inputs of the tape; return
+    the largest change, relative to the terms of its equation.
+    """
+    y, n, constants = group.kind.size, group.rate.size, group.tape.constant.size
+    first = constants + y
+    value, largest = start.values.value, 0.0
     for k in range(n):
         change = share * start.state_rate[k]
         start.adjoint[k] = value[first + k] - start.state[k] - change
     small_system.solve(start.matrix, start.pivot, start.adjoint)
     for k in range(n):
+        # The terms of a rate may be large and cancel each other, as voltages of a motor do.
         size = abs(start.state[k]) + abs(share * start.state_rate[k])
+        for j in range(y):
+            size += abs(share * start.rate_by_input[k, j] * value[constants + j])
         value[first + k] -= start.adjoint[k]
-        # Written so that a nan ends the iteration.
-        if abs(start.adjoint[k]) > NO_CHANGE * size:
-            changed = True
-    return changed
+        change = abs(start.adjoint[k])
+        if change > 0.0:
+            largest = max(largest, change / size if size > 0.0 else math.inf)
+    return largest
 
 
 @optional()
@@ -706,12 +723,13 @@ def solve_stages(
     for i in range(s):
         for k in range(n):
             stages.state[i, k] = begin[k]
-    changed, left = True, MOST_ITERATIONS
+    changed, left, change = True, MOST_ITERATIONS, math.inf
     while changed and left > 0:
         for i in range(s):
             _set_stage_rates(group, start, stages, i)
         _set_stage_matrix(stages, n, h)
-        changed, left = _improve_stages(stages, begin, n, h), left - 1
+        last, change = change, _improve_stages(stages, begin, n, h)
+        changed, left = _is_change(change, last), left - 1
     if changed:
         for i in range(s):
             for k in range(n):
@@ -757,11 +775,11 @@ def _set_stage_matrix(stages: Stages, n: int, h: float) -> None:
 
 
 @kernel
-def _improve_stages(stages: Stages, begin: np.ndarray, n: int, h: float) -> bool:
-    """Take one step of Newton's method for the states; return whether it changed them by more than
-    round-off.
+def _improve_stages(stages: Stages, begin: np.ndarray, n: int, h: float) -> float:
+    """Take one step of Newton's method for the states; return the largest change, relative to the
+    terms of its equation.
     """
-    s, changed = stages.weight.size, False
+    s, y, largest = stages.weight.size, stages.input.shape[1], 0.0
     for i in range(s):
         for k in range(n):
             change = 0.0
@@ -773,11 +791,15 @@ def _improve_stages(stages: Stages, begin: np.ndarray, n: int, h: float) -> bool
         for k in range(n):
             size = abs(begin[k])
             for j in range(s):
-                size += abs(h * stages.integral[i, j] * stages.rate[j, k])
+                terms = abs(stages.rate[j, k])
+                for m in range(y):
+                    terms += abs(stages.rate_by_input[j, k, m] * stages.input[j, m])
+                size += abs(h * stages.integral[i, j]) * terms
             stages.state[i, k] -= stages.right[n * i + k]
-            if abs(stages.right[n * i + k]) > NO_CHANGE * size:
-                changed = True
-    return changed
+            change = abs(stages.right[n * i + k])
+            if change > 0.0:
+                largest = max(largest, change / size if size > 0.0 else math.inf)
+    return largest
 
 
 @optional()

@@ -103,7 +103,8 @@ def _sizes(system: System, values: np.ndarray, kept: np.ndarray, elements: int) 
 
 def _energies_of(model: Model, b: int, history: History) -> np.ndarray:
     """(3, m) energies of body ``b``: those of a system of this body alone."""
-    nothing: dict[str, Any] = dict.fromkeys(("joints", "couplings", "motions", "loads"), ())
+    others = ("joints", "couplings", "motions", "loads", "markers", "signals")
+    nothing: dict[str, Any] = dict.fromkeys(others, ())
     alone = build_system(replace(model, bodies=(model.bodies[b],), **nothing)).bodies
     of_b = History(*(np.ascontiguousarray(series[:, [b, -1]]) for series in history))
     energies = np.zeros((3, len(of_b.x)))

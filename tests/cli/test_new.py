@@ -1,10 +1,14 @@
 """``msahl new`` writes decks to start from, and overwrites nothing."""
 
+from pathlib import Path
+from urllib.parse import urlparse
+from urllib.request import url2pathname
+
 import pytest
 from click.testing import CliRunner
 from lxml import etree
 
-from msahl.cli.new import names, new, template
+from msahl.cli.new import names, new, new_deck, template
 from msahl.deck import read_deck
 from msahl.deck.schema import schema_bytes
 
@@ -17,6 +21,16 @@ def test_a_template_is_a_good_deck_with_comments(tmp_path, name):
     assert f"msahl run {path}" in result.stderr
     assert read_deck(path, thorough=True).bodies
     assert "Expect: " in path.read_text()
+
+
+@pytest.mark.parametrize("name", ["pendulum", "revolute"])  # without and with a schema of its own
+def test_a_new_deck_names_the_installed_schema(name):
+    root = etree.fromstring(new_deck(name).encode())
+    place = root.get("{http://www.w3.org/2001/XMLSchema-instance}noNamespaceSchemaLocation")
+    assert place.startswith("file:///")
+    assert Path(url2pathname(urlparse(place).path)).read_bytes() == schema_bytes()
+    rest = [text.split("<system>")[1] for text in (new_deck(name), template(name))]
+    assert rest[0] == rest[1]
 
 
 def test_every_template_is_listed_with_its_purpose():
@@ -44,13 +58,13 @@ def test_every_element_has_a_template():
 
 
 def test_the_terminal_gets_the_deck_itself():
-    assert CliRunner().invoke(new, ["joint-motion", "-o", "-"]).stdout == template("joint-motion")
+    assert CliRunner().invoke(new, ["joint-motion", "-o", "-"]).stdout == new_deck("joint-motion")
 
 
 def test_without_a_file_it_is_named_after_the_template(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert CliRunner().invoke(new, ["gears"]).exit_code == 0
-    assert (tmp_path / "gears.xml").read_text() == template("gears")
+    assert (tmp_path / "gears.xml").read_text() == new_deck("gears")
 
 
 def test_nothing_is_overwritten(tmp_path):

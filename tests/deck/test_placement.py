@@ -266,3 +266,11 @@ def test_the_decks_by_angle_start_as_their_headers_say():
     assert values["Rocker pivot"] == pytest.approx(-98.8510439, abs=1e-7)
     assert values["Crank pin"] == pytest.approx(23.8693433, abs=1e-7)
     assert_same_start(read_deck(ROOT / "mechanisms" / "four_bar.xml"), model, 1e-12, 1e-9)
+
+
+def test_a_coordinate_at_the_start_may_be_an_expression(tmp_path):
+    """Its type extends that of an angle, and so that of a number in braces."""
+    text = pendulum(joint='<angle units="deg">{40 - 10}</angle>')
+    assert measured(model_of(text, tmp_path))["H"][0] == {
+        "angle": pytest.approx(math.pi / 6, abs=1e-15)
+    }

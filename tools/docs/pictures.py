@@ -183,8 +183,9 @@ def draw_pages(folder: Path) -> None:
 
 def run(deck: Path, folder: Path) -> Path:
     """Run a deck; return the folder of its results."""
-    msahl = [sys.executable, "-m", "msahl.cli.main", "run", str(deck), "-q", "--error", "off"]
-    subprocess.run([*msahl, "-o", str(folder)], check=False)
+    msahl = [sys.executable, "-c", "from msahl.cli.main import main; main()"]
+    options = [str(deck), "-q", "--error", "off", "-o", str(folder)]
+    subprocess.run([*msahl, "run", *options], check=False)
     return folder
 
 
