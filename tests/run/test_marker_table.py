@@ -17,7 +17,7 @@ from msahl.model import Group, Marker, MarkerAngle, MarkerDistance
 from msahl.post.events import crossings
 from msahl.results.read import read_run
 from msahl.run.tables import JOINTS, MARKERS, SYSTEM
-from msahl.system.names import group_columns, marker_columns, work_columns
+from msahl.system.names import coordinate_columns, group_columns, marker_columns, work_columns
 from tests.support.models import ROOT, deck, free_bodies, jointed, loaded, simulate
 
 
@@ -48,6 +48,13 @@ def column(run, name):
 
 def vector(run, name, letters):
     return np.stack([column(run, f"{name}.{letter}") for letter in letters], axis=1)
+
+
+def part(name, text):
+    """The deck of markers with something of it replaced."""
+    deck_text = (ROOT / "decks" / "basics" / "markers.xml").read_text()
+    assert name in deck_text
+    return deck_text.replace(name, text, 1)
 
 
 POSITION, VELOCITY, ACCELERATION = ("x", "y", "z"), ("vx", "vy", "vz"), ("ax", "ay", "az")
@@ -148,6 +155,19 @@ def test_groups_are_parts_of_the_sum():
         assert column(run, f"All.{value}") == pytest.approx(parts, rel=1e-12, abs=1e-12)
 
 
+def test_expressions_read_the_values_of_the_table(tmp_path):
+    values = ("Tip.x", "Tip.vy", "Sensor.q3", "Sensor.wz", "Pivot.angle", "Pivot.angleRate")
+    signals = "".join(f'<signal name="s{i}">{{{v}}}</signal>' for i, v in enumerate(values))
+    text = part("<markers>", f"<signals>{signals}</signals><markers>")
+    (tmp_path / "deck.xml").write_text(text)
+    run = simulate(read_deck(tmp_path / "deck.xml"), dt=0.01, t_final=0.5)
+    for i, value in enumerate(values):
+        table = run.others[JOINTS]
+        names = coordinate_columns(run.model, 3)
+        known = table[:, names.index(value)] if value in names else column(run, value)
+        assert run.column(f"s{i}") == pytest.approx(known, abs=1e-13), value
+
+
 def test_tables_are_written_and_read(tmp_path):
     path, out = ROOT / "decks" / "basics" / "markers.xml", tmp_path / "run"
     result = CliRunner().invoke(main, ["run", str(path), "--t-final", "0.1", "-o", str(out)])
@@ -184,13 +204,6 @@ def test_faults_of_models(changes, message):
         changes = {"sensors": (), **changes}
     (fault,) = check(replace(model, **changes))
     assert message in str(fault)
-
-
-def part(name, text):
-    """The deck of markers with something of it replaced."""
-    deck_text = (ROOT / "decks" / "basics" / "markers.xml").read_text()
-    assert name in deck_text
-    return deck_text.replace(name, text, 1)
 
 
 DECK_FAULTS = {
