@@ -31,6 +31,7 @@ from msahl.deck.loads import (
     read_drag,
     read_friction,
 )
+from msahl.deck.markers import read_group, read_marker, read_sensor
 from msahl.deck.motions import check_prescribed_once, read_joint_motion, read_point_motion
 from msahl.deck.parameters import Parameter
 from msahl.deck.parse import parse, parse_valid, parsed, read_bytes
@@ -62,12 +63,13 @@ LOADS: Mapping[str, Read] = {
     "friction": read_friction,
     "actuator": read_actuator,
 }
-TAGS = frozenset((*BODIES, *JOINT_KINDS, *COORDINATES, *MOTIONS, *LOADS))
+MARKERS = ("marker", "distance", "angle")
+TAGS = frozenset((*BODIES, *JOINT_KINDS, *COORDINATES, *MOTIONS, *LOADS, *MARKERS, "group"))
 """Tags of all records."""
 
-ONE_NAME = (("bodies",), ("joints", "motions", "loads"))
+ONE_NAME = (("bodies", "markers", "groups"), ("joints", "motions", "loads"))
 """Groups whose records share one set of names. Columns of results are called NAME.VALUE, and values
-of bodies and of other elements have different names."""
+of bodies, markers and groups and those of other elements have different names."""
 
 
 def read_deck(
@@ -129,6 +131,8 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
     couplings = [read_coupling(e, reader) for e in sound["joints"] if e.tag in COORDINATES]
     motions = [MOTIONS[str(e.tag)](e, reader) for e in sound["motions"]]
     check_prescribed_once(sound["motions"], reader)
+    markers = [read_marker(e, reader) for e in sound["markers"] if e.tag == "marker"]
+    reader.context.markers.update({marker.name: marker.body for marker in markers})
     signals = _read_signals(root, reader)
     return Model(
         gravity=_gravity(root, reader),
@@ -143,7 +147,13 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
         position=assembly.position,
         velocity=assembly.velocity,
         signals=signals,
+<<<<<<< HEAD
         stops=_read_stops(root, reader),
+=======
+        markers=tuple(markers),
+        sensors=tuple(read_sensor(e, reader) for e in sound["markers"] if e.tag != "marker"),
+        groups=tuple(read_group(e, reader) for e in sound["groups"]),
+>>>>>>> 21c89a3
     )
 
 
