@@ -147,13 +147,10 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
         position=assembly.position,
         velocity=assembly.velocity,
         signals=signals,
-<<<<<<< HEAD
         stops=_read_stops(root, reader),
-=======
         markers=tuple(markers),
         sensors=tuple(read_sensor(e, reader) for e in sound["markers"] if e.tag != "marker"),
         groups=tuple(read_group(e, reader) for e in sound["groups"]),
->>>>>>> 21c89a3
     )
 
 
