@@ -181,8 +181,10 @@ class Reader:
     def orientation(self, body: Element) -> Vector:
         """Return the Wiener-Milenkovic parameters of a body's axes in the inertial axes."""
         rotation = body.find("initialConditions/orientation/eulerRotation")
-        if rotation is None:
-            return ZERO
+        return ZERO if rotation is None else self.rotation(rotation)
+
+    def rotation(self, rotation: Element) -> Vector:
+        """Return the Wiener-Milenkovic parameters of an ``<eulerRotation>``."""
         phi = self.number(rotation.find("phi"), "angle")
         u1, u2, u3 = self.numbers(rotation, ("u1", "u2", "u3"))
         if math.hypot(u1, u2, u3) == 0.0:
