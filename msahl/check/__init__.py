@@ -21,7 +21,7 @@ from msahl.check.loads import element_findings, repeated_motions
 from msahl.check.loads import start_findings as placed_findings
 from msahl.check.markers import group_findings, marker_findings, sensor_findings
 from msahl.check.names import RESERVED, name_messages, unresolved
-from msahl.check.signals import circle_findings, signal_findings
+from msahl.check.signals import circle_findings, expression_findings, signal_findings
 from msahl.check.simulation import check_simulation, simulation_findings, start_findings
 from msahl.model import Joint, JointMotion, Model, RigidBody
 
@@ -65,6 +65,9 @@ def check(model: Model) -> list[Fault]:
         found += _element_faults("group", group, context, [group_findings])
     for signal in model.signals:
         found += _element_faults("signal", signal, context, [signal_findings])
+    for stop in model.stops:
+        findings = expression_findings("when", stop.expression, context)
+        found += [Fault("stop", "", finding.part, finding.message) for finding in findings]
     signals = {signal.name: signal for signal in model.signals}
     found += [Fault("signal", name, "", message) for name, message in circle_findings(signals)]
     run = [*simulation_findings(model.simulation), *start_findings(model)]

@@ -38,14 +38,14 @@ from msahl.deck.parameters import Parameter
 from msahl.deck.parse import parse, parse_valid, parsed, read_bytes
 from msahl.deck.references import check_references, is_complete
 from msahl.deck.schema import check_schema, schema_bytes, validator
-from msahl.deck.signals import declare_signals, read_actuator, read_signal
+from msahl.deck.signals import declare_signals, read_actuator, read_signal, read_stop
 from msahl.deck.simulation import Assembly, read_assembly, read_simulation
 from msahl.deck.springs import read_bushing, read_joint_spring, read_spring_damper
 from msahl.deck.values import Reader
 from msahl.joints.registry import KINDS as JOINT_KINDS
 from msahl.model import Ground, Model, RigidBody, Simulation
 from msahl.model.couplings import COORDINATES
-from msahl.model.signals import AnySignal
+from msahl.model.signals import AnySignal, Stop
 
 Read = Callable[[Element, Reader], Any]
 
@@ -150,6 +150,7 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
         position=assembly.position,
         velocity=assembly.velocity,
         signals=signals,
+        stops=_read_stops(root, reader),
         markers=tuple(markers),
         sensors=tuple(read_sensor(e, reader) for e in sound["markers"] if e.tag != "marker"),
         groups=tuple(read_group(e, reader) for e in sound["groups"]),
@@ -174,6 +175,12 @@ def _read_signals(root: Element, reader: Reader) -> tuple[AnySignal, ...]:
     for name, message in circle_findings({signal.name: signal for signal in signals}):
         reader.faults.add(by_name[name], message)
     return tuple(signals)
+
+
+def _read_stops(root: Element, reader: Reader) -> tuple[Stop, ...]:
+    """Return the conditions that end the run, once signals are known by name."""
+    elements = _sound(root.iterfind("simulation/stop"), reader.faults)
+    return tuple(read_stop(element, reader) for element in elements)
 
 
 def _sound(elements: Iterable[Element], faults: Faults) -> list[Element]:

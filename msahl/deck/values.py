@@ -117,6 +117,11 @@ class Reader:
             value = to_si(value, name, quantity)
         elif element.get("units"):
             self.faults.add(element, "it is a plain number here; delete units")
+        return self.limited(element, value)
+
+    def limited(self, element: Element, value: float) -> float:
+        """Return the ``value`` of an element [SI], zero with a fault if it is too large or too
+        small to compute with."""
         if abs(value) > LARGEST:
             message = f"{text(element)} is too large; numbers go up to {LARGEST:g} in SI"
             self.faults.add(element, message)

@@ -28,7 +28,7 @@ from msahl.model.settings import (
     Simulation,
     resolve,
 )
-from msahl.model.signals import Signal, SignalState, SignalTable
+from msahl.model.signals import Signal, SignalState, SignalTable, Stop
 
 __all__ = [
     "INSTANTANEOUS",
@@ -62,5 +62,6 @@ __all__ = [
     "SignalTable",
     "Simulation",
     "SpringDamper",
+    "Stop",
     "resolve",
 ]

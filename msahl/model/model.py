@@ -14,7 +14,7 @@ from msahl.model.loads import Load
 from msahl.model.markers import Group, Marker, Sensor
 from msahl.model.motions import JointMotion, PointMotion
 from msahl.model.settings import Simulation
-from msahl.model.signals import AnySignal
+from msahl.model.signals import AnySignal, Stop
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,3 +42,4 @@ class Model:
     sensors: tuple[Sensor, ...] = ()
     groups: tuple[Group, ...] = ()
     signals: tuple[AnySignal, ...] = ()
+    stops: tuple[Stop, ...] = ()
