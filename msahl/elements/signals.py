@@ -109,6 +109,8 @@ class Signals(NamedTuple):
     entry_input: np.ndarray  # (e,)
     entry_column: np.ndarray  # (e, 4) among the result's columns, of the input's parts; or -1
     first_column: np.ndarray  # (r + 1,)
+    block: np.ndarray  # (c, 4) starts of the blocks: by columns, by the parts the result acts on
+    acting: np.ndarray  # (r, 4) frames of these parts
 
 
 class SignalsWorkspace(NamedTuple):
@@ -641,6 +643,23 @@ def set_gradient(group: Signals, start: SignalsWorkspace, r: int) -> None:
                 put(start.gradient, c, a)
                 a = axpy(slope, at(start.by_rate[j], part), at(start.gradient_rate, c))
                 put(start.gradient_rate, c, a)
+
+
+@optional()
+def add_rows(
+    group: Signals, row: np.ndarray, r: int, gradient: np.ndarray, values: np.ndarray
+) -> None:
+    """Add the ``row`` (4, 3) of a result, what it adds to the equations of the parts it acts on,
+    times its ``gradient`` by the columns.
+    """
+    first = group.first_column[r]
+    for c in range(group.first_column[r + 1] - first):
+        for part in range(PARTS):
+            block = group.block[first + c, part]
+            if block > 0:
+                for i in range(3):
+                    for j in range(3):
+                        values[block + 3 * i + j] += row[part, i] * gradient[c, j]
 
 
 @optional()
