@@ -121,6 +121,13 @@ def read_actuator(element: Element, reader: Reader) -> JointActuator | MarkerAct
     return record
 
 
+def read_factor(element: Element, reader: Reader) -> Tree:
+    """Return the tree of an ``<expression>`` whose value is a pure number."""
+    if _unit(element, reader, PURE) is None:
+        return NO_TREE
+    return read_expression(element, PURE, reader)
+
+
 def read_expression(element: Element, wanted: Dimension | None, reader: Reader) -> Tree:
     """Return the tree of an element's text, with parameters replaced by their values; ``wanted`` is
     the dimension of the value, None if any will do.
