@@ -105,6 +105,7 @@ class Signals(NamedTuple):
     rate: np.ndarray  # (n,) places on the tape of the states' rates
     result: np.ndarray  # (r,) likewise of the results
     shown: np.ndarray  # (k,) likewise of the published values
+    stop: np.ndarray  # (m,) likewise of the margins of conditions that end the run
     first_entry: np.ndarray  # (r + 1,)
     entry_input: np.ndarray  # (e,)
     entry_column: np.ndarray  # (e, 4) among the result's columns, of the input's parts; or -1
@@ -888,6 +889,18 @@ def publish(group: Signals, start: SignalsWorkspace, table: np.ndarray, row: int
     """Write the published values to a ``row`` of the table, after ``evaluate``."""
     for k in range(group.shown.size):
         table[row, k] = start.values.value[group.shown[k]]
+
+
+@kernel
+def largest_margin(group: Signals, start: SignalsWorkspace) -> float:
+    """Return the largest margin of the conditions that end the run, after ``evaluate``."""
+    largest = -math.inf
+    for k in range(group.stop.size):
+        margin = start.values.value[group.stop[k]]
+        # Written so that a nan, at which a run cannot go on either, counts as fulfilled.
+        if not margin <= largest:
+            largest = margin
+    return largest
 
 
 # What a system's set-up asks of the signals, in plain Python.

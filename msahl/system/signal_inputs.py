@@ -51,6 +51,7 @@ class SignalEntries(NamedTuple):
     tables: dict[str, Table]
     states: tuple[SignalState, ...]
     shown: tuple[Tree, ...]  # published values
+    stops: tuple[Tree, ...]  # margins of the conditions that end the run
     inputs: tuple[InputEntry, ...]
     markers: tuple[Marker, ...]
     results: tuple[ResultEntry, ...]
@@ -98,9 +99,10 @@ class SignalCollector:
         ]
         laws = [law for _, load in loads if (law := load.expression) is not None]
         trees = {s.name: tree for s in model.signals if (tree := tree_of(s)) is not None}
-        if not trees and not laws:
+        others = [*laws, *(stop.expression for stop in model.stops)]
+        if not trees and not others:
             return None
-        for name in reached([*trees.values(), *laws], {}):
+        for name in reached([*trees.values(), *others], {}):
             if name not in trees:
                 self._input(name)
         states = tuple(s for s in model.signals if isinstance(s, SignalState))
@@ -113,6 +115,7 @@ class SignalCollector:
             tables={s.name: s.table for s in model.signals if isinstance(s, SignalTable)},
             states=states,
             shown=(*published, *laws),
+            stops=tuple(stop.expression for stop in model.stops),
             inputs=tuple(entry for _, entry in self._inputs.values()),
             markers=tuple(self._markers[name] for name in self._used),
             results=results,

@@ -143,7 +143,7 @@ def _signal_connections(elements: Elements) -> tuple[Any, ...] | None:
         tuple(marker.body for marker in entries.markers),
         tuple((r.coordinate, r.body, r.column, r.inputs) for r in entries.results),
         tuple((e.load.force_basis, e.load.moment_basis) for e in elements.controlled),
-        (len(entries.states), len(entries.shown)),
+        (len(entries.states), len(entries.shown), len(entries.stops)),
     )
 
 
