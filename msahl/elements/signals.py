@@ -209,9 +209,7 @@ def save_state(
     start.time[0] = time
     for k in range(state.size):
         start.state[k] = state[k]
-    for j in range(reaction.shape[0]):
-        for i in range(6):
-            start.reaction[j, i] = reaction[j, i]
+    save_reactions(group, start, reaction)
 
 
 @kernel
@@ -711,6 +709,23 @@ def new_stages(group: Signals | None, integral: np.ndarray, weight: np.ndarray) 
         by_place=np.zeros((s, y, PARTS, 3)),
         by_rate=np.zeros((s, y, PARTS, 3)),
     )
+
+
+@optional(False)
+def use_reactions(group: Signals) -> bool:
+    """Return whether an expression depends on joints' reactions."""
+    found = False
+    for j in range(group.kind.size):
+        found = found or group.kind[j] == REACTION
+    return found
+
+
+@optional()
+def save_reactions(group: Signals, start: SignalsWorkspace, reaction: np.ndarray) -> None:
+    """Save the joints' ``reaction`` (j, 6) of the accepted step before."""
+    for j in range(reaction.shape[0]):
+        for i in range(6):
+            start.reaction[j, i] = reaction[j, i]
 
 
 @optional(False)
