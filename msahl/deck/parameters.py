@@ -17,6 +17,7 @@ from msahl.deck.schema_types import FRACTION, NUMBERS, Content, types, with_text
 from msahl.deck.units import (
     DEFAULTS,
     UNITS,
+    Parameter,
     Unit,
     dimension_of,
     from_si,
@@ -39,14 +40,6 @@ from msahl.expressions.syntax import (
 
 LONGEST = 80
 """Characters of an expression that a message repeats."""
-
-
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """Value in SI and dimension."""
-
-    value: float
-    dimension: Dimension
 
 
 @dataclass(frozen=True, slots=True)

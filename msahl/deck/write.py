@@ -16,11 +16,15 @@ from typing import Any
 
 from lxml.etree import Comment, SubElement, tostring
 
-from msahl.deck.expand import expand, is_plain
 from msahl.deck.faults import Element, Faults, attribute, collapsed, text
-from msahl.deck.includes import merge_parts
-from msahl.deck.parse import may_have_braces, parse, parse_with_comments, read_bytes, was_parsed
-from msahl.deck.schema_types import with_text
+from msahl.deck.parse import (
+    is_plain,
+    may_have_braces,
+    parse,
+    parse_with_comments,
+    read_bytes,
+    was_parsed,
+)
 
 OTHER = {"tolerance": "localTolerance", "localTolerance": "tolerance"}
 """Elements that replace one another."""
@@ -100,6 +104,10 @@ def _expanded(
     root: Element, data: bytes, path: Path, settings: Sequence[str], faults: Faults
 ) -> bytes:
     """Return the document ``data``, whose tree without comments is ``root``, expanded."""
+    from msahl.deck.expand import expand
+    from msahl.deck.includes import merge_parts
+    from msahl.deck.schema_types import with_text
+
     document = parse_with_comments(data)
     twins = dict(zip(root.iter("*"), document.iter("*"), strict=True))
     merge_parts(root, path, faults)
