@@ -211,7 +211,7 @@ def test_markers_push_each_other_apart():
 
 
 def test_signals_see_the_angle_over_revolutions_from_its_zero():
-    """A wheel that rotates at 10 rad/s from an angle of 0.4 rad: its reference directions differ."""
+    """A wheel that rotates at 10 rad/s from an angle of 0.4 rad, by its reference directions."""
     axle = Joint(
         *("Axle", "revolute", "Earth", "Wheel", HERE, HERE),
         parent_reference=(1.0, 0.0, 0.0),
