@@ -7,6 +7,7 @@ from msahl.deck.faults import Element, attribute, text
 from msahl.deck.values import Reader
 from msahl.model import MEAN, Limits, Simulation
 from msahl.model.scheme import CAYLEY, DAMPING, DEFAULT, DEGREE
+from msahl.model.settings import AUTOMATIC, NO
 from msahl.printable import printable
 
 
@@ -25,6 +26,8 @@ def read_simulation(element: Element, reader: Reader) -> Simulation:
         output_interval=_number(element.find("outputInterval"), "time", reader),
         tolerance=_number(element.find("tolerance"), "length", reader),
         local_tolerance=_number(element.find("localTolerance"), "length", reader),
+        accelerations=attribute(element, "accelerations", NO),
+        joint_table=attribute(element, "jointTable", AUTOMATIC),
     )
     reader.add(element, simulation_findings(simulation))
     return simulation

@@ -64,8 +64,9 @@ from msahl.elements.frames import (
 from msahl.jit.kernel import kernel
 from msahl.model.scheme import Decay
 
-STATE_SIZE = 12
-"""Columns of a body in the table of states: position, orientation, velocity, angular velocity."""
+STATE_SIZE, ACCELERATION_SIZE = 12, 6
+"""Columns of a body in the table of states (position, orientation, velocity, angular velocity) and
+in that of accelerations (linear, angular)."""
 
 
 class RigidBodies(NamedTuple):
@@ -283,6 +284,33 @@ def write_states(
         for i, values in enumerate((sub(at(x, f), times(R, r)), at(p, f), v_B, w_b)):
             for j in range(3):
                 table[row, place + 3 * i + j] = values[j]
+
+
+@kernel
+def write_accelerations(
+    bodies: RigidBodies,
+    motion: FramesWorkspace,
+    w: np.ndarray,
+    a: np.ndarray,
+    alpha: np.ndarray,
+    table: np.ndarray,
+    row: int,
+) -> None:
+    """Write the acceleration of the reference point B of every body and its angular acceleration,
+    both in its own axes, into a row of ``table``; ``a`` and ``alpha`` (f, 3) are those of the mass
+    centres, inertial axes.
+    """
+    for b in range(bodies.frame.size):
+        f = bodies.frame[b]
+        R = transpose(matrix_at(motion.R, f))
+        r, w_b = at(bodies.r_BG, b), at(w, f)
+        alpha_b = times(R, at(alpha, f))
+        to_G = add(cross(alpha_b, r), cross(w_b, cross(w_b, r)))
+        a_B = sub(times(R, at(a, f)), to_G)
+        place = ACCELERATION_SIZE * (bodies.column[b] // STATE_SIZE)
+        for j in range(3):
+            table[row, place + j] = a_B[j]
+            table[row, place + 3 + j] = alpha_b[j]
 
 
 @kernel

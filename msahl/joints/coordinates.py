@@ -21,6 +21,7 @@ Everything here is in the parent's axes, for m output times at once:
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -88,22 +89,49 @@ def angle_offset(joint: Joint) -> float:
     return math.remainder(offset, 2.0 * math.pi)
 
 
-def relative(joint: Joint, parent: "Motion", child: "Motion") -> Relative:
+class Geometry(NamedTuple):
+    """Points and frames of a joint, or of j joints of one kind that all arrays have as another
+    axis, before the last or the last two."""
+
+    names: tuple[str, ...]  # of the coordinates
+    s_a: np.ndarray  # (3,) point of the parent from B, its axes [m]
+    s_b: np.ndarray  # (3,) likewise of the child
+    here: np.ndarray  # (3, 3) rows x, y, z of the parent's frame, its axes
+    there: np.ndarray  # (3, 3) likewise of the child
+
+
+def geometry(joint: Joint) -> Geometry:
+    """Return the points and frames of a joint."""
+    return Geometry(
+        coordinates(joint),
+        np.array(joint.parent_point),
+        np.array(joint.child_point),
+        *frames(joint),
+    )
+
+
+def stacked(joints: Sequence[Joint]) -> Geometry:
+    """Return the points and frames of joints of one kind, with their number as first axis."""
+    _, *arrays = zip(*map(geometry, joints), strict=True)
+    return Geometry(coordinates(joints[0]), *map(np.array, arrays))
+
+
+def relative(joint: Joint | Geometry, parent: "Motion", child: "Motion") -> Relative:
     """Return the motion of the child relative to the parent."""
-    s_a, s_b = np.array(joint.parent_point), np.array(joint.child_point)
-    a, b = point_motion(parent, s_a), point_motion(child, s_b)
+    of = geometry(joint) if isinstance(joint, Joint) else joint
+    a, b = point_motion(parent, of.s_a), point_motion(child, of.s_b)
     R_a = np.swapaxes(parent.R, -1, -2)  # inertial to parent's axes
-    D, w_a = _rotated(R_a, b.x - a.x), _rotated(R_a, parent.w)
-    w = _rotated(R_a, child.w) - w_a
-    v = _rotated(R_a, b.v - a.v) - np.cross(w_a, D)
-    found = Relative(D, R_a @ child.R, v, w)
+    D, w_a = rotated(R_a, b.x - a.x), rotated(R_a, parent.w)
+    w = rotated(R_a, child.w) - w_a
+    v = rotated(R_a, b.v - a.v) - cross(w_a, D)
+    found = Relative(D, np.einsum("...ij,...jk->...ik", R_a, child.R), v, w)
     if a.a is None or b.a is None or parent.alpha is None or child.alpha is None:
         return found
-    alpha_a = _rotated(R_a, parent.alpha)
-    centripetal = np.cross(w_a, np.cross(w_a, D) + 2.0 * v)
+    alpha_a = rotated(R_a, parent.alpha)
+    centripetal = cross(w_a, cross(w_a, D) + 2.0 * v)
     return found._replace(
-        a=_rotated(R_a, b.a - a.a) - np.cross(alpha_a, D) - centripetal,
-        alpha=_rotated(R_a, child.alpha) - alpha_a - np.cross(w_a, w),
+        a=rotated(R_a, b.a - a.a) - cross(alpha_a, D) - centripetal,
+        alpha=rotated(R_a, child.alpha) - alpha_a - cross(w_a, w),
     )
 
 
@@ -127,24 +155,26 @@ def at_rest(m: int, accelerations: bool = False) -> Motion:
 
 def point_motion(body: Motion, s: np.ndarray) -> Motion:
     """Return the motion of the point ``s`` (3,) of a body, given from B in its axes [m]."""
-    r = body.R @ s
-    spin = np.cross(body.w, r)
+    r = rotated(body.R, s)
+    spin = cross(body.w, r)
     a = None
     if body.a is not None and body.alpha is not None:
-        a = body.a + np.cross(body.alpha, r) + np.cross(body.w, spin)
+        a = body.a + cross(body.alpha, r) + cross(body.w, spin)
     return body._replace(x=body.x + r, v=body.v + spin, a=a)
 
 
-def values_and_rates(joint: Joint, motion: Relative) -> list[np.ndarray]:
+def values_and_rates(joint: Joint | Geometry, motion: Relative) -> list[np.ndarray]:
     """Return values and rates, and accelerations if ``motion`` has them: each (m, c) by the
     ``columns`` of its level.
     """
+    of = geometry(joint) if isinstance(joint, Joint) else joint
     parts: list[list[np.ndarray]] = [[], [], []]
-    for name in coordinates(joint):
-        for level, columns_of in enumerate(_FUNCTIONS[name](joint, motion)):
+    for name in of.names:
+        for level, columns_of in enumerate(_FUNCTIONS[name](of, motion)):
             parts[level].append(columns_of)
-    m, known = len(motion.D), 2 if motion.a is None else 3
-    return [np.concatenate([np.zeros((m, 0)), *part], axis=1) for part in parts[:known]]
+    known = 2 if motion.a is None else 3
+    none = np.zeros((*motion.D.shape[:-1], 0))
+    return [np.concatenate([none, *part], axis=-1) for part in parts[:known]]
 
 
 def pose(joint: Joint, values: dict[str, float], P: Vector) -> tuple[np.ndarray, np.ndarray]:
@@ -204,72 +234,84 @@ def _direction(a: np.ndarray, frame: np.ndarray) -> float:
     return math.atan2(frame[1] @ a, frame[0] @ a)
 
 
-def _rotated(R: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return ``R a`` for every row; R (m, 3, 3), a (m, 3)."""
-    return np.asarray((R @ a[..., None])[..., 0])
+def rotated(R: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """Return ``R a`` for matrices R (..., 3, 3) and vectors a (..., 3)."""
+    return np.asarray(np.einsum("...ij,...j->...i", R, a))
 
 
-def _slide(row: int, joint: Joint, motion: Relative) -> list[np.ndarray]:
-    """Return D along an axis of the parent's frame and its derivatives, each (m, 1)."""
-    axis = frames(joint)[0][row]
+def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return ``a . b`` (...) of vectors (..., 3)."""
+    return np.asarray(np.einsum("...i,...i->...", a, b))
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return ``a x b`` (..., 3); numpy's own function takes three times as long."""
+    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
+    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=-1)
+
+
+def _slide(row: int, of: Geometry, motion: Relative) -> list[np.ndarray]:
+    """Return D along an axis of the parent's frame and its derivatives, each (..., 1)."""
+    axis = of.here[..., row, :]
     vectors = (motion.D, motion.v, motion.a)
-    return [(vector @ axis)[:, None] for vector in vectors if vector is not None]
+    return [dot(vector, axis)[..., None] for vector in vectors if vector is not None]
 
 
-def _angle(joint: Joint, motion: Relative) -> list[np.ndarray]:
-    """Return the angle about axes that stay parallel, and its derivatives, each (m, 1)."""
-    here, there = frames(joint)
-    e = motion.R @ there[X]
-    angle = np.arctan2(e @ here[1], e @ here[0])
-    rates = [w @ here[Z] for w in (motion.w, motion.alpha) if w is not None]
-    return [column[:, None] for column in (angle, *rates)]
+def _angle(of: Geometry, motion: Relative) -> list[np.ndarray]:
+    """Return the angle about axes that stay parallel, and its derivatives, each (..., 1)."""
+    x, y, z = (of.here[..., i, :] for i in range(3))
+    e = rotated(motion.R, of.there[..., X, :])
+    angle = np.arctan2(dot(e, y), dot(e, x))
+    rates = [dot(w, z) for w in (motion.w, motion.alpha) if w is not None]
+    return [column[..., None] for column in (angle, *rates)]
 
 
-def _angle1(joint: Joint, motion: Relative) -> list[np.ndarray]:
+def _angle1(of: Geometry, motion: Relative) -> list[np.ndarray]:
     """Return the angle of the child's axis about the parent's, and its derivatives."""
-    here, there = frames(joint)
-    return _about(here, motion.R @ there[Z], motion.w, motion.alpha)
+    return _about(of.here, rotated(motion.R, of.there[..., Z, :]), motion.w, motion.alpha)
 
 
-def _angle2(joint: Joint, motion: Relative) -> list[np.ndarray]:
+def _angle2(of: Geometry, motion: Relative) -> list[np.ndarray]:
     """Return minus the angle of the parent's axis about the child's, in the child's axes."""
-    here, there = frames(joint)
     R = np.swapaxes(motion.R, -1, -2)
-    alpha = None if motion.alpha is None else -_rotated(R, motion.alpha)
-    return [-part for part in _about(there, R @ here[Z], -_rotated(R, motion.w), alpha)]
+    alpha = None if motion.alpha is None else -rotated(R, motion.alpha)
+    k = rotated(R, of.here[..., Z, :])
+    return [-part for part in _about(of.there, k, -rotated(R, motion.w), alpha)]
 
 
 def _about(
     frame: np.ndarray, k: np.ndarray, w: np.ndarray, alpha: np.ndarray | None
 ) -> list[np.ndarray]:
-    """Return the angle of the vectors ``k`` (m, 3) from x to y of ``frame``, with its derivatives:
-    k rotates at ``w`` relative to the frame.
+    """Return the angle of the vectors ``k`` (..., 3) from x to y of ``frame``, with its
+    derivatives: k rotates at ``w`` relative to the frame.
     """
-    k_dot = np.cross(w, k)
-    x, y, x_dot, y_dot = k @ frame[0], k @ frame[1], k_dot @ frame[0], k_dot @ frame[1]
+    k_dot, along_x, along_y = cross(w, k), frame[..., 0, :], frame[..., 1, :]
+    x, y = dot(k, along_x), dot(k, along_y)
+    x_dot, y_dot = dot(k_dot, along_x), dot(k_dot, along_y)
     square = x * x + y * y
     rate = (x * y_dot - y * x_dot) / square
     found = [np.arctan2(y, x), rate]
     if alpha is not None:
-        k_ddot = np.cross(alpha, k) + np.cross(w, k_dot)
-        torque = x * (k_ddot @ frame[1]) - y * (k_ddot @ frame[0])
+        k_ddot = cross(alpha, k) + cross(w, k_dot)
+        torque = x * dot(k_ddot, along_y) - y * dot(k_ddot, along_x)
         found.append((torque - 2.0 * (x * x_dot + y * y_dot) * rate) / square)
-    return [column[:, None] for column in found]
+    return [column[..., None] for column in found]
 
 
-def _orientation(joint: Joint, motion: Relative) -> list[np.ndarray]:
-    """Return the parameters, angular velocity and acceleration in the child's axes, (m, 3) each."""
+def _orientation(of: Geometry, motion: Relative) -> list[np.ndarray]:
+    """Return the parameters, angular velocity and acceleration in the child's axes, (..., 3)."""
     R = np.swapaxes(motion.R, -1, -2)
-    rates = [_rotated(R, w) for w in (motion.w, motion.alpha) if w is not None]
+    rates = [rotated(R, w) for w in (motion.w, motion.alpha) if w is not None]
     return [parameters(motion.R), *rates]
 
 
 _SLIDES = {"slide": Z, "slide1": 0, "slide2": 1}
 """Rows of the parent's frame along which the displacements are measured."""
 _FUNCTIONS = {
-    "slide": lambda joint, motion: _slide(Z, joint, motion),
-    "slide1": lambda joint, motion: _slide(0, joint, motion),
-    "slide2": lambda joint, motion: _slide(1, joint, motion),
+    "slide": lambda of, motion: _slide(Z, of, motion),
+    "slide1": lambda of, motion: _slide(0, of, motion),
+    "slide2": lambda of, motion: _slide(1, of, motion),
     "angle": _angle,
     "angle1": _angle1,
     "angle2": _angle2,

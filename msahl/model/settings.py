@@ -24,6 +24,12 @@ from msahl.model.scheme import (
 
 MEAN, INSTANTANEOUS = "mean", "instantaneous"
 """Published reactions: means over the step before an output time, or those at that time."""
+YES, NO = "yes", "no"
+AUTOMATIC = "auto"
+JOINT_TABLES = (AUTOMATIC, YES, NO)
+"""Whether the coordinates of joints are written; automatic: of models with angles or slides, unless
+they have very many joints."""
+ACCELERATIONS = (NO, YES)
 ESTIMATE, LOCAL, OFF = ERRORS = ("estimate", "local", "off")
 """What a run finds out about its error: the global error, the sum of local errors, nothing."""
 SOLVERS = ("auto", "newton", "root")
@@ -50,10 +56,11 @@ class Simulation:
     ``dt`` is the step size and ``t_final`` the end [s]. ``damping`` belongs to the scheme
     "decaying": 0 damps nothing, 1 removes the fastest motions within one step. ``degree`` belongs
     to gauss and radau. ``rotation_update`` says how the mean angular velocity of a step rotates a
-    body, ``reactions`` whether reactions are means or instantaneous. ``output_interval`` [s] is the
-    time between output times, None for the step size. The step size is controlled by ``tolerance``
-    [m] of the global error or by ``local_tolerance`` [m] of the sum of local errors; ``dt`` is then
-    the first step size tried.
+    body, ``reactions`` whether reactions are means or instantaneous, ``accelerations`` whether they
+    are written, ``joint_table`` whether the coordinates of joints are. ``output_interval`` [s] is
+    the time between output times, None for the step size. The step size is controlled by
+    ``tolerance`` [m] of the global error or by ``local_tolerance`` [m] of the sum of local errors;
+    ``dt`` is then the first step size tried.
     """
 
     title: str
@@ -68,6 +75,8 @@ class Simulation:
     output_interval: float | None = None
     tolerance: float | None = None
     local_tolerance: float | None = None
+    accelerations: str = NO
+    joint_table: str = AUTOMATIC
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +110,8 @@ class RunSettings:
     decay: Decay  # coefficients of the schemes of order 2
     exponential: bool  # whether rotations are updated by the exponential map
     reactions: str  # MEAN or INSTANTANEOUS
+    accelerations: str  # of bodies: NO or YES
+    joint_table: str  # coordinates of joints: AUTOMATIC, YES or NO
     tolerance: float | None  # of the global error, by which the step size is chosen [m]
     local_tolerance: float | None  # of the sum of local errors, likewise [m]
     solver: str
@@ -149,6 +160,8 @@ def resolve(simulation: Simulation, options: Options = Options()) -> RunSettings
         decay=decay,
         exponential=simulation.rotation_update == EXPONENTIAL and not collocation,
         reactions=INSTANTANEOUS if collocation else simulation.reactions,
+        accelerations=simulation.accelerations,
+        joint_table=simulation.joint_table,
         tolerance=tolerance,
         local_tolerance=local,
         solver=options.solver,

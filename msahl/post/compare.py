@@ -23,6 +23,8 @@ from msahl.results.write import PART
 
 SAME_TIME = 1e-9
 TABLES = ("states.csv", "reactions.csv", "work.csv")
+OBSERVED = ("accelerations.csv", "joints.csv", "markers.csv", "system.csv", "signals.csv")
+"""Tables that are compared if both folders have them; they follow from the states."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +101,7 @@ def _pairs(run: Path, reference: Path) -> list[tuple[str, Path, Path]]:
         raise ResultError(
             f"{reference}: has no {extra[0]}, which {run} has; compare single CSV files instead"
         )
+    names += [name for name in OBSERVED if find_table(run, name) and find_table(reference, name)]
     return [(name, _table_of(run, name), _table_of(reference, name)) for name in names]
 
 
@@ -119,7 +122,7 @@ def _read(path: Path) -> pd.DataFrame:
     Other numbers may be anything: a value that is not finite differs from everything.
     """
     table, expected = read_table(path), read_info(path.parent).get("outputTimes")
-    if expected is not None and len(table) != expected and path.name.removesuffix(PART) in TABLES:
+    if expected is not None and len(table) != expected and _name(path) in (*TABLES, *OBSERVED):
         raise ResultError(wrong_count(path, len(table), f"run.json says {expected}"))
     if "time" in table.columns:
         check_rows(path, table, only_times=True)

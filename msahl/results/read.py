@@ -1,7 +1,7 @@
 """Reads a run's folder: the model that was run, its tables and its ``run.json``."""
 
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +37,7 @@ class Run:
     work: pd.DataFrame | None
     partial: bool
     errors: pd.DataFrame | None = None  # estimated errors [m]; fewer rows if its companion stopped
+    others: dict[str, pd.DataFrame] = field(default_factory=dict)  # all other tables, by name
 
     @property
     def time(self) -> np.ndarray:
@@ -93,6 +94,11 @@ def read_run(folder: Path) -> Run:
         states=tables[STATES_FILE],
         reactions=tables.get(file_name(REACTIONS)),
         work=tables.get(file_name(WORK)),
+        others={
+            name: tables[file_name(name)]
+            for name in tables_of_model(model)
+            if name not in (STATES, REACTIONS, WORK)
+        },
         partial=find_table(folder, STATES_FILE) == folder / (STATES_FILE + PART),
         errors=_errors(folder, tables[STATES_FILE]["time"].to_numpy(), info),
     )

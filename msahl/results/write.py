@@ -93,6 +93,7 @@ class RunFolder:
     ) -> None:
         self.folder = folder
         self.complete = False
+        self.takes_observed = True
         folder.mkdir(parents=True, exist_ok=True)
         if ends is None:
             clear(folder)

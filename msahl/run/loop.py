@@ -301,7 +301,10 @@ class TimeLoop:
             return True
         began = time.perf_counter()
         try:
-            self.sink.write({**self.setup.tables.rows(times), ERROR: errors})
+            tables = self.setup.tables.rows(times)
+            if self.sink.takes_observed:
+                tables |= self.setup.observed.rows(tables)
+            self.sink.write({**tables, ERROR: errors})
         except OSError as error:
             self._end_unwritten(error)
             return False

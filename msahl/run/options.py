@@ -12,8 +12,9 @@ from typing import Any
 
 from msahl.model import INSTANTANEOUS, MEAN, Model, Options, RunSettings, Simulation
 from msahl.model.scheme import CAYLEY, DAMPING, EXPONENTIAL, TOLERANCE, choices, split
-from msahl.model.settings import ERRORS, SOLVERS
+from msahl.model.settings import ACCELERATIONS, ERRORS, JOINT_TABLES, SOLVERS
 from msahl.run.report import camel_case
+from msahl.run.tables import MOST_JOINTS
 
 MOST_EVERY = 10**9
 
@@ -168,6 +169,23 @@ OPTIONS = (
         "instantaneous).",
         lambda of: of.reactions,
         deck="reactions",
+    ),
+    Option(
+        "accelerations",
+        Choice(ACCELERATIONS),
+        "Write the accelerations of all bodies, and of the coordinates of joints, at the output "
+        "times: 'yes' or 'no' (default: the deck's, else no).",
+        lambda of: of.accelerations,
+        deck="accelerations",
+    ),
+    Option(
+        "joint_table",
+        Choice(JOINT_TABLES),
+        "Write joints.csv, the coordinates of joints and their rates: 'yes', 'no', or 'auto', if "
+        f"a joint has an angle or a slide and there are at most {MOST_JOINTS} joints (default: the "
+        "deck's, else auto).",
+        lambda of: of.joint_table,
+        deck="jointTable",
     ),
     Option(
         "error",

@@ -26,6 +26,7 @@ def take_snapshot(system: str, setup: RunSetup, record: Record, report: Report) 
         "subsystems": [counters(of) for of in setup.all_integrators],
         "error": setup.estimate and setup.estimate.numbers(),
         "attempts": setup.attempts and setup.attempts.numbers(),
+        "observed": setup.observed.numbers(),
     }
     memory = copy_memory(setup.all_integrators)
     if setup.attempts:
@@ -51,6 +52,7 @@ def restore_snapshot(
     restore_memory(setup.all_integrators, since.memory)
     setup.plan.progress = Progress(**numbers["progress"])
     record.extremes.restore(numbers["extremes"])
+    setup.observed.restore(numbers["observed"])
     if setup.estimate:
         setup.estimate.restore(numbers["error"])
     report.resumed = [*numbers["resumed"], setup.plan.progress.time]

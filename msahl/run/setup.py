@@ -10,10 +10,12 @@ from msahl.run.attempts import KNOWN_NUMBERS, Attempts
 from msahl.run.companion import Companion, choose_companion
 from msahl.run.error_estimate import ErrorEstimate
 from msahl.run.messages import start_warnings
+from msahl.run.observed import ObservedTables
 from msahl.run.output import OutputTimes, TableAssembly
 from msahl.run.report import Report
 from msahl.run.step_plan import ControlledSteps, GivenSteps, StepPlan
 from msahl.run.subsystem import SubsystemIntegrator
+from msahl.run.tables import needs_accelerations
 from msahl.system.subsystems import split
 
 
@@ -28,6 +30,7 @@ class RunSetup:
     integrators: list[SubsystemIntegrator]
     plan: StepPlan
     tables: TableAssembly
+    observed: ObservedTables
     estimate: ErrorEstimate | None
     began: float  # time of the clock when building began [s]
 
@@ -50,7 +53,12 @@ def build_setup(model: Model, settings: RunSettings, attempts: Attempts | None) 
     together = settings.full or settings.adaptive
     integrators = [
         SubsystemIntegrator(
-            subsystem, settings.solver, settings.full, output.chunk, settings.instantaneous
+            subsystem,
+            settings.solver,
+            settings.full,
+            output.chunk,
+            settings.instantaneous,
+            needs_accelerations(model),
         )
         for subsystem in ([model] if together else split(model))
     ]
@@ -63,7 +71,18 @@ def build_setup(model: Model, settings: RunSettings, attempts: Attempts | None) 
         estimate = ErrorEstimate(model, integrators, companion, settings)
         if attempts and output.shown.n * tables.width <= KNOWN_NUMBERS:
             estimate.keep_rows()
-    return RunSetup(model, settings, attempts, output, integrators, plan, tables, estimate, began)
+    return RunSetup(
+        model=model,
+        settings=settings,
+        attempts=attempts,
+        output=output,
+        integrators=integrators,
+        plan=plan,
+        tables=tables,
+        observed=ObservedTables(model),
+        estimate=estimate,
+        began=began,
+    )
 
 
 def _companion(

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from msahl.elements.rigid_body import write_accelerations
 from msahl.jit.by_size import by_size
 from msahl.model import Model, resolve
 from msahl.schemes.fixed_stepper import FixedStepper
@@ -44,19 +45,25 @@ class SubsystemIntegrator:
     is the number of independent constraint equations, ``redundant`` that of the others; ``shared``
     lists the columns of reactions that are therefore not unique, by name of the joint, coupling or
     motion; ``axis`` is the normal of a planar subsystem's plane, or None. Reactions are means over
-    the steps unless ``instantaneous``. ``full`` switches off the model reductions, ``chunk`` is the
-    largest number of steps and rows of a chunk. Raises ``StartError`` if there is no consistent
-    start.
+    the steps unless ``instantaneous``; the tables have accelerations if these are wanted. ``full``
+    switches off the model reductions, ``chunk`` is the largest number of steps and rows of a chunk.
+    Raises ``StartError`` if there is no consistent start.
     """
 
     def __init__(
-        self, model: Model, solver: str, full: bool, chunk: int, instantaneous: bool = False
+        self,
+        model: Model,
+        solver: str,
+        full: bool,
+        chunk: int,
+        instantaneous: bool = False,
+        accelerations: bool = False,
     ) -> None:
         self.model, self.solver, self.size = model, solver, len(model.bodies)
         system = build_system(model)
         state = build_state(model, system)
         try:
-            self._make_workspace(system, state, full, chunk)
+            self._make_workspace(system, state, full, chunk, accelerations)
         except np.linalg.LinAlgError as error:  # LAPACK's fault on inf and nan
             start = new_system_workspace(system, state)
             evaluate.prepare(system, state, start)
@@ -64,7 +71,9 @@ class SubsystemIntegrator:
             raise StartError(overflow(0.0, name)) from error
         self.stepper = _new_stepper(model, self.workspace, solver, instantaneous)
 
-    def _make_workspace(self, system: System, state: State, full: bool, chunk: int) -> None:
+    def _make_workspace(
+        self, system: System, state: State, full: bool, chunk: int, accelerations: bool
+    ) -> None:
         """Make the state consistent, choose the unknowns and apply the model reductions."""
         model = self.model
         self.moved = assemble(system, state) if model.position == "project" else None
@@ -89,7 +98,7 @@ class SubsystemIntegrator:
             system = stay_in_plane(system, self.axis)
             system = drop_rows(system, symmetric_rows(system, start, self.axis))
             state = state._replace(angle=np.zeros(coordinate_count(system)))
-        self.workspace: Workspace = new_workspace(system, unknowns, state, chunk)
+        self.workspace: Workspace = new_workspace(system, unknowns, state, chunk, accelerations)
         prepare(system, state, self.workspace.start)
 
     def _add_shared(self, system: System, state: State) -> None:
@@ -120,6 +129,12 @@ class SubsystemIntegrator:
         self.workspace.mean_force[:] = self.workspace.state.force
         self.workspace.mean_reaction[:] = self.workspace.state.reaction
         by_size(workspace.record_step, self.size)(self.workspace, 0.0, 0, 0)
+        table = self.workspace.tables.accelerations
+        if table.shape[1]:
+            state, start = self.workspace.state, self.workspace.start
+            write = by_size(write_accelerations, self.size)
+            bodies = self.workspace.system.bodies
+            write(bodies, start.frames, state.w, state.a, state.alpha, table, 0)
 
     def advance(self, chunk: Chunk, patience: float = math.inf) -> Advance:
         """Take the steps of a ``chunk``; see ``Stepper.advance``."""

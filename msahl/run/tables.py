@@ -10,9 +10,13 @@ from typing import Protocol
 
 import numpy as np
 
+from msahl.joints.coordinates import ORIENTATION, coordinates
 from msahl.model import Model
+from msahl.model.settings import AUTOMATIC, YES
 from msahl.system.names import (
     STATE_COLUMNS,
+    acceleration_columns,
+    coordinate_columns,
     joint_columns,
     reaction_columns,
     signal_columns,
@@ -23,16 +27,23 @@ from msahl.system.names import (
 
 STATES, REACTIONS, WORK, SIGNALS = "states", "reactions", "work", "signals"
 ERROR = "error"
+ACCELERATIONS = "accelerations"
+JOINTS = "joints"
+MOST_JOINTS = 50
+"""Most joints whose coordinates are written without being asked for."""
 COLUMNS: dict[str, Callable[[Model], list[str]]] = {
     STATES: state_columns,
     REACTIONS: reaction_columns,
     WORK: work_columns,
+    ACCELERATIONS: acceleration_columns,
     SIGNALS: signal_columns,
 }
 """Tables that the steppers fill, by name, with their columns, of which the first is the time."""
 ERROR_COLUMNS = ["time", "position", "orientation"]
 """Columns of the table of estimated errors [s, m, m]."""
-TABLES = (*COLUMNS, ERROR)
+OBSERVED = (JOINTS,)
+"""Tables that are computed from others."""
+TABLES = (*COLUMNS, *OBSERVED, ERROR)
 """Names of all tables."""
 
 
@@ -43,8 +54,24 @@ def column_counts(model: Model) -> dict[str, int]:
         REACTIONS: len(reaction_columns(replace(model, joints=())))
         + sum(len(joint_columns(joint)) for joint in model.joints),
         WORK: len(work_columns(model)),
+        ACCELERATIONS: len(acceleration_columns(model)) if needs_accelerations(model) else 0,
         SIGNALS: len(signal_columns(model)) if has_signals(model) else 0,
     }
+
+
+def needs_accelerations(model: Model) -> bool:
+    """Return whether a table of the model needs the accelerations of bodies."""
+    return model.simulation.accelerations == YES
+
+
+def has_joint_table(model: Model) -> bool:
+    """Return whether the coordinates of joints are written."""
+    wanted = model.simulation.joint_table
+    having = [joint for joint in model.joints if coordinates(joint)]
+    if wanted != AUTOMATIC:
+        return wanted == YES and bool(having)
+    scalar = any(coordinates(joint) != (ORIENTATION,) for joint in having)
+    return scalar and len(having) <= MOST_JOINTS
 
 
 def has_signals(model: Model) -> bool:
@@ -59,13 +86,23 @@ def tables_of_model(model: Model) -> dict[str, list[str]]:
         tables[REACTIONS] = reaction_columns(model)
     if workers(model):
         tables[WORK] = work_columns(model)
+    if model.simulation.accelerations == YES:
+        tables[ACCELERATIONS] = acceleration_columns(model)
+    if has_joint_table(model):
+        tables[JOINTS] = coordinate_columns(model, 3 if needs_accelerations(model) else 2)
     if has_signals(model):
         tables[SIGNALS] = signal_columns(model)
     return tables
 
 
 class Sink(Protocol):
-    """Receives the tables of a run, by name."""
+    """Receives the tables of a run, by name; those that are computed from others (``OBSERVED``)
+    only if it takes them.
+    """
+
+    @property
+    def takes_observed(self) -> bool:
+        """Whether the tables of ``OBSERVED`` are wanted."""
 
     def write(self, tables: Mapping[str, np.ndarray]) -> None:
         """Append the rows (m, columns) of each table; the first column is the time [s].
@@ -83,6 +120,7 @@ class MemorySink:
 
     def __init__(self, only: Sequence[str] | None = None) -> None:
         self.only = only
+        self.takes_observed = only is None or bool(set(only) & set(OBSERVED))
         self.kept: dict[str, list[np.ndarray]] = {}
 
     def write(self, tables: Mapping[str, np.ndarray]) -> None:

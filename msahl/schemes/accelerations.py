@@ -23,6 +23,7 @@ from msahl.elements import forces
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
 from msahl.elements.reactions import MOST_ROUNDS, is_unchanged, write_reactions
+from msahl.elements.rigid_body import write_accelerations
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import dense, sparse_lu
 from msahl.schemes.midpoint import newton
@@ -48,9 +49,14 @@ class Instant(NamedTuple):
     force: np.ndarray  # (k, 3) copy of the state's multipliers
     reaction: np.ndarray  # (j, 6) copy of its reactions
     last: np.ndarray  # (j, 6) reactions of the previous iteration
+    a: np.ndarray  # (f, 3) accelerations of the frames [m/s^2]
+    alpha: np.ndarray  # (f, 3) their angular accelerations [rad/s^2]
+    publishes_reactions: bool  # whether tables have reactions at the output times, not means
 
 
-def new_instant(system: System, unknowns: Unknowns | None = None) -> Instant:
+def new_instant(
+    system: System, unknowns: Unknowns | None = None, publishes_reactions: bool = True
+) -> Instant:
     """Return the work arrays for any state of ``system``, for all its unknowns or those given."""
     if unknowns is None:
         unknowns = choose(system, all_unknowns(system))
@@ -66,6 +72,9 @@ def new_instant(system: System, unknowns: Unknowns | None = None) -> Instant:
         force=np.zeros((system.multipliers.node.size, 3)),
         reaction=np.zeros((system.reactions.child.size, 6)),
         last=np.zeros((system.reactions.child.size, 6)),
+        a=np.zeros((system.frames.length.size, 3)),
+        alpha=np.zeros((system.frames.length.size, 3)),
+        publishes_reactions=publishes_reactions,
     )
 
 
@@ -167,7 +176,8 @@ def project_velocities(
 
 @kernel
 def write_instantaneous_reactions(workspace: Workspace, instant: Instant, row: int) -> None:
-    """Write the reactions at the time of the state to a ``row`` of the tables, instead of means.
+    """Write the reactions at the time of the state to a ``row`` of the tables, instead of means,
+    and the accelerations if they are wanted.
 
     Those in the state, from which the next step is predicted, are not changed.
     """
@@ -176,15 +186,30 @@ def write_instantaneous_reactions(workspace: Workspace, instant: Instant, row: i
     copy(state.force, force)
     copy(state.reaction, reaction)
     accelerate(system, state, start, instant)
-    write_reactions(
-        system.shown,
-        system.scalar,
-        state.reaction,
-        state.force,
-        state.time[0],
-        workspace.tables.reactions,
-        row,
-    )
+    if instant.publishes_reactions:
+        write_reactions(
+            system.shown,
+            system.scalar,
+            state.reaction,
+            state.force,
+            state.time[0],
+            workspace.tables.reactions,
+            row,
+        )
+    if workspace.tables.accelerations.shape[1] > 0:
+        for f in range(moving_count(system.frames)):
+            put(instant.a, f, at(instant.solution, displacement_node(system.frames, f)))
+            by_length = at(instant.solution, rotation_node(system.frames, f))
+            put(instant.alpha, f, scale(1.0 / system.frames.length[f], by_length))
+        write_accelerations(
+            system.bodies,
+            start.frames,
+            state.w,
+            instant.a,
+            instant.alpha,
+            workspace.tables.accelerations,
+            row,
+        )
     copy(force, state.force)
     copy(reaction, state.reaction)
 

@@ -18,7 +18,12 @@ from msahl.elements.forces import Forces, ForcesWorkspace, energy_columns
 from msahl.elements.forces import new_workspace as new_forces_workspace
 from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.elements.reactions import Reactions, Shown
-from msahl.elements.rigid_body import STATE_SIZE, RigidBodies, RigidBodiesWorkspace
+from msahl.elements.rigid_body import (
+    ACCELERATION_SIZE,
+    STATE_SIZE,
+    RigidBodies,
+    RigidBodiesWorkspace,
+)
 from msahl.model.scheme import Decay
 
 
@@ -84,6 +89,7 @@ class Tables(NamedTuple):
     states: np.ndarray  # (rows, 12 n)
     reactions: np.ndarray  # (rows, ...) [N, N m, W]
     work: np.ndarray  # (rows, ...) [J]
+    accelerations: np.ndarray  # (rows, 6 n) or, if they are not wanted, (rows, 0)
     signals: np.ndarray  # (rows, k) signals, auxiliary states, and loads of actuators
 
 
@@ -160,13 +166,14 @@ def new_system_workspace(system: System, state: State) -> SystemWorkspace:
     )
 
 
-def new_tables(system: System, state: State, rows: int) -> Tables:
-    """Return tables for ``rows`` output times."""
+def new_tables(system: System, state: State, rows: int, accelerations: bool = False) -> Tables:
+    """Return tables for ``rows`` output times, with those of ``accelerations`` if wanted."""
     states, shown = STATE_SIZE * system.bodies.frame.size, system.shown
     reactions = int(np.where(shown.moment, 6, 3).sum()) + shown.load_equation.size
     if system.scalar:
         reactions += int(np.count_nonzero(system.scalar.equations.law[shown.load_equation] >= 0))
     work = state.work.size + energy_columns(system.forces)
+    moved = ACCELERATION_SIZE * system.bodies.frame.size if accelerations else 0
     shown_signals = system.forces.signals.shown.size if system.forces.signals else 0
-    widths = (states, reactions, work, shown_signals)
+    widths = (states, reactions, work, moved, shown_signals)
     return Tables(*(np.zeros((rows, width)) for width in widths))

@@ -1,6 +1,7 @@
 """Names of what the flat arrays hold: CSV columns, and rows of the equations for messages."""
 
 from msahl.elements.frames import first_multiplier
+from msahl.joints.coordinates import columns
 from msahl.joints.registry import KINDS
 from msahl.model import (
     Actuator,
@@ -16,6 +17,7 @@ from msahl.model.scheme import WORKER
 from msahl.system.arrays import System
 
 STATE_COLUMNS = ("x", "y", "z", "P1", "P2", "P3", "vx", "vy", "vz", "wx", "wy", "wz")
+ACCELERATION_COLUMNS = ("ax", "ay", "az", "alphax", "alphay", "alphaz")
 FORCE_COLUMNS = ("Fx", "Fy", "Fz")
 MOMENT_COLUMNS = ("Mx", "My", "Mz")
 LOAD_COLUMN = "load"
@@ -26,6 +28,19 @@ def state_columns(model: Model) -> list[str]:
     """Header of ``states.csv``."""
     ends = [f".{c}" for c in STATE_COLUMNS]
     return ["time", *[body.name + end for body in model.bodies for end in ends]]
+
+
+def acceleration_columns(model: Model) -> list[str]:
+    """Header of ``accelerations.csv``."""
+    return ["time", *(f"{b.name}.{c}" for b in model.bodies for c in ACCELERATION_COLUMNS)]
+
+
+def coordinate_columns(model: Model, levels: int) -> list[str]:
+    """Header of ``joints.csv``: of each joint the values of its coordinates, their rates, and with
+    three ``levels`` their accelerations.
+    """
+    names = ((joint, level) for joint in model.joints for level in range(levels))
+    return ["time", *(f"{of.name}.{c}" for of, level in names for c in columns(of, level))]
 
 
 def reaction_columns(model: Model) -> list[str]:

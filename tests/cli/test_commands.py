@@ -84,6 +84,8 @@ def test_a_run_writes_its_tables_its_deck_and_what_happened(tmp_path):
         "scheme": "preserving",
         "damping": 0.0,
         "reactions": "mean",
+        "accelerations": "no",
+        "jointTable": "auto",
         "outputInterval": None,
         "tolerance": None,
         "localTolerance": None,

@@ -111,3 +111,14 @@ def test_the_command_and_what_it_refuses(folder):
         with pytest.raises(ResultError, match=word):
             crossings(read_run(folder), column, 0.0)
         assert CliRunner().invoke(post, ["events", str(folder), column]).exit_code == 2
+
+
+def test_angles_of_joints_have_events(tmp_path):
+    """A crank of one revolution a second is back at -60 degrees after every second."""
+    out, crank = tmp_path / "run", THESIS[0].parents[1] / "mechanisms" / "four_bar.xml"
+    assert CliRunner().invoke(msahl, ["run", str(crank), "-o", str(out)]).exit_code == 0
+    (event,) = crossings(read_run(out), "Crank pivot.angle", -np.pi / 3 - 3.0 * np.pi)
+    assert event.time == pytest.approx(1.5, abs=1e-9)
+    assert event.slope == pytest.approx(-2.0 * np.pi, rel=1e-9)
+    words = ["events", str(out), "Crank pivot.angle", "--at", "-4.19", "--json"]
+    assert CliRunner().invoke(post, words).exit_code == 0

@@ -35,6 +35,8 @@ GIVEN = {
     "output_interval": 0.01,
     "every": 3,
     "reactions": "instantaneous",
+    "accelerations": "yes",
+    "joint_table": "no",
     "error": "local",
     "accuracy": 0.5,
     "full": True,

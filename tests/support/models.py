@@ -12,7 +12,7 @@ from msahl.model import ConcentratedLoad, Ground, Joint, Model, Options, RigidBo
 from msahl.model.scheme import split
 from msahl.run.loop import Hooks, run
 from msahl.run.report import Report
-from msahl.run.tables import TABLES, MemorySink
+from msahl.run.tables import ERROR, REACTIONS, SIGNALS, STATES, TABLES, WORK, MemorySink
 from msahl.system.names import reaction_columns, signal_columns, work_columns
 
 ROOT = Path(__file__).parents[2]
@@ -40,6 +40,7 @@ class Result:
     work: np.ndarray
     signals: np.ndarray
     errors: np.ndarray
+    others: dict[str, np.ndarray]
 
     @property
     def time(self):
@@ -96,7 +97,9 @@ def simulate(model, dt=None, t_final=None, scheme=None, damping=None, *, checked
     changes = {name: value for name, value in given.items() if value is not None}
     model = replace(model, simulation=replace(model.simulation, **changes))
     report, sink = run_in_memory(model, Options(**options), checked=checked)
-    return Result(model, report, *map(sink.table, TABLES))
+    tables = {name: sink.table(name) for name in TABLES}
+    own = [tables.pop(name) for name in (STATES, REACTIONS, WORK, SIGNALS, ERROR)]
+    return Result(model, report, *own, tables)
 
 
 def build_model(

@@ -30,7 +30,8 @@ def kind_of(system: System) -> str:
 class MidpointMethod:
     """The ``StepMethod`` of the energy-preserving and the decaying scheme.
 
-    ``instantaneous`` asks for reactions at the output times instead of means over the steps.
+    ``instantaneous`` asks for reactions at the output times instead of means over the steps; these
+    and accelerations need the index-1 problem of every output time.
     """
 
     degree = 0
@@ -38,7 +39,9 @@ class MidpointMethod:
 
     def __init__(self, workspace: Workspace, instantaneous: bool) -> None:
         self.workspace = workspace
-        self.instant = new_instant(workspace.system) if instantaneous else None
+        self.instant = None
+        if instantaneous or workspace.tables.accelerations.shape[1]:
+            self.instant = new_instant(workspace.system, publishes_reactions=instantaneous)
 
     @property
     def kind(self) -> str:

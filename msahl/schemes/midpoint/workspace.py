@@ -41,8 +41,12 @@ class Workspace(NamedTuple):
     monitor: Monitor
 
 
-def new_workspace(system: System, unknowns: Unknowns, state: State, chunk: int) -> Workspace:
-    """Return the workspace for chunks of up to ``chunk`` steps."""
+def new_workspace(
+    system: System, unknowns: Unknowns, state: State, chunk: int, accelerations: bool = False
+) -> Workspace:
+    """Return the workspace for chunks of up to ``chunk`` steps, with a table of ``accelerations``
+    if they are wanted.
+    """
     nodes = (node_count(system), 3)
     return Workspace(
         system=system,
@@ -58,7 +62,7 @@ def new_workspace(system: System, unknowns: Unknowns, state: State, chunk: int) 
         mean_reaction=np.zeros_like(state.reaction),
         counts=np.zeros(2, dtype=np.int64),
         pivots=np.zeros(1),
-        tables=new_tables(system, state, chunk),
+        tables=new_tables(system, state, chunk, accelerations),
         monitor=new_monitor(state, chunk),
     )
 
