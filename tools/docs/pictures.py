@@ -21,6 +21,9 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
+
+# A script's own folder is on the path of imports.
+from machine_pictures import PANELS, draw_machine
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
@@ -179,6 +182,9 @@ def draw_pages(folder: Path) -> None:
     subprocess.run([*plot, "--joint", "Motor", "-o", str(folder)], check=True, capture_output=True)
     IMAGES.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(folder / "reactions.png", IMAGES / "four_bar_motor.png")
+    for name in PANELS:
+        deck = ROOT / "decks" / "machines" / f"{name}.xml"
+        draw_machine(name, run(deck, folder / name))
 
 
 def run(deck: Path, folder: Path) -> Path:
