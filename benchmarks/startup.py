@@ -2,7 +2,7 @@
 
     python -m benchmarks.startup [--repeats 10] [-o DIR]
 
-Writes startup.md: medians of all commands, which take turns, with what each takes above importing
+Writes startup.md: medians of all commands, which alternate, with what each takes above importing
 numpy. MuJoCo needs an installation of its own package.
 """
 
@@ -45,8 +45,8 @@ def measure(repeats: int) -> dict[str, float]:
             except Exception as error:
                 tell(f"{words}: omitted ({error})")
                 del everything[words]
-        for turn in range(repeats):
-            tell(f"{turn + 1} of {repeats}")
+        for k in range(repeats):
+            tell(f"{k + 1} of {repeats}")
             for words, command in everything.items():
                 seconds.setdefault(words, []).append(run(command, folder / "cache").seconds)
     return {words: statistics.median(values) for words, values in seconds.items()}

@@ -19,7 +19,13 @@ def rotations(p: np.ndarray) -> np.ndarray:
 
 
 def parameters(R: np.ndarray) -> np.ndarray:
-    """Return the rescaled parameters (..., 3) of rotation matrices (..., 3, 3).
+    """Return the rescaled parameters (..., 3) of rotation matrices (..., 3, 3)."""
+    e = euler_parameters(R)
+    return np.asarray(4.0 * e[..., 1:] / (1.0 + e[..., :1]))
+
+
+def euler_parameters(R: np.ndarray) -> np.ndarray:
+    """Return the Euler parameters (..., 4), e0 >= 0, of rotation matrices (..., 3, 3).
 
     Of the four products 4 e_i e of Euler parameters e, that with the largest e_i is taken: no
     difference of nearly equal numbers is then divided by a small one.
@@ -36,8 +42,7 @@ def parameters(R: np.ndarray) -> np.ndarray:
     largest = np.argmax(np.diagonal(products, axis1=-2, axis2=-1), axis=-1)
     e = np.take_along_axis(products, largest[..., None, None], axis=-2)[..., 0, :]
     e = e / np.sqrt((e * e).sum(axis=-1, keepdims=True))
-    e = np.where(e[..., :1] < 0.0, -e, e)
-    return np.asarray(4.0 * e[..., 1:] / (1.0 + e[..., :1]))
+    return np.where(e[..., :1] < 0.0, -e, e)
 
 
 _CYCLE = ((1, 2), (2, 0), (0, 1))

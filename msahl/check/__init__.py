@@ -19,8 +19,9 @@ from msahl.check.joints import coupling_findings, joint_findings, kind_findings
 from msahl.check.laws import law_findings
 from msahl.check.loads import element_findings, repeated_motions
 from msahl.check.loads import start_findings as placed_findings
+from msahl.check.markers import group_findings, marker_findings, sensor_findings
 from msahl.check.names import RESERVED, name_messages, unresolved
-from msahl.check.signals import circle_findings, signal_findings
+from msahl.check.signals import circle_findings, expression_findings, signal_findings
 from msahl.check.simulation import check_simulation, simulation_findings, start_findings
 from msahl.model import Joint, JointMotion, Model, RigidBody
 
@@ -56,8 +57,17 @@ def check(model: Model) -> list[Fault]:
     for kind, element in others:
         found += _element_faults(kind, element, context, [element_findings, placed_findings])
     found += _motion_faults(model)
+    for marker in model.markers:
+        found += _element_faults("marker", marker, context, [marker_findings])
+    for sensor in model.sensors:
+        found += _element_faults("marker", sensor, context, [sensor_findings])
+    for group in model.groups:
+        found += _element_faults("group", group, context, [group_findings])
     for signal in model.signals:
         found += _element_faults("signal", signal, context, [signal_findings])
+    for stop in model.stops:
+        findings = expression_findings("when", stop.expression, context)
+        found += [Fault("stop", "", finding.part, finding.message) for finding in findings]
     signals = {signal.name: signal for signal in model.signals}
     found += [Fault("signal", name, "", message) for name, message in circle_findings(signals)]
     run = [*simulation_findings(model.simulation), *start_findings(model)]
@@ -89,6 +99,8 @@ def _name_faults(model: Model) -> Iterator[Fault]:
     bodies: list[tuple[str, Any]] = [
         ("body", element) for element in (*model.grounds, *model.bodies)
     ]
+    bodies += [("marker", element) for element in (*model.markers, *model.sensors)]
+    bodies += [("group", element) for element in model.groups]
     others: list[tuple[str, Any]] = [("joint", e) for e in (*model.joints, *model.couplings)]
     others += [("motion", element) for element in model.motions]
     others += [("load", element) for element in model.loads]

@@ -37,6 +37,13 @@ PACKAGES = ("numba", "numpy", "scipy")
 @click.argument("deck", type=DECK)
 @output_option("results/<deck's name>")
 @set_option
+@click.option(
+    "--stop-when",
+    metavar="CONDITION",
+    help="End the run when a condition of the motion "
+    "begins to hold, such as 'Crank.angle > 2*pi' (default: <stop> of the deck, else "
+    "none).",
+)
 @run_options
 @click.option("--resume", is_flag=True, help="Resume the interrupted run in DIR. Give the deck and "
               "the options with which it was started.")  # fmt: skip
@@ -63,6 +70,11 @@ def run(
     Example: msahl run decks/thesis/double_pendulum_89.xml --dt 0.01 -o results/coarse
     """
     changed = given.pop("settings")
+    condition = given.pop("stop_when")
+    if condition is not None:
+        from msahl.deck.overrides import STOP_WHEN
+
+        changed = (*changed, f"{STOP_WHEN}{condition}")
     job = make_job(deck, output or Path("results") / deck.stem, given, changed)
     from msahl.jit.progress import CompileError
     from msahl.results.folder import FolderError
@@ -311,6 +323,9 @@ def _tell(deck: Path, folder: Path, report: "Report", talk: Talk) -> None:
     from msahl.run.verdict import FAIL
 
     lines = [] if talk.quiet else [f"{shown_path(deck)}: {text}" for text in report.warnings]
+    if report.stop and not talk.quiet:
+        condition, t = report.stop["condition"], report.stop["time"]
+        lines.append(f"{shown_path(deck)}: ended at t = {t:g} s, where {condition}")
     if report.message:
         lines.append(f"{shown_path(deck)}: {report.message}")
     if talk.verbose:

@@ -120,6 +120,7 @@ def _plan(request: Request) -> "Plan":
     from msahl.study.plan import Plan
 
     model, steps = read_deck(request.deck, settings=request.settings), request.steps
+    model = replace(model, stops=())  # runs that are compared have the same end
     if request.t_final is not None:
         model = replace(model, simulation=replace(model.simulation, t_final=request.t_final))
     cases = [replace(model.simulation, dt=step) for step in steps or (model.simulation.dt,)]

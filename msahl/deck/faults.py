@@ -11,7 +11,14 @@ from msahl.printable import printable
 
 Element = etree._Element
 
-KINDS = {"bodies": "body", "joints": "joint", "motions": "motion", "loads": "load"}
+KINDS = {
+    "bodies": "body",
+    "joints": "joint",
+    "motions": "motion",
+    "loads": "load",
+    "markers": "marker",
+    "groups": "group",
+}
 """What a child of these elements is called in a message."""
 
 MOST_SHOWN = 100

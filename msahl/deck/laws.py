@@ -1,11 +1,14 @@
 """Reader of laws of time, and of tables of force over length or angle: elements -> records."""
 
 from collections.abc import Callable, Mapping
+from fractions import Fraction
 
 from msahl.algebra.functions import Law
 from msahl.check.laws import closed, law_findings
 from msahl.deck.faults import Element, attribute
+from msahl.deck.units import UNITS, dimension_of, parse_unit, to_si_by
 from msahl.deck.values import Reader
+from msahl.expressions.dimensions import Dimension
 
 COEFFICIENTS = ("c0", "c1", "c2", "c3", "c4", "c5")
 
@@ -27,10 +30,26 @@ def _constant(element: Element, quantity: str, reader: Reader) -> Law:
 
 
 def _polynomial(element: Element, quantity: str, reader: Reader) -> Law:
-    numbers = reader.numbers(element, COEFFICIENTS, quantity)
+    numbers = tuple(
+        _coefficient(element.find(tag), k, quantity, reader) for k, tag in enumerate(COEFFICIENTS)
+    )
     if reader.faults.sound(element) and element.find("*") is None:
         reader.faults.add(element, "it has no coefficient; add <c0> to <c5>, those that are not 0")
     return Law("polynomial", numbers)
+
+
+def _coefficient(element: Element | None, k: int, quantity: str, reader: Reader) -> float:
+    """Return the coefficient of t^k in SI; its unit is one of the ``quantity`` or that over s^k."""
+    units = "" if element is None else attribute(element, "units")
+    if element is None or not k or not quantity or not units or units in UNITS[quantity]:
+        return reader.number(element, quantity)
+    unit, per_second = parse_unit(units), Dimension(s=Fraction(-k))
+    if unit is None or not unit.dimension.fits(dimension_of(quantity).times(per_second)):
+        usual = f"{next(iter(UNITS[quantity]))}/sec{'' if k == 1 else f'^{k}'}"
+        message = f"'{units}' does not fit here; expected a unit such as {usual}"
+        reader.faults.add(element, message)
+        return 0.0
+    return reader.limited(element, to_si_by(float(element.text or ""), unit.factor))
 
 
 def _sine(element: Element, quantity: str, reader: Reader) -> Law:

@@ -4,6 +4,7 @@
     Bob.mass=3          a child of an element, by the tags of its path
     Bob.position.z=2 m  tags between may be omitted: initialConditions here
     simulation.deltaT=0.01
+    simulation.stop.when=Crank.angle > 2*pi
 
 A number without unit is in the units that the deck has there. An expression of parameters in braces
 may stand in place of a number. What the schema makes a number can be changed, if the deck has it.
@@ -13,6 +14,8 @@ import re
 from collections.abc import Iterator, Sequence
 from itertools import islice
 from typing import NamedTuple, cast
+
+from lxml.etree import SubElement
 
 from msahl.deck.faults import Element, Faults, attribute, text
 from msahl.deck.includes import unit_message
@@ -26,6 +29,8 @@ FORM = re.compile(
     r"\s*(?P<number>[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?|\{[^{}]*\})"
     r"\s*(?P<units>.*?)\s*"
 )
+STOP_WHEN = "simulation.stop.when="
+"""What the condition at which a run stops follows."""
 MOST_LISTED = 8
 """Places that a message lists."""
 MOST_SEARCHED = 20_000
@@ -54,9 +59,12 @@ def apply_settings(root: Element, settings: Sequence[str], faults: Faults) -> No
 
 
 def _apply(root: Element, setting: str, faults: Faults) -> str:
-    """Change one number; return what is wrong with the setting."""
+    """Change one number, or the condition; return what is wrong with the setting."""
+    if setting.startswith(STOP_WHEN):
+        _stop_when(root, setting.removeprefix(STOP_WHEN))
+        return ""
     match = FORM.fullmatch(setting)
-    if match is None:
+    if match is None or not setting.isprintable():
         return 'write NAME=VALUE, as in L=0.8, "L=80 cm" or Bob.mass=3'
     path, number, units = match["path"], match["number"], match["units"]
     for parameter in root.iterfind("parameters/parameter"):
@@ -71,6 +79,16 @@ def _apply(root: Element, setting: str, faults: Faults) -> str:
     shown = ", ".join(map(str, found[:MOST_LISTED]))
     more = ", ..." if len(found) > MOST_LISTED else ""
     return f"there are {len(found)} such numbers: {shown}{more}; name one of them"
+
+
+def _stop_when(root: Element, condition: str) -> None:
+    """Let the run end where a condition begins to hold, instead of the deck's own."""
+    for simulation in root.iterfind("simulation"):
+        stop = simulation.find("stop")
+        if stop is None:
+            stop = SubElement(simulation, "stop")
+            stop.sourceline = simulation.sourceline
+        stop.set("when", condition)
 
 
 def _write(place: _Number, number: str, units: str) -> str:

@@ -23,7 +23,7 @@ from msahl.deck.units import (
     parse_unit,
     to_si_by,
 )
-from msahl.expressions.dimensions import PURE, Dimension, dimension
+from msahl.expressions.dimensions import ANGLE, PURE, Dimension, dimension
 from msahl.expressions.evaluate import evaluate
 from msahl.expressions.syntax import (
     RESERVED,
@@ -262,6 +262,9 @@ def _unit(element: Element, content: Content, unit_system: str, has: Dimension) 
         if unit is None or not has.fits(unit.dimension):
             return f"expected what '{units}' measures"
         return unit
+    per_second = _coefficient_unit(element, content, unit_system, has)
+    if per_second is not None:
+        return per_second
     quantities = content.quantities
     fitting = [q for q in quantities if has.fits(dimension_of(q))]
     if fitting:
@@ -273,6 +276,25 @@ def _unit(element: Element, content: Content, unit_system: str, has: Dimension) 
         return Unit(Fraction(1), has)
     wanted = " or ".join(dict.fromkeys(str(dimension_of(q)) for q in quantities))
     return f"expected {wanted or 'a pure number'}"
+
+
+def _coefficient_unit(
+    element: Element, content: Content, unit_system: str, has: Dimension
+) -> Unit | str | None:
+    """Return the unit of a polynomial's coefficient of t^k, k > 0, without ``units``; None for any
+    other element. It is the unit of a law over s^k, and without rad may be of a plain number."""
+    k = next((k for k in range(1, 6) if f"rad/s{f'^{k}' if k > 1 else ''}" in content.units), 0)
+    if not k or "m" not in content.units or element.tag != f"c{k}":
+        return None
+    per_second = Dimension(s=Fraction(-k))
+    if has.fits(per_second) and not has.rad:
+        return Unit(Fraction(1), has)
+    for quantity in ("angle", "length"):
+        if has.fits(dimension_of(quantity).times(per_second)):
+            name = DEFAULTS[unit_system][quantity]
+            element.set("units", f"{name}/sec{'' if k == 1 else f'^{k}'}")
+            return Unit(UNITS[quantity][name], has)
+    return f"expected {ANGLE.times(per_second)} or {dimension_of('length').times(per_second)}"
 
 
 def _replace_attribute(

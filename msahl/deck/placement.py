@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import build_laws, evaluate
-from msahl.algebra.rotation import from_axis_angle, matrix, rescaled
+from msahl.algebra.rotation import matrix, rescaled
 from msahl.algebra.vector import IDENTITY, ZERO, Matrix, Vector
 from msahl.check.directions import (
     PARALLEL,
@@ -115,13 +115,7 @@ def _orientation(element: Element, reader: Reader) -> Vector:
     if rotation is None:
         x, y, z = reader.numbers(element, ("P1", "P2", "P3"))
         return rescaled((x, y, z))
-    phi = reader.number(rotation.find("phi"), "angle")
-    u1, u2, u3 = reader.numbers(rotation, ("u1", "u2", "u3"))
-    if math.hypot(u1, u2, u3) == 0.0:
-        message = "the axis (u1, u2, u3) is zero; give a direction, for example 0 0 1"
-        reader.faults.add(rotation, message)
-        return ZERO
-    return from_axis_angle((u1, u2, u3), phi)
+    return reader.rotation(rotation)
 
 
 def place_by_joints(root: Element, reader: Reader) -> None:

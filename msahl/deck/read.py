@@ -31,20 +31,21 @@ from msahl.deck.loads import (
     read_drag,
     read_friction,
 )
+from msahl.deck.markers import read_group, read_marker, read_sensor
 from msahl.deck.motions import check_prescribed_once, read_joint_motion, read_point_motion
 from msahl.deck.parameters import Parameter
 from msahl.deck.parse import parse, parse_valid, parsed, read_bytes
 from msahl.deck.placement import place_by_joints
 from msahl.deck.references import check_references, is_complete
 from msahl.deck.schema import check_schema, schema_bytes, validator
-from msahl.deck.signals import declare_signals, read_actuator, read_signal
+from msahl.deck.signals import declare_signals, read_actuator, read_signal, read_stop
 from msahl.deck.simulation import Assembly, read_assembly, read_simulation
 from msahl.deck.springs import read_bushing, read_joint_spring, read_spring_damper
 from msahl.deck.values import Reader
 from msahl.joints.registry import KINDS as JOINT_KINDS
 from msahl.model import Ground, Model, RigidBody, Simulation
 from msahl.model.couplings import COORDINATES
-from msahl.model.signals import AnySignal
+from msahl.model.signals import AnySignal, Stop
 
 Read = Callable[[Element, Reader], Any]
 
@@ -62,12 +63,13 @@ LOADS: Mapping[str, Read] = {
     "friction": read_friction,
     "actuator": read_actuator,
 }
-TAGS = frozenset((*BODIES, *JOINT_KINDS, *COORDINATES, *MOTIONS, *LOADS))
+MARKERS = ("marker", "distance", "angle")
+TAGS = frozenset((*BODIES, *JOINT_KINDS, *COORDINATES, *MOTIONS, *LOADS, *MARKERS, "group"))
 """Tags of all records."""
 
-ONE_NAME = (("bodies",), ("joints", "motions", "loads"))
+ONE_NAME = (("bodies", "markers", "groups"), ("joints", "motions", "loads"))
 """Groups whose records share one set of names. Columns of results are called NAME.VALUE, and values
-of bodies and of other elements have different names."""
+of bodies, markers and groups and those of other elements have different names."""
 
 
 def read_deck(
@@ -129,6 +131,8 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
     couplings = [read_coupling(e, reader) for e in sound["joints"] if e.tag in COORDINATES]
     motions = [MOTIONS[str(e.tag)](e, reader) for e in sound["motions"]]
     check_prescribed_once(sound["motions"], reader)
+    markers = [read_marker(e, reader) for e in sound["markers"] if e.tag == "marker"]
+    reader.context.markers.update({marker.name: marker.body for marker in markers})
     signals = _read_signals(root, reader)
     return Model(
         gravity=_gravity(root, reader),
@@ -143,6 +147,10 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
         position=assembly.position,
         velocity=assembly.velocity,
         signals=signals,
+        stops=_read_stops(root, reader),
+        markers=tuple(markers),
+        sensors=tuple(read_sensor(e, reader) for e in sound["markers"] if e.tag != "marker"),
+        groups=tuple(read_group(e, reader) for e in sound["groups"]),
     )
 
 
@@ -164,6 +172,12 @@ def _read_signals(root: Element, reader: Reader) -> tuple[AnySignal, ...]:
     for name, message in circle_findings({signal.name: signal for signal in signals}):
         reader.faults.add(by_name[name], message)
     return tuple(signals)
+
+
+def _read_stops(root: Element, reader: Reader) -> tuple[Stop, ...]:
+    """Return the conditions that end the run, once signals are known by name."""
+    elements = _sound(root.iterfind("simulation/stop"), reader.faults)
+    return tuple(read_stop(element, reader) for element in elements)
 
 
 def _sound(elements: Iterable[Element], faults: Faults) -> list[Element]:

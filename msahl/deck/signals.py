@@ -12,10 +12,11 @@ from fractions import Fraction
 from msahl.algebra.functions import Law
 from msahl.algebra.surfaces import Surface
 from msahl.check.loads import element_findings
-from msahl.check.signals import signal_findings
+from msahl.check.signals import expression_findings, signal_findings
 from msahl.deck.faults import Element, attribute, text
 from msahl.deck.units import Unit, parse_unit, to_si_by
 from msahl.deck.values import Reader
+from msahl.expressions.conditions import margin
 from msahl.expressions.dimensions import ANGLE, PURE, Dimension, TableDimensions, dimension
 from msahl.expressions.syntax import (
     Call,
@@ -29,7 +30,15 @@ from msahl.expressions.syntax import (
     postorder,
 )
 from msahl.model.loads import JointActuator, MarkerActuator
-from msahl.model.signals import TIME, AnySignal, Signal, SignalState, SignalTable, element_and_value
+from msahl.model.signals import (
+    TIME,
+    AnySignal,
+    Signal,
+    SignalState,
+    SignalTable,
+    Stop,
+    element_and_value,
+)
 
 SECOND = Dimension(s=Fraction(1))
 LENGTH = Dimension(m=Fraction(1))
@@ -121,14 +130,36 @@ def read_actuator(element: Element, reader: Reader) -> JointActuator | MarkerAct
     return record
 
 
+def read_stop(element: Element, reader: Reader) -> Stop:
+    """Return the record of a ``<stop>``: a condition, as a function that is positive where it
+    holds.
+    """
+    condition = attribute(element, "when")
+    inside = inside_braces(condition)
+    condition = condition if inside is None else inside.strip()
+    tree = read_tree(element, condition, PURE, reader)
+    try:
+        record = Stop(condition, tree if tree is NO_TREE else margin(tree))
+    except ExpressionError as error:
+        reader.faults.add(element, f"{error.message} (at column {error.column} of the expression)")
+        return Stop(condition, NO_TREE)
+    reader.add(element, expression_findings("when", record.expression, reader.context))
+    return record
+
+
 def read_expression(element: Element, wanted: Dimension | None, reader: Reader) -> Tree:
     """Return the tree of an element's text, with parameters replaced by their values; ``wanted`` is
     the dimension of the value, None if any will do.
     """
     given = text(element)
     inside = inside_braces(given)
+    return read_tree(element, given if inside is None else inside, wanted, reader)
+
+
+def read_tree(element: Element, given: str, wanted: Dimension | None, reader: Reader) -> Tree:
+    """Return the tree of a ``given`` expression of an element, as ``read_expression`` does."""
     try:
-        tree = parse(given if inside is None else inside)
+        tree = parse(given)
         if all(not isinstance(node, Name) or _is_known(node, reader) for node in postorder(tree)):
             _check_dimension(tree, wanted, reader)
     except ExpressionError as error:

@@ -117,6 +117,11 @@ class Reader:
             value = to_si(value, name, quantity)
         elif element.get("units"):
             self.faults.add(element, "it is a plain number here; delete units")
+        return self.limited(element, value)
+
+    def limited(self, element: Element, value: float) -> float:
+        """Return the ``value`` of an element [SI], zero with a fault if it is too large or too
+        small to compute with."""
         if abs(value) > LARGEST:
             message = f"{text(element)} is too large; numbers go up to {LARGEST:g} in SI"
             self.faults.add(element, message)
@@ -176,8 +181,10 @@ class Reader:
     def orientation(self, body: Element) -> Vector:
         """Return the Wiener-Milenkovic parameters of a body's axes in the inertial axes."""
         rotation = body.find("initialConditions/orientation/eulerRotation")
-        if rotation is None:
-            return ZERO
+        return ZERO if rotation is None else self.rotation(rotation)
+
+    def rotation(self, rotation: Element) -> Vector:
+        """Return the Wiener-Milenkovic parameters of an ``<eulerRotation>``."""
         phi = self.number(rotation.find("phi"), "angle")
         u1, u2, u3 = self.numbers(rotation, ("u1", "u2", "u3"))
         if math.hypot(u1, u2, u3) == 0.0:

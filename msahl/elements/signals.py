@@ -105,6 +105,7 @@ class Signals(NamedTuple):
     rate: np.ndarray  # (n,) places on the tape of the states' rates
     result: np.ndarray  # (r,) likewise of the results
     shown: np.ndarray  # (k,) likewise of the published values
+    stop: np.ndarray  # (m,) likewise of the margins of conditions that end the run
     first_entry: np.ndarray  # (r + 1,)
     entry_input: np.ndarray  # (e,)
     entry_column: np.ndarray  # (e, 4) among the result's columns, of the input's parts; or -1
@@ -528,6 +529,8 @@ def evaluate_over_step(group: Signals, start: SignalsWorkspace, h: float) -> Non
         last, change = change, _improve(group, start, share)
         changed, left = _is_change(change, last), left - 1
         sweep(group.tape, start.values)
+    for k in range(n):
+        start.state_rate[k] = start.values.value[group.rate[k]]
     _set_results(group, start, share)
     if changed:
         # Without solution of the states the step has none.
@@ -854,10 +857,31 @@ def accept_stages(group: Signals, stages: Stages, h: float, state: np.ndarray) -
 
 
 @optional()
+def set_rates(group: Signals, start: SignalsWorkspace, rate: np.ndarray, first: int) -> None:
+    """Set the entries of ``rate`` from number ``first`` on to the states' rates, after
+    ``evaluate``.
+    """
+    for k in range(group.rate.size):
+        rate[first + k] = start.values.value[group.rate[k]]
+
+
+@optional()
 def publish(group: Signals, start: SignalsWorkspace, table: np.ndarray, row: int) -> None:
     """Write the published values to a ``row`` of the table, after ``evaluate``."""
     for k in range(group.shown.size):
         table[row, k] = start.values.value[group.shown[k]]
+
+
+@kernel
+def largest_margin(group: Signals, start: SignalsWorkspace) -> float:
+    """Return the largest margin of the conditions that end the run, after ``evaluate``."""
+    largest = -math.inf
+    for k in range(group.stop.size):
+        margin = start.values.value[group.stop[k]]
+        # Written so that a nan, at which a run cannot go on either, counts as fulfilled.
+        if not margin <= largest:
+            largest = margin
+    return largest
 
 
 # What a system's set-up asks of the signals, in plain Python.

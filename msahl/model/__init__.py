@@ -16,7 +16,7 @@ from msahl.model.loads import (
     MarkerActuator,
     SpringDamper,
 )
-from msahl.model.markers import Marker
+from msahl.model.markers import Group, Marker, MarkerAngle, MarkerDistance
 from msahl.model.model import Model
 from msahl.model.motions import JointMotion, PointMotion
 from msahl.model.settings import (
@@ -28,7 +28,7 @@ from msahl.model.settings import (
     Simulation,
     resolve,
 )
-from msahl.model.signals import Signal, SignalState, SignalTable
+from msahl.model.signals import Signal, SignalState, SignalTable, Stop
 
 __all__ = [
     "INSTANTANEOUS",
@@ -40,6 +40,7 @@ __all__ = [
     "Drag",
     "Friction",
     "Ground",
+    "Group",
     "Joint",
     "JointActuator",
     "JointMotion",
@@ -49,6 +50,8 @@ __all__ = [
     "Load",
     "Marker",
     "MarkerActuator",
+    "MarkerAngle",
+    "MarkerDistance",
     "Model",
     "Options",
     "PointMotion",
@@ -59,5 +62,6 @@ __all__ = [
     "SignalTable",
     "Simulation",
     "SpringDamper",
+    "Stop",
     "resolve",
 ]

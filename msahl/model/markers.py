@@ -1,4 +1,4 @@
-"""Records of markers: points with axes, fixed in a body, whose motion is measured."""
+"""Records of markers and of what is derived from them, and of groups of bodies."""
 
 from dataclasses import dataclass
 
@@ -8,10 +8,42 @@ from msahl.algebra.vector import IDENTITY, Matrix, Vector
 @dataclass(frozen=True, slots=True)
 class Marker:
     """A ``point`` [m] of a ``body`` or ground, by name, from its B in its own axes; ``axes`` are
-    the marker's x, y, z as rows, in the axes of the body.
+    the marker's x, y, z as rows, in the axes of the body. ``basis`` names the body or ground in
+    whose axes tables have its position, velocity and acceleration; "": inertial axes.
     """
 
     name: str
     body: str
     point: Vector
     axes: Matrix = IDENTITY
+    basis: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class MarkerDistance:
+    """The distance of two markers, by name."""
+
+    name: str
+    start: str
+    end: str
+
+
+@dataclass(frozen=True, slots=True)
+class MarkerAngle:
+    """The angle at the marker ``vertex`` between the directions to two others, from 0 to pi."""
+
+    name: str
+    start: str
+    vertex: str
+    end: str
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """``bodies`` by name whose mass centre, momentum and energy are written; () stands for all."""
+
+    name: str
+    bodies: tuple[str, ...] = ()
+
+
+Sensor = MarkerDistance | MarkerAngle

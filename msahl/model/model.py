@@ -11,10 +11,10 @@ from msahl.model.bodies import Ground, RigidBody
 from msahl.model.couplings import Coupling
 from msahl.model.joints import Joint
 from msahl.model.loads import Load
-from msahl.model.markers import Marker
+from msahl.model.markers import Group, Marker, Sensor
 from msahl.model.motions import JointMotion, PointMotion
 from msahl.model.settings import Simulation
-from msahl.model.signals import AnySignal
+from msahl.model.signals import AnySignal, Stop
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,8 @@ class Model:
     """A complete deck.
 
     ``gravity`` [m/s^2] in I. Names are unique across bodies and grounds, across joints, couplings
-    and motions, and across loads. ``unit_system`` names the deck's default units. ``position`` and
+    and motions, and across loads; those of bodies, markers, sensors and groups differ as well.
+    ``unit_system`` names the deck's default units. ``position`` and
     ``velocity`` say how the state at t = 0 is made consistent with the joints.
     """
 
@@ -38,4 +39,7 @@ class Model:
     position: str = "check"  # or "project": correct the positions by Newton's method
     velocity: str = "keepAngular"  # or "massWeighted", "asGiven", "refuse"
     markers: tuple[Marker, ...] = ()
+    sensors: tuple[Sensor, ...] = ()
+    groups: tuple[Group, ...] = ()
     signals: tuple[AnySignal, ...] = ()
+    stops: tuple[Stop, ...] = ()

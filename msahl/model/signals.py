@@ -39,6 +39,15 @@ class SignalTable:
     table: Law | Surface
 
 
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """The run ends where ``expression`` becomes positive: the margin of a ``condition`` in words
+    (``expressions.conditions``)."""
+
+    condition: str
+    expression: Tree
+
+
 AnySignal = Signal | SignalState | SignalTable
 
 

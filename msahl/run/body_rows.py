@@ -1,5 +1,7 @@
 """The motion of bodies in the rows of the tables of states and accelerations, inertial axes."""
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from msahl.algebra.rotation_arrays import rotations
@@ -7,6 +9,8 @@ from msahl.elements.rigid_body import ACCELERATION_SIZE, STATE_SIZE
 from msahl.joints.coordinates import Motion, rotated
 from msahl.model import Model
 
+TablesOfSteppers = Mapping[str, np.ndarray]
+"""Tables (m, columns) that the steppers fill, by name; see ``run.tables``."""
 GROUND = -1
 """Number of every ground among the bodies of a motion: the last."""
 
@@ -33,6 +37,26 @@ def body_motions(
     table = accelerations[:, 1:].reshape(m, -1, ACCELERATION_SIZE)[:, chosen]
     a, alpha = (_with_ground(table[..., 3 * i : 3 * i + 3]) for i in range(2))
     return motion._replace(a=rotated(R, a), alpha=rotated(R, alpha))
+
+
+def select(model: Model, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the numbers of the bodies named, each once, and where each name stands among them;
+    ``GROUND`` for a ground and for "".
+    """
+    numbers = numbers_of_bodies(model)
+    wanted = np.array([numbers.get(name, GROUND) for name in names], dtype=int)
+    bodies = np.unique(wanted[wanted != GROUND])
+    return bodies, np.where(wanted == GROUND, GROUND, np.searchsorted(bodies, wanted))
+
+
+def read_motions(tables: TablesOfSteppers, chosen: np.ndarray) -> Motion:
+    """Return ``body_motions`` of the tables of states and, if there is one, of accelerations."""
+    return body_motions(tables["states"], tables.get("accelerations"), chosen)
+
+
+def without_ground(motion: Motion) -> Motion:
+    """Return the motion of all but the last body."""
+    return of_bodies(motion, np.arange(motion.x.shape[1] - 1))
 
 
 def of_bodies(motion: Motion, bodies: np.ndarray) -> Motion:

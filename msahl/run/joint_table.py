@@ -14,7 +14,7 @@ import numpy as np
 from msahl.joints.coordinates import Geometry, columns, coordinates, is_angle, relative, stacked
 from msahl.joints.coordinates import values_and_rates as measured
 from msahl.model import Joint, Model
-from msahl.run.body_rows import GROUND, body_motions, numbers_of_bodies, of_bodies
+from msahl.run.body_rows import TablesOfSteppers, of_bodies, read_motions, select
 
 REVOLUTION = 2.0 * math.pi
 
@@ -24,24 +24,22 @@ class JointTable:
 
     def __init__(self, model: Model, levels: int) -> None:
         joints = [joint for joint in model.joints if coordinates(joint)]
-        numbers = numbers_of_bodies(model)
-        ends = [(numbers[joint.parent], numbers[joint.child]) for joint in joints]
-        self.bodies = np.unique([body for end in ends for body in end if body != GROUND])
-        place = {body: i for i, body in enumerate(self.bodies.tolist())} | {GROUND: GROUND}
+        names = [joint.parent for joint in joints] + [joint.child for joint in joints]
+        self.bodies, places = select(model, names)
+        parents, children = np.split(places, 2)
         self.levels, self.width = levels, 1
         by_kind: dict[str, list[tuple[Joint, int, int, int]]] = {}
-        for joint, (parent, child) in zip(joints, ends, strict=True):
-            entry = joint, place[parent], place[child], self.width
+        for joint, parent, child in zip(joints, parents, children, strict=True):
+            entry = joint, int(parent), int(child), self.width
             by_kind.setdefault(joint.kind, []).append(entry)
             self.width += sum(len(columns(joint, level)) for level in range(levels))
         self.groups = [_Group(entries, levels) for entries in by_kind.values()]
         self.last_time = 0.0
         self.counted: list[tuple[np.ndarray, ...]] = []  # of each group; empty before t = 0
 
-    def rows(self, states: np.ndarray, accelerations: np.ndarray | None) -> np.ndarray:
+    def rows(self, tables: TablesOfSteppers) -> np.ndarray:
         """Return the rows (m, columns) that follow those of the last call."""
-        bodies = body_motions(states, accelerations, self.bodies)
-        time = states[:, 0]
+        bodies, time = read_motions(tables, self.bodies), tables["states"][:, 0]
         found = np.zeros((len(time), self.width))
         found[:, 0] = time
         counted: list[tuple[np.ndarray, ...]] = []

@@ -18,13 +18,14 @@ from msahl.run.attempts import Attempts
 from msahl.run.companion import Steps
 from msahl.run.conclusion import conclude
 from msahl.run.error_estimate import NO_ERRORS
-from msahl.run.messages import not_written
+from msahl.run.messages import not_written, stop_not_found, stops_at_once
 from msahl.run.output import tables_of
 from msahl.run.record import Record
 from msahl.run.report import COMPLETED, INTERRUPTED, NOT_CONVERGED, NOT_WRITTEN, Report
 from msahl.run.saved_run import restore_snapshot, take_snapshot
 from msahl.run.setup import RunSetup, build_setup, new_report
 from msahl.run.snapshot import SavedSteps, Snapshot, digest
+from msahl.run.stop import NoStep, first_fulfilled, margin_after, time_of_stop, words_of
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.tables import ERROR, Sink
 from msahl.schemes.outcome import Stopped
@@ -122,6 +123,7 @@ class TimeLoop:
         self.report = new_report(setup)
         self.report.seconds["prepare"] = time.perf_counter() - setup.began
         self.system = ""  # digest of the systems, if snapshots are taken or restored
+        self.stopping = False  # whether the run ends where a condition begins to hold
         self.accepted: SavedSteps  # where the steps stood after the last chunk
 
     def run(self, since: Snapshot | None) -> Report:
@@ -142,6 +144,9 @@ class TimeLoop:
             self._go_back()
         if trouble():
             hooks.tell(trouble())
+        if self.setup.model.stops and self.report.status == COMPLETED and not self.stopping:
+            words = words_of(self.setup.model)
+            self.report.warnings.append(f"stop: '{words}' did not begin to hold during the run")
         conclude(self.setup, self.record, self.report)
         return self.report
 
@@ -155,6 +160,8 @@ class TimeLoop:
         at_start = OutputSchedule.at_ends(np.ones(1, dtype=bool))
         if self._finite_steps(1, at_start, np.zeros(1)) < 1:
             raise StartError(self.report.message)
+        if first_fulfilled(setup.integrators, 1) is not None:
+            raise StartError(stops_at_once(words_of(setup.model)))
         self.record = Record(setup.integrators, setup.output.grid.t_final)
         self.report.status = COMPLETED
         if since:
@@ -225,7 +232,45 @@ class TimeLoop:
             advance.sizes[:done],
             advance.ends[:done],
         )
-        self._hand_over(good, chunk)
+        held = None if self.stopping else first_fulfilled(self.setup.integrators, done)
+        if held is None:
+            self._hand_over(good, chunk)
+        else:
+            self._end_within(held, float(advance.ends[held]))
+
+    def _end_within(self, step: int, end: float) -> None:
+        """Take the present chunk again up to the ``step`` that ends at ``end`` [s], after which a
+        condition holds, and let the run end within that step.
+        """
+        self._go_back()
+        plan, estimate = self.setup.plan, self.setup.estimate
+        stride = estimate.companion.stride if estimate else 1
+        last = plan.progress.steps + plan.kept_before(step)
+        while plan.progress.steps < last and self.report.status == COMPLETED:
+            steps = plan.most_kept(last - plan.progress.steps)
+            groups = steps - steps % stride
+            chunk = plan.next_chunk(groups or steps, stride if groups else 1)
+            self._hand_over(self._advance(chunk, stride), chunk)
+        if self.report.status != COMPLETED:
+            return
+        try:
+            t = time_of_stop(self._margin_at, plan.progress.time, end)
+        except NoStep:
+            words = words_of(self.setup.model)
+            self.report.end(NOT_CONVERGED, stop_not_found(words, plan.progress.time, end))
+            return
+        finally:
+            self._go_back()
+        plan.end_at(t)
+        self.stopping = True
+        self.report.stop = {"time": t, "condition": words_of(self.setup.model)}
+
+    def _margin_at(self, t: float) -> float:
+        """Return the margin of the conditions at ``t`` [s], at the end of steps from the last ones
+        handed over.
+        """
+        self._go_back()
+        return margin_after(self.setup.integrators, self.setup.plan.approach, t)
 
     def _advance(self, chunk: Chunk, stride: int) -> Advance:
         """Advance every subsystem by a multiple of ``stride`` steps, where that is possible;

@@ -116,3 +116,16 @@ def _velocity_warnings(integrator: SubsystemIntegrator) -> list[str]:
         if dv.any() or dw.any()
     ]
     return [f"{violated} and were changed ({how}): {', '.join(changes)}"]
+
+
+def stops_at_once(condition: str) -> str:
+    """Why a run whose stop ``condition`` is fulfilled at t = 0 is not begun."""
+    return f"stop: '{condition}' is fulfilled at t = 0 already; give one that is fulfilled later"
+
+
+def stop_not_found(condition: str, begin: float, end: float) -> str:
+    """Why a run that is to end where a ``condition`` begins to hold cannot end there."""
+    return (
+        f"stop: '{condition}' begins to hold between t = {begin:g} s and {end:g} s, but no step of "
+        "another size could be solved there. Try a smaller --dt."
+    )

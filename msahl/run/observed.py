@@ -1,46 +1,47 @@
-"""The tables of a run that follow from the motion of bodies: coordinates of joints."""
+"""The tables of a run that follow from the motion of bodies: joints, markers, groups of bodies."""
 
-from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np
 
 from msahl.model import Model
+from msahl.run.body_rows import TablesOfSteppers
 from msahl.run.joint_table import JointTable
-from msahl.run.tables import ACCELERATIONS, JOINTS, STATES, has_joint_table, needs_accelerations
+from msahl.run.marker_table import MarkerTable
+from msahl.run.system_table import SystemTable
+from msahl.run.tables import JOINTS, MARKERS, SYSTEM, has_joint_table, needs_accelerations
 
 
-class RowsOfBodies(Protocol):
-    """A table whose rows follow from those of the bodies."""
+class ObservedTable(Protocol):
+    """A table whose rows follow from the tables that the steppers fill."""
 
-    def rows(self, states: np.ndarray, accelerations: np.ndarray | None) -> np.ndarray:
-        """Return the rows (m, columns) that follow those of the last call."""
-
-    def numbers(self) -> dict[str, Any]:
-        """Return for a snapshot what the next rows depend on, as JSON can hold it."""
-
-    def restore(self, numbers: dict[str, Any]) -> None:
-        """Restore what ``numbers`` returned."""
+    def rows(self, tables: TablesOfSteppers) -> np.ndarray:
+        """Return the rows (m, columns) at the times of these tables, which follow."""
 
 
 class ObservedTables:
     """The tables of a ``model`` that follow from the motion of its bodies."""
 
     def __init__(self, model: Model) -> None:
-        self.tables: dict[str, RowsOfBodies] = {}
+        self.tables: dict[str, ObservedTable] = {}
+        self.joints: JointTable | None = None
         if has_joint_table(model):
-            self.tables[JOINTS] = JointTable(model, 3 if needs_accelerations(model) else 2)
+            self.joints = JointTable(model, 3 if needs_accelerations(model) else 2)
+            self.tables[JOINTS] = self.joints
+        if model.markers:
+            self.tables[MARKERS] = MarkerTable(model)
+        if model.groups:
+            self.tables[SYSTEM] = SystemTable(model)
 
-    def rows(self, of_steppers: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    def rows(self, of_steppers: TablesOfSteppers) -> dict[str, np.ndarray]:
         """Return the rows of every table at the times of those ``of_steppers``, which follow."""
-        states, accelerations = of_steppers[STATES], of_steppers.get(ACCELERATIONS)
-        return {name: table.rows(states, accelerations) for name, table in self.tables.items()}
+        return {name: table.rows(of_steppers) for name, table in self.tables.items()}
 
     def numbers(self) -> dict[str, Any]:
         """Return for a snapshot what the next rows depend on, as JSON can hold it."""
-        return {name: table.numbers() for name, table in self.tables.items()}
+        return self.joints.numbers() if self.joints else {}
 
     def restore(self, numbers: dict[str, Any]) -> None:
         """Restore what ``numbers`` returned."""
-        for name, table in self.tables.items():
-            table.restore(numbers[name])
+        if self.joints:
+            self.joints.restore(numbers)

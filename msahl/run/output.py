@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,6 +42,10 @@ class OutputTimes:
         rows = max(grid.n, shown.n) + 1
         chunk = max(of_step, min(MAX_CHUNK, rows, CHUNK_NUMBERS // numbers))
         return cls(grid, shown, every, chunk)
+
+    def until(self, t: float, least: int = 1) -> "OutputTimes":
+        """Return those of a run that ends at ``t`` [s], after ``least`` steps or more."""
+        return replace(self, grid=self.grid.until(t, least), shown=self.shown.until(t))
 
     @property
     def total(self) -> int:

@@ -8,6 +8,7 @@ from msahl.elements import forces
 from msahl.model import RunSettings
 from msahl.run.extremes import Extremes
 from msahl.run.subsystem import SubsystemIntegrator
+from msahl.system.diagnostics import STOP
 from msahl.system.momentum import Momentum, drift, is_alone, momentum
 
 
@@ -16,14 +17,14 @@ class Record:
 
     def __init__(self, integrators: Sequence[SubsystemIntegrator], t_final: float) -> None:
         self.integrators = integrators
-        first = [of.workspace.monitor.rows[:1] for of in integrators]
+        first = [of.workspace.monitor.rows[:1, :STOP] for of in integrators]
         self.extremes = Extremes(first, sum(_energy_scale(of, t_final) for of in integrators))
         self.extremes.raise_scale(sum(map(_work_of_reactions, integrators)))
         self.momenta = [_momentum(of) for of in integrators]  # at t = 0
 
     def add(self, steps: int) -> None:
         """Add the first ``steps`` steps of the present chunk."""
-        self.extremes.add([of.workspace.monitor.rows[:steps] for of in self.integrators])
+        self.extremes.add([of.workspace.monitor.rows[:steps, :STOP] for of in self.integrators])
         self.extremes.raise_scale(sum(map(_work_of_reactions, self.integrators)))
 
     @property

@@ -31,6 +31,7 @@ class Report:
     subdivisions: int = 0
     warnings: list[str] = field(default_factory=list)
     resumed: list[float] = field(default_factory=list)
+    stop: dict[str, Any] | None = None  # time [s] and condition of a run that ended before t_final
     seconds: dict[str, float] = field(default_factory=dict)
     extremes: dict[str, float | None] = field(default_factory=dict)
     step_control: dict[str, Any] | None = None

@@ -69,7 +69,9 @@ def build_setup(model: Model, settings: RunSettings, attempts: Attempts | None) 
     companion = _companion(integrators, settings, attempts, output)
     if companion is not None:
         estimate = ErrorEstimate(model, integrators, companion, settings)
-        if attempts and output.shown.n * tables.width <= KNOWN_NUMBERS:
+        # Runs that stop where a condition holds end at different times.
+        kept = output.shown.n * tables.width <= KNOWN_NUMBERS and not model.stops
+        if attempts and kept:
             estimate.keep_rows()
     return RunSetup(
         model=model,

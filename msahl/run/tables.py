@@ -17,7 +17,9 @@ from msahl.system.names import (
     STATE_COLUMNS,
     acceleration_columns,
     coordinate_columns,
+    group_columns,
     joint_columns,
+    marker_columns,
     reaction_columns,
     signal_columns,
     state_columns,
@@ -28,7 +30,7 @@ from msahl.system.names import (
 STATES, REACTIONS, WORK, SIGNALS = "states", "reactions", "work", "signals"
 ERROR = "error"
 ACCELERATIONS = "accelerations"
-JOINTS = "joints"
+JOINTS, MARKERS, SYSTEM = "joints", "markers", "system"
 MOST_JOINTS = 50
 """Most joints whose coordinates are written without being asked for."""
 COLUMNS: dict[str, Callable[[Model], list[str]]] = {
@@ -41,7 +43,7 @@ COLUMNS: dict[str, Callable[[Model], list[str]]] = {
 """Tables that the steppers fill, by name, with their columns, of which the first is the time."""
 ERROR_COLUMNS = ["time", "position", "orientation"]
 """Columns of the table of estimated errors [s, m, m]."""
-OBSERVED = (JOINTS,)
+OBSERVED = (JOINTS, MARKERS, SYSTEM)
 """Tables that are computed from others."""
 TABLES = (*COLUMNS, *OBSERVED, ERROR)
 """Names of all tables."""
@@ -61,7 +63,7 @@ def column_counts(model: Model) -> dict[str, int]:
 
 def needs_accelerations(model: Model) -> bool:
     """Return whether a table of the model needs the accelerations of bodies."""
-    return model.simulation.accelerations == YES
+    return model.simulation.accelerations == YES or bool(model.markers)
 
 
 def has_joint_table(model: Model) -> bool:
@@ -90,6 +92,10 @@ def tables_of_model(model: Model) -> dict[str, list[str]]:
         tables[ACCELERATIONS] = acceleration_columns(model)
     if has_joint_table(model):
         tables[JOINTS] = coordinate_columns(model, 3 if needs_accelerations(model) else 2)
+    if model.markers:
+        tables[MARKERS] = marker_columns(model)
+    if model.groups:
+        tables[SYSTEM] = group_columns(model)
     if has_signals(model):
         tables[SIGNALS] = signal_columns(model)
     return tables

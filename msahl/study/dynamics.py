@@ -4,14 +4,15 @@
 
 with Euler parameters e in place of the engine's own and accelerations from the index-1 problem of
 ``schemes.accelerations``. No equation of a step is used.
-A vector y holds x (3), e (4), v (3), w (3) of every body, one body after the other.
+A vector y holds x (3), e (4), v (3), w (3) of every body, one body after the other, and after them
+the auxiliary states of the laws of the motion.
 """
 
 import numpy as np
 
 from msahl.algebra.rotation import compose, from_increment
 from msahl.algebra.vector import add, at, matrix_at, put, scale, times, transpose
-from msahl.elements import rigid_body
+from msahl.elements import rigid_body, signals
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import displacement, first_multiplier, moving_count, rotation_increment
 from msahl.jit.compiled import compiled
@@ -30,7 +31,10 @@ SIZE = 13
 
 @kernel
 def _unpack(y: np.ndarray, state: State) -> None:
-    for b in range(y.size // SIZE):
+    bodies = state.x.shape[0] - 1
+    for k in range(state.auxiliary.size):
+        state.auxiliary[k] = y[SIZE * bodies + k]
+    for b in range(bodies):
         k = SIZE * b
         e0, e = y[k + 3], (y[k + 4], y[k + 5], y[k + 6])
         length = np.sqrt(e0 * e0 + e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
@@ -45,7 +49,10 @@ def _unpack(y: np.ndarray, state: State) -> None:
 
 @kernel
 def _pack(state: State, y: np.ndarray) -> None:
-    for b in range(y.size // SIZE):
+    bodies = state.x.shape[0] - 1
+    for k in range(state.auxiliary.size):
+        y[SIZE * bodies + k] = state.auxiliary[k]
+    for b in range(bodies):
         k = SIZE * b
         p, x, v, w = at(state.p, b), at(state.x, b), at(state.v, b), at(state.w, b)
         square = (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]) / 16.0
@@ -80,7 +87,9 @@ def _rates(
     system: System, start: SystemWorkspace, instant: Instant, y: np.ndarray, dy: np.ndarray
 ) -> None:
     """Set ``dy`` from the accelerations in ``instant``."""
-    for b in range(y.size // SIZE):
+    bodies = moving_count(system.frames)
+    signals.set_rates(system.forces.signals, start.forces.signals, dy, SIZE * bodies)
+    for b in range(bodies):
         k = SIZE * b
         e0, e1, e2, e3 = y[k + 3], y[k + 4], y[k + 5], y[k + 6]
         w1, w2, w3 = y[k + 10], y[k + 11], y[k + 12]
@@ -207,8 +216,8 @@ class Dynamics:
             rows = self.system.scalar.equations
             self.scale[rows.place[:, 0], rows.place[:, 1]] = rows.scale
         self.first_angle = self.state.angle.copy()
-        self.first = np.zeros(SIZE * len(model.bodies))
-        self.first[3::SIZE] = 1.0
+        self.first = np.zeros(SIZE * len(model.bodies) + self.state.auxiliary.size)
+        self.first[3 : SIZE * len(model.bodies) : SIZE] = 1.0
         _pack(self.state, self.first)
         self.table = self.publish(self.first[None, :])
 
@@ -260,8 +269,8 @@ class Dynamics:
             solve_least(self.instant)
 
     def publish(self, ys: np.ndarray) -> np.ndarray:
-        """(m, 12 n) the columns of ``states.csv`` of the states ``ys`` (m, 13 n)."""
-        table = np.zeros((len(ys), rigid_body.STATE_SIZE * (ys.shape[1] // SIZE)))
+        """(m, 12 n) the columns of ``states.csv`` of the states ``ys`` (m, ...)."""
+        table = np.zeros((len(ys), rigid_body.STATE_SIZE * len(self.model.bodies)))
         ys = np.ascontiguousarray(ys)
         _compiled_publish(self.system, self.state, self.start, ys, table)
         return table

@@ -128,7 +128,11 @@ def _sampled(run: Run, reference: Reference) -> tuple[np.ndarray, np.ndarray]:
 def _force_errors(
     run: Run, metrics: Metrics, reference: Reference, dynamics: Dynamics, rows: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """Return the errors (m,) of the reactions at the output times of these indices, by key."""
+    """Return the errors (m,) of the reactions at the output times of these indices, by key; none
+    with auxiliary states, which the table of states does not have.
+    """
+    if dynamics.state.auxiliary.size:
+        return {}
     # Components that redundant joints share are not unique: the reference has other ones.
     not_unique = metrics.reactions.not_unique[: metrics.joints]
     unique = np.array([[name not in names for name in FORCE_COLUMNS] for names in not_unique])

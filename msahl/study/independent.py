@@ -50,13 +50,13 @@ class TooSlowError(Exception):
 
 @dataclass(frozen=True)
 class Solution:
-    """States as polynomials: ``ends`` (k + 1,) of the steps [s], ``values`` (k, 8, 13 n)."""
+    """States as polynomials: ``ends`` (k + 1,) of the steps [s], ``values`` (k, 8, ...)."""
 
     ends: np.ndarray
     values: np.ndarray
 
     def __call__(self, times: np.ndarray) -> np.ndarray:
-        """Return the states (m, 13 n) at ``times``; at the end of a step those after projection."""
+        """Return the states (m, ...) at ``times``; at the end of a step those after projection."""
         step = np.searchsorted(self.ends, times, side="right") - 1
         step = np.clip(step, 0, len(self.values) - 1)
         begin, end = self.ends[step], self.ends[step + 1]
@@ -194,7 +194,7 @@ class _Integration:
         """Start at the end of the last step with the state ``y``, up to the next breakpoint."""
         begin, self.border = self.ends[-1], self.borders.pop(0)
         last = np.nextafter(self.border, begin)  # at a breakpoint laws have the value after it
-        atol = self.tolerance * _sizes(self.dynamics.first)
+        atol = self.tolerance * _sizes(self.dynamics.first, self.dynamics.state.auxiliary.size)
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
             self.solver: Any = self.method(
@@ -223,17 +223,20 @@ class _Integration:
             solver.y, solver.f = y, self.dynamics.rates(solver.t, y)
 
 
-def _sizes(first: np.ndarray) -> np.ndarray:
-    """Return the magnitudes of the components of a state, which scale the absolute tolerance.
+def _sizes(first: np.ndarray, auxiliary: int) -> np.ndarray:
+    """Return the magnitudes of the components of a state, which scale the absolute tolerance; the
+    last of them are ``auxiliary`` states.
 
     A component that stays zero has rounding errors of the others, so it gets a hundredth of theirs.
     """
-    components = np.abs(first).reshape(-1, SIZE).max(axis=0)
+    bodies = (first.size - auxiliary) // SIZE
+    components = np.abs(first[: SIZE * bodies]).reshape(-1, SIZE).max(axis=0)
     sizes = np.ones(SIZE)
     for kind, least in ((slice(0, 3), 1e-2), (slice(7, 10), 1.0), (slice(10, 13), 1.0)):
         own = components[kind]
         sizes[kind] = np.maximum(own, 1e-2 * max(own.max(), least))
-    return np.tile(sizes, first.size // SIZE)
+    # A state that begins at zero has no size of its own.
+    return np.concatenate([np.tile(sizes, bodies), np.maximum(np.abs(first[SIZE * bodies :]), 1.0)])
 
 
 def _compared(

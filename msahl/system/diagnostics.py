@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import at, dot, sub
+from msahl.elements import forces
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import moving_count
 from msahl.jit.kernel import apart, kernel, unit
@@ -35,7 +36,8 @@ from msahl.system.arrays import State, System, SystemWorkspace
     DISTANCE,
     DISPLACEMENT,
     LOCAL,
-) = range(10)
+    STOP,
+) = range(11)
 
 
 class Monitor(NamedTuple):
@@ -44,10 +46,10 @@ class Monitor(NamedTuple):
     A row is: balance, kinetic energy [J]; largest violation [m] and its rate [m/s]; work of the
     multipliers on the violations [J]; of the bodies the highest speed, of mass centre and of
     rotation at l [m/s], the largest rotation per step [rad], distance from the origin, displacement
-    since t = 0, and local error [m].
+    since t = 0, and local error [m]; the largest margin of the conditions that end the run.
     """
 
-    rows: np.ndarray  # (steps, 10)
+    rows: np.ndarray  # (steps, 11)
     began: np.ndarray  # (n+1, 3) mass centres at t = 0 [m]
     violation: np.ndarray  # (k, 3) by the multipliers' nodes
     rate: np.ndarray  # (k, 3)
@@ -56,7 +58,7 @@ class Monitor(NamedTuple):
 def new_monitor(state: State, steps: int) -> Monitor:
     """Return a monitor for ``steps`` steps."""
     return Monitor(
-        rows=np.zeros((steps, LOCAL + 1)),
+        rows=np.zeros((steps, STOP + 1)),
         began=state.x.copy(),
         violation=np.zeros_like(state.violation),
         rate=np.zeros_like(state.violation),
@@ -79,6 +81,9 @@ def record_figures(
     monitor.rows[row, VIOLATION] = largest_length(monitor.violation)
     monitor.rows[row, VIOLATION_RATE] = largest_length(monitor.rate)
     monitor.rows[row, CONSTRAINT_WORK] = work
+    monitor.rows[row, STOP] = forces.margin_of_stops(
+        system.forces.signals, start.forces, system.scalar
+    )
     record_bodies(system, state, start, h, monitor, row)
 
 

@@ -8,6 +8,7 @@ from msahl.model import (
     Bushing,
     Joint,
     JointSpring,
+    MarkerDistance,
     Model,
     SignalTable,
     SpringDamper,
@@ -18,9 +19,19 @@ from msahl.system.arrays import System
 
 STATE_COLUMNS = ("x", "y", "z", "P1", "P2", "P3", "vx", "vy", "vz", "wx", "wy", "wz")
 ACCELERATION_COLUMNS = ("ax", "ay", "az", "alphax", "alphay", "alphaz")
+MARKER_COLUMNS = (
+    *("x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az"),
+    *("q0", "q1", "q2", "q3", "wx", "wy", "wz"),
+)
+GROUP_COLUMNS = (
+    *("x", "y", "z", "vx", "vy", "vz", "px", "py", "pz", "Lx", "Ly", "Lz"),
+    *("kinetic", "potential"),
+)
 FORCE_COLUMNS = ("Fx", "Fy", "Fz")
 MOMENT_COLUMNS = ("Mx", "My", "Mz")
 LOAD_COLUMN = "load"
+ENERGY = "energy"
+"""Value of a spring in the table of work."""
 Springy = SpringDamper | JointSpring | Bushing
 
 
@@ -33,6 +44,20 @@ def state_columns(model: Model) -> list[str]:
 def acceleration_columns(model: Model) -> list[str]:
     """Header of ``accelerations.csv``."""
     return ["time", *(f"{b.name}.{c}" for b in model.bodies for c in ACCELERATION_COLUMNS)]
+
+
+def marker_columns(model: Model) -> list[str]:
+    """Header of ``markers.csv``: markers, then the distances and angles between them."""
+    names = [f"{marker.name}.{c}" for marker in model.markers for c in MARKER_COLUMNS]
+    for sensor in model.sensors:
+        value = "distance" if isinstance(sensor, MarkerDistance) else "angle"
+        names += [f"{sensor.name}.{value}", f"{sensor.name}.{value}Rate"]
+    return ["time", *names]
+
+
+def group_columns(model: Model) -> list[str]:
+    """Header of ``system.csv``."""
+    return ["time", *(f"{group.name}.{c}" for group in model.groups for c in GROUP_COLUMNS)]
 
 
 def coordinate_columns(model: Model, levels: int) -> list[str]:
@@ -68,7 +93,7 @@ def work_columns(model: Model) -> list[str]:
     """Header of ``work.csv``: work since t = 0 of all ``workers``, and elastic energies [J]."""
     springs = [load for load in model.loads if isinstance(load, Springy)]
     work = [f"{name}.work" for name in workers(model)]
-    return ["time", *work, *(f"{spring.name}.energy" for spring in springs)]
+    return ["time", *work, *(f"{spring.name}.{ENERGY}" for spring in springs)]
 
 
 def signal_columns(model: Model) -> list[str]:

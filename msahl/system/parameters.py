@@ -211,9 +211,10 @@ def _signals(elements: Elements, topology: Topology) -> Signals | None:
     rates = [state.rate for state in entries.states]
     results = [entry.expression for entry in entries.results]
     tape, places = build_tape(
-        [*rates, *results, *entries.shown], names, entries.named, entries.tables
+        [*rates, *results, *entries.shown, *entries.stops], names, entries.named, entries.tables
     )
-    rate, result, shown = np.split(places, np.cumsum([len(rates), len(results)]))
+    ends = np.cumsum([len(rates), len(results), len(entries.shown)])
+    rate, result, shown, stop = np.split(places, ends)
     axes = [marker.axes for marker in entries.markers]
     return Signals(
         **topology.signals,
@@ -225,6 +226,7 @@ def _signals(elements: Elements, topology: Topology) -> Signals | None:
         rate=rate,
         result=result,
         shown=shown,
+        stop=stop,
     )
 
 

@@ -49,6 +49,7 @@ class SignalEntries(NamedTuple):
     tables: dict[str, Table]
     states: tuple[SignalState, ...]
     shown: tuple[Tree, ...]  # published values
+    stops: tuple[Tree, ...]  # margins of the conditions that end the run
     inputs: tuple[InputEntry, ...]
     markers: tuple[Marker, ...]
     results: tuple[ResultEntry, ...]
@@ -92,9 +93,11 @@ class SignalCollector:
             if isinstance(load, JointActuator | MarkerActuator)
         ]
         trees = {s.name: tree for s in model.signals if (tree := tree_of(s)) is not None}
-        if not trees and not actuators:
+        others = [load.expression for _, load in actuators]
+        others += [stop.expression for stop in model.stops]
+        if not trees and not others:
             return None
-        for name in reached([*trees.values(), *(load.expression for _, load in actuators)], {}):
+        for name in reached([*trees.values(), *others], {}):
             if name not in trees:
                 self._input(name)
         states = tuple(s for s in model.signals if isinstance(s, SignalState))
@@ -105,6 +108,7 @@ class SignalCollector:
             tables={s.name: s.table for s in model.signals if isinstance(s, SignalTable)},
             states=states,
             shown=(*published, *(load.expression for _, load in actuators)),
+            stops=tuple(stop.expression for stop in model.stops),
             inputs=tuple(entry for _, entry in self._inputs.values()),
             markers=tuple(self._markers[name] for name in self._used),
             results=results,

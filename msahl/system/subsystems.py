@@ -15,7 +15,7 @@ from msahl.expressions.syntax import Lookup, Name, Tree, postorder
 from msahl.model import Joint, MarkerActuator, Model, Signal, SignalState, SignalTable
 from msahl.model.signals import element_and_value
 
-KINDS = ("joints", "couplings", "motions", "loads", "signals")
+KINDS = ("joints", "couplings", "motions", "loads", "signals", "stops")
 """What may couple bodies, as a model holds it."""
 
 

@@ -138,7 +138,7 @@ def _signal_connections(elements: Elements) -> tuple[Any, ...] | None:
         tuple(entry[:4] for entry in entries.inputs),
         tuple(marker.body for marker in entries.markers),
         tuple((r.coordinate, r.column, r.inputs) for r in entries.results),
-        (len(entries.states), len(entries.shown)),
+        (len(entries.states), len(entries.shown), len(entries.stops)),
     )
 
 

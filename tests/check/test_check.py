@@ -27,7 +27,7 @@ from msahl.model import (
 )
 
 ROOT = Path(__file__).parents[2]
-DECKS = sorted((ROOT / "decks").rglob("*.xml")) + sorted(ROOT.glob("msahl/deck/templates/*.xml"))
+DECKS = sorted((ROOT / "decks").glob("*/*.xml")) + sorted(ROOT.glob("msahl/deck/templates/*.xml"))
 
 BALL = ((0.1, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, 0.1))
 BOB = RigidBody("Bob", 1.0, ZERO, BALL, ZERO, ZERO, ZERO, ZERO)

@@ -212,3 +212,43 @@ def test_a_symlink_within_the_folder_is_accepted(path, tmp_path):
     (tmp_path / "link.xml").symlink_to("wheel.xml")
     path.write_text(deck('<include href="link.xml" prefix="A"/>'))
     assert read_deck(path).bodies[0].name == "AWheel"
+
+
+MOTOR = PART.replace(
+    "    <motions>",
+    """    <signals>
+      <signal name="speed" units="rad/s">{Axle.angleRate*half/side + 0*k}</signal>
+      <state name="i" initial="{half/side}" units="A">{slow(speed) - r*i + 0*t}</state>
+      <table name="slow" units="A/s"><x units="rad/s">0 1</x><values>0 1</values></table>
+    </signals>
+    <loads>
+      <actuator><name>Motor</name><joint>Axle</joint><coordinate>angle</coordinate>
+        <expression units="N-m">where(Axle.angle &lt; pi, k*i, outside)</expression></actuator>
+    </loads>
+    <motions>""",
+).replace("</parameters>", '<parameter name="r">2</parameter></parameters>')
+MOTOR = MOTOR[: MOTOR.index("<motions>")] + MOTOR[MOTOR.index("</motions>") + len("</motions>") :]
+
+
+def test_expressions_of_the_motion_in_parts(path, tmp_path):
+    """Names that the part defines get the prefix, in laws as well; k and outside are the deck's."""
+    (tmp_path / "wheel.xml").write_text(MOTOR)
+    text = deck(LEFT.replace("L.", "L-1."), RIGHT).replace(
+        "</parameters>", '<parameter name="k" units="N-m/A">3</parameter></parameters>'
+    )
+    signal = '<signals><signal name="outside">2*L-1 + R.i</signal></signals></system>'
+    path.write_text(text.replace("</system>", signal.replace("L-1", "'L-1.i'")))
+    model = read_deck(path)
+    assert [signal.name for signal in model.signals] == [
+        "outside",
+        *("L-1.speed", "L-1.i", "L-1.slow"),
+        *("R.speed", "R.i", "R.slow"),
+    ]
+    assert [load.joint for load in model.loads] == ["L-1.Axle", "R.Axle"]
+    assert "Name(text='L-1.Axle.angleRate'" in repr(model.signals[1])
+    assert "Name(text='L-1.i'" in repr(model.loads[0])
+    assert model.signals[2].initial == 0.5
+    text = effective_deck(path)
+    path.write_bytes(text)
+    assert read_deck(path) == model
+    assert effective_deck(path) == text

@@ -20,13 +20,17 @@ from msahl.algebra.vector import ZERO
 from msahl.elements import forces
 from msahl.elements.constraints import scalar
 from msahl.elements.constraints.coordinate_kinds import Derivatives
+from msahl.expressions.syntax import parse
 from msahl.model import (
     Bushing,
     ConcentratedLoad,
     Drag,
     Friction,
     Joint,
+    JointActuator,
     JointSpring,
+    Marker,
+    MarkerActuator,
     SpringDamper,
 )
 from msahl.model.loads import Load
@@ -69,10 +73,15 @@ PENDULUM = {
         *("mount", GROUND.name, "Bob", (0.0, 0.0, 0.8), (0.0, 0.0, 0.3), AXES, AXES),
         *((9.0, 0.0, 5.0, 0.0, 3.0, 0.0), (0.4, 0.0, 0.0, 0.0, 0.2, 0.0)),
     ),
+    "motor": JointActuator(
+        "motor", "Pivot", "angle", parse("2.5*sin(3*t) - 0.8*Pivot.angle - 0.2*Pivot.angleRate")
+    ),
+    "ram": MarkerActuator("ram", "Eye", "Tip", parse("1.5 + 0.5*Tip.x - 0.1*Tip.vz")),
     "rub": Friction("rub", "Pivot", "angle", 0.3, 0.1, 3.0),
 }
 """A load of each kind, by its name; all act in the plane of the motion."""
 WORKING = [*PENDULUM]
+MARKERS = (Marker("Eye", GROUND.name, HOOK), Marker("Tip", "Bob", SIDE))
 
 
 def pendulum(loads, **simulation):
@@ -94,7 +103,7 @@ def pendulum(loads, **simulation):
     pivot = Joint(
         *("Pivot", "revolute", GROUND.name, "Bob", ZERO, (0.0, 0.0, -ARM), Y_AXES, own_axes)
     )
-    model = build_model([bob], [pivot], loads, gravity=(0.0, 0.0, GRAVITY))
+    model = build_model([bob], [pivot], loads, gravity=(0.0, 0.0, GRAVITY), markers=MARKERS)
     return replace(model, simulation=replace(model.simulation, t_final=T, **simulation))
 
 
@@ -137,6 +146,13 @@ class Exact:
 
         moment = -(0.7 + 6.0 * (theta - START - 0.2) + 0.3 * rate)
         all_of_it["coil"] = (np.zeros(2), moment, -0.3 * rate**2)
+
+        moment = 2.5 * np.sin(3.0 * t) - 0.8 * (theta - START) - 0.2 * rate
+        all_of_it["motor"] = (np.zeros(2), moment, moment * rate)
+
+        push = 1.5 + 0.5 * P[0] - 0.1 * dP[1] * rate
+        force = push * D / length
+        all_of_it["ram"] = (force, dP @ force, push * speed)
 
         P, dP = self.at(theta, (0.0, 0.0, 0.3))
         move = P - self.first[2:4]
@@ -260,7 +276,7 @@ STEPS = {
     "decaying": (20, 2),
     "gauss1": (10, 2),
     "gauss2": (4, 4),
-    "gauss3": (2, 6),
+    "gauss3": (3, 6),
     "gauss4": (2, 8),
     "gauss5": (1, 10),
     "radau1": (20, 1),

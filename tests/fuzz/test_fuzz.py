@@ -87,15 +87,15 @@ class Example:
         finally:
             self._temporary.cleanup()
 
-    def model(self):
+    def model(self, changes=()):
         """The model, or None with every fault told as it should be."""
         try:
-            return read_deck(self.deck)
+            return read_deck(self.deck, settings=changes)
         except DeckError as error:
             faults = error.faults
         assert faults
         for fault in faults:
-            assert str(fault).startswith(f"{self.deck}:")
+            assert str(fault).startswith(f"{self.folder}/")
             assert fault.line >= 0
             assert fault.message
         return None

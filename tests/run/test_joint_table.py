@@ -126,11 +126,12 @@ def test_accelerations_are_the_derivatives_of_velocities(scheme):
 
 
 @pytest.mark.parametrize("scheme", ["preserving", "decaying", "gauss2"])
-def test_accelerations_change_nothing_else(scheme):
-    model = deck("friction_hinge")
+@pytest.mark.parametrize("name", ["friction_hinge", "actuator_motor"])
+def test_accelerations_change_nothing_else(name, scheme):
+    model = deck(name)
     with_them = replace(model, simulation=replace(model.simulation, accelerations="yes"))
     plain, other = (simulate(m, t_final=0.5, scheme=scheme) for m in (model, with_them))
-    for name in ("states", "reactions", "work"):
+    for name in ("states", "reactions", "work", "signals"):
         assert getattr(plain, name).tobytes() == getattr(other, name).tobytes()
 
 

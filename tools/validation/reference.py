@@ -14,7 +14,8 @@ integrated with the orientations as quaternions by scipy's DOP853 between the br
 laws: breakpoints in time end an integration, breakpoints in a displacement (tables of springs,
 cams) are events.
 
-Of the engine only the records of ``msahl.model`` and the names of their fields are used.
+Of the engine only the records of ``msahl.model``, the values of expressions' trees, and the zero of
+a joint's angle are used.
 """
 
 from collections.abc import Callable
@@ -23,12 +24,27 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
 
 from msahl.algebra.functions import Law
-from msahl.model import Model
+from msahl.expressions.evaluate import evaluate
+from msahl.expressions.syntax import Name, Tree, postorder
+from msahl.joints.coordinates import angle_offset
+from msahl.joints.registry import KINDS
+from msahl.model import Marker, Model, SignalState, SignalTable
+from msahl.model import Signal as NamedExpression
 from msahl.model.couplings import Coupling
 from msahl.model.joints import Joint
-from msahl.model.loads import Bushing, ConcentratedLoad, Drag, Friction, JointSpring, SpringDamper
+from msahl.model.loads import (
+    Bushing,
+    ConcentratedLoad,
+    Drag,
+    Friction,
+    JointActuator,
+    JointSpring,
+    MarkerActuator,
+    SpringDamper,
+)
 from msahl.model.motions import JointMotion
 
 FINEST = 1e-13
@@ -141,6 +157,18 @@ def parameters_of(e: Array) -> Array:
     return (1.0 if e[0] >= 0.0 else -1.0) * 4.0 * e[1:] / (1.0 + abs(e[0]))
 
 
+def interpolated(kind: str, x: Array, y: Array, u: float) -> Array:
+    """Values at ``u`` between the entries ``y`` (m, ...) over ``x``, constant outside."""
+    if kind == "periodic":
+        return np.asarray(CubicSpline(x, y, bc_type="periodic")(u))
+    u = min(max(u, float(x[0])), float(x[-1]))
+    if kind == "cubic":
+        return np.asarray(CubicSpline(x, y)(u))
+    i = min(int(np.searchsorted(x, u, side="right")) - 1, len(x) - 2)
+    share = (u - x[i]) / (x[i + 1] - x[i])
+    return np.asarray((1.0 - share) * y[i] + share * y[i + 1])
+
+
 class Function:
     """A law as value and two derivatives. The piece of a table or a ramp does not change until
     ``enter`` chooses another, so that an integrator never passes a breakpoint.
@@ -229,6 +257,10 @@ class Equations:
         self.inertia = [np.array(b.inertia) for b in model.bodies]
         self.laws = {id(law): Function(law) for law in self._all_laws()}
         self.counted = sorted(self._counted())
+        self.states = [s for s in model.signals if isinstance(s, SignalState)]
+        self.signals = {s.name: s for s in model.signals if isinstance(s, NamedExpression)}
+        self.markers = {marker.name: marker for marker in model.markers}
+        self.auxiliary: dict[str, float] = {}
         self.offsets: list[float] = []
         self.origins: dict[str, float] = {}
         self.bodies: list[Body] = []
@@ -255,13 +287,16 @@ class Equations:
                 and element.coordinate == "angle"
             ):
                 names.add(element.joint)
+        if any(isinstance(load, JointActuator | MarkerActuator) for load in self.model.loads):
+            names |= {j.name for j in self.model.joints if "angle" in (KINDS[j.kind].pose or ())}
         return names
 
     # The state.
 
     def first(self, row: Array) -> Array:
         """The state vector of the published states ``row`` (12 n,)."""
-        y = np.zeros(SIZE * self.n + len(self.counted))
+        y = np.zeros(SIZE * self.n + len(self.counted) + len(self.states))
+        y[SIZE * self.n + len(self.counted) :] = [state.initial for state in self.states]
         for b, part in enumerate(row.reshape(self.n, 12)):
             x, p, v, w = part.reshape(4, 3)
             e = quaternion_of(p)
@@ -304,7 +339,10 @@ class Equations:
             self.bodies.append(Body(6 * b, own[:3], R, own[7:10], R @ own[10:]))
         rest = np.zeros(3)
         self.bodies.append(Body(-1, rest, np.eye(3), rest, rest))
-        self.angles = dict(zip(self.counted, y[SIZE * self.n :], strict=True))
+        rest = y[SIZE * self.n :]
+        self.angles = dict(zip(self.counted, rest, strict=False))
+        own = rest[len(self.counted) :]
+        self.auxiliary = {s.name: float(v) for s, v in zip(self.states, own, strict=True)}
 
     # Signals of geometry.
 
@@ -539,7 +577,60 @@ class Equations:
             elif isinstance(load, Drag):
                 P = self.point(load.body, load.point)
                 f -= load.coefficient * np.sqrt(P.rate @ P.rate) * (P.rate @ P.G)
+            elif isinstance(load, JointActuator):
+                f += self.value(load.expression) * self.coordinate(load.joint, load.coordinate).G
+            elif isinstance(load, MarkerActuator):
+                here, there = (self.markers[name] for name in (load.start, load.end))
+                D = self.point(there.body, there.point) - self.point(here.body, here.point)
+                f += self.value(load.expression) * root(times(D, D)).G
         return f
+
+    # Expressions of the motion.
+
+    def value(self, tree: Tree) -> float:
+        """Return the value of an expression in the present state."""
+        names = {n.text: self._named(n.text) for n in postorder(tree) if isinstance(n, Name)}
+        return evaluate(tree, names, {s.name: self._table(s) for s in self._tables()})
+
+    def _tables(self) -> list[SignalTable]:
+        return [signal for signal in self.model.signals if isinstance(signal, SignalTable)]
+
+    def _table(self, signal: SignalTable) -> Callable[..., float]:
+        table = signal.table
+        if isinstance(table, Law):
+            x, y = np.array(table.numbers).reshape(2, -1)
+            return lambda u: float(interpolated(table.kind, x, y, u))
+        grid, values = (np.array(table.x), np.array(table.y)), np.array(table.values)
+
+        def surface(u: float, v: float) -> float:
+            return float(
+                interpolated(table.kind, grid[1], interpolated(table.kind, grid[0], values, u), v)
+            )
+
+        return surface
+
+    def _named(self, name: str) -> float:
+        if name == "t":
+            return self.t
+        if name in self.auxiliary:
+            return self.auxiliary[name]
+        if name in self.signals:
+            return self.value(self.signals[name].expression)
+        element, value = name.rsplit(".", 1)
+        if element in self.markers:
+            return float(self._marker(self.markers[element])[value])
+        q = self.coordinate(element, value.removesuffix("Rate"))
+        if value.endswith("Rate"):
+            return float(q.rate)
+        return float(q.value) + (angle_offset(self.joints[element]) if value == "angle" else 0.0)
+
+    def _marker(self, marker: Marker) -> dict[str, float]:
+        P = self.point(marker.body, marker.point)
+        body, axes = self.bodies[self.index[marker.body]], np.array(marker.axes)
+        q = Rotation.from_matrix(body.R @ axes.T).as_quat(canonical=True)
+        names = ("x", "y", "z", "vx", "vy", "vz", "wx", "wy", "wz", "q1", "q2", "q3", "q0")
+        numbers = np.concatenate([P.value, P.rate, axes @ (body.R.T @ body.W), q])
+        return dict(zip(names, numbers.tolist(), strict=True))
 
     def _concentrated(self, load: ConcentratedLoad) -> Array:
         size = self.laws[id(load.law)](self.t)[0] if load.law else 1.0
@@ -645,6 +736,8 @@ class Equations:
             dy[i + 10 : i + 13] = body.R.T @ a[6 * b + 3 : 6 * b + 6]
         for k, name in enumerate(self.counted):
             dy[SIZE * self.n + k] = self.coordinate(name, "angle").rate
+        for k, state in enumerate(self.states, start=SIZE * self.n + len(self.counted)):
+            dy[k] = self.value(state.rate)
         return dy
 
     def hold(self, t: float, y: Array) -> None:

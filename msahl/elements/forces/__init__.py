@@ -436,6 +436,20 @@ def publish_signals(
     signals.publish(group, start.signals, table, row)
 
 
+@optional(-1.0)
+def margin_of_stops(
+    group: Signals, start: ForcesWorkspace, scalar: ScalarConstraints | None
+) -> float:
+    """Return the largest margin of the conditions that end the run, at the prepared configuration:
+    positive where one of them holds, -1 where there is none.
+    """
+    if group.stop.size == 0:
+        return -1.0
+    set_prepared_inputs(group, start, scalar)
+    signals.evaluate(group, start.signals)
+    return signals.largest_margin(group, start.signals)
+
+
 @optional()
 def _set_rates(scalar: ScalarConstraints, place: ScalarWorkspace, motion: FramesWorkspace) -> None:
     """Set the coordinates' rates of the prepared configuration."""

@@ -24,6 +24,7 @@ The positions at the ends of steps say little where motions are prescribed (if a
 error) or where loads oscillate (their impulses are exact). So in all systems but those of
 coinciding points without laws of time two more terms count: the error of the dense output at the
 middle of the long step, and that of the works, relative to the system's energy, times its length.
+The errors of auxiliary states count likewise, each relative to its largest size so far.
 
 Source: E. Hairer, S. P. Noersett, G. Wanner, Solving Ordinary Differential Equations I (1993),
 section II.4, for the pairs and (1).
@@ -46,12 +47,12 @@ from msahl.system import evaluate
 from msahl.system.arrays import State
 from msahl.system.diagnostics import KINETIC, record_figures
 
-NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST, WIDEST, STOP, ENERGY = range(10)
+NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST, WIDEST, STOP, ENERGY, STATES = range(11)
 """Places in ``StepControl.figures``: size of the next pair [s]; tolerance per second [m/s]; time
 that no pair may pass for now [s]; sum of the local errors so far and the largest of them [m]; size
 that the last pair should have had [s]; smallest and largest accepted step [s]; time of a breakpoint
 or an event at which the present pair ends at the latest [s]; largest kinetic energy so far, with
-which works are compared [J]."""
+which works are compared [J]; from here on the largest sizes of the auxiliary states."""
 ACCEPTED, REFUSED, ROWS, SOUGHT = range(4)
 """Places in ``StepControl.counts``: pairs accepted and refused so far, rows written in the present
 chunk, searches for a breakpoint since the last accepted pair."""
@@ -79,7 +80,7 @@ class ControlSettings(NamedTuple):
 class StepControl(NamedTuple):
     """State of the step-size control, and memory for taking a pair back."""
 
-    figures: np.ndarray  # (10,) see above
+    figures: np.ndarray  # (10 + n,) see above
     counts: np.ndarray  # (4,)
     sizes: np.ndarray  # (steps,) sizes of the present chunk's steps [s]
     ends: np.ndarray  # (steps,) times of their ends [s]
@@ -91,6 +92,7 @@ class StepControl(NamedTuple):
     x_middle: np.ndarray  # (n+1, 3) mass centres at the middle of it, by the dense output [m]
     p_middle: np.ndarray  # (n+1, 3)
     work: np.ndarray  # (w,) at its end [J]
+    auxiliary: np.ndarray  # (n,) auxiliary states there
     checks_rows: bool  # whether errors of the dense output and of works count as well
     breakpoints: Breakpoints
 
@@ -101,7 +103,7 @@ def new_step_control(
     """Return the step-size control for chunks of up to ``steps`` steps."""
     state = subsystem.workspace.state
     system = subsystem.workspace.system
-    figures = np.zeros(10)
+    figures = np.zeros(STATES + state.auxiliary.size)
     figures[STOP] = math.inf
     figures[NEXT], figures[SMALLEST] = settings.dt, math.inf
     figures[SHARE] = settings.tolerance / settings.t_final
@@ -118,7 +120,9 @@ def new_step_control(
         x_middle=np.zeros_like(state.x),
         p_middle=np.zeros_like(state.p),
         work=np.zeros_like(state.work),
+        auxiliary=np.zeros_like(state.auxiliary),
         checks_rows=system.scalar is not None
+        or state.auxiliary.size > 0
         or max(forces.laws_of_time(system.forces), default=-1) >= 0,
         breakpoints=new_breakpoints(system),
     )
@@ -323,6 +327,8 @@ def save_middle(subsystem: CollocationWorkspace, control: StepControl, h: float)
     copy(output.workspace.state.p, control.p_middle)
     for w in range(control.work.size):
         control.work[w] = subsystem.workspace.state.work[w]
+    for k in range(control.auxiliary.size):
+        control.auxiliary[k] = subsystem.workspace.state.auxiliary[k]
 
 
 @kernel
@@ -330,8 +336,8 @@ def middle_difference(
     subsystem: CollocationWorkspace, control: StepControl, row: int
 ) -> tuple[float, float]:
     """Difference [m] between the dense output of the long step and the pair at its middle, plus
-    the difference of their works over the energy, times the length of the system; and how much of
-    that is rounding error.
+    the difference of their works over the energy, or of their auxiliary states over the largest of
+    these, times the length of the system; and how much of that is rounding error.
     """
     workspace, figures = subsystem.workspace, control.figures
     frames = workspace.system.frames
@@ -347,9 +353,14 @@ def middle_difference(
     for w in range(control.work.size):
         work = max(work, abs(control.end.work[w] - control.work[w]))
         size = max(size, abs(control.work[w]))
-    if not size > 0.0:
-        return error, 0.0
-    return error + length * work / size, ROUND_OFF * length
+    other = length * work / size if size > 0.0 else 0.0
+    for k in range(control.auxiliary.size):
+        state = control.end.auxiliary[k]
+        figures[STATES + k] = max(figures[STATES + k], abs(state))
+        if figures[STATES + k] > 0.0:
+            off = length * abs(state - control.auxiliary[k]) / figures[STATES + k]
+            size, other = 1.0, max(other, off)
+    return error + other, ROUND_OFF * length if size > 0.0 else 0.0
 
 
 @kernel

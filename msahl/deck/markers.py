@@ -1,0 +1,48 @@
+"""Reader of markers, of distances and angles between them, and of groups: elements -> records."""
+
+from msahl.algebra.rotation import matrix
+from msahl.algebra.vector import IDENTITY, ZERO, transpose
+from msahl.check.markers import group_findings, marker_findings, sensor_findings
+from msahl.deck.faults import Element, attribute, text
+from msahl.deck.values import Reader
+from msahl.model.markers import Group, Marker, MarkerAngle, MarkerDistance, Sensor
+
+
+def read_marker(element: Element, reader: Reader) -> Marker:
+    """Return the record of a ``<marker>``."""
+    body = text(element.find("body"))
+    known = body in reader.context.axes
+    position, rotation = element.find("position"), element.find("orientation/eulerRotation")
+    P = ZERO if rotation is None else reader.rotation(rotation)
+    basis = attribute(element, "basis")
+    marker = Marker(
+        name=text(element.find("name")),
+        body=body,
+        point=reader.vector(position, own=body, wanted=body) if known else ZERO,
+        axes=IDENTITY if P == ZERO else transpose(matrix(P)),
+        basis="" if basis in reader.context.grounds else basis,
+    )
+    found = marker_findings(marker, reader.context)
+    reader.add(element, (finding for finding in found if finding.part != "basis"))
+    return marker
+
+
+def read_sensor(element: Element, reader: Reader) -> Sensor:
+    """Return the record of a ``<distance>`` or an ``<angle>`` between markers."""
+    name, start, vertex, end = (text(element.find(tag)) for tag in ("name", "from", "vertex", "to"))
+    is_distance = element.tag == "distance"
+    sensor: Sensor = (
+        MarkerDistance(name, start, end) if is_distance else MarkerAngle(name, start, vertex, end)
+    )
+    reader.add(element, sensor_findings(sensor, reader.context))
+    return sensor
+
+
+def read_group(element: Element, reader: Reader) -> Group:
+    """Return the record of a ``<group>``."""
+    group = Group(text(element.find("name")), tuple(map(text, element.iterfind("body"))))
+    for finding in group_findings(group, reader.context):
+        # Names that do not resolve are reported where all references are checked.
+        if "is not a body" not in finding.message:
+            reader.faults.add(element, finding.message)
+    return group

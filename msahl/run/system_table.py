@@ -1,0 +1,62 @@
+"""The table of groups of bodies: mass centre, momentum, angular momentum and energy.
+
+    x = sum m_i x_i / m          v = p / m                  p = sum m_i v_i
+    L = sum (J_i w_i + m_i (x_i - x) x v_i)                 about the group's mass centre
+    kinetic = sum (m_i v_i.v_i + w_i.J_i w_i)/2             potential = - sum m_i g.x_i
+
+x_i and v_i belong to the mass centres; all vectors are in inertial axes. The potential energy of
+the group of all bodies includes the elastic energy of springs and bushings.
+"""
+
+import numpy as np
+
+from msahl.joints.coordinates import cross, dot, point_motion, rotated
+from msahl.model import Model
+from msahl.run.body_rows import TablesOfSteppers, read_motions, select, without_ground
+from msahl.system.names import ENERGY, GROUP_COLUMNS, group_columns, work_columns
+
+
+class SystemTable:
+    """Computes ``system.csv``, one chunk of output times after the other."""
+
+    def __init__(self, model: Model) -> None:
+        everything = tuple(body.name for body in model.bodies)
+        members = [group.bodies or everything for group in model.groups]
+        names = list(dict.fromkeys(name for group in members for name in group))
+        self.bodies, _ = select(model, names)
+        chosen = [model.bodies[number] for number in self.bodies.tolist()]
+        self.width = len(group_columns(model))
+        self.s = np.array([body.r_BG for body in chosen])
+        self.inertia = np.array([body.inertia for body in chosen])
+        self.gravity = np.array(model.gravity)
+        mass = np.array([body.mass for body in chosen])
+        # (g, n) masses of the bodies in each group, and who is in it
+        self.member = np.array([[body.name in group for body in chosen] for group in members])
+        self.mass = self.member * mass
+        self.is_complete = np.array([not group.bodies for group in model.groups])
+        heads = work_columns(model)
+        self.springs = [k for k, head in enumerate(heads) if head.endswith(f".{ENERGY}")]
+
+    def rows(self, tables: TablesOfSteppers) -> np.ndarray:
+        """Return the output times (m, columns) of these tables."""
+        bodies = without_ground(read_motions(tables, self.bodies))
+        motion, R = point_motion(bodies, self.s), bodies.R
+        w = rotated(np.swapaxes(R, -1, -2), bodies.w)
+        spin = rotated(R, rotated(self.inertia, w))
+        total = self.mass.sum(axis=1)[:, None]
+        x, p = (np.einsum("gn,mni->mgi", self.mass, part) for part in (motion.x, motion.v))
+        x, v = x / total, p / total
+        arms = motion.x[:, None] - x[:, :, None]  # (m, g, n, 3)
+        moments = cross(arms, np.broadcast_to(motion.v[:, None], arms.shape))
+        L = np.einsum("gn,mgni->mgi", self.mass, moments)
+        L += np.einsum("gn,mni->mgi", self.member.astype(float), spin)
+        rotation = self.member @ dot(bodies.w, spin)[..., None]
+        translation = self.mass @ dot(motion.v, motion.v)[..., None]
+        kinetic = 0.5 * (translation + rotation)
+        potential = -(self.mass @ (motion.x @ self.gravity)[..., None])
+        if self.springs:
+            elastic = tables["work"][:, self.springs].sum(axis=1)
+            potential += self.is_complete[:, None] * elastic[:, None, None]
+        found = np.concatenate([x, v, p, L, kinetic, potential], axis=-1)
+        assert found.shape[-1] == len(GROUP_COLUMNS)
+        return np.concatenate([tables["states"][:, :1], found.reshape(len(x), -1)], axis=1)
