@@ -6,6 +6,7 @@ import pytest
 from msahl.algebra.rotation import matrix
 from msahl.cli.new import decks
 from msahl.deck import read_deck
+from msahl.run.verdict import PASS
 from msahl.system.names import signal_columns
 from tests.support.models import simulate
 
@@ -19,7 +20,7 @@ def runs():
 
     def run(name):
         if name not in made:
-            made[name] = simulate(read_deck(decks()[name]), error="off")
+            made[name] = simulate(read_deck(decks()[name]))
         return made[name]
 
     return run
@@ -40,7 +41,8 @@ def angle_about(run, body, axis):
 def test_a_machine_runs_and_keeps_its_energy(runs, name):
     report = runs(name).report
     assert report.status == "completed"
-    # Round-off of up to 5000 steps; actuators and states are within the balance.
+    assert report.verdict["word"] == PASS
+    # Round-off of up to 5000 steps ; actuators and states are within the balance.
     assert report.extremes["energyErrorMaxRelative"] < 1e-11
 
 
@@ -66,7 +68,7 @@ def test_the_engine_swings_about_its_speed(runs):
 def test_the_satellite_comes_to_its_orientation(runs):
     run = runs("satellite")
     assert np.degrees(4 * np.arctan(np.linalg.norm(run.of("orientation", 0)[-1]) / 4)) < 1.0
-    momentum = 10.0 * run.of("spin", 0)[:, 2] + 0.1 * run.of("spin", 1)[:, 2]
+    momentum = 10.0 * run.of("spin", 0)[:, 2] + 0.4 * run.of("spin", 1)[:, 2]
     assert np.abs(momentum).max() < 1e-12
 
 

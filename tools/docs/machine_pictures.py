@@ -1,6 +1,6 @@
 """Draw the pictures of docs/machines.md from the tables of the runs of decks/machines.
 
-    python tools/docs/pictures.py
+    python -m tools.docs.pictures
 
 draws them with those of all other pages.
 """
@@ -127,8 +127,7 @@ PANELS: Mapping[str, tuple[Panel, Panel]] = {
 def draw_machine(name: str, results: Path) -> None:
     """Write docs/img/machine_NAME.png from the tables in the folder ``results``."""
     tables = {path.stem: pd.read_csv(path) for path in results.glob("*.csv")}
-    style = {"font.size": 7, "axes.spines.top": False, "axes.spines.right": False}
-    with mpl.rc_context(style):
+    with mpl.rc_context({"font.size": 7, "axes.spines.top": False, "axes.spines.right": False}):
         figure = Figure(figsize=SIZE, dpi=DPI, layout="tight")
         for axes, panel in zip(figure.subplots(1, 2), PANELS[name], strict=True):
             panel(axes, tables)

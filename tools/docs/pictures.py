@@ -1,6 +1,6 @@
 """Draw a small picture of every deck, and those of other pages, for the documentation site.
 
-Usage: python tools/docs/pictures.py [--results FOLDER] [DECK...]
+Usage: python -m tools.docs.pictures [--results FOLDER] [DECK...]
 
 Runs each deck (or reads its results from FOLDER/<family>/<deck>) and writes
 docs/examples/pictures/<family>/<deck>.png. A picture shows the bodies at equal intervals of time,
@@ -21,9 +21,6 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
-
-# A script's own folder is on the path of imports.
-from machine_pictures import PANELS, draw_machine
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
@@ -31,6 +28,7 @@ from PIL import Image
 from msahl.deck.read import read_deck
 from msahl.model.bodies import RigidBody
 from msahl.model.model import Model
+from tools.docs.machine_pictures import PANELS, draw_machine
 
 ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "docs" / "examples" / "pictures"
