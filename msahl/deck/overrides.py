@@ -64,7 +64,7 @@ def apply_settings(root: Element, settings: Sequence[str], faults: Faults) -> No
 def _apply(root: Element, setting: str, faults: Faults) -> str:
     """Change one number, or the condition; return what is wrong with the setting."""
     if setting.startswith(STOP_WHEN):
-        _stop_when(root, setting.removeprefix(STOP_WHEN))
+        _stop_when(root, setting.removeprefix(STOP_WHEN), faults)
         return ""
     match = FORM.fullmatch(setting)
     if match is None or not setting.isprintable():
@@ -88,14 +88,14 @@ def _apply(root: Element, setting: str, faults: Faults) -> str:
     return f"there are {len(found)} such numbers: {shown}{more}; name one of them"
 
 
-def _stop_when(root: Element, condition: str) -> None:
-    """Let the run end where a condition begins to hold, instead of the deck's own."""
+def _stop_when(root: Element, condition: str, faults: Faults) -> None:
+    """Let the run end where a condition becomes true, instead of the deck's own."""
     for simulation in root.iterfind("simulation"):
         stop = simulation.find("stop")
         if stop is None:
             stop = SubElement(simulation, "stop")
-            stop.sourceline = simulation.sourceline
         stop.set("when", condition)
+        faults.origins[stop] = f"--stop-when {condition}"
 
 
 def _units(root: Element, parameter: Element) -> str:

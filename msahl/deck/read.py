@@ -22,6 +22,7 @@ from msahl.check.signals import circle_findings
 from msahl.deck.bodies import read_ground, read_rigid_body
 from msahl.deck.couplings import read_coupling
 from msahl.deck.faults import KINDS, Element, Faults, attribute, text
+from msahl.deck.joint_start import gives_starts
 from msahl.deck.joints import read_joint
 from msahl.deck.loads import (
     read_body_force,
@@ -33,7 +34,6 @@ from msahl.deck.loads import (
 from msahl.deck.markers import read_group, read_marker, read_sensor
 from msahl.deck.motions import check_prescribed_once, read_joint_motion, read_point_motion
 from msahl.deck.parse import is_plain, parse, parse_valid, parsed, read_bytes
-from msahl.deck.placement import place_by_joints
 from msahl.deck.references import check_references, is_complete
 from msahl.deck.schema import check_schema, schema_bytes, validator
 from msahl.deck.signals import declare_signals, read_actuator, read_signal, read_stop
@@ -126,7 +126,10 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
     _read_axes(root, sound["bodies"], reader)
     _read_kinds(root, reader)
     check_references(root, TAGS, reader)
-    place_by_joints(root, reader)
+    if gives_starts(root):
+        from msahl.deck.placement import place_by_joints  # which few decks need
+
+        place_by_joints(root, reader)
     bodies = [_read_body(element, reader) for element in sound["bodies"]]
     _check_some_body(root, faults)
     joints = [read_joint(e, reader) for e in sound["joints"] if e.tag in JOINT_KINDS]
