@@ -6,6 +6,7 @@ from msahl.joints.registry import KINDS
 from msahl.model import (
     Actuator,
     Bushing,
+    ConcentratedLoad,
     Joint,
     JointSpring,
     MarkerDistance,
@@ -29,7 +30,7 @@ GROUP_COLUMNS = (
 )
 FORCE_COLUMNS = ("Fx", "Fy", "Fz")
 MOMENT_COLUMNS = ("Mx", "My", "Mz")
-LOAD_COLUMN = "load"
+LOAD_COLUMN, FACTOR_COLUMN = "load", "factor"
 ENERGY = "energy"
 """Value of a spring in the table of work."""
 Springy = SpringDamper | JointSpring | Bushing
@@ -97,12 +98,16 @@ def work_columns(model: Model) -> list[str]:
 
 
 def signal_columns(model: Model) -> list[str]:
-    """Header of ``signals.csv``: signals and auxiliary states [SI], and loads of actuators [N or
-    N m].
+    """Header of ``signals.csv``: signals and auxiliary states [SI], loads of actuators [N or N m],
+    and factors of concentrated loads.
     """
     names = [signal.name for signal in model.signals if not isinstance(signal, SignalTable)]
     actuators = [load for load in model.loads if isinstance(load, Actuator)]
-    return ["time", *names, *(f"{load.name}.{LOAD_COLUMN}" for load in actuators)]
+    controlled = [
+        load for load in model.loads if isinstance(load, ConcentratedLoad) and load.expression
+    ]
+    loads = [f"{load.name}.{LOAD_COLUMN}" for load in actuators]
+    return ["time", *names, *loads, *(f"{load.name}.{FACTOR_COLUMN}" for load in controlled)]
 
 
 def describe_row(model: Model, system: System, index: int) -> str:
