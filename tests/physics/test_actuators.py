@@ -114,6 +114,8 @@ def test_states_between_steps_have_the_order_of_the_dense_output(scheme):
         assert run.signals[:, 2] == pytest.approx(U * run.signals[:, 1], rel=1e-15)
         load = K * run.signals[:, 1] - C * run.states[:, 12]
         assert run.signals[:, 3] == pytest.approx(load, rel=1e-13)
+        power = load * run.states[:, 12]
+        assert run.signals[:, 4] == pytest.approx(power, rel=1e-12)  # of a rate by products
     assert (np.log2(np.divide(*found)) >= order - 0.6).all()
 
 
