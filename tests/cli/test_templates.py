@@ -61,8 +61,11 @@ def test_the_vehicle_climbs_the_ramp(runs):
 
 def test_the_engine_swings_about_its_speed(runs):
     run = runs("engine")
-    late = run.time > 0.75
+    late = run.time > 0.6
     assert run.of("spin", 0)[late, 1].mean() == pytest.approx(105.0, abs=5.0)
+    # From -30 degrees to 15 revolutions, where a condition ends the run.
+    assert run.time[-1] == pytest.approx(0.9, abs=0.05)
+    assert angle_about(run, 0, 1) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_the_satellite_comes_to_its_orientation(runs):
