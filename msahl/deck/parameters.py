@@ -169,7 +169,7 @@ def in_words(given: str, error: ExpressionError) -> str:
     shown = collapsed(given)
     if len(shown) > LONGEST:
         shown = f"{shown[:LONGEST]}..."
-    return f"in {shown}, at character {error.column}: {error.message}"
+    return f"in {shown}: {error.message} (at column {error.column} of the expression)"
 
 
 def _evaluate(element: Element, tree: Tree, scope: Scope, faults: Faults) -> bool:

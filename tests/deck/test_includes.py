@@ -127,7 +127,7 @@ def test_faults_in_a_part_have_its_file_and_line(path, tmp_path):
     part = tmp_path / "wheel.xml"
     part.write_text(PART.replace("{side/2}", "{side/2 + zz}"))
     assert faults_of(path)[0].startswith(
-        "wheel.xml:4: parameter 'L.half': in {L.side/2 + zz}, at character 12: unknown name 'zz'"
+        "wheel.xml:4: parameter 'L.half': in {L.side/2 + zz}: unknown name 'zz'"
     )
     part.write_text(PART.replace("<mass>2", "<mass>-2"))
     assert faults_of(path)[0].startswith("wheel.xml:10: body 'L.Wheel', mass: ")
