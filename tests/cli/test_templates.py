@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from msahl.algebra.rotation import matrix
+from msahl.cli.main import main
 from msahl.cli.new import decks
 from msahl.deck import read_deck
+from msahl.post.cli import main as post
 from msahl.run.verdict import PASS
 from msahl.system.names import signal_columns
 from tests.support.models import simulate
@@ -35,6 +38,15 @@ def angle_about(run, body, axis):
     R = np.array(matrix(tuple(run.of("orientation", body)[-1])))
     one, other = (axis + 1) % 3, (axis + 2) % 3
     return np.degrees(np.arctan2(R[other, one], R[one, one]))
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_the_commands_read_a_machine(tmp_path, name):
+    deck, out = str(decks()[name]), str(tmp_path / "run")
+    run = CliRunner().invoke(main, ["run", deck, "-o", out, "--t-final", "0.2", "--error", "off"])
+    assert run.exit_code == 0, run.output
+    energy = CliRunner().invoke(post, ["energy", out, "--csv"])
+    assert energy.exit_code == 0, energy.output
 
 
 @pytest.mark.parametrize("name", MACHINES)
