@@ -9,7 +9,11 @@ from msahl.check.context import Context
 from msahl.check.ends import apart, arm, ends_findings, frame_findings, is_placed, points, tolerance
 from msahl.check.faults import Finding, negative
 from msahl.check.joints import coordinate_findings
-from msahl.check.signals import joint_actuator_findings, marker_actuator_findings
+from msahl.check.signals import (
+    expression_findings,
+    joint_actuator_findings,
+    marker_actuator_findings,
+)
 from msahl.joints.registry import KINDS
 from msahl.model import (
     Bushing,
@@ -38,6 +42,8 @@ def _on_body(load: ConcentratedLoad | Drag, context: Context) -> Iterator[Findin
     yield from moving_body_findings(load.body, context)
     if isinstance(load, Drag):
         yield from negative("coefficient", load.coefficient)
+    elif load.expression is not None:
+        yield from expression_findings("law", load.expression, context)
 
 
 def spring_findings(spring: SpringDamper, context: Context) -> Iterator[Finding]:

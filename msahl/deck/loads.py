@@ -2,11 +2,14 @@
 
 import math
 
+from msahl.algebra.functions import Law
 from msahl.algebra.vector import ZERO, Vector, axpy, scale, sub
 from msahl.check.loads import direction_findings, element_findings
 from msahl.deck.faults import Element, text
 from msahl.deck.laws import read_law
+from msahl.deck.signals import read_factor
 from msahl.deck.values import Reader
+from msahl.expressions.syntax import Tree
 from msahl.model.loads import ConcentratedLoad, Drag, Friction
 
 
@@ -24,10 +27,26 @@ def read_concentrated(element: Element, reader: Reader) -> ConcentratedLoad:
         force_basis=_basis(force, reader),
         moment=reader.components(moment),
         moment_basis=_basis(moment, reader),
-        law=read_law(element.find("law"), "", reader),
+        law=_law(element, reader),
+        expression=_expression(element, reader),
     )
     reader.add(element, element_findings(load, reader.context))
     return load
+
+
+def _law(element: Element, reader: Reader) -> Law | None:
+    """Return the law of time that multiplies a load, None without one."""
+    return (
+        None
+        if element.find("law/expression") is not None
+        else read_law(element.find("law"), "", reader)
+    )
+
+
+def _expression(element: Element, reader: Reader) -> Tree | None:
+    """Return the expression of the motion that multiplies a load, None without one."""
+    expression = element.find("law/expression")
+    return None if expression is None else read_factor(expression, reader)
 
 
 def read_body_force(element: Element, reader: Reader) -> ConcentratedLoad:
@@ -113,8 +132,8 @@ def _resultant(
     """Return a force without moment at a point, in the basis that the element ``vector`` names."""
     name, body = text(element.find("name")), text(element.find("body"))
     basis = _basis(vector, reader)
-    law = read_law(element.find("law"), "", reader)
-    load = ConcentratedLoad(name, body, point, force, basis, ZERO, basis, law)
+    law, expression = _law(element, reader), _expression(element, reader)
+    load = ConcentratedLoad(name, body, point, force, basis, ZERO, basis, law, expression)
     reader.add(element, element_findings(load, reader.context))
     return load
 

@@ -130,6 +130,13 @@ def read_actuator(element: Element, reader: Reader) -> JointActuator | MarkerAct
     return record
 
 
+def read_factor(element: Element, reader: Reader) -> Tree:
+    """Return the tree of an ``<expression>`` whose value is a pure number."""
+    if _unit(element, reader, PURE) is None:
+        return NO_TREE
+    return read_expression(element, PURE, reader)
+
+
 def read_stop(element: Element, reader: Reader) -> Stop:
     """Return the record of a ``<stop>``: a condition, as a function that is positive where it
     holds.

@@ -110,6 +110,8 @@ class Signals(NamedTuple):
     entry_input: np.ndarray  # (e,)
     entry_column: np.ndarray  # (e, 4) among the result's columns, of the input's parts; or -1
     first_column: np.ndarray  # (r + 1,)
+    block: np.ndarray  # (c, 4) starts of the blocks: by columns, by the parts the result acts on
+    acting: np.ndarray  # (r, 4) frames of these parts
 
 
 class SignalsWorkspace(NamedTuple):
@@ -207,9 +209,7 @@ def save_state(
     start.time[0] = time
     for k in range(state.size):
         start.state[k] = state[k]
-    for j in range(reaction.shape[0]):
-        for i in range(6):
-            start.reaction[j, i] = reaction[j, i]
+    save_reactions(group, start, reaction)
 
 
 @kernel
@@ -645,6 +645,23 @@ def set_gradient(group: Signals, start: SignalsWorkspace, r: int) -> None:
 
 
 @optional()
+def add_rows(
+    group: Signals, row: np.ndarray, r: int, gradient: np.ndarray, values: np.ndarray
+) -> None:
+    """Add the ``row`` (4, 3) of a result, what it adds to the equations of the parts it acts on,
+    times its ``gradient`` by the columns.
+    """
+    first = group.first_column[r]
+    for c in range(group.first_column[r + 1] - first):
+        for part in range(PARTS):
+            block = group.block[first + c, part]
+            if block > 0:
+                for i in range(3):
+                    for j in range(3):
+                        values[block + 3 * i + j] += row[part, i] * gradient[c, j]
+
+
+@optional()
 def accept(group: Signals, start: SignalsWorkspace, h: float, state: np.ndarray) -> None:
     """Advance the auxiliary ``state`` (n,) by the solved step of the midpoint element."""
     for k in range(state.size):
@@ -692,6 +709,23 @@ def new_stages(group: Signals | None, integral: np.ndarray, weight: np.ndarray) 
         by_place=np.zeros((s, y, PARTS, 3)),
         by_rate=np.zeros((s, y, PARTS, 3)),
     )
+
+
+@optional(False)
+def use_reactions(group: Signals) -> bool:
+    """Return whether an expression depends on joints' reactions."""
+    found = False
+    for j in range(group.kind.size):
+        found = found or group.kind[j] == REACTION
+    return found
+
+
+@optional()
+def save_reactions(group: Signals, start: SignalsWorkspace, reaction: np.ndarray) -> None:
+    """Save the joints' ``reaction`` (j, 6) of the accepted step before."""
+    for j in range(reaction.shape[0]):
+        for i in range(6):
+            start.reaction[j, i] = reaction[j, i]
 
 
 @optional(False)

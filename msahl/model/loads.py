@@ -11,8 +11,8 @@ from msahl.expressions.syntax import Tree
 class ConcentratedLoad:
     """``point`` [m] from B in the body's axes; ``force`` [N] and ``moment`` [N m] have constant
     components in the axes of the bodies (or grounds) named by ``force_basis`` and
-    ``moment_basis``, and rotate with them; ``law`` of time multiplies both. Body forces and
-    distributed loads become their resultant.
+    ``moment_basis``, and rotate with them; ``law`` of time, or ``expression`` of the motion,
+    multiplies both. Body forces and distributed loads become their resultant.
     """
 
     name: str
@@ -23,6 +23,7 @@ class ConcentratedLoad:
     moment: Vector
     moment_basis: str
     law: Law | None = None
+    expression: Tree | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from msahl.elements import signals
 from msahl.jit.compiled import working_clock
 from msahl.model import Model
 from msahl.results.read import ResultError
@@ -40,6 +41,12 @@ NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(8) / 7)
 """Nodes of a step's polynomial, from 0 to 1: eight values define DOP853's, of degree 7."""
 WEIGHTS = (-1.0) ** np.arange(8) * np.array([0.5, *[1.0] * 6, 0.5])
 """Barycentric weights of these nodes (Chebyshev nodes of the second kind)."""
+
+
+_OF_STEPS = (
+    "an expression of the model depends on reactions of the step before, so its motion depends on "
+    "the step size, and there is no independent solution; use --reference auto"
+)
 
 
 class TooSlowError(Exception):
@@ -104,6 +111,8 @@ def independent(
     """
     times = np.unique(times)
     dynamics = Dynamics(model)
+    if signals.use_reactions(dynamics.system.forces.signals):
+        raise ResultError(_OF_STEPS)
     found = reference_cache.load(model, times, accuracy)
     if found is None:
         found = _compared(dynamics, times, accuracy, seconds)

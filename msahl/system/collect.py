@@ -106,6 +106,7 @@ class Elements:
     concentrated: list[ConcentratedEntry] = field(default_factory=list)
     drags: list[tuple[int, Drag]] = field(default_factory=list)  # column of the table of work
     laws: list[Law] = field(default_factory=list)
+    controlled: list[ConcentratedEntry] = field(default_factory=list)
     signals: SignalEntries | None = None
 
     @property
@@ -168,7 +169,9 @@ class _Collector:
         for column, load in enumerate(model.loads):
             if isinstance(load, ConcentratedLoad):
                 law = self.elements.add_law(load.law)
-                self.elements.concentrated.append(ConcentratedEntry(load, law, column))
+                controlled = load.expression is not None
+                into = self.elements.controlled if controlled else self.elements.concentrated
+                into.append(ConcentratedEntry(load, law, column))
             if isinstance(load, ConcentratedLoad | Drag):
                 self.elements.add_point(self.elements.frame[load.body], load.point)
         collector = SignalCollector(model, self._joint_coordinate, self._marker_distance)

@@ -15,6 +15,7 @@ from msahl.elements.constraints.scalar import ScalarConstraints
 from msahl.elements.forces import Forces
 from msahl.elements.forces.actuator import Actuators
 from msahl.elements.forces.concentrated import ConcentratedLoads
+from msahl.elements.forces.controlled import ControlledLoads
 from msahl.elements.forces.drag import Drags
 from msahl.elements.forces.friction import Frictions
 from msahl.elements.forces.spring import Springs
@@ -26,8 +27,8 @@ from msahl.expressions.tape import build_tape
 from msahl.model import resolve
 from msahl.model.bodies import RigidBody
 from msahl.system.arrays import System
-from msahl.system.collect import Elements
-from msahl.system.topology import Topology, all_products
+from msahl.system.collect import ConcentratedEntry, Elements
+from msahl.system.topology import Indices, Topology, all_products
 
 RELAXATION = 1e-9
 """Put on the multipliers' diagonal where joints are redundant: large against round-off, and so
@@ -168,16 +169,10 @@ def _equations(elements: Elements, topology: Topology, frames: Frames) -> Constr
 
 
 def _forces(elements: Elements, topology: Topology, laws: Laws) -> Forces:
-    loads = [entry.load for entry in elements.concentrated]
     drags = [load for _, load in elements.drags]
     springs, frictions = elements.springs, elements.frictions
     return Forces(
-        concentrated=ConcentratedLoads(
-            **topology.concentrated,
-            s=_arms(elements, ((load.body, load.point) for load in loads)),
-            f=_vectors(load.force for load in loads),
-            m=_vectors(load.moment for load in loads),
-        ),
+        concentrated=_concentrated(elements, elements.concentrated, topology.concentrated),
         drag=Drags(
             **topology.drag,
             s=_arms(elements, ((load.body, load.point) for load in drags)),
@@ -198,9 +193,29 @@ def _forces(elements: Elements, topology: Topology, laws: Laws) -> Forces:
             width=_numbers(entry.width for entry in frictions),
         ),
         actuator=None if topology.actuator is None else Actuators(**topology.actuator),
+        controlled=_controlled(elements, topology),
         signals=_signals(elements, topology),
         laws=laws,
     )
+
+
+def _concentrated(
+    elements: Elements, entries: Sequence[ConcentratedEntry], places: Indices
+) -> ConcentratedLoads:
+    loads = [entry.load for entry in entries]
+    return ConcentratedLoads(
+        **places,
+        s=_arms(elements, ((load.body, load.point) for load in loads)),
+        f=_vectors(load.force for load in loads),
+        m=_vectors(load.moment for load in loads),
+    )
+
+
+def _controlled(elements: Elements, topology: Topology) -> ControlledLoads | None:
+    if elements.signals is None or topology.controlled is None:
+        return None
+    loads = _concentrated(elements, elements.controlled, topology.controlled)
+    return ControlledLoads(loads, len(elements.signals.results) - len(elements.controlled))
 
 
 def _signals(elements: Elements, topology: Topology) -> Signals | None:

@@ -19,7 +19,7 @@ from msahl.joints.coordinates import angle_offset, frames
 from msahl.joints.expression_values import MARKER_VALUES, RATE, REACTION_VALUES
 from msahl.joints.joint import Coordinate, Product, angle, slide
 from msahl.model import Joint, Marker, Model, Signal, SignalState, SignalTable
-from msahl.model.loads import JointActuator, MarkerActuator
+from msahl.model.loads import Actuator, ConcentratedLoad, JointActuator, MarkerActuator
 from msahl.model.signals import TIME, AnySignal, element_and_value, reached, tree_of
 
 
@@ -34,9 +34,11 @@ class InputEntry(NamedTuple):
 
 
 class ResultEntry(NamedTuple):
-    """A result of the expressions: the load of an actuator along a coordinate."""
+    """A result of the expressions: the load of an actuator along a coordinate, or the factor of a
+    concentrated load."""
 
-    coordinate: int
+    coordinate: int  # of an actuator, or -1
+    body: str  # that a concentrated load acts on, or ""
     column: int  # of the table of work
     expression: Tree
     inputs: tuple[int, ...]  # those on which it depends with a derivative
@@ -87,14 +89,17 @@ class SignalCollector:
     def entries(self) -> SignalEntries | None:
         """Return the entries of the model; None if it has no expression."""
         model = self._model
-        actuators = [
-            (column, load)
-            for column, load in enumerate(model.loads)
-            if isinstance(load, JointActuator | MarkerActuator)
+        acting = list(enumerate(model.loads))
+        loads: list[tuple[int, Actuator | ConcentratedLoad]] = []
+        loads += [(c, load) for c, load in acting if isinstance(load, Actuator)]
+        loads += [
+            (c, load)
+            for c, load in acting
+            if isinstance(load, ConcentratedLoad) and load.expression is not None
         ]
+        laws = [law for _, load in loads if (law := load.expression) is not None]
         trees = {s.name: tree for s in model.signals if (tree := tree_of(s)) is not None}
-        others = [load.expression for _, load in actuators]
-        others += [stop.expression for stop in model.stops]
+        others = [*laws, *(stop.expression for stop in model.stops)]
         if not trees and not others:
             return None
         for name in reached([*trees.values(), *others], {}):
@@ -102,12 +107,14 @@ class SignalCollector:
                 self._input(name)
         states = tuple(s for s in model.signals if isinstance(s, SignalState))
         published = [Name(s.name) for s in model.signals if not isinstance(s, SignalTable)]
-        results = tuple(self._result(column, load) for column, load in actuators)
+        results = tuple(
+            self._result(column, load, law) for (column, load), law in zip(loads, laws, strict=True)
+        )
         return SignalEntries(
             named={s.name: s.expression for s in model.signals if isinstance(s, Signal)},
             tables={s.name: s.table for s in model.signals if isinstance(s, SignalTable)},
             states=states,
-            shown=(*published, *(load.expression for _, load in actuators)),
+            shown=(*published, *laws),
             stops=tuple(stop.expression for stop in model.stops),
             inputs=tuple(entry for _, entry in self._inputs.values()),
             markers=tuple(self._markers[name] for name in self._used),
@@ -137,12 +144,15 @@ class SignalCollector:
         origin = angle_offset(joint) if coordinate == "angle" else 0.0
         return InputEntry(name, signals.COORDINATE, q, origin=origin)
 
-    def _result(self, column: int, load: JointActuator | MarkerActuator) -> ResultEntry:
+    def _result(self, column: int, load: Actuator | ConcentratedLoad, tree: Tree) -> ResultEntry:
+        q, body = -1, ""
         if isinstance(load, JointActuator):
             q = self._add(load.joint, load.coordinate)
-        else:
+        elif isinstance(load, MarkerActuator):
             q = self._between(self._markers[load.start], self._markers[load.end])
-        return ResultEntry(q, column, load.expression, self._dependence(load.expression))
+        else:
+            body = load.body
+        return ResultEntry(q, body, column, tree, self._dependence(tree))
 
     def _dependence(self, tree: Tree) -> tuple[int, ...]:
         """Return the inputs on which an expression depends, also by signals and states."""

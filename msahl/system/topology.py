@@ -16,9 +16,9 @@ from msahl.elements.rigid_body import STATE_SIZE
 from msahl.joints.joint import CHILD, GROUND, PARENT, Coordinate, Product
 from msahl.joints.registry import KINDS
 from msahl.system.arrays import Multipliers
-from msahl.system.collect import Elements, Pair
+from msahl.system.collect import ConcentratedEntry, Elements, Pair
 from msahl.system.pattern import Blocks
-from msahl.system.signal_inputs import input_parts
+from msahl.system.signal_inputs import ResultEntry, input_parts
 
 Indices = dict[str, np.ndarray]
 """The index arrays of a group of elements, by the names of its fields."""
@@ -37,6 +37,7 @@ class Topology(NamedTuple):
     equations: Indices
     equation_column: np.ndarray  # (r,)
     concentrated: Indices
+    controlled: Indices | None
     drag: Indices
     spring: Indices
     friction: Indices
@@ -69,11 +70,13 @@ def build_topology(elements: Elements, relaxed: bool) -> Topology:
     nodes = _place_multipliers(elements)
     bodies, unit_blocks = _bodies(frames, blocks)
     coincide, coincide_blocks = _coincide(elements, frames, blocks, first)
-    concentrated, drag = _concentrated(elements, frames, blocks), _drags(elements, frames, blocks)
+    concentrated = _concentrated(elements, elements.concentrated, frames, blocks)
+    drag = _drags(elements, frames, blocks)
     parts = _parts(elements, frames)
     coordinates = _coordinates(elements, parts, blocks)
     equations = _equations(elements, nodes, parts, blocks, first)
     signals, actuator = _signals(elements, parts, frames, blocks)
+    controlled = signals and _concentrated(elements, elements.controlled, frames, blocks)
     multiplier = first + np.arange(len(nodes.element), dtype=np.int64)
     relaxed_blocks = blocks.constant(multiplier, multiplier) if relaxed else indices([])
     return Topology(
@@ -87,6 +90,7 @@ def build_topology(elements: Elements, relaxed: bool) -> Topology:
         equations=equations,
         equation_column=indices([entry.column for entry in elements.equations]),
         concentrated=concentrated,
+        controlled=controlled,
         drag=drag,
         spring=_springs(elements),
         friction=_columns(elements.frictions, "coordinate", "joint", "column"),
@@ -137,7 +141,8 @@ def _signal_connections(elements: Elements) -> tuple[Any, ...] | None:
     return (
         tuple(entry[:4] for entry in entries.inputs),
         tuple(marker.body for marker in entries.markers),
-        tuple((r.coordinate, r.column, r.inputs) for r in entries.results),
+        tuple((r.coordinate, r.body, r.column, r.inputs) for r in entries.results),
+        tuple((e.load.force_basis, e.load.moment_basis) for e in elements.controlled),
         (len(entries.states), len(entries.shown), len(entries.stops)),
     )
 
@@ -272,9 +277,11 @@ def _equations(
     }
 
 
-def _concentrated(elements: Elements, frames: Indices, blocks: Blocks) -> Indices:
+def _concentrated(
+    elements: Elements, entries: list[ConcentratedEntry], frames: Indices, blocks: Blocks
+) -> Indices:
     u, theta = frames["displacement"], frames["rotation"]
-    frame, loads = elements.frame, [load for load, _, _ in elements.concentrated]
+    frame, loads = elements.frame, [load for load, _, _ in entries]
     axes = [(frame[a.body], frame[a.force_basis], frame[a.moment_basis]) for a in loads]
     body, f_axes, m_axes = np.ascontiguousarray(indices(axes).reshape(-1, 3).T)
     across = np.stack([body, f_axes, m_axes], axis=1)
@@ -284,10 +291,10 @@ def _concentrated(elements: Elements, frames: Indices, blocks: Blocks) -> Indice
         "frame": body,
         "f_axes": f_axes,
         "m_axes": m_axes,
-        "law": indices([entry.law for entry in elements.concentrated]),
+        "law": indices([entry.law for entry in entries]),
         "force_by_rotation": force_by_rotation,
         "moment_by_rotation": moment_by_rotation,
-        "column": indices([entry.column for entry in elements.concentrated]),
+        "column": indices([entry.column for entry in entries]),
     }
 
 
@@ -315,8 +322,8 @@ def _signals(
 ) -> tuple[Indices | None, Indices | None]:
     """Return the indices of the signals and of the actuators.
 
-    The load of an actuator depends on the frames of all its inputs, so its blocks are those of its
-    own frames by these.
+    A result depends on the frames of all its inputs, so its blocks are those of the frames that it
+    acts on by these.
     """
     entries = elements.signals
     if entries is None:
@@ -326,12 +333,15 @@ def _signals(
     columns: list[np.ndarray] = []
     entry_column: list[np.ndarray] = [np.zeros((0, PARTS), dtype=np.int64)]
     places: list[np.ndarray] = [np.zeros((0, PARTS), dtype=np.int64)]
+    acting: list[list[int]] = []
     for result in entries.results:
         wanted = of_inputs[list(result.inputs)].reshape(-1, PARTS)
         own = np.unique(wanted[wanted >= 0])
         columns.append(own)
         entry_column.append(np.where(wanted >= 0, np.searchsorted(own, wanted), -1))
-        places.append(blocks.place(parts[result.coordinate][None, :], own[:, None]))
+        rows, on = _acting(elements, result, parts, frames)
+        acting.append(on)
+        places.append(blocks.place(rows[None, :], own[:, None]))
     sizes = [len(result.inputs) for result in entries.results]
     signals = {
         "kind": indices([entry.kind for entry in entries.inputs]),
@@ -342,15 +352,28 @@ def _signals(
         "entry_input": indices([j for result in entries.results for j in result.inputs]),
         "entry_column": np.concatenate(entry_column),
         "first_column": indices(np.cumsum([0, *map(len, columns)])),
+        "block": np.concatenate(places),
+        "acting": indices(acting).reshape(-1, PARTS),
     }
     if not elements.coordinates:
         return signals, None
+    actuators = [result for result in entries.results if result.coordinate >= 0]
     return signals, {
-        "coordinate": indices([result.coordinate for result in entries.results]),
-        "first": signals["first_column"],
-        "block": np.concatenate(places),
-        "column": indices([result.column for result in entries.results]),
+        "coordinate": indices([result.coordinate for result in actuators]),
+        "column": indices([result.column for result in actuators]),
     }
+
+
+def _acting(
+    elements: Elements, result: ResultEntry, parts: np.ndarray, frames: Indices
+) -> tuple[np.ndarray, list[int]]:
+    """Return the nodes (4,) of the parts that a result acts on, -1 for none, and their frames."""
+    if result.coordinate >= 0:
+        pair = elements.coordinates[result.coordinate][1]
+        return parts[result.coordinate], [pair.a, pair.a, pair.b, pair.b]
+    b = elements.frame[result.body]
+    nodes = [frames["displacement"][b], frames["rotation"][b], -1, -1]
+    return indices(nodes), [b, b, b, b]
 
 
 def _reactions(elements: Elements) -> Indices:

@@ -22,6 +22,8 @@ from tests.run.test_resume import same_run
 from tests.support.models import build_model, deck, simulate
 
 HERE = (0.0, 0.0, 0.0)
+X_AXES = ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+"""Axes of a joint whose own axis is x."""
 
 
 def body(name, mass=2.0, inertia=(0.03, 0.04, 0.02), **motion):
@@ -112,6 +114,8 @@ def test_states_between_steps_have_the_order_of_the_dense_output(scheme):
         assert run.signals[:, 2] == pytest.approx(U * run.signals[:, 1], rel=1e-15)
         load = K * run.signals[:, 1] - C * run.states[:, 12]
         assert run.signals[:, 3] == pytest.approx(load, rel=1e-13)
+        power = load * run.states[:, 12]
+        assert run.signals[:, 4] == pytest.approx(power, rel=1e-12)  # of a rate by products
     assert (np.log2(np.divide(*found)) >= order - 0.6).all()
 
 
@@ -227,3 +231,37 @@ def test_signals_see_the_angle_over_revolutions_from_its_zero():
         near = 2e-2 if scheme == "preserving" else 1e-6
         assert run.signals[:, 1] == pytest.approx(0.4 + 10.0 * run.time, abs=near)
         assert run.signals[:, 2] == pytest.approx(10.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("scheme", ["preserving", "gauss2"])
+def test_reactions_are_those_of_the_step_before(scheme):
+    """A weight on a rail under it: the force on the rail is that of the last step, -m g at rest."""
+    law = parse("0.5*(Rail.Fz - 2)")
+    rail = Joint("Rail", "prismatic", "Earth", "Mass", HERE, HERE, X_AXES, X_AXES)
+    load = JointActuator("Pull", "Rail", "slide", law)
+    shown = (Signal("held", parse("Rail.Fz")),)
+    model = build_model([body("Mass", M)], [rail], [load], signals=shown, gravity=(0.0, 0.0, -9.81))
+    run = simulate(model, 0.01, 1.0, scheme, solver="newton")
+    assert run.signals[:, 1] == pytest.approx(M * 9.81, abs=1e-11)
+    pull = 0.5 * (M * 9.81 - 2.0)
+    assert run.signals[:, 2] == pytest.approx(pull, abs=1e-11)
+    assert run.states[-1, 1] == pytest.approx(0.5 * pull / M, abs=1e-11)
+
+
+DECKS = {
+    "actuator_motor": (("states", 12, 29.47773737), ("signals", 1, 0.25609937)),
+    "actuator_pid": (("states", 1, 1.01925346), ("signals", 2, 0.10263351)),
+    "actuator_markers": (("states", 1, -0.31993941), ("signals", 1, 1.00634857)),
+    "concentrated_expression": (("states", 1, 1.199047245), ("states", 3, -8.586670789)),
+}
+"""Table, column and value at the end by the closed form of the deck's header, and the force of the
+strut there."""
+
+
+@pytest.mark.parametrize("name", DECKS)
+def test_decks_are_as_they_say(name):
+    run = simulate(deck(name), solver="newton")
+    assert run.report.extremes["energyErrorMaxRelative"] <= 1e-12
+    for table, column, value in DECKS[name]:
+        # Of order two: steps of 1 or 2 ms, rates of 16 1/s and less, 1e-4 of the value.
+        assert getattr(run, table)[-1, column] == pytest.approx(value, rel=1.5e-3)

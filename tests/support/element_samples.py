@@ -343,6 +343,20 @@ def steered(rng, gravity=True):
     return replace(model, loads=(push,), markers=markers, signals=states)
 
 
+def pushed_by_an_expression(rng, gravity=True):
+    """A load on one body, in the axes of another one, by the motion of both."""
+    model = jointed(rng, 2, gravity)
+    push = ConcentratedLoad(
+        *("L", "B0", random_vector(rng), random_vector(rng, 4.0), "B1"),
+        *(random_vector(rng), "B0", None, parse("0.4 + M.vx*s - N.q2*M.wz")),
+    )
+    markers = tuple(
+        Marker(name, body, random_vector(rng)) for name, body in (("M", "B0"), ("N", "B1"))
+    )
+    states = (SignalState("s", parse("N.vy - s*M.q1"), 0.1),)
+    return replace(model, loads=(push,), markers=markers, signals=states)
+
+
 SPRING = {"stiffness": 20.0, "damping": 0.5}
 COUPLINGS = {
     "gear": coupled("gear", "revolute", "revolute", ratio=-0.7),
@@ -362,6 +376,7 @@ MOTIONS = {
 LOADS = {
     "concentrated": loaded,
     "concentrated, law": pushed_by_a_law,
+    "concentrated, expression": pushed_by_an_expression,
     "springDamper": between(
         lambda rng, model: spring(rng, model, **SPRING, free_length=0.8, preload=0.5)
     ),

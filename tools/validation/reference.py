@@ -634,6 +634,8 @@ class Equations:
 
     def _concentrated(self, load: ConcentratedLoad) -> Array:
         size = self.laws[id(load.law)](self.t)[0] if load.law else 1.0
+        if load.expression is not None:
+            size = self.value(load.expression)
         force = self.bodies[self.index[load.force_basis]].R @ np.array(load.force)
         moment = self.bodies[self.index[load.moment_basis]].R @ np.array(load.moment)
         f = force @ self.point(load.body, load.point).G

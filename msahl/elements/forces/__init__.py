@@ -34,9 +34,10 @@ from msahl.elements.constraints.coordinate_kinds import CoordinatesWorkspace, De
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.constraints.scalar import differentiate as scalar_differentiate
 from msahl.elements.constraints.scalar import rates as scalar_rates
-from msahl.elements.forces import actuator, concentrated, drag, friction, spring
+from msahl.elements.forces import actuator, concentrated, controlled, drag, friction, spring
 from msahl.elements.forces.actuator import Actuators
 from msahl.elements.forces.concentrated import ConcentratedLoads, ConcentratedWorkspace
+from msahl.elements.forces.controlled import ControlledLoads, ControlledWorkspace
 from msahl.elements.forces.drag import Drags
 from msahl.elements.forces.friction import Frictions
 from msahl.elements.forces.spring import Springs
@@ -53,6 +54,7 @@ class Forces(NamedTuple):
     spring: Springs
     friction: Frictions
     actuator: Actuators | None
+    controlled: ControlledLoads | None
     signals: Signals | None  # expressions of the motion
     laws: Laws  # of time and of coordinates, to which the groups refer by number
 
@@ -72,6 +74,7 @@ class ForcesWorkspace(NamedTuple):
     elastic: np.ndarray  # (s,) elastic energies of the springs [J]
     stretch: np.ndarray  # (s,) smoothed changes of the springs' coordinates, the state's own
     signals: SignalsWorkspace  # None where the system has none
+    controlled: ControlledWorkspace  # likewise
 
 
 def new_workspace(
@@ -93,6 +96,7 @@ def new_workspace(
         elastic=np.zeros(forces.spring.coordinate.size),
         stretch=stretch,
         signals=signals.new_workspace(forces.signals, len(reaction)),
+        controlled=controlled.new_workspace(forces.controlled),
     )
 
 
@@ -162,6 +166,9 @@ def add_forces(
         friction.add_load(forces.friction, reaction, q, start.place.rate)
         actuator.add_load(forces.actuator, start.signals, start.place)
         coordinates.push(scalar.coordinates, q, frames, 1.0, F)
+    controlled.add_force(
+        forces.controlled, start.controlled, start.signals, frames, start.motion.R, F
+    )
     concentrated.add_force(forces.concentrated, start.concentrated, frames, F)
     drag.add_force(forces.drag, start.drag, frames, start.motion, F)
 
@@ -180,6 +187,8 @@ def add_derivatives(
     concentrated.add_derivatives(forces.concentrated, start.concentrated, frames, out.by_place)
     drag.add_derivatives(forces.drag, start.drag, frames, motion, out.by_place, out.by_rate)
     _differentiate_signals(forces.signals, start, scalar, frames, out)
+    controlled.add_derivatives(forces.controlled, start.controlled, frames, out.by_place)
+    _add_slopes(forces.signals, forces, start, scalar, frames, out)
     if scalar is None:
         return
     place, group = start.place, scalar.coordinates
@@ -187,7 +196,6 @@ def add_derivatives(
         forces.spring, forces.laws, group, place.coordinates, frames, motion, out
     )
     friction.add_derivatives(forces.friction, reaction, group, place, frames, motion, out)
-    _add_actuator_derivatives(forces.actuator, forces, start, scalar, frames, out)
     # The unit forces' mean over a step changes by half as much as the forces themselves.
     coordinate_jacobians.stiffness(group, place.coordinates, frames, 2.0, out.still, out.by_place)
 
@@ -206,6 +214,7 @@ def add_power(
     Springs count by their elastic energy, not by work.
     """
     concentrated.add_power(forces.concentrated, start.concentrated, start.motion, dt, work)
+    controlled.add_power(forces.controlled, start.controlled, start.motion, dt, work)
     drag.add_power(forces.drag, start.drag, start.motion, dt, work)
     if scalar is None:
         return
@@ -244,6 +253,9 @@ def mean_residual(
         friction.add_mean_load(forces.friction, start.reactions, q, h)
         actuator.add_load(forces.actuator, start.signals, start.place)
         coordinates.push(scalar.coordinates, q, frames, -dt2, F)
+    controlled.mean_residual(
+        forces.controlled, start.controlled, start.signals, start.motion, (frames, dt2), Z, F
+    )
     concentrated.mean_residual(forces.concentrated, start.concentrated, frames, dt2, Z, F)
     drag.mean_residual(forces.drag, start.drag, frames, h, dt2, Z, F)
 
@@ -267,8 +279,9 @@ def mean_jacobian(
         q, group = start.place.coordinates, scalar.coordinates
         spring.mean_jacobian(forces.spring, forces.laws, group, q, frames, step, values)
         friction.mean_jacobian(forces.friction, start.reactions, group, q, frames, step, values)
-        _add_actuators(forces.actuator, forces, start, scalar, frames, -dt2, values)
         coordinate_jacobians.stiffness(group, q, frames, -dt2, Z, values)
+    controlled.mean_jacobian(forces.controlled, start.controlled, frames, dt2, Z, values)
+    _add_mean_slopes(forces.signals, forces, start, scalar, frames, -dt2, values)
     concentrated.mean_jacobian(forces.concentrated, start.concentrated, frames, dt2, Z, values)
     drag.mean_jacobian(forces.drag, start.drag, frames, h, dt2, Z, values)
 
@@ -285,6 +298,7 @@ def mean_work(
 ) -> None:
     """Add the work of all mean forces over the solved step to ``work`` (w,) [J]."""
     concentrated.mean_work(forces.concentrated, start.concentrated, frames, Z, work)
+    controlled.mean_work(forces.controlled, start.controlled, frames, Z, work)
     drag.mean_work(forces.drag, start.drag, frames, h, Z, work)
     if scalar is None:
         return
@@ -293,40 +307,59 @@ def mean_work(
     actuator.mean_work(forces.actuator, start.signals, start.place, work)
 
 
-@optional()
-def _add_actuators(
-    group: Actuators,
+@kernel
+def set_result_row(
     forces: Forces,
     start: ForcesWorkspace,
-    scalar: ScalarConstraints,
+    scalar: ScalarConstraints | None,
+    frames: Frames,
+    factor: float,
+    r: int,
+    row: np.ndarray,
+) -> None:
+    """Set ``row`` (4, 3) to ``factor`` times what a unit of a result of the signals adds by mass to
+    the equations of the parts it acts on.
+    """
+    actuator.set_rows(forces.actuator, scalar, start.place, frames, factor, r, row)
+    controlled.set_rows(forces.controlled, start.controlled, frames, factor, r, row)
+
+
+@optional()
+def _add_mean_slopes(
+    group: Signals,
+    forces: Forces,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
     frames: Frames,
     factor: float,
     values: np.ndarray,
 ) -> None:
-    """Add the derivatives of the actuators' mean loads over a step by the unknowns."""
+    """Add the derivatives of the signals' results over a step, times what they act on."""
     own = start.signals
-    for a in range(group.coordinate.size):
-        signals.set_gradient(forces.signals, own, a)
-        actuator.set_rows(group, scalar, start.place, frames, factor, a, own.row)
-        actuator.add_rows(group, own.row, a, own.gradient, values)
+    for r in range(group.result.size):
+        signals.set_gradient(group, own, r)
+        set_result_row(forces, start, scalar, frames, factor, r, own.row)
+        signals.add_rows(group, own.row, r, own.gradient, values)
 
 
 @optional()
-def _add_actuator_derivatives(
-    group: Actuators,
+def _add_slopes(
+    group: Signals,
     forces: Forces,
     start: ForcesWorkspace,
-    scalar: ScalarConstraints,
+    scalar: ScalarConstraints | None,
     frames: Frames,
     out: Derivatives,
 ) -> None:
-    """Add the derivatives of the actuators' loads at one configuration by places and by rates."""
+    """Add the derivatives of the signals' results at one configuration, by places and by rates,
+    times what they act on.
+    """
     own = start.signals
-    for a in range(group.coordinate.size):
-        signals.set_gradient(forces.signals, own, a)
-        actuator.set_rows(group, scalar, start.place, frames, 1.0, a, own.row)
-        actuator.add_rows(group, own.row, a, own.gradient, out.by_place)
-        actuator.add_rows(group, own.row, a, own.gradient_rate, out.by_rate)
+    for r in range(group.result.size):
+        signals.set_gradient(group, own, r)
+        set_result_row(forces, start, scalar, frames, 1.0, r, own.row)
+        signals.add_rows(group, own.row, r, own.gradient, out.by_place)
+        signals.add_rows(group, own.row, r, own.gradient_rate, out.by_rate)
 
 
 @optional()
@@ -425,15 +458,19 @@ def _differentiate_signals_over_step(
 @optional()
 def publish_signals(
     group: Signals,
+    actuators: Actuators | None,
     start: ForcesWorkspace,
     scalar: ScalarConstraints | None,
     table: np.ndarray,
     row: int,
 ) -> None:
-    """Write the signals at the prepared configuration to a ``row`` of the table."""
+    """Write the signals at the prepared configuration to a ``row`` of the table, and the power of
+    the actuators.
+    """
     set_prepared_inputs(group, start, scalar)
     signals.evaluate(group, start.signals)
     signals.publish(group, start.signals, table, row)
+    actuator.publish_power(actuators, start.signals, start.place, table, row)
 
 
 @optional(-1.0)
@@ -535,9 +572,25 @@ def energy_columns(forces: Forces) -> int:
     return len(set(forces.spring.energy_column.tolist()))
 
 
+def signal_values(forces: Forces) -> int:
+    """Return the number of columns of the table of signals."""
+    if forces.signals is None:
+        return 0
+    powers = forces.actuator.coordinate.size if forces.actuator else 0
+    return int(forces.signals.shown.size + powers)
+
+
 def acts_at_points(forces: Forces) -> bool:
     """Return whether a force acts on a body from outside the system."""
-    return bool(forces.concentrated.frame.size or forces.drag.frame.size)
+    at_points = [forces.drag.frame, *(group.frame for group in _concentrated(forces))]
+    return any(frame.size > 0 for frame in at_points)
+
+
+def _concentrated(forces: Forces) -> Iterator[ConcentratedLoads]:
+    """Yield the groups of concentrated loads, by laws of time and by expressions of the motion."""
+    yield forces.concentrated
+    if forces.controlled is not None:
+        yield forces.controlled.loads
 
 
 def pressed_by_reactions(forces: Forces) -> ReactionForces | None:
@@ -585,21 +638,28 @@ def vectors(
     forces and their arms; and those normal to it: moments. Inertial axes, sizes without the laws of
     time, which may vanish at t = 0.
     """
-    group, R = forces.concentrated, start.motion.R
-    arms = np.einsum("kij,kj->ki", R[group.frame], group.s)
-    of_forces = np.einsum("kij,kj->ki", R[group.f_axes], group.f)
-    moments = np.einsum("kij,kj->ki", R[group.m_axes], group.m)
-    # The arm matters only where a force acts.
-    return (of_forces, arms[of_forces.any(axis=1)], start.drag), (moments,)
+    R = start.motion.R
+    in_plane: list[np.ndarray] = []
+    across: list[np.ndarray] = []
+    for group in _concentrated(forces):
+        arms = np.einsum("kij,kj->ki", R[group.frame], group.s)
+        of_forces = np.einsum("kij,kj->ki", R[group.f_axes], group.f)
+        across.append(np.einsum("kij,kj->ki", R[group.m_axes], group.m))
+        # The arm matters only where a force acts.
+        in_plane += [of_forces, arms[of_forces.any(axis=1)]]
+    return (*in_plane, start.drag), tuple(across)
 
 
 def work_scales(forces: Forces, length: np.ndarray) -> tuple[float, float]:
     """Return the work [J] of constant moments over one radian, and of constant forces over the
     lengths (n+1,) of their bodies.
     """
-    group = forces.concentrated
-    force, moment = (np.linalg.norm(of, axis=1) for of in (group.f, group.m))
-    return float(moment.sum()), float(force @ length[group.frame])
+    of_moments, of_forces = 0.0, 0.0
+    for group in _concentrated(forces):
+        force, moment = (np.linalg.norm(of, axis=1) for of in (group.f, group.m))
+        of_moments += float(moment.sum())
+        of_forces += float(force @ length[group.frame])
+    return of_moments, of_forces
 
 
 def laws_of_time(forces: Forces) -> list[int]:

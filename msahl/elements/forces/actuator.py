@@ -15,25 +15,23 @@ u dq, exactly what the equations of the bodies contain. The Jacobian couples the
 actuator acts with all those that its signals depend on.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from msahl.algebra.vector import at, put, scale
 from msahl.elements.constraints.coordinates import row_factor
 from msahl.elements.constraints.products import PARTS
-from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
+from msahl.elements.constraints.scalar import ScalarWorkspace
 from msahl.elements.frames import Frames
 from msahl.elements.signals import SignalsWorkspace
-from msahl.jit.kernel import apart, kernel, optional
+from msahl.jit.kernel import optional
 
 
 class Actuators(NamedTuple):
     """The group of all actuators; actuator a has the result a of the signals."""
 
     coordinate: np.ndarray  # (a,)
-    first: np.ndarray  # (a + 1,) into the blocks
-    block: np.ndarray  # (c, 4) starts of the blocks: by the results' columns, by the parts of q
     column: np.ndarray  # (a,) of the table of work
 
 
@@ -50,10 +48,10 @@ def add_load(
         place.coordinates.size[q] += start.result_size[a]
 
 
-@kernel
+@optional()
 def set_rows(
     group: Actuators,
-    scalar: ScalarConstraints,
+    scalar: Any,  # ScalarConstraints
     place: ScalarWorkspace,
     frames: Frames,
     factor: float,
@@ -61,27 +59,30 @@ def set_rows(
     row: np.ndarray,
 ) -> None:
     """Set ``row`` (4, 3) to what a unit load of actuator ``a`` adds to the equations of the four
-    parts of its coordinate: ``factor`` times the unit force by mass.
+    parts of its coordinate: ``factor`` times the unit force by mass. Nothing for other results.
     """
+    if a >= group.coordinate.size:
+        return
     q = group.coordinate[a]
     for part in range(PARTS):
         c = row_factor(scalar.coordinates, frames, factor, q, part)
         put(row, part, scale(c, at(place.coordinates.force[q], part)))
 
 
-@apart
-def add_rows(
-    group: Actuators, row: np.ndarray, a: int, gradient: np.ndarray, values: np.ndarray
+@optional()
+def publish_power(
+    group: Actuators,
+    start: SignalsWorkspace,
+    place: ScalarWorkspace,
+    table: np.ndarray,
+    row: int,
 ) -> None:
-    """Add the ``row`` of actuator ``a`` times the ``gradient`` of its load by the columns."""
-    first = group.first[a]
-    for c in range(group.first[a + 1] - first):
-        for part in range(PARTS):
-            block = group.block[first + c, part]
-            if block > 0:
-                for i in range(3):
-                    for j in range(3):
-                        values[block + 3 * i + j] += row[part, i] * gradient[c, j]
+    """Write the power [W] of each actuator, by the rates of the coordinates, into the last columns
+    of a ``row`` of the table.
+    """
+    first = table.shape[1] - group.coordinate.size
+    for a in range(group.coordinate.size):
+        table[row, first + a] = start.result[a] * place.rate[group.coordinate[a]]
 
 
 @optional()

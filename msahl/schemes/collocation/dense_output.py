@@ -68,6 +68,7 @@ class StepEnd(NamedTuple):
     angle: np.ndarray  # (q,) values of the coordinates
     work: np.ndarray  # (w,)
     auxiliary: np.ndarray  # (n,) auxiliary states
+    reaction: np.ndarray  # (j, 6) of the joints, on which expressions depend in the next step
 
 
 class DenseOutput(NamedTuple):
@@ -144,6 +145,7 @@ def new_step_end(state: State) -> StepEnd:
         angle=np.zeros_like(state.angle),
         work=np.zeros_like(state.work),
         auxiliary=np.zeros_like(state.auxiliary),
+        reaction=np.zeros_like(state.reaction),
     )
 
 
@@ -177,6 +179,7 @@ def save_end(point: StepEnd, workspace: Workspace) -> None:
         point.work[w] = state.work[w]
     for k in range(state.auxiliary.size):
         point.auxiliary[k] = state.auxiliary[k]
+    copy(state.reaction, point.reaction)
 
 
 @kernel
@@ -193,6 +196,7 @@ def copy_end(point: StepEnd, other: StepEnd) -> None:
         other.work[w] = point.work[w]
     for k in range(point.auxiliary.size):
         other.auxiliary[k] = point.auxiliary[k]
+    copy(point.reaction, other.reaction)
 
 
 @unit
@@ -278,6 +282,8 @@ def _prepare(output: DenseOutput, angle: np.ndarray) -> None:
     for q in range(angle.size):
         workspace.state.angle[q] = angle[q]
     evaluate.prepare(workspace.system, workspace.state, workspace.start)
+    group, own = workspace.system.forces.signals, workspace.start.forces.signals
+    signals.save_reactions(group, own, output.begin.reaction)
     scalar.count_rotations(workspace.system.scalar, workspace.start.scalar, workspace.state.angle)
 
 

@@ -5,8 +5,6 @@ the equation: the derivative by position or by rate at a time node, times the ba
 the unknown and the weights of the equation.
 """
 
-from typing import Any
-
 import numpy as np
 
 from msahl.algebra.vector import (
@@ -29,10 +27,7 @@ from msahl.algebra.vector import (
 )
 from msahl.elements import forces, signals
 from msahl.elements.constraints import coincide, scalar
-from msahl.elements.constraints.coordinates import part_frame
 from msahl.elements.constraints.products import PARTS, Q_A, add_block
-from msahl.elements.forces import actuator
-from msahl.elements.forces.actuator import Actuators
 from msahl.elements.frames import first_multiplier, rotation_node
 from msahl.elements.signals import Signals
 from msahl.jit.kernel import apart, kernel, optional, unit
@@ -71,7 +66,7 @@ def add_forces(
         _differentiate_forces(system, stages, i)
         _convert_to_parameters(system, stages, True)
         _enter_forces(system, stages, h, i)
-        _enter_other_stages(system.forces.actuator, system, stages, h, i)
+        _enter_other_stages(system.forces.signals, system, stages, h, i)
 
 
 @kernel
@@ -238,54 +233,47 @@ def save_input_derivatives(group: Signals, system: System, stages: StageArrays, 
 
 @optional()
 def _enter_other_stages(
-    actuators: Actuators, system: System, stages: StageArrays, h: float, i: int
+    group: Signals, system: System, stages: StageArrays, h: float, i: int
 ) -> None:
-    """Add the derivatives of the actuators' loads at c_i by the motion at the other nodes, on which
+    """Add the derivatives of the signals' results at c_i by the motion at the other nodes, on which
     they depend by the auxiliary states.
     """
-    group, own = system.forces.signals, stages.start.forces.signals
-    along: Any = system.scalar
-    if not signals.has_states(group):
-        return
-    for m in range(stages.tableau.force_weight.size):
+    own = stages.start.forces.signals
+    for m in range(stages.tableau.force_weight.size if group.rate.size > 0 else 0):
         if m == i:
             continue
         signals.take_slopes(group, own, stages.signals, i, m)
-        for a in range(actuators.coordinate.size):
-            signals.set_gradient(group, own, a)
-            actuator.set_rows(actuators, along, stages.start.scalar, system.frames, 1.0, a, own.row)
+        for r in range(group.result.size):
+            signals.set_gradient(group, own, r)
+            forces.set_result_row(
+                system.forces, stages.start.forces, system.scalar, system.frames, 1.0, r, own.row
+            )
             for part in range(PARTS):
-                _enter_load(actuators, system, stages, h, (i, m), a, part)
+                _enter_result(group, stages, h, (i, m), r, part)
 
 
 @apart
-def _enter_load(
-    actuators: Actuators,
-    system: System,
-    stages: StageArrays,
-    h: float,
-    at_stages: tuple[int, int],
-    a: int,
-    part: int,
+def _enter_result(
+    group: Signals, stages: StageArrays, h: float, at_stages: tuple[int, int], r: int, part: int
 ) -> None:
-    """Add the derivative of actuator ``a``'s load at one stage on a ``part`` of its coordinate by
-    the motion at another one.
+    """Add the derivative of a result at one stage, times what it adds to a ``part``, by the motion
+    at another one.
     """
-    own, coords = stages.start.forces.signals, system.scalar
+    own, first = stages.start.forces.signals, group.first_column[r]
     row, base = at(own.row, part), ZERO
-    if part % 2 == Q_A % 2 and stages.tableau.is_variational and coords is not None:
-        f = part_frame(coords.coordinates, actuators.coordinate[a], part)
+    if part % 2 == Q_A % 2 and stages.tableau.is_variational:
+        f = group.acting[r, part]
         row = times(transpose(matrix_at(stages.tangent, f)), row)
         base = times(matrix_at(stages.base_change, f), row)
-    for c in range(actuators.first[a + 1] - actuators.first[a]):
-        block = actuators.block[actuators.first[a] + c, part]
+    for c in range(group.first_column[r + 1] - first):
+        block = group.block[first + c, part]
         by_place, by_rate = at(own.gradient, c), at(own.gradient_rate, c)
         for p in range(3):
-            for r in range(3):
-                e = stages.slot[block + 3 * p + r] if block > 0 else -1
+            for q in range(3):
+                e = stages.slot[block + 3 * p + q] if block > 0 else -1
                 if e >= 0:
                     _enter_product(
-                        stages, h, at_stages, e, (row[p], base[p]), (by_place[r], by_rate[r])
+                        stages, h, at_stages, e, (row[p], base[p]), (by_place[q], by_rate[q])
                     )
 
 

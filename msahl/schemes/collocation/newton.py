@@ -214,12 +214,27 @@ def accept_step(subsystem: CollocationWorkspace, h: float) -> None:
     violation, rate = workspace.monitor.violation, workspace.monitor.rate
     equations.accept(system, state, start, stages, h)
     accelerations.project_velocities(system, state, start, violation, rate, subsystem.instant)
+    if signals.use_reactions(system.forces.signals):
+        _save_reactions(subsystem)
     for k in range(state.violation.shape[0]):
         for i in range(3):
             state.violation[k, i] += DRIFT_FEEDBACK * (violation[k, i] - state.violation[k, i])
     if stages.tableau.decays:
         lost = stages.first_energy[0] - energy_balance(system, state, start, violation, rate)
         state.work[state.work.size - 1] -= max(0.0, lost)
+
+
+@apart
+def _save_reactions(subsystem: CollocationWorkspace) -> None:
+    """Set the state's reactions, on which expressions depend in the next step, to those at its own
+    time; the multipliers, from which that step is predicted, are not changed.
+    """
+    workspace, instant = subsystem.workspace, subsystem.instant
+    system, state, start = workspace.system, workspace.state, workspace.start
+    copy(state.force, instant.force)
+    accelerations.accelerate(system, state, start, instant)
+    copy(instant.force, state.force)
+    signals.save_reactions(system.forces.signals, start.forces.signals, state.reaction)
 
 
 @kernel

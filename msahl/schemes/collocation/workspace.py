@@ -227,6 +227,7 @@ def set_node(system: System, state: State, stages: StageArrays, h: float, n: int
         put(node.p, b, compose(c, at(state.p, b)))
     if not bare:
         evaluate.prepare(system, node, stages.start)
+        signals.save_reactions(system.forces.signals, stages.start.forces.signals, state.reaction)
     for b in range(moving_count(frames)):
         put(
             stages.start.frames.W,

@@ -1,0 +1,161 @@
+"""Concentrated load whose factor is an expression of the motion.
+
+The law is that of ``elements.forces.concentrated`` with c = u(y, s), an expression of signals and
+auxiliary states (``elements.signals``), in place of a law of time. Over a step of the midpoint
+element u is evaluated once, at the means, so the load does the work of the concentrated load with
+the constant factor C = u. Its derivative has one more part: the load with factor 1 times du/dz.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from msahl.algebra.vector import at, matrix_at, put, scale, times
+from msahl.elements.constraints.products import Q_A, U_A
+from msahl.elements.forces import concentrated
+from msahl.elements.forces.concentrated import ConcentratedLoads, ConcentratedWorkspace, moment
+from msahl.elements.frames import Frames, FramesWorkspace, mean
+from msahl.elements.signals import SignalsWorkspace
+from msahl.jit.kernel import kernel, optional
+
+
+class ControlledLoads(NamedTuple):
+    """The group of all such loads; they have the results of the signals after the actuators'."""
+
+    loads: ConcentratedLoads
+    first_result: int
+
+
+class ControlledWorkspace(NamedTuple):
+    """Loads multiplied by their factors, and with factor 1; inertial axes."""
+
+    loads: ConcentratedWorkspace
+    force: np.ndarray  # (k, 3) [N]
+    moment: np.ndarray  # (k, 3) about the mass centre [N m]
+
+
+def new_workspace(group: ControlledLoads | None) -> Any:
+    """Return the work arrays; None without group."""
+    if group is None:
+        return None
+    vectors = group.loads.f.shape
+    own = concentrated.new_workspace(group.loads)
+    return ControlledWorkspace(own, np.zeros(vectors), np.zeros(vectors))
+
+
+@kernel
+def set_factors(group: ControlledLoads, start: ControlledWorkspace, own: SignalsWorkspace) -> None:
+    """Set the factors to the results of the signals."""
+    for k in range(group.loads.frame.size):
+        start.loads.factor[k] = own.result[group.first_result + k]
+
+
+@optional()
+def add_force(
+    group: ControlledLoads,
+    start: ControlledWorkspace,
+    own: SignalsWorkspace,
+    frames: Frames,
+    R: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """Add the loads at one configuration by mass to the rows of their bodies."""
+    loads = group.loads
+    set_factors(group, start, own)
+    concentrated.prepare(loads, start.loads.factor, R, start.loads)
+    concentrated.add_force(loads, start.loads, frames, F)
+    for k in range(loads.frame.size):
+        f = times(matrix_at(R, loads.f_axes[k]), at(loads.f, k))
+        m = times(matrix_at(R, loads.m_axes[k]), at(loads.m, k))
+        put(start.force, k, f)
+        put(start.moment, k, moment(at(start.loads.r, k), f, m))
+
+
+@optional()
+def add_derivatives(
+    group: ControlledLoads, start: ControlledWorkspace, frames: Frames, by_place: np.ndarray
+) -> None:
+    """Add the derivatives by the rotations at constant factors."""
+    concentrated.add_derivatives(group.loads, start.loads, frames, by_place)
+
+
+@optional()
+def add_power(
+    group: ControlledLoads,
+    start: ControlledWorkspace,
+    motion: FramesWorkspace,
+    dt: float,
+    total: np.ndarray,
+) -> None:
+    """Add ``dt`` times the power [W] of each load to its column of ``total`` [J]."""
+    concentrated.add_power(group.loads, start.loads, motion, dt, total)
+
+
+@optional()
+def mean_residual(
+    group: ControlledLoads,
+    start: ControlledWorkspace,
+    own: SignalsWorkspace,
+    motion: FramesWorkspace,
+    step: tuple[Frames, float],
+    Z: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """Subtract the mean loads from the equations of their bodies; ``step`` is (frames, dt2)."""
+    loads, (frames, dt2), R = group.loads, step, motion.R
+    set_factors(group, start, own)
+    concentrated.prepare(loads, start.loads.factor, R, start.loads)
+    concentrated.mean_residual(loads, start.loads, frames, dt2, Z, F)
+    for k in range(loads.frame.size):
+        f_axes, m_axes = loads.f_axes[k], loads.m_axes[k]
+        f = mean(frames, Z, f_axes, times(matrix_at(R, f_axes), at(loads.f, k)))
+        m = mean(frames, Z, m_axes, times(matrix_at(R, m_axes), at(loads.m, k)))
+        r = mean(frames, Z, loads.frame[k], at(start.loads.r, k))
+        put(start.force, k, f)
+        put(start.moment, k, moment(r, f, m))
+
+
+@optional()
+def mean_jacobian(
+    group: ControlledLoads,
+    start: ControlledWorkspace,
+    frames: Frames,
+    dt2: float,
+    Z: np.ndarray,
+    values: np.ndarray,
+) -> None:
+    """Add the derivatives of ``mean_residual`` by the rotation increments at constant factors."""
+    concentrated.mean_jacobian(group.loads, start.loads, frames, dt2, Z, values)
+
+
+@optional()
+def mean_work(
+    group: ControlledLoads,
+    start: ControlledWorkspace,
+    frames: Frames,
+    Z: np.ndarray,
+    total: np.ndarray,
+) -> None:
+    """Add the work [J] of each mean load over the solved step to its column of ``total``."""
+    concentrated.mean_work(group.loads, start.loads, frames, Z, total)
+
+
+@optional()
+def set_rows(
+    group: ControlledLoads,
+    start: ControlledWorkspace,
+    frames: Frames,
+    factor: float,
+    r: int,
+    row: np.ndarray,
+) -> None:
+    """Set ``row`` (4, 3) to what a factor of 1 of the result ``r`` adds to the equations of its
+    body: ``factor`` times the load by mass. Nothing for a result of an actuator.
+    """
+    k = r - group.first_result
+    if k < 0:
+        return
+    b = group.loads.frame[k]
+    c = factor * frames.inverse_mass[b]
+    put(row, U_A, scale(c, at(start.force, k)))
+    put(row, Q_A, scale(c / frames.length[b], at(start.moment, k)))
