@@ -45,7 +45,7 @@ def names():
 
 
 def test_names_of_signals_mean_nothing_else(faults):
-    """A deck is refused where the model is: two columns of a table, or two values, have one name."""
+    """A deck is refused where the model is: two columns or values have one name."""
     for name, message in names().items():
         (found,) = faults(f'<signal name="{name}">1</signal>')
         assert f"signal '{name}': " in found
