@@ -379,7 +379,7 @@ def test_every_deck_in_the_guide_is_valid(tmp_path, read):
         groups = {"joints": "", "motions": "", "loads": "", "simulation": ""}
         complete = ""
         for element in etree.fromstring(f"<parts>{part}</parts>"):
-            if element.tag in ("markers", "groups"):
+            if element.tag in ("markers", "groups", "signals"):
                 complete += etree.tostring(element).decode()
             else:
                 groups[_group(str(element.tag))] += etree.tostring(element).decode()
