@@ -187,10 +187,12 @@ def where(element: Element) -> str:
 
 
 def _record(element: Element) -> str:
-    """Return ``body 'Bob'`` for a body, joint, motion or load; "" for any other element."""
+    """Return ``body 'Bob'`` for a body, joint, motion, load or signal; "" for any other."""
     parent = element.getparent()
     if element.tag == "parameter":
         return f"parameter '{attribute(element, 'name')}'"
+    if parent is not None and parent.tag == "signals":
+        return f"{element.tag} '{attribute(element, 'name')}'"
     kind = KINDS.get(str(parent.tag)) if parent is not None else None
     if parent is None or kind is None:
         return ""
