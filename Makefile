@@ -175,7 +175,7 @@ docs: .venv/documented
 	@echo 'site: $(SITE)/index.html'
 
 examples: .venv/documented
-	$(BIN)/python tools/docs/pictures.py
+	$(BIN)/python -m tools.docs.pictures
 
 clean:
 	rm -rf $(RESULTS) .coverage build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

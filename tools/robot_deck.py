@@ -190,6 +190,7 @@ PARAMETERS: Sequence[tuple[str, str, Sequence[tuple[str, str]]]] = (
         "m",
         (("L1", "0.29"), ("L2", "0.27"), ("L3", "0.134"), ("D3", "0.07"), ("L4", "0.168")),
     ),
+    ("Flange from the last joint", "m", (("flange", "0.072"),)),
     (
         "Masses",
         "kg",
@@ -365,6 +366,15 @@ def motors() -> list[str]:
     return [*lines, "    </loads>"]
 
 
+MARKERS = [
+    "    <markers>",
+    "      <marker>",
+    "        <name>Flange</name>",
+    "        <body>Tool</body>",
+    "        <position><x>{flange}</x></position>",
+    "      </marker>",
+    "    </markers>",
+]
 SIMULATION = [
     "  <simulation>",
     "    <title>Six-axis robot</title>",
@@ -376,7 +386,7 @@ SIMULATION = [
 
 def deck() -> str:
     """Return the text of the deck."""
-    system = ["  <system>", "    <gravity><g3>{-g}</g3></gravity>", *bodies(), *joints()]
+    system = ["  <system>", "    <gravity><g3>{-g}</g3></gravity>", *bodies(), *joints(), *MARKERS]
     lines = [*parameters(), *system, *controller(), *motors(), "  </system>", *SIMULATION]
     return HEADER.replace("@END@", END) + "\n".join([*lines, "</data>"]) + "\n"
 

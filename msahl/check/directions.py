@@ -6,6 +6,7 @@ along a coordinate direction has only zeros and ones there: a planar model stays
 
 import math
 import sys
+from functools import lru_cache
 
 from msahl.algebra.vector import IDENTITY, Matrix, Vector, axpy, cross, dot, scale
 
@@ -14,6 +15,10 @@ EXACT = 4 * sys.float_info.epsilon
 
 PARALLEL = 1e-6
 """Sine of the angle below which two directions count as one: decks are typed with 6-7 digits."""
+
+
+SIMILAR = 100
+"""Results that are kept: many joints have the same axes."""
 
 
 def unit(a: Vector) -> Vector:
@@ -66,6 +71,7 @@ def perpendicular_part(a: Vector, z: Vector) -> Vector | None:
     return None if sine(a, z) < PARALLEL else unit(axpy(-dot(a, z), z, a))
 
 
+@lru_cache(SIMILAR)
 def shared_references(
     parent_axis: Vector, child_axis: Vector, parent: Vector | None, child: Vector | None
 ) -> tuple[Vector, Vector]:
@@ -85,6 +91,7 @@ def shared_references(
     return frame(parent_axis, parent)[0], frame(child_axis, child)[0]
 
 
+@lru_cache(SIMILAR)
 def crossed_references(
     parent_axis: Vector, child_axis: Vector, parent: Vector | None, child: Vector | None
 ) -> tuple[Vector, Vector]:

@@ -81,6 +81,9 @@ def own_references(
     """Return the directions of parent and child from which the joint's coordinates count, each in
     its own axes, as its ``axes`` are; None if a reference is parallel to its axis.
     """
+    complete = crossed_references if crossed else shared_references
+    if all(element.find(f"{side}/reference") is None for side in SIDES):
+        return complete(*axes, None, None)
     given = []
     for side, axis in zip(SIDES, axes, strict=True):
         reference = side_direction(element, side, "reference", reader)
@@ -91,7 +94,6 @@ def own_references(
                 reader.faults.add(element, REFERENCE_PARALLEL)
                 return None
         given.append(reference)
-    complete = crossed_references if crossed else shared_references
     return complete(*axes, *given)
 
 

@@ -14,14 +14,8 @@ from pathlib import Path
 from msahl.deck.faults import Element, Faults
 from msahl.deck.includes import merge_parts, unit_system_of
 from msahl.deck.overrides import apply_settings
-from msahl.deck.parameters import Parameter, evaluate_parameters, replace_numbers
-from msahl.deck.parse import may_have_braces
-
-
-def is_plain(root: Element, data: bytes, settings: Sequence[str]) -> bool:
-    """Return whether the deck of these bytes has nothing to expand."""
-    tags = {child.tag for child in root}
-    return not (settings or may_have_braces(data) or tags & {"parameters", "includes"})
+from msahl.deck.parameters import evaluate_parameters, replace_numbers
+from msahl.deck.units import Parameter
 
 
 def expand(

@@ -187,12 +187,11 @@ def where(element: Element) -> str:
 
 
 def _record(element: Element) -> str:
-    """Return ``body 'Bob'`` for a body, joint, motion, load or signal; "" for any other."""
+    """Return ``body 'Bob'`` for a body, joint, motion, load, parameter or signal; "" for any other
+    element."""
     parent = element.getparent()
-    if element.tag == "parameter":
-        return f"parameter '{attribute(element, 'name')}'"
-    if parent is not None and parent.tag == "signals":
-        return f"{element.tag} '{attribute(element, 'name')}'"
+    if element.tag == "parameter" or (parent is not None and parent.tag == "signals"):
+        return f"{element.tag!s} '{attribute(element, 'name')}'"
     kind = KINDS.get(str(parent.tag)) if parent is not None else None
     if parent is None or kind is None:
         return ""

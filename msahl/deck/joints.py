@@ -18,7 +18,7 @@ from msahl.deck.ends import (
     shared_frame,
 )
 from msahl.deck.faults import Element, text
-from msahl.deck.placement import has_references, read_joint_start, read_parameters
+from msahl.deck.joint_start import has_references, read_joint_start, read_parameters
 from msahl.deck.values import Reader
 from msahl.joints.joint import Kind
 from msahl.joints.registry import KINDS
@@ -52,7 +52,8 @@ def read_joint(element: Element, reader: Reader) -> Joint:
         parent_reference=references[0],
         child_reference=references[1],
     )
-    read_joint_start(element, joint, reader)
+    if element.find("initialConditions") is not None:
+        read_joint_start(element, joint, reader)
     reader.add(element, joint_findings(joint, reader.context))
     if is_placed(element, ends, reader):
         reader.add(element, fit_findings(joint, reader.context))

@@ -12,17 +12,20 @@ may stand in place of a number. What the schema makes a number can be changed, i
 
 import re
 from collections.abc import Iterator, Sequence
+from copy import deepcopy
 from itertools import islice
 from typing import NamedTuple, cast
 
+from lxml import etree
 from lxml.etree import SubElement
 
 from msahl.deck.faults import Element, Faults, attribute, text
 from msahl.deck.includes import unit_message
-from msahl.deck.parameters import unknown_unit
+from msahl.deck.parameters import evaluate_parameters, unknown_unit
 from msahl.deck.schema_types import NUMBERS, types
 from msahl.deck.units import parse_unit
-from msahl.expressions.syntax import nearest
+from msahl.expressions.dimensions import PURE
+from msahl.expressions.syntax import inside_braces, nearest
 
 FORM = re.compile(
     r"\s*(?P<path>[^=]*[^=\s])\s*="
@@ -61,7 +64,7 @@ def apply_settings(root: Element, settings: Sequence[str], faults: Faults) -> No
 def _apply(root: Element, setting: str, faults: Faults) -> str:
     """Change one number, or the condition; return what is wrong with the setting."""
     if setting.startswith(STOP_WHEN):
-        _stop_when(root, setting.removeprefix(STOP_WHEN))
+        _stop_when(root, setting.removeprefix(STOP_WHEN), faults)
         return ""
     match = FORM.fullmatch(setting)
     if match is None or not setting.isprintable():
@@ -69,8 +72,12 @@ def _apply(root: Element, setting: str, faults: Faults) -> str:
     path, number, units = match["path"], match["number"], match["units"]
     for parameter in root.iterfind("parameters/parameter"):
         if attribute(parameter, "name") == path:
-            message = unit_message(units, attribute(parameter, "units"))
-            return message or _write(_Number(parameter, "", path, ()), number, units)
+            own = _units(root, parameter)
+            if own and not units and not number.startswith("{"):
+                units = own
+            return unit_message(units, own) or _write(
+                _Number(parameter, "", path, ()), number, units
+            )
     found = list(_found(root, path))
     if len(found) == 1:
         return _write(found[0], number, units)
@@ -81,14 +88,26 @@ def _apply(root: Element, setting: str, faults: Faults) -> str:
     return f"there are {len(found)} such numbers: {shown}{more}; name one of them"
 
 
-def _stop_when(root: Element, condition: str) -> None:
-    """Let the run end where a condition begins to hold, instead of the deck's own."""
+def _stop_when(root: Element, condition: str, faults: Faults) -> None:
+    """Let the run end where a condition becomes true, instead of the deck's own."""
     for simulation in root.iterfind("simulation"):
         stop = simulation.find("stop")
         if stop is None:
             stop = SubElement(simulation, "stop")
-            stop.sourceline = simulation.sourceline
         stop.set("when", condition)
+        faults.origins[stop] = f"--stop-when {condition}"
+
+
+def _units(root: Element, parameter: Element) -> str:
+    """Return the units of a parameter: those that the deck gives, or the SI unit of its expression;
+    empty for a pure number, or if that is not known for some fault."""
+    given = attribute(parameter, "units")
+    if given or inside_braces(parameter.text or "") is None:
+        return given
+    copy = etree.Element("data")
+    copy.extend(deepcopy(group) for group in root.iterfind("parameters"))
+    has = evaluate_parameters(copy, Faults("")).dimensions.get(attribute(parameter, "name"), PURE)
+    return "" if has == PURE else str(has)
 
 
 def _write(place: _Number, number: str, units: str) -> str:

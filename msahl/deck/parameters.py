@@ -6,7 +6,7 @@ is a deck of plain numbers, and what runs is the same, to the bit, as if they ha
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from graphlib import CycleError, TopologicalSorter
@@ -17,6 +17,7 @@ from msahl.deck.schema_types import FRACTION, NUMBERS, Content, types, with_text
 from msahl.deck.units import (
     DEFAULTS,
     UNITS,
+    Parameter,
     Unit,
     dimension_of,
     from_si,
@@ -42,21 +43,15 @@ LONGEST = 80
 
 
 @dataclass(frozen=True, slots=True)
-class Parameter:
-    """Value in SI and dimension."""
-
-    value: float
-    dimension: Dimension
-
-
-@dataclass(frozen=True, slots=True)
 class Scope:
     """What expressions in numbers may name: parameters with their values in SI and dimensions.
-    ``faulty`` are the names of those that have a fault."""
+    ``faulty`` are the names of those that have a fault. ``computed`` are the texts in braces that
+    were evaluated so far, since most of a deck recur."""
 
     values: dict[str, float] = field(default_factory=dict)
     dimensions: dict[str, Dimension] = field(default_factory=dict)
     faulty: set[str] = field(default_factory=set)
+    computed: dict[str, "Value"] = field(default_factory=dict)
 
     def add(self, name: str, parameter: Parameter) -> None:
         """Add a parameter."""
@@ -155,14 +150,14 @@ def _names(tree: Tree) -> set[str]:
     return {node.text for node in postorder(tree) if isinstance(node, Name)}
 
 
-def _parsed(element: Element, given: str, known: Iterable[str], faults: Faults) -> Tree | None:
+def _parsed(element: Element, given: str, known: Collection[str], faults: Faults) -> Tree | None:
     """Return the tree of a text in braces; None for a number, or with a fault."""
     inside = inside_braces(given)
     if inside is None:
         return None
     try:
         tree = parse(inside)
-        check_names(tree, list(known))
+        check_names(tree, known)
     except ExpressionError as error:
         faults.add(element, in_words(given, error))
         return None
@@ -174,7 +169,7 @@ def in_words(given: str, error: ExpressionError) -> str:
     shown = collapsed(given)
     if len(shown) > LONGEST:
         shown = f"{shown[:LONGEST]}..."
-    return f"in {shown}, at character {error.column}: {error.message}"
+    return f"in {shown}: {error.message} (at column {error.column} of the expression)"
 
 
 def _evaluate(element: Element, tree: Tree, scope: Scope, faults: Faults) -> bool:
@@ -226,17 +221,21 @@ Value = tuple[float, Dimension]
 
 def _value(element: Element, given: str, scope: Scope, faults: Faults) -> Value | None:
     """Return the value of a text in braces; None if there is none."""
-    tree = _parsed(element, given, [*scope.values, *scope.faulty], faults)
+    if given in scope.computed:
+        return scope.computed[given]
+    known = scope.dimensions | dict.fromkeys(scope.faulty, PURE) if scope.faulty else scope.values
+    tree = _parsed(element, given, known, faults)
     if tree is None:
         return None
     if _names(tree) & scope.faulty:
         faults.doubt(element)
         return None
     try:
-        return scope.compute(tree)
+        scope.computed[given] = scope.compute(tree)
     except ExpressionError as error:
         faults.add(element, in_words(given, error))
         return None
+    return scope.computed[given]
 
 
 def _replace_text(

@@ -6,6 +6,7 @@ or fetch. Comments are dropped; size, depth and text length are bounded.
 
 import hashlib
 import re
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import cast
@@ -81,6 +82,12 @@ def parsed(data: bytes) -> None:
 def may_have_braces(data: bytes) -> bool:
     """Return whether braces may stand in a deck, as such or as numbers of characters."""
     return b"{" in data or b"&#" in data or not _UTF_8.match(data)
+
+
+def is_plain(root: Element, data: bytes, settings: Sequence[str]) -> bool:
+    """Return whether the deck of these bytes has nothing to expand (see ``msahl.deck.expand``)."""
+    tags = {child.tag for child in root}
+    return not (settings or may_have_braces(data) or tags & {"parameters", "includes"})
 
 
 def parse(data: bytes, faults: Faults, tag: str = DECK) -> Element:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import build_laws, evaluate
-from msahl.algebra.rotation import matrix, rescaled
+from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import IDENTITY, ZERO, Matrix, Vector
 from msahl.check.directions import (
     PARALLEL,
@@ -24,11 +24,16 @@ from msahl.check.directions import (
     unit,
 )
 from msahl.deck.ends import SIDES
-from msahl.deck.faults import Element, attribute, text
+from msahl.deck.faults import Element, text
+from msahl.deck.joint_start import (
+    ORIENTATION_RATE,
+    has_references,
+    read_joint_start,
+    read_parameters,
+)
 from msahl.deck.motions import read_joint_motion
 from msahl.deck.values import BodyStart, Reader
 from msahl.joints import coordinates
-from msahl.joints.coordinates import ORIENTATION
 from msahl.joints.joint import Kind
 from msahl.joints.placement import (
     ColumnRates,
@@ -43,94 +48,22 @@ from msahl.joints.registry import KINDS
 from msahl.joints.tree import JointStart, spanning_tree
 from msahl.model.joints import Joint
 
-QUANTITIES = {"angle": ("angle", "angularVelocity"), "slide": ("length", "velocity")}
-"""Physical quantity of a coordinate and of its rate, by the first letters of its name."""
-ORIENTATION_RATE = "angularVelocity"
-"""Element with the rate of an orientation."""
 CONSISTENT = 1e-9
 """Violation rate, relative to the largest speed, that counts as round-off."""
 
 
-def has_references(kind: Kind) -> bool:
-    """Return whether coordinates of this kind count from directions on both sides."""
-    return kind.axes > 0 and kind.pose is not None and ORIENTATION not in kind.pose
-
-
-def read_parameters(element: Element, kind: Kind, reader: Reader) -> tuple[tuple[str, float], ...]:
-    """Return every parameter of the kind by name [SI], or its default."""
-    values = []
-    for name, quantity, default, _ in kind.parameters:
-        place = element.find(name)
-        absent = place is None and default is not None
-        value = default if absent else reader.number(place, quantity)
-        values.append((name, value if value is not None else math.nan))
-    return tuple(values)
-
-
-def start_elements(element: Element) -> Iterator[Element]:
-    """Yield the coordinates and rates that a joint's ``<initialConditions>`` give."""
-    for start in element.iterfind("initialConditions"):
-        yield from (child for child in start if child.tag != "reaction")
-
-
-def read_joint_start(element: Element, joint: Joint, reader: Reader) -> JointStart:
-    """Return what a joint's ``<initialConditions>`` give; faults for coordinates it has not."""
-    start, names = JointStart(joint), coordinates.coordinates(joint)
-    for child in start_elements(element):
-        tag = str(child.tag)
-        name = ORIENTATION if tag == ORIENTATION_RATE else tag.removesuffix("Rate")
-        if name not in names:
-            has = ", ".join(names) or "none"
-            message = f"a {joint.kind} has no coordinate {name} (it has: {has}); delete <{tag}>"
-            reader.faults.add(child, message)
-        elif tag == ORIENTATION_RATE:
-            pass  # in axes that may still be unknown
-        elif tag != name:
-            start.rates[tag] = reader.number(child, _quantities(name)[1])
-        else:
-            given = start.guesses if _is_approximate(child) else start.values
-            if name == ORIENTATION:
-                given[name], start.P = 0.0, _orientation(child, reader)
-            else:
-                given[name] = reader.number(child, _quantities(name)[0])
-    return start
-
-
-def _is_approximate(element: Element) -> bool:
-    return attribute(element, "approximate") == "true"
-
-
-def _quantities(name: str) -> tuple[str, str]:
-    return QUANTITIES[name.rstrip("12")]
-
-
-def _orientation(element: Element, reader: Reader) -> Vector:
-    """Return the Wiener-Milenkovic parameters of an ``<orientation>`` of a joint."""
-    rotation = element.find("eulerRotation")
-    given = [child for child in element if child.tag != "eulerRotation"]
-    if (rotation is None) == (not given):
-        message = "give either <eulerRotation> or the parameters <P1>, <P2>, <P3>"
-        reader.faults.add(element, message)
-        return ZERO
-    if rotation is None:
-        x, y, z = reader.numbers(element, ("P1", "P2", "P3"))
-        return rescaled((x, y, z))
-    return reader.rotation(rotation)
-
-
 def place_by_joints(root: Element, reader: Reader) -> None:
     """Place the bodies that have no position of their own, and give those without velocities of
-    their own the velocities by the joints, if the deck gives coordinates or rates of joints.
+    their own the velocities by the joints, of which the deck gives coordinates or rates.
     """
     elements = [e for e in root.iterfind("system/joints/*") if e.tag in KINDS]
-    if not any(True for element in elements for _ in start_elements(element)):
-        return
-    placing = _Placing(root, elements, reader)
-    if placing.is_sound:
-        placing.set_places()
-    if placing.is_sound:
-        placing.set_velocities()
-    placing.hand_over()
+    with np.errstate(all="ignore"):
+        placing = _Placing(root, elements, reader)
+        if placing.is_sound:
+            placing.set_places()
+        if placing.is_sound:
+            placing.set_velocities()
+        placing.hand_over()
 
 
 class _Own(NamedTuple):
@@ -280,6 +213,14 @@ class _Placing:
                 'change by approximate="true"'
             )
             self._fail(self._element(worst.joint.name), message)
+        for branch in branches if self.is_sound else ():
+            joint = branch.start.joint
+            ends = (self.places[joint.parent], self.places[joint.child])
+            if not all(np.isfinite(part).all() for place in ends for part in place):
+                message = "where its bodies are is too far away to compute with; check its numbers"
+                self._fail(self._element(joint.name), message)
+        if not self.is_sound:
+            return
         for name, own in self.own.items():
             if not own.place:
                 self.reader.context.axes[name] = matrix(orientation_of(self.places[name]))
@@ -327,7 +268,7 @@ class _Placing:
             known = linkage.velocities(given, fixed, 1)
             speed = max((float(np.abs(rates.v).max()) for rates in known.rates.values()), default=0)
             spin = max((float(np.abs(rates.w).max()) for rates in known.rates.values()), default=0)
-            if left > CONSISTENT * (speed + spin * self._length()):
+            if not left <= CONSISTENT * (speed + spin * self._length()):
                 self._fail(
                     self._element(name),
                     f"the given rates and velocities contradict it: {left:.3g} m/s (or rad/s) "

@@ -21,8 +21,8 @@ from msahl.check.names import RESERVED, name_messages
 from msahl.check.signals import circle_findings
 from msahl.deck.bodies import read_ground, read_rigid_body
 from msahl.deck.couplings import read_coupling
-from msahl.deck.expand import expand, is_plain
 from msahl.deck.faults import KINDS, Element, Faults, attribute, text
+from msahl.deck.joint_start import gives_starts
 from msahl.deck.joints import read_joint
 from msahl.deck.loads import (
     read_body_force,
@@ -33,14 +33,13 @@ from msahl.deck.loads import (
 )
 from msahl.deck.markers import read_group, read_marker, read_sensor
 from msahl.deck.motions import check_prescribed_once, read_joint_motion, read_point_motion
-from msahl.deck.parameters import Parameter
-from msahl.deck.parse import parse, parse_valid, parsed, read_bytes
-from msahl.deck.placement import place_by_joints
+from msahl.deck.parse import is_plain, parse, parse_valid, parsed, read_bytes
 from msahl.deck.references import check_references, is_complete
 from msahl.deck.schema import check_schema, schema_bytes, validator
 from msahl.deck.signals import declare_signals, read_actuator, read_signal, read_stop
 from msahl.deck.simulation import Assembly, read_assembly, read_simulation
 from msahl.deck.springs import read_bushing, read_joint_spring, read_spring_damper
+from msahl.deck.units import Parameter
 from msahl.deck.values import Reader
 from msahl.joints.registry import KINDS as JOINT_KINDS
 from msahl.model import Ground, Model, RigidBody, Simulation
@@ -87,8 +86,11 @@ def read_deck(
     if root is None:
         root = parse(data, faults)
         check_schema(root, faults, thorough)
-    plain = is_plain(root, data, settings)
-    parameters = {} if plain else expand(root, path, settings, faults)
+    parameters: dict[str, Parameter] = {}
+    if not is_plain(root, data, settings):
+        from msahl.deck.expand import expand  # which other decks do without
+
+        parameters = expand(root, path, settings, faults)
     with _without_collector():
         model = _read_model(root, faults, parameters)
     faults.raise_if_any()
@@ -124,7 +126,10 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
     _read_axes(root, sound["bodies"], reader)
     _read_kinds(root, reader)
     check_references(root, TAGS, reader)
-    place_by_joints(root, reader)
+    if gives_starts(root):
+        from msahl.deck.placement import place_by_joints  # which few decks need
+
+        place_by_joints(root, reader)
     bodies = [_read_body(element, reader) for element in sound["bodies"]]
     _check_some_body(root, faults)
     joints = [read_joint(e, reader) for e in sound["joints"] if e.tag in JOINT_KINDS]

@@ -132,13 +132,9 @@ class Types:
 
 
 @cache
-def _types(schema: bytes) -> Types:
-    return Types(schema)
-
-
 def types() -> Types:
     """Return the declarations of the deck's schema."""
-    return _types(schema_bytes())
+    return Types(schema_bytes())
 
 
 def with_text(root: Element, sign: str) -> list[Element]:

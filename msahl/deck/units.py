@@ -163,6 +163,13 @@ class Unit(NamedTuple):
     dimension: Dimension
 
 
+class Parameter(NamedTuple):
+    """A parameter of a deck: value in SI and dimension."""
+
+    value: float
+    dimension: Dimension
+
+
 @cache
 def symbols() -> Mapping[str, Unit]:
     """Return the units that others are made of by products, quotients and powers."""

@@ -16,8 +16,7 @@ from msahl.check.directions import unit
 from msahl.check.faults import LARGEST, SMALLEST, Finding
 from msahl.check.loads import direction_findings
 from msahl.deck.faults import Element, Faults, attribute, text
-from msahl.deck.parameters import Parameter
-from msahl.deck.units import DEFAULTS, UNIT_FACTORS, UNITS, to_si
+from msahl.deck.units import DEFAULTS, UNIT_FACTORS, UNITS, Parameter, to_si
 from msahl.expressions.dimensions import Dimension, TableDimensions
 from msahl.model.bodies import RigidBody
 from msahl.model.joints import Joint

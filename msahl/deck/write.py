@@ -16,9 +16,15 @@ from typing import Any
 
 from lxml.etree import Comment, SubElement, tostring
 
-from msahl.deck.expand import expand, is_plain
 from msahl.deck.faults import Element, Faults, attribute, collapsed, text
-from msahl.deck.parse import may_have_braces, parse, parse_with_comments, read_bytes, was_parsed
+from msahl.deck.parse import (
+    is_plain,
+    may_have_braces,
+    parse,
+    parse_with_comments,
+    read_bytes,
+    was_parsed,
+)
 
 OTHER = {"tolerance": "localTolerance", "localTolerance": "tolerance"}
 """Elements that replace one another."""
@@ -98,21 +104,51 @@ def _expanded(
     root: Element, data: bytes, path: Path, settings: Sequence[str], faults: Faults
 ) -> bytes:
     """Return the document ``data``, whose tree without comments is ``root``, expanded."""
+    from msahl.deck.expand import expand
+    from msahl.deck.includes import merge_parts
+    from msahl.deck.schema_types import with_text
+
     document = parse_with_comments(data)
     twins = dict(zip(root.iter("*"), document.iter("*"), strict=True))
+    merge_parts(root, path, faults)
+    before = {e: (text(e), dict(e.attrib)) for e in with_text(root, "{")}
     expand(root, path, settings, faults)
     faults.raise_if_any()
-    for element in root.iter("*"):
+    for element in list(root.iter("*")):
         holder, twin = element.getparent(), twins.get(element)
         place = None if holder is None else twins.get(holder)
         if twin is not None and twin.getparent() is place:
             _update(twin, element)
         elif place is not None:  # from a part
-            place.append(deepcopy(element))
+            place.append(_with_originals(element, before))
     for includes in document.findall("includes"):
         _add_comment(includes, tostring(includes, with_tail=False).decode())
         document.remove(includes)
     return _bytes(document)
+
+
+def _with_originals(
+    element: Element, before: Mapping[Element, tuple[str, dict[str | bytes, str | bytes]]]
+) -> Element:
+    """Return a copy of an element of a part, with the expressions it had ``before`` in comments;
+    its own stands within."""
+    copy = deepcopy(element)
+    for twin, original in list(zip(copy.iter("*"), element.iter("*"), strict=True)):
+        if original not in before:
+            continue
+        had, attributes = before[original]
+        words = [had] if len(original) == 0 and had != text(original) else []
+        words += [f'{k!s}="{v!s}"' for k, v in attributes.items() if original.get(k) != v]
+        if words and twin is copy:
+            twin.append(Comment(f" {_safe(' '.join(words))} "))
+        elif words:
+            _add_comment(twin, " ".join(words))
+    return copy
+
+
+def _safe(words: str) -> str:
+    """Return text as a comment may hold it, in which two hyphens would be its end."""
+    return re.sub("-(?=-|$)", "- ", words)
 
 
 def _update(twin: Element, element: Element) -> None:
@@ -134,8 +170,7 @@ def _update(twin: Element, element: Element) -> None:
 
 def _add_comment(element: Element, words: str) -> None:
     """Add a comment behind an element."""
-    words = re.sub("-(?=-|$)", "- ", words)  # two hyphens would end it
-    comment = Comment(f" {words} ")
+    comment = Comment(f" {_safe(words)} ")
     comment.tail, element.tail = element.tail, None
     element.addnext(comment)
 

@@ -7,8 +7,6 @@ import numpy as np
 from msahl.model import Model
 from msahl.run.body_rows import TablesOfSteppers
 from msahl.run.joint_table import JointTable
-from msahl.run.marker_table import MarkerTable
-from msahl.run.system_table import SystemTable
 from msahl.run.tables import JOINTS, MARKERS, SYSTEM, has_joint_table, needs_accelerations
 
 
@@ -29,8 +27,12 @@ class ObservedTables:
             self.joints = JointTable(model, 3 if needs_accelerations(model) else 2)
             self.tables[JOINTS] = self.joints
         if model.markers:
+            from msahl.run.marker_table import MarkerTable
+
             self.tables[MARKERS] = MarkerTable(model)
         if model.groups:
+            from msahl.run.system_table import SystemTable
+
             self.tables[SYSTEM] = SystemTable(model)
 
     def rows(self, of_steppers: TablesOfSteppers) -> dict[str, np.ndarray]:

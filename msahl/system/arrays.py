@@ -14,7 +14,7 @@ from msahl.elements.constraints.coincide import Coincide, CoincideWorkspace
 from msahl.elements.constraints.coordinate_kinds import MOST, Coordinates, CoordinatesWorkspace
 from msahl.elements.constraints.products import ProductsWorkspace
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
-from msahl.elements.forces import Forces, ForcesWorkspace, energy_columns
+from msahl.elements.forces import Forces, ForcesWorkspace, energy_columns, signal_values
 from msahl.elements.forces import new_workspace as new_forces_workspace
 from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.elements.reactions import Reactions, Shown
@@ -174,6 +174,6 @@ def new_tables(system: System, state: State, rows: int, accelerations: bool = Fa
         reactions += int(np.count_nonzero(system.scalar.equations.law[shown.load_equation] >= 0))
     work = state.work.size + energy_columns(system.forces)
     moved = ACCELERATION_SIZE * system.bodies.frame.size if accelerations else 0
-    shown_signals = system.forces.signals.shown.size if system.forces.signals else 0
+    shown_signals = signal_values(system.forces)
     widths = (states, reactions, work, moved, shown_signals)
     return Tables(*(np.zeros((rows, width)) for width in widths))

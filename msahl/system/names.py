@@ -30,7 +30,7 @@ GROUP_COLUMNS = (
 )
 FORCE_COLUMNS = ("Fx", "Fy", "Fz")
 MOMENT_COLUMNS = ("Mx", "My", "Mz")
-LOAD_COLUMN, FACTOR_COLUMN = "load", "factor"
+LOAD_COLUMN, FACTOR_COLUMN, POWER_COLUMN = "load", "factor", "power"
 ENERGY = "energy"
 """Value of a spring in the table of work."""
 Springy = SpringDamper | JointSpring | Bushing
@@ -75,7 +75,8 @@ def reaction_columns(model: Model) -> list[str]:
     """
     joints = [f"{joint.name}.{c}" for joint in model.joints for c in joint_columns(joint)]
     couplings = [f"{coupling.name}.{LOAD_COLUMN}" for coupling in model.couplings]
-    motions = [f"{motion.name}.{c}" for motion in model.motions for c in (LOAD_COLUMN, "power")]
+    columns_of_motion = (LOAD_COLUMN, POWER_COLUMN)
+    motions = [f"{motion.name}.{c}" for motion in model.motions for c in columns_of_motion]
     return ["time", *joints, *couplings, *motions]
 
 
@@ -99,7 +100,7 @@ def work_columns(model: Model) -> list[str]:
 
 def signal_columns(model: Model) -> list[str]:
     """Header of ``signals.csv``: signals and auxiliary states [SI], loads of actuators [N or N m],
-    and factors of concentrated loads.
+    factors of concentrated loads, and power of actuators [W].
     """
     names = [signal.name for signal in model.signals if not isinstance(signal, SignalTable)]
     actuators = [load for load in model.loads if isinstance(load, Actuator)]
@@ -107,7 +108,9 @@ def signal_columns(model: Model) -> list[str]:
         load for load in model.loads if isinstance(load, ConcentratedLoad) and load.expression
     ]
     loads = [f"{load.name}.{LOAD_COLUMN}" for load in actuators]
-    return ["time", *names, *loads, *(f"{load.name}.{FACTOR_COLUMN}" for load in controlled)]
+    factors = [f"{load.name}.{FACTOR_COLUMN}" for load in controlled]
+    powers = [f"{load.name}.{POWER_COLUMN}" for load in actuators]
+    return ["time", *names, *loads, *factors, *powers]
 
 
 def describe_row(model: Model, system: System, index: int) -> str:

@@ -89,6 +89,8 @@ def test_the_deck_that_ran_contains_the_parts(path, tmp_path):
     assert read_deck(copy) == model
     assert effective_deck(copy) == text
     assert b"<!-- two wheels -->" in text
+    assert b"<x>0.75</x><!-- {L.half} -->" in text
+    assert b'<parameter name="L.half" units="m">0.75<!-- {L.side/2} --></parameter>' in text
     assert deck_digest(effective_deck(path)) != deck_digest(text)
 
 
@@ -125,7 +127,7 @@ def test_faults_in_a_part_have_its_file_and_line(path, tmp_path):
     part = tmp_path / "wheel.xml"
     part.write_text(PART.replace("{side/2}", "{side/2 + zz}"))
     assert faults_of(path)[0].startswith(
-        "wheel.xml:4: parameter 'L.half': in {L.side/2 + zz}, at character 12: unknown name 'zz'"
+        "wheel.xml:4: parameter 'L.half': in {L.side/2 + zz}: unknown name 'zz'"
     )
     part.write_text(PART.replace("<mass>2", "<mass>-2"))
     assert faults_of(path)[0].startswith("wheel.xml:10: body 'L.Wheel', mass: ")
@@ -216,8 +218,13 @@ def test_a_symlink_within_the_folder_is_accepted(path, tmp_path):
 
 MOTOR = PART.replace(
     "    <motions>",
-    """    <signals>
-      <signal name="speed" units="rad/s">{Axle.angleRate*half/side + 0*k}</signal>
+    """    <markers>
+      <marker><name>Hub</name><body>Wheel</body></marker>
+      <distance><name>Span</name><from>Hub</from><to>Far</to></distance>
+    </markers>
+    <groups><group><name>All</name><body>Wheel</body></group></groups>
+    <signals>
+      <signal name="speed" units="rad/s">{Axle.angleRate*half/side + 0*k*Hub.vx}</signal>
       <state name="i" initial="{half/side}" units="A">{slow(speed) - r*i + 0*t}</state>
       <table name="slow" units="A/s"><x units="rad/s">0 1</x><values>0 1</values></table>
     </signals>
@@ -237,7 +244,8 @@ def test_expressions_of_the_motion_in_parts(path, tmp_path):
         "</parameters>", '<parameter name="k" units="N-m/A">3</parameter></parameters>'
     )
     signal = '<signals><signal name="outside">2*L-1 + R.i</signal></signals></system>'
-    path.write_text(text.replace("</system>", signal.replace("L-1", "'L-1.i'")))
+    marker = "<markers><marker><name>Far</name><body>Base</body></marker></markers>"
+    path.write_text(text.replace("</system>", marker + signal.replace("L-1", "'L-1.i'")))
     model = read_deck(path)
     assert [signal.name for signal in model.signals] == [
         "outside",
@@ -246,6 +254,9 @@ def test_expressions_of_the_motion_in_parts(path, tmp_path):
     ]
     assert [load.joint for load in model.loads] == ["L-1.Axle", "R.Axle"]
     assert "Name(text='L-1.Axle.angleRate'" in repr(model.signals[1])
+    assert "Name(text='L-1.Hub.vx'" in repr(model.signals[1])
+    assert [marker.body for marker in model.markers] == ["Base", "L-1.Wheel", "R.Wheel"]
+    assert [group.bodies for group in model.groups] == [("L-1.Wheel",), ("R.Wheel",)]
     assert "Name(text='L-1.i'" in repr(model.loads[0])
     assert model.signals[2].initial == 0.5
     text = effective_deck(path)

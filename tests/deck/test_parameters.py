@@ -150,7 +150,7 @@ def test_the_unit_system_holds_for_pure_numbers_only(path):
     ("parameter", "message"),
     [
         ('name="x">{x}', "its value depends on itself: x -> x; give one of them a number"),
-        ('name="x">{2*lenght}', "in {2*lenght}, at character 3: unknown name 'lenght'"),
+        ('name="x">{2*lenght}', "in {2*lenght}: unknown name 'lenght'; known"),
         ('name="x">{1/(n-3)}', "division by zero"),
         ('name="x">{exp(1000)}', "too large"),
         ('name="x">{L + m}', "'+' joins m and kg; both must have the same dimension"),

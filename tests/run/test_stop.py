@@ -94,6 +94,13 @@ def test_subsystems_end_together():
     assert result.states[-1] == pytest.approx(rest.states[-1], abs=1e-12)  # round-off
 
 
+def test_a_thrown_stick_ends_on_the_ground():
+    """Expect: in the header of the deck."""
+    result = simulate(read_deck(DECKS / "basics/stop.xml"), solver="newton")
+    # The header has ten digits; gauss3 is exact for the flight and to 1e-12 for the rotation.
+    assert result.states[-1, :2] == pytest.approx((1.507138511, 7.535692555), rel=1e-9)
+
+
 def test_a_condition_fulfilled_from_the_start_is_refused():
     with pytest.raises(StartError, match="fulfilled at t = 0"):
         simulate(stopped("Hinge.angle > 0"), solver="newton")

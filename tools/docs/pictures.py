@@ -1,6 +1,6 @@
 """Draw a small picture of every deck, and those of other pages, for the documentation site.
 
-Usage: python tools/docs/pictures.py [--results FOLDER] [DECK...]
+Usage: python -m tools.docs.pictures [--results FOLDER] [DECK...]
 
 Runs each deck (or reads its results from FOLDER/<family>/<deck>) and writes
 docs/examples/pictures/<family>/<deck>.png. A picture shows the bodies at equal intervals of time,
@@ -28,6 +28,7 @@ from PIL import Image
 from msahl.deck.read import read_deck
 from msahl.model.bodies import RigidBody
 from msahl.model.model import Model
+from tools.docs.machine_pictures import PANELS, draw_machine
 
 ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "docs" / "examples" / "pictures"
@@ -179,6 +180,9 @@ def draw_pages(folder: Path) -> None:
     subprocess.run([*plot, "--joint", "Motor", "-o", str(folder)], check=True, capture_output=True)
     IMAGES.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(folder / "reactions.png", IMAGES / "four_bar_motor.png")
+    for name in PANELS:
+        deck = ROOT / "decks" / "machines" / f"{name}.xml"
+        draw_machine(name, run(deck, folder / name))
 
 
 def run(deck: Path, folder: Path) -> Path:

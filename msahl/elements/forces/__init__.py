@@ -458,15 +458,19 @@ def _differentiate_signals_over_step(
 @optional()
 def publish_signals(
     group: Signals,
+    actuators: Actuators | None,
     start: ForcesWorkspace,
     scalar: ScalarConstraints | None,
     table: np.ndarray,
     row: int,
 ) -> None:
-    """Write the signals at the prepared configuration to a ``row`` of the table."""
+    """Write the signals at the prepared configuration to a ``row`` of the table, and the power of
+    the actuators.
+    """
     set_prepared_inputs(group, start, scalar)
     signals.evaluate(group, start.signals)
     signals.publish(group, start.signals, table, row)
+    actuator.publish_power(actuators, start.signals, start.place, table, row)
 
 
 @optional(-1.0)
@@ -566,6 +570,14 @@ def new_stretch(forces: Forces) -> np.ndarray:
 def energy_columns(forces: Forces) -> int:
     """Return the number of columns of elastic energy in the table of work."""
     return len(set(forces.spring.energy_column.tolist()))
+
+
+def signal_values(forces: Forces) -> int:
+    """Return the number of columns of the table of signals."""
+    if forces.signals is None:
+        return 0
+    powers = forces.actuator.coordinate.size if forces.actuator else 0
+    return int(forces.signals.shown.size + powers)
 
 
 def acts_at_points(forces: Forces) -> bool:

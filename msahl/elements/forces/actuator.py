@@ -70,6 +70,22 @@ def set_rows(
 
 
 @optional()
+def publish_power(
+    group: Actuators,
+    start: SignalsWorkspace,
+    place: ScalarWorkspace,
+    table: np.ndarray,
+    row: int,
+) -> None:
+    """Write the power [W] of each actuator, by the rates of the coordinates, into the last columns
+    of a ``row`` of the table.
+    """
+    first = table.shape[1] - group.coordinate.size
+    for a in range(group.coordinate.size):
+        table[row, first + a] = start.result[a] * place.rate[group.coordinate[a]]
+
+
+@optional()
 def mean_work(
     group: Actuators,
     start: SignalsWorkspace,

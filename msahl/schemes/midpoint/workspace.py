@@ -123,5 +123,8 @@ def write_row(workspace: Workspace, h: float, row: int) -> None:
         tables.work[row, k] = state.work[k]
     for k in range(state.work.size, tables.work.shape[1]):
         tables.work[row, k] = 0.0
-    forces.publish_signals(system.forces.signals, start.forces, system.scalar, tables.signals, row)
+    loads = system.forces
+    forces.publish_signals(
+        loads.signals, loads.actuator, start.forces, system.scalar, tables.signals, row
+    )
     forces.publish_energy(system.forces, start.forces, state.work.size, tables.work, row)
