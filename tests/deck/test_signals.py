@@ -57,7 +57,7 @@ FAULTS = {
     "unknown value": ("k*S.angle", "unknown name 'S.angle'; known here: t, S.slide"),
     "unknown joint": ("k*X.slide", "unknown name 'X.slide'; did you mean S.slide"),
     "dimensions": ("k + pull", "'+' joins kg/s^2 and m; both must have the same dimension"),
-    "dimension of the whole": ("k*pull*S.slide", "the expression is kg-m^2/s^2, and kg-m/s^2 is"),
+    "dimension of the value": ("k*pull*S.slide", "the expression is kg-m^2/s^2, and kg-m/s^2 is"),
     "signal called": ("pull(2)", "'pull' is no function; to multiply write pull*(...)"),
     "unknown function": ("curv(2)", "unknown function 'curv'; did you mean curve"),
     "python": ("__import__('os')", "unknown function '__import__'"),
