@@ -16,6 +16,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import NoReturn, TypeAlias
 
 MAX_LENGTH = 10_000
@@ -24,6 +25,9 @@ MAX_DEPTH = 60
 """Parentheses, functions, signs and powers inside one another."""
 MAX_SIZE = 2_000
 """Numbers, names and operations of an expression."""
+
+MOST_COMPARED = 300
+"""Known names that an unknown one is compared with."""
 
 FUNCTIONS: Mapping[str, int] = {
     "sin": 1,
@@ -203,10 +207,13 @@ def nearest(name: str, names: Collection[str]) -> str:
     """Return the remedy for an unknown name: those of the ``names`` that are most like it."""
     from difflib import get_close_matches
 
-    near = get_close_matches(name, list(names), n=3)
+    # A comparison takes a tenth of a millisecond, and there may be many unknown names.
+    length, ends = len(name), {name[:1], name[-1:]}
+    alike = (n for n in names if abs(len(n) - length) <= length // 2 + 1 and {n[:1], n[-1:]} & ends)
+    near = get_close_matches(name, list(islice(alike, MOST_COMPARED)), n=3)
     if near:
         return f"; did you mean {', '.join(near)}?"
-    some = list(names)[:10]
+    some = list(islice(names, 10))
     more = ", ..." if len(names) > len(some) else ""
     return f"; known here: {', '.join(some)}{more}" if some else "; none is known here"
 
