@@ -57,12 +57,13 @@ def place_by_joints(root: Element, reader: Reader) -> None:
     their own the velocities by the joints, of which the deck gives coordinates or rates.
     """
     elements = [e for e in root.iterfind("system/joints/*") if e.tag in KINDS]
-    placing = _Placing(root, elements, reader)
-    if placing.is_sound:
-        placing.set_places()
-    if placing.is_sound:
-        placing.set_velocities()
-    placing.hand_over()
+    with np.errstate(all="ignore"):
+        placing = _Placing(root, elements, reader)
+        if placing.is_sound:
+            placing.set_places()
+        if placing.is_sound:
+            placing.set_velocities()
+        placing.hand_over()
 
 
 class _Own(NamedTuple):
@@ -212,6 +213,14 @@ class _Placing:
                 'change by approximate="true"'
             )
             self._fail(self._element(worst.joint.name), message)
+        for branch in branches if self.is_sound else ():
+            joint = branch.start.joint
+            ends = (self.places[joint.parent], self.places[joint.child])
+            if not all(np.isfinite(part).all() for place in ends for part in place):
+                message = "where its bodies are is too far away to compute with; check its numbers"
+                self._fail(self._element(joint.name), message)
+        if not self.is_sound:
+            return
         for name, own in self.own.items():
             if not own.place:
                 self.reader.context.axes[name] = matrix(orientation_of(self.places[name]))
@@ -259,7 +268,7 @@ class _Placing:
             known = linkage.velocities(given, fixed, 1)
             speed = max((float(np.abs(rates.v).max()) for rates in known.rates.values()), default=0)
             spin = max((float(np.abs(rates.w).max()) for rates in known.rates.values()), default=0)
-            if left > CONSISTENT * (speed + spin * self._length()):
+            if not left <= CONSISTENT * (speed + spin * self._length()):
                 self._fail(
                     self._element(name),
                     f"the given rates and velocities contradict it: {left:.3g} m/s (or rad/s) "

@@ -219,6 +219,8 @@ class Linkage:
             if not g.size or not chosen or np.abs(g).max() == 0.0:
                 break
             _, G, _ = self.equations(self.unit_velocities(chosen))
+            if not (np.isfinite(g).all() and np.isfinite(G).all()):
+                break
             scale = np.array([self._unit(column) for column in chosen])
             step = np.linalg.lstsq((G * scale[:, None]).T, -g, rcond=INDEPENDENT)[0]
             step *= min(1.0, LARGEST_STEP / max(np.abs(step).max(), 1e-300))
@@ -234,7 +236,8 @@ class Linkage:
                 self.place()
                 break
         g, _, owner = self.equations()
-        if not g.size or np.abs(g).max() <= CLOSED * self.length:
+        # Written so that a nan is a violation.
+        if not g.size or bool(np.abs(g).max() <= CLOSED * self.length):
             return float(np.abs(g).max(initial=0.0)), None
         worst = int(np.argmax(np.abs(g)))
         return float(np.abs(g[worst])), self.loops[owner[worst]]
@@ -273,7 +276,9 @@ class Linkage:
         G = np.concatenate([G, self._relations(relations, field)], axis=1).T
         if not given.size:
             return np.zeros(len(chosen)), 0.0, ""
-        rates = np.linalg.lstsq(G, -given, rcond=INDEPENDENT)[0]
+        rates = np.zeros(len(chosen))
+        if np.isfinite(G).all() and np.isfinite(given).all():
+            rates = np.linalg.lstsq(G, -given, rcond=INDEPENDENT)[0]
         left = np.abs(G @ rates + given)
         worst = int(np.argmax(left))
         names = [self.loops[index].joint.name for index in owner]

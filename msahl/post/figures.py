@@ -6,9 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
+from msahl.joints.coordinates import ORIENTATION, SUFFIXES, coordinates, is_angle
 from msahl.post.draw import absolute_curves, curves, legend, looks, new_figure, plain
 from msahl.post.metrics import Metrics
 from msahl.results.read import ResultError, Run
+from msahl.run.tables import JOINTS
 
 AXES = "xyz"
 WORK = "work done on\nthe system"
@@ -49,6 +51,8 @@ def _lacks(kind: str, run: Run, metrics: Metrics, choice: Choice) -> str:
     """Say why there is nothing to draw; empty if there is something."""
     if kind == "error" and (run.errors is None or len(run.errors) < 2):
         return "the error of the run was not estimated"
+    if kind == "joints" and not _coordinates(run, choice):
+        return "joints.csv has no angle and no slide"
     if kind in ("constraints", "reactions") and not metrics.constraints.names:
         return "the model has no joints"
     if kind == "work" and not metrics.joints:
@@ -173,6 +177,37 @@ def _constraints(run: Run, metrics: Metrics, choice: Choice) -> tuple[str, Figur
     return "constraints", figure
 
 
+def _coordinates(run: Run, choice: Choice) -> dict[str, list[str]]:
+    """Return the columns of the joints to draw, by the unit of their coordinate; orientations have
+    no picture."""
+    table, found = run.others.get(JOINTS), dict[str, list[str]]()
+    for joint in run.model.joints if table is not None else ():
+        for name in coordinates(joint):
+            if name != ORIENTATION and (not choice.joints or joint.name in choice.joints):
+                unit = "rad" if is_angle(name) else "m"
+                found.setdefault(unit, []).append(f"{joint.name}.{name}")
+    return found
+
+
+def _joints(run: Run, metrics: Metrics, choice: Choice) -> tuple[str, Figure]:
+    """Draw the angles and slides of joints and their rates against time."""
+    table, panels = run.others[JOINTS], []
+    for unit, names in _coordinates(run, choice).items():
+        what = "angle" if unit == "rad" else "slide"
+        panels.append((f"{what} [{unit}]", names, names))
+        panels.append((f"its rate [{unit}/s]", names, [f"{name}{SUFFIXES[1]}" for name in names]))
+    title = _title(run, "coordinates of joints")
+    figure, all_axes = new_figure(len(panels), 2.4 if len(panels) < MANY else 1.7, title)
+    for axes, (label, names, columns) in zip(all_axes, panels, strict=True):
+        curves(axes, run.time, table[columns].to_numpy(), names)
+        axes.set_ylabel(label)
+    all_axes[-1].set_xlabel("time [s]")
+    legend(figure, all_axes[0])
+    for axes in all_axes[2:3]:  # other joints, or other coordinates of the same
+        axes.legend(loc="best", fontsize=8)
+    return "joints", figure
+
+
 def _reaction_label(name: str, not_unique: tuple[str, ...]) -> str:
     """Return the name of a joint, and below it its reaction's components that are not unique."""
     return f"{name}\n({', '.join(not_unique)} not unique)" if not_unique else name
@@ -227,6 +262,7 @@ KINDS: dict[str, Callable[[Run, Metrics, Choice], tuple[str, Figure]]] = {
     "error": _error,
     "energy": _energy,
     "work": _work,
+    "joints": _joints,
     "constraints": _constraints,
     "reactions": _reactions,
 }

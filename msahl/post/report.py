@@ -32,6 +32,7 @@ CAPTIONS = {
     "error": "Estimated global error of positions and orientations, the largest of all bodies",
     "energy": "Energies and energy balance error",
     "work": "Virtual work of each joint over each step",
+    "joints": "Angles and slides of joints, and their rates",
     "constraints": "Constraint violation of each joint, coupling and motion",
     "reactions": "Force and moment of each joint on its child, and loads of couplings and motions",
 }

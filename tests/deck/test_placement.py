@@ -274,3 +274,14 @@ def test_a_coordinate_at_the_start_may_be_an_expression(tmp_path):
     assert measured(model_of(text, tmp_path))["H"][0] == {
         "angle": pytest.approx(math.pi / 6, abs=1e-15)
     }
+
+
+def test_numbers_too_large_to_place_a_body_are_faults(tmp_path):
+    """Products of three such numbers overflow."""
+    text = pendulum(joint="<angle>1</angle>").replace("<z>0.5</z>", "<z>9e99</z>")
+    tail = (
+        "<distance><name>D</name><parent><name>G</name><position><x>9e99</x></position></parent>"
+        "<child><name>Bob</name></child><length>1e-99</length></distance>"
+    )
+    with pytest.raises(DeckError, match="joint 'D'"):
+        model_of(text.replace("</revolute>", "</revolute>" + tail), tmp_path)

@@ -16,6 +16,7 @@ import pytest
 from click.testing import CliRunner
 
 from msahl.cli.main import main
+from msahl.deck import read_deck
 from msahl.post.cli import main as post
 from msahl.run.verdict import PASS
 from msahl.system.names import signal_columns
@@ -107,6 +108,40 @@ def test_a_machine_is_approached_with_the_order_of_the_scheme(name, scheme):
         # Round-off of hundreds of steps: actuators and states are within the balance.
         assert run.report.extremes["energyErrorMaxRelative"] < 1e-12
     assert run.report.extremes["constraintViolationMax"] < 1e-13
+
+
+@pytest.mark.parametrize("name", [name for name in MACHINES if name != "engine"])
+def test_order_ten_agrees_with_the_reference_to_its_accuracy(name):
+    machine = MACHINES[name]
+    h = machine.steps["preserving"]
+    run = simulate(deck(name), dt=h, t_final=machine.t / 2, scheme="gauss5", error="off")
+    # The references have a relative error of 1e-11; the wheels of the satellite rotate by 30 rad.
+    assert error(run, known(name, machine.t / 2)) < 2e-11
+
+
+@pytest.mark.parametrize("scheme", ["gauss2", "gauss3"])
+def test_the_engine_with_a_smooth_gas_force_has_the_full_order(scheme, monkeypatch, tmp_path):
+    """The mechanism of the deck under an expression instead of the table."""
+
+    class Smooth:
+        x = engine.TABLE.x
+
+        def __call__(self, theta):
+            return 11000.0 * np.exp(8.0 * (np.cos(theta / 2.0 - 0.2) - 1.0))
+
+    monkeypatch.setattr(engine, "TABLE", Smooth())
+    text = (ROOT / "decks" / "machines" / "engine.xml").read_text()
+    gas = "-gas('Main bearing'.angle)"
+    assert gas in text
+    smooth = text.replace(gas, "-11000*exp(8*(cos('Main bearing'.angle/2 - 0.2) - 1))")
+    path = tmp_path / "engine.xml"
+    path.write_text(smooth)
+    (row,) = engine.motion([0.04])
+    found = [
+        error(simulate(read_deck(path), dt=h, t_final=0.04, scheme=scheme), engine.places(row))
+        for h in (1e-3, 5e-4)
+    ]
+    assert slopes(found) == pytest.approx([ORDERS[scheme]], abs=0.35), found
 
 
 @pytest.mark.parametrize("name", MACHINES)

@@ -122,11 +122,18 @@ def test_reactions_that_are_not_unique_are_marked(run_of):
     [
         (
             "forces/joint_motion_sine",
-            {"path", "error", "energy", "work", "constraints", "reactions"},
+            {"path", "error", "energy", "work", "joints", "constraints", "reactions"},
+        ),
+        (
+            "joints/cylindrical",
+            {"path", "error", "energy", "work", "joints", "constraints", "reactions"},
         ),
         ("forces/spring_damper", {"path", "error", "energy"}),
         ("forces/point_motion", {"path", "error", "energy", "constraints", "reactions"}),
-        ("joints/knife_edge", {"path", "error", "energy", "work", "constraints", "reactions"}),
+        (
+            "joints/knife_edge",
+            {"path", "error", "energy", "work", "joints", "constraints", "reactions"},
+        ),
     ],
 )
 def test_pictures_there_is_data_for(run_of, deck, kinds, tmp_path):

@@ -126,7 +126,7 @@ def test_at_any_kill_the_folder_holds_the_old_or_the_new_run(tmp_path):
     run(deck, "--dt", 0.01, "--t-final", 0.1, "-o", tmp_path / "new")
     new = {name: (tmp_path / "new" / name).read_bytes() for name in ("states.csv", "deck.xml")}
     found = []
-    for count in range(1, 40):
+    for count in range(1, 80):  # each table may be removed and renamed
         for path in (out, out / "incomplete"):
             for name in contents(path) if path.is_dir() else ():
                 (path / name).unlink()

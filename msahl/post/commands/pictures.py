@@ -7,7 +7,7 @@ import click
 from msahl.post.commands.shared import path_parameter, read_metrics
 from msahl.terminal import echo
 
-KINDS = ("path", "error", "energy", "work", "constraints", "reactions")
+KINDS = ("path", "error", "energy", "work", "joints", "constraints", "reactions")
 PLANES = ("xy", "xz", "yz", "yx", "zx", "zy")
 
 
@@ -53,8 +53,8 @@ def plot(
 ) -> None:
     """Draw figures of a run; print the files written.
 
-    KIND is path, error, energy, work, constraints or reactions (default: all for which RUN has
-    data).
+    KIND is path, error, energy, work, joints, constraints or reactions (default: all for which RUN
+    has data).
 
     Example: msahl-post plot results/top_1 path --plane xy --format png --format svg
     """
