@@ -10,6 +10,7 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import partial
 from graphlib import CycleError, TopologicalSorter
 
 from msahl.check.names import FORBIDDEN
@@ -181,7 +182,7 @@ def _parsed(element: Element, given: str, known: Collection[str], faults: Faults
         tree = parse(inside)
         check_names(tree, known)
     except ExpressionError as error:
-        faults.add(element, in_words(given, error))
+        faults.add(element, partial(in_words, given, error))
         return None
     return tree
 
@@ -201,7 +202,7 @@ def _evaluate(element: Element, tree: Tree, scope: Scope, faults: Faults) -> boo
     try:
         value, has = scope.compute(tree)
     except ExpressionError as error:
-        faults.add(element, in_words(given, error))
+        faults.add(element, partial(in_words, given, error))
         return False
     if has.rad.denominator > 1:
         has = has._replace(rad=Fraction(0))
@@ -255,7 +256,7 @@ def _value(element: Element, given: str, scope: Scope, faults: Faults) -> Value 
     try:
         scope.computed[given] = scope.compute(tree)
     except ExpressionError as error:
-        faults.add(element, in_words(given, error))
+        faults.add(element, partial(in_words, given, error))
         return None
     return scope.computed[given]
 

@@ -16,6 +16,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import islice
 from typing import NoReturn, TypeAlias
 
@@ -124,11 +125,22 @@ Tree: TypeAlias = Number | Name | Call | Lookup
 
 
 class ExpressionError(ValueError):
-    """What is wrong with an expression, and at which column of its text (from 1)."""
+    """What is wrong with an expression, and at which column of its text (from 1).
 
-    def __init__(self, message: str, column: int) -> None:
-        super().__init__(message)
-        self.message, self.column = message, column
+    A ``message`` that takes time to make may be a function, called when the message is read.
+    """
+
+    def __init__(self, message: str | Callable[[], str], column: int) -> None:
+        super().__init__(message, column)
+        self._message, self.column = message, column
+
+    @property
+    def message(self) -> str:
+        """What is wrong."""
+        return self._message if isinstance(self._message, str) else self._message()
+
+    def __str__(self) -> str:
+        return self.message
 
 
 def inside_braces(text: str) -> str | None:
@@ -190,7 +202,7 @@ def check_names(tree: Tree, names: Collection[str], tables: Collection[str] = ()
             if node.text in tables:
                 message = f"'{node.text}' is a table; write {node.text}(x)"
                 raise ExpressionError(message, node.column)
-            raise ExpressionError(unknown(node.text, names), node.column)
+            raise ExpressionError(partial(unknown, node.text, names), node.column)
         if isinstance(node, Lookup) and node.table not in tables:
             message = f"unknown function '{node.table}'{nearest(node.table, [*FUNCTIONS, *tables])}"
             if node.table in names:
