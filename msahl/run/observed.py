@@ -1,13 +1,15 @@
 """The tables of a run that follow from the motion of bodies: joints, markers, groups of bodies."""
 
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from msahl.model import Model
 from msahl.run.body_rows import TablesOfSteppers
-from msahl.run.joint_table import JointTable
 from msahl.run.tables import JOINTS, MARKERS, SYSTEM, has_joint_table, needs_accelerations
+
+if TYPE_CHECKING:
+    from msahl.run.joint_table import JointTable
 
 
 class ObservedTable(Protocol):
@@ -24,6 +26,8 @@ class ObservedTables:
         self.tables: dict[str, ObservedTable] = {}
         self.joints: JointTable | None = None
         if has_joint_table(model):
+            from msahl.run.joint_table import JointTable
+
             self.joints = JointTable(model, 3 if needs_accelerations(model) else 2)
             self.tables[JOINTS] = self.joints
         if model.markers:
