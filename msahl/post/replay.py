@@ -5,8 +5,7 @@
 Everything measured here is measured by the kernels the time loop runs, one row after the other.
 """
 
-from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -103,9 +102,8 @@ def _sizes(system: System, values: np.ndarray, kept: np.ndarray, elements: int) 
 
 def _energies_of(model: Model, b: int, history: History) -> np.ndarray:
     """(3, m) energies of body ``b``: those of a system of this body alone."""
-    others = ("joints", "couplings", "motions", "loads", "markers", "signals")
-    nothing: dict[str, Any] = dict.fromkeys(others, ())
-    alone = build_system(replace(model, bodies=(model.bodies[b],), **nothing)).bodies
+    only = Model(model.gravity, model.grounds, (model.bodies[b],), (), (), model.simulation)
+    alone = build_system(only).bodies
     of_b = History(*(np.ascontiguousarray(series[:, [b, -1]]) for series in history))
     energies = np.zeros((3, len(of_b.x)))
     _sum_energies(alone, of_b, np.zeros((2, 3)), energies)

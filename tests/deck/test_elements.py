@@ -377,15 +377,16 @@ def test_every_deck_in_the_guide_is_valid(tmp_path, read):
             assert schema.validate(root), schema.error_log
             continue
         groups = {"joints": "", "motions": "", "loads": "", "simulation": ""}
-        complete = ""
-        for element in etree.fromstring(f"<parts>{part}</parts>"):
-            if element.tag in ("markers", "groups"):
-                complete += etree.tostring(element).decode()
+        beside = ""
+        tree = etree.fromstring(f"<parts>{part}</parts>")
+        for element in [*tree.xpath("*[not(self::loads)]"), *tree.xpath("loads/*")]:
+            if element.tag in ("markers", "groups", "signals"):
+                beside += etree.tostring(element).decode()
             else:
                 groups[_group(str(element.tag))] += etree.tostring(element).decode()
         more = groups.pop("simulation")
         rest = "".join(f"<{tag}>{text}</{tag}>" for tag, text in groups.items())
-        root = etree.fromstring(DECK.format(rest=rest + complete, more=more, units=""))
+        root = etree.fromstring(DECK.format(rest=rest + beside, more=more, units=""))
         assert schema.validate(root), (part, schema.error_log)
 
 

@@ -47,6 +47,8 @@ def robot_errors(axes: Axes, tables: Tables) -> None:
 def robot_torques(axes: Axes, tables: Tables) -> None:
     """Draw the torques of the motors."""
     lines(axes, tables["signals"], {f"torque{i}": f"J{i}" for i in range(1, 7)}, "torque [N m]")
+    axes.set_ylim(top=22.0)  # with space for the legend
+    axes.legend(frameon=False, ncols=3, loc="upper right")
 
 
 def engine_speed(axes: Axes, tables: Tables) -> None:
