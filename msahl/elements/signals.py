@@ -98,6 +98,7 @@ class Signals(NamedTuple):
     item: np.ndarray  # (y,) coordinate, marker or joint
     component: np.ndarray  # (y,) axis, or component of a quaternion or a reaction
     origin: np.ndarray  # (y,) added to a coordinate's value [m or rad]
+    counted: np.ndarray  # coordinates whose angle begins with its own value, not with zero
     frame: np.ndarray  # (p,) of each marker
     s: np.ndarray  # (p, 3) from the frame's origin, its axes [m]
     axes: np.ndarray  # (p, 3, 3) the marker's axes as rows, axes of the frame
@@ -935,4 +936,17 @@ def renumbered(group: Signals | None, number: np.ndarray) -> Signals | None:
     of_coordinates = np.isin(group.kind, (COORDINATE, RATE))
     item = group.item.copy()
     item[of_coordinates] = number[item[of_coordinates]]
-    return group._replace(item=item)
+    return group._replace(item=item, counted=number[group.counted])
+
+
+def begin_angles(
+    group: Signals | None, scalar: ScalarConstraints | None, place: Any, angle: np.ndarray
+) -> bool:
+    """Set the counted ``angle`` (q,) of angles that begin with their own value to these in the
+    prepared state; return whether there are any. ``place`` is a ``ScalarWorkspace``.
+    """
+    if group is None or scalar is None or not group.counted.size:
+        return False
+    m, first = place.coordinates.products.value, scalar.coordinates.first[group.counted]
+    angle[group.counted] = np.arctan2(m[first], m[first + 1])
+    return True

@@ -1,7 +1,7 @@
 """Names of the values of joints and markers that expressions of the motion may use.
 
-joints    angle, slide, slide1, slide2, each with its rate (angleRate), and the components
-          Fx Fy Fz Mx My Mz of the reaction in the accepted step before
+joints    angle, angle1, angle2, slide, slide1, slide2, each with its rate (angleRate), and the
+          components Fx Fy Fz Mx My Mz of the reaction in the accepted step before
 markers   x y z, vx vy vz (inertial axes), q0 q1 q2 q3 (Euler parameters, q0 >= 0),
           wx wy wz (the marker's own axes)
 """
@@ -12,7 +12,7 @@ from msahl.elements.signals import POSITION, QUATERNION, SPIN, VELOCITY
 from msahl.joints.registry import KINDS
 
 RATE = "Rate"
-COORDINATES = ("angle", "slide", "slide1", "slide2")
+COORDINATES = ("angle", "angle1", "angle2", "slide", "slide1", "slide2")
 MARKER_VALUES: Mapping[str, tuple[int, int]] = {
     **{name: (POSITION, i) for i, name in enumerate(("x", "y", "z"))},
     **{name: (VELOCITY, i) for i, name in enumerate(("vx", "vy", "vz"))},

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from msahl.elements import signals
 from msahl.elements.rigid_body import write_accelerations
 from msahl.jit.by_size import by_size
 from msahl.model import Model, resolve
@@ -85,6 +86,8 @@ class SubsystemIntegrator:
         self._add_shared(system, state)
         start, prepare = new_system_workspace(system, state), by_size(evaluate.prepare, self.size)
         prepare(system, state, start)
+        if signals.begin_angles(system.forces.signals, system.scalar, start.scalar, state.angle):
+            prepare(system, state, start)
         self.axis = None if full else plane_normal(system, start)
         free = all_unknowns(system) if full else needed_unknowns(system, start, self.axis)
         if free.size < unknowns.free.size:

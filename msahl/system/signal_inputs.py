@@ -10,9 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.algebra.vector import Vector
 from msahl.elements import signals
-from msahl.elements.constraints.coordinate_kinds import PLAIN
-from msahl.elements.constraints.products import SLIDE
+from msahl.elements.constraints.coordinate_kinds import ANGLE, PLAIN
+from msahl.elements.constraints.products import DOT, SLIDE
 from msahl.expressions.syntax import Name, Tree
 from msahl.expressions.tape import Table
 from msahl.joints.coordinates import angle_offset, frames
@@ -53,6 +54,7 @@ class SignalEntries(NamedTuple):
     shown: tuple[Tree, ...]  # published values
     stops: tuple[Tree, ...]  # margins of the conditions that end the run
     inputs: tuple[InputEntry, ...]
+    counted: tuple[int, ...]  # coordinates whose angle begins with its own value, not with zero
     markers: tuple[Marker, ...]
     results: tuple[ResultEntry, ...]
 
@@ -61,9 +63,27 @@ def joint_coordinate(joint: Joint, name: str) -> Coordinate:
     """Return the coordinate ``name`` of a joint."""
     if name in ("slide1", "slide2"):
         axis = frames(joint)[0][int(name[-1]) - 1]
-        normal = (float(axis[0]), float(axis[1]), float(axis[2]))
-        return Coordinate(PLAIN, (Product(SLIDE, normal),))
+        return Coordinate(PLAIN, (Product(SLIDE, _vector(axis)),))
+    if name in ("angle1", "angle2"):
+        return _angle_of_universal(joint, name)
     return {"angle": angle, "slide": slide}[name](joint)
+
+
+def _angle_of_universal(joint: Joint, name: str) -> Coordinate:
+    """Return an angle of a universal joint: that of the child's axis about the parent's, or minus
+    that of the parent's axis about the child's.
+    """
+    parent, child = frames(joint)
+    if name == "angle1":
+        pairs = ((parent[1], child[2]), (parent[0], child[2]))
+    else:
+        pairs = ((parent[2], -child[1]), (parent[2], child[0]))
+    sine, cosine = (Product(DOT, _vector(n), e=_vector(e)) for n, e in pairs)
+    return Coordinate(ANGLE, (sine, cosine), angular=True)
+
+
+def _vector(a: np.ndarray) -> Vector:
+    return (float(a[0]), float(a[1]), float(a[2]))
 
 
 class SignalCollector:
@@ -85,6 +105,7 @@ class SignalCollector:
         self._signals: dict[str, AnySignal] = {signal.name: signal for signal in model.signals}
         self._inputs: dict[str, tuple[int, InputEntry]] = {}
         self._used: dict[str, int] = {}
+        self._counted: dict[int, None] = {}
 
     def entries(self) -> SignalEntries | None:
         """Return the entries of the model; None if it has no expression."""
@@ -117,6 +138,7 @@ class SignalCollector:
             shown=(*published, *laws),
             stops=tuple(stop.expression for stop in model.stops),
             inputs=tuple(entry for _, entry in self._inputs.values()),
+            counted=tuple(self._counted),
             markers=tuple(self._markers[name] for name in self._used),
             results=results,
         )
@@ -139,6 +161,8 @@ class SignalCollector:
             return InputEntry(name, signals.REACTION, number, REACTION_VALUES.index(value))
         coordinate = value.removesuffix(RATE)
         q = self._add(element, coordinate)
+        if coordinate in ("angle1", "angle2"):
+            self._counted[q] = None
         if value.endswith(RATE):
             return InputEntry(name, signals.RATE, q)
         origin = angle_offset(joint) if coordinate == "angle" else 0.0

@@ -347,6 +347,7 @@ def _signals(
         "kind": indices([entry.kind for entry in entries.inputs]),
         "item": indices([entry.item for entry in entries.inputs]),
         "component": indices([entry.component for entry in entries.inputs]),
+        "counted": indices(entries.counted),
         "frame": frame,
         "first_entry": indices(np.cumsum([0, *sizes])),
         "entry_input": indices([j for result in entries.results for j in result.inputs]),

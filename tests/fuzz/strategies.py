@@ -153,6 +153,17 @@ CHANGES = (
     _unattribute,
     _reunit,
 )
+EXPRESSIONS = (
+    "{{-3*{joint}.{coordinate} - 0.1*{joint}.{coordinate}Rate}}",
+    "{{sqrt({joint}.{coordinate}) + log(t)/{joint}.{coordinate}Rate}}",
+    "{{exp({joint}.{coordinate}*1e9)}}",
+    "{{where({joint}.{coordinate} &gt; 0, 1e9, -1e9)}}",
+    "{{{joint}.Fx*{joint}.slide1 - mod(t, {joint}.{coordinate})}}",
+    "{{1/0}}",
+    "{{{joint}.nothing + x}}",
+)
+"""Laws of actuators: with values that do not exist, that overflow or jump, and names unknown."""
+
 GENTLE = (_renumber, _renumber, _reunit, _swap, _double)
 """Changes that leave most decks valid."""
 
@@ -407,7 +418,9 @@ def _load(draw, name, names, joints):
     body = f"<name>{name}</name><body>{_of(draw, names[1:])}</body>"
     kinds = ["concentrated", "bodyForce", "distributed", "springDamper", "bushing", "drag"]
     kind = _of(
-        draw, kinds + ["torsionalSpringDamper", "slideSpringDamper", "friction"] * bool(joints)
+        draw,
+        kinds
+        + ["torsionalSpringDamper", "slideSpringDamper", "friction", "actuator"] * bool(joints),
     )
     basis = f" basis='{_of(draw, names)}'"
     if kind == "concentrated":
@@ -428,6 +441,13 @@ def _load(draw, name, names, joints):
     elif kind == "bushing":
         rates = "".join(_vector(draw, tag) for tag in ("stiffness", "damping", "angularStiffness"))
         inside = f"<name>{name}</name>{_ends(draw, names)}{rates}"
+    elif kind == "actuator":
+        joint, coordinate = _of(draw, joints), _of(draw, ("angle", "slide"))
+        law = _of(draw, EXPRESSIONS).format(joint=joint, coordinate=coordinate)
+        inside = (
+            f"<name>{name}</name><joint>{joint}</joint><coordinate>{coordinate}</coordinate>"
+            f"<expression>{law}</expression>"
+        )
     elif kind == "friction":
         coordinate, radius = _of(draw, (("angle", _number(draw, "radius", sizes)), ("slide", "")))
         rest = _number(draw, "coefficient", sizes) + radius + _number(draw, "width", sizes)
