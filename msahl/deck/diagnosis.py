@@ -32,6 +32,9 @@ RENAMED = {
 }
 """New name of each renamed element, attribute or value; messages give it where it is valid."""
 
+EMPTY = {"units": "give a unit, or delete it", "href": "name the file of a part"}
+"""Remedies for empty attributes."""
+
 Departure = tuple[Element, Callable[[], str]]
 """An element with a fault, and a function that returns the message."""
 
@@ -192,7 +195,7 @@ def _wrong_attribute(name: str, value: str, word: "XsdSimpleType") -> str:
         what = "unknown unit " if name == "units" else f"unknown value {name}="
         return f"{what}'{value}'{_choice(value, allowed)}"
     if word.min_length:
-        return f"the {name} is empty; give a name"
+        return f"attribute {name} is empty; {EMPTY.get(name, 'give a name')}"
     number = getattr(word, "member_types", (word,))[0]  # the other is that of expressions
     if number.min_value is None:
         return f"{name}={_no_number(value)}"

@@ -143,7 +143,7 @@ SCHEMA_FAULTS = {
     ),
     "empty basis": (
         ('basis="Bob"', 'basis=" "'),
-        ":12: body 'Bob', initialConditions/position: the basis is empty; give a name",
+        ":12: body 'Bob', initialConditions/position: attribute basis is empty; give a name",
     ),
     "attribute where none is": (
         ("<rGB>", '<rGB basis="Bob">'),
