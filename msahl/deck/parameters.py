@@ -6,9 +6,11 @@ is a deck of plain numbers, and what runs is the same, to the bit, as if they ha
 """
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import partial
 from graphlib import CycleError, TopologicalSorter
 
 from msahl.check.names import FORBIDDEN
@@ -130,20 +132,41 @@ def unknown_unit(units: str) -> str:
 def _in_order(
     elements: Mapping[str, Element], trees: Mapping[str, Tree], faults: Faults
 ) -> list[str]:
-    """Return the names of all parameters, each after those it is computed from; those in a circle
-    become faults."""
+    """Return the names of all parameters, each after those it is computed from; circles become
+    faults, and what depends on them becomes doubtful."""
     graph = {name: _names(trees[name]) if name in trees else set() for name in elements}
-    while True:
-        try:
-            return list(TopologicalSorter(graph).static_order())
-        except CycleError as error:
-            circle = error.args[1][::-1]
-            shown = " -> ".join(circle[:10]) + (" -> ..." if len(circle) > 10 else "")
-            message = f"its value depends on itself: {shown}; give one of them a number"
-            faults.add(elements[circle[0]], message)
-            for name in circle:
-                faults.doubt(elements[name])
-                graph[name] = set()
+    sorter, order = TopologicalSorter(graph), list[str]()
+    with suppress(CycleError):  # those that can be computed are given nevertheless
+        sorter.prepare()
+    while sorter.is_active():
+        ready = sorter.get_ready()
+        order += ready
+        sorter.done(*ready)
+    rest = graph.keys() - set(order)
+    for circle in _circles({name: graph[name] & rest for name in elements if name in rest}):
+        shown = " -> ".join(circle[:10]) + (" -> ..." if len(circle) > 10 else "")
+        message = f"its value depends on itself: {shown}; give one of them a number"
+        faults.add(elements[circle[0]], message)
+    for name in rest:
+        faults.doubt(elements[name])
+    return [*order, *rest]
+
+
+def _circles(graph: Mapping[str, set[str]]) -> Iterator[list[str]]:
+    """Yield circles of a graph in which every node has a successor: one that each node leads to;
+    the first node stands at both ends."""
+    seen: set[str] = set()
+    for start in graph:
+        path: dict[str, None] = {}
+        node = start
+        while node not in seen:
+            seen.add(node)
+            path[node] = None
+            node = min(graph[node])
+        if node in path:
+            names = list(path)
+            circle = names[names.index(node) :]
+            yield [*circle, node]
 
 
 def _names(tree: Tree) -> set[str]:
@@ -159,7 +182,7 @@ def _parsed(element: Element, given: str, known: Collection[str], faults: Faults
         tree = parse(inside)
         check_names(tree, known)
     except ExpressionError as error:
-        faults.add(element, in_words(given, error))
+        faults.add(element, partial(in_words, given, error))
         return None
     return tree
 
@@ -179,7 +202,7 @@ def _evaluate(element: Element, tree: Tree, scope: Scope, faults: Faults) -> boo
     try:
         value, has = scope.compute(tree)
     except ExpressionError as error:
-        faults.add(element, in_words(given, error))
+        faults.add(element, partial(in_words, given, error))
         return False
     if has.rad.denominator > 1:
         has = has._replace(rad=Fraction(0))
@@ -233,7 +256,7 @@ def _value(element: Element, given: str, scope: Scope, faults: Faults) -> Value 
     try:
         scope.computed[given] = scope.compute(tree)
     except ExpressionError as error:
-        faults.add(element, in_words(given, error))
+        faults.add(element, partial(in_words, given, error))
         return None
     return scope.computed[given]
 

@@ -167,7 +167,7 @@ def read_tree(element: Element, given: str, wanted: Dimension | None, reader: Re
     """Return the tree of a ``given`` expression of an element, as ``read_expression`` does."""
     try:
         tree = parse(given)
-        if all(not isinstance(node, Name) or _is_known(node, reader) for node in postorder(tree)):
+        if all(_is_known(node, reader) for node in postorder(tree)):
             _check_dimension(tree, wanted, reader)
     except ExpressionError as error:
         reader.faults.add(element, f"{error.message} (at column {error.column} of the expression)")
@@ -175,8 +175,13 @@ def read_tree(element: Element, given: str, wanted: Dimension | None, reader: Re
     return _bound(tree, reader)
 
 
-def _is_known(node: Name, reader: Reader) -> bool:
-    return node.text in reader.parameters or node.text in reader.context.values
+def _is_known(node: Tree, reader: Reader) -> bool:
+    """Return whether there are the name or the table of a node."""
+    if isinstance(node, Lookup):
+        return node.table in reader.context.tables
+    if isinstance(node, Name):
+        return node.text in reader.parameters or node.text in reader.context.values
+    return True
 
 
 def _check_dimension(tree: Tree, wanted: Dimension | None, reader: Reader) -> None:

@@ -16,6 +16,8 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import islice
 from typing import NoReturn, TypeAlias
 
 MAX_LENGTH = 10_000
@@ -24,6 +26,9 @@ MAX_DEPTH = 60
 """Parentheses, functions, signs and powers inside one another."""
 MAX_SIZE = 2_000
 """Numbers, names and operations of an expression."""
+
+MOST_COMPARED = 300
+"""Known names that an unknown one is compared with."""
 
 FUNCTIONS: Mapping[str, int] = {
     "sin": 1,
@@ -120,11 +125,22 @@ Tree: TypeAlias = Number | Name | Call | Lookup
 
 
 class ExpressionError(ValueError):
-    """What is wrong with an expression, and at which column of its text (from 1)."""
+    """What is wrong with an expression, and at which column of its text (from 1).
 
-    def __init__(self, message: str, column: int) -> None:
-        super().__init__(message)
-        self.message, self.column = message, column
+    A ``message`` that takes time to make may be a function, called when the message is read.
+    """
+
+    def __init__(self, message: str | Callable[[], str], column: int) -> None:
+        super().__init__(message, column)
+        self._message, self.column = message, column
+
+    @property
+    def message(self) -> str:
+        """What is wrong."""
+        return self._message if isinstance(self._message, str) else self._message()
+
+    def __str__(self) -> str:
+        return self.message
 
 
 def inside_braces(text: str) -> str | None:
@@ -186,7 +202,7 @@ def check_names(tree: Tree, names: Collection[str], tables: Collection[str] = ()
             if node.text in tables:
                 message = f"'{node.text}' is a table; write {node.text}(x)"
                 raise ExpressionError(message, node.column)
-            raise ExpressionError(unknown(node.text, names), node.column)
+            raise ExpressionError(partial(unknown, node.text, names), node.column)
         if isinstance(node, Lookup) and node.table not in tables:
             message = f"unknown function '{node.table}'{nearest(node.table, [*FUNCTIONS, *tables])}"
             if node.table in names:
@@ -203,10 +219,13 @@ def nearest(name: str, names: Collection[str]) -> str:
     """Return the remedy for an unknown name: those of the ``names`` that are most like it."""
     from difflib import get_close_matches
 
-    near = get_close_matches(name, list(names), n=3)
+    # A comparison takes a tenth of a millisecond, and there may be many unknown names.
+    length, ends = len(name), {name[:1], name[-1:]}
+    alike = (n for n in names if abs(len(n) - length) <= length // 2 + 1 and {n[:1], n[-1:]} & ends)
+    near = get_close_matches(name, list(islice(alike, MOST_COMPARED)), n=3)
     if near:
         return f"; did you mean {', '.join(near)}?"
-    some = list(names)[:10]
+    some = list(islice(names, 10))
     more = ", ..." if len(names) > len(some) else ""
     return f"; known here: {', '.join(some)}{more}" if some else "; none is known here"
 

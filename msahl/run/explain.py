@@ -1,12 +1,17 @@
 """Describes what running a model involves, in words: the command ``msahl explain``."""
 
+import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from msahl.jit.compiled import on_disk
+from msahl.joints.coordinates import ORIENTATION, coordinates, is_angle
 from msahl.model import Model, RunSettings, resolve
+from msahl.run.joint_table import JointTable
 from msahl.run.subsystem import SubsystemIntegrator
+from msahl.run.tables import STATES
 from msahl.run.time_grid import TimeGrid
 from msahl.run.verdict import describe_reactions
 from msahl.system.arrays import multiplier_count
@@ -14,6 +19,8 @@ from msahl.system.reductions import all_unknowns
 from msahl.system.subsystems import split
 
 AXES = "xyz"
+MOST_LISTED = 20
+"""Joints of a subsystem whose coordinates are listed."""
 
 
 def explain(model: Model) -> list[str]:
@@ -33,6 +40,7 @@ def explain(model: Model) -> list[str]:
         f"{grid.n} steps of {grid.h:g} s",
         f"scheme: {_scheme(resolve(model.simulation))}",
         *_degrees_of_freedom(model, integrators),
+        *(line for integrator in integrators for line in _coordinates(integrator)),
         *_unknowns(model, integrators),
         *(line for integrator in integrators for line in _reductions(integrator, alone)),
         *_omitted_terms(model, integrators),
@@ -76,6 +84,35 @@ def _degrees_of_freedom(model: Model, integrators: Sequence[SubsystemIntegrator]
     unique = [name for name in names if name not in shared]
     if shared and unique:
         yield f"  all reactions are unique of: {', '.join(unique)}"
+
+
+def _coordinates(integrator: SubsystemIntegrator) -> Iterator[str]:
+    """Angles and slides of the first joints at the start, with their rates."""
+    joints = [
+        joint
+        for joint in integrator.model.joints
+        if coordinates(joint) and ORIENTATION not in coordinates(joint)
+    ][:MOST_LISTED]
+    if not joints:
+        return
+    integrator.show_start()
+    states = np.insert(integrator.workspace.tables.states[:1], 0, 0.0, axis=1)
+    model = replace(integrator.model, joints=tuple(joints))
+    values = iter(JointTable(model, 2).rows({STATES: states})[0, 1:].tolist())
+    for joint in joints:
+        names = coordinates(joint)
+        pairs = zip(
+            names, [next(values) for _ in names], [next(values) for _ in names], strict=True
+        )
+        yield f"{joint.name} at t = 0: {', '.join(_coordinate(*pair) for pair in pairs)}"
+
+
+def _coordinate(name: str, value: float, rate: float) -> str:
+    """A coordinate with its rate in words; an angle in degrees."""
+    unit = "deg" if is_angle(name) else "m"
+    if unit == "deg":
+        value, rate = math.degrees(value), math.degrees(rate)
+    return f"{name} {value + 0.0:.7g} {unit}, rate {rate + 0.0:.7g} {unit}/s"
 
 
 def _unknowns(model: Model, integrators: Sequence[SubsystemIntegrator]) -> Iterator[str]:

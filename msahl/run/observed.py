@@ -1,13 +1,15 @@
 """The tables of a run that follow from the motion of bodies: joints, markers, groups of bodies."""
 
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from msahl.model import Model
 from msahl.run.body_rows import TablesOfSteppers
-from msahl.run.joint_table import JointTable
 from msahl.run.tables import JOINTS, MARKERS, SYSTEM, has_joint_table, needs_accelerations
+
+if TYPE_CHECKING:
+    from msahl.run.joint_table import JointTable
 
 
 class ObservedTable(Protocol):
@@ -22,9 +24,8 @@ class ObservedTables:
 
     def __init__(self, model: Model) -> None:
         self.tables: dict[str, ObservedTable] = {}
-        self.joints: JointTable | None = None
-        if has_joint_table(model):
-            self.joints = JointTable(model, 3 if needs_accelerations(model) else 2)
+        self.joints: JointTable | None = _joint_table(model)
+        if self.joints:
             self.tables[JOINTS] = self.joints
         if model.markers:
             from msahl.run.marker_table import MarkerTable
@@ -47,3 +48,12 @@ class ObservedTables:
         """Restore what ``numbers`` returned."""
         if self.joints:
             self.joints.restore(numbers)
+
+
+def _joint_table(model: Model) -> "JointTable | None":
+    """Return the table of the joints' coordinates, None if it is not written."""
+    if not has_joint_table(model):
+        return None
+    from msahl.run.joint_table import JointTable
+
+    return JointTable(model, 3 if needs_accelerations(model) else 2)

@@ -213,3 +213,17 @@ def test_all_faults_are_given_at_once(faults):
 def test_long_expressions_are_cut_in_messages(faults):
     (found,) = faults(x="{" + "+".join(["L"] * 500) + " + zz}")
     assert len(found) < 300
+
+
+def test_many_circles_and_long_chains_take_time_in_proportion(faults, rod):
+    """10,000 circles: with a search for each the square of that, some minutes."""
+    chain = "".join(f'<parameter name="p{i}">{{p{i + 1} + 1}}</parameter>' for i in range(10_000))
+    chain += '<parameter name="p10000">1</parameter>'
+    assert rod(parameters=chain, mass="{p0}").mass == 10_001.0
+    pairs = "".join(
+        f'<parameter name="a{i}">{{b{i}}}</parameter><parameter name="b{i}">{{a{i}}}</parameter>'
+        for i in range(10_000)
+    )
+    found = faults(parameters=pairs + '<parameter name="c">{a7 + 1}</parameter>', mass="{c}")
+    assert "its value depends on itself: a0 -> b0 -> a0" in found[0]
+    assert "9900 more faults are not shown" in found[-1]

@@ -11,6 +11,7 @@ from msahl.algebra.rotation_arrays import rotations
 from msahl.algebra.vector import ZERO
 from msahl.check.directions import frame, unit
 from msahl.model import Joint, JointMotion
+from msahl.run.explain import explain
 from msahl.run.joint_table import count_revolutions
 from msahl.run.tables import ACCELERATIONS, JOINTS, tables_of_model
 from msahl.system.names import acceleration_columns, coordinate_columns
@@ -133,6 +134,16 @@ def test_accelerations_change_nothing_else(name, scheme):
     plain, other = (simulate(m, t_final=0.5, scheme=scheme) for m in (model, with_them))
     for name in ("states", "reactions", "work", "signals"):
         assert getattr(plain, name).tobytes() == getattr(other, name).tobytes()
+
+
+def test_explain_lists_the_coordinates_at_the_start():
+    lines = explain(deck("four_bar_by_angle"))
+    assert "Crank pivot at t = 0: angle -60 deg, rate -360 deg/s" in lines
+    lines = explain(deck("universal"))
+    # The axes of the shafts are at 30 degrees; the cross rotates at sin 30 deg of the first shaft.
+    assert "Hooke at t = 0: angle1 -30 deg, rate 0 deg/s, angle2 0 deg, rate 180 deg/s" in lines
+    lines = explain(deck("cylindrical"))
+    assert "Rod at t = 0: slide 0 m, rate 8 m/s, angle 0 deg, rate 687.5494 deg/s" in lines
 
 
 def test_the_table_is_written_where_a_joint_has_an_angle_or_a_slide():
