@@ -52,8 +52,14 @@ def _merge_all(root: Element, work: _Work, faults: Faults) -> bool:
     """Merge all parts that ``root``, the tree of the last open file, includes; return whether none
     of them had a fault."""
     good = True
+    used: set[tuple[str, str]] = set()
     for includes in root.findall("includes"):
         for include in includes.findall("include"):
+            part = (attribute(include, "href"), attribute(include, "prefix"))
+            if part in used:
+                prefix = "another prefix" if part[1] else "a prefix"
+                faults.add(include, f"'{part[0]}' is included twice; give this one {prefix}")
+            used.add(part)
             if faults.sound(include):
                 _merge(root, include, work, faults)
             good = good and faults.sound(include)

@@ -141,7 +141,7 @@ def test_faults_in_a_part_have_its_file_and_line(path, tmp_path):
 
 
 def test_names_that_are_taken_say_in_which_file(path):
-    path.write_text(deck(LEFT, LEFT))
+    path.write_text(deck(LEFT, LEFT.replace("wheel", "./wheel")))
     found = faults_of(path)
     assert any("the name is taken by line 9 of" in line for line in found)
 
@@ -208,6 +208,22 @@ def test_circles_depth_and_number_are_bounded(path, tmp_path):
     (tmp_path / "w5.xml").write_text("<part><system/></part>")
     path.write_text(deck('<include href="w0.xml"/>'))
     assert "more than 1000 parts" in faults_of(path)[0]
+
+
+@pytest.mark.parametrize(("prefix", "remedy"), [("", "a prefix"), ("L.", "another prefix")])
+def test_a_part_used_twice_needs_two_prefixes(path, prefix, remedy):
+    include = f'<include href="wheel.xml" prefix="{prefix}"/>'
+    path.write_text(deck(include, include))
+    (fault,) = faults_of(path)
+    message = f"includes/include: 'wheel.xml' is included twice; give this one {remedy}"
+    assert fault == f"deck.xml:6: {message}"
+
+
+def test_an_include_need_not_contain_anything(path):
+    """That of a deck with a fault elsewhere is not called empty."""
+    path.write_text(deck('<include href="wheel.xml" prefix="L."/>').replace("tFinal", "tEnd"))
+    assert not [fault for fault in faults_of(path) if "empty" in str(fault)]
+    assert faults_of(path)
 
 
 def test_a_symlink_within_the_folder_is_accepted(path, tmp_path):
