@@ -13,7 +13,8 @@ Where a function has no derivative (``sign``, ``floor``, comparisons; ``abs``, `
 the place where they change over) it is that of the branch taken. ``sqrt``, ``asin``, ``acos``,
 ``hypot`` and powers have the derivative zero where it is infinite: it serves Newton's method, which
 then converges more slowly there. Values outside a function's domain are nan, and do no harm in a
-branch that is not taken.
+branch that is not taken. ``both`` and ``either`` are the smaller and the larger margin of two
+conditions (``expressions.conditions``).
 """
 
 import math
@@ -34,7 +35,7 @@ UNARY = (
 )
 BINARY = (
     *("+", "-", "*", "/", "^", "<", "<=", ">", ">=", "==", "!=", "and", "or"),
-    *("atan2", "min", "max", "hypot", "mod"),
+    *("atan2", "min", "max", "hypot", "mod", "both", "either"),
 )
 (
     NEGATE,
@@ -75,6 +76,8 @@ FIRST_BINARY = len(UNARY)
     MAX,
     HYPOT,
     MOD,
+    BOTH,
+    EITHER,
 ) = range(FIRST_BINARY, FIRST_BINARY + len(BINARY))
 WHERE, CURVE, SURFACE = range(FIRST_BINARY + len(BINARY), FIRST_BINARY + len(BINARY) + 3)
 """Choice between two values; tables of one and of two variables."""
@@ -389,10 +392,15 @@ def binary(op: int, x: float, y: float) -> float:
         return float(x**y)
     if op == ATAN2:
         return math.atan2(x, y)
-    # As Python's own: the first of two that are equal.
+    # As Python's own: the first of two that are equal. A nan is never lost.
     if op == MIN:
-        return y if y < x else x
+        return y if y < x or y != y else x
     if op == MAX:
+        return y if y > x or y != y else x
+    # A condition that decides guards the one after it, as in 'x > 0 and log(x) > 1'.
+    if op == BOTH:
+        return y if y < x else x
+    if op == EITHER:
         return y if y > x else x
     if op == HYPOT:
         return math.hypot(x, y)
@@ -435,9 +443,9 @@ def binary_slopes(op: int, x: float, y: float, result: float) -> tuple[float, fl
     if op == ATAN2:
         square = x * x + y * y
         return (y / square, -x / square) if square > 0.0 else (0.0, 0.0)
-    if op == MIN:
+    if op in (MIN, BOTH):
         return (0.0, 1.0) if y < x else (1.0, 0.0)
-    if op == MAX:
+    if op in (MAX, EITHER):
         return (0.0, 1.0) if y > x else (1.0, 0.0)
     if op == HYPOT:
         return (x / result, y / result) if result > 0.0 else (0.0, 0.0)
