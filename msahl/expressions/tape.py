@@ -271,7 +271,9 @@ def sweep(tape: Tape, values: Values) -> None:
         elif op == WHERE:
             value[first + i] = value[tape.b[i]] if x != 0.0 else value[tape.c[i]]
         elif op == CURVE:
-            value[first + i] = functions.evaluate(tape.laws, tape.c[i], x)[0]
+            # A periodic table rounds its argument down, which needs a number.
+            known = math.isfinite(x)
+            value[first + i] = functions.evaluate(tape.laws, tape.c[i], x)[0] if known else math.nan
         else:
             y = value[tape.b[i]]
             value[first + i] = surfaces.evaluate(tape.surfaces, tape.c[i], x, y)[0]
@@ -298,7 +300,8 @@ def gradient(tape: Tape, values: Values, place: int) -> None:
         elif op == WHERE:
             adjoint[b if value[a] != 0.0 else tape.c[i]] += slope
         elif op == CURVE:
-            adjoint[a] += slope * functions.evaluate(tape.laws, tape.c[i], value[a])[1]
+            if math.isfinite(value[a]):
+                adjoint[a] += slope * functions.evaluate(tape.laws, tape.c[i], value[a])[1]
         else:
             _, by_a, by_b = surfaces.evaluate(tape.surfaces, tape.c[i], value[a], value[b])
             adjoint[a] += slope * by_a
