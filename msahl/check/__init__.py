@@ -11,7 +11,7 @@ from typing import Any
 
 from msahl.algebra.functions import Law
 from msahl.check.bodies import body_findings
-from msahl.check.context import INERTIAL, Context, context_of
+from msahl.check.context import INERTIAL, Context, add_values, context_of
 from msahl.check.ends import is_placed
 from msahl.check.faults import Fault, Finding, ModelError, number_findings
 from msahl.check.joint_fit import fit_findings, twist_findings
@@ -20,7 +20,7 @@ from msahl.check.laws import law_findings
 from msahl.check.loads import element_findings, repeated_motions
 from msahl.check.loads import start_findings as placed_findings
 from msahl.check.markers import group_findings, marker_findings, sensor_findings
-from msahl.check.names import RESERVED, name_messages, unresolved
+from msahl.check.names import RESERVED, name_messages, signal_name_messages, unresolved
 from msahl.check.signals import circle_findings, expression_findings, signal_findings
 from msahl.check.simulation import check_simulation, simulation_findings, start_findings
 from msahl.model import Joint, JointMotion, Model, RigidBody
@@ -42,7 +42,7 @@ def check(model: Model) -> list[Fault]:
     that does not resolve) is not checked further.
     """
     context = context_of(model)
-    found = [*_name_faults(model)]
+    found = [*_name_faults(model), *_signal_name_faults(model, context)]
     if not model.bodies:
         found.append(Fault("", "", "", "nothing in the model moves; add a rigid body"))
     found += _faults("", "", _gravity_findings(model))
@@ -117,6 +117,16 @@ def _name_faults(model: Model) -> Iterator[Fault]:
         for index, name in enumerate(names):
             if not name:
                 yield Fault(describe(index), "", "name", "the name is empty; give a name")
+
+
+def _signal_name_faults(model: Model, context: Context) -> Iterator[Fault]:
+    """Yield faults of signals that are called like a value of another element."""
+    others = Context(kinds=context.kinds, markers=context.markers)
+    add_values(others, ())
+    names = [signal.name for signal in model.signals]
+    loads = {load.name for load in model.loads}
+    for index, message in signal_name_messages(names, others.values, loads):
+        yield Fault("signal", names[index], "name", message)
 
 
 def _gravity_findings(model: Model) -> Iterator[Finding]:

@@ -36,6 +36,24 @@ def name_messages(
 RESERVED = frozenset((WORKER,))
 """Names that no load, motion or joint may have."""
 
+COLUMNS_OF_LOADS = ("load", "power", "factor")
+"""Values of loads that are columns of signals.csv, beside the signals."""
+
+
+def signal_name_messages(
+    names: Sequence[str], values: Collection[str], loads: Collection[str]
+) -> Iterator[tuple[int, str]]:
+    """Yield (index, message) for names of signals that mean another column or value already.
+
+    ``values`` are the names in expressions that are none of signals, ``loads`` the names of loads.
+    """
+    for index, name in enumerate(names):
+        element, _, value = name.rpartition(".")
+        if name == "time":
+            yield index, "'time' is the first column of signals.csv; choose another name"
+        elif element and (name in values or (value in COLUMNS_OF_LOADS and element in loads)):
+            yield index, f"'{name}' is the {value} of '{element}'; choose another name"
+
 
 def unresolved(role: str, name: str, kind: str, known: Collection[str]) -> str:
     """Return the message for a reference to a body or joint (``kind``) that does not exist."""

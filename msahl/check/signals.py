@@ -10,10 +10,13 @@ from msahl.check.context import Context
 from msahl.check.faults import Finding
 from msahl.check.joints import coordinate_findings
 from msahl.check.laws import law_findings
+from msahl.expressions.evaluate import CONDITIONS, evaluate
 from msahl.expressions.syntax import (
     RESERVED,
+    Call,
     ExpressionError,
     Lookup,
+    Name,
     Tree,
     check_names,
     nearest,
@@ -39,6 +42,28 @@ def expression_findings(part: str, tree: Tree, context: Context) -> Iterator[Fin
             message = f"the table '{node.table}' has {wanted} (at column {node.column})"
             yield Finding(part, message)
             return
+    yield from constant_findings(part, tree)
+
+
+def constant_findings(part: str, tree: Tree) -> Iterator[Finding]:
+    """Find the first part of an expression that depends on no name and has no value, such as 1/0,
+    unless a condition decides whether it is needed.
+    """
+    constant: dict[int, bool] = {}
+    parts = [tree]
+    for node in postorder(tree):
+        inside = node.arguments if isinstance(node, Call | Lookup) else ()
+        among = all(constant[id(argument)] for argument in inside)
+        constant[id(node)] = among and not isinstance(node, Name | Lookup)
+        lazy = isinstance(node, Call) and node.function in CONDITIONS
+        parts += [] if constant[id(node)] or lazy else inside
+    for node in parts:
+        if constant[id(node)]:
+            try:
+                evaluate(node, {})
+            except ExpressionError as error:
+                yield Finding(part, f"{error.message} (at column {error.column})")
+                return
 
 
 def signal_findings(signal: AnySignal, context: Context) -> Iterator[Finding]:

@@ -96,7 +96,7 @@ def _rule(declaration: "XsdElement") -> _Rule:
         optional=declaration.default is not None,
         model=group.model if group is not None and members else "",
         once=group is not None and group.max_occurs == 1,
-        needed=group is not None and group.min_occurs > 0,
+        needed=group is not None and not group.is_emptiable(),
         children={member.local_name: member for member in members},
         required=tuple(
             member.local_name
@@ -194,6 +194,8 @@ def _wrong_attribute(name: str, value: str, word: "XsdSimpleType") -> str:
     if word.min_length:
         return f"the {name} is empty; give a name"
     number = getattr(word, "member_types", (word,))[0]  # the other is that of expressions
+    if number.min_value is None:
+        return f"{name}={_no_number(value)}"
     low, high = cast(float, number.min_value), cast(float, number.max_value)
     return f"{name}='{value}' is not a number from {low:g} to {high:g}"
 
@@ -205,6 +207,10 @@ def _wrong_text(tag: str, given: str, word: "XsdSimpleType") -> str:
         return f"unknown value '{given}'{_choice(given, allowed)}"
     if tag in NAMES:
         return "the name is empty; give a name"
+    return _no_number(given)
+
+
+def _no_number(given: str) -> str:
     message = f"'{given}' is not a finite number such as 2, -0.5 or 1.5e-3"
     return f"{message}; an expression is written in braces" if _INSIDE.search(given) else message
 

@@ -70,6 +70,8 @@ class Faults:
         self._touched: set[Element] = set()
         self.origins: dict[Element, str] = {}
         """Files of the elements that were included from other files."""
+        self.options: dict[Element, str] = {}
+        """Options of the command line that elements were changed by: their line has no fault."""
 
     def add(
         self, element: Element, message: str | Callable[[], str], at: Element | None = None
@@ -81,10 +83,8 @@ class Faults:
         """
         if self._made < MOST_KEPT:
             self._made += 1
-            line = line_of(element if at is None else at)
             text = message if isinstance(message, str) else message()
-            file = self._file_of(element if at is None else at)
-            self._found[Fault(file, line, where(element), text)] = None
+            self._found[self._fault(element, text, element if at is None else at)] = None
         elif element not in self._own:
             self._more += 1
             if self._more >= MOST_COUNTED:
@@ -131,6 +131,12 @@ class Faults:
         """Return the line of an element, with its file if that is another one."""
         file = self._file_of(element)
         return f"line {line_of(element)}{'' if file == self.file else f' of {file}'}"
+
+    def _fault(self, element: Element, message: str, at: Element) -> Fault:
+        """Return a fault of ``element`` on the line of ``at``, or at the option that set it."""
+        if at in self.options:
+            return Fault(self.file, 0, f"{self.options[at]}: {where(element)}", message)
+        return Fault(self._file_of(at), line_of(at), where(element), message)
 
     def _raise(self, about: str = "") -> NoReturn:
         """Raise ``DeckError``; ``about`` precedes the number of faults that are not shown."""

@@ -62,7 +62,8 @@ def apply_settings(root: Element, settings: Sequence[str], faults: Faults) -> No
 
 
 def _apply(root: Element, setting: str, faults: Faults) -> str:
-    """Change one number, or the condition; return what is wrong with the setting."""
+    """Change one number, or the condition; return what is wrong with the setting. Faults of what it
+    changed name the option, not a line of the deck."""
     if setting.startswith(STOP_WHEN):
         _stop_when(root, setting.removeprefix(STOP_WHEN), faults)
         return ""
@@ -75,12 +76,16 @@ def _apply(root: Element, setting: str, faults: Faults) -> str:
             own = _units(root, parameter)
             if own and not units and not number.startswith("{"):
                 units = own
-            return unit_message(units, own) or _write(
-                _Number(parameter, "", path, ()), number, units
-            )
-    found = list(_found(root, path))
+            message = unit_message(units, own)
+            found = [_Number(parameter, "", path, ())]
+            break
+    else:
+        message, found = "", list(_found(root, path))
     if len(found) == 1:
-        return _write(found[0], number, units)
+        message = message or _write(found[0], number, units)
+        if not message:
+            faults.options[found[0].element] = f"--set {setting}"
+        return message
     if not found:
         return _unknown(root, path)
     shown = ", ".join(map(str, found[:MOST_LISTED]))
@@ -95,7 +100,7 @@ def _stop_when(root: Element, condition: str, faults: Faults) -> None:
         if stop is None:
             stop = SubElement(simulation, "stop")
         stop.set("when", condition)
-        faults.origins[stop] = f"--stop-when {condition}"
+        faults.options[stop] = f"--stop-when {condition}"
 
 
 def _units(root: Element, parameter: Element) -> str:

@@ -86,6 +86,9 @@ def evaluate_parameters(root: Element, faults: Faults) -> Scope:
         if usable and name in trees:
             usable = not _names(trees[name]) & scope.faulty
             usable = usable and _evaluate(element, trees[name], scope, faults)
+        if usable and not math.isfinite(_read(element).value):
+            faults.add(element, f"{text(element)} is too large; give a smaller number")
+            usable = False
         if usable:
             scope.add(name, _read(element))
         else:
@@ -111,6 +114,7 @@ def _named(root: Element, faults: Faults) -> dict[str, Element]:
         if first is not element:
             where = faults.line_in_words(first)
             faults.add(element, f"the name is taken by {where}; choose another")
+            faults.doubt(first)  # which of the two is meant is not known
         if name in RESERVED:
             faults.add(element, f"'{name}' has a meaning of its own in expressions; choose another")
         if not name.isprintable() or not FORBIDDEN.isdisjoint(name):

@@ -17,7 +17,7 @@ from typing import Any
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import IDENTITY, ZERO, Vector
 from msahl.check.context import INERTIAL, Context, add_values
-from msahl.check.names import RESERVED, name_messages
+from msahl.check.names import RESERVED, name_messages, signal_name_messages
 from msahl.check.signals import circle_findings
 from msahl.deck.bodies import read_ground, read_rigid_body
 from msahl.deck.couplings import read_coupling
@@ -66,7 +66,7 @@ MARKERS = ("marker", "distance", "angle")
 TAGS = frozenset((*BODIES, *JOINT_KINDS, *COORDINATES, *MOTIONS, *LOADS, *MARKERS, "group"))
 """Tags of all records."""
 
-ONE_NAME = (("bodies", "markers", "groups"), ("joints", "motions", "loads"))
+ONE_NAME = (("bodies", "markers", "groups"), ("joints", "motions", "loads", "signals"))
 """Groups whose records share one set of names. Columns of results are called NAME.VALUE, and values
 of bodies, markers and groups and those of other elements have different names."""
 
@@ -163,13 +163,10 @@ def _read_signals(root: Element, reader: Reader) -> tuple[AnySignal, ...]:
     """Return the signals, states and tables, once joints and markers are known by name."""
     elements = list(root.iterfind("system/signals/*"))
     names = [attribute(element, "name") for element in elements]
-
-    def line(index: int) -> str:
-        return reader.faults.line_in_words(elements[index])
-
-    for index, message, _ in name_messages(names, line):
-        reader.faults.add(elements[index], message)
+    loads = {text(name) for name in root.iterfind("system/loads/*/name")}
     add_values(reader.context, ())
+    for index, message in signal_name_messages(names, reader.context.values, loads):
+        reader.faults.add(elements[index], message)
     declare_signals(elements, reader)
     sound = _sound(elements, reader.faults)
     signals = [read_signal(element, reader) for element in sound]
@@ -193,16 +190,22 @@ def _sound(elements: Iterable[Element], faults: Faults) -> list[Element]:
 def _check_names(root: Element, groups: Collection[str], faults: Faults) -> None:
     """Add a fault for every name that is taken within its groups or cannot head a column."""
     records = (record for group in groups for record in root.iterfind(f"system/{group}/*"))
-    labels = [label for record in records if (label := record.find("name")) is not None]
+    labels = [label for record in records if (label := _label(record)) is not None]
+    names = [text(label) if label.tag == "name" else attribute(label, "name") for label in labels]
     reserved = RESERVED if "loads" in groups else ()
 
     def line(index: int) -> str:
         return faults.line_in_words(labels[index])
 
-    for index, message, first in name_messages([*map(text, labels)], line, reserved):
+    for index, message, first in name_messages(names, line, reserved):
         faults.add(labels[index], message)
         if first is not None:
             faults.doubt(labels[first])  # a reference may mean either of the two
+
+
+def _label(record: Element) -> Element | None:
+    """Return the element that holds the name of a record: a child, or itself by an attribute."""
+    return record if record.get("name") is not None else record.find("name")
 
 
 def _read_axes(root: Element, sound: list[Element], reader: Reader) -> None:

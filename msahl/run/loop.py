@@ -236,6 +236,7 @@ class TimeLoop:
         if held is None:
             self._hand_over(good, chunk)
         else:
+            self.report.end(COMPLETED, "")  # a step that failed would be after the end
             self._end_within(held, float(advance.ends[held]))
 
     def _end_within(self, step: int, end: float) -> None:

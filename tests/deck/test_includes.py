@@ -210,6 +210,13 @@ def test_circles_depth_and_number_are_bounded(path, tmp_path):
     assert "more than 1000 parts" in faults_of(path)[0]
 
 
+def test_an_include_need_not_contain_anything(path):
+    """That of a deck with a fault elsewhere is not called empty."""
+    path.write_text(deck('<include href="wheel.xml" prefix="L."/>').replace("tFinal", "tEnd"))
+    assert not [fault for fault in faults_of(path) if "empty" in str(fault)]
+    assert faults_of(path)
+
+
 def test_a_symlink_within_the_folder_is_accepted(path, tmp_path):
     (tmp_path / "link.xml").symlink_to("wheel.xml")
     path.write_text(deck('<include href="link.xml" prefix="A"/>'))

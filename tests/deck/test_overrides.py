@@ -70,6 +70,23 @@ def test_wrong_settings(path, setting, message):
     assert message in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("setting", "place", "message"),
+    [
+        ("L={q}", "parameter 'L'", "unknown name 'q'"),
+        ("L=1e400", "parameter 'L'", "1e400 is too large"),
+        ("Rod.mass=-1", "body 'Rod', mass", "mass"),
+        ("simulation.damping={2*n}", "simulation", "it goes from 0 to 1"),
+    ],
+)
+def test_faults_of_what_a_setting_changed_name_the_option(path, setting, place, message):
+    with pytest.raises(DeckError) as error:
+        read_deck(path, settings=[setting])
+    (fault,) = error.value.faults
+    assert str(fault).startswith(f"{path}: --set {setting}: {place}: ")
+    assert message in str(fault)
+
+
 def test_all_wrong_settings_are_given_at_once(path):
     with pytest.raises(DeckError) as error:
         read_deck(path, settings=["x", "Rod.mas=1", "L={m}"])

@@ -163,6 +163,8 @@ def test_the_unit_system_holds_for_pure_numbers_only(path):
         ('name="x">L/2', "an expression is written in braces"),
         ('name="x">{}', "the expression is empty"),
         ('name="L">1', "the name is taken by line 3"),
+        ('name="rho">1', "the name is taken by line"),
+        ('name="x">1e400', "1e400 is too large"),
         ('name="sin">1', "has a meaning of its own"),
         ('name="t">1', "has a meaning of its own"),
         ('name="a,b">1', "must be printable"),

@@ -106,6 +106,13 @@ def test_a_condition_fulfilled_from_the_start_is_refused():
         simulate(stopped("Hinge.angle > 0"), solver="newton")
 
 
+def test_steps_after_the_end_may_fail():
+    """The chunk of the end contains steps after it, here with a margin that is not a number."""
+    result = simulate(stopped("sqrt(0.5 - t) < 0.1"), dt=0.005, solver="newton")
+    assert result.report.status == "completed", result.report.message
+    assert result.report.stop["time"] == pytest.approx(0.49, rel=1e-15)
+
+
 def test_a_condition_that_never_holds_is_mentioned():
     result = simulate(stopped("Hinge.angle > 4"), t_final=0.1, solver="newton")
     assert result.report.stop is None
@@ -176,3 +183,6 @@ def test_faults_of_a_condition_name_the_line(condition, word, tmp_path):
     assert deck.read_text().splitlines()[fault.line - 1] == stop
     result = call("run", PENDULUM, "--stop-when", condition, "-o", tmp_path / "results")
     assert (result.exit_code, word in result.stderr) == (2, True)
+    result = call("check", deck, "--set", f"simulation.stop.when={condition}")
+    assert result.stdout + result.stderr == result.stderr
+    assert result.stderr.startswith(f"{deck}: --stop-when {condition}: simulation/stop: ")
