@@ -45,7 +45,7 @@ def overflow(t: float, name: str) -> str:
     return (
         f"t = {t:g} s: the numbers of {name} went beyond what a computer holds. Look at the last "
         "rows for forces or speeds that grow without bound, and at its figures in the deck for a "
-        "slip of the pen or of units; an expression such as sqrt has no value outside its domain."
+        "slip of the pen or of units."
     )
 
 
@@ -65,8 +65,6 @@ def _parts(
     workers = (*model.loads, *model.motions)
     for column, numbers in forces.numbers_at_points(system.forces, start.forces, state.v):
         yield f"load '{workers[column].name}'", numbers
-    for column, numbers in forces.numbers_of_results(system.forces, start.forces):
-        yield f"the expression of load '{workers[column].name}'", numbers
     if system.scalar is None:
         return
     coords, rows = start.scalar.coordinates, system.scalar.equations

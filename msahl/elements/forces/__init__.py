@@ -710,17 +710,6 @@ def numbers_at_points(
         yield column, np.array(forces.drag.coefficient[k] * speed**2)
 
 
-def numbers_of_results(forces: Forces, start: ForcesWorkspace) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield the column of work and the value, as evaluated last, of each load by an expression."""
-    if forces.signals is None:
-        return
-    columns: list[int] = [] if forces.actuator is None else forces.actuator.column.tolist()
-    if forces.controlled is not None:
-        columns += forces.controlled.loads.column.tolist()
-    for r, column in enumerate(columns):
-        yield column, start.signals.result[r : r + 1]
-
-
 def numbers_along(forces: Forces, start: CoordinatesWorkspace) -> Iterator[tuple[int, np.ndarray]]:
     """Yield the same of each force along a coordinate."""
     group = forces.spring
