@@ -258,6 +258,7 @@ def mean_residual(
     )
     concentrated.mean_residual(forces.concentrated, start.concentrated, frames, dt2, Z, F)
     drag.mean_residual(forces.drag, start.drag, frames, h, dt2, Z, F)
+    signals.refuse_over_step(forces.signals, start.signals, F)
 
 
 @kernel
@@ -707,17 +708,6 @@ def numbers_at_points(
     for k, column in enumerate(forces.drag.column):
         speed = np.linalg.norm(v[forces.drag.frame[k]])
         yield column, np.array(forces.drag.coefficient[k] * speed**2)
-
-
-def numbers_of_results(forces: Forces, start: ForcesWorkspace) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield the column of work and the value, as evaluated last, of each load by an expression."""
-    if forces.signals is None:
-        return
-    columns: list[int] = [] if forces.actuator is None else forces.actuator.column.tolist()
-    if forces.controlled is not None:
-        columns += forces.controlled.loads.column.tolist()
-    for r, column in enumerate(columns):
-        yield column, start.signals.result[r : r + 1]
 
 
 def numbers_along(forces: Forces, start: CoordinatesWorkspace) -> Iterator[tuple[int, np.ndarray]]:
