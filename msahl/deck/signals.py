@@ -2,7 +2,7 @@
 
 An expression is in SI: the numbers written in it have the SI unit that their place asks for.
 Parameters are replaced by their values. Dimensions are compared where they are known: of
-parameters with units, of coordinates, markers and time, and of signals that state their ``units``.
+parameters with units, of coordinates and markers, and of signals that state their ``units``.
 """
 
 import math
@@ -40,14 +40,13 @@ from msahl.model.signals import (
     element_and_value,
 )
 
-SECOND = Dimension(s=Fraction(1))
 LENGTH = Dimension(m=Fraction(1))
 FORCE = Dimension(kg=Fraction(1), m=Fraction(1), s=Fraction(-2))
 MOMENT = FORCE.times(LENGTH)
 NO_TREE = Number(0.0)
 """Stands for an expression that cannot be read."""
 
-PER_SECOND = SECOND.power(Fraction(-1))
+PER_SECOND = Dimension(s=Fraction(-1))
 VALUES: Mapping[str, Dimension] = {
     **dict.fromkeys(("angle",), ANGLE),
     **dict.fromkeys(("slide", "slide1", "slide2", "x", "y", "z"), LENGTH),
@@ -206,8 +205,8 @@ def _dimension_of(name: str, reader: Reader) -> Dimension | None:
     parameter = reader.parameters.get(name)
     if parameter is not None:
         return None if parameter.dimension == PURE else parameter.dimension
-    if name == TIME:
-        return SECOND
+    if name == TIME:  # as a number: sin(t) is usual
+        return None
     if name in reader.signal_dimensions:
         return reader.signal_dimensions[name]
     _, value = element_and_value(name)

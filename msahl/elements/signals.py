@@ -534,11 +534,8 @@ def evaluate_over_step(group: Signals, start: SignalsWorkspace, h: float) -> Non
         start.state_rate[k] = start.values.value[group.rate[k]]
     _set_results(group, start, share)
     if changed:
-        # Without solution of the states the step has none.
         for k in range(n):
             start.state_rate[k] = math.nan
-        for r in range(group.result.size):
-            start.result[r] = math.nan
 
 
 @kernel
@@ -588,6 +585,17 @@ def _improve(group: Signals, start: SignalsWorkspace, share: float) -> float:
         if change > 0.0:
             largest = max(largest, change / size if size > 0.0 else math.inf)
     return largest
+
+
+@optional()
+def refuse_over_step(group: Signals, start: SignalsWorkspace, F: np.ndarray) -> None:
+    """Set the equations ``F`` (nodes, 3) of a step to nan if the auxiliary states have no solution:
+    then the step has none, whether or not a force depends on them.
+    """
+    for k in range(group.rate.size):
+        if not math.isfinite(start.state_rate[k]):
+            for node in range(F.shape[0]):
+                put(F, node, (math.nan, math.nan, math.nan))
 
 
 @optional()
@@ -774,6 +782,18 @@ def solve_stages(
                 stages.state[i, k] = stages.rate[i, k] = math.nan
 
 
+@optional()
+def refuse_stages(group: Signals, stages: Stages, F: np.ndarray) -> None:
+    """Set the equations ``F`` (s, nodes, 3) of a collocation step to nan if the auxiliary states
+    have no solution.
+    """
+    for i in range(stages.weight.size):
+        for k in range(group.rate.size):
+            if not math.isfinite(stages.rate[i, k]):
+                for node in range(F.shape[1]):
+                    put(F[0], node, (math.nan, math.nan, math.nan))
+
+
 @kernel
 def _set_stage_rates(group: Signals, start: SignalsWorkspace, stages: Stages, i: int) -> None:
     """Set the states' rates at stage ``i``, and their derivatives."""
@@ -916,6 +936,8 @@ def largest_margin(group: Signals, start: SignalsWorkspace) -> float:
         # Written so that a nan, at which a run cannot go on either, counts as fulfilled.
         if not margin <= largest:
             largest = margin
+        if math.isnan(margin):
+            break
     return largest
 
 

@@ -4,11 +4,13 @@ The margin of a condition is positive where the condition holds and negative whe
 
     a > b, a >= b    a - b          A and B    smaller margin        not A    minus A's margin
     a < b, a <= b    b - a          A or B     larger margin
+
+The margin of B may be no number where that of A is below zero, as in ``x > 0 and log(x) > 1``.
 """
 
 from msahl.expressions.syntax import Call, ExpressionError, Tree
 
-_JOINED = {"and": "min", "or": "max"}
+_JOINED = {"and": "both", "or": "either"}
 _SWAPPED = {">": False, ">=": False, "<": True, "<=": True}
 
 

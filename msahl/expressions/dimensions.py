@@ -137,7 +137,7 @@ def _of_call(node: Call, given: list[Any]) -> Any:
             return ANGLE
         case "sqrt":
             return None if given[0] is None else given[0].power(Fraction(1, 2))
-        case "sign" | "and" | "or" | "not":
+        case "sign" | "and" | "or" | "not" | "both" | "either":
             return PURE
         case function if function in COMPARISONS:
             _common(node, given)

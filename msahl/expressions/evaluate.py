@@ -147,6 +147,8 @@ ARITHMETIC: Mapping[str, Table] = {
     "sign": _sign,
     "min": min,
     "max": max,
+    "both": min,
+    "either": max,
     "hypot": math.hypot,
     "floor": math.floor,
     "mod": _modulo,

@@ -13,7 +13,8 @@ Where a function has no derivative (``sign``, ``floor``, comparisons; ``abs``, `
 the place where they change over) it is that of the branch taken. ``sqrt``, ``asin``, ``acos``,
 ``hypot`` and powers have the derivative zero where it is infinite: it serves Newton's method, which
 then converges more slowly there. Values outside a function's domain are nan, and do no harm in a
-branch that is not taken.
+branch that is not taken. ``both`` and ``either`` are the smaller and the larger margin of two
+conditions (``expressions.conditions``).
 """
 
 import math
@@ -34,7 +35,7 @@ UNARY = (
 )
 BINARY = (
     *("+", "-", "*", "/", "^", "<", "<=", ">", ">=", "==", "!=", "and", "or"),
-    *("atan2", "min", "max", "hypot", "mod"),
+    *("atan2", "min", "max", "hypot", "mod", "both", "either"),
 )
 (
     NEGATE,
@@ -75,6 +76,8 @@ FIRST_BINARY = len(UNARY)
     MAX,
     HYPOT,
     MOD,
+    BOTH,
+    EITHER,
 ) = range(FIRST_BINARY, FIRST_BINARY + len(BINARY))
 WHERE, CURVE, SURFACE = range(FIRST_BINARY + len(BINARY), FIRST_BINARY + len(BINARY) + 3)
 """Choice between two values; tables of one and of two variables."""
@@ -268,7 +271,9 @@ def sweep(tape: Tape, values: Values) -> None:
         elif op == WHERE:
             value[first + i] = value[tape.b[i]] if x != 0.0 else value[tape.c[i]]
         elif op == CURVE:
-            value[first + i] = functions.evaluate(tape.laws, tape.c[i], x)[0]
+            # A periodic table rounds its argument down, which needs a number.
+            known = math.isfinite(x)
+            value[first + i] = functions.evaluate(tape.laws, tape.c[i], x)[0] if known else math.nan
         else:
             y = value[tape.b[i]]
             value[first + i] = surfaces.evaluate(tape.surfaces, tape.c[i], x, y)[0]
@@ -295,7 +300,8 @@ def gradient(tape: Tape, values: Values, place: int) -> None:
         elif op == WHERE:
             adjoint[b if value[a] != 0.0 else tape.c[i]] += slope
         elif op == CURVE:
-            adjoint[a] += slope * functions.evaluate(tape.laws, tape.c[i], value[a])[1]
+            if math.isfinite(value[a]):
+                adjoint[a] += slope * functions.evaluate(tape.laws, tape.c[i], value[a])[1]
         else:
             _, by_a, by_b = surfaces.evaluate(tape.surfaces, tape.c[i], value[a], value[b])
             adjoint[a] += slope * by_a
@@ -389,10 +395,15 @@ def binary(op: int, x: float, y: float) -> float:
         return float(x**y)
     if op == ATAN2:
         return math.atan2(x, y)
-    # As Python's own: the first of two that are equal.
+    # As Python's own: the first of two that are equal. A nan is never lost.
     if op == MIN:
-        return y if y < x else x
+        return y if y < x or y != y else x
     if op == MAX:
+        return y if y > x or y != y else x
+    # A condition that decides guards the one after it, as in 'x > 0 and log(x) > 1'.
+    if op == BOTH:
+        return y if y < x else x
+    if op == EITHER:
         return y if y > x else x
     if op == HYPOT:
         return math.hypot(x, y)
@@ -435,9 +446,9 @@ def binary_slopes(op: int, x: float, y: float, result: float) -> tuple[float, fl
     if op == ATAN2:
         square = x * x + y * y
         return (y / square, -x / square) if square > 0.0 else (0.0, 0.0)
-    if op == MIN:
+    if op in (MIN, BOTH):
         return (0.0, 1.0) if y < x else (1.0, 0.0)
-    if op == MAX:
+    if op in (MAX, EITHER):
         return (0.0, 1.0) if y > x else (1.0, 0.0)
     if op == HYPOT:
         return (x / result, y / result) if result > 0.0 else (0.0, 0.0)

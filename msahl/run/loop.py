@@ -308,8 +308,10 @@ class TimeLoop:
             first_bad = done if good.all() else int(np.argmin(good))
             if first_bad < least or (first_bad == least < done):
                 least = first_bad
-                whose = integrator.find_nonfinite(self.setup.output.grid.h) or "a result"
-                self.report.end(NOT_CONVERGED, overflow(float(begins[first_bad]), whose))
+                h = self.setup.output.grid.h
+                whose = integrator.find_nonfinite(h) or integrator.find_undefined(h)
+                message = overflow(float(begins[first_bad]), whose or "a result")
+                self.report.end(NOT_CONVERGED, message)
         return least
 
     def _hand_over(self, advance: Advance, chunk: Chunk) -> None:

@@ -31,8 +31,11 @@ def step_failed(
 ) -> str:
     """Why a subsystem could not take step number ``step`` of size ``h`` [s] from time ``t`` [s]."""
     name, smallest = integrator.find_nonfinite(h), integrator.stepper.smallest_tried(h)
-    if name is not None or np.isnan(outcome.residual):
+    if np.isnan(outcome.residual):
+        name = name or integrator.find_undefined(h)
         return overflow(t, name or describe_equation(integrator, outcome.worst))
+    if name is not None:
+        return overflow(t, name)
     if np.isinf(outcome.residual):
         return (
             f"steps from t = {t:g} s, down to {smallest:.3g} s, end {FAR:g} times farther away "
@@ -53,6 +56,8 @@ def tolerance_not_met(
     """Why no step from time ``t`` [s] meets the local ``tolerance`` [m]."""
     tried = integrator.stepper.smallest_tried(h)
     name = integrator.find_nonfinite(tried)
+    if name is None and np.isnan(outcome.residual):
+        name = integrator.find_undefined(tried)
     if name is not None:
         return overflow(t, name)
     why = f"the local errors stay above their share of {tolerance:g} m"

@@ -26,7 +26,7 @@ from msahl.system.arrays import (
 )
 from msahl.system.build import Places, build_system
 from msahl.system.node_order import node_order
-from msahl.system.nonfinite import find_nonfinite, overflow
+from msahl.system.nonfinite import find_nonfinite, find_undefined, overflow
 from msahl.system.reductions import (
     all_unknowns,
     drop_rows,
@@ -126,6 +126,13 @@ class SubsystemIntegrator:
         return find_nonfinite(
             self.model, self.workspace.system, self.workspace.state, self.workspace.start, h
         )
+
+    def find_undefined(self, h: float) -> str | None:
+        """Name the expression that has no finite value within a few steps, or None; ``h`` [s] is a
+        step that failed, and may have been made shorter.
+        """
+        workspace, h = self.workspace, max(h, self.model.simulation.dt)
+        return find_undefined(self.model, workspace.system, workspace.state, h)
 
     def show_start(self) -> None:
         """Fill the first rows of monitor and tables with the state at t = 0."""

@@ -8,9 +8,17 @@ from collections.abc import Iterator
 import numpy as np
 
 from msahl.algebra.functions import evaluate
-from msahl.elements import forces
-from msahl.model import Model
-from msahl.system.arrays import State, System, SystemWorkspace
+from msahl.algebra.rotation import compose, from_axis_angle
+from msahl.elements import forces, signals
+from msahl.elements.constraints import scalar
+from msahl.model import Actuator, ConcentratedLoad, Model, Signal, SignalState
+from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace
+from msahl.system.evaluate import prepare
+
+EXPRESSION = "the expression of "
+"""Begins the name of a signal, state, load or condition whose expression has no finite value."""
+LOOK_AHEAD = (0.0, 0.5, 1.0, 2.0, 4.0)
+"""Where expressions are evaluated after a failed step, in steps: velocities may increase."""
 
 
 def find_nonfinite(
@@ -28,6 +36,12 @@ def find_nonfinite(
 
 def overflow(t: float, name: str) -> str:
     """The numbers of the element ``name`` are none at the time ``t`` [s], in a sentence."""
+    if name.startswith(EXPRESSION):
+        return (
+            f"t = {t:g} s: {name} has no finite value after this time. Look for a root, logarithm, "
+            "power or quotient outside its domain, and at the last rows of signals.csv for values "
+            "that grow without bound."
+        )
     return (
         f"t = {t:g} s: the numbers of {name} went beyond what a computer holds. Look at the last "
         "rows for forces or speeds that grow without bound, and at its figures in the deck for a "
@@ -64,3 +78,56 @@ def _parts(
         yield f"{type(element).__name__.lower()} '{element.name}'", np.array(parts)
     for column, numbers in forces.numbers_along(system.forces, coords):
         yield f"load '{workers[column].name}'", numbers
+
+
+def find_undefined(model: Model, system: System, state: State, h: float) -> str | None:
+    """Return the first expression of the motion that has no finite value in the ``state`` or where
+    its velocities lead within a few steps ``h``, in words; None if there is none.
+    """
+    group = system.forces.signals
+    if group is None:
+        return None
+    places = [*group.shown, *group.rate, *group.stop]
+    with np.errstate(all="ignore"):
+        for part in LOOK_AHEAD:
+            finite = np.isfinite(_values(system, _moved(state, part * h))[places])
+            if not finite.all():
+                return f"{EXPRESSION}{_names_of_expressions(model)[int(np.argmin(finite))]}"
+    return None
+
+
+def _names_of_expressions(model: Model) -> list[str]:
+    """Names of published values, rates of states and conditions, in the order of the signals."""
+    states = [f"state '{s.name}'" for s in model.signals if isinstance(s, SignalState)]
+    published = [s for s in model.signals if isinstance(s, Signal | SignalState)]
+    names = [
+        f"{'signal' if isinstance(signal, Signal) else 'state'} '{signal.name}'"
+        for signal in published
+    ]
+    for kind in (Actuator, ConcentratedLoad):
+        loads = [load for load in model.loads if isinstance(load, kind)]
+        names += [f"load '{load.name}'" for load in loads if load.expression is not None]
+    return [*names, *states, *(f"the condition '{stop.condition}'" for stop in model.stops)]
+
+
+def _moved(state: State, dt: float) -> State:
+    """Return the ``state`` after the time ``dt`` [s] at the present velocities."""
+    moved = State(*(array.copy() for array in state))
+    moved.time[0] += dt
+    moved.x[:] += dt * state.v
+    for b, w in enumerate(state.w):
+        speed = float(np.sqrt(w @ w))
+        if speed > 0.0:
+            moved.p[b] = compose(tuple(state.p[b]), from_axis_angle(tuple(w / speed), speed * dt))
+    return moved
+
+
+def _values(system: System, state: State) -> np.ndarray:
+    """Return the values of the tape of all expressions in a ``state``."""
+    start, group = new_system_workspace(system, state), system.forces.signals
+    prepare(system, state, start)
+    scalar.count_rotations(system.scalar, start.scalar, state.angle)
+    prepare(system, state, start)
+    forces.set_prepared_inputs(group, start.forces, system.scalar)
+    signals.evaluate(group, start.forces.signals)
+    return np.asarray(start.forces.signals.values.value)

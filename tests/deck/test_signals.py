@@ -37,7 +37,7 @@ DECK = """<data>
   </system>
   <simulation><deltaT>0.01</deltaT><tFinal>1</tFinal></simulation>
 </data>"""
-GOOD = "curve(pull) + k*S.slide*sin(2*t) - 3*'My mark'.vx"
+GOOD = "curve(pull) + k*S.slide*sin(t) - 3*'My mark'.vx"
 
 
 def read(folder, force=GOOD, signal="0.1 - S.slide"):
@@ -62,7 +62,7 @@ FAULTS = {
     "unknown function": ("curv(2)", "unknown function 'curv'; did you mean curve"),
     "python": ("__import__('os')", "unknown function '__import__'"),
     "arguments of a table": ("curve(1, 2)", "'curve' has 1 arguments, not 2"),
-    "argument's dimension": ("curve(t)", "an argument of 'curve' is m, not s"),
+    "argument's dimension": ("curve('My mark'.vx)", "an argument of 'curve' is m, not m/s"),
     "unfinished": ("k*pull +", "the expression ends too early"),
 }
 

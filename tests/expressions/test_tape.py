@@ -9,6 +9,7 @@ import pytest
 from msahl.algebra import surfaces
 from msahl.algebra.functions import Law
 from msahl.algebra.surfaces import Surface, build_surfaces
+from msahl.expressions.conditions import margin
 from msahl.expressions.evaluate import evaluate
 from msahl.expressions.syntax import Call, Lookup, Name, Number, parse
 from msahl.expressions.tape import (
@@ -85,6 +86,10 @@ def fraction(tree):
     return Call("*", (Number(0.9), Call("sin", (tree,))))
 
 
+USED = tuple(name for name in BINARY if name not in ("both", "either"))
+"""Operations that a deck can have; the others join conditions."""
+
+
 def random_tree(rng, depth):
     """A tree of all operations, each within its domain, of values near one."""
     if depth == 0 or rng.random() < 0.1:
@@ -99,7 +104,7 @@ def random_tree(rng, depth):
             given = fraction(given)
         return Call(name, (given,))
     if kind < 0.9:
-        name = str(rng.choice(BINARY))
+        name = str(rng.choice(USED))
         a, b = random_tree(rng, depth - 1), random_tree(rng, depth - 1)
         if name in ("/", "mod", "hypot"):
             b = positive(b)
@@ -183,6 +188,25 @@ def test_outside_of_its_domain_a_function_is_nan_and_an_overflow_infinite():
     found = values.value[places]
     assert np.isnan(found[:3]).all()
     assert np.isinf(found[3:]).all()
+
+
+def test_no_function_loses_a_nan():
+    """But a condition guards the one after it, whose margin may then be none."""
+    texts = ("max(0, sqrt(x))", "max(sqrt(x), 0)", "min(0, log(x))", "min(log(x), 0)", "y + log(x)")
+    guarded = (
+        margin(parse("x > 0 and log(x) > -9")),
+        margin(parse("not (x <= 0 or log(x) < -9)")),
+    )
+    tape, places = build_tape([*map(parse, texts), *guarded], ("x", "y"), {}, {})
+    values = new_values(tape)
+    for run in (sweep, compiled(sweep)):
+        set_input(tape, values, 0, -0.5)
+        run(tape, values)
+        assert np.isnan(values.value[places[: len(texts)]]).all()
+        assert values.value[places[len(texts) :]].tolist() == [-0.5, -0.5]
+        set_input(tape, values, 0, 4.0)
+        run(tape, values)
+        assert values.value[places[len(texts) :]].tolist() == [4.0, 4.0]
 
 
 def test_compiled_code_gives_the_same_values():

@@ -291,3 +291,45 @@ def test_decks_are_as_they_say(name):
     for table, column, value in DECKS[name]:
         # Of order two: steps of 1 or 2 ms, rates of 16 1/s and less, 1e-4 of the value.
         assert getattr(run, table)[-1, column] == pytest.approx(value, rel=1.5e-3)
+
+
+NO_VALUE = {
+    "load 'M'": ("max(0, sqrt(0.3 - Axle.angle))", "0", 0.3),
+    "state 's'": ("s", "sqrt(0.3 - Axle.angle)", 0.3),
+    "signal 'shown'": ("0", "0", 0.5),
+}
+"""Law of a torque, rate of a state, and the angle beyond which one has no value."""
+
+
+@pytest.mark.parametrize("scheme", ["preserving", "gauss2", "auto"])
+@pytest.mark.parametrize("name", NO_VALUE)
+def test_an_expression_without_a_value_ends_the_run_by_its_name(name, scheme):
+    law, rate, last = NO_VALUE[name]
+    axle = Joint("Axle", "revolute", "Earth", "Wheel", HERE, HERE)
+    signals = (SignalState("s", parse(rate)), Signal("shown", parse("sqrt(0.5 - Axle.angle)")))
+    wheel = body("Wheel", inertia=(0.03, 0.03, J), angular_velocity=(0.0, 0.0, 1.0))
+    load = JointActuator("M", "Axle", "angle", parse(law))
+    model = build_model([wheel], [axle], [load], signals=signals)
+    report = simulate(model, 0.01, 1.0, scheme).report
+    assert report.verdict["word"] == "FAIL"
+    assert f"the expression of {name} has no finite value" in report.message
+    # The wheel rotates at 1 rad/s and faster, and the last step or pair begins before the end.
+    assert report.time <= last + 1e-12
+
+
+@pytest.mark.parametrize("scheme", ["preserving", "gauss2", "auto"])
+def test_states_on_which_no_force_depends_are_solved_as_well(scheme):
+    """s' = s^2 from 3/2 is infinite at t = 2/3: steps become shorter, and end there."""
+    axle = Joint("Axle", "revolute", "Earth", "Wheel", HERE, HERE)
+    state = SignalState("s", parse("s^2"), 1.5)
+    load = JointActuator("M", "Axle", "angle", parse("0.1"))
+    report = simulate(
+        build_model([body("Wheel")], [axle], [load], signals=(state,)), 0.01, 1.0, scheme
+    ).report
+    assert report.verdict["word"] == "FAIL"
+    if scheme == "auto":
+        # The largest value that the tolerance can follow is some 1e9 and more: 1/s before the end.
+        assert report.time == pytest.approx(2 / 3, abs=1e-6)
+    else:
+        assert report.subdivisions > 0
+        assert report.time == pytest.approx(0.66, abs=1e-12)

@@ -258,6 +258,7 @@ def mean_residual(
     )
     concentrated.mean_residual(forces.concentrated, start.concentrated, frames, dt2, Z, F)
     drag.mean_residual(forces.drag, start.drag, frames, h, dt2, Z, F)
+    signals.refuse_over_step(forces.signals, start.signals, F)
 
 
 @kernel

@@ -106,6 +106,7 @@ def evaluate(
             jacobian.add_constraints(system, stages, h, row, k)
         elif fresh:
             jacobian.add_forces(system, start, stages, h, i)
+    signals.refuse_stages(system.forces.signals, stages.signals, stages.F)
     length = 0.0
     for k in range(tableau.force_weight.size):
         length = max(length, equations.step_length(system, start, h, stages.Z[k]))

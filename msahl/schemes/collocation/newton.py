@@ -125,6 +125,8 @@ def relative_residual(
             # Written so that a nan counts as the largest of all.
             if not row <= largest:
                 worst, largest = free[i], row
+                if math.isnan(row):
+                    return row, worst
     return largest / length, worst
 
 
