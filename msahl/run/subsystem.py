@@ -102,7 +102,10 @@ class SubsystemIntegrator:
             system = drop_rows(system, symmetric_rows(system, start, self.axis))
             state = state._replace(angle=np.zeros(coordinate_count(system)))
         self.workspace: Workspace = new_workspace(system, unknowns, state, chunk, accelerations)
-        prepare(system, state, self.workspace.start)
+        start = self.workspace.start
+        prepare(system, state, start)
+        if signals.begin_angles(system.forces.signals, system.scalar, start.scalar, state.angle):
+            prepare(system, state, start)
 
     def _add_shared(self, system: System, state: State) -> None:
         """Add the reactions that are not unique in this state to those found before."""

@@ -174,7 +174,8 @@ class _Collector:
                 into.append(ConcentratedEntry(load, law, column))
             if isinstance(load, ConcentratedLoad | Drag):
                 self.elements.add_point(self.elements.frame[load.body], load.point)
-        collector = SignalCollector(model, self._joint_coordinate, self._marker_distance)
+        known = len(self.elements.coordinates)
+        collector = SignalCollector(model, self._joint_coordinate, self._marker_distance, known)
         self.elements.signals = collector.entries()
 
     def _marker_distance(self, start: Marker, end: Marker) -> int:

@@ -90,7 +90,8 @@ class SignalCollector:
     """Goes through the expressions of a model once.
 
     ``add`` adds a coordinate of a joint to the system, if it is not there, and returns its number;
-    ``between`` that of the distance of two markers.
+    ``between`` that of the distance of two markers. The first ``known`` coordinates are those of
+    other elements.
     """
 
     def __init__(
@@ -98,8 +99,9 @@ class SignalCollector:
         model: Model,
         add: Callable[[str, str], int],
         between: Callable[[Marker, Marker], int],
+        known: int,
     ) -> None:
-        self._model, self._add, self._between = model, add, between
+        self._model, self._add, self._between, self._known = model, add, between, known
         self._joints = {joint.name: (i, joint) for i, joint in enumerate(model.joints)}
         self._markers = {marker.name: marker for marker in model.markers}
         self._signals: dict[str, AnySignal] = {signal.name: signal for signal in model.signals}
@@ -161,7 +163,7 @@ class SignalCollector:
             return InputEntry(name, signals.REACTION, number, REACTION_VALUES.index(value))
         coordinate = value.removesuffix(RATE)
         q = self._add(element, coordinate)
-        if coordinate in ("angle1", "angle2"):
+        if coordinate.startswith("angle") and q >= self._known:
             self._counted[q] = None
         if value.endswith(RATE):
             return InputEntry(name, signals.RATE, q)

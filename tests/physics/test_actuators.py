@@ -216,6 +216,17 @@ def test_markers_push_each_other_apart():
     assert run.work[-1, 1] == pytest.approx(3.0 * 1.5, abs=1e-12)
 
 
+@pytest.mark.parametrize("scheme", ["preserving", "gauss2"])
+def test_signals_see_an_angle_that_is_not_zero_at_the_start(scheme):
+    """Frames of the joint that are not parallel at t = 0, as after a correction of positions."""
+    axle = Joint("Axle", "revolute", "Earth", "Wheel", HERE, HERE)
+    wheel = replace(body("Wheel"), orientation=(0.0, 0.0, 4.0 * np.tan(0.1)))
+    model = build_model([wheel], [axle], signals=(Signal("a", parse("Axle.angle")),))
+    for full in (False, True):
+        run = simulate(model, 0.01, 0.1, scheme, solver="newton", full=full, checked=True)
+        assert run.signals[:, 1] == pytest.approx(0.4, abs=1e-14)
+
+
 def test_signals_see_the_angle_over_revolutions_from_its_zero():
     """A wheel that rotates at 10 rad/s from an angle of 0.4 rad, by its reference directions."""
     axle = Joint(
