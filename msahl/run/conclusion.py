@@ -1,9 +1,13 @@
 """The end of a run: its report is completed with figures, error estimate and verdict."""
 
+import math
+
 from msahl.model.settings import OFF
+from msahl.run.messages import angles_uncertain
 from msahl.run.record import Record
 from msahl.run.report import Report
 from msahl.run.setup import RunSetup
+from msahl.run.tables import counts_revolutions
 from msahl.run.unseen_errors import unresolved_friction
 from msahl.run.verdict import Figures, judge
 
@@ -21,6 +25,9 @@ def conclude(setup: RunSetup, record: Record, report: Report) -> None:
     _complete_estimate(setup, record, report)
     if setup.attempts and setup.estimate:
         setup.attempts.add(report, setup.estimate)
+    rotation = _rotation_between_rows(setup, report)
+    if rotation >= math.pi and counts_revolutions(setup.model):
+        report.warnings.append(angles_uncertain(rotation))
     report.error = setup.estimate.as_json() if setup.estimate else None
     report.verdict = judge(_figures(setup, record, report), setup.settings.limits).as_json()
 
@@ -88,6 +95,14 @@ def _figures(setup: RunSetup, record: Record, report: Report) -> Figures:
         error=report.error,
         horizon=setup.estimate.horizon if setup.estimate else None,
     )
+
+
+def _rotation_between_rows(setup: RunSetup, report: Report) -> float:
+    """Bound of the relative rotation of two bodies between two output times [rad]; 0 where every
+    step has a row, since a step shows its own rotation.
+    """
+    steps = setup.output.every * setup.output.shown.h / _longest_step(setup, report)
+    return 2.0 * steps * (report.extremes["rotationPerStepMax"] or 0.0) if steps > 1.5 else 0.0
 
 
 def _longest_step(setup: RunSetup, report: Report) -> float:

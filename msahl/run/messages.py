@@ -134,3 +134,14 @@ def stop_not_found(condition: str, begin: float, end: float) -> str:
         f"stop: '{condition}' begins to hold between t = {begin:g} s and {end:g} s, but no step of "
         "another size could be solved there. Try a smaller --dt."
     )
+
+
+def angles_uncertain(rotation: float) -> str:
+    """Why angles in the table of joints may be wrong by revolutions: bodies rotate by up to
+    ``rotation`` [rad] relative to each other between two rows.
+    """
+    return (
+        f"joints.csv: bodies may rotate by {rotation:.3g} rad relative to each other between two "
+        "output times, so angles may be wrong by complete revolutions. Write rows more often (--every, "
+        "outputInterval), or give the angle as a <signal>, which counts at every step"
+    )

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from msahl.joints.coordinates import ORIENTATION, coordinates
+from msahl.joints.coordinates import ORIENTATION, coordinates, is_angle
 from msahl.model import Model
 from msahl.model.settings import AUTOMATIC, YES
 from msahl.system.names import (
@@ -74,6 +74,12 @@ def has_joint_table(model: Model) -> bool:
         return wanted == YES and bool(having)
     scalar = any(coordinates(joint) != (ORIENTATION,) for joint in having)
     return scalar and len(having) <= MOST_JOINTS
+
+
+def counts_revolutions(model: Model) -> bool:
+    """Return whether a table has angles that are counted over all revolutions."""
+    names = (name for joint in model.joints for name in coordinates(joint))
+    return has_joint_table(model) and any(map(is_angle, names))
 
 
 def has_signals(model: Model) -> bool:

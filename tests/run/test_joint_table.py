@@ -169,3 +169,10 @@ def test_the_table_of_a_spherical_joint_has_the_orientation_of_the_child():
     table = run.others[JOINTS][:, 1:]
     assert table[:, :3] == pytest.approx(run.of("orientation"), abs=1e-15)
     assert table[:, 3:] == pytest.approx(run.of("spin"), abs=1e-15)
+
+
+def test_rows_too_far_apart_for_counting_are_mentioned():
+    model = spinning(np.random.default_rng(5), rate=2.0)
+    near, far = (simulate(model, dt=0.01, solver="newton", every=n) for n in (1, 20))
+    assert not [text for text in near.report.warnings if "revolutions" in text]
+    assert [text for text in far.report.warnings if "revolutions" in text]
