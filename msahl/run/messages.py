@@ -142,6 +142,6 @@ def angles_uncertain(rotation: float) -> str:
     """
     return (
         f"joints.csv: bodies may rotate by {rotation:.3g} rad relative to each other between two "
-        "output times, so angles may be wrong by complete revolutions. Write rows more often (--every, "
+        "output times, so angles may be wrong by revolutions. Write rows more often (--every, "
         "outputInterval), or give the angle as a <signal>, which counts at every step"
     )
