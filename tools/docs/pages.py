@@ -36,6 +36,7 @@ OUTSIDE = (
     "benchmarks/results/speed.md",
     "benchmarks/results/precision.md",
     "benchmarks/results/mechanisms.md",
+    "benchmarks/results/startup.md",
     "benchmarks/results/scale.md",
     "benchmarks/results/writers.md",
 )
