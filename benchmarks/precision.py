@@ -132,18 +132,11 @@ def _summary(found: list[Found]) -> str:
     heads = [f"{family} {target:.0e}" for target in JUDGED for family in FAMILIES]
     lines = [f"| problem | {' | '.join(heads)} |", "|---|" + "---|" * len(heads)]
     for one in found:
-        cells = [_best_cell(one, family, target) for target in JUDGED for family in FAMILIES]
+        cells = [
+            one.best_cell(family, target, _seconds) for target in JUDGED for family in FAMILIES
+        ]
         lines.append(f"| {one.problem.name} | {' | '.join(cells)} |")
     return "\n".join(lines)
-
-
-def _best_cell(found: Found, family: str, target: float) -> str:
-    best = found.best(family, target)
-    if best is None:
-        return "-"
-    code, reached = best
-    which = code.removeprefix(family).strip()
-    return f"{_seconds(reached)} ({which})"
 
 
 def _seconds(reached: Reached) -> str:

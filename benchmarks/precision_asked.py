@@ -48,6 +48,14 @@ class Found:
         reached = [pair for pair in reached if pair[1].how in counted]
         return min(reached, key=lambda pair: pair[1].seconds) if reached else None
 
+    def best_cell(self, family: str, target: float, in_words: Callable[[Reached], str]) -> str:
+        """``best`` for a table: its seconds ``in_words``, and the code."""
+        best = self.best(family, target)
+        if best is None:
+            return "-"
+        code, reached = best
+        return f"{in_words(reached)} ({code.removeprefix(family).strip()})"
+
 
 def verdicts(found: list[Found]) -> list[Verdict]:
     parts: tuple[Callable[[Found], Iterable[Verdict]], ...] = (_exudyn, _others, _step)

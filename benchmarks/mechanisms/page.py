@@ -77,21 +77,17 @@ def _summary(found: list[Found]) -> str:
     programs = (OURS, *OTHERS)
     lines = [f"| mechanism | {' | '.join(programs)} |", "|---|" + "---|" * len(programs)]
     for one in found:
-        cells = [_best_cell(one, program, JUDGED) for program in programs]
+        cells = [one.best_cell(program, JUDGED, _in_milliseconds) for program in programs]
         lines.append(f"| {one.problem.name} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
-def _best_cell(found: Found, program: str, target: float) -> str:
-    best = found.best(program, target)
-    if best is None:
-        return "-"
-    code, reached = best
-    return f"{_milliseconds(reached)} ms ({code.removeprefix(program).strip()})"
-
-
 def _milliseconds(reached: Reached) -> str:
     return "-" if reached.how == "-" else f"{BOUNDS[reached.how]}{1e3 * reached.seconds:.3g}"
+
+
+def _in_milliseconds(reached: Reached) -> str:
+    return f"{_milliseconds(reached)} ms"
 
 
 def verdicts(found: list[Found]) -> list[Verdict]:

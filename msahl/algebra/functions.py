@@ -341,10 +341,17 @@ def index(numbers: np.ndarray, first: int, x: float) -> int:
     piece, their count from the end of the last one on.
     """
     count, breaks = int(numbers[first]), first + 2
-    left, right = -1, count + 1
+    return interval_of(numbers, breaks - 1, breaks + count + 1, x) - breaks
+
+
+@kernel
+def interval_of(numbers: np.ndarray, left: int, right: int, x: float) -> int:
+    """Return the last place from ``left`` on, before ``right``, whose number is not above ``x``, of
+    increasing numbers; that at ``left`` is not looked at.
+    """
     while right - left > 1:
         middle = (left + right) // 2
-        if x < numbers[breaks + middle]:
+        if x < numbers[middle]:
             right = middle
         else:
             left = middle

@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.jit.kernel import apart, kernel
+from msahl.algebra.functions import interval_of
+from msahl.jit.kernel import apart
 
 DEGREE = 3
 CELL = (DEGREE + 1) ** 2
@@ -71,21 +72,6 @@ def _pieces(kind: str, x: np.ndarray, values: np.ndarray) -> np.ndarray:
     return pieces
 
 
-@kernel
-def cell_of(numbers: np.ndarray, first: int, count: int, x: float) -> int:
-    """Return the number of the interval of ``count`` increasing numbers, from ``first`` on, that
-    contains ``x``; the first or last one for an ``x`` outside.
-    """
-    left, right = 0, count - 1
-    while right - left > 1:
-        middle = (left + right) // 2
-        if x < numbers[first + middle]:
-            right = middle
-        else:
-            left = middle
-    return left
-
-
 @apart
 def evaluate(surfaces: Surfaces, surface: int, x: float, y: float) -> tuple[float, float, float]:
     """Return the value of a table at ``x``, ``y`` and its derivatives by both."""
@@ -94,7 +80,8 @@ def evaluate(surfaces: Surfaces, surface: int, x: float, y: float) -> tuple[floa
     at_x, at_y = first + 2, first + 2 + count_x
     x_in = min(max(x, numbers[at_x]), numbers[at_x + count_x - 1])
     y_in = min(max(y, numbers[at_y]), numbers[at_y + count_y - 1])
-    i, j = cell_of(numbers, at_x, count_x, x_in), cell_of(numbers, at_y, count_y, y_in)
+    i = interval_of(numbers, at_x, at_x + count_x - 1, x_in) - at_x
+    j = interval_of(numbers, at_y, at_y + count_y - 1, y_in) - at_y
     u, v = x_in - numbers[at_x + i], y_in - numbers[at_y + j]
     start = at_y + count_y + CELL * (i * (count_y - 1) + j)
     value, by_u, by_v = 0.0, 0.0, 0.0

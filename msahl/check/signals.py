@@ -107,28 +107,17 @@ def surface_findings(surface: Surface) -> Iterator[Finding]:
 def circle_findings(signals: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield (name, message) for each signal that depends on itself; states may."""
     uses = {
-        name: [used for used in names_in(tree) if isinstance(signals.get(used), Signal)]
+        name: {used for used in names_in(tree) if isinstance(signals.get(used), Signal)}
         for name, signal in signals.items()
         if isinstance(signal, Signal) and (tree := tree_of(signal)) is not None
     }
-    done: set[str] = set()
-    for name in uses:
-        path: list[str] = []
-        waiting = [(name, False)]
-        while waiting:
-            here, left = waiting.pop()
-            if left:
-                done.add(path.pop())
-            elif here in path:
-                circle = " -> ".join([*path[path.index(here) :], here])
-                message = f"the signal depends on itself: {circle}; make one of them a <state>"
-                yield here, message
-                done.update(path)
-                break
-            elif here not in done:
-                path.append(here)
-                waiting.append((here, True))
-                waiting.extend((used, False) for used in uses[here])
+    if not uses:
+        return
+    from msahl.expressions.order import in_order, shown_circle  # which most models do without
+
+    for circle in in_order(uses)[1]:
+        path = shown_circle(circle)
+        yield circle[0], f"the signal depends on itself: {path}; make one of them a <state>"
 
 
 def joint_actuator_findings(load: JointActuator, context: Context) -> Iterator[Finding]:

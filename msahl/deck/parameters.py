@@ -6,12 +6,10 @@ is a deck of plain numbers, and what runs is the same, to the bit, as if they ha
 """
 
 import math
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import partial
-from graphlib import CycleError, TopologicalSorter
 
 from msahl.check.names import FORBIDDEN
 from msahl.deck.faults import Element, Faults, attribute, collapsed, text
@@ -28,6 +26,7 @@ from msahl.deck.units import (
 )
 from msahl.expressions.dimensions import ANGLE, PURE, Dimension, dimension
 from msahl.expressions.evaluate import evaluate
+from msahl.expressions.order import in_order, shown_circle
 from msahl.expressions.syntax import (
     RESERVED,
     ExpressionError,
@@ -139,38 +138,14 @@ def _in_order(
     """Return the names of all parameters, each after those it is computed from; circles become
     faults, and what depends on them becomes doubtful."""
     graph = {name: _names(trees[name]) if name in trees else set() for name in elements}
-    sorter, order = TopologicalSorter(graph), list[str]()
-    with suppress(CycleError):  # those that can be computed are given nevertheless
-        sorter.prepare()
-    while sorter.is_active():
-        ready = sorter.get_ready()
-        order += ready
-        sorter.done(*ready)
-    rest = graph.keys() - set(order)
-    for circle in _circles({name: graph[name] & rest for name in elements if name in rest}):
-        shown = " -> ".join(circle[:10]) + (" -> ..." if len(circle) > 10 else "")
-        message = f"its value depends on itself: {shown}; give one of them a number"
+    order, circles = in_order(graph)
+    for circle in circles:
+        message = f"its value depends on itself: {shown_circle(circle)}; give one of them a number"
         faults.add(elements[circle[0]], message)
+    rest = graph.keys() - set(order)
     for name in rest:
         faults.doubt(elements[name])
     return [*order, *rest]
-
-
-def _circles(graph: Mapping[str, set[str]]) -> Iterator[list[str]]:
-    """Yield circles of a graph in which every node has a successor: one that each node leads to;
-    the first node stands at both ends."""
-    seen: set[str] = set()
-    for start in graph:
-        path: dict[str, None] = {}
-        node = start
-        while node not in seen:
-            seen.add(node)
-            path[node] = None
-            node = min(graph[node])
-        if node in path:
-            names = list(path)
-            circle = names[names.index(node) :]
-            yield [*circle, node]
 
 
 def _names(tree: Tree) -> set[str]:

@@ -228,9 +228,6 @@ def _set_quaternion(group: Signals, start: SignalsWorkspace, p: Vector, m: int) 
         start.euler[m, 1 + i] = sign * vector[i]
 
 
-# Inputs over a step
-
-
 @optional()
 def set_inputs_over_step(
     group: Signals,
@@ -283,6 +280,12 @@ def _marker_over_step(
 
 
 @kernel
+def _unit(axis: int) -> Vector:
+    """Return the unit vector along an axis."""
+    return (1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0)
+
+
+@kernel
 def _quaternion_weights(start: SignalsWorkspace, m: int, axis: int) -> tuple[float, Vector]:
     """Return alpha and beta: a rotation with Euler parameters e0, e from the configuration gives
     the component e0 alpha + e . beta.
@@ -291,11 +294,7 @@ def _quaternion_weights(start: SignalsWorkspace, m: int, axis: int) -> tuple[flo
     q = (start.euler[m, 1], start.euler[m, 2], start.euler[m, 3])
     if axis == 0:
         return q0, scale(-1.0, q)
-    unit = (
-        1.0 if axis == 1 else 0.0,
-        1.0 if axis == 2 else 0.0,
-        1.0 if axis == 3 else 0.0,
-    )
+    unit = _unit(axis - 1)
     return dot(q, unit), axpy(q0, unit, cross(q, unit))
 
 
@@ -361,11 +360,7 @@ def _marker_gradient_over_step(
         along = -0.25 * cube * (alpha + 0.5 * dot(Q, beta))
         return none, scale(0.5 / length, axpy(along, Q, scale(0.5 * root, beta)))
     c = 1.0 / h if kind == VELOCITY else 0.5
-    unit = (
-        1.0 if axis == 0 else 0.0,
-        1.0 if axis == 1 else 0.0,
-        1.0 if axis == 2 else 0.0,
-    )
+    unit = _unit(axis)
     T = end_tangent(frames, Z, f, at(start.arm, m))
     return scale(c, unit), scale(-c, times(transpose(T), unit))
 
@@ -388,9 +383,6 @@ def differentiate_coordinates_over_step(
             c = 0.5 if kind == COORDINATE else 1.0 / h
             for part in range(PARTS):
                 put(start.by_place[j], part, scale(c, at(q.slope[group.item[j]], part)))
-
-
-# Inputs at one configuration
 
 
 @optional()
@@ -446,11 +438,7 @@ def differentiate(
             continue
         f = group.frame[m]
         c, r, W = 1.0 / frames.length[f], at(start.arm, m), at(motion.W, f)
-        unit = (
-            1.0 if axis == 0 else 0.0,
-            1.0 if axis == 1 else 0.0,
-            1.0 if axis == 2 else 0.0,
-        )
+        unit = _unit(axis)
         by_u, by_Q, by_v, by_W = none, none, none, none
         if kind == POSITION:
             by_u, by_Q = unit, scale(c, cross(r, unit))
@@ -509,9 +497,6 @@ def frame_of_part(group: Signals, scalar: ScalarConstraints | None, j: int, part
 def coordinate_frame(scalar: ScalarConstraints, q: int, part: int) -> int:
     """Return the frame of a part of a coordinate."""
     return coordinates.part_frame(scalar.coordinates, q, part)
-
-
-# States and results
 
 
 @optional()
@@ -675,9 +660,6 @@ def accept(group: Signals, start: SignalsWorkspace, h: float, state: np.ndarray)
     """Advance the auxiliary ``state`` (n,) by the solved step of the midpoint element."""
     for k in range(state.size):
         state[k] = start.state[k] + h * start.state_rate[k]
-
-
-# Stages of a collocation step
 
 
 class Stages(NamedTuple):

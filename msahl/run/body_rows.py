@@ -45,7 +45,7 @@ def select(model: Model, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
     """
     numbers = numbers_of_bodies(model)
     wanted = np.array([numbers.get(name, GROUND) for name in names], dtype=int)
-    bodies = np.unique(wanted[wanted != GROUND])
+    bodies = np.flatnonzero(np.bincount(wanted[wanted != GROUND]))
     return bodies, np.where(wanted == GROUND, GROUND, np.searchsorted(bodies, wanted))
 
 

@@ -218,10 +218,9 @@ class TimeLoop:
 
     def _take_chunk(self, steps: int) -> None:
         """Take one chunk of about ``steps`` steps, check it, and hand it over."""
-        began, estimate = time.perf_counter(), self.setup.estimate
-        stride = estimate.companion.stride if estimate else 1
-        chunk = self.setup.plan.next_chunk(steps, stride)
-        advance = self._advance(chunk, stride)
+        began = time.perf_counter()
+        chunk = self.setup.plan.next_chunk(steps, self._stride)
+        advance = self._advance(chunk)
         begins = np.append(chunk.begin, advance.ends)
         done = self._finite_steps(advance.steps, advance.schedule, begins)
         self.report.add_seconds("loop", time.perf_counter() - began)
@@ -244,14 +243,13 @@ class TimeLoop:
         condition holds, and let the run end within that step.
         """
         self._go_back()
-        plan, estimate = self.setup.plan, self.setup.estimate
-        stride = estimate.companion.stride if estimate else 1
+        plan, stride = self.setup.plan, self._stride
         last = plan.progress.steps + plan.kept_before(step)
         while plan.progress.steps < last and self.report.status == COMPLETED:
             steps = plan.most_kept(last - plan.progress.steps)
             groups = steps - steps % stride
             chunk = plan.next_chunk(groups or steps, stride if groups else 1)
-            self._hand_over(self._advance(chunk, stride), chunk)
+            self._hand_over(self._advance(chunk), chunk)
         if self.report.status != COMPLETED:
             return
         try:
@@ -273,16 +271,23 @@ class TimeLoop:
         self._go_back()
         return margin_after(self.setup.integrators, self.setup.plan.approach, t)
 
-    def _advance(self, chunk: Chunk, stride: int) -> Advance:
-        """Advance every subsystem by a multiple of ``stride`` steps, where that is possible;
-        returns the shortest advance.
+    @property
+    def _stride(self) -> int:
+        """Steps of the run in one step of its companion."""
+        return self.setup.estimate.companion.stride if self.setup.estimate else 1
+
+    def _advance(self, chunk: Chunk) -> Advance:
+        """Advance every subsystem by a multiple of the stride, where that is possible; returns the
+        shortest advance.
         """
         shortest: Advance | None = None
         for integrator in self.setup.integrators:
             # Steps that become hard must not delay the answer to a request to stop. The other
             # subsystems go as far as the first.
             patience = math.inf if shortest else PATIENCE
-            advance = _complete(integrator, chunk, integrator.advance(chunk, patience), stride)
+            advance = _complete(
+                integrator, chunk, integrator.advance(chunk, patience), self._stride
+            )
             if shortest is None or advance.steps < shortest.steps:
                 shortest = advance
                 failure = self.setup.plan.failure(integrator, advance)

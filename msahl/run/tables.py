@@ -6,6 +6,7 @@ columns in ``COLUMNS``, and say in ``tables_of_model`` which models have it.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 from typing import Protocol
 
 import numpy as np
@@ -69,7 +70,8 @@ def needs_accelerations(model: Model) -> bool:
 def has_joint_table(model: Model) -> bool:
     """Return whether the coordinates of joints are written."""
     wanted = model.simulation.joint_table
-    having = [joint for joint in model.joints if coordinates(joint)]
+    all_having = (joint for joint in model.joints if coordinates(joint))
+    having = list(islice(all_having, MOST_JOINTS + 1))  # a model may have very many
     if wanted != AUTOMATIC:
         return wanted == YES and bool(having)
     scalar = any(coordinates(joint) != (ORIENTATION,) for joint in having)

@@ -336,7 +336,7 @@ def _signals(
     acting: list[list[int]] = []
     for result in entries.results:
         wanted = of_inputs[list(result.inputs)].reshape(-1, PARTS)
-        own = np.unique(wanted[wanted >= 0])
+        own = np.flatnonzero(np.bincount(wanted[wanted >= 0]))
         columns.append(own)
         entry_column.append(np.where(wanted >= 0, np.searchsorted(own, wanted), -1))
         rows, on = _acting(elements, result, parts, frames)
