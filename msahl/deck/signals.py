@@ -6,7 +6,7 @@ parameters with units, of coordinates and markers, and of signals that state the
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from fractions import Fraction
 
 from msahl.algebra.functions import Law
@@ -143,12 +143,7 @@ def read_stop(element: Element, reader: Reader) -> Stop:
     condition = attribute(element, "when")
     inside = inside_braces(condition)
     condition = condition if inside is None else inside.strip()
-    tree = read_tree(element, condition, PURE, reader)
-    try:
-        record = Stop(condition, tree if tree is NO_TREE else margin(tree))
-    except ExpressionError as error:
-        reader.faults.add(element, f"{error.message} (at column {error.column} of the expression)")
-        return Stop(condition, NO_TREE)
+    record = Stop(condition, read_tree(element, condition, PURE, reader, margin))
     reader.add(element, expression_findings("when", record.expression, reader.context))
     return record
 
@@ -162,12 +157,21 @@ def read_expression(element: Element, wanted: Dimension | None, reader: Reader) 
     return read_tree(element, given if inside is None else inside, wanted, reader)
 
 
-def read_tree(element: Element, given: str, wanted: Dimension | None, reader: Reader) -> Tree:
-    """Return the tree of a ``given`` expression of an element, as ``read_expression`` does."""
+def read_tree(
+    element: Element,
+    given: str,
+    wanted: Dimension | None,
+    reader: Reader,
+    converted: Callable[[Tree], Tree] = lambda tree: tree,
+) -> Tree:
+    """Return the tree of a ``given`` expression of an element, as ``read_expression`` does, or what
+    it is ``converted`` to.
+    """
     try:
         tree = parse(given)
         if all(_is_known(node, reader) for node in postorder(tree)):
             _check_dimension(tree, wanted, reader)
+        tree = converted(tree)
     except ExpressionError as error:
         reader.faults.add(element, f"{error.message} (at column {error.column} of the expression)")
         return NO_TREE
@@ -185,16 +189,11 @@ def _is_known(node: Tree, reader: Reader) -> bool:
 
 def _check_dimension(tree: Tree, wanted: Dimension | None, reader: Reader) -> None:
     """Raise ``ExpressionError`` if dimensions in an expression contradict each other."""
-    names = dict.fromkeys(reader.context.values) | {
-        node.text: _dimension_of(node.text, reader)
-        for node in postorder(tree)
-        if isinstance(node, Name)
-    }
-    constants = {name: parameter.value for name, parameter in reader.parameters.items()}
-    tables = {
-        name: reader.table_dimensions.get(name, TableDimensions((None,) * count, None))
-        for name, count in reader.context.tables.items()
-    }
+    nodes = list(postorder(tree))
+    names = {n.text: _dimension_of(n.text, reader) for n in nodes if isinstance(n, Name)}
+    parameters = reader.parameters
+    constants = {name: parameters[name].value for name in names if name in parameters}
+    tables = {n.table: reader.table_dimensions[n.table] for n in nodes if isinstance(n, Lookup)}
     found = dimension(tree, names, None, constants, tables)
     if found is not None and wanted is not None and not found.fits(wanted):
         raise ExpressionError(f"the expression is {found}, and {wanted} is needed", tree.column)
