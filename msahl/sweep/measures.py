@@ -113,7 +113,7 @@ def require_columns(measures: Sequence[Measure], model: Model) -> None:
 
 
 def tables_needed(measures: Sequence[Measure], model: Model) -> list[str]:
-    """Return the names of the tables that hold the columns of the measures."""
+    """Return the names of the tables with the columns of the measures."""
     tables = _tables(model)
     places = (_components(measure.column, tables) for measure in measures if measure.column)
     return list(dict.fromkeys(table for found in places for table, _ in found))

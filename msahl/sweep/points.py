@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msahl import __version__
+import msahl
 from msahl.deck import DeckError, check_simulation, effective_deck, read_deck
 from msahl.jit.files import version_of
 from msahl.model import Model, Options, resolve
@@ -37,7 +37,7 @@ from msahl.sweep.measures import evaluate, parse_measures, position_error, table
 SUMMARY, TABLES, ALL = KEEP = ("summary", "tables", "all")
 """What is kept of a point: its row; its tables as well; the complete folder of a run."""
 NOT_VALID, NO_MEMORY, CRASHED, TIMED_OUT = "not valid", "out of memory", "crashed", "timed out"
-"""How a point may end beside the ways of a run (``msahl.run.report``)."""
+"""How a point may end beside the outcomes of a run (``msahl.run.report``)."""
 PACKAGES = ("llvmlite", "numpy", "scipy")
 """Packages on which the digits of results depend."""
 SHOWN = 16
@@ -109,7 +109,7 @@ class NotWrittenError(Exception):
 def versions() -> dict[str, str]:
     """Versions of msahl, Python and the packages on which the digits of results depend."""
     found = {package: version_of(package) or "" for package in PACKAGES}
-    return {"msahl": __version__, "python": platform.python_version(), **found}
+    return {"msahl": msahl.__version__, "python": platform.python_version(), **found}
 
 
 def context_digest(job: Job) -> str:

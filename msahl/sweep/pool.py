@@ -114,7 +114,7 @@ class Pool:
         self.workers: list[Worker] = []
         self.deaths: Counter[int] = Counter()
         self.failed_starts = 0
-        self.pace = 0.0  # seconds that a point takes, by the last ones; 0: not known
+        self.seconds_per_point = 0.0  # seconds that a point takes, by the last ones; 0: not known
         self.job: Job
         self.work: Work
         self.selector: selectors.BaseSelector
@@ -136,7 +136,7 @@ class Pool:
     def _fill(self) -> None:
         """Start workers that are missing, and give points to those that have few."""
         # The first worker compiles what all of them need.
-        wanted = self.jobs if self.pace else 1
+        wanted = self.jobs if self.seconds_per_point else 1
         while len(self.workers) < min(wanted, max(1, self.work.left)):
             worker = Worker(self.job)
             self.workers.append(worker)
@@ -144,17 +144,17 @@ class Pool:
         for worker in self.workers:
             most = self._chunk()
             if worker.ready and len(worker.points) <= most // 2:
-                points = self.work.next(1 if not self.pace else most)
+                points = self.work.next(1 if not self.seconds_per_point else most)
                 if points:
                     worker.give(points)
 
     def _chunk(self) -> int:
         """Return the number of points for about a second of work; fewer near the end, so that all
         workers end together."""
-        if not self.pace:
+        if not self.seconds_per_point:
             return 1
         share = self.work.left // (4 * self.jobs) + 1
-        return max(1, min(MOST_POINTS, share, int(CHUNK_SECONDS / self.pace)))
+        return max(1, min(MOST_POINTS, share, int(CHUNK_SECONDS / self.seconds_per_point)))
 
     def _hear(self, worker: Worker) -> None:
         """Take what a worker says, or notice that it has died."""
@@ -185,7 +185,9 @@ class Pool:
     def _measure(self, seconds: float) -> None:
         """Correct the seconds that a point takes."""
         seconds = max(seconds, 1e-6)
-        self.pace = 0.7 * self.pace + 0.3 * seconds if self.pace else seconds
+        self.seconds_per_point = (
+            0.7 * self.seconds_per_point + 0.3 * seconds if self.seconds_per_point else seconds
+        )
 
     def _lose(self, worker: Worker) -> None:
         """A worker has died: others do its points; that at which it died may have failed."""

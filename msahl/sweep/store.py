@@ -197,7 +197,7 @@ class Store:
         """The id of a point."""
         return point_id(self.context, self.job.columns, cells)
 
-    def knows(self, name: str) -> bool:
+    def has(self, name: str) -> bool:
         """Whether the outcome of the point with this id is known."""
         return _short(name) in self.places
 

@@ -137,7 +137,7 @@ class Work:
             name = self.store.id_of(cells)
             if stopped():
                 return
-            if not self.store.knows(name):
+            if not self.store.has(name):
                 row = self.store.adopt(number, name, point_key(self.store.job, cells))
                 if row is not None:
                     self.counts.add(row)
@@ -151,7 +151,7 @@ class Work:
             digest = bytes.fromhex(name)[:16]
             if digest in handed:
                 self.counts.points -= 1
-            elif not self.store.knows(name):
+            elif not self.store.has(name):
                 handed.add(digest)
                 yield Point(number, name, cells)
 
