@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 
 from msahl.post.document import Block, Code, Folded, Heading, Items, Paragraph, Picture
 from msahl.post.page.markup import Markup, element, join
-from msahl.post.page.page import Part, wrap, write_page
+from msahl.post.page.page import NOTHING, Part, wrap, write_page
 from msahl.post.table import Table
 from msahl.run.verdict import WORDS
 
@@ -20,9 +20,9 @@ def as_html(title: str, blocks: Sequence[Block | Part]) -> str:
     """
     match blocks:
         case [Heading(1, text), *others]:
-            return write_page(title, [wrap("main", header(text), *map(part_of, others))])
+            return write_page(title, wrap("main", header(text), *map(part_of, others)))
         case _:
-            return write_page(title, [wrap("main", header(title), *map(part_of, blocks))])
+            return write_page(title, wrap("main", header(title), *map(part_of, blocks)))
 
 
 def header(title: str, *lines: str) -> Part:
@@ -37,9 +37,6 @@ def header(title: str, *lines: str) -> Part:
 def section(title: str, *content: Block | Part) -> Part:
     """Return a section with its heading; nothing if it has no content."""
     return wrap("section", element("h2", title), *map(part_of, content)) if content else NOTHING
-
-
-NOTHING = Part(Markup(""))
 
 
 def part_of(block: Block | Part) -> Part:

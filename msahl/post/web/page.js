@@ -1,26 +1,37 @@
 // What all pages do: switch light and dark, and show everything when printed.
-const root = document.documentElement;
-const dark = matchMedia("(prefers-color-scheme: dark)");
+const darkSystem = matchMedia("(prefers-color-scheme: dark)");
 
-export const isDark = () =>
-  root.dataset.theme ? root.dataset.theme === "dark" : dark.matches;
+// Returns whether the page is shown in dark colours.
+export function isDark() {
+  const chosen = document.documentElement.dataset.theme;
+  return chosen ? chosen === "dark" : darkSystem.matches;
+}
+
+// Returns the value of a colour of page.css, such as colourOf("ink").
+export function colourOf(name) {
+  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+}
 
 // Parts that draw on canvases listen to this event of the document and draw again.
-const announce = () => document.dispatchEvent(new CustomEvent("msahl-theme"));
+function announceTheme() {
+  document.dispatchEvent(new CustomEvent("msahl-theme"));
+}
+
 
 for (const button of document.querySelectorAll("button.theme")) {
   button.addEventListener("click", () => {
-    root.dataset.theme = isDark() ? "light" : "dark";
-    announce();
+    document.documentElement.dataset.theme = isDark() ? "light" : "dark";
+    announceTheme();
   });
 }
-dark.addEventListener("change", announce);
+darkSystem.addEventListener("change", announceTheme);
 
-let folded = [];
+// Folds that are open only while the page is printed.
+let unfolded = [];
 addEventListener("beforeprint", () => {
-  folded = [...document.querySelectorAll("details:not([open])")];
-  for (const part of folded) part.open = true;
+  unfolded = [...document.querySelectorAll("details:not([open])")];
+  for (const part of unfolded) part.open = true;
 });
 addEventListener("afterprint", () => {
-  for (const part of folded) part.open = false;
+  for (const part of unfolded) part.open = false;
 });
