@@ -64,10 +64,10 @@ def wrap(tag: str, *children: Child | Part, **attributes: str | int | bool | Non
 
 def write_page(title: str, *parts: Part) -> str:
     """Return the page as HTML."""
-    whole = combine(Part(Markup(""), styles=("page.css",), modules=("page.js",)), *parts)
-    script = joined(*whole.modules)
-    styles = [source(name) for name in whole.styles]
-    allowed = [script, *(source(f"{name}.min.js") for name in whole.bundles)]
+    page = combine(Part(Markup(""), styles=("page.css",), modules=("page.js",)), *parts)
+    script = joined(*page.modules)
+    styles = [source(name) for name in page.styles]
+    allowed = [script, *(source(f"{name}.min.js") for name in page.bundles)]
     head = element(
         "head",
         element("meta", charset="utf-8"),
@@ -79,10 +79,10 @@ def write_page(title: str, *parts: Part) -> str:
     )
     body = element(
         "body",
-        whole.markup,
+        page.markup,
         _trusted(
-            *(json_data(name, value) for name, value in whole.data.items()),
-            *map(bundle, whole.bundles),
+            *(json_data(name, value) for name, value in page.data.items()),
+            *map(bundle, page.bundles),
             inline_script(script),
         ),
     )
