@@ -28,6 +28,7 @@ ORDER = (
     "results",
     "post",
     "study",
+    "api",
     "sweep",
     "cli",
 )

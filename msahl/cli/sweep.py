@@ -102,7 +102,7 @@ def sweep(deck: Path, output: Path | None, **given: Any) -> None:
     from msahl.deck import DeckError
     from msahl.jit.progress import CompileError
     from msahl.sweep.faults import PlanError
-    from msahl.sweep.points import NotWrittenError
+    from msahl.sweep.points import ChangedError, NotWrittenError
     from msahl.sweep.pool import PoolError
     from msahl.sweep.store import StoreError
 
@@ -112,7 +112,7 @@ def sweep(deck: Path, output: Path | None, **given: Any) -> None:
         stop("\n".join(f"msahl sweep: {printable(fault)}" for fault in error.faults))
     except DeckError as error:
         stop("\n".join(map(str, error.faults)))
-    except (CompileError, PoolError, StoreError) as error:
+    except (ChangedError, CompileError, PoolError, StoreError) as error:
         stop(f"msahl sweep: {printable(str(error))}")
     except (NotWrittenError, OSError) as error:
         reason = str(error)
@@ -267,7 +267,7 @@ def show_plan(made: "Sweep") -> None:
     """Print the plan, its first points, and how many of them are done; run nothing."""
     from msahl.sweep.sweep import check, preview
 
-    check(made)
+    made = check(made)
     first, done = preview(made, FIRST_POINTS)
     echo(describe_plan(made.plan))
     for text in made.job.measures:
