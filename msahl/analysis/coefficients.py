@@ -16,7 +16,7 @@
     G   derivative of the constraints by the places, or by the rates of those between rates
     B   derivative of the rates of the constraints by the places, at fixed v and W
 
-Derivatives are analytic, from the laws of the elements. They leave out that friction's normal force
+Derivatives are analytic, from the laws of the elements. They omit that friction's normal force
 and inputs that are reactions of joints change with the motion (``depends_on_reactions``).
 """
 
@@ -24,6 +24,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from msahl.analysis.plain_units import (
+    coordinate_numbers,
+    equation_numbers,
+    equation_scale,
+    scales,
+)
 from msahl.elements import forces, signals
 from msahl.elements.constraints import coincide, scalar
 from msahl.elements.constraints.coordinate_kinds import Derivatives
@@ -39,10 +45,6 @@ from msahl.system.arrays import (
     new_system_workspace,
     node_count,
 )
-from msahl.system.evaluate import _coordinates as coordinate_numbers
-from msahl.system.evaluate import _equation_scale as equation_scale
-from msahl.system.evaluate import _equations as equation_numbers
-from msahl.system.evaluate import _scales as scales
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -59,7 +61,7 @@ class Coefficients(NamedTuple):
     by_rate: "csr_array"  # (n, n) D
     drift: "csr_array"  # (n, n) T
     constraint: "csr_array"  # (c, n) G
-    constraint_rate: "csr_array"  # (c, n) B; of constraints between places it may be left out
+    constraint_rate: "csr_array"  # (c, n) B; of constraints between places it may be missing
     by_state: np.ndarray  # (n, s) S
     state_by_place: np.ndarray  # (s, n)
     state_by_rate: np.ndarray  # (s, n)
@@ -93,9 +95,7 @@ def differentiate(
     evaluate.add_force_derivatives(system, state, start, out)
     scalar.add_rate_derivatives(group, own, frames, start.frames, out)
     scalar.add_constraint_forces(group, own, frames, work.at_rest, work.unused)
-    coincide.add_derivatives(
-        system.coincide, start.coincide, frames, work.at_rest, work.constraint
-    )
+    coincide.add_derivatives(system.coincide, start.coincide, frames, work.at_rest, work.constraint)
     scalar.add_constraint_derivatives(group, own, frames, work.at_rest, work.constraint)
 
 
@@ -144,10 +144,8 @@ def coefficients(system: System, state: State) -> Coefficients:
 
 
 def depends_on_reactions(system: System) -> bool:
-    """Return whether a force depends on reactions of joints, which the derivatives leave out."""
-    return forces.depend_on_reactions(system.forces) or signals.use_reactions(
-        system.forces.signals
-    )
+    """Return whether a force depends on reactions of joints, whose changes the derivatives omit."""
+    return forces.depend_on_reactions(system.forces) or signals.use_reactions(system.forces.signals)
 
 
 def holonomic(system: System) -> np.ndarray:
@@ -169,7 +167,10 @@ def _evaluate(system: System, state: State) -> Evaluated:
     is_force = ~is_equation & (system.blocks[:, 1] >= first)
     sign = np.select([is_equation, is_force], [1.0, -1.0], 0.0)
     constraint = np.repeat(sign, 9) * system.constant
-    work, out = Work(at_rest, rows, unused, constraint), Derivatives(by_place, by_rate, scratch, still)
+    work, out = (
+        Work(at_rest, rows, unused, constraint),
+        Derivatives(by_place, by_rate, scratch, still),
+    )
     by_size(differentiate, moving_count(frames))(system, state, start, work, out)
     force_scale, place_scale = scales(system)
     return Evaluated(
@@ -182,9 +183,7 @@ def _evaluate(system: System, state: State) -> Evaluated:
         equation=equation_numbers(system),
         force_scale=force_scale,
         place_scale=place_scale,
-        equation_scale=np.concatenate(
-            [np.ones(3 * first), equation_scale(system).reshape(-1)]
-        ),
+        equation_scale=np.concatenate([np.ones(3 * first), equation_scale(system).reshape(-1)]),
     )
 
 
@@ -296,9 +295,7 @@ def _auxiliary(system: System, found: Evaluated) -> tuple[np.ndarray, ...]:
             forces_by_state += np.outer(row, slopes)
     for k in range(s):
         rate[k] = own.values.value[group.rate[k]]
-        by_place[k], by_rate[k], by_states[k] = expression_slopes(
-            system, found, int(group.rate[k])
-        )
+        by_place[k], by_rate[k], by_states[k] = expression_slopes(system, found, int(group.rate[k]))
     at = found.coordinate
     return found.force_scale[at, None] * forces_by_state[at], by_place, by_rate, by_states, rate
 
@@ -308,7 +305,9 @@ def result_row(system: System, start: SystemWorkspace, r: int) -> np.ndarray:
     group, own = system.forces.signals, start.forces.signals
     assert group is not None
     own.row[:] = 0.0
-    forces.set_result_row(system.forces, start.forces, system.scalar, system.frames, 1.0, r, own.row)
+    forces.set_result_row(
+        system.forces, start.forces, system.scalar, system.frames, 1.0, r, own.row
+    )
     rows = np.zeros((node_count(system), 3))
     for part, f in enumerate(group.acting[r].tolist()):
         if 0 <= f < moving_count(system.frames):

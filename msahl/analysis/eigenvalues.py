@@ -8,7 +8,8 @@ orthonormal basis [N X], N of the null space of A,
               [ 0  X^T A X ]
 
 The others have condition numbers kappa = |x| |y| / |y^H x| (right and left eigenvector): a change
-E of the matrix changes them by kappa |E|. Round-off is of the size of eps |A| at least.
+E of the matrix changes them by kappa |E| to first order, and a double eigenvalue by sqrt(|E| |A|).
+Round-off is of the size of eps |A| at least.
 """
 
 from typing import NamedTuple
@@ -39,21 +40,23 @@ def eigenvalues(A: np.ndarray) -> Eigenvalues:
 
     n = len(A)
     if not n:
-        return Eigenvalues(*(np.zeros(shape) for shape in (0, (0, 0), 0, 0)), 0, 0)  # type: ignore[arg-type]
+        none = np.zeros(0)
+        return Eigenvalues(none.astype(complex), np.zeros((0, 0)), none, none, zeros=0, null=0)
     balanced, (scaling, _) = matrix_balance(A, permute=False, separate=True)
     basis, zeros, null = _deflate(balanced)
     rest = basis[:, zeros:].T @ balanced @ basis[:, zeros:]
     value, left, right = eig(rest, left=True)
     condition = 1.0 / np.maximum(np.abs(np.einsum("im,im->m", left.conj(), right)), 1e-300)
     size = ROUND_OFF * np.sqrt(n) * np.finfo(float).eps * np.linalg.norm(balanced, 2)
-    inner = _whole_vectors(basis, zeros, balanced, value, right)
+    error = np.minimum(size * condition, np.sqrt(size * np.linalg.norm(balanced, 2)))
+    inner = _complete_vectors(basis, zeros, balanced, value, right)
     order = np.lexsort((-value.imag, value.real, np.round(np.abs(value), 12)))
     vectors = np.concatenate([basis[:, :zeros].astype(complex), inner[:, order]], axis=1)
     return Eigenvalues(
         value=np.concatenate([np.zeros(zeros, dtype=complex), value[order]]),
         vector=scaling[:, None] * vectors,
         condition=np.concatenate([np.full(zeros, np.nan), condition[order]]),
-        error=np.concatenate([np.zeros(zeros), size * condition[order]]),
+        error=np.concatenate([np.zeros(zeros), error[order]]),
         zeros=zeros,
         null=null,
     )
@@ -71,14 +74,14 @@ def _deflate(A: np.ndarray) -> tuple[np.ndarray, int, int]:
         nulls = int(np.count_nonzero(values <= ZERO * np.sqrt(n) * largest))
         if not nulls:
             break
-        turned = np.concatenate([right[len(right) - nulls :], right[: len(right) - nulls]]).T
-        basis[:, zeros:] = basis[:, zeros:] @ turned
+        rotated = np.concatenate([right[len(right) - nulls :], right[: len(right) - nulls]]).T
+        basis[:, zeros:] = basis[:, zeros:] @ rotated
         zeros, null = zeros + nulls, null or nulls
         rest = basis[:, zeros:].T @ A @ basis[:, zeros:]
     return basis, zeros, null
 
 
-def _whole_vectors(
+def _complete_vectors(
     basis: np.ndarray, zeros: int, A: np.ndarray, value: np.ndarray, inner: np.ndarray
 ) -> np.ndarray:
     """(n, m) eigenvectors of ``A``, from those of its part without zeros: the rest follows from

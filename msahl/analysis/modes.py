@@ -1,6 +1,6 @@
 """Modes of a model: eigenvalues, frequencies, damping and shapes of its small vibrations.
 
-    dq(t) = Re (q e^(lambda t))         frequency |lambda| / (2 pi) [Hz], damping -Re lambda / |lambda|
+    dq(t) = Re (q e^(lambda t)) ,  frequency |lambda|/(2 pi) [Hz],  damping -Re lambda/|lambda|
 
 A model whose motion is no equilibrium and not steady has no modes in the strict sense: then they
 are those of its coefficients at this moment.
@@ -96,15 +96,15 @@ def warnings(point: Point, state: Equilibrium) -> list[str]:
         )
     if depends_on_reactions(point.system):
         found.append(
-            "forces depend on reactions of joints (friction or expressions); the derivatives leave "
-            "out how these change"
+            "forces depend on reactions of joints (friction or expressions); the derivatives "
+            "omit how these change"
         )
     return found
 
 
 def _flat(point: Point, state: Equilibrium) -> int:
     """Number of the unbalanced equation among the flat ones."""
-    from msahl.analysis.coefficients import coordinate_numbers
+    from msahl.analysis.plain_units import coordinate_numbers
 
     return int(coordinate_numbers(point.system)[state.coordinate])
 

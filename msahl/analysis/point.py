@@ -17,11 +17,10 @@ from msahl.model.settings import OFF
 from msahl.run.loop import Hooks, run
 from msahl.run.tables import SIGNALS, STATES, MemorySink
 from msahl.start.positions import assemble
-from msahl.start.redundancy import is_regular
 from msahl.start.velocities import StartError, make_consistent, solve_accelerations
 from msahl.system import evaluate
-from msahl.system.arrays import State, System, new_system_workspace
-from msahl.system.build import Places, build_system
+from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace
+from msahl.system.build import build_system
 from msahl.system.names import signal_columns
 from msahl.system.node_order import node_order
 from msahl.system.reductions import all_unknowns
@@ -56,9 +55,7 @@ def at_start(model: Model) -> Point:
     return complete(model, system, state, unknowns)
 
 
-def complete(
-    model: Model, system: System, state: State, unknowns: Unknowns | None = None
-) -> Point:
+def complete(model: Model, system: System, state: State, unknowns: Unknowns | None = None) -> Point:
     """Return the point of a consistent ``state``, with its accelerations and multipliers."""
     unknowns = unknowns or choose(system, all_unknowns(system), node_order(system))
     solve_accelerations(system, state, unknowns)
@@ -77,7 +74,7 @@ def at_time(model: Model, time: float) -> Point:
     rows, signal_rows = sink.table(STATES), sink.table(SIGNALS)
     if not len(rows) or not np.isclose(rows[-1, 0], time, rtol=1e-9):
         raise StartError(
-            f"the run did not reach {time:.9g} s: {report.reason or report.status}; choose an "
+            f"the run did not reach {time:.9g} s: {report.message or report.status}; choose an "
             "earlier time"
         )
     system = build_system(model)
@@ -90,14 +87,15 @@ def at_time(model: Model, time: float) -> Point:
     return complete(model, system, state)
 
 
-def _follow(system: System, state: State, rows: np.ndarray) -> None:
-    """Set ``state`` to the last of the ``rows`` of a table of states, counting angles on the way;
-    between two rows they change by the mean of their rates, to less than half a revolution.
+def _follow(system: System, state: State, states: np.ndarray) -> None:
+    """Set ``state`` to the last row of a table of states, (m, ...) with the time, and count angles;
+    from one output time to the next they change by the mean of their rates, to less than half a
+    revolution.
     """
-    table = np.ascontiguousarray(rows[:, 1:])
+    table = np.ascontiguousarray(states[:, 1:])
     _begin_angles(system, state)
     last = None
-    for row, time in enumerate(rows[:, 0].tolist()):
+    for row, time in enumerate(states[:, 0].tolist()):
         read_states(system.bodies, table, row, state.x, state.p, state.v, state.w)
         state.time[0], before = time, float(state.time[0])
         if system.scalar is None:
@@ -111,7 +109,7 @@ def _follow(system: System, state: State, rows: np.ndarray) -> None:
         last = rate
 
 
-def _prepared(system: System, state: State):  # type: ignore[no-untyped-def]
+def _prepared(system: System, state: State) -> SystemWorkspace:
     start = new_system_workspace(system, state)
     by_size(evaluate.prepare, moving_count(system.frames))(system, state, start)
     return start
@@ -122,6 +120,3 @@ def _begin_angles(system: System, state: State) -> None:
     if system.forces.signals is not None and system.scalar is not None:
         start = _prepared(system, state)
         signals.begin_angles(system.forces.signals, system.scalar, start.scalar, state.angle)
-
-
-__all__ = ["Places", "Point", "at_start", "at_time", "complete", "is_regular"]

@@ -1,7 +1,9 @@
 """Derivatives of the rates of all constraint equations by the places, at fixed v and W: B.
 
-    coinciding points    g' = v_b + W_b x r_b - v_a - W_a x r_a ,    B = -[W][r] for b, +[W][r] for a
-    scalar equations     g' = sum c S'(q) q' ,                       B = sum c (S' dq'/dq + S'' q' q_q)
+    coinciding points    g' = v_b + W_b x r_b - v_a - W_a x r_a
+                         B = -[W][r] for b, +[W][r] for a
+    scalar equations     g' = sum c S'(q) q'
+                         B = sum c (S' dq'/dq + S'' q' q_q)
 
 Plain Python: a millisecond an equation.
 """
@@ -9,7 +11,8 @@ Plain Python: a millisecond an equation.
 import numpy as np
 
 from msahl.algebra.functions import evaluate as law
-from msahl.analysis.coefficients import coordinate_numbers, skews
+from msahl.analysis.coefficients import skews
+from msahl.analysis.plain_units import coordinate_numbers
 from msahl.elements.constraints import coordinates
 from msahl.elements.constraints.coordinate_jacobians import rate_gradient
 from msahl.elements.constraints.coordinate_kinds import Derivatives

@@ -10,7 +10,7 @@ G_h and N of that of G (both in these coordinates, so N^T M^-1-weighted G^T = 0)
     y = (eta, zeta, ds)
 
 Multipliers drop out, since N^T G^T = 0, and redundant constraints do no harm. Coordinates are seen
-in axes that turn with the angular velocity w, in which a steady motion has constant coefficients:
+in axes that rotate with the angular velocity w, in which a steady motion has constant coefficients:
 T is then W x - w x.
 """
 
@@ -57,15 +57,15 @@ def linear_system(
     n, s = found.coordinate.size, found.state_rate.size
     L = np.linalg.cholesky(found.mass.toarray())
     back = np.linalg.inv(L).T  # dq = back q~
-    turn = np.kron(np.eye(n // 3), skews(np.zeros((1, 3)) if axes is None else axes[None])[0])
+    rotation = np.kron(np.eye(n // 3), skews(np.zeros((1, 3)) if axes is None else axes[None])[0])
     G = found.constraint.toarray() @ back
     N, inverse = null_space(G)
     N_h = N if found.holonomic.all() else null_space(G[found.holonomic])[0]
     B = rate_by_place @ back
-    drift = L.T @ (found.drift.toarray() - turn) @ back
+    drift = L.T @ (found.drift.toarray() - rotation) @ back
     K, D, S = (
         back.T @ found.by_place.toarray() @ back,
-        back.T @ (found.by_rate.toarray()) @ back - L.T @ turn @ back,
+        back.T @ (found.by_rate.toarray()) @ back - L.T @ rotation @ back,
         back.T @ found.by_state,
     )
     d, r = N_h.shape[1], N.shape[1]

@@ -1,6 +1,6 @@
 """Whether a motion is steady, and in which axes: at rest, straight on, or about a fixed axis.
 
-A motion is steady if there are axes, turning with a constant angular velocity w, in which nothing
+A motion is steady if there are axes, rotating with a constant angular velocity w, in which nothing
 about it changes but places that do not matter:
 
     a = w x v ,  alpha = w x W        of all frames                                     (1)
@@ -93,11 +93,11 @@ def _best_axes(found: Coefficients) -> np.ndarray:
 
 def _residual(found: Coefficients, axes: np.ndarray, constant: bool) -> Equilibrium:
     """Return the residual of equation (1) for one w."""
-    turned = np.cross(axes, found.velocity.reshape(-1, 3)).reshape(-1)
-    force = (found.mass @ (found.acceleration - turned)) / found.length
+    carried = np.cross(axes, found.velocity.reshape(-1, 3)).reshape(-1)
+    force = (found.mass @ (found.acceleration - carried)) / found.length
     largest = max(
         float(np.abs(found.force / found.length).max(initial=0.0)),
-        float(np.abs((found.mass @ turned) / found.length).max(initial=0.0)),
+        float(np.abs((found.mass @ found.acceleration) / found.length).max(initial=0.0)),
     )
     where = int(np.argmax(np.abs(force))) if force.size else 0
     residual = float(np.abs(force[where])) if force.size else 0.0
@@ -112,23 +112,25 @@ def _residual(found: Coefficients, axes: np.ndarray, constant: bool) -> Equilibr
 
 
 def _is_constant(point: Point, found: Coefficients, axes: np.ndarray) -> bool:
-    """Return whether the coefficients are the same, in axes that turn, after a while."""
+    """Return whether the coefficients are the same, in axes that rotate, after a while."""
     spin = np.linalg.norm(_spins(point), axis=1).max(initial=0.0)
     speed = np.abs(point.state.v).max(initial=0.0)
     tau = ANGLE / spin if spin > 0.0 else point.system.frames.length.max() / speed
     later = _later(point, axes, tau)
     after = coefficients(point.system, later)
-    R = np.array(matrix(from_axis_angle(tuple(axes), float(np.linalg.norm(axes)) * tau)))
-    turn = block_array_of(R, found.coordinate.size // 3)
+    R = np.array(matrix(_rotation(axes, tau)))
+    rotation = block_array_of(R, found.coordinate.size // 3)
     points, others = point.system.coincide.a.size, found.holonomic.size
     rows = block_array_of(R, points, others - 3 * points)
     for now, then, left in (
-        (found.mass, after.mass, turn),
-        (found.by_place, after.by_place, turn),
-        (found.by_rate, after.by_rate, turn),
+        (found.mass, after.mass, rotation),
+        (found.by_place, after.by_place, rotation),
+        (found.by_rate, after.by_rate, rotation),
         (found.constraint, after.constraint, rows),
     ):
-        change = left.T @ then @ turn - now
+        if not now.shape[0]:
+            continue
+        change = left.T @ then @ rotation - now
         if abs(change).max() > STEADY * max(abs(now).max(), 1e-300):
             return False
     return True
@@ -138,15 +140,23 @@ def block_array_of(R: np.ndarray, blocks: int, ones: int = 0) -> "csr_array":
     """Return the matrix with ``blocks`` times ``R`` and then ``ones`` ones on its diagonal."""
     from scipy.sparse import block_diag, csr_array, eye_array, kron
 
-    parts = [kron(eye_array(blocks), R), eye_array(ones)]
-    return csr_array(block_diag([part for part in parts if part.shape[0]], format="csr"))
+    if not blocks:
+        return csr_array(eye_array(ones))
+    return csr_array(block_diag([kron(eye_array(blocks), R), eye_array(ones)], format="csr"))
+
+
+def _rotation(W: np.ndarray, tau: float) -> tuple[float, float, float]:
+    """Parameters of the rotation with the angular velocity ``W`` over the time ``tau``."""
+    size = float(np.linalg.norm(W))
+    x, y, z = W.tolist()
+    return from_axis_angle((x, y, z), size * tau) if size > 0.0 else (0.0, 0.0, 0.0)
 
 
 def _later(point: Point, axes: np.ndarray, tau: float) -> State:
     """Return the state after the time ``tau`` [s] of a steady motion."""
     state, w = point.state, float(np.linalg.norm(axes))
-    p_turn = from_axis_angle(tuple(axes), w * tau) if w > 0.0 else (0.0, 0.0, 0.0)
-    R, K = np.array(matrix(p_turn)), skews(axes[None])[0]
+    p_axes = _rotation(axes, tau)
+    R, K = np.array(matrix(p_axes)), skews(axes[None])[0]
     travel = tau * np.eye(3)
     if w > 0.0:
         theta = w * tau
@@ -154,10 +164,8 @@ def _later(point: Point, axes: np.ndarray, tau: float) -> State:
     x, p, v, force = state.x.copy(), state.p.copy(), state.v.copy(), state.force.copy()
     for b in range(len(x) - 1):
         own = np.array(matrix(at(state.p, b)))
-        relative = own @ state.w[b] - axes
-        size = float(np.linalg.norm(relative))
-        step = from_axis_angle(tuple(relative), size * tau) if size > 0.0 else (0.0, 0.0, 0.0)
-        p[b] = compose(p_turn, compose(step, at(state.p, b)))
+        step = _rotation(own @ state.w[b] - axes, tau)
+        p[b] = compose(p_axes, compose(step, at(state.p, b)))
         x[b] = state.x[b] + travel @ state.v[b]
         v[b] = R @ state.v[b]
     points = point.system.coincide.a.size
