@@ -29,6 +29,7 @@ ORDER = (
     "analysis",
     "post",
     "study",
+    "api",
     "cli",
 )
 """Packages from the bottom to the top: each may import those before it."""
