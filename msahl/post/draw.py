@@ -152,7 +152,7 @@ def legend(figure: Figure, axes: Axes) -> None:
 
 
 def _shortened(name: str) -> str:
-    """Return a name of at most ``LONGEST_NAME`` characters: a longer one leaves no room to draw."""
+    """Return a name of at most ``LONGEST_NAME`` characters: a longer one would leave no space for curves."""
     return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 3]}..."
 
 

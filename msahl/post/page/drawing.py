@@ -1,4 +1,4 @@
-"""Turn figures of matplotlib into SVG elements that take the colours of their page."""
+"""Convert figures of matplotlib to SVG elements that take the colours of their page."""
 
 import re
 
