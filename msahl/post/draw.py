@@ -152,7 +152,7 @@ def legend(figure: Figure, axes: Axes) -> None:
 
 
 def _shortened(name: str) -> str:
-    """Return a name of at most ``LONGEST_NAME`` characters: a longer one would leave no space for curves."""
+    """Return a name, cut to ``LONGEST_NAME`` characters to leave space for the curves."""
     return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 3]}..."
 
 
