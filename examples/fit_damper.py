@@ -1,3 +1,5 @@
+"""Fit a spring and a damper to a measured curve: a script in cells, for an editor or a notebook."""
+
 # %% [markdown]
 # # Fit a spring and a damper to a measured curve
 #
