@@ -33,7 +33,7 @@ SWEEP_STEPS := 0.1 0.04 0.01 0.004 0.002
 SWEEP_RUNS := $(foreach d,$(SWEEP_DECKS),$(foreach h,$(SWEEP_STEPS),$(SWEEP)/$(d)/$(h)/states.csv))
 
 .PHONY: help run test test-slow test-numba kernels wheel coverage mutate fuzz lint regress regress-update sweep \
-  bench thesis validation convergence stability error-table docs examples clean
+  bench thesis validation convergence stability error-table docs examples web clean
 .DELETE_ON_ERROR:
 
 help:
@@ -58,6 +58,7 @@ help:
 	@echo 'make convergence     repeat the experiment on the convergence errors of the thesis'
 	@echo 'make docs            build the documentation site in $(SITE)'
 	@echo 'make examples        run all decks and draw their pictures for the documentation'
+	@echo 'make web             build the JavaScript libraries of the pages again and compare them (needs node)'
 	@echo 'make clean           remove results and build products, but keep .venv'
 
 run: .venv/installed
@@ -176,6 +177,13 @@ docs: .venv/documented
 
 examples: .venv/documented
 	$(BIN)/python -m tools.docs.pictures
+
+# The bundles in msahl/post/web come from the packages of tools/web/package-lock.json; to change them,
+# edit package.json there and run node build.mjs.
+web:
+	@if command -v npm > /dev/null; then \
+	  cd tools/web && npm ci --silent && node build.mjs --check; \
+	else echo 'make web: node is not installed; the bundles were not compared'; fi
 
 clean:
 	rm -rf $(RESULTS) .coverage build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
