@@ -6,12 +6,14 @@ column has a panel of its own, and every run a colour.
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from msahl.post.draw import MOST_IN_LEGEND, folded, looks, plain, thinned
+from msahl.post.draw import COLOURS, LINES, MOST_IN_LEGEND, folded, looks, plain, thinned
 from msahl.post.quantities import POSITION, grouped, matching, quantity, series
 from msahl.printable import shown_path
 from msahl.results.read import ResultError, Run
@@ -23,6 +25,8 @@ ONE_COLUMN = 4
 MOST_IN_PANEL = 6
 """Columns of one quantity that share a panel; more are spread over panels by their names."""
 TITLE_WIDTH = 80
+NEGLIGIBLE = 1e-9
+"""Columns below this fraction of the largest of their quantity have no curve; the title says so."""
 
 
 def histories(runs: Sequence[Run], patterns: Sequence[str]) -> tuple[str, Figure]:
@@ -31,7 +35,7 @@ def histories(runs: Sequence[Run], patterns: Sequence[str]) -> tuple[str, Figure
     Several runs need not have the same output times, only the same columns. Raises ``ResultError``
     if there is no such column, or there are too many.
     """
-    columns = matching(runs[0], patterns)
+    columns, zeros = _without_zeros(runs, matching(runs[0], patterns))
     panels = _panels(runs, columns)
     if len(panels) > MOST_PANELS:
         raise ResultError(
@@ -39,7 +43,8 @@ def histories(runs: Sequence[Run], patterns: Sequence[str]) -> tuple[str, Figure
             f"{MOST_PANELS} fit in a figure: choose fewer columns"
         )
     labels = run_labels(runs)
-    figure, all_axes = _grid(len(panels), title(runs, "histories"))
+    note = f"\n(zero or nearly so: {', '.join(zeros)})" if zeros else ""
+    figure, all_axes = _grid(len(panels), title(runs, "histories") + note)
     for axes, (label, names) in zip(all_axes, panels, strict=True):
         several = len(runs) > 1
         named = [
@@ -47,7 +52,8 @@ def histories(runs: Sequence[Run], patterns: Sequence[str]) -> tuple[str, Figure
             for k, run in enumerate(runs)
             for name in names
         ]
-        for (text, run, name), look in zip(named, looks(), strict=False):
+        styles = _looks_of_runs(len(runs)) if several else looks()
+        for (text, run, name), look in zip(named, styles, strict=False):
             axes.plot(*thinned(*series(run, name)), label=plain(text), **look)
         axes.set_ylabel(label)
         if len(runs) == 1:
@@ -55,6 +61,20 @@ def histories(runs: Sequence[Run], patterns: Sequence[str]) -> tuple[str, Figure
     if len(runs) > 1:
         _legend_of_runs(figure, all_axes[0])
     return "columns", figure
+
+
+def _without_zeros(runs: Sequence[Run], columns: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the columns to draw, and those that are not because they are zero in all runs, or
+    nearly so beside others of the same quantity; all are drawn if no others are left."""
+    largest = {c: max(float(np.abs(series(run, c)[1]).max()) for run in runs) for c in columns}
+    zeros = [
+        name
+        for names in grouped(columns, runs[0].model).values()
+        for name in names
+        if largest[name] <= NEGLIGIBLE * max(largest[other] for other in names)
+    ]
+    left = [name for name in columns if name not in zeros]
+    return (left, zeros) if left else (list(columns), [])
 
 
 def phase(runs: Sequence[Run], abscissa: str, ordinate: str) -> tuple[str, Figure]:
@@ -65,7 +85,7 @@ def phase(runs: Sequence[Run], abscissa: str, ordinate: str) -> tuple[str, Figur
     labels = run_labels(runs)
     quantities = [quantity(name, runs[0].model) for name in (abscissa, ordinate)]
     figure, (axes,) = _grid(1, title(runs, "phase plot"), height=5.4)
-    for k, (run, look) in enumerate(zip(runs, looks(), strict=False)):
+    for k, (run, look) in enumerate(zip(runs, _looks_of_runs(len(runs)), strict=True)):
         (_, across), (_, up) = series(run, abscissa), series(run, ordinate)
         if len(across) != len(up):
             raise ResultError(
@@ -93,6 +113,14 @@ def run_labels(runs: Sequence[Run]) -> list[str]:
     while len({each[: shared + 1] for each in parts}) == 1 and shared + 1 < min(map(len, parts)):
         shared += 1
     return ["/".join(each[shared:]) for each in parts]
+
+
+def _looks_of_runs(count: int) -> list[dict[str, Any]]:
+    """Return a look for each run: equal curves remain visible through each other's gaps."""
+    return [
+        {"color": COLOURS[k % len(COLOURS)], "linestyle": LINES[k % len(LINES)]}
+        for k in range(count)
+    ]
 
 
 def _panels(runs: Sequence[Run], columns: Sequence[str]) -> list[tuple[str, list[str]]]:

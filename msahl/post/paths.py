@@ -50,7 +50,11 @@ def paths(runs: Sequence[Run], bodies: Sequence[str], plane: str = "") -> tuple[
 def paths_in_space(runs: Sequence[Run], bodies: Sequence[str]) -> tuple[str, Figure]:
     """Draw the paths of ``bodies`` in three dimensions, at equal scales, gravity down."""
     tracks = list(_tracks(runs, bodies))
-    figure = Figure(figsize=(8.0, 6.3))
+    spans = np.ptp(np.concatenate([points for points, _, _ in tracks]), axis=0)
+    vertical = vertical_axis(runs[0])
+    # A flat box needs less height.
+    tall = min(1.0, float(spans[vertical] / max(spans.max(), 1e-300)))
+    figure = Figure(figsize=(8.0, 4.0 + 2.5 * tall))
     FigureCanvasAgg(figure)
     axes = figure.add_subplot(projection="3d")
     assert isinstance(axes, Axes3D)
@@ -58,12 +62,14 @@ def paths_in_space(runs: Sequence[Run], bodies: Sequence[str]) -> tuple[str, Fig
         shown = points[:: max(1, len(points) // POINTS)]
         (line,) = axes.plot(*shown.T, label=plain(label), **look)
         axes.plot(*points[:1].T, "o", color=line.get_color(), markersize=5)
-    axes.set_aspect("equal")
-    vertical = vertical_axis(runs[0])
+    limits = np.array([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()])
+    ranges = np.ptp(limits, axis=1)
+    axes.set_box_aspect(np.maximum(ranges, 1e-3 * ranges.max()), zoom=1.25)
     axes.view_init(ELEVATION, AZIMUTH, vertical_axis=AXES[vertical])
     if runs[0].model.gravity[vertical] > 0.0:
         getattr(axes, f"invert_{AXES[vertical]}axis")()
-    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    for name in AXES:
+        getattr(axes, f"set_{name}label")(f"{name} [m]", labelpad=9.0)
     axes.locator_params(nbins=5)
     figure.suptitle(
         plain(folded(title(runs, "paths (dot: start)"), 80)), x=0.01, ha="left", size=11

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -28,6 +29,8 @@ run; else for the time of the instants."""
 TIP_UP = 6
 """The library's marker of a triangle with its tip at the point."""
 COILS = 6
+SMALL = 0.02
+"""Size of an outline, relative to the picture, below which a dot is drawn as well."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,7 @@ def lacks_motion(run: Run) -> str:
     """Say why there is no picture of the linkage; empty if there is one."""
     motion = Motion.of(build_scene(run.model), run.states)
     frame, _ = view(motion)
-    return "" if moves(motion, frame) else "the bodies do not move, or along one line only"
+    return "" if moves(motion, frame) else "the bodies move little, or along one line only"
 
 
 def draw_linkage(
@@ -90,13 +93,13 @@ def draw_linkage(
     shades = np.linspace(LIGHTEST, 1.0, len(chosen)) if len(chosen) > 1 else [1.0]
     _draw_paths(axes, motion, frame, chosen, look)
     _draw_guides(axes, motion, frame, int(chosen[-1]), look)
+    size = float(np.ptp(motion.corners().reshape(-1, 3) @ frame.T, axis=0).max())
     for number, (shade, k) in enumerate(zip(shades, chosen, strict=True)):
+        pen = Pen(float(shade), number, k == chosen[-1], size)
         for index, part in enumerate(motion.parts):
             if look.draws(index):
                 # Later instants lie above earlier ones.
-                _draw_body(
-                    axes, _in_picture(motion, index, part, k, frame), index, shade, number, look
-                )
+                _draw_body(axes, _in_picture(motion, index, part, k, frame), index, pen, look)
     _draw_springs(axes, motion, frame, int(chosen[-1]), look)
     if len(motion.ground):
         points = motion.ground @ frame.T
@@ -110,12 +113,24 @@ def draw_linkage(
     axes.margins(0.08)
 
 
+@dataclass(frozen=True)
+class Pen:
+    """How an instant is drawn: opacity, its place in the order, whether it is the last one, and
+    the ``size`` of the picture [m]."""
+
+    shade: float
+    order: int
+    last: bool
+    size: float
+
+
 @dataclass
 class Flat:
-    """The parts of one body in the picture: lines, outlines and dots, each (n, 2)."""
+    """The parts of one body in the picture: lines, outlines, spokes and dots, each (n, 2)."""
 
     lines: list[np.ndarray]
     faces: list[np.ndarray]
+    spokes: list[np.ndarray]
     dots: list[np.ndarray]
 
 
@@ -126,19 +141,27 @@ def _in_picture(motion: Motion, body: int, part: Parts, k: int, frame: np.ndarra
     return Flat(
         [flat(line) for line in part.lines],
         [outline(flat(face)) for face in part.faces],
+        [flat(line) for line in part.spokes],
         [flat(dot) for dot in part.dots],
     )
 
 
-def _draw_body(axes: Axes, flat: Flat, index: int, shade: float, order: int, look: Look) -> None:
+def _draw_body(axes: Axes, flat: Flat, index: int, pen: "Pen", look: Look) -> None:
     """Draw one body at one instant."""
-    colour, above = COLOURS[index % len(COLOURS)], 10 + order
+    colour, above, shade = COLOURS[index % len(COLOURS)], 10 + pen.order, pen.shade
     for face in flat.faces:
+        if np.ptp(face, axis=0).max() < SMALL * pen.size:
+            axes.plot(
+                *face.mean(axis=0), "o", color=colour, ms=look.pin, alpha=shade, mew=0, zorder=above
+            )
         if len(face) > 2:
-            style = {"facecolor": colour, "edgecolor": "none", "alpha": 0.3 * shade}
+            # Outlines of earlier instants hide little of each other.
+            style = {"facecolor": colour, "edgecolor": "none", "alpha": 0.3 if pen.last else 0.06}
             axes.add_patch(Polygon(face, closed=True, zorder=above, **style))
         closed = np.concatenate([face, face[:1]])
         axes.plot(*closed.T, color=colour, lw=0.5 * look.width, alpha=shade, zorder=above)
+    for line in flat.spokes:
+        axes.plot(*line.T, color=colour, lw=0.5 * look.width, alpha=shade, zorder=above)
     for line in flat.lines:
         axes.plot(
             *line.T, color=colour, lw=look.width, alpha=shade, solid_capstyle="round", zorder=above
@@ -220,15 +243,19 @@ def _label(axes: Axes, motion: Motion, frame: np.ndarray, k: int, look: Look) ->
         points = points if len(points) else np.array([motion.scene["bodies"][index]["centre"]])
         middles.append(motion.placed(index, points, k).mean(axis=0) @ frame.T)
     centre = np.mean(middles, axis=0)
+    near = 0.05 * float(np.ptp(motion.corners().reshape(-1, 3) @ frame.T, axis=0).max())
     for index, middle in enumerate(middles):
         if not look.draws(index):
             continue
         away = middle - centre
         away = away / max(float(np.hypot(*away)), 1e-300)
+        shift = 1.2 * look.letters
+        # Names of bodies at the same place stand below each other.
+        below = sum(np.hypot(*(middle - other)) < near for other in middles[:index])
         axes.annotate(
             plain(motion.scene["bodies"][index]["name"]),
             middle,
-            xytext=1.2 * look.letters * away,
+            xytext=(shift * float(away[0]), shift * float(away[1] - below)),
             textcoords="offset points",
             ha="left" if away[0] > 0.3 else "right" if away[0] < -0.3 else "center",
             va="bottom" if away[1] > 0.0 else "top",
@@ -243,7 +270,7 @@ def _triad(axes: Axes, frame: np.ndarray) -> None:
     """Draw the directions of x, y and z in a corner of an oblique view."""
     for axis, name in enumerate("xyz"):
         arrow = {"arrowstyle": "<|-", "color": "0.4", "shrinkA": 0, "shrinkB": 0}
-        tip = 26.0 * frame[:, axis]
+        tip = (26.0 * float(frame[0, axis]), 26.0 * float(frame[1, axis]))
         axes.annotate(
             name, (0.07, 0.09), xytext=tip, xycoords="axes fraction", textcoords="offset points",
             ha="center", va="center", color="0.3", arrowprops=arrow,
@@ -258,6 +285,6 @@ def _scale(axes: Axes) -> None:
     power = 10.0 ** np.floor(np.log10(exact))
     length = power * max(step for step in (1.0, 2.0, 5.0) if step * power <= exact)
     share = length / width
-    bar = {"transform": axes.transAxes, "color": "0.3"}
+    bar: dict[str, Any] = {"transform": axes.transAxes, "color": "0.3"}
     axes.plot([0.97 - share, 0.97], [0.03, 0.03], lw=2.0, clip_on=False, **bar)
     axes.text(0.97 - 0.5 * share, 0.045, f"{length:g} m", ha="center", **bar)

@@ -18,8 +18,9 @@ FLAT = 0.05
 """Extent in a direction, relative to the largest one, below which a motion is planar."""
 REACHED = 0.97
 """Part of the whole extent at which the first sweep of a motion ends."""
-STILL = 1e-3
-"""Largest displacement, relative to the size of the picture, of a mechanism that does not move."""
+STILL = 0.02
+"""Displacement, relative to the size of the picture, that is too small to be seen; likewise the
+size of a mechanism that moves far."""
 SAMPLES = 2000
 """Most output times that are looked at."""
 ELEVATION = np.radians(20.0)
@@ -63,6 +64,14 @@ class Motion:
         """Return the paths (m, n, 3) of points (n, 3) of a body in inertial axes."""
         return self.origins[:, body, None] + np.einsum("tij,kj->tki", self.frames[:, body], points)
 
+    def skeleton(self) -> np.ndarray:
+        """Return the points (n, 3) of joints, springs and mass centres at all times."""
+        found = [self.ground]
+        for i, part in enumerate(self.parts):
+            points = np.concatenate([part.skeleton(), [self.scene["bodies"][i]["centre"]]])
+            found.append(self.paths(i, points).reshape(-1, 3))
+        return np.concatenate(found)
+
     def corners(self) -> np.ndarray:
         """Return the paths (m, n, 3) of all points that are drawn of all bodies."""
         each = [self.paths(i, _few(part.points())) for i, part in enumerate(self.parts)]
@@ -78,12 +87,7 @@ def view(motion: Motion, plane: str = "") -> tuple[np.ndarray, str]:
     """Return the view (2, 3): unit vectors to the right and up, and the plane, such as "xz"; ""
     for an oblique one."""
     corners = np.concatenate([motion.corners().reshape(-1, 3), motion.ground])
-    if not plane:
-        extent = np.ptp(corners, axis=0)
-        flat = int(np.argmin(extent))
-        # Of a motion along a line, both planes through it show the same.
-        if extent[flat] <= FLAT * extent.max():
-            plane = "xyz".replace("xyz"[flat], "")
+    plane = plane or _plane(motion)
     up = np.array(motion.scene["up"])
     if plane:
         across, above = ("xyz".index(c) for c in plane)
@@ -96,6 +100,24 @@ def view(motion: Motion, plane: str = "") -> tuple[np.ndarray, str]:
     return max(
         frames, key=lambda frame: _area(corners[:: max(1, len(corners) // 3000)] @ frame.T)
     ), ""
+
+
+def _plane(motion: Motion) -> str:
+    """Return the plane of a planar motion; "" of a spatial one.
+
+    Every body rotates about the normal only, and joints and mass centres extend little along it.
+    """
+    points = motion.skeleton()
+    extent = np.ptp(points, axis=0)
+    # R_t R_0^T n = n: what a rotation about n leaves.
+    relative = motion.frames @ np.swapaxes(motion.frames[:1], 2, 3)
+    fixed = [float(np.abs(relative[..., a] - np.eye(3)[a]).max()) < FLAT for a in range(3)]
+    normal = motion.scene["normal"]
+    for axis in sorted(range(3), key=lambda a: (extent[a] > FLAT * extent.max(), a != 1)):
+        along_normal = normal is not None and abs(normal[axis]) > 1.0 - FLAT
+        if fixed[axis] and (along_normal or extent[axis] <= FLAT * extent.max()):
+            return "xyz".replace("xyz"[axis], "")
+    return ""
 
 
 def _oblique(up: np.ndarray, azimuth: float) -> np.ndarray:
@@ -119,7 +141,9 @@ def moves(motion: Motion, frame: np.ndarray) -> bool:
     corners = motion.corners()
     moved = float(np.ptp(corners, axis=0).max())
     extent = np.ptp(np.concatenate([corners.reshape(-1, 3), motion.ground]) @ frame.T, axis=0)
-    return bool(moved > max(STILL * extent.max(), 1e-9) and extent.min() > 0.03 * extent.max())
+    far = len(motion.parts) > 1 and motion.scene["size"] < STILL * extent.max()
+    seen = moved > max(STILL * extent.max(), 1e-9) and extent.min() > 0.03 * extent.max()
+    return bool(seen and not far)
 
 
 def instants(motion: Motion, count: int) -> np.ndarray:

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from msahl.post.scene.geometry import half_box, rotation
+from msahl.post.scene.geometry import along, half_box, quaternion, rotation
+from msahl.post.scene.geometry import shape as derived_shape
 
 GROUND = -1
 RIM = np.linspace(0.0, 2.0 * np.pi, 41)
@@ -20,24 +21,46 @@ NEAR = 1e-6
 ROD = 0.75
 """A body with one joint is a rod if the joint is at least so far from the mass centre, relative to
 the distance from there to the surface."""
+BEYOND = 1.15
+"""Distance of a mass centre from the middle of the body's points from which it is drawn, relative
+to the largest such distance of these points."""
+
+BLOCK = 0.07
+"""Width of the block of a joint that slides, relative to the size of the model."""
 
 Scene = dict[str, Any]
+Slide = tuple[dict[str, Any], str]
+"""A joint of a scene, and "parent" or "child"."""
 
 
 @dataclass
 class Parts:
     """What is drawn of one body, in its axes [m]: ``lines`` (n, 3); ``faces``, points (n, 3) whose
-    outline in the picture is filled; ``pins`` (n, 3), points of joints; ``dots``, mass centres."""
+    outline in the picture is filled; ``spokes`` (2, 3), thin lines that show the rotation of round
+    faces; ``dots``, mass centres; ``pins`` (n, 3), points of joints; ``places`` (n, 3), those of
+    joints and springs."""
 
     lines: list[np.ndarray] = field(default_factory=list)
     faces: list[np.ndarray] = field(default_factory=list)
+    spokes: list[np.ndarray] = field(default_factory=list)
     pins: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     dots: list[np.ndarray] = field(default_factory=list)
     places: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
 
     def points(self) -> np.ndarray:
         """Return all points (n, 3)."""
-        return np.concatenate([*self.lines, *self.faces, self.places, np.zeros((0, 3))])
+        return np.concatenate([*self.lines, *self.faces, *self.spokes, self.places])
+
+    def skeleton(self) -> np.ndarray:
+        """Return the points (n, 3) of joints, springs, lines and mass centres."""
+        return np.concatenate([*self.lines, *map(np.atleast_2d, self.dots), self.places])
+
+    def add_shapes(self, shapes: Iterable[dict[str, Any]]) -> None:
+        """Add the outlines of shapes, and spokes of round ones."""
+        for shape in shapes:
+            self.faces.append(surface(shape))
+            if shape["kind"] in ("cylinder", "disc", "sphere", "capsule", "cone"):
+                self.spokes.append(spoke(shape))
 
 
 def parts_of(scene: Scene) -> list[Parts]:
@@ -48,10 +71,31 @@ def parts_of(scene: Scene) -> list[Parts]:
         for joint in scene["joints"]
         if any(name.lower().endswith("radius") for name in joint["parameters"])
     } - {GROUND}
-    return [
-        _body(body, pins[index], places[index], scene["size"], index in rolling)
-        for index, body in enumerate(scene["bodies"])
-    ]
+    found = []
+    for index, body in enumerate(scene["bodies"]):
+        parts = Parts(
+            pins=distinct(pins[index], scene["size"]), places=distinct(places[index], scene["size"])
+        )
+        _fill(parts, body, _slides(scene, index), scene["size"], index in rolling)
+        found.append(parts)
+    return found
+
+
+def _slides(scene: Scene, index: int) -> list[Slide]:
+    """Return the joints along which a body slides, with the end that it is on."""
+    found = []
+    for joint in scene["joints"]:
+        side = "parent" if joint["child"] == GROUND else "child"
+        if joint["glyph"] in ("slide", "cylinder", "screw") and joint[side] == index:
+            found.append((joint, side))
+    return found
+
+
+def _block(joint: dict[str, Any], side: str, size: float) -> dict[str, Any]:
+    """Return the block of a joint that slides, along its axis."""
+    axis = joint["axis"] if side == "parent" else joint["childAxis"]
+    lengths = size * np.array([BLOCK, BLOCK, 1.7 * BLOCK])
+    return derived_shape("box", lengths, joint[f"{side}Point"], quaternion(along(axis)))
 
 
 def ground_points(scene: Scene) -> np.ndarray:
@@ -84,26 +128,38 @@ def distinct(points: Iterable[Sequence[float]], size: float) -> np.ndarray:
     return np.array(found) if found else np.zeros((0, 3))
 
 
-def _body(
-    body: dict[str, Any], pins: Sequence[Any], places: Sequence[Any], size: float, rolling: bool
-) -> Parts:
-    """Return the parts of one body."""
-    parts = Parts(pins=distinct(pins, size), places=distinct(places, size))
+def _fill(
+    parts: Parts, body: dict[str, Any], slides: Sequence[Slide], size: float, rolling: bool
+) -> None:
+    """Add what is drawn of a body to its points of joints and springs."""
     centre = np.array(body["centre"])
     given = [shape for shape in body["shapes"] if not shape["derived"]]
     solids = [shape for shape in body["shapes"] if shape["derived"] and shape["kind"] != "rod"]
     if given or rolling:
-        parts.faces = [surface(shape) for shape in given or solids]
-        return parts
+        parts.add_shapes(given or solids)
+        return
+    if slides:
+        solids = [_block(joint, side, size) for joint, side in slides]
+        parts.faces = [surface(block) for block in solids]
     if len(parts.places) == 0:
-        parts.faces = [surface(shape) for shape in solids]
+        parts.add_shapes(solids)
     elif len(parts.places) == 1:
-        _add_hanging(parts, centre, solids, size)
-    elif len(parts.places) == 2:
-        parts.lines.append(parts.places)
+        _add_hanging(parts, centre, [] if slides else solids, size)
     else:
-        parts.faces.append(parts.places)
-    return parts
+        (parts.lines if len(parts.places) == 2 else parts.faces).append(parts.places)
+        _add_overhang(parts, centre)
+
+
+def _add_overhang(parts: Parts, centre: np.ndarray) -> None:
+    """Add the line to a mass centre that is far beyond the points of joints and springs."""
+    apart = np.linalg.norm(parts.places - centre, axis=1)
+    middle = parts.places.mean(axis=0)
+    if (
+        np.linalg.norm(centre - middle)
+        > BEYOND * np.linalg.norm(parts.places - middle, axis=1).max()
+    ):
+        parts.lines.append(np.array([parts.places[apart.argmin()], centre]))
+        parts.dots.append(centre)
 
 
 def _add_hanging(
@@ -115,14 +171,14 @@ def _add_hanging(
     length = float(np.linalg.norm(arm))
     reach = max((_reach(shape, arm / length) for shape in solids), default=0.0) if length else 0.0
     if length <= NEAR * size:
-        parts.faces += [surface(shape) for shape in solids]
+        parts.add_shapes(solids)
     elif ROD * reach <= length <= reach / ROD:
         parts.lines.append(np.array([pin, centre + arm * reach / length]))
     else:
         parts.lines.append(np.array([pin, centre]))
         parts.dots.append(centre)
         if reach < length:
-            parts.faces += [surface(shape) for shape in solids]
+            parts.add_shapes(solids)
 
 
 def _reach(shape: dict[str, Any], direction: np.ndarray) -> float:
@@ -136,6 +192,15 @@ def surface(shape: dict[str, Any]) -> np.ndarray:
     direction: corners, rims, or circles about a sphere."""
     points = _local(shape)
     return np.asarray(points @ rotation(shape["orientation"]).T + np.array(shape["position"]))
+
+
+def spoke(shape: dict[str, Any]) -> np.ndarray:
+    """Return a line (2, 3) from the middle of a round shape's end to its rim, body axes."""
+    height = 0.0 if shape["kind"] == "sphere" else 0.5 * shape["size"][1]
+    if shape["kind"] == "cone":
+        height = -height
+    line = np.array([[0.0, 0.0, height], [shape["size"][0], 0.0, height]])
+    return np.asarray(line @ rotation(shape["orientation"]).T + np.array(shape["position"]))
 
 
 def _local(shape: dict[str, Any]) -> np.ndarray:
