@@ -1,4 +1,4 @@
-"""Draw a run: linkage, paths, estimated error, energy, virtual work, constraint violation, reactions."""
+"""Draw a run: linkage, paths, error, energy, virtual work, constraint violation, reactions."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass

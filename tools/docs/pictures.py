@@ -25,7 +25,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
 
-from msahl.deck.read import read_deck
+from msahl.deck import read_deck
 from msahl.model.model import Model
 from msahl.post.linkage.draw import Look, draw_linkage
 from msahl.post.linkage.motion import Motion, instants, moves, view
