@@ -116,7 +116,7 @@ def run_labels(runs: Sequence[Run]) -> list[str]:
 
 
 def _looks_of_runs(count: int) -> list[dict[str, Any]]:
-    """Return a look for each run: equal curves remain visible through each other's gaps."""
+    """Return a look for each run: equal curves remain visible through broken lines."""
     return [
         {"color": COLOURS[k % len(COLOURS)], "linestyle": LINES[k % len(LINES)]}
         for k in range(count)

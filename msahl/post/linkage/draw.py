@@ -24,7 +24,7 @@ LIGHTEST = 0.22
 MOST_LABELS = 10
 """Bodies up to which each has its name beside it."""
 LONGEST_PATH = 25.0
-"""Length of a path, relative to the extent of the picture, up to which it is drawn for the whole
+"""Length of a path, relative to the extent of the picture, up to which it is drawn for the complete
 run; else for the time of the instants."""
 TIP_UP = 6
 """The library's marker of a triangle with its tip at the point."""
@@ -200,8 +200,8 @@ def _draw_guides(axes: Axes, motion: Motion, frame: np.ndarray, k: int, look: Lo
             axis = motion.frames[k, joint["parent"]] @ axis
         else:
             slides = (child - ends[0]) @ axis
-        room = 0.06 * motion.scene["size"]
-        along = np.array([slides.min() - room, slides.max() + room])[:, None] * axis
+        margin = 0.06 * motion.scene["size"]
+        along = np.array([slides.min() - margin, slides.max() + margin])[:, None] * axis
         line = (ends + along) @ frame.T
         axes.plot(*line.T, color="0.45", lw=0.4 * look.width, ls=(0, (8, 3, 2, 3)), zorder=3)
 

@@ -2,7 +2,7 @@
 
 The view is along an axis if the motion is planar, with gravity pointing down; else oblique, from
 the side on which the picture is largest. Instants divide the motion from t = 0 until it has reached
-nearly its whole extent (half a period of a pendulum, one revolution of a crank) into equal parts of
+nearly its full extent (half a period of a pendulum, one revolution of a crank) into equal parts of
 its path, not of time, so that bodies at rest are not drawn on top of each other.
 """
 
@@ -17,7 +17,7 @@ from msahl.post.linkage.parts import GROUND, Parts, Scene, ground_points, outlin
 FLAT = 0.05
 """Extent in a direction, relative to the largest one, below which a motion is planar."""
 REACHED = 0.97
-"""Part of the whole extent at which the first sweep of a motion ends."""
+"""Part of the full extent at which the first sweep of a motion ends."""
 STILL = 0.02
 """Displacement, relative to the size of the picture, that is too small to be seen; likewise the
 size of a mechanism that moves far."""
@@ -161,7 +161,7 @@ def instants(motion: Motion, count: int) -> np.ndarray:
 def _end_of_sweep(corners: np.ndarray) -> int:
     """Return the index of the output time at which the box around the paths is nearly complete."""
     span = np.maximum.accumulate(corners, axis=0) - np.minimum.accumulate(corners, axis=0)
-    whole = span[-1].max(axis=0)
+    full = span[-1].max(axis=0)
     # The path of each point along each axis, weighted by its extent: small ones do not count.
     part = (span * span[-1]).sum(axis=(1, 2)) / max(float((span[-1] ** 2).sum()), 1e-300)
-    return int(np.argmax(part >= REACHED)) if whole.any() else 0
+    return int(np.argmax(part >= REACHED)) if full.any() else 0

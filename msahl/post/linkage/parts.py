@@ -237,13 +237,13 @@ def outline(points: np.ndarray) -> np.ndarray:
     for sequence in (ordered, ordered[::-1]):
         chain: list[tuple[float, ...]] = []
         for p in sequence:
-            while len(chain) > 1 and _turn(chain[-2], chain[-1], p) <= 0.0:
+            while len(chain) > 1 and _double_area(chain[-2], chain[-1], p) <= 0.0:
                 chain.pop()
             chain.append(p)
         halves.append(chain[:-1])
     return np.array(halves[0] + halves[1])
 
 
-def _turn(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> float:
+def _double_area(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> float:
     """Return twice the area of a triangle, positive if counter-clockwise."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

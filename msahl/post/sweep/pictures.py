@@ -264,8 +264,8 @@ def _draw_statistics(axes: Axes, found: Statistics) -> None:
 def _scatter_matrix(sweep: SweepRuns, measures: Sequence[Measured]) -> Picture:
     """Draw every pair of parameters and measures, with histograms on the diagonal."""
     columns = [(p.name, *_abscissa(p)) for p in sweep.varied][: MOST_VARIABLES - 1]
-    room = MOST_VARIABLES - len(columns)
-    columns += [(m.label, m.values, []) for m in measures[:room]]
+    left = MOST_VARIABLES - len(columns)
+    columns += [(m.label, m.values, []) for m in measures[:left]]
     n, k = len(columns), len(sweep.varied)
     lost = ~np.isfinite(np.array([m.values for m in measures])).all(axis=0) if measures else None
     note = f"{sweep.count} points, {int((~sweep.completed).sum())} of them failed (crosses)"

@@ -26,7 +26,7 @@ LOOP = "loop"
 AGAIN = "go on with it: msahl sweep, with the same plan"
 NUMBER = re.compile(r"([-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*(.*)")
 DRAWN = " ~ "
-"""What separates name and distribution in the words of a plan's axis."""
+"""Text between name and distribution in the words of a plan's axis."""
 STATISTICS = ("max", "min", "absmax", "mean", "rms", "range", "final", "initial")
 
 

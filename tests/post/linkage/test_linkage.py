@@ -121,8 +121,8 @@ def test_instants_divide_the_first_sweep_by_its_path():
     chosen = instants(motion, 5)
     angles = amplitude * np.cos(2.0 * math.pi * motion.time[chosen])
     assert angles[0] == pytest.approx(amplitude)
-    # The sweep ends at 97 % of the whole extent; one of 400 rows is at most 0.011 rad.
-    assert angles[-1] == pytest.approx(-amplitude, abs=0.06 * amplitude)
+    # The sweep ends at 97 % of the full extent, 6 % of the amplitude; a row is at most 0.011 rad.
+    assert angles[-1] == pytest.approx(-amplitude, abs=0.08 * amplitude)
     np.testing.assert_allclose(np.diff(angles), np.diff(angles).mean(), atol=0.012)
 
 
@@ -139,5 +139,5 @@ def test_the_picture_of_a_run(tmp_path):
         first = encode(figure, "png")
         assert encode(picture(run)[1], "png") == first
     assert name == "linkage"
-    assert "Conical & <calm>: at t = 0" in figure.axes[0].get_title()
+    assert "Conical & <calm>: at t = 0" in figure.axes[0].get_title(loc="left")
     assert "Bob" in [text.get_text() for text in figure.axes[0].texts]
