@@ -99,7 +99,6 @@ def load_tool(name):
         ("gapRateMax = 1", "gap"),
         ("def turn_of(b):", "turn"),
         ("What is left out", "left out"),
-        ("# the whole scene", "scene"),
         ("return the number of degrees of freedom", None),
         ("return it in turn", None),
         ("    return whole numbers", None),

@@ -55,7 +55,6 @@ MECHANICS = (
 )
 
 TERMS = (
-    Term(r"scenes?", "model (of the deck) or system (assembled)"),
     Term(
         r"turn(s|ed|ing)?",
         "rotation, rotation increment, rotate, revolution",

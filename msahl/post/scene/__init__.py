@@ -1,0 +1,85 @@
+"""Compute the scene of a model: what viewers and exporters draw, as one JSON-able dictionary.
+
+``build_scene(model)`` returns it. SI units throughout; vectors are lists of floats; orientations
+are unit quaternions [w, x, y, z], which take components in the rotated axes to components in the
+axes that they are given in. Bodies are numbered as in ``states.csv``, from 0; every ground is -1,
+and its axes are the inertial ones. A *point* of a body is given from the body's reference point, in
+its axes.
+
+    {
+      "title": str,
+      "bodies": [{
+        "name": str,
+        "pose": [x, y, z, w, x, y, z],       # of reference point and axes, inertial axes, t = 0
+        "centre": [3],                       # mass centre, body axes
+        "mass": float,
+        "colour": "#rrggbb",                 # of its shapes without a colour of their own
+        "shapes": [Shape],
+      }],
+      "ground": {"names": [str], "shapes": [Shape]},
+      "joints": [{                           # joints, then couplings, in the deck's order
+        "name": str,
+        "kind": str,                         # tag of the element in the deck, such as "revolute"
+        "glyph": str,                        # see GLYPHS and COUPLING_GLYPHS in ``glyphs.py``
+        "parent": int, "parentPoint": [3],
+        "child": int, "childPoint": [3],
+        "axis": [3] or null,                 # unit vector, axes of the parent
+        "childAxis": [3] or null,            # unit vector, axes of the child
+        "parameters": {str: float},          # radius, pitch, length, ratio, ... where they have one
+        "joints": [int, int] or null,        # of a coupling: the places of its joints in this list
+      }],
+      "motions": [{
+        "name": str,
+        "joint": int or null, "coordinate": "angle" or "slide" or null,
+        "body": int or null, "point": [3] or null,
+        "direction": [3] or null,            # unit vector, inertial axes
+      }],
+      "springs": [{
+        "name": str,
+        "glyph": "coil" or "bushing" or "torsion",
+        "a": int, "aPoint": [3], "b": int, "bPoint": [3],
+        "joint": int or null,                # of springs along a joint's coordinate
+        "axis": [3] or null,                 # of these: unit vector, axes of a
+      }],
+      "loads": [{                            # all other loads
+        "name": str,
+        "kind": "force" or "drag" or "friction" or "actuator",
+        "body": int or null, "point": [3] or null,
+        "force": [3] or null, "forceBasis": int,    # N; the body in whose axes it is constant
+        "moment": [3] or null, "momentBasis": int,  # N m
+        "varies": bool,                      # whether force and moment are multiplied by a law
+        "joint": int or null, "coordinate": "angle" or "slide" or null,
+        "a": int or null, "aPoint": [3] or null,    # of an actuator between two points
+        "b": int or null, "bPoint": [3] or null,
+      }],
+      "markers": [{"name": str, "body": int, "point": [3], "orientation": [4]}],  # in body axes
+      "sensors": [{"name": str, "kind": "distance" or "angle", "markers": [int, ...]}],
+      "extent": [[3], [3]],                  # least and greatest coordinates at t = 0
+      "size": float,                         # length to which sizes of glyphs are relative
+      "gravity": [3],
+      "up": [3],                             # unit vector against gravity; z without gravity
+      "normal": [3] or null,                 # of a planar mechanism: the direction of all its axes
+    }
+
+    Shape = {
+      "kind": "box" | "cylinder" | "sphere" | "capsule" | "cone" | "rod" | "disc" | "mesh",
+      "size": [float, ...],
+      "position": [3],                       # of its middle, body axes
+      "orientation": [4],                    # its axes, in body axes
+      "colour": "#rrggbb" or null,
+      "derived": bool,                       # from inertia and joints; false: given in the deck
+      "name": str,                           # "" if it has none
+      "vertices": [x, y, z, x, ...],         # of a mesh only: metres, axes of the shape
+      "faces": [i, j, k, i, ...],            # of a mesh only: triangles, counted from 0
+    }
+
+Sizes: box [x, y, z] lengths of edges; sphere [radius]; cylinder, rod, disc [radius, length];
+capsule [radius, length between the centres of its half spheres]; cone [radius of the base, height];
+mesh the lengths of its box. Axes of revolution are along the shape's z, and its middle is the
+origin of the shape's axes; a cone's apex is at z = +height/2. A mesh keeps the origin of its file.
+A rod and a disc are cylinders; the two words say what a derived shape stands for.
+"""
+
+from msahl.post.scene.build import build_scene
+
+__all__ = ["build_scene"]

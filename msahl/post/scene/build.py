@@ -1,0 +1,156 @@
+"""Build the scene of a model from its records; the package's docstring has the format."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from msahl.algebra.rotation_arrays import quaternions
+from msahl.model import Model, RigidBody
+from msahl.post.scene.derived import (
+    ROD_RADIUS,
+    contact_shape,
+    equivalent_solid,
+    inside,
+    links,
+    visible,
+)
+from msahl.post.scene.geometry import Shape, corners, floats, half_box, rotation
+from msahl.post.scene.glyphs import (
+    GROUND,
+    Entry,
+    joint_entries,
+    load_entries,
+    marker_entries,
+    motion_entries,
+    numbers,
+    sensor_entries,
+    spring_entries,
+)
+
+PALETTE = (
+    "#4e79a7", "#f28e2b", "#59a14f", "#e15759", "#76b7b2",
+    "#edc948", "#b07aa1", "#ff9da7", "#9c755f", "#86bcb6",
+)  # fmt: skip
+"""Colours of bodies in turn."""
+PARALLEL = 1e-6
+"""Sine of the angle between axes that count as parallel."""
+
+IN_PLANE = ("rigid", "prismatic", "rackAndPinion", "camFollower")
+"""Kinds of joints that take no part in deciding whether a mechanism is planar."""
+
+
+def build_scene(model: Model, title: str = "") -> dict[str, Any]:
+    """Return the scene of a model at t = 0; its title is that of the simulation, or ``title``."""
+    body = numbers(model)
+    joints = joint_entries(model, body)
+    place = {joint["name"]: index for index, joint in enumerate(joints)}
+    springs = spring_entries(model, body, joints)
+    markers = marker_entries(model, body)
+    poses = [pose(record) for record in model.bodies]
+    points = _points(model, poses, joints, springs, markers)
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    if size == 0.0:  # bodies at one point: their inertia alone has a length
+        size = max(2.0 * float(half_box(equivalent_solid(b)).max()) for b in model.bodies)
+    shapes = derived_shapes(model, joints, size)
+    around = [points, *(_placed(corners(s), poses, b) for b in shapes for s in shapes[b])]
+    corner = np.concatenate(around)
+    return {
+        "title": model.simulation.title or title,
+        "bodies": [
+            {
+                "name": record.name,
+                "pose": poses[index],
+                "centre": floats(record.r_BG),
+                "mass": record.mass,
+                "colour": PALETTE[index % len(PALETTE)],
+                "shapes": shapes[index],
+            }
+            for index, record in enumerate(model.bodies)
+        ],
+        "ground": {"names": [g.name for g in model.grounds], "shapes": shapes[GROUND]},
+        "joints": joints,
+        "motions": motion_entries(model, body, place),
+        "springs": springs,
+        "loads": load_entries(model, body, place),
+        "markers": markers,
+        "sensors": sensor_entries(model),
+        "extent": [floats(corner.min(axis=0)), floats(corner.max(axis=0))],
+        "size": size,
+        "gravity": floats(model.gravity),
+        "up": _up(model),
+        "normal": _normal(joints, poses),
+    }
+
+
+def pose(body: RigidBody) -> list[float]:
+    """Return [x, y, z, w, x, y, z]: a body's reference point and orientation at t = 0."""
+    return floats([*body.position, *quaternions(np.array(body.orientation))])
+
+
+def derived_shapes(model: Model, joints: Sequence[Entry], size: float) -> dict[int, list[Shape]]:
+    """Return the shapes of every body and of the ground that follow from inertia and joints."""
+    body = numbers(model)
+    ends: dict[int, list[list[float]]] = {index: [] for index in range(GROUND, len(model.bodies))}
+    shapes: dict[int, list[Shape]] = {index: [] for index in ends}
+    for joint in joints[: len(model.joints)]:
+        for side in ("parent", "child"):
+            ends[joint[side]].append(joint[f"{side}Point"])
+    for record in model.joints:
+        for side, name in (("parent", record.parent), ("child", record.child)):
+            round_part = contact_shape(record, side)
+            if round_part is not None:
+                shapes[body[name]].append(round_part)
+    for index, record_of_body in enumerate(model.bodies):
+        rods = links(record_of_body.r_BG, ends[index], ROD_RADIUS * size)
+        if not shapes[index]:
+            solid = visible(equivalent_solid(record_of_body), size)
+            shapes[index].append(solid)
+            rods = [rod for rod in rods if not inside(rod, solid)]
+        shapes[index] += rods
+    return shapes
+
+
+def _points(
+    model: Model,
+    poses: Sequence[Sequence[float]],
+    joints: Sequence[Entry],
+    springs: Sequence[Entry],
+    markers: Sequence[Entry],
+) -> np.ndarray:
+    """Return mass centres and the points of all elements (n, 3), inertial axes, t = 0."""
+    given = [(index, body.r_BG) for index, body in enumerate(model.bodies)]
+    for joint in joints:
+        given += [(joint[side], joint[f"{side}Point"]) for side in ("parent", "child")]
+    for spring in springs:
+        given += [(spring[end], spring[f"{end}Point"]) for end in ("a", "b")]
+    given += [(marker["body"], marker["point"]) for marker in markers]
+    return np.array([_placed(np.array(point), poses, index) for index, point in given])
+
+
+def _placed(points: np.ndarray, poses: Sequence[Sequence[float]], index: int) -> np.ndarray:
+    """Return points (..., 3) of a body in inertial axes."""
+    if index == GROUND:
+        return points
+    x, q = np.array(poses[index][:3]), poses[index][3:]
+    return np.asarray(points @ rotation(q).T + x)
+
+
+def _up(model: Model) -> list[float]:
+    g = np.array(model.gravity)
+    return floats(-g / np.sqrt(g @ g)) if g.any() else [0.0, 0.0, 1.0]
+
+
+def _normal(joints: Sequence[Entry], poses: Sequence[Sequence[float]]) -> list[float] | None:
+    """Return the common direction of the axes of all revolute joints, inertial axes, t = 0; None
+    without such joints, if they differ, or if other joints allow motion out of the plane."""
+    found: list[np.ndarray] = []
+    for joint in joints:
+        if joint["kind"] in ("revolute", "gear"):
+            q = [1.0, 0.0, 0.0, 0.0] if joint["parent"] == GROUND else poses[joint["parent"]][3:]
+            found.append(rotation(q) @ joint["axis"])
+        elif joint["kind"] not in IN_PLANE:
+            return None
+    if not found or any(np.linalg.norm(np.cross(found[0], a)) > PARALLEL for a in found):
+        return None
+    return floats(found[0])

@@ -1,0 +1,78 @@
+"""Rotations, boxes and shapes in the form of a scene: lists of floats and unit quaternions."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from msahl.algebra.rotation_arrays import euler_parameters
+
+Shape = dict[str, Any]
+UNTURNED = [1.0, 0.0, 0.0, 0.0]
+
+
+def floats(vector: Iterable[float]) -> list[float]:
+    """Return a vector as plain floats, without minus before zeros."""
+    return [float(value) + 0.0 for value in vector]
+
+
+def quaternion(R: np.ndarray) -> list[float]:
+    """Return [w, x, y, z] of a rotation matrix (3, 3)."""
+    return floats(euler_parameters(R))
+
+
+def rotation(q: Sequence[float]) -> np.ndarray:
+    """Return the matrix (3, 3) of a unit quaternion [w, x, y, z]."""
+    w, v = q[0], np.array(q[1:])
+    K = np.cross(np.eye(3), v)
+    return np.asarray(np.eye(3) + 2.0 * w * K + 2.0 * K @ K)
+
+
+def along(direction: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Return a rotation matrix (3, 3) whose third column is along ``direction``, of any length."""
+    z = np.asarray(direction, dtype=float)
+    z = z / np.sqrt(z @ z)
+    x = np.eye(3)[np.argmin(np.abs(z))]
+    x = x - (x @ z) * z
+    x = x / np.sqrt(x @ x)
+    return np.column_stack([x, np.cross(z, x), z])
+
+
+def shape(
+    kind: str,
+    size: Iterable[float],
+    position: Iterable[float] = (0.0, 0.0, 0.0),
+    orientation: Sequence[float] = UNTURNED,
+) -> Shape:
+    """Return a derived shape: position and orientation [w, x, y, z] in the body's axes."""
+    return {
+        "kind": kind,
+        "size": floats(size),
+        "position": floats(position),
+        "orientation": floats(orientation),
+        "colour": None,
+        "derived": True,
+        "name": "",
+    }
+
+
+def half_box(shape: Shape) -> np.ndarray:
+    """Return half the lengths (3,) of the box around a shape, in the shape's axes."""
+    size, kind = shape["size"], shape["kind"]
+    if kind in ("box", "mesh"):
+        return 0.5 * np.array(size)
+    radius = size[0]
+    if kind == "sphere":
+        return np.full(3, radius)
+    return np.array([radius, radius, 0.5 * size[1] + (radius if kind == "capsule" else 0.0)])
+
+
+def corners(shape: Shape) -> np.ndarray:
+    """Return the corners (8, 3) of the box around a shape, in the axes of its body."""
+    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    middle = np.zeros(3)
+    if shape["kind"] == "mesh":
+        vertices = np.reshape(shape["vertices"], (-1, 3))
+        middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
+    inside = middle + signs * half_box(shape)
+    return np.asarray(inside @ rotation(shape["orientation"]).T + np.array(shape["position"]))
