@@ -2,10 +2,11 @@
 
 from pathlib import Path
 
-from msahl.post.document import Block, Heading, Items, Paragraph, Picture, as_html, as_markdown
+from msahl.post.document import Block, Heading, Items, Paragraph, Picture, as_markdown
 from msahl.post.draw import encode, style
 from msahl.post.figures import Choice, figures
 from msahl.post.metrics import Metrics
+from msahl.post.page.blocks import as_html
 from msahl.post.sentences import (
     describe_constraints,
     describe_energy,

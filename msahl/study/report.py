@@ -15,10 +15,10 @@ from msahl.post.document import (
     Items,
     Paragraph,
     Picture,
-    as_html,
     as_markdown,
 )
 from msahl.post.draw import encode, style
+from msahl.post.page.blocks import as_html
 from msahl.post.table import as_csv
 from msahl.results.write import replace_file
 from msahl.study.command import command_line

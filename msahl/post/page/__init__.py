@@ -1,0 +1,1 @@
+"""One framework for the HTML pages of runs, sweeps and studies, and of the viewer."""

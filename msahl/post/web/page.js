@@ -1,0 +1,37 @@
+// What all pages do: switch light and dark, and show everything when printed.
+const darkSystem = matchMedia("(prefers-color-scheme: dark)");
+
+// Returns whether the page is shown in dark colours.
+export function isDark() {
+  const chosen = document.documentElement.dataset.theme;
+  return chosen ? chosen === "dark" : darkSystem.matches;
+}
+
+// Returns the value of a colour of page.css, such as colourOf("ink").
+export function colourOf(name) {
+  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+}
+
+// Parts that draw on canvases listen to this event of the document and draw again.
+function announceTheme() {
+  document.dispatchEvent(new CustomEvent("msahl-theme"));
+}
+
+
+for (const button of document.querySelectorAll("button.theme")) {
+  button.addEventListener("click", () => {
+    document.documentElement.dataset.theme = isDark() ? "light" : "dark";
+    announceTheme();
+  });
+}
+darkSystem.addEventListener("change", announceTheme);
+
+// Folds that are open only while the page is printed.
+let unfolded = [];
+addEventListener("beforeprint", () => {
+  unfolded = [...document.querySelectorAll("details:not([open])")];
+  for (const part of unfolded) part.open = true;
+});
+addEventListener("afterprint", () => {
+  for (const part of unfolded) part.open = false;
+});
