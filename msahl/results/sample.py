@@ -41,7 +41,7 @@ class Sample:
 
     @property
     def time(self) -> np.ndarray:
-        """Times of the rows [s]."""
+        """Output times that were read [s]."""
         return np.ascontiguousarray(self.tables[STATES][1][:, 0])
 
 
@@ -121,10 +121,9 @@ class _Lines:
             if numbers.shape != (len(rows), len(self.header)):
                 raise ValueError
         except ValueError as error:
-            for row, line in zip(rows, lines.split("\n"), strict=True):
-                if why := unreadable(line, len(self.header)):
-                    raise self._fault(row, why.partition(": ")[2]) from error
-            raise self._fault(rows[0], "not a table of numbers") from error
+            line, _, why = unreadable(lines, len(self.header)).partition(": ")
+            row = rows[int(line) - 2] if why else rows[0]
+            raise self._fault(row, why or "not a table of numbers") from error
         bad = np.argwhere(~np.isfinite(numbers))
         if bad.size:
             row, column = bad[0]

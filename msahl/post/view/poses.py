@@ -30,6 +30,8 @@ LOOSER = 4.0
 """Factor of the tolerance while there are too many key poses."""
 WIDEST = 64
 """Most output times from one key pose to the next."""
+MOST_TIMES = 10_000
+"""Most output times that a page contains; each takes about 4 bytes."""
 BLOCK = 4096
 """Output times that are interpolated at once, to bound the memory."""
 
@@ -55,7 +57,7 @@ class Poses:
 
 @dataclass(frozen=True)
 class KeyPoses:
-    """The rows that are key poses, and the largest errors of the interpolation at all rows: of a
+    """The rows that are key poses, and the largest errors of the interpolation at all output times: of a
     position [m] and of an orientation [rad]."""
 
     rows: np.ndarray
@@ -64,13 +66,13 @@ class KeyPoses:
 
 
 def poses_of_run(sample: Sample) -> Poses:
-    """Return the poses of a run at the rows that were read."""
+    """Return the poses of a run at the output times that were read."""
     _, table = sample.tables[STATES]
     bodies = len(sample.model.bodies)
     states = table[:, 1:].reshape(len(table), bodies, len(STATE_COLUMNS))
     euler = quaternions(states[..., 3:6])
-    turned = (euler[1:] * euler[:-1]).sum(axis=-1) < 0.0
-    signs = np.cumprod(np.where(turned, -1.0, 1.0), axis=0)
+    flipped = (euler[1:] * euler[:-1]).sum(axis=-1) < 0.0
+    signs = np.cumprod(np.where(flipped, -1.0, 1.0), axis=0)
     euler[1:] *= signs[..., None]
     return Poses(sample.time, np.concatenate([states[..., :3], euler], axis=-1))
 
@@ -83,10 +85,10 @@ def choose_keys(poses: Poses, size: float, most: int) -> KeyPoses:
     scale[:, 3:] *= 2.0
     values = (poses.values * scale).reshape(len(poses.time), -1)
     tolerance = TOLERANCE
-    rows = _rows_within(poses.time, values, tolerance)
+    rows = _keys_within(poses.time, values, tolerance)
     while len(rows) > max(most, 2):
         tolerance *= LOOSER
-        rows = _rows_within(poses.time, values, tolerance)
+        rows = _keys_within(poses.time, values, tolerance)
     return KeyPoses(rows, *_errors(poses, rows))
 
 
@@ -108,30 +110,33 @@ def interpolate(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndar
     return result
 
 
-def _rows_within(time: np.ndarray, values: np.ndarray, tolerance: float) -> np.ndarray:
-    """Return rows between which the interpolation is within the tolerance at all rows: intervals
-    are halved, first by the error at their middle, in the end by that at all rows within."""
+def _keys_within(time: np.ndarray, values: np.ndarray, tolerance: float) -> np.ndarray:
+    """Return key poses between which the interpolation is within the tolerance: intervals are
+    halved, first by the error at their middle, in the end by that at all times within."""
     last = len(time) - 1
+    if last < 2:
+        return np.arange(last + 1)
     rows = np.unique(np.append(np.arange(0, last, WIDEST), last))
-    every = False
+    at_all = False
     while True:
-        between = np.arange(len(time)) if every else rows[:-1] + np.diff(rows) // 2
-        bad = between[_differences(time, values, rows, between) > tolerance]
+        middles = rows[:-1] + np.diff(rows) // 2
+        tried = np.arange(len(time)) if at_all else middles
+        bad = tried[_differences(time, values, rows, tried) > tolerance]
         found = np.searchsorted(rows, bad, side="right") - 1
         split = np.unique(found[(found < len(rows) - 1)])
         split = split[rows[split + 1] - rows[split] > 1]
         if split.size:
             rows = np.sort(np.append(rows, (rows[split] + rows[split + 1]) // 2))
-        elif every:
+        elif at_all:
             return rows
         else:
-            every = True
+            at_all = True
 
 
 def _differences(
     time: np.ndarray, values: np.ndarray, rows: np.ndarray, at: np.ndarray
 ) -> np.ndarray:
-    """Return the largest error of each of the rows ``at`` when ``rows`` are the key poses."""
+    """Return the largest error at each of the times ``at`` when ``rows`` are the key poses."""
     keys = values[rows]
     blocks = [at[start : start + BLOCK] for start in range(0, len(at), BLOCK)]
     found = [
@@ -161,7 +166,8 @@ def pack_poses(poses: Poses, rows: np.ndarray) -> dict[str, Any]:
     """Return the key poses as the viewer reads them: rounded to integers, and packed.
 
     A coordinate is ``middle`` + ``lengthUnit`` times its integer [m], an Euler parameter
-    ``eulerUnit`` times its own.
+    ``eulerUnit`` times its own. ``outputs`` are the times to step to, those of all rows unless
+    they are very many; null: those of the key poses.
     """
     middle, reach = poses.middle, poses.reach
     units = (UNIT[0] * (reach or 1.0), UNIT[1])
@@ -174,7 +180,6 @@ def pack_poses(poses: Poses, rows: np.ndarray) -> dict[str, Any]:
         "lengthUnit": units[0],
         "eulerUnit": units[1],
         "time": pack_numbers(poses.time[rows]),
+        "outputs": pack_numbers(poses.time) if len(rows) < len(poses.time) <= MOST_TIMES else None,
         "values": pack_integers(np.rint(values).astype(np.int64).reshape(len(rows), -1)),
     }
-
-

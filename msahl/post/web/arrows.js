@@ -1,7 +1,7 @@
 /* global THREE */
 // Arrows of reactions and loads: their length is proportional to the force or moment at the time.
 
-const COLOURS = { force: "#e8590c", moment: "#7048e8", load: "#099268" };
+const ARROW_COLOURS = { force: "#e8590c", moment: "#7048e8", load: "#099268" };
 
 class Arrow {
   constructor(colour, size, heads, parent) {
@@ -44,7 +44,7 @@ export class Arrows {
     if (columns) model.scene.joints.forEach((joint) => this.addReaction(joint));
     model.scene.loads.forEach((load) => this.addLoad(load));
     this.lengths = {};
-    for (const kind of Object.keys(COLOURS)) this.lengths[kind] = this.largest(kind);
+    for (const kind of Object.keys(ARROW_COLOURS)) this.lengths[kind] = this.largest(kind);
   }
 
   get isEmpty() {
@@ -55,7 +55,7 @@ export class Arrows {
     for (const [letter, kind, heads] of [["F", "force", 1], ["M", "moment", 2]]) {
       const places = ["x", "y", "z"].map((axis) => this.place(`${joint.name}.${letter}${axis}`));
       if (places.includes(undefined)) continue;
-      const arrow = new Arrow(COLOURS[kind], this.model.scene.size, heads, this.root);
+      const arrow = new Arrow(ARROW_COLOURS[kind], this.model.scene.size, heads, this.root);
       this.entries.push({ arrow, kind, places, body: joint.child, point: joint.childPoint });
     }
   }
@@ -63,7 +63,7 @@ export class Arrows {
   addLoad(load) {
     for (const [key, heads] of [["force", 1], ["moment", 2]]) {
       if (load[key] === null || load.body === null) continue;
-      const arrow = new Arrow(COLOURS.load, this.model.scene.size, heads, this.root);
+      const arrow = new Arrow(ARROW_COLOURS.load, this.model.scene.size, heads, this.root);
       const factor = load.varies ? this.place(`${load.name}.factor`) : undefined;
       const vector = new THREE.Vector3(...load[key]);
       // Forces and moments have no common unit: each is drawn relative to itself.

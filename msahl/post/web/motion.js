@@ -25,15 +25,16 @@ export function nearestTo(times, t) {
 // A motion without time: the poses of a scene.
 export function restingMotion(scene) {
   const poses = Float64Array.from(scene.bodies.flatMap((body) => body.pose));
-  return { bodies: scene.bodies.length, times: Float64Array.of(0), end: 0, at: () => poses, isStill: true };
+  return { bodies: scene.bodies.length, outputs: Float64Array.of(0), end: 0, at: () => poses, isStill: true };
 }
 
 // Returns the motion that a page holds: at(t) returns the poses of all bodies at a time, in an
 // array that the next call overwrites.
 export async function readMotion(packed) {
-  const [times, values] = await Promise.all([
+  const [times, values, outputs] = await Promise.all([
     unpackNumbers(packed.time),
     unpackIntegers(packed.values),
+    packed.outputs && unpackNumbers(packed.outputs),
   ]);
   const width = packed.bodies * WIDTH;
   const count = Math.min(4, times.length);
@@ -65,7 +66,8 @@ export async function readMotion(packed) {
     return poses;
   }
 
-  return { bodies: packed.bodies, times, end: times[times.length - 1], at, isStill: times.length < 2 };
+  const end = times[times.length - 1];
+  return { bodies: packed.bodies, outputs: outputs ?? times, end, at, isStill: times.length < 2 };
 }
 
 // Returns the columns that a page holds: their numbers, and the value of one at a time.

@@ -18,12 +18,12 @@ function announceTheme() {
 }
 
 
-for (const button of document.querySelectorAll("button.theme")) {
-  button.addEventListener("click", () => {
-    document.documentElement.dataset.theme = isDark() ? "light" : "dark";
-    announceTheme();
-  });
-}
+// Buttons that are made later switch as well.
+document.addEventListener("click", (event) => {
+  if (!event.target.closest("button.theme")) return;
+  document.documentElement.dataset.theme = isDark() ? "light" : "dark";
+  announceTheme();
+});
 darkSystem.addEventListener("change", announceTheme);
 
 // Folds that are open only while the page is printed.

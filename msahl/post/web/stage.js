@@ -1,11 +1,12 @@
 /* global THREE */
 // Camera, light, floor and background around the models.
 
-const COLOURS = {
+const THEMES = {
   light: { top: "#fbfcfd", bottom: "#dfe4ea", line: "#8a95a3", fog: 0.55, ambient: 1.35, key: 2.1 },
   dark: { top: "#20262e", bottom: "#0d1014", line: "#8fa0b5", fog: 0.4, ambient: 0.95, key: 2.3 },
 };
 const FIELD = 32; // degrees
+const MARGIN = 1.12; // free space around what is fitted
 
 export class Stage {
   // `box` holds the whole motion; `up` and `normal` are the scene's.
@@ -13,6 +14,7 @@ export class Stage {
     this.canvas = canvas;
     this.up = new THREE.Vector3(...up);
     this.normal = normal && new THREE.Vector3(...normal);
+    this.box = box;
     this.sphere = box.getBoundingSphere(new THREE.Sphere());
     if (!(this.sphere.radius > 0)) this.sphere.radius = size || 1;
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
@@ -126,7 +128,7 @@ export class Stage {
   }
 
   setTheme(name) {
-    const { top, bottom, line, fog, ambient, key } = COLOURS[name];
+    const { top, bottom, line, fog, ambient, key } = THEMES[name];
     this.background.material.uniforms.top.value.set(top);
     this.background.material.uniforms.bottom.value.set(bottom);
     this.floorMaterial.uniforms.colour.value.set(line);
@@ -174,15 +176,27 @@ export class Stage {
     return from;
   }
 
-  // Moves the camera so that the whole motion is seen from a direction.
+  // Moves the camera so that the box of the whole motion fills the view, seen from a direction.
   fit(direction) {
-    const { center, radius } = this.sphere;
-    const aspect = this.camera.aspect || 1;
-    const half = (0.5 * FIELD * Math.PI) / 180;
-    const narrow = Math.atan(Math.tan(half) * Math.min(1, aspect));
-    const distance = (1.02 * radius) / Math.sin(narrow);
-    this.controls.target.copy(center);
-    this.camera.position.copy(center).addScaledVector(direction, distance);
+    const tall = Math.tan((0.5 * FIELD * Math.PI) / 180);
+    const wide = tall * (this.camera.aspect || 1);
+    this.camera.position.copy(direction);
+    this.camera.lookAt(0, 0, 0);
+    const turn = this.camera.quaternion.clone().invert();
+    const seen = corners(this.box).map((corner) => corner.sub(this.sphere.center).applyQuaternion(turn));
+    const middle = new THREE.Vector3();
+    let distance = 0;
+    // The middle of what is seen depends on the distance, because nearer corners look larger.
+    for (let turnOver = 0; turnOver < 8; turnOver++) {
+      distance = Math.max(...seen.map(({ x, y, z }) => z + MARGIN * Math.max(Math.abs(x - middle.x) / wide, Math.abs(y - middle.y) / tall)));
+      for (const axis of ["x", "y"]) {
+        const slopes = seen.map((corner) => (corner[axis] - middle[axis]) / (distance - corner.z));
+        middle[axis] += 0.5 * (Math.max(...slopes) + Math.min(...slopes)) * distance;
+      }
+    }
+    distance = Math.max(distance, 0.5 * this.sphere.radius);
+    this.controls.target.copy(middle).applyQuaternion(this.camera.quaternion).add(this.sphere.center);
+    this.camera.position.copy(this.controls.target).addScaledVector(direction, distance);
     this.camera.updateProjectionMatrix();
     this.controls.update();
     this.isFitted = direction.clone();
