@@ -9,6 +9,7 @@ differ from what ``machine_code`` extends, plain numba is used (``plain``).
 import os
 import time
 from collections.abc import Callable, Iterable, Sequence
+from threading import Lock
 from typing import Any
 
 from msahl.jit.arguments import Blocks, describe, symbol_of
@@ -33,6 +34,8 @@ Call = tuple[Any, Sequence[Any]]
 
 STORE = Store(user_folder())
 _loaded: dict[str, ObjectFile] = {}
+_loading = Lock()
+"""Code is loaded, or compiled, by one thread at a time: twice the same would be refused."""
 
 
 def compiled(function: Callable[..., Any]) -> Any:
@@ -65,6 +68,10 @@ class Compiled:
         """Return the function's name with the types of the ``arguments``."""
         described = tuple(describe(argument) for argument in arguments)
         return self.function.__module__, self.function.__qualname__, described
+
+    def is_ready(self, arguments: Sequence[Any]) -> bool:
+        """Whether a block of memory was prepared for calls with these ``arguments``."""
+        return self._blocks.find(arguments) is not None
 
     def keep(self, arguments: Sequence[Any], unit: Unit) -> None:
         """Have the block of memory ready for calls with these ``arguments``, whose machine code is
@@ -112,9 +119,11 @@ def prepare(calls: Iterable[Call], stopped: Callable[[], bool] = lambda: False) 
     made = [
         (function, given, function.unit(given))
         for function, given in calls
-        if isinstance(function, Compiled)
+        if isinstance(function, Compiled) and not function.is_ready(given)
     ]
-    if _loads([unit for _, _, unit in made], stopped):
+    with _loading:
+        loaded = _loads([unit for _, _, unit in made], stopped)
+    if loaded:
         for function, given, unit in made:
             function.keep(given, unit)
 

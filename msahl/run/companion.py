@@ -100,6 +100,7 @@ class HalfStepCompanion:
                 settings.full,
                 2 * chunk,
                 settings.instantaneous,
+                storages=of.storages,
             )
             for of in integrators
         ]
@@ -142,7 +143,13 @@ class HigherOrderCompanion:
         self.stride = coarser.stride
         self.name = f"{coarser.scheme}{coarser.degree} with {coarser.stride} times the step size"
         self.integrators = [
-            SubsystemIntegrator(_with_scheme(of.model, coarser), of.solver, settings.full, chunk)
+            SubsystemIntegrator(
+                _with_scheme(of.model, coarser),
+                of.solver,
+                settings.full,
+                chunk,
+                storages=of.storages,
+            )
             for of in integrators
         ]
 

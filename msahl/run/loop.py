@@ -86,7 +86,10 @@ def run(
     # An overflow is reported by ``_finite_steps`` and not by numpy.
     with np.errstate(all="ignore"):
         if settings.tolerance is None:
-            return TimeLoop(build_setup(model, settings, None), sink, hooks).run(since)
+            setup = build_setup(model, settings, None)
+            report = TimeLoop(setup, sink, hooks).run(since)
+            setup.release()
+            return report
         return _run_to_tolerance(model, options, sink, hooks, since)
 
 
@@ -105,6 +108,7 @@ def _run_to_tolerance(
         setup = build_setup(replace(model, simulation=simulation), settings, attempts)
         loop = TimeLoop(setup, sink, hooks)
         report = loop.run(since)
+        setup.release()
         if report.status != COMPLETED:
             return report
         if not attempts.prepare_next(setup.estimate, loop.record.size):

@@ -4,6 +4,7 @@ import time
 from dataclasses import dataclass
 
 from msahl.jit.compiled import Call
+from msahl.jit.storage import Storages
 from msahl.model import Model, RunSettings
 from msahl.model.settings import ESTIMATE, LOCAL, OFF
 from msahl.run.attempts import KNOWN_NUMBERS, Attempts
@@ -16,7 +17,12 @@ from msahl.run.report import Report
 from msahl.run.step_plan import ControlledSteps, GivenSteps, StepPlan
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.tables import needs_accelerations
+from msahl.system.arrays import System
 from msahl.system.subsystems import split
+from msahl.system.unknowns import Unknowns
+
+STORAGES = Storages((System, Unknowns))
+"""Arrays of the runs of this process that have ended."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +46,11 @@ class RunSetup:
         companion = self.estimate.companion.integrators if self.estimate else []
         return [*self.integrators, *companion]
 
+    def release(self) -> None:
+        """Let later runs use the arrays of this one, which has ended."""
+        for integrator in self.all_integrators:
+            integrator.release()
+
     @property
     def calls(self) -> list[Call]:
         """The compiled functions that the run calls."""
@@ -59,6 +70,7 @@ def build_setup(model: Model, settings: RunSettings, attempts: Attempts | None) 
             output.chunk,
             settings.instantaneous,
             needs_accelerations(model),
+            STORAGES,
         )
         for subsystem in ([model] if together else split(model))
     ]

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from msahl.jit.storage import doubles_in
 from msahl.run.subsystem import SubsystemIntegrator
 
 
@@ -124,10 +125,5 @@ def _leaves(value: Any) -> Iterator[Any]:
 def _changing(integrators: Sequence[SubsystemIntegrator]) -> Iterator[np.ndarray]:
     """The arrays that change from step to step and that the next step reads: all are doubles."""
     for integrator in integrators:
-        workspace = integrator.workspace
-        for leaf in _leaves(
-            (workspace.state, workspace.start, workspace.pivots, integrator.stepper.memory)
-        ):
-            # ``scalar`` is None in systems of coinciding points; integer arrays are constant.
-            if isinstance(leaf, np.ndarray) and leaf.dtype == float:
-                yield leaf
+        yield from integrator.changing
+        yield from doubles_in(integrator.stepper.memory)

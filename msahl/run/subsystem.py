@@ -1,12 +1,14 @@
 """Builds an independent subsystem at t = 0 and advances it by its scheme's stepper."""
 
 import math
+from functools import cached_property
 
 import numpy as np
 
 from msahl.elements import signals
 from msahl.elements.rigid_body import write_accelerations
-from msahl.jit.by_size import by_size
+from msahl.jit.by_size import LARGE, by_size
+from msahl.jit.storage import Storage, Storages, doubles_in
 from msahl.model import Model, resolve
 from msahl.schemes.fixed_stepper import FixedStepper
 from msahl.schemes.midpoint import workspace
@@ -48,6 +50,7 @@ class SubsystemIntegrator:
     motion; ``axis`` is the normal of a planar subsystem's plane, or None. Reactions are means over
     the steps unless ``instantaneous``; the tables have accelerations if these are wanted. ``full``
     switches off the model reductions, ``chunk`` is the largest number of steps and rows of a chunk.
+    Arrays come from the ``storages``, where these are given, and go back there by ``release``.
     Raises ``StartError`` if there is no consistent start.
     """
 
@@ -59,8 +62,10 @@ class SubsystemIntegrator:
         chunk: int,
         instantaneous: bool = False,
         accelerations: bool = False,
+        storages: Storages | None = None,
     ) -> None:
         self.model, self.solver, self.size = model, solver, len(model.bodies)
+        self.storages, self.storage = storages, Storage()
         system = build_system(model)
         state = build_state(model, system)
         try:
@@ -70,7 +75,7 @@ class SubsystemIntegrator:
             evaluate.prepare(system, state, start)
             name = find_nonfinite(model, system, state, start, model.simulation.dt) or "the joints"
             raise StartError(overflow(0.0, name)) from error
-        self.stepper = _new_stepper(model, self.workspace, solver, instantaneous)
+        self.stepper = _new_stepper(model, self.workspace, solver, instantaneous, self.storage)
 
     def _make_workspace(
         self, system: System, state: State, full: bool, chunk: int, accelerations: bool
@@ -78,7 +83,7 @@ class SubsystemIntegrator:
         """Make the state consistent, choose the unknowns and apply the model reductions."""
         model = self.model
         self.moved = assemble(system, state) if model.position == "project" else None
-        nodes = node_order(system)
+        nodes = node_order(system) if self.size >= LARGE else None
         unknowns = choose(system, all_unknowns(system), nodes)
         self.rank = constraint_rank(system, state, unknowns)
         self.redundant = multiplier_count(system) - self.rank
@@ -101,7 +106,12 @@ class SubsystemIntegrator:
             system = stay_in_plane(system, self.axis)
             system = drop_rows(system, symmetric_rows(system, start, self.axis))
             state = state._replace(angle=np.zeros(coordinate_count(system)))
-        self.workspace: Workspace = new_workspace(system, unknowns, state, chunk, accelerations)
+        if self.storages and self.size < LARGE:
+            scheme = (model.simulation.scheme, model.simulation.degree)
+            kind = (id(system.blocks), id(unknowns), self.axis, chunk, accelerations, *scheme)
+            self.storage = self.storages.take(kind)
+        fresh = new_workspace(system, unknowns, state, chunk, accelerations)
+        self.workspace: Workspace = self.storage.place("workspace", fresh)
         start = self.workspace.start
         prepare(system, state, start)
         if signals.begin_angles(system.forces.signals, system.scalar, start.scalar, state.angle):
@@ -137,6 +147,17 @@ class SubsystemIntegrator:
         workspace, h = self.workspace, max(h, self.model.simulation.dt)
         return find_undefined(self.model, workspace.system, workspace.state, h)
 
+    @cached_property
+    def changing(self) -> list[np.ndarray]:
+        """The arrays of doubles, but for those of the stepper, that change from step to step."""
+        workspace = self.workspace
+        return doubles_in((workspace.state, workspace.start, workspace.pivots))
+
+    def release(self) -> None:
+        """Let later runs use the arrays of this one, which has ended."""
+        if self.storages and self.size < LARGE:
+            self.storages.give_back(self.storage)
+
     def show_start(self) -> None:
         """Fill the first rows of monitor and tables with the state at t = 0."""
         self.workspace.mean_force[:] = self.workspace.state.force
@@ -154,18 +175,21 @@ class SubsystemIntegrator:
         return self.stepper.advance(chunk, patience)
 
 
-def _new_stepper(model: Model, workspace: Workspace, solver: str, instantaneous: bool) -> Stepper:
+def _new_stepper(
+    model: Model, workspace: Workspace, solver: str, instantaneous: bool, storage: Storage
+) -> Stepper:
     """The stepper of the model's scheme; the collocation code is only loaded where it is needed."""
     simulation, settings = model.simulation, resolve(model.simulation)
     if not settings.degree:
-        return FixedStepper(MidpointMethod(workspace, instantaneous), solver)
+        return FixedStepper(MidpointMethod(workspace, instantaneous, storage), solver)
     from msahl.schemes.collocation.step_control import ControlSettings
     from msahl.schemes.collocation.stepper import AdaptiveStepper, CollocationMethod
 
     tolerance, degrees = settings.local_tolerance, settings.degrees
     if tolerance is None:
-        return FixedStepper(CollocationMethod(workspace, settings.family, settings.degree), solver)
+        method = CollocationMethod(workspace, settings.family, settings.degree, storage)
+        return FixedStepper(method, solver)
     # The first review begins in the middle of the degrees.
-    method = CollocationMethod(workspace, settings.family, degrees[len(degrees) // 2])
+    method = CollocationMethod(workspace, settings.family, degrees[len(degrees) // 2], storage)
     control = ControlSettings(tolerance, simulation.dt, simulation.t_final)
     return AdaptiveStepper(method, degrees, control)

@@ -14,11 +14,15 @@ from msahl.algebra.vector import add, at, times
 from msahl.elements import forces
 from msahl.elements.constraints import coordinates
 from msahl.elements.constraints.equations import left_side
+from msahl.jit.by_size import LARGE
+from msahl.jit.recent import Recent
 from msahl.model import Model
 from msahl.system.arrays import System, new_coordinates_workspace
 from msahl.system.collect import Elements, collect
 from msahl.system.parameters import build_parameters
 from msahl.system.topology import Topology, build_topology, connections
+
+_TOPOLOGIES: Recent[Topology] = Recent(32)
 
 
 class Places(NamedTuple):
@@ -35,7 +39,18 @@ def build_system(model: Model, relaxed: bool = False, places: Places | None = No
     the model.
     """
     elements = collect(model)
-    return _with_numbers(elements, build_topology(elements, relaxed), places)
+    return _with_numbers(elements, topology_of(elements, relaxed), places)
+
+
+def topology_of(elements: Elements, relaxed: bool) -> Topology:
+    """Return the topology of ``elements``, which all small models with the same connections share;
+    ``relaxed`` if their joints are redundant.
+    """
+    if len(elements.model.bodies) >= LARGE:
+        return build_topology(elements, relaxed)
+    return _TOPOLOGIES.get(
+        (connections(elements), relaxed), lambda: build_topology(elements, relaxed)
+    )
 
 
 def rebuild_parameters(model: Model, topology: Topology, places: Places | None = None) -> System:

@@ -9,7 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.elements.frames import moving_count
+from msahl.jit.by_size import LARGE
+from msahl.jit.recent import Recent
 from msahl.system.arrays import System, node_count
+from msahl.system.node_order import node_order
 from msahl.system.ordering import Elimination, eliminate
 
 
@@ -22,10 +26,27 @@ class Unknowns(NamedTuple):
     elimination: Elimination
 
 
+# By the pattern's identity, so each is kept with the pattern. Systems of one topology share it.
+_ORDERS: Recent[tuple[np.ndarray, np.ndarray]] = Recent(32)
+_CHOSEN: Recent[tuple[np.ndarray, Unknowns]] = Recent(64)
+
+
 def choose(system: System, free: np.ndarray, nodes: np.ndarray | None = None) -> Unknowns:
     """The maps for solving the ``free`` unknowns; ``nodes`` is the order of the system's nodes, if
-    it is known.
+    it is known. Small systems of one topology share them.
     """
+    if nodes is not None or moving_count(system.frames) >= LARGE:
+        return _chosen(system, free, nodes)
+    pattern = system.blocks
+
+    def chosen() -> tuple[np.ndarray, Unknowns]:
+        _, order = _ORDERS.get(id(pattern), lambda: (pattern, node_order(system)))
+        return pattern, _chosen(system, free, order)
+
+    return _CHOSEN.get((id(pattern), free.tobytes()), chosen)[1]
+
+
+def _chosen(system: System, free: np.ndarray, nodes: np.ndarray | None) -> Unknowns:
     dense_from, dense_to = _dense_map(system, free)
     return Unknowns(free, dense_from, dense_to, eliminate(system, free, nodes))
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from msahl.jit.compiled import Call, compiled
+from msahl.jit.storage import Storage
 from msahl.model.scheme import COLLOCATION
 from msahl.schemes.collocation import dense_output, newton, step_control
 from msahl.schemes.collocation.newton import CollocationWorkspace, new_collocation_workspace
@@ -46,8 +47,11 @@ NEAR = 1e-9
 class CollocationMethod:
     """The ``StepMethod`` of a collocation ``scheme`` with polynomials of a ``degree``."""
 
-    def __init__(self, workspace: Workspace, scheme: str, degree: int) -> None:
+    def __init__(
+        self, workspace: Workspace, scheme: str, degree: int, storage: Storage | None = None
+    ) -> None:
         self.workspace, self.scheme = workspace, scheme
+        self.storage = Storage() if storage is None else storage
         self.by_degree: dict[int, CollocationWorkspace] = {}
         self.set_degree(degree)
 
@@ -89,7 +93,8 @@ class CollocationMethod:
         """See ``StepMethod``."""
         self.degree = degree
         if degree not in self.by_degree:
-            self.by_degree[degree] = new_collocation_workspace(self.workspace, self.scheme, degree)
+            fresh = new_collocation_workspace(self.workspace, self.scheme, degree)
+            self.by_degree[degree] = self.storage.place((self.scheme, degree), fresh)
         self.subsystem = self.by_degree[degree]
         newton.reset_prediction(self.subsystem)
 
@@ -148,7 +153,8 @@ class AdaptiveStepper:
         self.scipy_steps = self.subdivisions = 0
         self.tolerance = settings.tolerance
         chunk = len(self.workspace.monitor.rows)
-        self.control = step_control.new_step_control(method.subsystem, chunk, settings)
+        control = step_control.new_step_control(method.subsystem, chunk, settings)
+        self.control = method.storage.place("control", control)
         self.sizes: dict[int, float] = {}
         self.chosen: list[dict[str, Any]] = []
         self.review, self.pause = 0, FIRST_REVIEW

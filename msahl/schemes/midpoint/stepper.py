@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from msahl.jit.compiled import Call, compiled
+from msahl.jit.storage import Storage
 from msahl.schemes import accelerations
 from msahl.schemes.accelerations import new_instant
 from msahl.schemes.midpoint import newton, workspace
@@ -37,11 +38,12 @@ class MidpointMethod:
     degree = 0
     memory: None = None
 
-    def __init__(self, workspace: Workspace, instantaneous: bool) -> None:
+    def __init__(self, workspace: Workspace, instantaneous: bool, storage: Storage) -> None:
         self.workspace = workspace
         self.instant = None
         if instantaneous or workspace.tables.accelerations.shape[1]:
-            self.instant = new_instant(workspace.system, publishes_reactions=instantaneous)
+            instant = new_instant(workspace.system, publishes_reactions=instantaneous)
+            self.instant = storage.place("instant", instant)
 
     @property
     def kind(self) -> str:

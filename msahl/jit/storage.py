@@ -1,0 +1,134 @@
+"""Keeps the groups of arrays of a run, so that the next run of the same kind fills them again.
+
+Compiled code takes its arguments from a block of memory that holds the address of every array of
+every group (``arguments.Block``). Laying out the blocks of a small model takes longer than a
+thousand of its steps. They are found again by the identity of the groups, so a run that puts its
+numbers into the groups of an earlier run needs no new blocks.
+
+A group can be filled again if types, shapes and plain numbers are equal, and all indices in it:
+those of a topology are shared by all systems that have it, so nothing may be written into them.
+Otherwise the new group is used.
+"""
+
+import math
+from collections import OrderedDict
+from collections.abc import Hashable, Iterator
+from threading import Lock
+from typing import Any, TypeVar
+
+import numpy as np
+
+Group = TypeVar("Group", bound=tuple[Any, ...])
+
+MOST_BYTES = 64_000_000
+"""Largest sum of the sizes of the arrays that ``Storages`` keeps."""
+
+
+class Storage:
+    """The groups of one subsystem, by name, for one run at a time.
+
+    Indices in groups of the types ``constant`` are compared, all other arrays are filled. ``kind``
+    is that of the runs that can use it.
+    """
+
+    def __init__(self, constant: tuple[type, ...] = (), kind: Hashable = None) -> None:
+        self.kind, self._constant = kind, constant
+        self._groups: dict[Hashable, tuple[Any, ...]] = {}
+        self._owned: set[int] = set()  # identities of their arrays, which live as long as they do
+        self.size = 0  # bytes of all arrays
+
+    def place(self, name: Hashable, fresh: Group) -> Group:
+        """Return the group of this ``name`` from an earlier run with the numbers of the ``fresh``
+        one, or ``fresh`` itself where the earlier one does not fit.
+        """
+        kept: Any = self._groups.get(name)
+        into: list[tuple[np.ndarray, np.ndarray]] = []
+        if kept is not None and self._fits(kept, fresh, False, into):
+            for array, numbers in into:
+                array[...] = numbers
+            return kept  # type: ignore[no-any-return]
+        self._groups[name] = fresh
+        arrays = {id(of): of for group in self._groups.values() for of in arrays_in(group)}
+        self._owned, self.size = set(arrays), sum(of.nbytes for of in arrays.values())
+        return fresh
+
+    def _fits(
+        self, kept: Any, fresh: Any, constant: bool, into: list[tuple[np.ndarray, np.ndarray]]
+    ) -> bool:
+        """Return whether ``fresh`` can be written into ``kept``, a part of a ``constant`` group or
+        not; add the arrays that take numbers, and those that give them, to ``into``.
+        """
+        if kept is fresh:
+            return True
+        if type(kept) is not type(fresh):
+            return False
+        if isinstance(fresh, np.ndarray):
+            # An array of another group must be that group's own, since both are changed together.
+            if id(fresh) in self._owned or not _same_form(kept, fresh):
+                return False
+            if constant and fresh.dtype != float:
+                return kept.tobytes() == fresh.tobytes()
+            into.append((kept, fresh))
+            return True
+        if isinstance(fresh, tuple):
+            constant = constant or isinstance(fresh, self._constant)
+            return len(kept) == len(fresh) and all(
+                self._fits(a, b, constant, into) for a, b in zip(kept, fresh, strict=True)
+            )
+        return _same_number(kept, fresh)
+
+
+def _same_form(kept: np.ndarray, fresh: np.ndarray) -> bool:
+    return (
+        kept.shape == fresh.shape
+        and kept.dtype == fresh.dtype
+        and kept.flags.c_contiguous == fresh.flags.c_contiguous
+        and kept.flags.f_contiguous == fresh.flags.f_contiguous
+    )
+
+
+def _same_number(kept: Any, fresh: Any) -> bool:
+    """Return whether plain numbers are equal in every bit; nan never is."""
+    if isinstance(fresh, float) and kept == fresh == 0.0:
+        return math.copysign(1.0, kept) == math.copysign(1.0, fresh)
+    return bool(kept == fresh)
+
+
+def arrays_in(value: Any) -> Iterator[np.ndarray]:
+    """Yield the arrays in nested tuples, in order."""
+    if isinstance(value, np.ndarray):
+        yield value
+    elif isinstance(value, tuple):
+        for part in value:
+            yield from arrays_in(part)
+
+
+def doubles_in(value: Any) -> list[np.ndarray]:
+    """Return the arrays of doubles in nested tuples, in order."""
+    # Parts of a group may be None, and arrays of whole numbers be indices.
+    return [array for array in arrays_in(value) if array.dtype == float]
+
+
+class Storages:
+    """Storage that no run uses at present, by the kind of the run."""
+
+    def __init__(self, constant: tuple[type, ...] = ()) -> None:
+        self._constant = constant
+        self._free: OrderedDict[Hashable, list[Storage]] = OrderedDict()
+        self._lock = Lock()
+
+    def take(self, kind: Hashable) -> Storage:
+        """Return storage for a run of this ``kind``; it is used by nobody else."""
+        with self._lock:
+            found = self._free.get(kind)
+            return found.pop() if found else Storage(self._constant, kind)
+
+    def give_back(self, storage: Storage) -> None:
+        """Keep the ``storage`` of a run that has ended; what was not used for longest is dropped
+        where there is too much.
+        """
+        with self._lock:
+            self._free.setdefault(storage.kind, []).append(storage)
+            self._free.move_to_end(storage.kind)
+            while sum(of.size for kept in self._free.values() for of in kept) > MOST_BYTES:
+                self._free.popitem(last=False)
