@@ -1,3 +1,55 @@
-"""msahl: spatial multibody systems by Hamilton's weak principle, with their error bars."""
+"""msahl: spatial multibody systems by Hamilton's weak principle, with their error bars.
+
+model = msahl.load("pendulum.xml", L=0.8)
+result = model.run(dt=0.01)
+result.states, result.verdict, result["Bob.z"]
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from msahl.api.model import Model, load
+    from msahl.api.result import Result, read
+    from msahl.deck import DeckError
+    from msahl.results.info import ResultError
+    from msahl.run.options import OptionError
+    from msahl.start.velocities import StartError
 
 __version__ = "0.1.0"
+__all__ = [
+    "DeckError",
+    "Model",
+    "OptionError",
+    "Result",
+    "ResultError",
+    "StartError",
+    "load",
+    "read",
+]
+
+_PLACES = {
+    "DeckError": "msahl.deck",
+    "Model": "msahl.api.model",
+    "OptionError": "msahl.run.options",
+    "Result": "msahl.api.result",
+    "ResultError": "msahl.results.info",
+    "StartError": "msahl.start.velocities",
+    "load": "msahl.api.model",
+    "read": "msahl.api.result",
+}
+"""Modules of the public names: each is imported when a name of it is used, because the commands
+start in a fraction of the time that all take."""
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used."""
+    if name not in _PLACES:
+        raise AttributeError(f"module 'msahl' has no attribute '{name}'")
+    globals()[name] = value = getattr(import_module(_PLACES[name]), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    """Return all names, also those that were not used yet."""
+    return sorted({*globals(), *__all__})

@@ -28,6 +28,7 @@ ORDER = (
     "results",
     "post",
     "study",
+    "api",
     "cli",
 )
 """Packages from the bottom to the top: each may import those before it."""

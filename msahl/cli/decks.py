@@ -8,6 +8,7 @@ from msahl.cli.console import stop
 
 if TYPE_CHECKING:
     from msahl.model import Model
+    from msahl.results.job import Job
 
 
 def read(
@@ -26,14 +27,20 @@ def read(
 def model_to_run(deck: Path, given: Mapping[str, Any], settings: Sequence[str] = ()) -> "Model":
     """The model in ``deck`` with the changes ``settings`` of its numbers and the options ``given``;
     its faults end the program."""
-    from msahl.deck import check_simulation
-    from msahl.run.options import with_options
+    return job_of(deck, given, settings).model
 
-    model, faults = read(deck, settings=settings)
-    if model is None:
-        stop("\n".join(faults))
-    model = with_options(model, given)
-    faults = check_simulation(model.simulation)
-    if faults:
-        stop("\n".join(f"msahl run: {fault}" for fault in faults))
-    return model
+
+def job_of(deck: Path, given: Mapping[str, Any], settings: Sequence[str] = ()) -> "Job":
+    """The run of ``deck`` with the options ``given`` and the changes ``settings`` of its numbers;
+    faults end the program."""
+    from msahl.deck import DeckError, Source
+    from msahl.results.job import make_job
+    from msahl.run.options import OptionError
+
+    try:
+        source = Source.of_file(deck)
+        return make_job(source, source.model(settings), given, settings)
+    except DeckError as error:
+        stop(str(error))
+    except OptionError as error:
+        stop("\n".join(f"msahl run: {fault}" for fault in error.faults))

@@ -14,23 +14,21 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-import msahl
 from msahl.cli.compiling import announced
 from msahl.cli.console import BAD_VERDICT, NOT_WRITTEN, STATUS, say, stop
-from msahl.cli.decks import model_to_run
+from msahl.cli.decks import job_of
 from msahl.cli.options import DECK, output_option, run_options, set_option
 from msahl.cli.signals import Interruption, set_alarm, stoppable
 from msahl.printable import printable, shown_path
 
 if TYPE_CHECKING:
-    from msahl.model import Model, Options, RunSettings
+    from msahl.model import Model
     from msahl.results.checkpoint import Checkpoint
+    from msahl.results.job import Job
     from msahl.run.report import Report
 
 STARTED = time.perf_counter()
 """When this module was imported; the time that Python needs before is not counted."""
-PACKAGES = ("numba", "numpy", "scipy")
-"""Packages whose versions ``run.json`` records; numba may be missing."""
 
 
 @click.command(short_help="Run a deck and write its results.")
@@ -77,20 +75,20 @@ def run(
         from msahl.deck.overrides import STOP_WHEN
 
         changed = (*changed, f"{STOP_WHEN}{condition}")
-    job = make_job(deck, output or Path("results") / deck.stem, given, changed)
+    task = make_task(deck, output or Path("results") / deck.stem, given, changed)
     from msahl.jit.progress import CompileError
     from msahl.results.folder import FolderError
     from msahl.results.lock import FolderInUseError, locked
     from msahl.run.snapshot import ResumeError
 
     try:
-        if resume and not job.folder.is_dir():
-            where = shown_path(job.folder)
+        if resume and not task.folder.is_dir():
+            where = shown_path(task.folder)
             raise ResumeError(f"{where}: no run to resume; omit --resume to start it")
-        with locked(job.folder):
-            status = carry_out(job, resume, strict, Talk(quiet, verbose))
+        with locked(task.folder):
+            status = carry_out(task, resume, strict, Talk(quiet, verbose))
     except OSError as error:
-        where = shown_path(error.filename or job.folder)
+        where = shown_path(error.filename or task.folder)
         stop(f"{where}: {error.strerror or error}; choose another folder with -o")
     except (CompileError, FolderError, FolderInUseError, ResumeError) as error:
         stop(printable(str(error)))
@@ -109,99 +107,66 @@ class Talk:
 
 
 @dataclass(frozen=True)
-class Job:
-    """A run to be made: the deck's path, folder of the results, and the deck as it is run."""
+class Task:
+    """A run to be made, and the folder of its results."""
 
-    deck: Path
+    job: "Job"
     folder: Path
-    model: "Model"
-    options: "Options"
-    text: bytes
-    changed: tuple[str, ...] = ()
-    """Changes of numbers of the deck, such as ``L=80 cm``."""
 
-    @cached_property
-    def settings(self) -> "RunSettings":
-        """How the run is made."""
-        from msahl.model import resolve
-
-        return resolve(self.model.simulation, self.options)
+    @property
+    def deck(self) -> Path:
+        """The path of the deck."""
+        return self.job.source.path
 
     @cached_property
     def about(self) -> dict[str, Any]:
-        """The head of ``run.json``: all that the rows of the run depend on."""
-        from msahl.deck import deck_digest, listed_parameters
-        from msahl.results.folder import relative
-        from msahl.run.options import recorded_options
-
-        parameters = listed_parameters(self.text)
-        return {
-            **_versions(),
-            "deck": {
-                "path": click.format_filename(self.deck),
-                "relative": click.format_filename(relative(self.deck, self.folder)),
-                "digest": deck_digest(self.text),
-            },
-            **({"parameters": parameters} if parameters else {}),
-            **({"set": list(self.changed)} if self.changed else {}),
-            "options": recorded_options(self.settings),
-        }
+        """The head of ``run.json``."""
+        return self.job.about(self.folder)
 
 
-def make_job(deck: Path, folder: Path, given: dict[str, Any], changed: tuple[str, ...] = ()) -> Job:
-    """The run of ``deck`` with the options ``given`` and ``changed`` numbers; faults end the
-    program."""
-    model = model_to_run(deck, given, changed)
-    from msahl.deck import effective_deck
-    from msahl.model.settings import LOCAL, OFF
-    from msahl.run.options import deck_changes, options_beside_deck
+def make_task(deck: Path, folder: Path, given: dict[str, Any], changed: tuple[str, ...]) -> Task:
+    """The run of ``deck`` into ``folder`` with the options ``given`` and ``changed`` numbers;
+    faults end the program."""
+    task = Task(job_of(deck, given, changed), folder)
+    from msahl.deck import DeckError
 
     try:
-        text = effective_deck(deck, deck_changes(given), changed)
-    except OSError as error:
-        stop(f"{shown_path(error.filename or deck)}: {error.strerror or error}")
-    job = Job(deck, folder, model, options_beside_deck(given), text, changed)
-    settings = job.settings
-    if settings.solver == "root" and settings.adaptive:
-        stop("msahl run: --solver root takes steps of a given size; omit it, or the tolerance")
-    if settings.error in (LOCAL, OFF) and settings.tolerance is not None:
-        stop(
-            f"msahl run: --error {settings.error}: a tolerance of the global error needs its "
-            "estimate; give --local-tolerance instead"
-        )
-    return job
+        _ = task.job.text  # reads the parts of the deck, which may have changed meanwhile
+    except DeckError as error:
+        stop(str(error))
+    return task
 
 
-def carry_out(job: Job, resume: bool, strict: bool, talk: Talk) -> int:
+def carry_out(task: Task, resume: bool, strict: bool, talk: Talk) -> int:
     """Make the run, or resume it, in the locked folder; the exit status."""
-    begun = _begin(job, resume)
+    begun = _begin(task, resume)
     if begun is None:
-        say(f"{shown_path(job.deck)}: the run in {shown_path(job.folder)} is complete")
+        say(f"{shown_path(task.deck)}: the run in {shown_path(task.folder)} is complete")
         return 0
     with stoppable() as stopped:
-        report = _simulate(job, *begun, stopped, talk)
-        status = _close(job, begun[0], report, stopped, talk)
+        report = _simulate(task, *begun, stopped, talk)
+        status = _close(task, begun[0], report, stopped, talk)
         return status or _status_of_verdict(report, strict)
 
 
-def _begin(job: Job, resume: bool) -> "tuple[Path, Checkpoint | None] | None":
+def _begin(task: Task, resume: bool) -> "tuple[Path, Checkpoint | None] | None":
     """The folder to write into and the checkpoint to resume from; None if the run is complete."""
     from msahl.results.checkpoint import is_complete, read_checkpoint
     from msahl.results.folder import claim, finish, info, place
 
     if not resume:
-        return claim(job.folder, job.deck, job.about), None
-    finish(job.folder)
-    work = place(job.folder)
+        return claim(task.folder, task.deck, task.about), None
+    finish(task.folder)
+    work = place(task.folder)
     if not info(work):  # complete, and no other run was started since
-        work = job.folder
-    if work == job.folder and is_complete(work, job.about):
+        work = task.folder
+    if work == task.folder and is_complete(work, task.about):
         return None
-    return work, read_checkpoint(work, job.about)
+    return work, read_checkpoint(work, task.about)
 
 
 def _simulate(
-    job: Job, work: Path, since: "Checkpoint | None", stopped: Callable[[], bool], talk: Talk
+    task: Task, work: Path, since: "Checkpoint | None", stopped: Callable[[], bool], talk: Talk
 ) -> "Report":
     """Run into the folder ``work``; the report covers faults of the start and of the disk."""
     from msahl.results.checkpoint import Checkpoint, write_checkpoint
@@ -215,10 +180,11 @@ def _simulate(
 
     def save(snapshot: Snapshot) -> None:
         results.flush()
-        write_checkpoint(work, job.about, Checkpoint(results.ends(), snapshot))
+        write_checkpoint(work, task.about, Checkpoint(results.ends(), snapshot))
 
+    job = task.job
     ends, snapshot = (since.ends, since.snapshot) if since else (None, None)
-    write_beginning(work, {"status": "running", "pid": os.getpid(), **job.about})
+    write_beginning(work, {"status": "running", "pid": os.getpid(), **task.about})
     results = RunFolder(work, job.model, job.text, ends)
     try:
         with results, announced(not talk.quiet), _progress(job.model, not talk.quiet) as progress:
@@ -236,7 +202,7 @@ def _simulate(
     return report
 
 
-def _close(job: Job, work: Path, report: "Report", stopped: Interruption, talk: Talk) -> int:
+def _close(task: Task, work: Path, report: "Report", stopped: Interruption, talk: Talk) -> int:
     """End a run, however it went: ``run.json``, the last messages, the exit status."""
     from msahl.results.checkpoint import has_checkpoint, remove_checkpoint
     from msahl.results.folder import finish, tables
@@ -249,17 +215,17 @@ def _close(job: Job, work: Path, report: "Report", stopped: Interruption, talk: 
         report.message += f"; {again} with: {_command(resume)}"
     status, complete = STATUS[report.status], report.status == "completed"
     try:
-        write_json(work / INFO, {**job.about, "tables": tables(work), **report.as_json()})
+        write_json(work / INFO, {**task.about, "tables": tables(work), **report.as_json()})
         if complete:
             remove_checkpoint(work)
-            finish(job.folder)
+            finish(task.folder)
     except OSError as error:
         say(f"{shown_path(error.filename or work / INFO)}: {error.strerror or error}")
         status = NOT_WRITTEN if complete else status
-    _tell(job.deck, job.folder if complete else work, report, talk)
-    if not complete and work != job.folder and not talk.quiet:
-        earlier = f"the complete results of an earlier run are still in {shown_path(job.folder)}"
-        say(f"{shown_path(job.deck)}: {earlier}")
+    _tell(task.deck, task.folder if complete else work, report, talk)
+    if not complete and work != task.folder and not talk.quiet:
+        earlier = f"the complete results of an earlier run are still in {shown_path(task.folder)}"
+        say(f"{shown_path(task.deck)}: {earlier}")
     if report.status == "interrupted" and stopped.signal:
         return 128 + stopped.signal
     return status
@@ -309,20 +275,9 @@ def _progress(model: "Model", shown: bool) -> Iterator[Callable[[int, float], An
         yield lambda steps, t: bar.update(steps - bar.pos, t)
 
 
-def _versions() -> dict[str, str]:
-    """Versions of msahl, Python and the packages that numbers depend on."""
-    import platform
-
-    from msahl.jit.files import version_of
-
-    found = {package: version_of(package) for package in PACKAGES}
-    installed = {package: version for package, version in found.items() if version}
-    return {"msahl": msahl.__version__, "python": platform.python_version(), **installed}
-
-
 def _tell(deck: Path, folder: Path, report: "Report", talk: Talk) -> None:
     """Print the last messages: warnings, what went wrong, and the verdict."""
-    from msahl.run.verdict import FAIL
+    from msahl.run.verdict import FAIL, describe_verdict
 
     lines = [] if talk.quiet else [f"{shown_path(deck)}: {text}" for text in report.warnings]
     if report.stop and not talk.quiet:
@@ -343,11 +298,3 @@ def _tell(deck: Path, folder: Path, report: "Report", talk: Talk) -> None:
         lines.append(f"{shown_path(deck)}: {verdict} -> {shown_path(folder)}")
     if lines:
         say("\n".join(lines))
-
-
-def describe_verdict(verdict: dict[str, Any]) -> str:
-    """The verdict's word and its reasons; of a good run the figures that made it pass."""
-    checks = verdict["checks"]
-    names = ("completion", "energy", "constraintViolation", "accuracy", "reactions")
-    texts = [checks[name]["text"] for name in names if name in checks]
-    return f"{verdict['word']}: {'; '.join(verdict['reasons'] or texts)}"

@@ -61,8 +61,10 @@ class DeckError(Exception):
 class Faults:
     """Collects the faults of the deck ``file``, and says which elements are free of them."""
 
-    def __init__(self, file: str) -> None:
+    def __init__(self, file: str, word: str = "--set ") -> None:
         self.file = file
+        self.word = word
+        """What stands before a setting in messages."""
         self._found: dict[Fault, None] = {}  # ordered, without repetitions
         self._made = 0  # messages, those that were made twice among them
         self._more = 0  # elements with faults whose messages are not kept

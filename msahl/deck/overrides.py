@@ -58,7 +58,7 @@ def apply_settings(root: Element, settings: Sequence[str], faults: Faults) -> No
     for setting in settings:
         message = _apply(root, setting, faults)
         if message:
-            faults.add_beside(f"--set {setting}", message)
+            faults.add_beside(f"{faults.word}{setting}", message)
 
 
 def _apply(root: Element, setting: str, faults: Faults) -> str:
@@ -84,7 +84,7 @@ def _apply(root: Element, setting: str, faults: Faults) -> str:
     if len(found) == 1:
         message = message or _write(found[0], number, units)
         if not message:
-            faults.options[found[0].element] = f"--set {setting}"
+            faults.options[found[0].element] = f"{faults.word}{setting}"
         return message
     if not found:
         return _unknown(root, path)
@@ -100,7 +100,7 @@ def _stop_when(root: Element, condition: str, faults: Faults) -> None:
         if stop is None:
             stop = SubElement(simulation, "stop")
         stop.set("when", condition)
-        faults.options[stop] = f"--stop-when {condition}"
+        faults.options[stop] = f"{'--stop-when' if faults.word else 'stop_when'} {condition}"
 
 
 def _units(root: Element, parameter: Element) -> str:

@@ -4,7 +4,6 @@ A document type declaration is refused before anything in it is read, since enti
 or fetch. Comments are dropped; size, depth and text length are bounded.
 """
 
-import hashlib
 import re
 from collections.abc import Sequence
 from contextlib import suppress
@@ -29,7 +28,6 @@ square."""
 _UTF_8 = re.compile(
     rb"(\xef\xbb\xbf)?(<\?xml\s[^>]*encoding\s*=\s*[\"']utf-8[\"']|\s*<[!\w])", re.I
 )
-_last_parsed = b""
 
 _XSI = "{http://www.w3.org/2001/XMLSchema-instance}"
 _LOCATIONS = ("schemaLocation", "noNamespaceSchemaLocation")
@@ -66,17 +64,6 @@ def parse_valid(data: bytes, schema: etree.XMLSchema) -> Element | None:
     except etree.XMLSyntaxError:
         return None
     return root if root.tag == DECK else None
-
-
-def was_parsed(data: bytes) -> bool:
-    """Return whether ``parsed`` was last called with the same ``data``."""
-    return hashlib.sha256(data).digest() == _last_parsed
-
-
-def parsed(data: bytes) -> None:
-    """Note that ``data`` is a deck, so that it need not be parsed again to know it."""
-    global _last_parsed
-    _last_parsed = hashlib.sha256(data).digest()
 
 
 def may_have_braces(data: bytes) -> bool:

@@ -1,6 +1,6 @@
-"""Reader of a deck file: returns the model, or raises all faults at once.
+"""Reader of a deck's tree: returns the model, or raises all faults at once.
 
-    bytes -> tree -> schema -> names -> axes -> bodies -> joints -> couplings, motions, loads
+    tree -> names -> axes -> bodies -> joints -> couplings, motions, loads
           -> model
 
 Only records without faults by the schema are read further, but every name and every reference is
@@ -10,7 +10,6 @@ checked: a fault in one record neither makes references to it wrong nor hides it
 import gc
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -33,9 +32,7 @@ from msahl.deck.loads import (
 )
 from msahl.deck.markers import read_group, read_marker, read_sensor
 from msahl.deck.motions import check_prescribed_once, read_joint_motion, read_point_motion
-from msahl.deck.parse import is_plain, parse, parse_valid, parsed, read_bytes
 from msahl.deck.references import check_references, is_complete
-from msahl.deck.schema import check_schema, schema_bytes, validator
 from msahl.deck.signals import declare_signals, read_actuator, read_signal, read_stop
 from msahl.deck.simulation import Assembly, read_assembly, read_simulation
 from msahl.deck.springs import read_bushing, read_joint_spring, read_spring_damper
@@ -71,30 +68,21 @@ ONE_NAME = (("bodies", "markers", "groups"), ("joints", "motions", "loads", "sig
 of bodies, markers and groups and those of other elements have different names."""
 
 
-def read_deck(
-    path: str | PathLike[str], thorough: bool = False, settings: Sequence[str] = ()
-) -> Model:
-    """Return the model of the deck at ``path``; raise ``DeckError`` with every fault found.
+def read_tree(root: Element, path: Path, settings: Sequence[str] | None, faults: Faults) -> Model:
+    """Return the model of a tree, which has been compared with the schema, with other numbers;
+    raise ``DeckError`` with every fault found.
 
-    With ``thorough`` a valid deck is validated by both libraries (see ``deck.schema``).
-    ``settings`` change its numbers, such as ``L=80 cm`` (see ``deck.overrides``).
+    The tree of the deck at ``path`` is expanded in place (see ``deck.expand``) unless ``settings``
+    are None: it has plain numbers only.
     """
-    path = Path(path)
-    faults = Faults(str(path))
-    data = read_bytes(path, faults)
-    root = None if thorough else parse_valid(data, validator(schema_bytes()))
-    if root is None:
-        root = parse(data, faults)
-        check_schema(root, faults, thorough)
     parameters: dict[str, Parameter] = {}
-    if not is_plain(root, data, settings):
+    if settings is not None:
         from msahl.deck.expand import expand  # which other decks do without
 
         parameters = expand(root, path, settings, faults)
     with _without_collector():
         model = _read_model(root, faults, parameters)
     faults.raise_if_any()
-    parsed(data)
     return model
 
 

@@ -10,7 +10,6 @@ import re
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from io import BytesIO
-from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +21,6 @@ from msahl.deck.parse import (
     may_have_braces,
     parse,
     parse_with_comments,
-    read_bytes,
-    was_parsed,
 )
 
 OTHER = {"tolerance": "localTolerance", "localTolerance": "tolerance"}
@@ -38,26 +35,20 @@ UNITS = {
 """Settings that are elements of ``<simulation>``, with their units; the others are attributes."""
 
 
-def effective_deck(
-    path: str | PathLike[str],
-    changes: Mapping[str, Any] | None = None,
-    settings: Sequence[str] = (),
+def effective_text(
+    path: Path, data: bytes, changes: Mapping[str, Any], settings: Sequence[str] = ()
 ) -> bytes:
-    """Return the deck at ``path``, which ``read_deck`` has accepted with these ``settings``, with
-    ``changes`` of ``<simulation>``: values [s, m] by the names of its elements and attributes.
+    """Return the text of the deck ``data``, which was read with these ``settings`` without faults,
+    with ``changes`` of ``<simulation>``: values [s, m] by the names of its elements and attributes.
 
-    Of a deck without parameters and changes the bytes are those of the file; otherwise the document
-    is the same, comments included, but for numbers and parts. Raises ``DeckError`` if the file is
-    no deck any more.
+    Of a deck without parameters and changes the bytes are those given; otherwise the document is
+    the same, comments included, but for numbers and parts, which lie beside ``path``.
     """
-    path = Path(path)
-    faults = Faults(str(path))
-    data = read_bytes(path, faults)
-    if settings or may_have_braces(data) or b"<includes" in data or not was_parsed(data):
+    if settings or may_have_braces(data) or b"<includes" in data:
+        faults = Faults(str(path))
         root = parse(data, faults)
         if not is_plain(root, data, settings):
             data = _expanded(root, data, path, settings, faults)
-    changes = changes or {}
     numbers = {
         tag: (repr(float(changes[tag])), unit) for tag, unit in UNITS.items() if tag in changes
     }

@@ -6,13 +6,17 @@ command lines that a study recommends all follow from ``OPTIONS``. To add an opt
 and a field of the same name to ``Simulation`` or ``Options`` and to ``RunSettings``.
 """
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from numbers import Integral, Real
 from typing import Any
 
-from msahl.model import INSTANTANEOUS, MEAN, Model, Options, RunSettings, Simulation
+from msahl.check import check_simulation
+from msahl.expressions.syntax import nearest
+from msahl.model import INSTANTANEOUS, MEAN, Model, Options, RunSettings, Simulation, resolve
 from msahl.model.scheme import CAYLEY, DAMPING, EXPONENTIAL, TOLERANCE, choices, split
-from msahl.model.settings import ACCELERATIONS, ERRORS, JOINT_TABLES, SOLVERS
+from msahl.model.settings import ACCELERATIONS, ERRORS, JOINT_TABLES, LOCAL, OFF, SOLVERS
 from msahl.run.report import camel_case
 from msahl.run.tables import MOST_JOINTS
 
@@ -211,6 +215,73 @@ OPTIONS = (
     ),
 )
 """All options that the rows of a run depend on, in the order of the help."""
+
+
+class OptionError(ValueError):
+    """Options with which no run can be made; ``faults`` are sentences, one for each option."""
+
+    def __init__(self, faults: Sequence[str]) -> None:
+        super().__init__("\n".join(faults))
+        self.faults = tuple(faults)
+
+
+def checked_options(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the options that are not None, numbers as Python's own; raises ``OptionError`` if one
+    does not exist or has no such value."""
+    known = {option.name: option for option in OPTIONS}
+    faults, values = [], dict[str, Any]()
+    for name, value in given.items():
+        if name not in known:
+            faults.append(f"{name}: there is no such option{nearest(name, known)}")
+        elif value is not None:
+            values[name], expected = _accepted(known[name].kind, value)
+            if expected:
+                faults.append(f"{name}: it is {value!r}; it must be {expected}")
+    if faults:
+        raise OptionError(faults)
+    return values
+
+
+def _accepted(kind: Number | Integer | Choice | Flag, value: Any) -> tuple[Any, str]:
+    """Return the value of an option, and what it must be if it is something else."""
+    match kind:
+        case Number(_, least, most, positive):
+            words = "a finite number"
+            low, high = -math.inf if least is None else least, math.inf if most is None else most
+            if most is not None:
+                words = f"a number from {low:g} to {high:g}"
+            elif positive:
+                words = f"a finite number greater than {low:g}"
+            if not isinstance(value, Real) or isinstance(value, bool):
+                return None, words
+            number = float(value)
+            good = math.isfinite(number) and low <= number <= high
+            return number, "" if good and (number > low or not positive) else words
+        case Integer(low, high):
+            good = isinstance(value, Integral) and not isinstance(value, bool)
+            good = good and low <= value <= high
+            return (int(value), "") if good else (None, f"an integer from {low} to {high}")
+        case Choice(words):
+            return value, "" if value in words else f"one of {', '.join(words)}"
+        case Flag():
+            return value, "" if isinstance(value, bool) else "True or False"
+
+
+def require_compatible(simulation: Simulation, options: Options) -> None:
+    """Raise ``OptionError`` with all that is wrong with step, end, scheme, tolerances and options
+    of a run."""
+    faults = check_simulation(simulation)
+    if not faults:
+        settings = resolve(simulation, options)
+        if settings.solver == "root" and settings.adaptive:
+            faults.append("solver root takes steps of a given size; omit it, or the tolerance")
+        if settings.error in (LOCAL, OFF) and settings.tolerance is not None:
+            faults.append(
+                f"error {settings.error}: a tolerance of the global error needs its estimate; "
+                "give a local tolerance instead"
+            )
+    if faults:
+        raise OptionError(faults)
 
 
 def recorded_options(settings: RunSettings) -> dict[str, Any]:

@@ -368,3 +368,11 @@ CHECKS: tuple[Callable[[Figures, Limits], Iterator[Finding]], ...] = (
     _initial_velocities,
 )
 """All checks, in the order in which they are reported."""
+
+
+def describe_verdict(verdict: dict[str, Any]) -> str:
+    """The verdict's word and its reasons; of a good run the figures that made it pass."""
+    checks = verdict["checks"]
+    names = ("completion", "energy", "constraintViolation", "accuracy", "reactions")
+    texts = [checks[name]["text"] for name in names if name in checks]
+    return f"{verdict['word']}: {'; '.join(verdict['reasons'] or texts)}"

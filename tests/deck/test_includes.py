@@ -4,8 +4,9 @@ import os
 
 import pytest
 
-from msahl.deck import DeckError, deck_digest, effective_deck, read_deck
+from msahl.deck import DeckError, deck_digest, read_deck
 from msahl.deck.includes import MOST_DEEP
+from tests.support.effective import effective_deck
 
 PART = """<part>
   <parameters>

@@ -2,8 +2,9 @@
 
 import pytest
 
-from msahl.deck import DeckError, effective_deck, read_deck
+from msahl.deck import DeckError, read_deck
 from tests.deck.test_parameters import PARAMETERS, deck
+from tests.support.effective import effective_deck
 from tests.support.models import ROOT
 
 REVOLUTE = ROOT / "decks" / "joints" / "revolute.xml"

@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from msahl.deck import DeckError, effective_deck, listed_parameters, read_deck
+from msahl.deck import DeckError, listed_parameters, read_deck
+from tests.support.effective import effective_deck
 
 DECK = """\
 <data>

@@ -9,13 +9,13 @@ from lxml import etree
 
 from msahl.algebra.rotation import matrix
 from msahl.algebra.rotation_arrays import angles
+from msahl.deck import read_deck
 from msahl.deck.faults import DeckError
-from msahl.deck.read import read_deck
-from msahl.deck.write import effective_deck
 from msahl.joints import coordinates
 from msahl.joints.coordinates import Motion
 from msahl.joints.registry import KINDS
 from msahl.model import JointMotion
+from tests.support.effective import effective_deck
 
 ROOT = Path(__file__).parents[2] / "decks"
 SHIPPED = sorted([*ROOT.glob("mechanisms/*.xml"), *ROOT.glob("joints/*.xml")])

@@ -14,10 +14,11 @@ from lxml import etree
 
 from msahl.algebra.rotation import from_axis_angle, matrix
 from msahl.algebra.vector import ZERO, transpose
-from msahl.deck import deck_digest, effective_deck, read_deck
+from msahl.deck import deck_digest, read_deck
 from msahl.deck.schema import schema_bytes
 from msahl.deck.units import DEFAULTS, UNITS, to_si
 from msahl.model import ConcentratedLoad, Ground, Joint, Model, RigidBody, Simulation
+from tests.support.effective import effective_deck
 
 ROOT = Path(__file__).parents[2]
 DECKS = sorted(ROOT.glob("decks/*/*.xml"))

@@ -4,12 +4,13 @@ import math
 
 from hypothesis import strategies as st
 
-from msahl.deck import effective_deck, read_deck
+from msahl.deck import read_deck
 from msahl.expressions.dimensions import dimension
 from msahl.expressions.evaluate import evaluate
 from msahl.expressions.syntax import FUNCTIONS, ExpressionError, parse, renamed
 from tests.fuzz.guard import TRAPS
 from tests.fuzz.test_fuzz import Example, is_judged, over
+from tests.support.effective import effective_deck
 
 NAMES = {"L": 0.5, "m": 2.0, "Crank.angle": -1e300, "x y": 0.0, "lambda": 1e-300}
 UNITS = ["", "m", "cm", "kg/m^3", "rad/s", "N-m/rad", "parsec", "1", "m^", "s^-1", "-", "A"]

@@ -10,7 +10,7 @@ from lxml import etree
 
 from msahl.cli.main import main
 from msahl.cli.run import run as command
-from msahl.deck import effective_deck, read_deck
+from msahl.deck import read_deck
 from msahl.model import Options, RunSettings, Simulation, resolve
 from msahl.run.options import (
     OPTIONS,
@@ -20,6 +20,7 @@ from msahl.run.options import (
     recorded_options,
     with_options,
 )
+from tests.support.effective import effective_deck
 from tests.support.models import ROOT
 
 DECK = ROOT / "decks" / "thesis" / "single_pendulum_45.xml"

@@ -25,7 +25,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
 
-from msahl.deck.read import read_deck
+from msahl.deck import read_deck
 from msahl.model.bodies import RigidBody
 from msahl.model.model import Model
 from tools.docs.machine_pictures import PANELS, draw_machine

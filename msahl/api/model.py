@@ -1,0 +1,134 @@
+"""Models: decks that were read, with other numbers where wanted, ready to be run."""
+
+import math
+from collections.abc import Mapping
+from functools import cached_property
+from numbers import Integral, Real
+from os import PathLike
+from typing import TYPE_CHECKING, Any, Unpack
+
+from msahl.api.html import html_table
+from msahl.api.options import RunOptions
+from msahl.api.result import Result
+from msahl.api.running import run_job
+from msahl.deck import ParsedDeck, Source, listed_parameters
+from msahl.deck.overrides import STOP_WHEN
+from msahl.model import Model as Records
+from msahl.results.job import Job, make_job
+from msahl.run.options import OptionError, checked_options
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element as PlainElement
+
+    from lxml.etree import _Element
+
+Value = float | str
+"""A number, in the unit that the deck has there, or a number with its unit, such as ``"80 cm"``."""
+
+
+def load(
+    deck: "str | PathLike[str] | bytes | _Element | PlainElement", **parameters: Value
+) -> "Model":
+    """Read a deck: the path of a file, its text (``<data>...``), or its root element.
+
+    ``parameters`` get other values, as by ``Model.with_``. Raises ``DeckError`` with every fault
+    found.
+    """
+    parsed = ParsedDeck(Source.of(deck))
+    return Model(parsed, parameters)
+
+
+class Model:
+    """A model that was read from a deck, with ``changes`` of its numbers by name.
+
+    ``records`` are what the deck says, complete and in SI units (``msahl.model.Model``).
+    """
+
+    def __init__(self, deck: ParsedDeck, changes: Mapping[str, Value]) -> None:
+        """Raises ``DeckError`` with every fault of the deck with these changes."""
+        self._deck = deck
+        self.changes: dict[str, Value] = dict(changes)
+        self._settings = tuple(f"{name}={_shown(name, value)}" for name, value in changes.items())
+        self.records: Records = deck.model(self._settings)
+
+    def with_(self, **changes: Value) -> "Model":
+        """Return a model with other numbers: parameters of the deck by name, such as ``L=0.8`` or
+        ``L="80 cm"``, and all its numbers by path: ``**{"Bob.mass": "3 kg"}``.
+
+        A number without unit is in the unit that the deck has there. Raises ``DeckError`` with
+        every fault found.
+        """
+        return Model(self._deck, {**self.changes, **changes})
+
+    def run(self, **options: Unpack[RunOptions]) -> Result:
+        """Run the model and return its results, which are kept in memory.
+
+        The ``options`` are those of ``msahl run``. Raises ``OptionError``, a ``ValueError``, if
+        they are wrong, ``StartError`` if the model has no consistent state at t = 0. A run that
+        cannot complete returns the results up to there; its ``status`` says why it ended.
+        """
+        return run_job(self.job(**options))
+
+    def job(self, **options: Unpack[RunOptions]) -> Job:
+        """Return what ``run`` would run, checked; raises ``OptionError`` as ``run`` does."""
+        given: dict[str, Any] = dict(options)
+        condition, settings, records = given.pop("stop_when", None), self._settings, self.records
+        if condition is not None:
+            settings = (*settings, f"{STOP_WHEN}{condition}")
+            records = self._deck.model(settings)
+        return make_job(self._deck.source, records, checked_options(given), settings)
+
+    @property
+    def title(self) -> str:
+        """The title of the deck; empty if it has none."""
+        return self.records.simulation.title
+
+    @cached_property
+    def xml(self) -> bytes:
+        """The deck with the changed numbers, as ``deck.xml`` of a run has it."""
+        return self._deck.source.text({}, self._settings)
+
+    @property
+    def parameters(self) -> dict[str, dict[str, Any]]:
+        """The deck's parameters by name: ``{"L": {"value": 0.8, "units": "m"}}``."""
+        return listed_parameters(self.xml)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let models be sent to other processes: as the bytes of the deck and the changes."""
+        return _restored, (self._deck.source, self.changes)
+
+    def __repr__(self) -> str:
+        changed = "".join(f", {name}={value!r}" for name, value in self.changes.items())
+        return f"msahl.load({str(self._deck.source.path)!r}{changed})"
+
+    def _repr_html_(self) -> str:
+        """Return a short table for a notebook."""
+        of, simulation = self.records, self.records.simulation
+        rows = {
+            "deck": str(self._deck.source.path),
+            "bodies": str(len(of.bodies)),
+            "joints": str(len(of.joints) + len(of.couplings)),
+            "loads": str(len(of.loads)),
+            "scheme": simulation.scheme,
+            "step size": f"{simulation.dt:g} s",
+            "end": f"{simulation.t_final:g} s",
+            **{name: str(value) for name, value in self.changes.items()},
+        }
+        return html_table(self.title or "model", rows)
+
+
+def _restored(source: Source, changes: dict[str, Value]) -> Model:
+    """Return the model that was sent by another process."""
+    return Model(ParsedDeck(source), changes)
+
+
+def _shown(name: str, value: Value) -> str:
+    """Return a value as the text of a setting; raises ``OptionError`` for anything but a number or
+    a text."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, Integral) and not isinstance(value, bool):
+        return repr(int(value))
+    if isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value):
+        return repr(float(value))
+    raise OptionError([f"{name}: it is {value!r}; give a finite number, or a text such as '80 cm'"])

@@ -1,0 +1,286 @@
+"""Results of a run: tables in memory or read from a folder, what the run found out, pictures."""
+
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from msahl.api.html import html_table
+from msahl.model import Model as Records
+from msahl.results.folder import find
+from msahl.results.info import ResultError
+from msahl.results.job import Job
+from msahl.results.publish import FinishedRun, write_run
+from msahl.results.write import DECK
+from msahl.run.options import recorded_options
+from msahl.run.report import COMPLETED, Report
+from msahl.run.tables import (
+    ACCELERATIONS,
+    ERROR,
+    ERROR_COLUMNS,
+    JOINTS,
+    MARKERS,
+    REACTIONS,
+    SIGNALS,
+    STATES,
+    SYSTEM,
+    WORK,
+    MemorySink,
+    tables_of_model,
+)
+from msahl.run.verdict import describe_verdict
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from msahl.api.pictures import Pictures
+    from msahl.results.read import Run
+
+NOWHERE = Path("result")
+"""What messages call results that are in memory."""
+
+
+class Result:
+    """The results of a run: its tables, and the report of ``run.json``.
+
+    ``result["Bob.z"]`` is a column of any table as an array. ``states``, ``reactions`` and the
+    other tables are pandas frames with the columns and units of the files of ``msahl run``; they
+    share the memory of ``array(name)``. ``records`` are the model that ran, in SI units.
+    """
+
+    def __init__(
+        self,
+        records: Records,
+        report: dict[str, Any],
+        arrays: Mapping[str, np.ndarray],
+        origin: Job | Path,
+    ) -> None:
+        """``arrays`` are the tables (rows, columns) by name; ``origin`` is the job that was run, or
+        the folder that was read."""
+        self.records, self.report = records, report
+        self._arrays, self._origin = dict(arrays), origin
+        self._frames: dict[str, pd.DataFrame] = {}
+
+    @property
+    def status(self) -> str:
+        """How the run ended: "completed", or for example "not converged"."""
+        return str(self.report.get("status", "killed"))
+
+    @property
+    def completed(self) -> bool:
+        """Whether the run reached its end."""
+        return self.status == COMPLETED
+
+    @property
+    def message(self) -> str:
+        """Why the run ended early; empty if it completed."""
+        return str(self.report.get("message", ""))
+
+    @property
+    def verdict(self) -> str:
+        """PASS, DONE (the error was not estimated), WARN or FAIL; empty for a killed run."""
+        return str(self.report.get("verdict", {}).get("word", ""))
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why the verdict is not PASS, as sentences."""
+        return list(self.report.get("verdict", {}).get("reasons", ()))
+
+    @property
+    def error(self) -> float | None:
+        """The estimated global error of the positions [m], largest over bodies and output times;
+        None if it was not estimated."""
+        estimate = self.report.get("error")
+        return None if estimate is None else float(estimate["position"])
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """The time that each phase of the run took [s], such as "prepare", "loop" and "total"."""
+        return dict(self.report.get("seconds", {}))
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """The names of the tables that the run has."""
+        return tuple(self._arrays)
+
+    def array(self, table: str) -> np.ndarray:
+        """Return a table (rows, columns); its first column is the time [s]."""
+        if table not in self._arrays:
+            raise ResultError(f"the run has no table '{table}'; it has {', '.join(self.tables)}")
+        return self._arrays[table]
+
+    def columns(self, table: str) -> list[str]:
+        """Return the names of the columns of a table."""
+        self.array(table)
+        return ERROR_COLUMNS if table == ERROR else tables_of_model(self.records)[table]
+
+    def frame(self, table: str) -> "pd.DataFrame":
+        """Return a table as a pandas frame, which shares the memory of ``array(table)``."""
+        if table not in self._frames:
+            import pandas as pd
+
+            columns = self.columns(table)
+            self._frames[table] = pd.DataFrame(self.array(table), columns=columns, copy=False)
+        return self._frames[table]
+
+    def __getitem__(self, column: str) -> np.ndarray:
+        """Return a column (rows,) of any table by its name, such as "Bob.z"."""
+        for table in self.tables:
+            names = self.columns(table)
+            if column in names:
+                return self.array(table)[:, names.index(column)]
+        raise KeyError(f"no column '{column}'; columns(table) lists those of a table")
+
+    @property
+    def time(self) -> np.ndarray:
+        """The output times [s]."""
+        return self.array(STATES)[:, 0]
+
+    @property
+    def states(self) -> "pd.DataFrame":
+        """Positions, orientations and velocities of the bodies."""
+        return self.frame(STATES)
+
+    @property
+    def reactions(self) -> "pd.DataFrame":
+        """Reactions of joints, couplings and motions."""
+        return self.frame(REACTIONS)
+
+    @property
+    def joints(self) -> "pd.DataFrame":
+        """Coordinates of joints and their rates."""
+        return self.frame(JOINTS)
+
+    @property
+    def work(self) -> "pd.DataFrame":
+        """Power and work of loads and motions."""
+        return self.frame(WORK)
+
+    @property
+    def accelerations(self) -> "pd.DataFrame":
+        """Accelerations of the bodies, if the run was asked for them."""
+        return self.frame(ACCELERATIONS)
+
+    @property
+    def markers(self) -> "pd.DataFrame":
+        """Motion of markers, and values of distances and angles."""
+        return self.frame(MARKERS)
+
+    @property
+    def system(self) -> "pd.DataFrame":
+        """Mass centres, momenta and energies of groups."""
+        return self.frame(SYSTEM)
+
+    @property
+    def signals(self) -> "pd.DataFrame":
+        """Values of signals."""
+        return self.frame(SIGNALS)
+
+    @property
+    def errors(self) -> "pd.DataFrame":
+        """Estimated global errors of positions and orientations [m] at the output times."""
+        return self.frame(ERROR)
+
+    def write(self, folder: str | PathLike[str]) -> Path:
+        """Write the files of ``msahl run``: tables, ``run.json`` and ``deck.xml``; return the
+        folder.
+
+        Raises ``FolderError`` if it holds anything but a run of the same deck.
+        """
+        folder, origin = Path(folder), self._origin
+        if isinstance(origin, Job):
+            finished = FinishedRun(
+                origin.source.path,
+                self.records,
+                origin.text,
+                origin.about(folder),
+                self.report,
+            )
+        else:
+            path = find(origin, DECK)
+            if path is None or "deck" not in self.report:
+                raise ResultError(f"{origin}: no complete run.json and deck.xml; run it again")
+            finished = FinishedRun(path, self.records, path.read_bytes(), self.report, self.report)
+        write_run(folder, finished, self._arrays)
+        return folder
+
+    def plot(
+        self,
+        *kinds: str,
+        plane: str = "",
+        bodies: tuple[str, ...] = (),
+        joints: tuple[str, ...] = (),
+    ) -> "Pictures":
+        """Draw what ``msahl-post plot`` draws: path, error, energy, work, joints, constraints and
+        reactions, or those of ``kinds``.
+
+        ``plane`` is that of the path, such as "xz"; ``bodies`` and ``joints`` restrict what is
+        drawn. A notebook shows the pictures; ``save`` writes them.
+        """
+        from msahl.api.pictures import draw
+
+        return draw(self.as_run(), kinds, plane, tuple(bodies), tuple(joints))
+
+    def as_run(self) -> "Run":
+        """Return the results as the functions of ``msahl.post`` take them."""
+        from msahl.results.read import Run
+
+        own = (STATES, REACTIONS, WORK, ERROR)
+        return Run(
+            folder=self._origin if isinstance(self._origin, Path) else NOWHERE,
+            model=self.records,
+            info=self.report,
+            states=self.states,
+            reactions=self.frame(REACTIONS) if REACTIONS in self._arrays else None,
+            work=self.frame(WORK) if WORK in self._arrays else None,
+            partial=not self.completed,
+            errors=self.frame(ERROR) if ERROR in self._arrays else None,
+            others={name: self.frame(name) for name in self.tables if name not in own},
+        )
+
+    def __repr__(self) -> str:
+        title = self.records.simulation.title
+        of = f" of {title!r}" if title else ""
+        return f"<Result{of}: {self.verdict or self.status}, {len(self.time)} output times>"
+
+    def _repr_html_(self) -> str:
+        """Return a short table for a notebook."""
+        error = "not estimated" if self.error is None else f"{self.error:.2g} m"
+        sizes = {name: " x ".join(map(str, of.shape)) for name, of in self._arrays.items()}
+        rows = {
+            "status": self.status if self.completed else f"{self.status}: {self.message}",
+            "verdict": describe_verdict(self.report["verdict"]) if self.verdict else "",
+            "estimated position error": error,
+            "steps": str(self.report.get("steps", "")),
+            "output times": f"{len(self.time)}, to t = {self.time[-1]:g} s",
+            "time loop": f"{self.seconds.get('loop', 0.0):.3g} s",
+            "tables": ", ".join(f"{name} ({size})" for name, size in sizes.items()),
+        }
+        return html_table(self.records.simulation.title or "result", rows)
+
+
+def read(folder: str | PathLike[str]) -> Result:
+    """Read the results that a run wrote into ``folder``; a run that ended early is read up to its
+    last row. Raises ``ResultError`` if there is no run, ``DeckError`` if its deck is not valid.
+    """
+    from msahl.results.read import read_run
+
+    run = read_run(Path(folder))
+    found = {STATES: run.states, REACTIONS: run.reactions, WORK: run.work, **run.others}
+    frames = {
+        name: frame for name, frame in {**found, ERROR: run.errors}.items() if frame is not None
+    }
+    arrays = {name: frame.to_numpy() for name, frame in frames.items()}
+    result = Result(run.model, run.info, arrays, run.folder)
+    result._frames.update(frames)
+    return result
+
+
+def result_of(job: Job, report: Report, sink: MemorySink) -> Result:
+    """Return the results of a ``job`` whose rows are in the ``sink``."""
+    arrays = {name: sink.table(name) for name in (*tables_of_model(job.model), ERROR)}
+    kept = {name: array for name, array in arrays.items() if len(array)}
+    told = {"options": recorded_options(job.settings), **report.as_json()}
+    return Result(job.model, told, kept, job)

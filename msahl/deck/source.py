@@ -1,0 +1,131 @@
+"""Decks in memory: their bytes, and trees that are parsed once to make models with other numbers.
+
+Source       -> its model, and its text as it ran, once
+ParsedDeck   -> models with other numbers, as often as wanted, without parsing again
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lxml import etree
+
+from msahl.deck.faults import Element, Faults
+from msahl.deck.includes import merge_parts
+from msahl.deck.parse import is_plain, parse, parse_valid, read_bytes
+from msahl.deck.read import read_tree
+from msahl.deck.schema import check_schema, schema_bytes, validator
+from msahl.deck.write import effective_text
+from msahl.model import Model
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element as PlainElement
+
+
+TEXT = Path("<deck>")
+"""What messages call a deck that is in no file; parts are looked for in the current folder."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """The bytes of a deck, and the path that names it in messages and leads to its parts."""
+
+    path: Path
+    data: bytes
+
+    @classmethod
+    def of_file(cls, path: str | PathLike[str]) -> "Source":
+        """Read a file; raises ``DeckError`` if that is not possible."""
+        path = Path(path)
+        return cls(path, read_bytes(path, Faults(str(path))))
+
+    @classmethod
+    def of(cls, deck: "str | PathLike[str] | bytes | Element | PlainElement") -> "Source":
+        """Return the deck of a path, of a text that begins with ``<``, or of its root element.
+
+        Raises ``DeckError`` if a file cannot be read.
+        """
+        if isinstance(deck, bytes):
+            return cls(TEXT, deck)
+        if isinstance(deck, str) and deck.lstrip().startswith("<"):
+            # A declared encoding would be wrong: the text has been decoded.
+            return cls(TEXT, re.sub(r"^\s*<\?xml.*?\?>", "", deck, count=1, flags=re.S).encode())
+        if isinstance(deck, str | PathLike):
+            return cls.of_file(deck)
+        if isinstance(deck, Element):
+            return cls(TEXT, etree.tostring(deck, with_tail=False))
+        from xml.etree import ElementTree
+
+        return cls(TEXT, ElementTree.tostring(deck))
+
+    def tree(self, faults: Faults, thorough: bool = False) -> Element:
+        """Return the tree without comments; departures from the schema are added to ``faults``."""
+        root = None if thorough else parse_valid(self.data, validator(schema_bytes()))
+        if root is None:
+            root = parse(self.data, faults)
+            check_schema(root, faults, thorough)
+        return root
+
+    def model(self, settings: Sequence[str] = (), thorough: bool = False) -> Model:
+        """Return the model with other numbers (see ``deck.overrides``); raises ``DeckError`` with
+        every fault found. With ``thorough`` both libraries validate the deck (``deck.schema``)."""
+        faults = Faults(str(self.path))
+        root = self.tree(faults, thorough)
+        plain = is_plain(root, self.data, settings)
+        return read_tree(root, self.path, None if plain else settings, faults)
+
+    def text(self, changes: Mapping[str, Any], settings: Sequence[str] = ()) -> bytes:
+        """Return the deck as it runs (see ``deck.write.effective_text``)."""
+        return effective_text(self.path, self.data, changes, settings)
+
+
+def read_deck(
+    path: str | PathLike[str], thorough: bool = False, settings: Sequence[str] = ()
+) -> Model:
+    """Return the model of the deck at ``path``; raise ``DeckError`` with every fault found.
+
+    With ``thorough`` a valid deck is validated by both libraries (see ``deck.schema``).
+    ``settings`` change its numbers, such as ``L=80 cm`` (see ``deck.overrides``).
+    """
+    return Source.of_file(path).model(settings, thorough)
+
+
+class ParsedDeck:
+    """A deck that was parsed, validated and completed by its parts once.
+
+    ``model`` makes any number of models of it, each with other numbers.
+    """
+
+    def __init__(self, source: Source) -> None:
+        """Raises ``DeckError`` with every fault found if the deck does not fit the schema, or if
+        a part cannot be read."""
+        self.source = source
+        faults = Faults(str(source.path))
+        self._root = source.tree(faults)
+        if not faults.sound(self._root):
+            source.model()  # finds all other faults as well, and raises
+            faults.raise_if_any()
+        self._plain = is_plain(self._root, source.data, ())
+        merge_parts(self._root, source.path, faults)
+        self._origins = [(i, faults.origins[e]) for i, e in self._numbered() if e in faults.origins]
+
+    def model(self, settings: Sequence[str] = (), word: str = "") -> Model:
+        """Return the model with other numbers; raises ``DeckError`` with every fault found.
+
+        Faults of a setting are reported as those of ``word`` and the setting.
+        """
+        faults = Faults(str(self.source.path), word)
+        if self._plain and not settings:
+            return read_tree(self._root, self.source.path, None, faults)
+        root = deepcopy(self._root)
+        if self._origins:
+            elements = list(root.iter("*"))
+            faults.origins.update((elements[i], file) for i, file in self._origins)
+        return read_tree(root, self.source.path, settings, faults)
+
+    def _numbered(self) -> enumerate[Element]:
+        return enumerate(self._root.iter("*"))
