@@ -183,9 +183,9 @@ class TimeLoop:
 
     def _first_steps(self) -> int:
         """Number of steps of the first chunk."""
-        pace = sum(integrator.storage.pace for integrator in self.setup.all_integrators)
-        if pace > 0.0 and all(of.storage.pace > 0.0 for of in self.setup.all_integrators):
-            return int(CHUNK_SECONDS / pace)
+        times = [integrator.storage.step_time for integrator in self.setup.all_integrators]
+        if min(times) > 0.0:
+            return int(CHUNK_SECONDS / sum(times))
         return int(CHUNK_SECONDS * SLOWEST / max(1, self.report.unknowns))
 
     def _take_all(self, steps: int) -> None:

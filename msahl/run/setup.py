@@ -49,9 +49,9 @@ class RunSetup:
     def release(self, report: Report) -> None:
         """Let later runs use the arrays of this one, which has ended with this ``report``."""
         spent = sum(report.seconds.get(phase, 0.0) for phase in ("loop", "companion", "output"))
-        pace = spent / max(report.steps, 1) / len(self.all_integrators)
+        step_time = spent / max(report.steps, 1) / len(self.all_integrators)
         for integrator in self.all_integrators:
-            integrator.release(pace)
+            integrator.release(step_time)
 
     @property
     def calls(self) -> list[Call]:

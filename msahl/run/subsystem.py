@@ -91,7 +91,10 @@ class SubsystemIntegrator:
         self.redundant = multiplier_count(system) - self.rank
         self.shared: dict[str, list[str]] = {}
         self._add_shared(system, state)
-        start, prepare = new_system_workspace(system, state), by_size(evaluate.prepare, self.size)
+        start, prepare = (
+            new_system_workspace(system, state),
+            by_size(evaluate.prepare, self.size),
+        )
         prepare(system, state, start)
         if signals.begin_angles(system.forces.signals, system.scalar, start.scalar, state.angle):
             prepare(system, state, start)
@@ -140,7 +143,11 @@ class SubsystemIntegrator:
     def find_nonfinite(self, h: float) -> str | None:
         """Name the element whose numbers become NaN or infinite in a step ``h`` [s], or None."""
         return find_nonfinite(
-            self.model, self.workspace.system, self.workspace.state, self.workspace.start, h
+            self.model,
+            self.workspace.system,
+            self.workspace.state,
+            self.workspace.start,
+            h,
         )
 
     def find_undefined(self, h: float) -> str | None:
@@ -156,11 +163,11 @@ class SubsystemIntegrator:
         workspace = self.workspace
         return doubles_in((workspace.state, workspace.start, workspace.pivots))
 
-    def release(self, pace: float) -> None:
-        """Let later runs use the arrays of this one, which has ended; ``pace`` [s] is the time that
-        a step took.
+    def release(self, step_time: float) -> None:
+        """Let later runs use the arrays of this one, which has ended; a step took it ``step_time``
+        seconds.
         """
-        self.storage.pace = pace
+        self.storage.step_time = step_time
         if self.storages and self.size < LARGE:
             self.storages.give_back(self.storage)
 
@@ -182,7 +189,11 @@ class SubsystemIntegrator:
 
 
 def _new_stepper(
-    model: Model, workspace: Workspace, solver: str, instantaneous: bool, storage: Storage
+    model: Model,
+    workspace: Workspace,
+    solver: str,
+    instantaneous: bool,
+    storage: Storage,
 ) -> Stepper:
     """The stepper of the model's scheme; the collocation code is only loaded where it is needed."""
     simulation, settings = model.simulation, resolve(model.simulation)
