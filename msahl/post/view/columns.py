@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from msahl.model import Model
-from msahl.post.quantities import quantity
+from msahl.post.columns import quantity
 from msahl.post.view.packing import pack_integers, pack_numbers
 from msahl.printable import printable, shown_path
 from msahl.results.info import ResultError
