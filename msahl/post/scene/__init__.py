@@ -88,11 +88,12 @@ from msahl.post.scene.build import build_scene
 
 if TYPE_CHECKING:
     from msahl.results.read import Run
+    from msahl.results.sample import Sample
 
 __all__ = ["build_scene", "scene_of_run"]
 
 
-def scene_of_run(run: "Run") -> dict[str, Any]:
+def scene_of_run(run: "Run | Sample") -> dict[str, Any]:
     """Return the scene of the model that was run; files of meshes are those beside its deck."""
     deck = run.info.get("deck", {})
     folders = [run.folder]
