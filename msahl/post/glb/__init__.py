@@ -5,12 +5,7 @@ rotation. The root node rotates the model so that it stands upright where y poin
 it. Lengths are in metres.
 
 The file is a header, a description in JSON and the numbers it refers to, which take a hundred lines
-to write. ``trimesh`` writes no animations, and ``pygltflib`` records of the JSON alone: the numbers
-would have to be packed here all the same. Tests read the files by ``pygltflib``, and the validator
-of Khronos accepts them.
+to write. ``trimesh`` writes no animations, and ``pygltflib`` has records of the JSON alone: the
+numbers would have to be packed here all the same. Tests read the files by ``pygltflib``, and the
+validator of Khronos accepts them.
 """
-
-from msahl.post.glb.animation import Keys, choose_keys
-from msahl.post.glb.document import write_glb
-
-__all__ = ["Keys", "choose_keys", "write_glb"]

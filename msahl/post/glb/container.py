@@ -63,12 +63,12 @@ class Numbers:
 def glb(document: dict[str, Any], numbers: Numbers) -> bytes:
     """Return the bytes of a GLB file of a glTF ``document`` without its buffer, and ``numbers``."""
     data = numbers.data
-    whole = document | {
+    complete = document | {
         "buffers": [{"byteLength": len(data)}],
         "bufferViews": numbers.views,
         "accessors": numbers.accessors,
     }
-    text = json.dumps(whole, allow_nan=False, separators=(",", ":")).encode()
+    text = json.dumps(complete, allow_nan=False, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     chunks = [
         struct.pack("<II", len(text), JSON_CHUNK) + text,

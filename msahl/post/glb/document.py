@@ -94,7 +94,7 @@ class _File:
                 "metallicFactor": METALLIC,
                 "roughnessFactor": ROUGHNESS,
             }
-            # Triangles of files may be turned inside out.
+            # Triangles of files may have their outside on either side.
             self.material_list.append(
                 {"name": colour, "pbrMetallicRoughness": surface, "doubleSided": True}
             )

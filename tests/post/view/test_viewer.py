@@ -32,9 +32,7 @@ def chain(tmp_path_factory) -> Path:
     result = CliRunner().invoke(
         msahl, ["run", str(deck), "--t-final", "10", "-q", "-o", str(folder)]
     )
-    assert result.exit_code in (0, 1), (
-        result.output
-    )  # 1: a chaotic motion
+    assert result.exit_code in (0, 1), result.output  # 1: a chaotic motion
     return folder
 
 
