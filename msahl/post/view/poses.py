@@ -57,8 +57,8 @@ class Poses:
 
 @dataclass(frozen=True)
 class KeyPoses:
-    """The rows that are key poses, and the largest errors of the interpolation at all output times: of a
-    position [m] and of an orientation [rad]."""
+    """The rows that are key poses, and the largest errors of the interpolation at all output times:
+    of a position [m] and of an orientation [rad]."""
 
     rows: np.ndarray
     position: float
