@@ -59,7 +59,7 @@ def test_plot_writes_what_it_says(run, tmp_path):
     result = call("plot", run, *words)
     assert result.exit_code == 0
     names = {line.rpartition("/")[2] for line in result.stdout.splitlines()}
-    kinds = ("path-xy", "energy", "work", "constraints", "reactions")
+    kinds = ("linkage", "path-xy", "energy", "work", "constraints", "reactions")
     assert names == {f"{kind}.{form}" for kind in kinds for form in ("png", "svg")}
     first = {path.name: path.read_bytes() for path in (tmp_path / "pictures").iterdir()}
     assert first.keys() == names
