@@ -241,9 +241,11 @@ def _loads(run: Run) -> LoadWork:
 
 def _reactions(run: Run) -> Reactions:
     model, names = run.model, element_names(run.model)
-    force, moment = np.full((2, len(run.time), len(names), 3), np.nan)
-    load = np.full((len(run.time), len(names), 2), np.nan)
     along_angle = _is_along_angle(model)
+    shape = (len(run.time), len(names))
+    force = _without_values((*shape, 3), bool(model.joints))
+    moment = _without_values((*shape, 3), any(KINDS[j.kind].moment for j in model.joints))
+    load = _without_values((*shape, 2), bool(along_angle))
     for e, name in enumerate(names):
         assert run.reactions is not None
         if e >= len(model.joints):
@@ -254,6 +256,11 @@ def _reactions(run: Run) -> Reactions:
             moment[:, e] = run.reactions[[f"{name}.{c}" for c in MOMENT_COLUMNS]]
     listed = run.info.get("nonUniqueReactions", {})
     return Reactions(names, force, moment, load, tuple(tuple(listed.get(n, ())) for n in names))
+
+
+def _without_values(shape: tuple[int, ...], written: bool) -> np.ndarray:
+    """Return an array of nan; one that is not to be ``written`` takes no memory."""
+    return np.full(shape, np.nan) if written else np.broadcast_to(np.nan, shape)
 
 
 def _is_along_angle(model: Model) -> dict[int, int]:

@@ -6,6 +6,7 @@ from typing import Any
 from msahl.post.document import Paragraph
 from msahl.post.draw import style
 from msahl.post.figures import Choice, figures
+from msahl.post.linkage.draw import lacks_motion
 from msahl.post.metrics import Metrics
 from msahl.post.page.blocks import fold, header, part_of, section, table, word
 from msahl.post.page.drawing import drawn
@@ -47,13 +48,13 @@ def run_page(
     """Return the page on a run as HTML.
 
     ``folded`` has titles and blocks that follow below the accuracy; ``picture`` makes the picture
-    of the mechanism (default: the paths of its bodies).
+    of the mechanism (default: a still one).
     """
     title = run.model.simulation.title or run.folder.resolve().name
     content = [
         header(title, _line(run)),
         banner(run),
-        wrap("div", (picture or path_picture)(run, metrics), _facts(run), class_="split"),
+        wrap("div", (picture or still_picture)(run, metrics), _facts(run), class_="split"),
         section("Time histories", _thinning_note(run), graphs(histories(run, metrics))),
         section("Accuracy", *_accuracy(run)),
         fold("Errors over time", graphs(diagnostics(run, metrics), "diagnostics")),
@@ -90,12 +91,14 @@ def _good_news(verdict: dict[str, Any]) -> list[str]:
     return [checks[name]["text"] for name in ("accuracy", "energy") if name in checks]
 
 
-def path_picture(run: Run, metrics: Metrics) -> Part:
-    """Return the paths of the bodies in the plane in which they extend most."""
+def still_picture(run: Run, metrics: Metrics) -> Part:
+    """Return the linkage at a few instants; of a motion that it does not show, the paths."""
+    kind, words = "linkage", "The bodies and their joints at a few instants"
+    if lacks_motion(run):
+        kind, words = "path", "Paths of the bodies' reference points"
     with style():
-        ((_, figure),) = figures(run, metrics, Choice(), ["path"])
-        picture = drawn(figure, "path")
-    words = "Paths of the bodies' reference points"
+        ((_, figure),) = figures(run, metrics, Choice(), [kind])
+        picture = drawn(figure, kind)
     return Part(element("figure", picture, role="img", aria_label=words))
 
 
