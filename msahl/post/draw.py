@@ -91,12 +91,14 @@ def looks() -> Iterator[dict[str, Any]]:
 def curves(
     axes: Axes,
     time: np.ndarray,
-    series: np.ndarray,
+    series: np.ndarray | Sequence[np.ndarray],
     names: Sequence[str],
     lines: Sequence[str] = (),
 ) -> None:
-    """Draw each column of ``series`` (m, k) against ``time`` (m,), in the line styles ``lines``."""
-    for i, (values, name, look) in enumerate(zip(series.T, names, looks(), strict=False)):
+    """Draw each column of ``series`` (m, k), or each of several (m,), against ``time`` (m,), in the
+    line styles ``lines``."""
+    columns = series.T if isinstance(series, np.ndarray) else series
+    for i, (values, name, look) in enumerate(zip(columns, names, looks(), strict=False)):
         chosen = {"linestyle": lines[i]} if lines else {}
         axes.plot(*thinned(time, values), label=plain(name), **(look | chosen))
 

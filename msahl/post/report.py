@@ -29,7 +29,7 @@ from msahl.results.write import replace_file
 from msahl.run.verdict import describe_reactions
 
 CAPTIONS = {
-    "linkage": "Bodies at a few instants, light to dark, and paths of their mass centres",
+    "linkage": "Bodies at a few instants, faint to strong, and paths of their mass centres",
     "path": "Paths of the bodies' reference points B",
     "path3d": "Paths of the bodies' reference points B in space",
     "error": "Estimated global error of positions and orientations, the largest of all bodies",

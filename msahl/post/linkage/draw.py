@@ -1,4 +1,4 @@
-"""Draw the linkage of a motion at a few instants, light to dark, with joints, ground and labels."""
+"""Draw the linkage of a motion at a few instants, with joints, ground and labels."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -63,7 +63,7 @@ def picture(run: Run, bodies: Sequence[str] = (), plane: str = "") -> tuple[str,
     axes = figure.add_subplot()
     draw_linkage(axes, motion, frame, chosen, look)
     times = ", ".join(f"{motion.time[k]:.3g}" for k in chosen)
-    shown = f"at t = {times} s" + (", light to dark" if len(chosen) > 1 else "")
+    shown = f"at t = {times} s" + (", faint to strong" if len(chosen) > 1 else "")
     axes.set_title(plain(folded(f"{scene['title']}: {shown}", 90)))
     if plane:
         across, up = ("xyz"[int(np.argmax(np.abs(row)))] for row in frame)
