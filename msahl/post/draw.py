@@ -154,7 +154,7 @@ def _intervals(length: int) -> Iterator[tuple[int, int]]:
 def legend(figure: Figure, axes: Axes) -> None:
     """Add the legend of the curves of ``axes`` beside the panels."""
     handles, labels = axes.get_legend_handles_labels()
-    labels = ["\n".join(map(_shortened, label.splitlines())) for label in labels]
+    labels = ["\n".join(map(shortened, label.splitlines())) for label in labels]
     if len(labels) > MOST_IN_LEGEND:
         more = f"and {len(labels) - MOST_IN_LEGEND} more"
         handles, labels = handles[:MOST_IN_LEGEND], labels[:MOST_IN_LEGEND]
@@ -163,7 +163,7 @@ def legend(figure: Figure, axes: Axes) -> None:
         figure.legend(handles, labels, loc="outside right upper")
 
 
-def _shortened(name: str) -> str:
+def shortened(name: str) -> str:
     """Return a name, cut to ``LONGEST_NAME`` characters to leave space for the curves."""
     return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 3]}..."
 

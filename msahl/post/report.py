@@ -6,7 +6,7 @@ from msahl.post.document import Block, Heading, Items, Paragraph, Picture, as_ma
 from msahl.post.draw import encode, style
 from msahl.post.figures import Choice, figures
 from msahl.post.metrics import Metrics
-from msahl.post.run_page import run_page
+from msahl.post.run_page import Pictured, moving_picture, run_page
 from msahl.post.sentences import (
     describe_constraints,
     describe_energy,
@@ -115,7 +115,7 @@ def write_report(run: Run, metrics: Metrics, folder: Path) -> list[Path]:
     return [folder / name for name in texts]
 
 
-def build_page(run: Run, metrics: Metrics) -> str:
+def build_page(run: Run, metrics: Metrics, picture: Pictured = moving_picture) -> str:
     """Return the page on a run; tables, settings and definitions are folded."""
     folded: dict[str, list[Block]] = {
         "Accuracy metrics in words": [_in_words(run, metrics)],
@@ -123,7 +123,7 @@ def build_page(run: Run, metrics: Metrics) -> str:
         "Settings and versions": [_facts(run)],
         "Definitions": [Items(DEFINITIONS)],
     }
-    return run_page(run, metrics, folded)
+    return run_page(run, metrics, folded, picture)
 
 
 def build_report(run: Run, metrics: Metrics) -> list[Block]:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
 
-from msahl.post.draw import COLOURS, folded, plain
+from msahl.post.draw import COLOURS, folded, plain, shortened
 from msahl.post.linkage.motion import Motion, instants, moves, view
 from msahl.post.linkage.parts import GROUND, Parts, outline
 from msahl.post.scene import build_scene
@@ -253,7 +253,7 @@ def _label(axes: Axes, motion: Motion, frame: np.ndarray, k: int, look: Look) ->
         # Names of bodies at the same place stand below each other.
         below = sum(np.hypot(*(middle - other)) < near for other in middles[:index])
         axes.annotate(
-            plain(motion.scene["bodies"][index]["name"]),
+            plain(shortened(motion.scene["bodies"][index]["name"])),
             middle,
             xytext=(shift * float(away[0]), shift * float(away[1] - below)),
             textcoords="offset points",

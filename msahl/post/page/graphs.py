@@ -84,7 +84,7 @@ def _group(group: Group, data: str, records: list[dict[str, object]]) -> Markup:
     note = [element("p", group.note, class_="note")] if group.note else []
     return element(
         "section",
-        element("div", heading, class_="graph-head"),
+        element("div", heading, class_="history-head"),
         note,
         element("div", places, class_="graphs pairs" if len(places) == 4 else "graphs"),
         class_="graph-group",

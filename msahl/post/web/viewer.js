@@ -65,6 +65,9 @@ export class Viewer {
     this.stage.controls.addEventListener("change", () => this.invalidate());
     this.stage.controls.addEventListener("start", () => (this.stage.isFitted = null));
     document.addEventListener("msahl-theme", () => this.setTheme());
+    // Graphs beside the viewer show its time, and choose it.
+    this.onUpdate(() => document.dispatchEvent(new CustomEvent("msahl-time", { detail: this.player.time })));
+    document.addEventListener("msahl-seek", (event) => this.player.scrub(event.detail));
     this.canvas.addEventListener("pointermove", (event) => this.hover(event));
     this.canvas.addEventListener("pointerleave", () => this.labels.tipAt(null));
     this.canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
