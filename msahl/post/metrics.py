@@ -271,7 +271,7 @@ def _is_along_angle(model: Model) -> dict[int, int]:
 
 
 class _JointWork:
-    """Sums the virtual work of the joints over each step, part by part of the rows."""
+    """Sums the virtual work of the joints over each step, part by part of the output times."""
 
     def __init__(self, run: Run, reactions: Reactions) -> None:
         joints = len(run.model.joints)
@@ -280,7 +280,7 @@ class _JointWork:
         self.found = JointWork(run.time[1:], reactions.names[:joints], hainge, reaction)
 
     def visit(self, part: slice, history: History) -> None:
-        """Add the steps between the rows of a part."""
+        """Add the steps between the output times of a part."""
         joints = len(self.found.joints)
         force = np.ascontiguousarray(self.reactions.force[part, :joints])
         moment = np.nan_to_num(self.reactions.moment[part, :joints])

@@ -50,7 +50,7 @@ class Rows(NamedTuple):
 
 
 PART = 100_000
-"""Rows times bodies whose history is held at a time: of a long run it would take most memory."""
+"""Rows times bodies whose history is in memory at once: of a long run it would take most memory."""
 
 
 def observe(run: Run, visit: Callable[[slice, History], None]) -> Rows:
@@ -138,7 +138,7 @@ def _energies_of(alone: RigidBodies, history: History) -> np.ndarray:
 
 
 def body_columns(run: Run, part: slice) -> np.ndarray:
-    """(m, STATE_SIZE n) the states without their times, of a part of the rows."""
+    """(m, STATE_SIZE n) the states without their times, of a range of rows."""
     return np.ascontiguousarray(run.states.to_numpy()[part, 1:])
 
 
