@@ -41,6 +41,7 @@ STYLE: dict[Any, Any] = {
 TITLE_WIDTH = 64
 """Characters in a line of a title; more would run into the legend."""
 MOST_IN_LEGEND = 12
+LONGEST_NAME = 44
 MOST_DECADES = 8
 """Decades of a logarithmic scale; products of rounding errors would extend it much further down."""
 NO_DATES: dict[str, dict[str, Any]] = {
@@ -151,12 +152,18 @@ def _intervals(length: int) -> Iterator[tuple[int, int]]:
 def legend(figure: Figure, axes: Axes) -> None:
     """Add the legend of the curves of ``axes`` beside the panels."""
     handles, labels = axes.get_legend_handles_labels()
+    labels = ["\n".join(map(_shortened, label.splitlines())) for label in labels]
     if len(labels) > MOST_IN_LEGEND:
         more = f"and {len(labels) - MOST_IN_LEGEND} more"
         handles, labels = handles[:MOST_IN_LEGEND], labels[:MOST_IN_LEGEND]
         figure.legend(handles, labels, loc="outside right upper", title_fontsize=9, title=more)
     elif labels:
         figure.legend(handles, labels, loc="outside right upper")
+
+
+def _shortened(name: str) -> str:
+    """Return a name, cut to ``LONGEST_NAME`` characters to leave space for the curves."""
+    return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 3]}..."
 
 
 def encode(figure: Figure, form: str) -> bytes:
