@@ -16,6 +16,7 @@ from msahl.post.commands.shared import BAD_INPUT
 from msahl.post.commands.sweep import sweep
 from msahl.post.commands.tables import constraints, energy, events, reactions, work
 from msahl.post.commands.verdict import verdict
+from msahl.post.commands.view import view
 from msahl.printable import printable
 from msahl.terminal import echo
 
@@ -63,8 +64,8 @@ def main() -> None:
 
 
 COMMANDS = (
-    *(energy, work, events, constraints, verdict, reactions, plot, report, compare),
-    sweep,
+    *(energy, work, events, constraints, verdict, reactions),
+    *(plot, report, view, compare, sweep),
 )
 for command in COMMANDS:
     main.add_command(command)

@@ -31,7 +31,7 @@ MOST_LINES, MOST_VARIABLES, MOST_MEASURES = 8, 7, 12
 MOST_LABELS = 12
 """Values of an option up to which each point has its value beside it."""
 WIDE = 100.0
-"""Ratio of the largest to the least positive value of a measure from which its scale is logarithmic."""
+"""Ratio of the largest value of a measure to the least from which its scale is logarithmic."""
 LEAST_MAP = 3
 """Values that both parameters of a map have at least."""
 TITLE_WIDTH = 88
