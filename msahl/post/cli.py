@@ -14,6 +14,7 @@ from msahl.post.commands.compare import compare
 from msahl.post.commands.export import export
 from msahl.post.commands.pictures import plot, report
 from msahl.post.commands.shared import BAD_INPUT
+from msahl.post.commands.sweep import sweep
 from msahl.post.commands.tables import constraints, energy, events, reactions, work
 from msahl.post.commands.verdict import verdict
 from msahl.post.commands.view import view
@@ -63,8 +64,11 @@ def main() -> None:
     """
 
 
-COMMANDS = (energy, work, events, constraints, verdict, reactions, plot, report, view, export)
-for command in (*COMMANDS, compare):
+COMMANDS = (
+    *(energy, work, events, constraints, verdict, reactions),
+    *(plot, report, view, export, compare, sweep),
+)
+for command in COMMANDS:
     main.add_command(command)
 
 
