@@ -236,9 +236,14 @@ def test_shares_of_a_plan_write_their_own_journals(tmp_path):
 def test_a_parquet_file_has_the_rows_of_runs_csv(tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
     carry_out(sweep(tmp_path / "s", "L=60:100:3 cm", measures=("Rod.z max",)), FakeScheduler())
-    table = parquet.read_table(tmp_path / "s" / "runs.parquet").to_pydict()
+    path = tmp_path / "s" / "runs.parquet"
+    table = parquet.read_table(path).to_pydict()
     assert table["L [cm]"] == [60, 80, 100]
     assert table["Rod.z max"] == [1, 2, 3]
+    # Types are those of all rows, not those that the first rows seem to have.
+    kinds = {field.name: str(field.type) for field in parquet.read_schema(path)}
+    assert kinds["L [cm]"] == kinds["Rod.z max"] == "double"
+    assert kinds["message"] == kinds["key"] == "string"
 
 
 def test_progress_is_reported(tmp_path):
