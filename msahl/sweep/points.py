@@ -255,7 +255,7 @@ def _simulate(job: Job, run: Run, key: str) -> tuple[Report, dict[str, Any], str
     else:
         report = _run_and_keep(job, run, memory, key)
     if report.status == NOT_WRITTEN:
-        raise NotWrittenError(report.message)
+        raise NotWrittenError(report.message.partition(";")[0])
     if report.status != COMPLETED:
         return report, {}, ""
     return report, *evaluate(measures, run.model, report, memory.table)

@@ -34,7 +34,7 @@ from msahl.results.lock import FolderInUseError, locked
 from msahl.results.write import PART, write_json
 from msahl.run.report import COMPLETED
 from msahl.run.verdict import FAIL
-from msahl.sweep.axes import number_text
+from msahl.sweep.axes import ONE_NUMBER, number_text
 from msahl.sweep.faults import PlanError
 from msahl.sweep.plan import POINT, Plan, write_plan
 from msahl.sweep.points import SHOWN, Job, Row, digest_of, numeric_versions, point_id
@@ -44,6 +44,8 @@ INFO, PLAN, JOURNAL, RUNS, SECONDS, PARQUET = (
 )  # fmt: skip
 OUTCOME = ("status", "verdict", "error")
 """Columns of ``runs.csv`` behind those of the plan; the measures, message and key follow."""
+TEXTS = ("status", "verdict", "message", "key")
+"""Columns of ``runs.csv`` that are no numbers even where they look like some."""
 SECONDS_COLUMNS = ("prepare", "loop", "output", "companion", "total")
 """Phases in ``seconds.csv``."""
 SYNC_SECONDS = 2.0
@@ -384,22 +386,36 @@ def write_info(folder: Path, plan: Plan, job: Job, state: Mapping[str, Any]) -> 
 def write_parquet(folder: Path) -> bool:
     """Write ``runs.parquet`` from ``runs.csv`` if pyarrow is installed; whether it is."""
     with suppress(ImportError):
+        import pyarrow
         from pyarrow import csv as reader
         from pyarrow import parquet
 
+        kinds = {False: pyarrow.string(), True: pyarrow.float64()}
+        types = {name: kinds[numeric] for name, numeric in _numeric(folder / RUNS).items()}
+        types[POINT] = pyarrow.int64()
+        convert = reader.ConvertOptions(column_types=types)
         part = folder / (PARQUET + PART)
-        writer = None
-        try:
-            with reader.open_csv(folder / RUNS) as batches:
-                for batch in batches:
-                    writer = writer or parquet.ParquetWriter(part, batch.schema)
-                    writer.write_batch(batch)
-        finally:
-            if writer is not None:
-                writer.close()
+        with (
+            reader.open_csv(folder / RUNS, convert_options=convert) as batches,
+            parquet.ParquetWriter(part, batches.schema) as writer,
+        ):
+            for batch in batches:
+                writer.write_batch(batch)
         part.replace(folder / PARQUET)
         return True
     return False
+
+
+def _numeric(path: Path) -> dict[str, bool]:
+    """Whether all values of each column of a table are numbers, or missing; by its head."""
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = csv.reader(file)
+        found = {name: name not in TEXTS for name in next(rows)}
+        for row in rows:
+            for name, cell in zip(found, row, strict=True):
+                if found[name] and cell and not ONE_NUMBER.fullmatch(cell):
+                    found[name] = False
+    return found
 
 
 def require_plan(folder: Path) -> Path:

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -107,6 +108,10 @@ def carry_out(sweep: Sweep, scheduler: Scheduler, hooks: Hooks = Hooks()) -> Cou
             begin(sweep.folder, sweep.plan, sweep.job)
             _run_missing(sweep, store, scheduler, hooks)
             counts = store.write_tables(sweep.plan)
+        except BaseException:
+            with suppress(OSError):  # the folder may be on a full disk
+                write_info(sweep.folder, sweep.plan, sweep.job, {"status": STOPPED})
+            raise
         finally:
             store.close()
         complete = counts.done == counts.points
