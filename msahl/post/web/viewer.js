@@ -66,6 +66,9 @@ export class Viewer {
     this.stage.controls.addEventListener("change", () => this.invalidate());
     this.stage.controls.addEventListener("start", () => (this.stage.isFitted = null));
     document.addEventListener("msahl-theme", () => this.setTheme());
+    // Graphs beside the viewer show its time, and choose it.
+    this.onUpdate(() => document.dispatchEvent(new CustomEvent("msahl-time", { detail: this.player.time })));
+    document.addEventListener("msahl-seek", (event) => this.player.scrub(event.detail));
     this.canvas.addEventListener("pointermove", (event) => this.hover(event));
     this.canvas.addEventListener("click", (event) => this.click(event));
     this.canvas.addEventListener("pointerdown", (event) => (this.pressedAt = [event.clientX, event.clientY]));
