@@ -44,7 +44,7 @@ class Storage:
         """
         kept: Any = self._groups.get(name)
         into: list[tuple[np.ndarray, np.ndarray]] = []
-        if kept is not None and self._fits(kept, fresh, False, into):
+        if type(kept) is type(fresh) and self._fits((kept,), (fresh,), False, into):
             for array, numbers in into:
                 array[...] = numbers
             return kept  # type: ignore[no-any-return]
@@ -59,29 +59,31 @@ class Storage:
         """Return whether ``fresh`` can be written into ``kept``, a part of a ``constant`` group or
         not; add the arrays that take numbers, and those that give them, to ``into``.
         """
-        if kept is fresh:
-            return True
-        if type(kept) is not type(fresh):
-            return False
-        if isinstance(fresh, np.ndarray):
-            # An array of another group must be that group's own, since both are changed together.
-            if id(fresh) in self._owned or not _same_form(kept, fresh):
+        for old, new in zip(kept, fresh, strict=True):
+            if old is new:
+                continue
+            if isinstance(new, np.ndarray):
+                # An array of another group must be that group's own: both are changed together.
+                if id(new) in self._owned or not _same_form(old, new):
+                    return False
+                if not constant or new.dtype == float:
+                    into.append((old, new))
+                elif old.tobytes() != new.tobytes():
+                    return False
+            elif not isinstance(new, tuple):
+                if not _same_number(old, new):
+                    return False
+            elif type(old) is not type(new) or len(old) != len(new):
                 return False
-            if constant and fresh.dtype != float:
-                return kept.tobytes() == fresh.tobytes()
-            into.append((kept, fresh))
-            return True
-        if isinstance(fresh, tuple):
-            constant = constant or isinstance(fresh, self._constant)
-            return len(kept) == len(fresh) and all(
-                self._fits(a, b, constant, into) for a, b in zip(kept, fresh, strict=True)
-            )
-        return _same_number(kept, fresh)
+            elif not self._fits(old, new, constant or isinstance(new, self._constant), into):
+                return False
+        return True
 
 
-def _same_form(kept: np.ndarray, fresh: np.ndarray) -> bool:
+def _same_form(kept: Any, fresh: np.ndarray) -> bool:
     return (
-        kept.shape == fresh.shape
+        isinstance(kept, np.ndarray)
+        and kept.shape == fresh.shape
         and kept.dtype == fresh.dtype
         and kept.flags.c_contiguous == fresh.flags.c_contiguous
         and kept.flags.f_contiguous == fresh.flags.f_contiguous
@@ -90,6 +92,8 @@ def _same_form(kept: np.ndarray, fresh: np.ndarray) -> bool:
 
 def _same_number(kept: Any, fresh: Any) -> bool:
     """Return whether plain numbers are equal in every bit; nan never is."""
+    if type(kept) is not type(fresh):
+        return False
     if isinstance(fresh, float) and kept == fresh == 0.0:
         return math.copysign(1.0, kept) == math.copysign(1.0, fresh)
     return bool(kept == fresh)
