@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from msahl.post.columns import POSITION, grouped, matching, quantity, series
 from msahl.post.draw import COLOURS, LINES, MOST_IN_LEGEND, folded, looks, plain, thinned
-from msahl.post.quantities import POSITION, grouped, matching, quantity, series
 from msahl.printable import shown_path
 from msahl.results.read import ResultError, Run
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from msahl.post.quantities import quantity
+from msahl.post.columns import quantity
 from msahl.printable import printable, shown_path
 from msahl.results.read import ResultError
 

@@ -17,12 +17,12 @@ function announceTheme() {
   document.dispatchEvent(new CustomEvent("msahl-theme"));
 }
 
-for (const button of document.querySelectorAll("button.theme")) {
-  button.addEventListener("click", () => {
-    document.documentElement.dataset.theme = isDark() ? "light" : "dark";
-    announceTheme();
-  });
-}
+// Buttons that are made later switch as well.
+document.addEventListener("click", (event) => {
+  if (!event.target.closest("button.theme")) return;
+  document.documentElement.dataset.theme = isDark() ? "light" : "dark";
+  announceTheme();
+});
 darkSystem.addEventListener("change", announceTheme);
 
 // A page is printed in light colours with its folds open.
