@@ -29,6 +29,7 @@ ORDER = (
     "post",
     "study",
     "api",
+    "sweep",
     "cli",
 )
 """Packages from the bottom to the top: each may import those before it."""

@@ -51,35 +51,53 @@ def extrema(run: Run, column: str) -> list[Event]:
     return _events(run, column, lambda curve: curve.derivative())
 
 
-def _events(run: Run, column: str, of: Callable[[PPoly], PPoly], size: float = 0.0) -> list[Event]:
-    """Find where the function ``of`` the column's spline changes its sign between the first and the
-    last output time; values below the rounding error of the column, or of ``size``, have no sign.
+def first_crossing(time: np.ndarray, values: np.ndarray, level: float) -> float | None:
+    """Return the first time [s] at which ``values`` (m,) at the output times ``time`` (m,) pass the
+    ``level``; None if they do not, or if they are too few to interpolate between them.
     """
+    if len(time) <= DEGREES[0]:
+        return None
+    found = _events_of(time, values, lambda curve: _shifted(curve, level), abs(level))
+    return found[0].time if found else None
+
+
+def _events(run: Run, column: str, of: Callable[[PPoly], PPoly], size: float = 0.0) -> list[Event]:
+    """Find where the function ``of`` the column's spline changes its sign; see ``_events_of``."""
     values = _values(run, column)
     if len(run.time) <= DEGREES[0]:
         raise ResultError(
             f"{run.folder}: {len(run.time)} output times are too few to interpolate between them; "
             f"at least {DEGREES[0] + 1} are needed"
         )
+    return _events_of(run.time, values, of, size)
+
+
+def _events_of(
+    time: np.ndarray, values: np.ndarray, of: Callable[[PPoly], PPoly], size: float
+) -> list[Event]:
+    """Find where the function ``of`` the spline of ``values`` (m,) changes its sign between the
+    first and the last output time; values below the rounding error of the column, or of ``size``,
+    have no sign.
+    """
     fine, coarse = (
-        PPoly.from_spline(make_interp_spline(run.time, values, k=degree)) for degree in DEGREES
+        PPoly.from_spline(make_interp_spline(time, values, k=degree)) for degree in DEGREES
     )
-    spacing = float(np.diff(run.time).max())
+    spacing = float(np.diff(time).max())
     # Extrapolated, because a coarse spline of a motion that starts at rest may have its extremum
     # before t = 0.
     others = _roots(of(coarse), RESOLVED * spacing, extrapolate=True)
     roots = _roots(of(fine), RESOLVED * spacing, extrapolate=False)
     distance = np.abs(roots[:, None] - others).min(axis=1, initial=np.inf)
-    found = _inside(roots, distance, run.time)
-    found &= _crossed(of(fine), roots, run.time, ROUND_OFF * max(np.abs(values).max(), size))
+    found = _inside(roots, distance, time)
+    found &= _crossed(of(fine), roots, time, ROUND_OFF * max(np.abs(values).max(), size))
     return [
         Event(
-            time=float(time),
+            time=float(at),
             uncertainty=float(known) if known <= spacing else None,
-            value=float(fine(time)),
-            slope=float(fine.derivative()(time)),
+            value=float(fine(at)),
+            slope=float(fine.derivative()(at)),
         )
-        for time, known in zip(roots[found], distance[found], strict=True)
+        for at, known in zip(roots[found], distance[found], strict=True)
     ]
 
 

@@ -1,0 +1,224 @@
+"""Runs points in processes of this machine, which may die: the points are then run again.
+
+Each worker is given about a second of points at a time, with the next ones before it has finished,
+and returns each row as soon as it is there. So it is known which point a worker was at when it
+died, or how long that has taken. A point at which three workers have died has failed.
+"""
+
+import os
+import selectors
+import subprocess
+import sys
+import time
+from collections import Counter, deque
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+import orjson
+
+from msahl.jit.progress import CompileError
+from msahl.sweep.axes import number_text
+from msahl.sweep.points import TIMED_OUT, Job, NotWrittenError, Point, Row, crashed_row
+from msahl.sweep.work import Work
+
+CHUNK_SECONDS = 1.0
+"""Work that a worker is given at a time [s]."""
+MOST_POINTS = 1000
+"""Most points that a worker is given at a time."""
+MOST_DEATHS = 3
+"""Deaths of workers at a point after which it has failed."""
+MOST_STARTS = 5
+"""Workers in a row that die before they are ready, after which the sweep ends."""
+POLL = 0.1
+"""Time between two looks at requests to stop and at time limits [s]."""
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Variables that keep libraries from using all cores in every worker."""
+
+
+class PoolError(Exception):
+    """Workers cannot be started; the message says why."""
+
+
+class Worker:
+    """One process, the points it was given in their order, and when it began the first of them."""
+
+    def __init__(self, job: Job) -> None:
+        environment = {**dict.fromkeys(THREADS, "1"), **os.environ}
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "msahl.sweep.worker"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=environment,
+            bufsize=0,
+            # An interruption by the terminal is for the sweep alone.
+            process_group=0 if os.name == "posix" else None,
+        )
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        self.source, self.sink = self.process.stdout, self.process.stdin
+        self.points: deque[Point] = deque()
+        self.ready = self.compiling = False
+        self.since = time.monotonic()
+        self._rest = b""
+        self._write(job.as_json())
+
+    def _write(self, message: Any) -> None:
+        with suppress(OSError):  # it has died, which reading reports
+            rest = orjson.dumps(message) + b"\n"
+            while rest:
+                rest = rest[self.sink.write(rest) or 0 :]
+
+    def give(self, points: list[Point]) -> None:
+        """Hand over points."""
+        if not self.points:
+            self.since = time.monotonic()
+        self.points.extend(points)
+        self._write([list(point) for point in points])
+
+    def read(self) -> list[dict[str, Any]] | None:
+        """Return the messages that have come; None if the process has ended."""
+        content = os.read(self.source.fileno(), 1 << 16)
+        if not content:
+            return None
+        *lines, self._rest = (self._rest + content).split(b"\n")
+        return [orjson.loads(line) for line in lines]
+
+    def seconds(self) -> float:
+        """Seconds for which it has been at its present point, without compiling."""
+        busy = self.points and self.ready and not self.compiling
+        return time.monotonic() - self.since if busy else 0.0
+
+    def kill(self) -> None:
+        """End the process at once."""
+        self.process.kill()
+        self.process.wait()
+        for end in (self.source, self.sink):
+            with suppress(OSError):
+                end.close()
+
+
+class Pool:
+    """A scheduler of ``jobs`` processes; a point may take ``timeout`` seconds if that is given.
+
+    ``compiling`` is called when a worker begins to compile kernels.
+    """
+
+    def __init__(
+        self,
+        jobs: int,
+        timeout: float | None = None,
+        compiling: Callable[[], Any] = lambda: None,
+    ) -> None:
+        self.jobs, self.timeout, self.compiling = jobs, timeout, compiling
+        self.workers: list[Worker] = []
+        self.deaths: Counter[int] = Counter()
+        self.failed_starts = 0
+        self.seconds_per_point = 0.0  # seconds that a point takes, by the last ones; 0: not known
+        self.job: Job
+        self.work: Work
+        self.selector: selectors.BaseSelector
+
+    def run(self, job: Job, work: Work, stopped: Callable[[], bool]) -> None:
+        """See ``work.Scheduler``."""
+        self.job, self.work = job, work
+        with selectors.DefaultSelector() as self.selector:
+            try:
+                while not stopped() and not work.finished:
+                    self._fill()
+                    for key, _ in self.selector.select(POLL):
+                        self._hear(key.data)
+                    self._enforce_limit()
+            finally:
+                for worker in [*self.workers]:
+                    self._remove(worker)
+
+    def _fill(self) -> None:
+        """Start workers that are missing, and give points to those that have few."""
+        # The first worker compiles what all of them need.
+        wanted = self.jobs if self.seconds_per_point else 1
+        while len(self.workers) < min(wanted, max(1, self.work.left)):
+            worker = Worker(self.job)
+            self.workers.append(worker)
+            self.selector.register(worker.source, selectors.EVENT_READ, worker)
+        for worker in self.workers:
+            most = self._chunk()
+            if worker.ready and len(worker.points) <= most // 2:
+                points = self.work.next(1 if not self.seconds_per_point else most)
+                if points:
+                    worker.give(points)
+
+    def _chunk(self) -> int:
+        """Return the number of points for about a second of work; fewer near the end, so that all
+        workers end together."""
+        if not self.seconds_per_point:
+            return 1
+        share = self.work.left // (4 * self.jobs) + 1
+        return max(1, min(MOST_POINTS, share, int(CHUNK_SECONDS / self.seconds_per_point)))
+
+    def _hear(self, worker: Worker) -> None:
+        """Take what a worker says, or notice that it has died."""
+        messages = worker.read()
+        if messages is None:
+            self._lose(worker)
+            return
+        rows: list[Row] = []
+        for message in messages:
+            if "ready" in message:
+                worker.ready, self.failed_starts = True, 0
+            elif "compiling" in message:
+                worker.compiling = message["compiling"]
+                self.compiling() if worker.compiling else None
+            elif "fatal" in message:
+                kind, words = message["fatal"]
+                raise (CompileError if kind == "compile" else NotWrittenError)(words)
+            else:
+                worker.points.popleft()
+                worker.compiling = False
+                rows.append(message)
+        now = time.monotonic()
+        if rows:
+            self._measure((now - worker.since) / len(rows))
+            self.work.take(rows)
+        worker.since = now
+
+    def _measure(self, seconds: float) -> None:
+        """Correct the seconds that a point takes."""
+        seconds = max(seconds, 1e-6)
+        self.seconds_per_point = (
+            0.7 * self.seconds_per_point + 0.3 * seconds if self.seconds_per_point else seconds
+        )
+
+    def _lose(self, worker: Worker) -> None:
+        """A worker has died: others do its points; that at which it died may have failed."""
+        points = list(worker.points)
+        self._remove(worker)
+        if not worker.ready:
+            self.failed_starts += 1
+            if self.failed_starts >= MOST_STARTS:
+                status = worker.process.returncode
+                raise PoolError(f"workers end before they are ready, with exit status {status}")
+        if points:
+            self.deaths[points[0].number] += 1
+            if self.deaths[points[0].number] >= MOST_DEATHS:
+                message = f"the process that ran it ended without a result, {MOST_DEATHS} times"
+                self.work.take([crashed_row(points.pop(0), message)])
+        self.work.give_back(points)
+
+    def _enforce_limit(self) -> None:
+        """Kill workers whose present point takes longer than it may."""
+        limit = self.timeout
+        for worker in [*self.workers]:
+            if limit is None or worker.seconds() <= limit:
+                continue
+            points = list(worker.points)
+            self._remove(worker)
+            message = f"took longer than {number_text(limit)} s (--timeout)"
+            row = crashed_row(points.pop(0), message, TIMED_OUT) | {"limit": limit}
+            self.work.take([row])
+            self.work.give_back(points)
+
+    def _remove(self, worker: Worker) -> None:
+        self.selector.unregister(worker.source)
+        self.workers.remove(worker)
+        worker.kill()

@@ -1,0 +1,410 @@
+"""The folder of a sweep: its plan, its journal of outcomes, and the tables made from both.
+
+    sweep.json      deck, options, measures, plan in words, versions, how far the sweep is
+    plan.csv        the points
+    journal*.jsonl  one line for each outcome, appended as points end, in any order
+    runs.csv        one row for each point, in the order of the plan
+    seconds.csv     seconds of each point by phase
+    runs.parquet    runs.csv for other programs, if pyarrow is installed
+    runs/KEY/       tables of a point (--keep tables, all)
+
+A line of the journal is appended by one write. A line that a killed process or a full disk left
+torn is ignored, so the journal is valid at any moment; outcomes are never changed, later lines of a
+point replace earlier ones. The journal holds the only copy of the outcomes. ``runs.csv`` follows
+from plan and journal, and exists under its name only while every point has an outcome; until then
+``runs.csv.part`` has those that are known.
+"""
+
+import csv
+import mmap
+import os
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import orjson
+
+from msahl.printable import shown_path
+from msahl.results.folder import relative
+from msahl.results.lock import FolderInUseError, locked
+from msahl.results.write import PART, write_json
+from msahl.run.report import COMPLETED
+from msahl.run.verdict import FAIL
+from msahl.sweep.axes import number_text
+from msahl.sweep.faults import PlanError
+from msahl.sweep.plan import POINT, Plan, write_plan
+from msahl.sweep.points import SHOWN, Job, Row, digest_of, point_id, versions
+
+INFO, PLAN, JOURNAL, RUNS, SECONDS, PARQUET = (
+    "sweep.json", "plan.csv", "journal.jsonl", "runs.csv", "seconds.csv", "runs.parquet"
+)  # fmt: skip
+OUTCOME = ("status", "verdict", "error")
+"""Columns of ``runs.csv`` behind those of the plan; the measures, message and key follow."""
+SECONDS_COLUMNS = ("prepare", "loop", "output", "companion", "total")
+"""Phases in ``seconds.csv``."""
+SYNC_SECONDS = 2.0
+"""Time after which lines are flushed to the disk: what a power failure may lose [s]."""
+
+
+class StoreError(Exception):
+    """The folder of a sweep that cannot be used or written; the message names the remedy."""
+
+
+@contextmanager
+def sweep_lock(folder: Path) -> Iterator[None]:
+    """Lock the folder of a sweep, which is created; raises ``StoreError`` if it is in use."""
+    try:
+        with locked(folder):
+            yield
+    except FolderInUseError:
+        owner = read_info(folder).get("pid")
+        who = f"process {owner}" if owner else "another process"
+        raise StoreError(
+            f"{shown_path(folder)}: {who} is running a sweep there; wait for its end, stop it, or "
+            "choose another folder with -o"
+        ) from None
+
+
+class Journal:
+    """A journal that rows are appended to; raises ``OSError`` if it cannot be written."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
+        self.synced = time.monotonic()
+        size = os.fstat(self.file).st_size
+        if size and os.pread(self.file, 1, size - 1) != b"\n":
+            self._write(b"\n")  # ends a torn line
+
+    def append(self, rows: Iterable[Row]) -> None:
+        """Append rows, each as a line."""
+        self._write(b"".join(orjson.dumps(row) + b"\n" for row in rows))
+        if time.monotonic() - self.synced > SYNC_SECONDS:
+            self.sync()
+
+    def _write(self, content: bytes) -> None:
+        while content:
+            content = content[os.write(self.file, content) :]
+
+    def sync(self) -> None:
+        """Flush all lines to the disk."""
+        os.fsync(self.file)
+        self.synced = time.monotonic()
+
+    def close(self) -> None:
+        """Flush and close the file."""
+        try:
+            self.sync()
+        finally:
+            os.close(self.file)
+
+
+def journal_lines(path: Path) -> Iterator[tuple[int, Row]]:
+    """Yield the place of each complete line of a journal, and its row."""
+    place = 0
+    with path.open("rb") as file:
+        for line in file:
+            if line.endswith(b"\n"):
+                try:
+                    row = orjson.loads(line)
+                except ValueError:
+                    row = None
+                if isinstance(row, dict) and isinstance(row.get("id"), str) and "status" in row:
+                    yield place, row
+            place += len(line)
+
+
+@dataclass
+class Counts:
+    """Points of a plan: all, those with an outcome, failed ones, those with the verdict FAIL."""
+
+    points: int = 0
+    done: int = 0
+    failed: int = 0
+    bad: int = 0
+    statuses: Counter[str] = field(default_factory=Counter)
+    first_failure: str = ""
+
+    def add(self, row: Row) -> None:
+        """Count one outcome."""
+        self.done += 1
+        self.statuses[row["status"]] += 1
+        if row["status"] != COMPLETED:
+            self.failed += 1
+            message = f": {row['message']}" if row["message"] else ""
+            self.first_failure = (
+                self.first_failure or f"point {row['point']}: {row['status']}{message}"
+            )
+        elif row["verdict"] == FAIL:
+            self.bad += 1
+
+    @property
+    def good(self) -> bool:
+        """Whether every point has completed, none with the verdict FAIL."""
+        return self.done == self.points and not self.failed and not self.bad
+
+    def as_json(self) -> dict[str, int]:
+        """What ``sweep.json`` has of it."""
+        return {"done": self.done, "failed": self.failed, "failVerdicts": self.bad}
+
+
+class Store:
+    """The outcomes in the folder of a sweep, found by the ids and by the keys of points.
+
+    ``context`` is ``points.context_digest`` of the job. Outcomes are known of which ``usable`` says
+    so. New ones go to the journal called ``journal``; all journals are read.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        job: Job,
+        context: str,
+        usable: Callable[[Row], bool] = lambda row: True,
+        journal: str = JOURNAL,
+    ) -> None:
+        self.folder, self.job, self.context = folder, job, context
+        self.usable = usable
+        heads = sorted(column.head for column in job.columns)
+        self.plan_digest = digest_of([context, heads])[:SHOWN]
+        self.software = digest_of(versions())[:SHOWN]
+        self.paths = sorted(folder.glob("journal*.jsonl"))
+        self.places: dict[bytes, tuple[int, int]] = {}
+        self.keys: dict[bytes, tuple[int, int]] = {}
+        self.foreign = False  # whether outcomes of other plans are known
+        for number, path in enumerate(self.paths):
+            for place, row in journal_lines(path):
+                self._note(row, (number, place))
+        self.journal = Journal(folder / journal)
+        if self.journal.path not in self.paths:
+            self.paths.append(self.journal.path)
+
+    def _note(self, row: Row, place: tuple[int, int]) -> None:
+        name = _short(row["id"])
+        if not self.usable(row):
+            # A later outcome that is not good enough does not replace an earlier one that is.
+            return
+        self.places[name] = place
+        if row.get("plan") != self.plan_digest and row.get("software") == self.software:
+            self.foreign = True
+            self.keys[_short(row["key"])] = place
+
+    def id_of(self, cells: Sequence[str]) -> str:
+        """The id of a point."""
+        return point_id(self.context, self.job.columns, cells)
+
+    def has(self, name: str) -> bool:
+        """Whether the outcome of the point with this id is known."""
+        return _short(name) in self.places
+
+    def adopt(self, number: int, name: str, key: str) -> Row | None:
+        """Take over the outcome of another plan's point with the same key, if there is one."""
+        place = self.keys.get(_short(key))
+        if place is None:
+            return None
+        with self.paths[place[0]].open("rb") as file:
+            file.seek(place[1])
+            row: Row = orjson.loads(file.readline())
+        row |= {"point": number, "id": name}
+        self.add([row])
+        return row
+
+    def add(self, rows: Sequence[Row]) -> None:
+        """Append outcomes to the journal; they are known from then on."""
+        place = os.fstat(self.journal.file).st_size
+        tags = {"plan": self.plan_digest, "software": self.software}
+        lines = [{**row, **tags} for row in rows]
+        self.journal.append(lines)
+        index = self.paths.index(self.journal.path)
+        for line in lines:
+            self.places[_short(line["id"])] = (index, place)
+            place += len(orjson.dumps(line)) + 1
+
+    def close(self) -> None:
+        """Close the journal."""
+        self.journal.close()
+
+    def rows(self, plan: Plan) -> Iterator[tuple[int, tuple[str, ...], Row | None]]:
+        """Yield number, cells and outcome of all points in the order of the plan; None where there
+        is no outcome."""
+        maps = [_map(path) for path in self.paths]
+        try:
+            for number, cells in enumerate(plan, start=1):
+                place = self.places.get(_short(self.id_of(cells)))
+                content = None if place is None else maps[place[0]]
+                if place is None or content is None:
+                    yield number, cells, None
+                    continue
+                end = content.find(b"\n", place[1])
+                yield number, cells, orjson.loads(content[place[1] : end])
+        finally:
+            for content in maps:
+                if content is not None:
+                    content.close()
+
+    def write_tables(self, plan: Plan) -> Counts:
+        """Write ``runs.csv`` and ``seconds.csv``; under their final names if every point has an
+        outcome. Returns what was counted."""
+        counts = Counts(plan.count)
+        paths = [self.folder / name for name in (RUNS, SECONDS)]
+        parts = [path.with_name(path.name + PART) for path in paths]
+        with (
+            parts[0].open("w", newline="", encoding="utf-8") as runs,
+            parts[1].open("w", newline="", encoding="utf-8") as seconds,
+        ):
+            write_run = csv.writer(runs, lineterminator="\n").writerow
+            write_seconds = csv.writer(seconds, lineterminator="\n").writerow
+            write_run(runs_head(plan, self.job.measures))
+            write_seconds((POINT, *SECONDS_COLUMNS))
+            for number, cells, row in self.rows(plan):
+                if row is None:
+                    continue
+                counts.add(row)
+                write_run(runs_row(number, cells, row, self.job.measures))
+                spent = row.get("seconds", {})
+                write_seconds((number, *(_cell(spent.get(name)) for name in SECONDS_COLUMNS)))
+        for path, part in zip(paths, parts, strict=True):
+            if counts.done == counts.points:
+                part.replace(path)
+            else:
+                path.unlink(missing_ok=True)
+        return counts
+
+    def drop_tables(self) -> None:
+        """Remove the tables of all points: they are not those of the plan any more."""
+        for name in (RUNS, SECONDS, PARQUET):
+            (self.folder / name).unlink(missing_ok=True)
+
+
+def runs_head(plan: Plan, measures: Sequence[str]) -> list[str]:
+    """The head of ``runs.csv``."""
+    return [*plan.head, *OUTCOME, *measures, "message", "key"]
+
+
+def runs_row(number: int, cells: Sequence[str], row: Row, measures: Sequence[str]) -> list[str]:
+    """One row of ``runs.csv``."""
+    values = [row["measures"].get(text) for text in measures]
+    outcome = (row[name] for name in OUTCOME)
+    last = (row["message"], row["key"][:SHOWN])
+    return [str(number), *cells, *map(_cell, (*outcome, *values, *last))]
+
+
+def _cell(value: Any) -> str:
+    """A value as it stands in a table."""
+    if value is None:
+        return ""
+    return number_text(value) if isinstance(value, float) else str(value)
+
+
+def _short(name: str) -> bytes:
+    """A SHA-256 in hexadecimal as the bytes by which it is found: half of them are enough."""
+    try:
+        return bytes.fromhex(name[:32])
+    except ValueError:
+        return b""
+
+
+def _map(path: Path) -> mmap.mmap | None:
+    with path.open("rb") as file:
+        if not os.fstat(file.fileno()).st_size:
+            return None
+        return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+
+
+def read_info(folder: Path) -> dict[str, Any]:
+    """The content of ``sweep.json``; empty if there is none."""
+    try:
+        found = orjson.loads((folder / INFO).read_bytes())
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) and "plan" in found else {}
+
+
+def claim(folder: Path, deck: str) -> None:
+    """Check that a sweep of ``deck`` may be written to ``folder``; raises ``StoreError``."""
+    held = read_info(folder)
+    if not held:
+        if (folder / JOURNAL).is_file() or not folder.is_dir():
+            return
+        if any(not path.name.startswith(".") for path in folder.iterdir()):
+            raise StoreError(
+                f"{shown_path(folder)}: not empty, and not the folder of a sweep; choose another "
+                "folder with -o"
+            )
+        return
+    then = held.get("deck", {})
+    seen = then.get("relative")
+    other = Path(os.path.normpath(folder.resolve() / seen)) if isinstance(seen, str) else None
+    if other is not None and other.exists() and not other.samefile(deck):
+        raise StoreError(
+            f"{shown_path(folder)}: holds a sweep of another deck, {then.get('path')}; choose "
+            "another folder with -o, or remove this one"
+        )
+
+
+def begin(folder: Path, plan: Plan, job: Job) -> None:
+    """Write ``plan.csv``, which is left alone if it is the same, and ``sweep.json``."""
+    new = folder / (PLAN + ".new")
+    write_plan(plan, new)
+    if not _same(new, folder / PLAN):
+        new.replace(folder / PLAN)
+    else:
+        new.unlink()
+    write_info(folder, plan, job, {"status": "running", "pid": os.getpid()})
+
+
+def _same(a: Path, b: Path) -> bool:
+    if not b.is_file() or a.stat().st_size != b.stat().st_size:
+        return False
+    with a.open("rb") as one, b.open("rb") as other:
+        return all(x == y for x, y in zip(one, other, strict=False))
+
+
+def write_info(folder: Path, plan: Plan, job: Job, state: Mapping[str, Any]) -> None:
+    """Write ``sweep.json``; ``state`` says how far the sweep is."""
+    options = {name: value for name, value in job.options.items() if value not in (None, False)}
+    write_json(
+        folder / INFO,
+        {
+            **versions(),
+            "deck": {"path": job.deck, "relative": relative(Path(job.deck), folder)},
+            "plan": plan.as_json(),
+            "options": options,
+            "measures": list(job.measures),
+            "keep": job.keep,
+            **state,
+        },
+    )
+
+
+def write_parquet(folder: Path) -> bool:
+    """Write ``runs.parquet`` from ``runs.csv`` if pyarrow is installed; whether it is."""
+    with suppress(ImportError):
+        from pyarrow import csv as reader
+        from pyarrow import parquet
+
+        part = folder / (PARQUET + PART)
+        writer = None
+        try:
+            with reader.open_csv(folder / RUNS) as batches:
+                for batch in batches:
+                    writer = writer or parquet.ParquetWriter(part, batch.schema)
+                    writer.write_batch(batch)
+        finally:
+            if writer is not None:
+                writer.close()
+        part.replace(folder / PARQUET)
+        return True
+    return False
+
+
+def require_plan(folder: Path) -> Path:
+    """The path of ``plan.csv`` in the folder of a sweep; raises ``PlanError`` if there is none."""
+    path = folder / PLAN
+    if not path.is_file():
+        raise PlanError(f"{shown_path(folder)}: not the folder of a sweep (no {PLAN})")
+    return path

@@ -1,0 +1,136 @@
+"""A sweep from its plan to its tables: check, lock the folder, run what is missing, write."""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from msahl.deck import DeckError
+from msahl.run.report import COMPLETED
+from msahl.sweep.measures import parse_measures, require_columns
+from msahl.sweep.plan import Plan
+from msahl.sweep.points import TIMED_OUT, Job, Row, context_digest, is_kept, model_at
+from msahl.sweep.store import (
+    JOURNAL,
+    Counts,
+    Store,
+    begin,
+    claim,
+    sweep_lock,
+    write_info,
+    write_parquet,
+)
+from msahl.sweep.work import ON_FAIL, RETRY, OnFail, Scheduler, Work
+
+RUNNING, COMPLETE, STOPPED = "running", "complete", "stopped"
+"""States of a sweep in ``sweep.json``."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A sweep to be made: its folder, plan and job, and what happens to points that fail.
+
+    ``timeout`` is the time that a point may take [s], None for any. Only the ``share`` (k, n) of
+    the points is run, whose outcomes go to ``journal``.
+    """
+
+    folder: Path
+    plan: Plan
+    job: Job
+    on_fail: OnFail = ON_FAIL
+    timeout: float | None = None
+    share: tuple[int, int] = (1, 1)
+    journal: str = JOURNAL
+
+    def usable(self, row: Row) -> bool:
+        """Whether an outcome of an earlier call is good for this one."""
+        if row["status"] == COMPLETED:
+            return all(text in row["measures"] for text in self.job.measures) and is_kept(
+                self.folder, row["key"], self.job.keep
+            )
+        if row["status"] == TIMED_OUT:
+            allowed = self.timeout is None or self.timeout > row.get("limit", 0.0)
+            return not allowed
+        tried = row.get("attempts", 1)
+        return self.on_fail.policy != RETRY or tried > self.on_fail.times
+
+    def open_store(self) -> Store:
+        """The outcomes in the folder; raises ``DeckError`` if the deck cannot be read."""
+        return Store(self.folder, self.job, context_digest(self.job), self.usable, self.journal)
+
+
+@dataclass(frozen=True)
+class Hooks:
+    """Functions that a sweep calls: ``began`` with the work before the first run, ``progress``
+    after outcomes, ``stopped`` to ask whether to stop."""
+
+    began: Callable[[Work], Any] = lambda work: None
+    progress: Callable[[Counts], Any] = lambda counts: None
+    stopped: Callable[[], bool] = lambda: False
+
+
+def check(sweep: Sweep) -> None:
+    """Check measures and deck at the ends of the plan; raises ``PlanError`` or ``DeckError``.
+
+    A deck that is faulty at one end only is no fault of the plan: those points fail.
+    """
+    measures = parse_measures(sweep.job.measures)
+    first = next(iter(sweep.plan))
+    try:
+        model = model_at(sweep.job, first)
+    except DeckError as error:
+        (last,) = deque(sweep.plan, maxlen=1)
+        try:
+            model = model_at(sweep.job, last)
+        except DeckError:
+            raise error from None
+    require_columns(measures, model)
+
+
+def carry_out(sweep: Sweep, scheduler: Scheduler, hooks: Hooks = Hooks()) -> Counts:
+    """Run the points without outcome and write the tables; returns what was counted.
+
+    Raises ``PlanError`` and ``DeckError`` for a bad plan, ``StoreError`` for a folder that cannot
+    be used, ``NotWrittenError`` and ``OSError`` if it cannot be written, and what the scheduler
+    raises. Outcomes that were there before remain in every case.
+    """
+    check(sweep)
+    claim(sweep.folder, sweep.job.deck)
+    with sweep_lock(sweep.folder):
+        store = sweep.open_store()
+        try:
+            begin(sweep.folder, sweep.plan, sweep.job)
+            _run_missing(sweep, store, scheduler, hooks)
+            counts = store.write_tables(sweep.plan)
+        finally:
+            store.close()
+        complete = counts.done == counts.points
+        state = {"status": COMPLETE if complete else STOPPED, **counts.as_json()}
+        if complete:
+            write_parquet(sweep.folder)
+        write_info(sweep.folder, sweep.plan, sweep.job, state)
+    return counts
+
+
+def _run_missing(sweep: Sweep, store: Store, scheduler: Scheduler, hooks: Hooks) -> None:
+    """Run the points of the plan that have no outcome."""
+    work = Work(sweep.plan, store, sweep.on_fail, hooks.progress, sweep.share)
+    work.adopt(sweep.plan, hooks.stopped)
+    hooks.began(work)
+    if work.left:
+        store.drop_tables()
+        scheduler.run(sweep.job, work, hooks.stopped)
+
+
+def preview(sweep: Sweep, most: int) -> tuple[list[tuple[str, ...]], int]:
+    """The cells of the first points of the plan, and how many outcomes the folder has already."""
+    first = list(islice(sweep.plan, most))
+    if not sweep.folder.is_dir() or not any(sweep.folder.glob("journal*.jsonl")):
+        return first, 0
+    store = sweep.open_store()
+    try:
+        return first, sum(row is not None for _, _, row in store.rows(sweep.plan))
+    finally:
+        store.close()
