@@ -1,7 +1,6 @@
 """The command ``msahl run``: run a deck and write its results."""
 
 import os
-import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -12,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.core import ParameterSource
 
+from msahl.cli.command_line import typed_command
 from msahl.cli.compiling import announced
 from msahl.cli.console import BAD_VERDICT, NOT_WRITTEN, STATUS, say, stop
 from msahl.cli.decks import job_of
@@ -211,8 +210,9 @@ def _close(task: Task, work: Path, report: "Report", stopped: Interruption, talk
     report.seconds["total"] = time.perf_counter() - STARTED
     if report.status in ("interrupted", "not written"):
         resume = has_checkpoint(work)
+        command = typed_command({"resume"}) + (" --resume" if resume else "")
         again = "resume it" if resume else "start again (there is no checkpoint yet)"
-        report.message += f"; {again} with: {_command(resume)}"
+        report.message += f"; {again} with: {command}"
     status, complete = STATUS[report.status], report.status == "completed"
     try:
         write_json(work / INFO, {**task.about, "tables": tables(work), **report.as_json()})
@@ -236,24 +236,6 @@ def _status_of_verdict(report: "Report", strict: bool) -> int:
     from msahl.run.verdict import FAIL, WARN
 
     return BAD_VERDICT if report.verdict["word"] in ((WARN, FAIL) if strict else (FAIL,)) else 0
-
-
-def _command(resume: bool) -> str:
-    """The present command line, with ``--resume`` or without."""
-    context = click.get_current_context()
-    words = ["msahl", "run"]
-    for parameter in context.command.params:
-        name = str(parameter.name)
-        given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
-        if not given or name == "resume":
-            continue
-        value = context.params[name]
-        for one in value if parameter.multiple else (value,):
-            if isinstance(parameter, click.Option):
-                words.append(max(parameter.opts, key=len))
-            if not (isinstance(parameter, click.Option) and parameter.is_flag):
-                words.append(str(one))
-    return shlex.join([*words, "--resume"] if resume else words)
 
 
 @contextmanager

@@ -4,6 +4,7 @@ Source       -> its model, and its text as it ran, once
 ParsedDeck   -> models with other numbers, as often as wanted, without parsing again
 """
 
+import hashlib
 import re
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
@@ -126,6 +127,11 @@ class ParsedDeck:
             elements = list(root.iter("*"))
             faults.origins.update((elements[i], file) for i, file in self._origins)
         return read_tree(root, self.source.path, settings, faults)
+
+    def digest(self) -> str:
+        """Return the SHA-256 of the deck with its parts, without comments, in hexadecimal."""
+        canonical = etree.tostring(self._root, method="c14n", with_comments=False)
+        return hashlib.sha256(canonical).hexdigest()
 
     def _numbered(self) -> enumerate[Element]:
         return enumerate(self._root.iter("*"))

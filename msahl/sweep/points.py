@@ -19,14 +19,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import msahl
-from msahl.deck import DeckError, check_simulation, effective_deck, read_deck
+from msahl.deck import DeckError, Fault, ParsedDeck, Source
 from msahl.jit.files import version_of
-from msahl.model import Model, Options, resolve
-from msahl.model.settings import LOCAL, OFF
 from msahl.printable import printable
-from msahl.results.write import INFO, RunFolder, file_name, write_json
+from msahl.results.job import Job as Run
+from msahl.results.job import make_job
+from msahl.results.write import DECK, INFO, RunFolder, file_name, write_json
 from msahl.run import loop
-from msahl.run.options import deck_changes, options_beside_deck, recorded_options, with_options
+from msahl.run.options import OptionError
 from msahl.run.report import COMPLETED, NOT_STARTED, NOT_WRITTEN, Report, report_without_steps
 from msahl.run.tables import STATES, MemorySink
 from msahl.run.verdict import FAIL
@@ -61,6 +61,8 @@ class Point(NamedTuple):
 class Job:
     """What all points of a sweep have in common: the path of the deck, the options of all runs, the
     columns of the plan, the measures, what is kept of a run, and the folder of kept tables.
+
+    ``digest`` is that of the deck (``Resolver.digest``); no other deck is run if it is given.
     """
 
     deck: str
@@ -69,6 +71,7 @@ class Job:
     measures: tuple[str, ...] = ()
     keep: str = SUMMARY
     folder: str = ""
+    digest: str = ""
 
     def as_json(self) -> dict[str, Any]:
         """The job as JSON."""
@@ -79,6 +82,7 @@ class Job:
             "measures": list(self.measures),
             "keep": self.keep,
             "folder": self.folder,
+            "digest": self.digest,
         }
 
     @classmethod
@@ -105,21 +109,15 @@ class NotWrittenError(Exception):
     """The tables of a point could not be written; that is no outcome of the point."""
 
 
+class ChangedError(Exception):
+    """The deck is not the one with which the sweep began, or this is other software."""
+
+
 @lru_cache(maxsize=1)
-def versions() -> dict[str, str]:
+def numeric_versions() -> dict[str, str]:
     """Versions of msahl, Python and the packages on which the digits of results depend."""
     found = {package: version_of(package) or "" for package in PACKAGES}
     return {"msahl": msahl.__version__, "python": platform.python_version(), **found}
-
-
-def context_digest(job: Job) -> str:
-    """SHA-256 of what all points share: the deck with its parts, the options and the versions.
-
-    Raises ``DeckError`` if the deck cannot be read.
-    """
-    options = {name: value for name, value in job.options.items() if value is not None}
-    parts = [_merged_deck(Path(job.deck)).decode(), options, versions()]
-    return digest_of(parts)
 
 
 def digest_of(content: Any) -> str:
@@ -127,18 +125,14 @@ def digest_of(content: Any) -> str:
     return _sha256(json.dumps(content, sort_keys=True))
 
 
-def _merged_deck(path: Path) -> bytes:
-    """The canonical XML of a deck with its parts, without comments, before any change."""
-    from lxml import etree
+def _sha256(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
 
-    from msahl.deck.faults import Faults
-    from msahl.deck.includes import merge_parts
-    from msahl.deck.parse import parse, read_bytes
 
-    faults = Faults(str(path))
-    root = parse(read_bytes(path, faults), faults)
-    merge_parts(root, path, faults)
-    return etree.tostring(root, method="c14n", with_comments=False)
+def context_digest(job: Job) -> str:
+    """SHA-256 of what all points share: the deck with its parts, the options and the versions."""
+    options = {name: value for name, value in job.options.items() if value is not None}
+    return digest_of([job.digest, options, numeric_versions()])
 
 
 def point_id(context: str, columns: Sequence[Column], cells: Sequence[str]) -> str:
@@ -148,80 +142,77 @@ def point_id(context: str, columns: Sequence[Column], cells: Sequence[str]) -> s
     return digest_of([context, named])
 
 
-def point_key(job: Job, cells: Sequence[str]) -> str:
-    """SHA-256 of the resolved deck of a point, of the options that change numbers, and of versions:
-    points with the same key have the same results. Of a deck with faults, that of their messages.
+class Resolver:
+    """Resolves points of a job: its deck is parsed once.
+
+    Raises ``DeckError`` if the deck cannot be read, ``ChangedError`` if it is another than that
+    with the digest of the job.
     """
-    try:
-        return _key(*_resolved(job, cells))
-    except DeckError as error:
-        return _faulty_key(job, cells, error)
+
+    def __init__(self, job: Job) -> None:
+        self.job = job
+        self.deck = ParsedDeck(Source.of_file(job.deck))
+        self.digest = self.deck.digest()
+        if job.digest and job.digest != self.digest:
+            raise ChangedError(
+                f"{job.deck} was changed while the sweep was running; start the sweep again"
+            )
+
+    def run_at(self, cells: Sequence[str]) -> Run:
+        """The run at a point of the plan; raises ``DeckError`` with the faults of deck and options
+        there."""
+        settings, given = self.job.settings_of(cells), self.job.options_of(cells)
+        try:
+            return make_job(self.deck.source, self.deck.model(settings, "--set "), given, settings)
+        except OptionError as error:
+            raise DeckError(tuple(Fault(self.job.deck, 0, "", f) for f in error.faults)) from error
+
+    def key(self, cells: Sequence[str]) -> str:
+        """SHA-256 of the resolved deck of a point, of the options that change numbers, and of
+        versions: points with the same key have the same results."""
+        try:
+            return _key(self.run_at(cells))
+        except DeckError as error:
+            return self.faulty_key(cells, error)
+
+    def faulty_key(self, cells: Sequence[str], error: DeckError) -> str:
+        """The key of a point whose deck has faults: SHA-256 of what was changed and of these."""
+        job = self.job
+        return digest_of([job.settings_of(cells), job.options_of(cells), str(error)])
 
 
-def _key(model: Model, options: Options) -> str:
+def _key(run: Run) -> str:
     # Records of a model hold all that the deck says, in SI units; repr writes each double exactly.
-    return _sha256(f"{model!r} {options!r} {versions()!r}")
-
-
-def _faulty_key(job: Job, cells: Sequence[str], error: DeckError) -> str:
-    return _sha256(f"{job.settings_of(cells)!r} {job.options_of(cells)!r} {error} {versions()!r}")
-
-
-def _sha256(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def model_at(job: Job, cells: Sequence[str]) -> Model:
-    """The model at a point of the plan; raises ``DeckError`` with the deck's faults there."""
-    return _resolved(job, cells)[0]
-
-
-def _resolved(job: Job, cells: Sequence[str]) -> tuple[Model, Options]:
-    """The model at a point, with its options; raises ``DeckError``."""
-    from msahl.deck import Fault
-
-    given = job.options_of(cells)
-    model = with_options(read_deck(job.deck, settings=job.settings_of(cells)), given)
-    options = options_beside_deck(given)
-    faults = [*check_simulation(model.simulation), *_misfits(model, options)]
-    if faults:
-        raise DeckError(tuple(Fault(job.deck, 0, "", fault) for fault in faults))
-    return model, options
-
-
-def _misfits(model: Model, options: Options) -> list[str]:
-    """What does not fit together among the options of a run."""
-    settings = resolve(model.simulation, options)
-    if settings.solver == "root" and settings.adaptive:
-        return ["--solver root takes steps of a given size; omit it, or the tolerance"]
-    if settings.error in (LOCAL, OFF) and settings.tolerance is not None:
-        return [f"--error {settings.error}: a tolerance of the global error needs its estimate"]
-    return []
+    return _sha256(f"{run.model!r} {run.options!r} {numeric_versions()!r}")
 
 
 def run_points(job: Job, points: Iterable[Point]) -> Iterator[Row]:
     """Run the points and yield their rows in the same order.
 
     A point that cannot be run has a row that says why. Raises ``NotWrittenError`` if the disk takes
-    no more tables, and ``CompileError`` if there is no compiler for this kind of model.
+    no more tables, ``CompileError`` if there is no compiler for this kind of model, and what
+    ``Resolver`` raises.
     """
+    resolver = Resolver(job)
     for point in points:
-        yield _run_point(job, point)
+        yield _run_point(resolver, point)
 
 
-def _run_point(job: Job, point: Point) -> Row:
+def _run_point(resolver: Resolver, point: Point) -> Row:
     began = time.perf_counter()
     row: Row = {"point": point.number, "id": point.id, "key": ""}
+    report, measures, reason = report_without_steps(NOT_STARTED, ""), dict[str, Any](), ""
     try:
-        model, options = _resolved(job, point.cells)
-        row["key"] = _key(model, options)
-        report, measures, reason = _simulate(job, point, model, options, row["key"])
+        run = resolver.run_at(point.cells)
+        row["key"] = _key(run)
+        report, measures, reason = _simulate(resolver.job, run, row["key"])
     except DeckError as error:
-        row["key"] = _faulty_key(job, point.cells, error)
-        report, measures, reason = report_without_steps(NOT_VALID, _fault_text(error)), {}, ""
+        row["key"] = resolver.faulty_key(point.cells, error)
+        report = report_without_steps(NOT_VALID, _fault_text(error))
+    except StartError as error:
+        report = report_without_steps(NOT_STARTED, str(error))
     except MemoryError:
-        message = "the model needs more memory than there is"
-        report, measures, reason = report_without_steps(NO_MEMORY, message), {}, ""
+        report = report_without_steps(NO_MEMORY, "the model needs more memory than there is")
     message = "; ".join(filter(None, (report.message, reason)))
     return row | {
         "status": report.status,
@@ -240,24 +231,19 @@ def _fault_text(error: DeckError) -> str:
     return "; ".join(faults[:3]) + more
 
 
-def _simulate(
-    job: Job, point: Point, model: Model, options: Options, key: str
-) -> tuple[Report, dict[str, Any], str]:
-    """Run one point; its report, its measures, and why a measure has no value."""
+def _simulate(job: Job, run: Run, key: str) -> tuple[Report, dict[str, Any], str]:
+    """Make one run; its report, its measures, and why a measure has no value."""
     measures = parse_measures(job.measures)
-    memory = MemorySink(only=tables_needed(measures, model))
-    try:
-        if job.keep == SUMMARY:
-            report = loop.run(model, options, memory, checked=True)
-        else:
-            report = _run_and_keep(job, point, model, options, memory, key)
-    except StartError as error:
-        return report_without_steps(NOT_STARTED, str(error)), {}, ""
+    memory = MemorySink(only=tables_needed(measures, run.model))
+    if job.keep == SUMMARY:
+        report = loop.run(run.model, run.options, memory, checked=True)
+    else:
+        report = _run_and_keep(job, run, memory, key)
     if report.status == NOT_WRITTEN:
         raise NotWrittenError(report.message)
     if report.status != COMPLETED:
         return report, {}, ""
-    return report, *evaluate(measures, model, report, memory.table)
+    return report, *evaluate(measures, run.model, report, memory.table)
 
 
 class _Both:
@@ -290,29 +276,23 @@ def is_kept(folder: str | Path, key: str, keep: str) -> bool:
     return keep == SUMMARY or (kept_folder(folder, key) / name).is_file()
 
 
-def _run_and_keep(
-    job: Job, point: Point, model: Model, options: Options, memory: MemorySink, key: str
-) -> Report:
-    """Run one point and keep its tables; a folder under its final name is complete."""
+def _run_and_keep(job: Job, run: Run, memory: MemorySink, key: str) -> Report:
+    """Make one run and keep its tables; a folder under its final name is complete."""
     final = kept_folder(job.folder, key)
     part = final.with_name(f"{final.name}.{os.getpid()}.part")
     try:
-        text = effective_deck(
-            job.deck, deck_changes(job.options_of(point.cells)), job.settings_of(point.cells)
-        )
         shutil.rmtree(part, ignore_errors=True)
-        disk = RunFolder(part, model, text)
+        disk = RunFolder(part, run.model, run.text)
         with disk:
-            report = loop.run(model, options, _Both(disk, memory), checked=True)
+            report = loop.run(run.model, run.options, _Both(disk, memory), checked=True)
             disk.complete = report.status == COMPLETED
         if report.status == NOT_WRITTEN:
             return report
         if job.keep == ALL:
-            write_json(part / INFO, _info(job, point, model, options, text, report))
+            write_json(part / INFO, {**run.about(part), **report.as_json()})
         else:
-            (part / "deck.xml").unlink()
-        shutil.rmtree(final, ignore_errors=True)
-        part.rename(final)
+            (part / DECK).unlink()
+        _put_in_place(job, part, key)
     except OSError as error:
         raise NotWrittenError(f"{error.filename or part}: {error.strerror or error}") from error
     finally:
@@ -320,21 +300,17 @@ def _run_and_keep(
     return report
 
 
-def _info(
-    job: Job, point: Point, model: Model, options: Options, text: bytes, report: Report
-) -> dict[str, Any]:
-    """The content of ``run.json`` of a point."""
-    from msahl.deck import deck_digest, listed_parameters
-
-    settings, parameters = job.settings_of(point.cells), listed_parameters(text)
-    return {
-        **versions(),
-        "deck": {"path": job.deck, "digest": deck_digest(text)},
-        **({"parameters": parameters} if parameters else {}),
-        **({"set": list(settings)} if settings else {}),
-        "options": recorded_options(resolve(model.simulation, options)),
-        **report.as_json(),
-    }
+def _put_in_place(job: Job, part: Path, key: str) -> None:
+    """Give a folder its final name, unless another process has brought the same results."""
+    if is_kept(job.folder, key, job.keep):
+        return
+    final = kept_folder(job.folder, key)
+    shutil.rmtree(final, ignore_errors=True)
+    try:
+        part.rename(final)
+    except OSError:
+        if not is_kept(job.folder, key, job.keep):
+            raise
 
 
 def crashed_row(point: Point, message: str, status: str = CRASHED) -> Row:

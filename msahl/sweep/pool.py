@@ -19,7 +19,15 @@ import orjson
 
 from msahl.jit.progress import CompileError
 from msahl.sweep.axes import number_text
-from msahl.sweep.points import TIMED_OUT, Job, NotWrittenError, Point, Row, crashed_row
+from msahl.sweep.points import (
+    TIMED_OUT,
+    ChangedError,
+    Job,
+    NotWrittenError,
+    Point,
+    Row,
+    crashed_row,
+)
 from msahl.sweep.work import Work
 
 CHUNK_SECONDS = 1.0
@@ -34,6 +42,11 @@ POLL = 0.1
 """Time between two looks at requests to stop and at time limits [s]."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Variables that keep libraries from using all cores in every worker."""
+
+
+FATAL = {"CompileError": CompileError, "NotWrittenError": NotWrittenError,
+         "ChangedError": ChangedError, "DeckError": ChangedError}  # fmt: skip
+"""What ends the sweep, by the name that a worker gives it."""
 
 
 class PoolError(Exception):
@@ -171,7 +184,7 @@ class Pool:
                 self.compiling() if worker.compiling else None
             elif "fatal" in message:
                 kind, words = message["fatal"]
-                raise (CompileError if kind == "compile" else NotWrittenError)(words)
+                raise FATAL[kind](words)
             else:
                 worker.points.popleft()
                 worker.compiling = False

@@ -37,7 +37,7 @@ from msahl.run.verdict import FAIL
 from msahl.sweep.axes import number_text
 from msahl.sweep.faults import PlanError
 from msahl.sweep.plan import POINT, Plan, write_plan
-from msahl.sweep.points import SHOWN, Job, Row, digest_of, point_id, versions
+from msahl.sweep.points import SHOWN, Job, Row, digest_of, numeric_versions, point_id
 
 INFO, PLAN, JOURNAL, RUNS, SECONDS, PARQUET = (
     "sweep.json", "plan.csv", "journal.jsonl", "runs.csv", "seconds.csv", "runs.parquet"
@@ -171,7 +171,7 @@ class Store:
         self.usable = usable
         heads = sorted(column.head for column in job.columns)
         self.plan_digest = digest_of([context, heads])[:SHOWN]
-        self.software = digest_of(versions())[:SHOWN]
+        self.software = digest_of(numeric_versions())[:SHOWN]
         self.paths = sorted(folder.glob("journal*.jsonl"))
         self.places: dict[bytes, tuple[int, int]] = {}
         self.keys: dict[bytes, tuple[int, int]] = {}
@@ -370,7 +370,7 @@ def write_info(folder: Path, plan: Plan, job: Job, state: Mapping[str, Any]) -> 
     write_json(
         folder / INFO,
         {
-            **versions(),
+            **numeric_versions(),
             "deck": {"path": job.deck, "relative": relative(Path(job.deck), folder)},
             "plan": plan.as_json(),
             "options": options,

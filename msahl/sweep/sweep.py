@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from msahl.deck import DeckError
 from msahl.run.report import COMPLETED
 from msahl.sweep.measures import parse_measures, require_columns
 from msahl.sweep.plan import Plan
-from msahl.sweep.points import TIMED_OUT, Job, Row, context_digest, is_kept, model_at
+from msahl.sweep.points import TIMED_OUT, Job, Resolver, Row, context_digest, is_kept
 from msahl.sweep.store import (
     JOURNAL,
     Counts,
@@ -57,7 +57,7 @@ class Sweep:
         return self.on_fail.policy != RETRY or tried > self.on_fail.times
 
     def open_store(self) -> Store:
-        """The outcomes in the folder; raises ``DeckError`` if the deck cannot be read."""
+        """The outcomes in the folder."""
         return Store(self.folder, self.job, context_digest(self.job), self.usable, self.journal)
 
 
@@ -71,22 +71,25 @@ class Hooks:
     stopped: Callable[[], bool] = lambda: False
 
 
-def check(sweep: Sweep) -> None:
-    """Check measures and deck at the ends of the plan; raises ``PlanError`` or ``DeckError``.
+def check(sweep: Sweep) -> Sweep:
+    """Check measures and deck at the ends of the plan; returns the sweep with the deck's digest.
+
+    Raises ``PlanError`` and ``DeckError``.
 
     A deck that is faulty at one end only is no fault of the plan: those points fail.
     """
     measures = parse_measures(sweep.job.measures)
-    first = next(iter(sweep.plan))
+    resolver, first = Resolver(sweep.job), next(iter(sweep.plan))
     try:
-        model = model_at(sweep.job, first)
+        run = resolver.run_at(first)
     except DeckError as error:
         (last,) = deque(sweep.plan, maxlen=1)
         try:
-            model = model_at(sweep.job, last)
+            run = resolver.run_at(last)
         except DeckError:
             raise error from None
-    require_columns(measures, model)
+    require_columns(measures, run.model)
+    return replace(sweep, job=replace(sweep.job, digest=resolver.digest))
 
 
 def carry_out(sweep: Sweep, scheduler: Scheduler, hooks: Hooks = Hooks()) -> Counts:
@@ -96,7 +99,7 @@ def carry_out(sweep: Sweep, scheduler: Scheduler, hooks: Hooks = Hooks()) -> Cou
     be used, ``NotWrittenError`` and ``OSError`` if it cannot be written, and what the scheduler
     raises. Outcomes that were there before remain in every case.
     """
-    check(sweep)
+    sweep = check(sweep)
     claim(sweep.folder, sweep.job.deck)
     with sweep_lock(sweep.folder):
         store = sweep.open_store()
@@ -125,7 +128,7 @@ def _run_missing(sweep: Sweep, store: Store, scheduler: Scheduler, hooks: Hooks)
 
 
 def preview(sweep: Sweep, most: int) -> tuple[list[tuple[str, ...]], int]:
-    """The cells of the first points of the plan, and how many outcomes the folder has already."""
+    """The cells of the first points of a checked sweep, and how many of all points are done."""
     first = list(islice(sweep.plan, most))
     if not sweep.folder.is_dir() or not any(sweep.folder.glob("journal*.jsonl")):
         return first, 0

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 from msahl.run.report import COMPLETED
 from msahl.sweep.faults import PlanError
 from msahl.sweep.plan import Plan
-from msahl.sweep.points import Job, Point, Row, point_key
+from msahl.sweep.points import Job, Point, Resolver, Row
 from msahl.sweep.store import Counts, Store
 
 CONTINUE, STOP, RETRY = "continue", "stop", "retry"
@@ -133,12 +133,13 @@ class Work:
         resolved deck and options."""
         if not self.store.foreign:
             return
+        resolver = Resolver(self.store.job)
         for number, cells in _shared(plan, self.share):
             name = self.store.id_of(cells)
             if stopped():
                 return
             if not self.store.has(name):
-                row = self.store.adopt(number, name, point_key(self.store.job, cells))
+                row = self.store.adopt(number, name, resolver.key(cells))
                 if row is not None:
                     self.counts.add(row)
                     self.begun += 1

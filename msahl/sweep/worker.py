@@ -16,8 +16,6 @@ from typing import Any
 
 import orjson
 
-Lines = "queue.SimpleQueue[bytes]"
-
 
 def main() -> None:
     """Answer until the input ends."""
@@ -47,9 +45,17 @@ def _read(lines: "queue.SimpleQueue[bytes]") -> None:
 
 def _serve(lines: "queue.SimpleQueue[bytes]", tell: Any) -> None:
     """Run the points that come in; ``tell`` writes one line."""
+    from msahl.deck import DeckError
     from msahl.jit.compiled import STOPWATCH
     from msahl.jit.progress import CompileError
-    from msahl.sweep.points import Job, NotWrittenError, Point, crashed_row, run_points
+    from msahl.sweep.points import (
+        ChangedError,
+        Job,
+        NotWrittenError,
+        Point,
+        crashed_row,
+        run_points,
+    )
 
     STOPWATCH.tell = lambda: tell({"compiling": True})
     STOPWATCH.listen = lambda progress: None if progress.names else tell({"compiling": False})
@@ -57,16 +63,16 @@ def _serve(lines: "queue.SimpleQueue[bytes]", tell: Any) -> None:
     tell({"ready": True})
     while True:
         points = [Point(n, name, tuple(cells)) for n, name, cells in orjson.loads(lines.get())]
-        for point in points:
+        while points:
             try:
-                for row in run_points(job, [point]):
+                for row in run_points(job, points[:]):
+                    points.pop(0)
                     tell(row)
-            except CompileError as error:
-                tell({"fatal": ["compile", str(error)]})
-            except NotWrittenError as error:
-                tell({"fatal": ["disk", str(error)]})
+            except (ChangedError, CompileError, DeckError, NotWrittenError) as error:
+                tell({"fatal": [type(error).__name__, str(error)]})
+                return
             except Exception as error:  # a fault of ours must not end the sweep
-                tell(crashed_row(point, f"{type(error).__name__}: {error}"))
+                tell(crashed_row(points.pop(0), f"{type(error).__name__}: {error}"))
 
 
 if __name__ == "__main__":
