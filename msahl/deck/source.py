@@ -6,6 +6,7 @@ ParsedDeck   -> models with other numbers, as often as wanted, without parsing a
 
 import hashlib
 import re
+from base64 import b64decode, b64encode
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
@@ -67,6 +68,17 @@ class Source:
         from xml.etree import ElementTree
 
         return cls(TEXT, ElementTree.tostring(deck))
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the files as JSON."""
+        parts = {str(path): b64encode(data).decode() for path, data in self.parts.items()}
+        return {"path": str(self.path), "data": b64encode(self.data).decode(), "parts": parts}
+
+    @classmethod
+    def from_json(cls, given: Mapping[str, Any]) -> "Source":
+        """Return the files that ``as_json`` wrote."""
+        parts = {Path(path): b64decode(data) for path, data in given["parts"].items()}
+        return cls(Path(given["path"]), b64decode(given["data"]), parts)
 
     def tree(self, faults: Faults, thorough: bool = False) -> Element:
         """Return the tree without comments; departures from the schema are added to ``faults``."""

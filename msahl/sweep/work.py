@@ -39,6 +39,27 @@ def parse_on_fail(text: str) -> OnFail:
 ON_FAIL = OnFail()
 
 
+class Supply(Protocol):
+    """Points to be run, and where their rows go: ``Work``, or a part of it."""
+
+    @property
+    def left(self) -> int:
+        """The number of points without outcome."""
+
+    @property
+    def finished(self) -> bool:
+        """Whether no more points will be handed out, and none is running."""
+
+    def next(self, most: int = 1) -> list[Point]:
+        """Return up to ``most`` points to run now."""
+
+    def take(self, rows: list[Row]) -> None:
+        """Record outcomes of points that were handed out."""
+
+    def give_back(self, points: list[Point]) -> None:
+        """Take back points that were handed out but not run."""
+
+
 class Scheduler(Protocol):
     """Runs points somewhere."""
 
