@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from msahl.api.batch import BatchError, batch
     from msahl.api.model import Model, load
     from msahl.api.result import Result, read
     from msahl.deck import DeckError
@@ -18,23 +19,27 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 __all__ = [
+    "BatchError",
     "DeckError",
     "Model",
     "OptionError",
     "Result",
     "ResultError",
     "StartError",
+    "batch",
     "load",
     "read",
 ]
 
 _PLACES = {
+    "BatchError": "msahl.api.batch",
     "DeckError": "msahl.deck",
     "Model": "msahl.api.model",
     "OptionError": "msahl.run.options",
     "Result": "msahl.api.result",
     "ResultError": "msahl.results.info",
     "StartError": "msahl.start.velocities",
+    "batch": "msahl.api.batch",
     "load": "msahl.api.model",
     "read": "msahl.api.result",
 }

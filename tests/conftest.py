@@ -2,5 +2,7 @@
 
 from hypothesis import settings
 
+from tests.support.browser import browser, open_page  # noqa: F401
+
 settings.register_profile("steady", derandomize=True, deadline=None, database=None)
 settings.load_profile("steady")

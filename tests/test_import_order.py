@@ -26,6 +26,7 @@ ORDER = (
     "schemes",
     "run",
     "results",
+    "analysis",
     "post",
     "study",
     "api",

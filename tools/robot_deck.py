@@ -51,6 +51,46 @@ LINKS = (
 )
 
 
+PAINT, STEEL = "#f28e2b", "#4b5157"
+SHAPES: dict[str, tuple[str, ...]] = {
+    "Base": (
+        f'<cylinder colour="{STEEL}"><radius>0.12</radius><length>0.1</length>'
+        "<position><z>0.05</z></position></cylinder>",
+    ),
+    "Column": (
+        f'<cylinder colour="{PAINT}"><radius>0.085</radius><length>0.13</length>'
+        "<position><z>0.165</z></position></cylinder>",
+        f'<cylinder colour="{PAINT}"><radius>0.075</radius><length>0.17</length>'
+        "<position><z>{L1}</z></position><axis><y>1</y></axis></cylinder>",
+    ),
+    "Arm": (
+        f'<capsule colour="{PAINT}"><radius>0.05</radius><length>{{L2}}</length>'
+        "<position><z>{L2/2}</z></position></capsule>",
+    ),
+    "Elbow": (
+        f'<cylinder colour="{PAINT}"><radius>0.062</radius><length>0.13</length>'
+        "<axis><y>1</y></axis></cylinder>",
+        f'<box colour="{PAINT}"><x>{{L3}}</x><y>0.09</y><z>0.1</z>'
+        "<position><x>{L3/2}</x><z>{D3}</z></position></box>",
+    ),
+    "Forearm": (
+        f'<cylinder colour="{PAINT}"><radius>0.042</radius><length>{{L4}}</length>'
+        "<position><x>{L4/2}</x></position><axis><x>1</x></axis></cylinder>",
+    ),
+    "Wrist": (
+        f'<cylinder colour="{STEEL}"><radius>0.045</radius><length>0.092</length>'
+        "<axis><y>1</y></axis></cylinder>",
+    ),
+    "Tool": (
+        f'<cylinder colour="{STEEL}"><radius>0.03</radius><length>{{flange}}</length>'
+        "<position><x>{flange/2}</x></position><axis><x>1</x></axis></cylinder>",
+        f'<cone colour="{STEEL}"><radius>0.022</radius><length>0.07</length>'
+        "<position><x>{1.45*flange}</x></position><axis><x>1</x></axis></cone>",
+    ),
+}
+"""What the ground and the links look like: elements of the deck."""
+
+
 class Signals:
     """Signals in the order in which they are made; each depends on earlier ones only."""
 
@@ -301,16 +341,28 @@ def components(names: Vector, indent: str) -> str:
     )
 
 
+def shapes(name: str) -> list[str]:
+    """Return the lines of the shapes of a link or the ground."""
+    lines = ["        <shapes>"]
+    for shape in SHAPES[name]:
+        tag = shape[1:].split(maxsplit=1)[0]
+        head, rest = shape.split(">", maxsplit=1)
+        inside = rest.removesuffix(f"</{tag}>")
+        lines += [f"          {head}>", f"            {inside}", f"          </{tag}>"]
+    return [*lines, "        </shapes>"]
+
+
 def bodies() -> list[str]:
     """Return the lines of the ground and the links."""
-    lines = ["    <bodies>", "      <ground><name>Base</name></ground>"]
+    lines = ["    <bodies>", "      <ground>", "        <name>Base</name>"]
+    lines += [*shapes("Base"), "      </ground>"]
     for i, link in enumerate(LINKS, 1):
         moments = "".join(f"<I{a}{a}>{{I{i}{a}}}</I{a}{a}>" for a in "xyz")
         lines += ["      <rigidBody>", f"        <name>{link.name}</name>"]
         lines.append(f"        <mass>{{m{i}}}</mass>")
         if link.centre != ZERO:
             lines.append(f"        <rGB>{components(link.centre, '')}</rGB>")
-        lines += [f"        <moi>{moments}</moi>", "      </rigidBody>"]
+        lines += [f"        <moi>{moments}</moi>", *shapes(link.name), "      </rigidBody>"]
     return [*lines, "    </bodies>"]
 
 

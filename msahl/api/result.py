@@ -1,6 +1,7 @@
 """Results of a run: tables in memory or read from a folder, what the run found out, pictures."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -52,16 +53,31 @@ class Result:
 
     def __init__(
         self,
-        records: Records,
+        records: Records | None,
         report: dict[str, Any],
         arrays: Mapping[str, np.ndarray],
-        origin: Job | Path,
+        origin: Job | Path | Callable[[], Job],
+        columns: Mapping[str, list[str]] | None = None,
     ) -> None:
-        """``arrays`` are the tables (rows, columns) by name; ``origin`` is the job that was run, or
-        the folder that was read."""
-        self.records, self.report = records, report
-        self._arrays, self._origin = dict(arrays), origin
+        """``arrays`` are the tables (rows, columns) by name; ``origin`` is the job that was run, a
+        function that makes it, or the folder that was read. Without ``records`` those of the job
+        are taken when they are needed, and without ``columns`` the names of the records.
+        """
+        self.report, self._records, self._columns = report, records, columns
+        self._arrays, self._made_by = dict(arrays), origin
         self._frames: dict[str, pd.DataFrame] = {}
+
+    @cached_property
+    def _origin(self) -> Job | Path:
+        return self._made_by() if callable(self._made_by) else self._made_by
+
+    @cached_property
+    def records(self) -> Records:
+        """The model that ran, in SI units."""
+        if self._records is not None:
+            return self._records
+        assert isinstance(self._origin, Job)
+        return self._origin.model
 
     @property
     def status(self) -> str:
@@ -114,7 +130,9 @@ class Result:
     def columns(self, table: str) -> list[str]:
         """Return the names of the columns of a table."""
         self.array(table)
-        return ERROR_COLUMNS if table == ERROR else tables_of_model(self.records)[table]
+        if table == ERROR:
+            return ERROR_COLUMNS
+        return (self._columns or tables_of_model(self.records))[table]
 
     def frame(self, table: str) -> "pd.DataFrame":
         """Return a table as a pandas frame, which shares the memory of ``array(table)``."""

@@ -21,9 +21,10 @@ from msahl.check.loads import element_findings, repeated_motions
 from msahl.check.loads import start_findings as placed_findings
 from msahl.check.markers import group_findings, marker_findings, sensor_findings
 from msahl.check.names import RESERVED, name_messages, signal_name_messages, unresolved
+from msahl.check.shapes import shape_findings
 from msahl.check.signals import circle_findings, expression_findings, signal_findings
 from msahl.check.simulation import check_simulation, simulation_findings, start_findings
-from msahl.model import Joint, JointMotion, Model, RigidBody
+from msahl.model import Joint, JointMotion, Model, RigidBody, Shape
 
 __all__ = ["Fault", "ModelError", "check", "check_simulation", "require_sound"]
 
@@ -48,6 +49,8 @@ def check(model: Model) -> list[Fault]:
     found += _faults("", "", _gravity_findings(model))
     for body in model.bodies:
         found += _element_faults("body", body, context, [_body])
+    for shape in model.shapes:
+        found += _faults("body", shape.body, _shape(shape, context))
     for joint in model.joints:
         found += _element_faults("joint", joint, context, [_kind, joint_findings, _fit])
     for coupling in model.couplings:
@@ -158,6 +161,14 @@ def _laws(element: Any, context: Context) -> Iterator[Finding]:
 
 def _body(body: RigidBody, context: Context) -> Iterator[Finding]:
     yield from body_findings(body)
+
+
+def _shape(shape: Shape, context: Context) -> Iterator[Finding]:
+    """Find what is wrong with a shape, named as the deck's element."""
+    if shape.body not in context.axes:
+        yield Finding("shapes", unresolved("body", shape.body, "body", context.bodies()))
+    for part, message in shape_findings(shape):
+        yield Finding("/".join(filter(None, ("shapes", shape.kind, part))), message)
 
 
 def _kind(joint: Joint, context: Context) -> Iterator[Finding]:

@@ -23,7 +23,11 @@ def check(decks: tuple[Path, ...], settings: tuple[str, ...]) -> None:
     faulty = False
     for deck in decks:
         model, faults = read(deck, thorough=True, settings=settings)
-        faulty |= model is None
+        if model is not None and any(shape.file for shape in model.shapes):
+            from msahl.post.scene.shapes import mesh_faults
+
+            faults = mesh_faults(model, [deck.parent])
+        faulty |= bool(faults)
         echo("\n".join(faults) if faults else f"{shown_path(deck)}: good", err=bool(faults))
     if faulty:
         sys.exit(BAD_INPUT)

@@ -14,7 +14,7 @@ import click
 import msahl
 from msahl.cli.console import INTERRUPTED, open_standard_streams, say
 
-COMMANDS = ("check", "compile", "explain", "new", "run", "schema", "study", "sweep")
+COMMANDS = ("check", "compile", "explain", "modes", "new", "run", "schema", "study", "sweep")
 """All commands, each in the module ``msahl.cli`` of its name."""
 
 

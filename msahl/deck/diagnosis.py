@@ -32,7 +32,7 @@ RENAMED = {
 }
 """New name of each renamed element, attribute or value; messages give it where it is valid."""
 
-EMPTY = {"units": "give a unit, or delete it", "href": "name the file of a part"}
+EMPTY = {"units": "give a unit, or delete it", "href": "name a file"}
 """Remedies for empty attributes."""
 
 Departure = tuple[Element, Callable[[], str]]
@@ -194,6 +194,8 @@ def _wrong_attribute(name: str, value: str, word: "XsdSimpleType") -> str:
     if allowed:
         what = "unknown unit " if name == "units" else f"unknown value {name}="
         return f"{what}'{value}'{_choice(value, allowed)}"
+    if name == "colour":
+        return f"'{value}' is not a colour; give red green blue in hexadecimal such as #4e79a7"
     if word.min_length:
         return f"attribute {name} is empty; {EMPTY.get(name, 'give a name')}"
     number = getattr(word, "member_types", (word,))[0]  # the other is that of expressions

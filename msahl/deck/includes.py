@@ -95,6 +95,7 @@ def _merge(root: Element, include: Element, work: _Work, faults: Faults) -> None
         faults.take(error.faults, include)
         return
     _add_prefix(part, prefix)
+    _move_files(part, str(PurePosixPath(attribute(include, "href")).parent))
     _set_parameters(part, include, prefix, faults)
     faults.origins.update(own.origins)
     _move(part, root, str(file), faults)
@@ -189,6 +190,14 @@ def _add_prefix(part: Element, prefix: str) -> None:
         for name, given in element.attrib.items():
             kind = content.attributes.get(str(name), "")
             element.set(name, with_prefix(str(given), kind))
+
+
+def _move_files(part: Element, folder: str) -> None:
+    """Put the ``folder`` of a part, from that of the including file, before the files of meshes,
+    which are given from the folder of the part."""
+    for mesh in part.iterfind("system/bodies/*/shapes/mesh"):
+        if folder != ".":
+            mesh.set("href", f"{folder}/{attribute(mesh, 'href')}")
 
 
 def _set_parameters(part: Element, include: Element, prefix: str, faults: Faults) -> None:

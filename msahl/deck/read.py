@@ -33,6 +33,7 @@ from msahl.deck.loads import (
 from msahl.deck.markers import read_group, read_marker, read_sensor
 from msahl.deck.motions import check_prescribed_once, read_joint_motion, read_point_motion
 from msahl.deck.references import check_references, is_complete
+from msahl.deck.shapes import read_shapes
 from msahl.deck.signals import declare_signals, read_actuator, read_signal, read_stop
 from msahl.deck.simulation import Assembly, read_assembly, read_simulation
 from msahl.deck.springs import read_bushing, read_joint_spring, read_spring_damper
@@ -149,6 +150,7 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
         markers=tuple(markers),
         sensors=tuple(read_sensor(e, reader) for e in sound["markers"] if e.tag != "marker"),
         groups=tuple(read_group(e, reader) for e in sound["groups"]),
+        shapes=tuple(shape for e in sound["bodies"] for shape in read_shapes(e, reader)),
     )
 
 

@@ -12,6 +12,7 @@ from copy import deepcopy
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from xml.parsers import expat
 
 from lxml.etree import Comment, SubElement, tostring
 
@@ -25,6 +26,8 @@ from msahl.deck.parse import (
 
 if TYPE_CHECKING:
     from msahl.deck.includes import Parts
+
+_SHAPES = "shapes"
 
 OTHER = {"tolerance": "localTolerance", "localTolerance": "tolerance"}
 """Elements that replace one another."""
@@ -52,7 +55,8 @@ def effective_text(
     the same, comments included, but for numbers and parts, which lie beside ``path`` or are among
     those of ``parts``.
     """
-    if settings or may_have_braces(data) or b"<includes" in data:
+    # Expressions in shapes alone may stay, so that the rest of the text is that without shapes.
+    if settings or may_have_braces(without_shapes(data)) or b"<includes" in data:
         faults = Faults(str(path))
         root = parse(data, faults)
         if not is_plain(root, data, settings):
@@ -180,8 +184,42 @@ def _add_comment(element: Element, words: str) -> None:
 
 
 def deck_digest(data: bytes) -> str:
-    """Return the SHA-256 of a deck's bytes, in hexadecimal."""
-    return hashlib.sha256(data).hexdigest()
+    """Return the SHA-256 of a deck's bytes without its shapes, in hexadecimal: a deck that differs
+    in what bodies look like gives the same results."""
+    return hashlib.sha256(without_shapes(data)).hexdigest()
+
+
+def without_shapes(data: bytes) -> bytes:
+    """Return the bytes of a deck without every ``<shapes>`` and the white space before it."""
+    if _SHAPES.encode() not in data:  # of a deck in UTF-16, too, where shapes count then
+        return data
+    found: list[tuple[int, int]] = []
+    path: list[str] = []
+    parser = expat.ParserCreate()
+
+    def on_start(tag: str, _: object) -> None:
+        path.append(tag)
+        if tag == _SHAPES and path[1:3] == ["system", "bodies"] and len(path) == 5:
+            found.append((parser.CurrentByteIndex, 0))
+
+    def on_end(tag: str) -> None:
+        if tag == _SHAPES and path[1:3] == ["system", "bodies"] and len(path) == 5:
+            end = parser.CurrentByteIndex  # of the end tag, or behind an empty element
+            if data.startswith(f"</{_SHAPES}".encode(), end):
+                end = data.index(b">", end) + 1
+            found[-1] = (found[-1][0], end)
+        path.pop()
+
+    parser.StartElementHandler, parser.EndElementHandler = on_start, on_end
+    try:
+        parser.Parse(data, True)
+    except (expat.ExpatError, ValueError, LookupError):  # an encoding that only lxml reads
+        return data
+    pieces, last = [], 0
+    for begin, end in found:
+        pieces.append(data[last:begin].rstrip())
+        last = end
+    return b"".join([*pieces, data[last:]])
 
 
 def listed_parameters(data: bytes) -> dict[str, dict[str, Any]]:

@@ -36,6 +36,7 @@ class Storage:
         self._groups: dict[Hashable, tuple[Any, ...]] = {}
         self._owned: set[int] = set()  # identities of their arrays, which live as long as they do
         self.size = 0  # bytes of all arrays
+        self.step_time = 0.0  # seconds that a step of the last run took; 0 before the first run
 
     def place(self, name: Hashable, fresh: Group) -> Group:
         """Return the group of this ``name`` from an earlier run with the numbers of the ``fresh``

@@ -28,6 +28,7 @@ from msahl.model.settings import (
     Simulation,
     resolve,
 )
+from msahl.model.shapes import Shape
 from msahl.model.signals import Signal, SignalState, SignalTable, Stop
 
 __all__ = [
@@ -57,6 +58,7 @@ __all__ = [
     "PointMotion",
     "RigidBody",
     "RunSettings",
+    "Shape",
     "Signal",
     "SignalState",
     "SignalTable",

@@ -14,6 +14,7 @@ from msahl.model.loads import Load
 from msahl.model.markers import Group, Marker, Sensor
 from msahl.model.motions import JointMotion, PointMotion
 from msahl.model.settings import Simulation
+from msahl.model.shapes import Shape
 from msahl.model.signals import AnySignal, Stop
 
 
@@ -43,3 +44,4 @@ class Model:
     groups: tuple[Group, ...] = ()
     signals: tuple[AnySignal, ...] = ()
     stops: tuple[Stop, ...] = ()
+    shapes: tuple[Shape, ...] = ()  # of bodies and grounds, for views

@@ -15,6 +15,7 @@ from msahl.post.commands.pictures import plot, report
 from msahl.post.commands.shared import BAD_INPUT
 from msahl.post.commands.tables import constraints, energy, events, reactions, work
 from msahl.post.commands.verdict import verdict
+from msahl.post.commands.view import view
 from msahl.printable import printable
 from msahl.terminal import echo
 
@@ -61,7 +62,7 @@ def main() -> None:
     """
 
 
-for command in (energy, work, events, constraints, verdict, reactions, plot, report, compare):
+for command in (energy, work, events, constraints, verdict, reactions, plot, report, view, compare):
     main.add_command(command)
 
 

@@ -41,8 +41,15 @@ STYLE: dict[Any, Any] = {
 TITLE_WIDTH = 64
 """Characters in a line of a title; more would run into the legend."""
 MOST_IN_LEGEND = 12
+LONGEST_NAME = 44
 MOST_DECADES = 8
 """Decades of a logarithmic scale; products of rounding errors would extend it much further down."""
+NO_DATES: dict[str, dict[str, Any]] = {
+    "png": {"Software": None},
+    "svg": {"Date": None},
+    "pdf": {"CreationDate": None},
+}
+"""Metadata of each format without what differs from day to day."""
 INTERVALS = 750
 """Intervals into which a long run is divided: as many as a picture can resolve."""
 
@@ -62,13 +69,17 @@ def plain(name: str) -> str:
     return f" {name}".replace("$", r"\$") if name.startswith("_") else name.replace("$", r"\$")
 
 
+def folded(text: str, width: int = 24) -> str:
+    """Break each line of ``text`` between words where it is longer than ``width`` characters."""
+    return "\n".join("\n".join(wrap(line, width)) for line in text.splitlines())
+
+
 def new_figure(rows: int, height: float = 2.4, title: str = "") -> tuple[Figure, list[Axes]]:
     """Return a figure of ``rows`` panels below each other that share their abscissa."""
     figure = Figure(figsize=(8.0, 0.9 + height * rows))
     FigureCanvasAgg(figure)
     axes = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
-    lines = (wrap(line, TITLE_WIDTH) for line in title.splitlines())
-    axes[0].set_title(plain("\n".join(part for line in lines for part in line)))
+    axes[0].set_title(plain(folded(title, TITLE_WIDTH)))
     return figure, list(axes)
 
 
@@ -141,6 +152,7 @@ def _intervals(length: int) -> Iterator[tuple[int, int]]:
 def legend(figure: Figure, axes: Axes) -> None:
     """Add the legend of the curves of ``axes`` beside the panels."""
     handles, labels = axes.get_legend_handles_labels()
+    labels = ["\n".join(map(_shortened, label.splitlines())) for label in labels]
     if len(labels) > MOST_IN_LEGEND:
         more = f"and {len(labels) - MOST_IN_LEGEND} more"
         handles, labels = handles[:MOST_IN_LEGEND], labels[:MOST_IN_LEGEND]
@@ -149,11 +161,15 @@ def legend(figure: Figure, axes: Axes) -> None:
         figure.legend(handles, labels, loc="outside right upper")
 
 
+def _shortened(name: str) -> str:
+    """Return a name, cut to ``LONGEST_NAME`` characters to leave space for the curves."""
+    return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 3]}..."
+
+
 def encode(figure: Figure, form: str) -> bytes:
-    """Return the bytes of ``figure`` as "png" or "svg", without dates."""
+    """Return the bytes of ``figure`` as "png", "svg" or "pdf", without dates."""
     stream = BytesIO()
-    metadata: dict[str, Any] = {"Date": None} if form == "svg" else {"Software": None}
-    figure.savefig(stream, format=form, dpi=150, metadata=metadata)
+    figure.savefig(stream, format=form, dpi=150, metadata=NO_DATES[form])
     return stream.getvalue()
 
 

@@ -1,4 +1,4 @@
-"""Draw a run: paths, estimated error, energy, virtual work, constraint violation, reactions."""
+"""Draw a run: linkage, paths, error, energy, virtual work, constraint violation, reactions."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -7,8 +7,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from msahl.joints.coordinates import ORIENTATION, SUFFIXES, coordinates, is_angle
-from msahl.post.draw import absolute_curves, curves, legend, looks, new_figure, plain
+from msahl.post.draw import absolute_curves, curves, legend, new_figure
+from msahl.post.linkage.draw import lacks_motion, picture
 from msahl.post.metrics import Metrics
+from msahl.post.paths import lacks_space, paths, paths_in_space
 from msahl.results.read import ResultError, Run
 from msahl.run.tables import JOINTS
 
@@ -37,18 +39,42 @@ def figures(
 
     Raises ``ResultError`` if a requested kind has no data, or the model lacks a requested name.
     """
-    _pick("body", tuple(body.name for body in run.model.bodies), choice.bodies)
+    chosen_bodies(run, choice)
     _pick("joint", metrics.constraints.names, choice.joints)
     for kind in kinds or tuple(KINDS):
-        lacks = _lacks(kind, run, metrics, choice)
+        # A linkage that hardly moves is no picture worth having, but one that can be asked for.
+        always = bool(kinds) and kind == "linkage"
+        lacks = "" if always else _lacks(kind, run, metrics, choice)
         if lacks and kinds:
             raise ResultError(f"{run.folder}: no picture of {kind}: {lacks}")
         if not lacks:
             yield KINDS[kind](run, metrics, choice)
 
 
+def comparisons(
+    runs: Sequence[Run], choice: Choice, kinds: Sequence[str] = ()
+) -> Iterator[tuple[str, Figure]]:
+    """Yield name and figure of each of ``kinds`` that several runs can share; by default of their
+    paths. Raises ``ResultError`` for another kind, or a body that a run lacks."""
+    bodies = chosen_bodies(runs[0], choice)
+    for kind in kinds or ("path",):
+        if kind == "path":
+            yield paths(runs, bodies, choice.plane)
+        elif kind == "path3d":
+            yield paths_in_space(runs, bodies)
+        else:
+            raise ResultError(
+                f"a picture of {kind} shows one run only; several runs can be compared by "
+                "--columns, --phase, path and path3d"
+            )
+
+
 def _lacks(kind: str, run: Run, metrics: Metrics, choice: Choice) -> str:
     """Say why there is nothing to draw; empty if there is something."""
+    if kind == "linkage":
+        return lacks_motion(run)
+    if kind == "path3d":
+        return lacks_space([run], chosen_bodies(run, choice))
     if kind == "error" and (run.errors is None or len(run.errors) < 2):
         return "the error of the run was not estimated"
     if kind == "joints" and not _coordinates(run, choice):
@@ -79,31 +105,17 @@ def _pick(kind: str, names: tuple[str, ...], wanted: tuple[str, ...]) -> list[in
 
 
 def _path(run: Run, metrics: Metrics, choice: Choice) -> tuple[str, Figure]:
-    """Draw the paths of the reference points B in a plane, with equal scales and gravity down."""
-    picked = _pick("body", metrics.energy.bodies, choice.bodies)
-    names = [metrics.energy.bodies[i] for i in picked]
-    points = np.stack([run.states[[f"{n}.{c}" for c in AXES]].to_numpy() for n in names], axis=1)
-    plane = choice.plane or _widest_plane(points)
-    i, j = map(AXES.index, plane)
-    figure, (axes,) = new_figure(1, 5.4, _title(run, f"paths in the {plane} plane (dot: start)"))
-    for track, name, look in zip(points.swapaxes(0, 1), names, looks(), strict=False):
-        (line,) = axes.plot(track[:, i], track[:, j], label=plain(name), **look)
-        axes.plot(*track[0, [i, j]], "o", color=line.get_color(), markersize=5)
-    axes.set(xlabel=f"{plane[0]} [m]", ylabel=f"{plane[1]} [m]", aspect="equal")
-    axes.set_adjustable("datalim")
-    axes.margins(0.06)
-    if run.model.gravity[j] > 0.0:
-        axes.invert_yaxis()
-    legend(figure, axes)
-    return f"path-{plane}", figure
+    return paths([run], chosen_bodies(run, choice), choice.plane)
 
 
-def _widest_plane(points: np.ndarray) -> str:
-    """Return the two axes along which ``points`` (m, n, 3) extend most, in alphabetical order."""
-    spans = np.ptp(points.reshape(-1, 3), axis=0)
-    # Ties (a model at rest, a motion along one line) go to x and z, the pendulum's plane.
-    order = sorted(range(3), key=lambda axis: (-spans[axis], axis == 1))
-    return "".join(AXES[axis] for axis in sorted(order[:2]))
+def _path3d(run: Run, metrics: Metrics, choice: Choice) -> tuple[str, Figure]:
+    return paths_in_space([run], chosen_bodies(run, choice))
+
+
+def chosen_bodies(run: Run, choice: Choice) -> list[str]:
+    """Return the names of the bodies to draw. Raises ``ResultError`` if one is not in the model."""
+    names = tuple(body.name for body in run.model.bodies)
+    return [names[i] for i in _pick("body", names, choice.bodies)]
 
 
 def _error(run: Run, metrics: Metrics, choice: Choice) -> tuple[str, Figure]:
@@ -257,8 +269,14 @@ def _title(run: Run, what: str) -> str:
     return f"{run.model.simulation.title or run.folder.name}: {what}"
 
 
+def _linkage(run: Run, metrics: Metrics, choice: Choice) -> tuple[str, Figure]:
+    return picture(run, choice.bodies, choice.plane)
+
+
 KINDS: dict[str, Callable[[Run, Metrics, Choice], tuple[str, Figure]]] = {
+    "linkage": _linkage,
     "path": _path,
+    "path3d": _path3d,
     "error": _error,
     "energy": _energy,
     "work": _work,

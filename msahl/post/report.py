@@ -1,4 +1,4 @@
-"""Build the report on one run as a list of blocks, and write it as Markdown and as HTML."""
+"""Write the report on one run: Markdown with its pictures, and a page (``post.run_page``)."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ from msahl.post.document import Block, Heading, Items, Paragraph, Picture, as_ma
 from msahl.post.draw import encode, style
 from msahl.post.figures import Choice, figures
 from msahl.post.metrics import Metrics
-from msahl.post.page.blocks import as_html
+from msahl.post.run_page import run_page
 from msahl.post.sentences import (
     describe_constraints,
     describe_energy,
@@ -29,7 +29,9 @@ from msahl.results.write import replace_file
 from msahl.run.verdict import describe_reactions
 
 CAPTIONS = {
+    "linkage": "Bodies at a few instants, light to dark, and paths of their mass centres",
     "path": "Paths of the bodies' reference points B",
+    "path3d": "Paths of the bodies' reference points B in space",
     "error": "Estimated global error of positions and orientations, the largest of all bodies",
     "energy": "Energies and energy balance error",
     "work": "Virtual work of each joint over each step",
@@ -100,17 +102,28 @@ DEFINITIONS = (
 def write_report(run: Run, metrics: Metrics, folder: Path) -> list[Path]:
     """Write ``report.md`` with its pictures, and ``report.html``, to ``folder``; return both paths.
 
-    The pictures of ``report.html`` are part of the file.
+    ``report.html`` is one file that contains all it shows.
     """
     blocks = build_report(run, metrics)
     folder.mkdir(parents=True, exist_ok=True)
     for block in blocks:
         if isinstance(block, Picture):
             replace_file(folder / block.name, block.png)
-    texts = {"report.md": as_markdown(blocks), "report.html": as_html(_title(run), blocks)}
+    texts = {"report.md": as_markdown(blocks), "report.html": build_page(run, metrics)}
     for name, text in texts.items():
         replace_file(folder / name, text.encode())
     return [folder / name for name in texts]
+
+
+def build_page(run: Run, metrics: Metrics) -> str:
+    """Return the page on a run; tables, settings and definitions are folded."""
+    folded: dict[str, list[Block]] = {
+        "Accuracy metrics in words": [_in_words(run, metrics)],
+        "Tables of energy, constraints, reactions and work": _tables(run, metrics),
+        "Settings and versions": [_facts(run)],
+        "Definitions": [Items(DEFINITIONS)],
+    }
+    return run_page(run, metrics, folded)
 
 
 def build_report(run: Run, metrics: Metrics) -> list[Block]:
@@ -121,7 +134,7 @@ def build_report(run: Run, metrics: Metrics) -> list[Block]:
         *_warnings(run),
         *_verdict(run),
         Heading(2, "Accuracy"),
-        Items(tuple(("", sentence) for sentence in _sentences(run, metrics))),
+        _in_words(run, metrics),
         *_tables(run, metrics),
         Heading(2, "Figures"),
         *_pictures(run, metrics),
@@ -159,6 +172,10 @@ def _verdict(run: Run) -> list[Block]:
         Paragraph(f"Verdict: {verdict['word']}."),
         Items(tuple((f"{check}, {found['word']}", found["text"]) for check, found in checks)),
     ]
+
+
+def _in_words(run: Run, metrics: Metrics) -> Items:
+    return Items(tuple(("", sentence) for sentence in _sentences(run, metrics)))
 
 
 def _sentences(run: Run, metrics: Metrics) -> list[str]:

@@ -221,11 +221,11 @@ def read_table(path: Path) -> pd.DataFrame:
             numbers = np.loadtxt(io.StringIO(rows), delimiter=",", ndmin=2, comments=None)
         return pd.DataFrame(numbers, columns=columns)
     except ValueError as error:
-        message = _unreadable(rows, len(columns))
+        message = unreadable(rows, len(columns))
         raise ResultError(f"{shown_path(path)}:{message}; {AGAIN}") from error
 
 
-def _unreadable(rows: str, columns: int) -> str:
+def unreadable(rows: str, columns: int) -> str:
     """The line of the first row that is not as many numbers as there are columns, and why."""
     for line, row in enumerate(rows.splitlines(), start=2):
         cells = row.split(",")
@@ -251,7 +251,12 @@ def _path(folder: Path, name: str) -> Path:
 def _table(path: Path, columns: list[str]) -> pd.DataFrame:
     """The table at ``path``; its columns must be those of the deck."""
     table = read_table(path)
-    found = list(table.columns)
+    require_columns(path, list(table.columns), columns)
+    return table
+
+
+def require_columns(path: Path, found: list[str], columns: list[str]) -> None:
+    """Raise ``ResultError`` unless the columns found in a table are those of the deck."""
     if found != columns:
         lacks = [name for name in columns if name not in found]
         other = [name for name in found if name not in columns]
@@ -263,4 +268,3 @@ def _table(path: Path, columns: list[str]) -> pd.DataFrame:
         deck = shown_path(path.with_name("deck.xml"))
         message = f"its columns are not those of {deck}: {why}"
         raise ResultError(f"{shown_path(path)}: {message}; {AGAIN}")
-    return table

@@ -80,6 +80,17 @@ class Table:
         self.file.close()
 
 
+def write_table(path: Path, columns: list[str], rows: np.ndarray) -> None:
+    """Write a complete table of finite numbers at once; it is never seen half-written."""
+    table = Table(path, columns)
+    try:
+        if len(rows):
+            table.write(rows)
+    finally:
+        table.close()
+    table.part.replace(path)
+
+
 class RunFolder:
     """The sink of a run on disk. As a context it gives the tables their final names at the end, if
     ``complete`` was set.

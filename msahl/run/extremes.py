@@ -47,13 +47,13 @@ class Extremes:
         worst = np.max(subsystems, axis=0)
         error = np.abs(total[:, BALANCE] - self.balance)
         self.error = max(self.error, float(error.max()))
-        self.squares += float(error @ error)
+        self.squares = _sum(self.squares, error * error)
         self.steps += len(error)
         self.kinetic = max(self.kinetic, float(total[:, KINETIC].max()))
         self.worst = [
             max(w, float(new)) for w, new in zip(self.worst, worst.max(axis=0), strict=True)
         ]
-        self.local += float(worst[:, LOCAL].sum())
+        self.local = _sum(self.local, worst[:, LOCAL])
 
     def raise_scale(self, energy: float) -> None:
         """Raise the energy scale to this ``energy`` [J] if it is smaller."""
@@ -110,3 +110,10 @@ class Extremes:
             "localErrorMax": self.worst[LOCAL],
             "localErrorSum": self.local,
         }
+
+
+def _sum(start: float, terms: np.ndarray) -> float:
+    """Return ``start`` and the ``terms``, added one after the other: chunks of steps end where the
+    clock says, and the sum must not depend on that.
+    """
+    return float(np.add.accumulate(np.append(start, terms))[-1])

@@ -88,7 +88,7 @@ def run(
         if settings.tolerance is None:
             setup = build_setup(model, settings, None)
             report = TimeLoop(setup, sink, hooks).run(since)
-            setup.release()
+            setup.release(report)
             return report
         return _run_to_tolerance(model, options, sink, hooks, since)
 
@@ -108,7 +108,7 @@ def _run_to_tolerance(
         setup = build_setup(replace(model, simulation=simulation), settings, attempts)
         loop = TimeLoop(setup, sink, hooks)
         report = loop.run(since)
-        setup.release()
+        setup.release(report)
         if report.status != COMPLETED:
             return report
         if not attempts.prepare_next(setup.estimate, loop.record.size):
@@ -145,7 +145,8 @@ class TimeLoop:
             self._save()
         except KeyboardInterrupt:  # a second request to stop, in the middle of a chunk
             self.report.end(INTERRUPTED, f"stopped at once, after t = {self._time:g} s")
-            self._go_back()
+            if not self.setup.plan.ended:
+                self._go_back()
         if trouble():
             hooks.tell(trouble())
         if self.setup.model.stops and self.report.status == COMPLETED and not self.stopping:
@@ -182,6 +183,9 @@ class TimeLoop:
 
     def _first_steps(self) -> int:
         """Number of steps of the first chunk."""
+        times = [integrator.storage.step_time for integrator in self.setup.all_integrators]
+        if min(times) > 0.0:
+            return int(CHUNK_SECONDS / sum(times))
         return int(CHUNK_SECONDS * SLOWEST / max(1, self.report.unknowns))
 
     def _take_all(self, steps: int) -> None:
@@ -330,7 +334,8 @@ class TimeLoop:
         if self._publish(times, self._follow(steps, advance.schedule, times)):
             self.setup.plan.accept(advance)
             self.record.add(advance.steps)
-            self.accepted.update(self.setup.integrators)
+            if not self.setup.plan.ended:  # nothing follows from which to go back
+                self.accepted.update(self.setup.integrators)
         else:
             self._go_back()
 

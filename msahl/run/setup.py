@@ -46,10 +46,12 @@ class RunSetup:
         companion = self.estimate.companion.integrators if self.estimate else []
         return [*self.integrators, *companion]
 
-    def release(self) -> None:
-        """Let later runs use the arrays of this one, which has ended."""
+    def release(self, report: Report) -> None:
+        """Let later runs use the arrays of this one, which has ended with this ``report``."""
+        spent = sum(report.seconds.get(phase, 0.0) for phase in ("loop", "companion", "output"))
+        step_time = spent / max(report.steps, 1) / len(self.all_integrators)
         for integrator in self.all_integrators:
-            integrator.release()
+            integrator.release(step_time)
 
     @property
     def calls(self) -> list[Call]:

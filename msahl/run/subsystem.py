@@ -27,6 +27,7 @@ from msahl.system.arrays import (
     new_system_workspace,
 )
 from msahl.system.build import Places, build_system
+from msahl.system.evaluate import jacobian_at_rest
 from msahl.system.node_order import node_order
 from msahl.system.nonfinite import find_nonfinite, find_undefined, overflow
 from msahl.system.reductions import (
@@ -85,23 +86,28 @@ class SubsystemIntegrator:
         self.moved = assemble(system, state) if model.position == "project" else None
         nodes = node_order(system) if self.size >= LARGE else None
         unknowns = choose(system, all_unknowns(system), nodes)
-        self.rank = constraint_rank(system, state, unknowns)
+        at_rest: np.ndarray | None = jacobian_at_rest(system, state)
+        self.rank = constraint_rank(system, state, unknowns, at_rest)
         self.redundant = multiplier_count(system) - self.rank
         self.shared: dict[str, list[str]] = {}
         self._add_shared(system, state)
-        start, prepare = new_system_workspace(system, state), by_size(evaluate.prepare, self.size)
+        start, prepare = (
+            new_system_workspace(system, state),
+            by_size(evaluate.prepare, self.size),
+        )
         prepare(system, state, start)
         if signals.begin_angles(system.forces.signals, system.scalar, start.scalar, state.angle):
             prepare(system, state, start)
+            at_rest = None  # that of other angles
         self.axis = None if full else plane_normal(system, start)
         free = all_unknowns(system) if full else needed_unknowns(system, start, self.axis)
         if free.size < unknowns.free.size:
             unknowns = choose(system, free, nodes)
         self.change = make_consistent(system, state, free, model.velocity)
-        if self.redundant and not is_regular(system, state, unknowns):
+        if self.redundant and not is_regular(system, state, unknowns, at_rest):
             system = build_system(model, relaxed=True, places=Places(state.x, state.p))
-            unknowns = choose(system, free)
-        solve_accelerations(system, state, unknowns)
+            unknowns, at_rest = choose(system, free), None
+        solve_accelerations(system, state, unknowns, at_rest)
         if self.axis is not None:
             system = stay_in_plane(system, self.axis)
             system = drop_rows(system, symmetric_rows(system, start, self.axis))
@@ -137,7 +143,11 @@ class SubsystemIntegrator:
     def find_nonfinite(self, h: float) -> str | None:
         """Name the element whose numbers become NaN or infinite in a step ``h`` [s], or None."""
         return find_nonfinite(
-            self.model, self.workspace.system, self.workspace.state, self.workspace.start, h
+            self.model,
+            self.workspace.system,
+            self.workspace.state,
+            self.workspace.start,
+            h,
         )
 
     def find_undefined(self, h: float) -> str | None:
@@ -153,8 +163,11 @@ class SubsystemIntegrator:
         workspace = self.workspace
         return doubles_in((workspace.state, workspace.start, workspace.pivots))
 
-    def release(self) -> None:
-        """Let later runs use the arrays of this one, which has ended."""
+    def release(self, step_time: float) -> None:
+        """Let later runs use the arrays of this one, which has ended; a step took it ``step_time``
+        seconds.
+        """
+        self.storage.step_time = step_time
         if self.storages and self.size < LARGE:
             self.storages.give_back(self.storage)
 
@@ -176,7 +189,11 @@ class SubsystemIntegrator:
 
 
 def _new_stepper(
-    model: Model, workspace: Workspace, solver: str, instantaneous: bool, storage: Storage
+    model: Model,
+    workspace: Workspace,
+    solver: str,
+    instantaneous: bool,
+    storage: Storage,
 ) -> Stepper:
     """The stepper of the model's scheme; the collocation code is only loaded where it is needed."""
     simulation, settings = model.simulation, resolve(model.simulation)

@@ -57,24 +57,34 @@ def constraint_matrix(system: System, state: State) -> "csr_array":
     return coo_array((values[chosen].ravel(), (i.ravel(), j.ravel())), shape).tocsr()
 
 
-def constraint_rank(system: System, state: State, unknowns: Unknowns | None = None) -> int:
+def constraint_rank(
+    system: System,
+    state: State,
+    unknowns: Unknowns | None = None,
+    values: np.ndarray | None = None,
+) -> int:
     """Number of independent joint equations in the state's configuration; ``unknowns`` are all
-    unknowns of the system, if they are at hand.
+    unknowns of the system, ``values`` those of ``jacobian_at_rest``, if they are at hand.
     """
     # A regular matrix of the full system proves them independent, and is cheap where it is large.
-    if is_regular(system, state, unknowns or choose(system, all_unknowns(system))):
+    if is_regular(system, state, unknowns or choose(system, all_unknowns(system)), values):
         return multiplier_count(system)
     G = constraint_matrix(system, state)
     equations = _equations(G)
     return int(equations.sum()) - null_space(G[equations]).shape[1]
 
 
-def is_regular(system: System, state: State, unknowns: Unknowns) -> bool:
-    """Return whether the system's matrix at rest is regular in the ``unknowns``."""
+def is_regular(
+    system: System, state: State, unknowns: Unknowns, values: np.ndarray | None = None
+) -> bool:
+    """Return whether the system's matrix at rest is regular in the ``unknowns``; ``values`` are
+    those of ``jacobian_at_rest``, if they are at hand.
+    """
+    values = jacobian_at_rest(system, state) if values is None else values
     # Fractional parts of multiples of the golden ratio serve as well as random numbers, and
     # numpy.random takes 7 ms to import.
     probe = np.modf(GOLDEN_RATIO * np.arange(1, 3 * node_count(system) + 1))[0] - 0.5
-    return solve_sparse(jacobian_at_rest(system, state), probe, unknowns) is not None
+    return solve_sparse(values, probe, unknowns) is not None
 
 
 def non_unique_reactions(system: System, state: State) -> dict[int, list[str]]:

@@ -101,11 +101,15 @@ def make_consistent(
     return VelocityChange(method, given, (state.v - v0)[:n], dw[:n])
 
 
-def solve_accelerations(system: System, state: State, unknowns: Unknowns) -> None:
-    """Set accelerations, multipliers and reactions of ``state`` to their values at t = 0.
+def solve_accelerations(
+    system: System, state: State, unknowns: Unknowns, values: np.ndarray | None = None
+) -> None:
+    """Set accelerations, multipliers and reactions of ``state`` to their values at t = 0;
+    ``values`` are those of ``jacobian_at_rest``, if they are known.
 
     Friction presses by the reaction, which depends on friction: rounds until it stands still.
     """
+    values = jacobian_at_rest(system, state) if values is None else values
     start = new_system_workspace(system, state)
     rows, Z = np.zeros((2, node_count(system), 3))
     frames, size = system.frames, moving_count(system.frames)
@@ -113,7 +117,7 @@ def solve_accelerations(system: System, state: State, unknowns: Unknowns) -> Non
         last = state.reaction.copy()
         by_size(evaluate.prepare, size)(system, state, start)
         by_size(evaluate.free_acceleration, size)(system, state, start, Z, rows)
-        solution = solve_at_rest(system, state, rows, unknowns)
+        solution = solve_at_rest(system, values, rows, unknowns)
         state.a[:] = solution[frames.displacement]
         state.alpha[:] = solution[frames.rotation] / frames.length[:, None]
         state.force[:] = solution[first_multiplier(frames) :] * system.unit
@@ -151,15 +155,19 @@ def _project(system: System, state: State, start: SystemWorkspace, unknowns: Unk
     rows = np.zeros((node_count(system), 3))
     frames = system.frames
     rows[first_multiplier(frames) :] = -_violation_rate(system, state, start)
-    change = solve_at_rest(system, state, rows, unknowns)
+    change = solve_at_rest(system, jacobian_at_rest(system, state), rows, unknowns)
     state.v[:] += change[frames.displacement]
     dW = change[frames.rotation] / frames.length[:, None]
     state.w[:] += np.einsum("bji,bj->bi", start.frames.R, dW)
 
 
-def solve_at_rest(system: System, state: State, rows: np.ndarray, unknowns: Unknowns) -> np.ndarray:
-    """Solve with the Jacobian at rest in the ``unknowns``; (nodes, 3), zero elsewhere."""
-    values, first = jacobian_at_rest(system, state), 3 * first_multiplier(system.frames)
+def solve_at_rest(
+    system: System, values: np.ndarray, rows: np.ndarray, unknowns: Unknowns
+) -> np.ndarray:
+    """Solve with the ``values`` of the Jacobian at rest in the ``unknowns``; (nodes, 3), zero
+    elsewhere.
+    """
+    first = 3 * first_multiplier(system.frames)
     solution = np.zeros_like(rows)
     solution.reshape(-1)[unknowns.free] = _solve(values, rows.reshape(-1), unknowns, first)
     return solution

@@ -3,7 +3,7 @@
 Tables are made by ``report_tables``.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from msahl.model import resolve
@@ -18,7 +18,8 @@ from msahl.post.document import (
     as_markdown,
 )
 from msahl.post.draw import encode, style
-from msahl.post.page.blocks import as_html
+from msahl.post.page.blocks import fold, header, part_of
+from msahl.post.page.page import wrap, write_page
 from msahl.post.table import as_csv
 from msahl.results.write import replace_file
 from msahl.study.command import command_line
@@ -97,42 +98,55 @@ DEFINITIONS = (
 
 def write_study(study: Study, folder: Path) -> list[Path]:
     """Write the study to ``folder``; return the paths written, without the pictures."""
-    blocks = build(study)
+    drawn = _pictures(study)
     folder.mkdir(parents=True, exist_ok=True)
-    for block in _unfolded(blocks):
-        if isinstance(block, Picture):
-            replace_file(folder / block.name, block.png)
+    for picture in drawn:
+        replace_file(folder / picture.name, picture.png)
     texts = {
         "study.csv": as_csv(table_of_all(study)),
-        "study.md": as_markdown(blocks),
-        "study.html": as_html(_title(study), blocks),
+        "study.md": as_markdown(build(study, drawn)),
+        "study.html": build_page(study, drawn),
     }
     for name, text in texts.items():
         replace_file(folder / name, text.encode())
     return [folder / name for name in texts]
 
 
-def _unfolded(blocks: Sequence[Block]) -> Iterator[Block]:
-    for block in blocks:
-        yield from _unfolded(block.blocks) if isinstance(block, Folded) else (block,)
-
-
-def build(study: Study) -> list[Block]:
+def build(study: Study, drawn: Sequence[Picture]) -> list[Block]:
     """Return the blocks of the report in their order: the recommendation and its figure first."""
-    drawn = _pictures(study)
-    first, others = drawn[:1], drawn[1:]
+    return [
+        Heading(1, _heading(study)),
+        *_recommended(study),
+        *_evidence(study, drawn),
+        Heading(2, "Definitions"),
+        Items(DEFINITIONS),
+    ]
+
+
+def build_page(study: Study, drawn: Sequence[Picture]) -> str:
+    """Return the report as a page: the recommendation in a banner, the definitions folded."""
+    kind = "warn" if study.fastest is None else "pass"
+    content = [
+        header(_heading(study)),
+        wrap("div", *map(part_of, _recommended(study)), class_=f"banner {kind}", role="status"),
+        *map(part_of, _evidence(study, drawn)),
+        fold("Definitions", Items(DEFINITIONS)),
+    ]
+    return write_page(_title(study), wrap("main", *content))
+
+
+def _evidence(study: Study, drawn: Sequence[Picture]) -> list[Block]:
+    """Return what the recommendation rests on: the figure and its numbers; the rest is folded."""
     tables = ((metric, metric_table(study, key)) for key, metric in METRIC_OF.items())
     return [
-        Heading(1, f"Error against run time: {_title(study)}"),
-        *_recommended(study),
         *_output_hint(study),
         *_stopped(study),
-        *first,
+        *drawn[:1],
         *comparison_table(study),
         Paragraph(study.reference.description),
         *_failures(study),
         Folded("Time and largest errors of all runs", (cost_table(study),)),
-        Folded("Other errors", tuple(others)),
+        Folded("Other errors", tuple(drawn[1:])),
         Folded("Observed orders", (order_table(study),)),
         Folded(
             "Root mean square and largest value of each error",
@@ -143,9 +157,11 @@ def build(study: Study) -> list[Block]:
                 for block in (Heading(3, metric.name.capitalize()), table)
             ),
         ),
-        Heading(2, "Definitions"),
-        Items(DEFINITIONS),
     ]
+
+
+def _heading(study: Study) -> str:
+    return f"Error against run time: {_title(study)}"
 
 
 def _title(study: Study) -> str:
@@ -288,11 +304,12 @@ def _failures(study: Study) -> list[Block]:
     return [Heading(2, "Runs that did not reach the end time"), Items(items)] if items else []
 
 
-def _pictures(study: Study) -> list[Block]:
+def _pictures(study: Study) -> list[Picture]:
+    from msahl.post.page.drawing import drawn
     from msahl.study.pictures import pictures
 
     with style():
         return [
-            Picture(f"{name}.png", caption, encode(figure, "png"))
+            Picture(f"{name}.png", caption, encode(figure, "png"), drawn(figure, name))
             for name, caption, figure in pictures(study)
         ]

@@ -22,10 +22,10 @@ from msahl.run.options import OPTIONS, Choice, Flag, Integer, Number, Option
 from msahl.sweep.faults import PlanError
 
 NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
-VALUE = re.compile(rf"(?P<number>{NUMBER}|\{{[^{{}}]*\}})\s*(?P<unit>[^\s,{{}}][^,{{}}]*)?")
+VALUE = re.compile(rf"(?P<number>{NUMBER}|\{{[^{{}}]*\}})\s*(?P<unit>[^\s,:{{}}][^,:{{}}]*)?")
 RANGE = re.compile(
     rf"(?P<first>{NUMBER}):(?P<last>{NUMBER}):(?P<count>[0-9]+)(?P<log>:log)?"
-    r"\s*(?P<unit>[^\s,:{}][^,{}]*)?"
+    r"\s*(?P<unit>[^\s,:{}][^,:{}]*)?"
 )
 DRAWN = re.compile(r"(?P<kind>\w+)\((?P<numbers>[^()]*)\)\s*(?P<unit>.*)")
 ONE_NUMBER = re.compile(NUMBER)

@@ -11,7 +11,8 @@ import platform
 import shutil
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -43,6 +44,8 @@ PACKAGES = ("llvmlite", "numpy", "scipy")
 SHOWN = 16
 """Digits of a key that name a folder of tables and stand in ``runs.csv``."""
 LONGEST_MESSAGE = 1000
+WARM_STEPS = 5
+"""Steps of a run that loads the kernels."""
 
 Row = dict[str, Any]
 """Outcome of a point: "point" (its number), "id", "key", "status", "verdict", "error" [m],
@@ -201,6 +204,17 @@ def run_points(job: Job, points: Iterable[Point]) -> Iterator[Row]:
     resolver = Resolver(job)
     for point in points:
         yield _run_point(resolver, point)
+
+
+def warm_up(job: Job, point: Point) -> None:
+    """Take a few steps at a point, so that no later run loads or compiles kernels; faults are left
+    to the run itself."""
+    with suppress(DeckError, StartError, MemoryError):
+        run = Resolver(job).run_at(point.cells)
+        simulation = run.model.simulation
+        few = min(WARM_STEPS * simulation.dt, simulation.t_final)
+        model = replace(run.model, simulation=replace(simulation, t_final=few))
+        loop.run(model, run.options, MemorySink(only=()), checked=True)
 
 
 def _run_point(resolver: Resolver, point: Point) -> Row:

@@ -40,6 +40,8 @@ MOST_STARTS = 5
 """Workers in a row that die before they are ready, after which the sweep ends."""
 POLL = 0.1
 """Time between two looks at requests to stop and at time limits [s]."""
+WARM_SECONDS = 60.0
+"""Time that a worker may take for loading the program, beyond the limit of its first point [s]."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Variables that keep libraries from using all cores in every worker."""
 
@@ -71,7 +73,7 @@ class Worker:
         assert self.process.stdout is not None
         self.source, self.sink = self.process.stdout, self.process.stdin
         self.points: deque[Point] = deque()
-        self.ready = self.compiling = False
+        self.ready = self.warm = self.compiling = False
         self.since = time.monotonic()
         self._rest = b""
         self._write(job.as_json())
@@ -191,6 +193,8 @@ class Pool:
         for message in messages:
             if "ready" in message:
                 worker.ready, self.failed_starts = True, 0
+            elif "warm" in message:
+                worker.warm = True
             elif "compiling" in message:
                 worker.compiling = message["compiling"]
                 self.compiling() if worker.compiling else None
@@ -234,7 +238,7 @@ class Pool:
         """Kill workers whose present point takes longer than it may."""
         limit = self.timeout
         for worker in [*self.workers]:
-            if limit is None or worker.seconds() <= limit:
+            if limit is None or worker.seconds() <= limit + (0.0 if worker.warm else WARM_SECONDS):
                 continue
             points = list(worker.points)
             self._remove(worker)

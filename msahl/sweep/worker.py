@@ -3,8 +3,9 @@
     python -m msahl.sweep.worker
 
 Lines of JSON come in: first the job, then lists of points. Lines of JSON go out: {"ready": true},
-{"compiling": true or false}, the row of each point as it ends, and {"fatal": [kind, message]}. The
-process ends when its input does, even in the middle of a point: then the sweep was killed.
+{"warm": true} after a few steps at the first point, {"compiling": true or false}, the row of each
+point as it ends, and {"fatal": [kind, message]}. The process ends when its input does, even in the
+middle of a point: then the sweep was killed.
 """
 
 import os
@@ -55,16 +56,22 @@ def _serve(lines: "queue.SimpleQueue[bytes]", tell: Any) -> None:
         Point,
         crashed_row,
         run_points,
+        warm_up,
     )
 
     STOPWATCH.tell = lambda: tell({"compiling": True})
     STOPWATCH.listen = lambda progress: None if progress.names else tell({"compiling": False})
     job = Job.from_json(orjson.loads(lines.get()))
     tell({"ready": True})
+    warm = False
     while True:
         points = [Point(n, name, tuple(cells)) for n, name, cells in orjson.loads(lines.get())]
         while points:
             try:
+                if not warm:
+                    warm_up(job, points[0])
+                    tell({"warm": True})
+                    warm = True
                 for row in run_points(job, points[:]):
                     points.pop(0)
                     tell(row)

@@ -372,6 +372,10 @@ def test_every_deck_in_the_guide_is_valid(tmp_path, read):
         if part.startswith("<part>"):
             assert schema.validate(etree.fromstring(part)), schema.error_log
             continue
+        if part.startswith("<rigidBody>"):
+            root = etree.fromstring(complete.replace("</bodies>", f"{part}</bodies>"))
+            assert schema.validate(root), schema.error_log
+            continue
         if part.startswith("<parameters>"):
             root = etree.fromstring(complete.replace("<data>", f"<data>{part}"))
             assert schema.validate(root), schema.error_log

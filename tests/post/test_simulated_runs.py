@@ -122,17 +122,17 @@ def test_reactions_that_are_not_unique_are_marked(run_of):
     [
         (
             "forces/joint_motion_sine",
-            {"path", "error", "energy", "work", "joints", "constraints", "reactions"},
+            {"linkage", "path", "error", "energy", "work", "joints", "constraints", "reactions"},
         ),
         (
             "joints/cylindrical",
             {"path", "error", "energy", "work", "joints", "constraints", "reactions"},
         ),
-        ("forces/spring_damper", {"path", "error", "energy"}),
-        ("forces/point_motion", {"path", "error", "energy", "constraints", "reactions"}),
+        ("forces/spring_damper", {"linkage", "path", "error", "energy"}),
+        ("forces/point_motion", {"linkage", "path", "error", "energy", "constraints", "reactions"}),
         (
             "joints/knife_edge",
-            {"path", "error", "energy", "work", "joints", "constraints", "reactions"},
+            {"linkage", "path", "error", "energy", "work", "joints", "constraints", "reactions"},
         ),
     ],
 )

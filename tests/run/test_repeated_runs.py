@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msahl.deck.read import read_deck
+from msahl.deck import read_deck
 from msahl.jit.arguments import Block
 from msahl.jit.recent import Recent
 from msahl.jit.storage import Storage, Storages
@@ -88,6 +88,39 @@ def test_a_run_after_others_has_the_results_of_a_first_one(name, given, forget):
         results(heavier(model, factor))
     assert_same(results(model), alone)
     assert_same(results(model), alone)
+
+
+def spinning(model):
+    """The model with its first body turning out of the plane of the others."""
+    first, *others = model.bodies
+    spin = tuple(w + 0.1 for w in first.angular_velocity)
+    return replace(model, bodies=(replace(first, angular_velocity=spin), *others))
+
+
+@pytest.mark.parametrize("given", [{}, {"scheme": "gauss3"}])
+def test_what_follows_from_numbers_is_found_for_each_run(given, forget):
+    planar = short("thesis/double_pendulum_89", given)
+    models = [planar, spinning(planar), heavier(planar, 2.0), spinning(heavier(planar, 2.0))]
+    alone = []
+    for model in models:
+        forget()
+        alone.append(results(model))
+    assert [figures["planar_subsystems".replace("_s", "S")] for _, figures in alone] == [1, 0, 1, 0]
+    forget()
+    for model, expected in [*zip(models, alone, strict=True)] * 2:
+        assert_same(results(model), expected)
+
+
+def test_redundancy_is_found_for_each_run(forget):
+    """A four-bar closes with parallel axes only, so other axes make other equations redundant."""
+    redundant, regular = (
+        short("mechanisms/four_bar", {}),
+        short("mechanisms/spatial_slider_crank", {}),
+    )
+    forget()
+    expected = [results(model) for model in (redundant, regular)]
+    for model, of_first in [*zip((redundant, regular), expected, strict=True)] * 2:
+        assert_same(results(model), of_first)
 
 
 def test_a_repeated_run_lays_out_no_arguments(forget, monkeypatch):

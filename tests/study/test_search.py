@@ -236,8 +236,8 @@ def test_the_command_and_its_recommendation(tmp_path):
     assert f"{DECK}: gauss5: " in found.stderr  # a line of each curve
     html, text = (out / "study.html").read_text(), (out / "study.md").read_text()
     # The picture comes before the first table; all that is not the answer is folded.
-    assert html.index("<img") < html.index("<details>")
-    assert html.index("<img") < html.index("<table")
+    assert html.index("<figure") < html.index("<details>")
+    assert html.index("<figure") < html.index("<table")
     assert text.index("error-time.png") < text.index("| run |")
     for name in ("error-time.png", "all-errors-time.png", "error-step.png"):
         assert (out / name).stat().st_size > 1000

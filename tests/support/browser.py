@@ -1,10 +1,13 @@
 """A headless Chromium of the system, driven by Playwright; tests without one are skipped.
 
-Import the fixtures ``browser`` and ``open_page`` into a test module (or its conftest.py).
+Every test has the fixtures ``browser`` and ``open_page``: tests/conftest.py imports them.
 """
 
+import atexit
 import shutil
+import time
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -19,22 +22,34 @@ FLAGS = [
     "--enable-unsafe-swiftshader",
 ]
 
+PATIENCE = 20.0
+"""Seconds to wait for a page on a busy machine."""
+
 Opener = Callable[..., Any]
 
 
+@cache
+def _launched(path: str) -> Any:
+    """Return the browser of this process: Playwright can be started once only."""
+    from playwright.sync_api import sync_playwright
+
+    playwright = sync_playwright().start()
+    opened = playwright.chromium.launch(executable_path=path, args=FLAGS)
+    atexit.register(playwright.stop)
+    atexit.register(opened.close)  # before the line above: the last registered is called first
+    return opened
+
+
 @pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
+def browser() -> Any:
     """Return a running browser; nothing is ever downloaded."""
-    playwright = pytest.importorskip(
+    pytest.importorskip(
         "playwright.sync_api", reason="playwright is not installed: pip install 'msahl[test]'"
     )
     path = next(filter(None, map(shutil.which, BROWSERS)), None)
     if path is None:
         pytest.skip("no Chromium on this machine: apt-get install chromium")
-    with playwright.sync_playwright() as running:
-        opened = running.chromium.launch(executable_path=path, args=FLAGS)
-        yield opened
-        opened.close()
+    return _launched(path)
 
 
 @pytest.fixture
@@ -68,3 +83,16 @@ def open_page(browser: Any) -> Iterator[Opener]:
     for context in contexts:
         context.close()
     assert faults == []
+
+
+def wait_until(page: Any, expression: str) -> Any:
+    """Return the value of an expression of the page as soon as it is true.
+
+    Playwright's own ``wait_for_function`` evaluates texts in the page, which its content policy
+    forbids.
+    """
+    end = time.monotonic() + PATIENCE
+    while not (value := page.evaluate(expression)):
+        assert time.monotonic() < end, f"{expression} did not become true"
+        page.wait_for_timeout(20)
+    return value

@@ -82,15 +82,15 @@ def _state(t):
     return (t, *x, *p, *times(to_body, v), *times(to_body, (0.0, 0.0, OMEGA)))
 
 
-def write(folder, states=None, reactions=None, info=None, complete=True):
-    """Write rows (default: the exact ones) as a run's folder."""
+def write(folder, states=None, reactions=None, info=None, complete=True, text=DECK):
+    """Write rows (default: the exact ones) as a run's folder; ``text`` is its deck."""
     exact = conical_rows()
     states = exact[0] if states is None else states
     reactions = exact[1] if reactions is None else reactions
     folder.mkdir(parents=True, exist_ok=True)
     deck = folder / "source.xml"
-    deck.write_text(DECK)
-    with RunFolder(folder, read_deck(deck), DECK.encode()) as results:
+    deck.write_text(text)
+    with RunFolder(folder, read_deck(deck), text.encode()) as results:
         if len(states):
             errors = np.empty((0, 3))
             if info and info.get("error"):

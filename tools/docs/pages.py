@@ -110,9 +110,10 @@ compares the result with that. Run one, and write a report with pictures:
     msahl run decks/mechanisms/four_bar.xml
     msahl-post report results/four_bar
 
-The pictures show the bodies at equal intervals of time (light to dark: early to late), as lines
-from the mass centre to the points where joints and loads act, and the paths of their reference
-points. Where nothing moves off a line, they show angular velocities or displacements against time.
+The pictures show the linkage at a few instants of its first sweep (light to dark: early to late)
+and the paths of the mass centres. Links are lines between their joints (circles), triangles are
+points of the ground, and bodies without joints have the outline of the solid with their inertia.
+Where little moves, or along a line only, they show displacements or velocities against time.
 """
 
 

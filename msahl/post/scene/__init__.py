@@ -59,6 +59,7 @@ its axes.
       "gravity": [3],
       "up": [3],                             # unit vector against gravity; z without gravity
       "normal": [3] or null,                 # of a planar mechanism: the direction of all its axes
+      "notes": [str],                        # what is wrong with files of meshes, which are omitted
     }
 
     Shape = {
@@ -68,7 +69,7 @@ its axes.
       "orientation": [4],                    # its axes, in body axes
       "colour": "#rrggbb" or null,
       "derived": bool,                       # from inertia and joints; false: given in the deck
-      "name": str,                           # "" if it has none
+      "name": str,                           # of a mesh, its file; else ""
       "vertices": [x, y, z, x, ...],         # of a mesh only: metres, axes of the shape
       "faces": [i, j, k, i, ...],            # of a mesh only: triangles, counted from 0
     }
@@ -80,6 +81,23 @@ origin of the shape's axes; a cone's apex is at z = +height/2. A mesh keeps the 
 A rod and a disc are cylinders; the two words say what a derived shape stands for.
 """
 
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
 from msahl.post.scene.build import build_scene
 
-__all__ = ["build_scene"]
+if TYPE_CHECKING:
+    from msahl.results.read import Run
+
+__all__ = ["build_scene", "scene_of_run"]
+
+
+def scene_of_run(run: "Run") -> dict[str, Any]:
+    """Return the scene of the model that was run; files of meshes are those beside its deck."""
+    deck = run.info.get("deck", {})
+    folders = [run.folder]
+    if "relative" in deck:
+        folders.append((run.folder / deck["relative"]).parent)
+    if "path" in deck:
+        folders.append(Path(deck["path"]).parent)
+    return build_scene(run.model, run.folder.resolve().name, folders)

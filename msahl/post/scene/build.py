@@ -1,6 +1,7 @@
 """Build the scene of a model from its records; the package's docstring has the format."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from msahl.post.scene.glyphs import (
     sensor_entries,
     spring_entries,
 )
+from msahl.post.scene.shapes import given_shapes
 
 PALETTE = (
     "#4e79a7", "#f28e2b", "#59a14f", "#e15759", "#76b7b2",
@@ -40,8 +42,11 @@ IN_PLANE = ("rigid", "prismatic", "rackAndPinion", "camFollower")
 """Kinds of joints that take no part in deciding whether a mechanism is planar."""
 
 
-def build_scene(model: Model, title: str = "") -> dict[str, Any]:
-    """Return the scene of a model at t = 0; its title is that of the simulation, or ``title``."""
+def build_scene(model: Model, title: str = "", folders: Sequence[Path] = ()) -> dict[str, Any]:
+    """Return the scene of a model at t = 0; its title is that of the simulation, or ``title``.
+
+    Files of meshes are looked for in ``folders``. One that cannot be read is omitted, with a note.
+    """
     body = numbers(model)
     joints = joint_entries(model, body)
     place = {joint["name"]: index for index, joint in enumerate(joints)}
@@ -52,7 +57,9 @@ def build_scene(model: Model, title: str = "") -> dict[str, Any]:
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     if size == 0.0:  # bodies at one point: their inertia alone has a length
         size = max(2.0 * float(half_box(equivalent_solid(b)).max()) for b in model.bodies)
+    given, errors = given_shapes(model, folders)
     shapes = derived_shapes(model, joints, size)
+    shapes |= {body[name]: own for name, own in given.items()}
     around = [points, *(_placed(corners(s), poses, b) for b in shapes for s in shapes[b])]
     corner = np.concatenate(around)
     return {
@@ -80,6 +87,7 @@ def build_scene(model: Model, title: str = "") -> dict[str, Any]:
         "gravity": floats(model.gravity),
         "up": _up(model),
         "normal": _normal(joints, poses),
+        "notes": [str(error) for error in errors],
     }
 
 

@@ -17,21 +17,25 @@ function announceTheme() {
   document.dispatchEvent(new CustomEvent("msahl-theme"));
 }
 
-
-for (const button of document.querySelectorAll("button.theme")) {
-  button.addEventListener("click", () => {
-    document.documentElement.dataset.theme = isDark() ? "light" : "dark";
-    announceTheme();
-  });
-}
+// Buttons that are made later switch as well.
+document.addEventListener("click", (event) => {
+  if (!event.target.closest("button.theme")) return;
+  document.documentElement.dataset.theme = isDark() ? "light" : "dark";
+  announceTheme();
+});
 darkSystem.addEventListener("change", announceTheme);
 
-// Folds that are open only while the page is printed.
-let unfolded = [];
+// A page is printed in light colours with its folds open.
+const beforePrinting = { folds: [], theme: undefined };
 addEventListener("beforeprint", () => {
-  unfolded = [...document.querySelectorAll("details:not([open])")];
-  for (const part of unfolded) part.open = true;
+  const { dataset } = document.documentElement;
+  beforePrinting.theme = dataset.theme;
+  dataset.theme = "light";
+  beforePrinting.folds = [...document.querySelectorAll("details:not([open])")];
+  for (const part of beforePrinting.folds) part.open = true;
 });
 addEventListener("afterprint", () => {
-  for (const part of unfolded) part.open = false;
+  if (beforePrinting.theme) document.documentElement.dataset.theme = beforePrinting.theme;
+  else delete document.documentElement.dataset.theme;
+  for (const part of beforePrinting.folds) part.open = false;
 });

@@ -10,7 +10,7 @@ from importlib.resources import files
 import pytest
 
 from msahl.post import web
-from tests.support.browser import Opener, browser, open_page  # noqa: F401
+from tests.support.browser import Opener, wait_until
 
 VENDORED = json.loads(web.source("vendor.json"))
 PAYLOADS = (
@@ -65,7 +65,7 @@ def test_a_script_that_ends_its_element_is_refused(end: str) -> None:
         web.inline_script(f"let a = '{end}'")
 
 
-def test_data_runs_no_script_and_comes_back(open_page: Opener, tmp_path) -> None:  # noqa: F811
+def test_data_runs_no_script_and_comes_back(open_page: Opener, tmp_path) -> None:
     script = web.joined("bundles.js") + "window.got = readJson('data');"
     page = tmp_path / "page.html"
     page.write_text(
@@ -80,7 +80,7 @@ def test_data_runs_no_script_and_comes_back(open_page: Opener, tmp_path) -> None
     assert opened.evaluate("window.hit") is None
 
 
-def test_the_policy_stops_other_scripts(browser, tmp_path) -> None:  # noqa: F811
+def test_the_policy_stops_other_scripts(browser, tmp_path) -> None:
     page = tmp_path / "page.html"
     page.write_text(web.content_policy([], []) + "<script>window.hit = 1</script>")
     opened = browser.new_page()
@@ -90,7 +90,7 @@ def test_the_policy_stops_other_scripts(browser, tmp_path) -> None:  # noqa: F81
     opened.close()
 
 
-def test_a_bundle_runs(open_page: Opener, tmp_path) -> None:  # noqa: F811
+def test_a_bundle_runs(open_page: Opener, tmp_path) -> None:
     script = web.joined("bundles.js") + (
         "await Promise.all([loadBundle('three'), loadBundle('uplot'), loadBundle('three')]);"
         "window.got = [typeof THREE.WebGLRenderer, typeof uPlot];"
@@ -106,5 +106,4 @@ def test_a_bundle_runs(open_page: Opener, tmp_path) -> None:  # noqa: F811
         encoding="utf-8",
     )
     opened = open_page(page)
-    opened.wait_for_function("window.got")
-    assert opened.evaluate("window.got") == ["function", "function"]
+    assert wait_until(opened, "window.got") == ["function", "function"]

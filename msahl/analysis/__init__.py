@@ -1,0 +1,1 @@
+"""Analyses of a model at one configuration: linearisation, modes, equilibrium."""

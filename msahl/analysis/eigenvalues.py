@@ -1,0 +1,99 @@
+"""Eigenvalues of a matrix with how well they are determined; zeros are counted by rank.
+
+A matrix of a system with rigid-body modes has multiple eigenvalues zero with fewer eigenvectors,
+which any round-off spreads to its square or third root. They are taken out first: with an
+orthonormal basis [N X], N of the null space of A,
+
+    A = [N X] [ 0  N^T A X ] [N X]^T          A -> X^T A X , until it has full rank
+              [ 0  X^T A X ]
+
+The others have condition numbers kappa = |x| |y| / |y^H x| (right and left eigenvector): a change
+E of the matrix changes them by kappa |E| to first order, and a double eigenvalue by sqrt(|E| |A|).
+Round-off is of the size of eps |A| at least.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+ZERO = 1e-12
+"""Singular value, relative to the largest and for each row, that is round-off."""
+ROUND_OFF = 8.0
+"""Machine epsilons of the norm by which round-off is taken to change a matrix, for each root of its
+size."""
+
+
+class Eigenvalues(NamedTuple):
+    """Eigenvalues by size, those that are zero first; m of a matrix (n, n)."""
+
+    value: np.ndarray  # (m,) complex [1/s]
+    vector: np.ndarray  # (n, m) complex; of zeros a basis of their invariant subspace
+    condition: np.ndarray  # (m,) condition numbers; nan of zeros
+    error: np.ndarray  # (m,) change of the eigenvalue by round-off of the matrix [1/s]
+    zeros: int
+    null: int  # dimension of the null space: eigenvectors of the eigenvalue zero
+
+
+def eigenvalues(A: np.ndarray) -> Eigenvalues:
+    """Return all eigenvalues of ``A`` (n, n)."""
+    from scipy.linalg import eig, matrix_balance
+
+    n = len(A)
+    if not n:
+        none = np.zeros(0)
+        return Eigenvalues(none.astype(complex), np.zeros((0, 0)), none, none, zeros=0, null=0)
+    balanced, (scaling, _) = matrix_balance(A, permute=False, separate=True)
+    basis, zeros, null = _deflate(balanced)
+    rest = basis[:, zeros:].T @ balanced @ basis[:, zeros:]
+    value, left, right = eig(rest, left=True)
+    condition = 1.0 / np.maximum(np.abs(np.einsum("im,im->m", left.conj(), right)), 1e-300)
+    size = ROUND_OFF * np.sqrt(n) * np.finfo(float).eps * np.linalg.norm(balanced, 2)
+    error = np.minimum(size * condition, np.sqrt(size * np.linalg.norm(balanced, 2)))
+    inner = _complete_vectors(basis, zeros, balanced, value, right)
+    order = np.lexsort((-value.imag, value.real, np.round(np.abs(value), 12)))
+    vectors = np.concatenate([basis[:, :zeros].astype(complex), inner[:, order]], axis=1)
+    return Eigenvalues(
+        value=np.concatenate([np.zeros(zeros, dtype=complex), value[order]]),
+        vector=scaling[:, None] * vectors,
+        condition=np.concatenate([np.full(zeros, np.nan), condition[order]]),
+        error=np.concatenate([np.zeros(zeros), error[order]]),
+        zeros=zeros,
+        null=null,
+    )
+
+
+def _deflate(A: np.ndarray) -> tuple[np.ndarray, int, int]:
+    """(n, n) orthonormal basis whose first columns span the invariant subspace of the eigenvalue
+    zero, their number, and how many of them are eigenvectors.
+    """
+    n, zeros, null = len(A), 0, 0
+    basis, rest = np.eye(n), A
+    largest = np.linalg.norm(A, 2)
+    while zeros < n:
+        _, values, right = np.linalg.svd(rest)
+        nulls = int(np.count_nonzero(values <= ZERO * np.sqrt(n) * largest))
+        if not nulls:
+            break
+        rotated = np.concatenate([right[len(right) - nulls :], right[: len(right) - nulls]]).T
+        basis[:, zeros:] = basis[:, zeros:] @ rotated
+        zeros, null = zeros + nulls, null or nulls
+        rest = basis[:, zeros:].T @ A @ basis[:, zeros:]
+    return basis, zeros, null
+
+
+def _complete_vectors(
+    basis: np.ndarray, zeros: int, A: np.ndarray, value: np.ndarray, inner: np.ndarray
+) -> np.ndarray:
+    """(n, m) eigenvectors of ``A``, from those of its part without zeros: the rest follows from
+    (lambda - A_0) x_0 = N^T A X x, where A_0 is nilpotent.
+    """
+    if not zeros:
+        return inner
+    N, X = basis[:, :zeros], basis[:, zeros:]
+    own, across = N.T @ A @ N, N.T @ A @ X
+    outer = np.empty((zeros, value.size), dtype=complex)
+    for m, eigenvalue in enumerate(value):
+        outer[:, m] = np.linalg.solve(
+            eigenvalue * np.eye(zeros) - np.triu(own, 1), across @ inner[:, m]
+        )
+    return N @ outer + X @ inner

@@ -1,0 +1,238 @@
+"""Batches: one model at many samples of its numbers, in as many processes as there are cores.
+
+Models that differ in numbers only share all that follows from their connections, and the memory of
+their runs (``msahl.jit.storage``), so a run costs little beside its time loop. What it costs is
+Python, of which a process runs one thread at a time: for small models processes are nearly twice as
+fast as threads, so each worker is a process.
+"""
+
+import os
+import subprocess
+import sys
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from itertools import chain, islice
+from queue import SimpleQueue
+from typing import Any, Unpack
+
+from msahl.api.model import Model, Value
+from msahl.api.options import RunOptions
+from msahl.api.result import Result
+from msahl.api.worker import EndedError, Outcome, outcome_of, receive, send
+from msahl.jit.compiled import prepare
+from msahl.results.job import Job
+from msahl.run.options import OptionError
+from msahl.run.setup import build_setup
+from msahl.run.tables import ERROR, tables_of_model
+from msahl.start.velocities import StartError
+
+Sample = Mapping[str, Value]
+"""Numbers of the deck by name, as ``Model.with_`` takes them."""
+
+RAISE, RETURN = ERRORS = ("raise", "return")
+
+START_SECONDS = 0.7
+"""Time that a process takes until its first run."""
+WORTH = 2.0
+"""Seconds of runs still to be made, in processes' starts, from which processes are started."""
+TRIED = 8
+"""Most runs after which it is decided whether to start processes."""
+CHUNK_SECONDS, MOST_SAMPLES = 0.05, 64
+"""Time of the runs that a process is sent at once, and their largest number."""
+AHEAD = 3
+"""Chunks in progress for each process: it never waits, and memory is bounded."""
+PIPE = 1 << 20
+"""Bytes that a pipe holds, where the system lets one choose."""
+
+
+class BatchError(Exception):
+    """A process of a batch has ended without a result."""
+
+
+def batch(
+    model: Model,
+    samples: Iterable[Sample],
+    jobs: int | None = None,
+    *,
+    tables: Sequence[str] | None = None,
+    errors: str = RAISE,
+    **options: Unpack[RunOptions],
+) -> Iterator[Result | Exception]:
+    """Run a model at ``samples`` of its numbers, and yield the results in their order.
+
+    Each sample is a mapping such as ``{"L": 0.8, "Bob.mass": "3 kg"}``; a pandas frame has one in
+    each row. Results are to the bit those of ``model.with_(**sample).run(**options)``. ``jobs`` is
+    the number of processes (default: one for each core, if there is enough to do; 1 runs everything
+    in this one). Results have all tables, or those named in ``tables``. A sample that cannot be run
+    raises ``DeckError``, ``OptionError`` or ``StartError``; with ``errors="return"`` these
+    exceptions are yielded in place of results.
+
+    Results are made while they are consumed, a few ahead; so the memory needed does not grow with
+    the number of samples. Raises ``BatchError`` if a process is killed.
+    """
+    if errors not in ERRORS:
+        raise OptionError([f"errors: it is {errors!r}; choose one of {', '.join(ERRORS)}"])
+    if jobs is not None and jobs < 1:
+        raise OptionError([f"jobs: it is {jobs!r}; give a number of processes, 1 or more"])
+    job = model.job(**options)
+    known = [*tables_of_model(job.model), ERROR]
+    for name in tables or ():
+        if name not in known:
+            raise OptionError([f"tables: there is no '{name}'; it has {', '.join(known)}"])
+    if hasattr(samples, "to_dict"):
+        samples = samples.to_dict("records")
+    runs = _Runs(model, job, options, tables)
+    return runs.results(samples, jobs, errors == RETURN)
+
+
+class _Runs:
+    """What all runs of a batch have in common."""
+
+    def __init__(
+        self, model: Model, job: Job, options: RunOptions, tables: Sequence[str] | None
+    ) -> None:
+        self.model, self.job, self.options, self.tables = model, job, options, tables
+        self.columns = tables_of_model(job.model)
+
+    def results(
+        self, samples: Iterable[Sample], jobs: int | None, returned: bool
+    ) -> Iterator[Result | Exception]:
+        """Yield the results; with ``returned`` exceptions are yielded as well."""
+        for sample, outcome in self._outcomes(samples, jobs):
+            if isinstance(outcome, Exception):
+                if not returned:
+                    raise outcome
+                yield outcome
+            else:
+                yield self._result(sample, outcome)
+
+    def _result(self, sample: Sample, outcome: tuple[dict[str, Any], Any]) -> Result:
+        def job() -> Job:
+            return self.model.with_(**sample).job(**self.options)
+
+        return Result(None, *outcome, job, self.columns)
+
+    def _outcomes(
+        self, samples: Iterable[Sample], jobs: int | None
+    ) -> Iterator[tuple[Sample, Outcome]]:
+        """Yield the samples with their outcomes, in order."""
+        left = len(samples) if isinstance(samples, Sized) else None
+        source, run_time = iter(samples), 0.0
+        if jobs is None:
+            jobs = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
+            for tried in range(TRIED) if jobs > 1 else ():
+                if (
+                    left is not None
+                    and (left - tried) * run_time < WORTH * START_SECONDS
+                    and tried > 1
+                ):
+                    jobs = 1  # the rest is done before a process has started
+                    break
+                found = list(islice(source, 1))
+                if not found:
+                    return
+                began = time.perf_counter()
+                outcome = self._run_here(found[0])
+                run_time = time.perf_counter() - began
+                yield found[0], outcome
+                if run_time > TRIED * START_SECONDS:
+                    break
+        if jobs == 1:
+            for sample in source:
+                yield sample, self._run_here(sample)
+            return
+        first = list(islice(source, 1))
+        if first:
+            yield from self._in_processes(chain(first, source), jobs, run_time)
+
+    def _run_here(self, sample: Sample) -> Outcome:
+        return outcome_of(self.model, sample, self.options, self.tables)
+
+    def _in_processes(
+        self, samples: Iterator[Sample], jobs: int, run_time: float
+    ) -> Iterator[tuple[Sample, Outcome]]:
+        """Yield the samples with their outcomes, by ``jobs`` processes; a run takes ``run_time``
+        seconds or so, 0 if that is not known.
+        """
+        if not run_time:
+            with suppress(StartError):  # compiled here once, not in every process
+                prepare(build_setup(self.job.model, self.job.settings, None).calls)
+        workers = [_Worker((self.model, self.options, self.tables)) for _ in range(jobs)]
+        idle: SimpleQueue[_Worker] = SimpleQueue()
+        for worker in workers:
+            idle.put(worker)
+
+        def ask(chunk: list[Sample]) -> tuple[list[Outcome], float]:
+            worker, began = idle.get(), time.perf_counter()
+            try:
+                outcomes = worker.ask(chunk)
+            finally:
+                idle.put(worker)
+            return outcomes, (time.perf_counter() - began) / len(chunk)
+
+        pending: deque[tuple[list[Sample], Future[tuple[list[Outcome], float]]]] = deque()
+        threads = ThreadPoolExecutor(jobs, "msahl-batch")
+        try:
+            while True:
+                while len(pending) < AHEAD * jobs:
+                    size = int(min(MOST_SAMPLES, max(1.0, CHUNK_SECONDS / max(run_time, 1e-6))))
+                    chunk = list(islice(samples, size if run_time else 1))
+                    if not chunk:
+                        break
+                    pending.append((chunk, threads.submit(ask, chunk)))
+                if not pending:
+                    return
+                asked, future = pending.popleft()
+                outcomes, run_time = future.result()
+                yield from zip(asked, outcomes, strict=True)
+        finally:
+            for worker in workers:
+                worker.stop()
+            threads.shutdown(cancel_futures=True)
+
+
+class _Worker:
+    """A process that runs samples, see ``worker``."""
+
+    def __init__(self, begin: Any) -> None:
+        command = [sys.executable, "-m", "msahl.api.worker"]
+        self.process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            start_new_session=True,  # Ctrl-C is for the process that waits
+        )
+        assert self.process.stdin
+        assert self.process.stdout
+        self.into, self.out = self.process.stdin, self.process.stdout
+        if sys.platform == "linux":
+            import fcntl
+
+            with suppress(OSError):
+                fcntl.fcntl(self.out, fcntl.F_SETPIPE_SZ, PIPE)
+        self.begin = begin
+
+    def ask(self, samples: list[Sample]) -> list[Outcome]:
+        """Return the outcomes of ``samples``; raises ``BatchError`` if the process ends."""
+        try:
+            if self.begin is not None:
+                send(self.into, self.begin)
+                self.begin = None
+            send(self.into, samples)
+            found: list[Outcome] = receive(self.out)
+        except (EndedError, BrokenPipeError) as error:
+            status = self.process.wait()
+            raise BatchError(f"a process of the batch ended with exit status {status}") from error
+        return found
+
+    def stop(self) -> None:
+        """End the process, whatever it does."""
+        self.process.kill()
+        self.process.wait()
+        for stream in (self.into, self.out):
+            with suppress(OSError):
+                stream.close()

@@ -1,0 +1,77 @@
+"""The command ``msahl modes``: eigenvalues, frequencies, damping and mode shapes of a deck."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from msahl.cli.compiling import announced
+from msahl.cli.console import NOT_WRITTEN, say, stop
+from msahl.cli.decks import model_to_run
+from msahl.cli.options import DECK, NumberType, output_option, set_option
+from msahl.printable import printable, shown_path
+from msahl.terminal import echo
+
+if TYPE_CHECKING:
+    from msahl.analysis.modes import Modes
+    from msahl.analysis.point import Point
+
+
+@click.command(short_help="Compute the modes of a deck's model.")
+@click.argument("deck", type=DECK)
+@output_option("none; nothing is written")
+@set_option
+@click.option(
+    "--at",
+    type=NumberType(0.0),
+    metavar="T",
+    default=0.0,
+    help="Linearise at the time T in seconds, after a run to it (default: 0).",
+)
+@click.option("-q", "--quiet", is_flag=True, help="Print only faults and warnings.")
+def modes(
+    deck: Path, output: Path | None, settings: tuple[str, ...], at: float, quiet: bool
+) -> None:
+    """Compute eigenvalues, natural frequencies, damping ratios and mode shapes of DECK.
+
+    The model is linearised at t = 0 or at another time, with all joints (closed loops, redundant
+    and non-holonomic ones), damping, gyroscopic terms and auxiliary states. Each eigenvalue has an
+    error bar. Warns if the motion is neither an equilibrium nor steady. With -o, writes modes.csv
+    and shapes.csv.
+
+    Example: msahl modes decks/mechanisms/bicycle.xml --set v=4
+    """
+    model = model_to_run(deck, {}, settings)
+    from msahl.analysis.modes import modes as modes_of
+    from msahl.analysis.point import at_time
+    from msahl.analysis.report import report
+    from msahl.jit.progress import CompileError
+    from msahl.start.velocities import StartError
+
+    try:
+        with announced(not quiet):
+            point = at_time(model, at)
+            found = modes_of(point)
+    except (StartError, CompileError) as error:
+        stop(f"{shown_path(deck)}: {printable(str(error))}")
+    for warning in found.warnings:
+        say(f"WARN: {printable(warning)}")
+    if not quiet:
+        echo("\n".join(report(point, found)))
+    if output is not None:
+        _write(output, point, found)
+
+
+def _write(folder: Path, point: "Point", found: "Modes") -> None:
+    """Write modes.csv and shapes.csv into the ``folder``."""
+    from msahl.analysis.modes import COLUMNS, mode_rows, shape_columns, shape_rows
+    from msahl.results.write import write_table
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_table(folder / "modes.csv", list(COLUMNS), mode_rows(found))
+        write_table(folder / "shapes.csv", shape_columns(point), shape_rows(found))
+    except OSError as error:
+        say(f"{shown_path(error.filename or folder)}: {error.strerror or error}")
+        sys.exit(NOT_WRITTEN)

@@ -1,0 +1,53 @@
+"""Implement the subcommand ``msahl-post view``: a run in three dimensions, as one HTML file."""
+
+from pathlib import Path
+
+import click
+
+from msahl.post.commands.shared import path_parameter
+from msahl.terminal import echo
+
+
+@click.command()
+@path_parameter("run", metavar="RUN")
+@path_parameter("other", metavar="[RUN2]", required=False)
+@path_parameter("-o", "--output", metavar="FILE", help="Write to FILE (default: RUN/view.html).")
+@click.option("--open", "is_opened", is_flag=True, help="Open the file in a browser.")
+@click.option(
+    "--columns",
+    metavar="GLOB,...",
+    default="",
+    help="Include only columns that match a pattern, such as 'Crank.*,*.Fz' (default: all).",
+)
+@click.option(
+    "--graph",
+    metavar="COLUMN,...",
+    default="",
+    help="Show these columns in the graph at first (default: coordinates of joints).",
+)
+def view(
+    run: Path, other: Path | None, output: Path | None, is_opened: bool, columns: str, graph: str
+) -> None:
+    """Write an HTML file that shows the motion of a run in three dimensions.
+
+    The file needs no network and no other file. It plays the motion at any speed, with paths,
+    forces, names and a graph of the columns. With RUN2 both runs are shown, the second one
+    translucent: the same model before and after a change, or with other steps.
+
+    Example: msahl-post view results/four_bar --open
+    """
+    from msahl.post.view import show_run, viewer_page
+    from msahl.results.write import replace_file
+
+    patterns = _listed(columns)
+    shown = [show_run(folder, patterns) for folder in (run, other) if folder]
+    path = output or run / "view.html"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    replace_file(path, viewer_page(shown, graph=_listed(graph)).encode())
+    echo(str(path))
+    if is_opened:
+        click.launch(str(path))
+
+
+def _listed(text: str) -> tuple[str, ...]:
+    return tuple(part.strip() for part in text.split(",") if part.strip())

@@ -1,0 +1,173 @@
+"""Put interactive graphs into a page: many small ones, drawn by uPlot from thinned data."""
+
+from base64 import b64encode
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from msahl.post.page.markup import Markup, element, join
+from msahl.post.page.page import Part
+
+INTERVALS = 600
+"""Intervals of which a long series keeps the least and the largest value: about one for each pixel
+of a graph."""
+MOST_CURVES = 8
+"""Curves of a graph; of more the ones that vary most are drawn."""
+MOST_DECADES = 8
+"""Decades of a logarithmic scale; smaller values are drawn at its lower edge."""
+LARGEST = 3e38
+"""Values are stored in single precision: this is the largest."""
+LOOKS = 7
+"""Colours of curves (``--series-1`` to ``--series-7``); then they repeat with another dash."""
+DATA = "graphs"
+
+
+@dataclass(frozen=True, slots=True)
+class Graph:
+    """Curves over one abscissa: ``x`` (m,), and name and values (m,) of each curve.
+
+    With ``log`` absolute values are drawn on a logarithmic scale. Values that are not finite leave
+    the curve open.
+    """
+
+    title: str
+    x: np.ndarray
+    curves: tuple[tuple[str, np.ndarray], ...]
+    x_title: str = "time [s]"
+    log: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Graphs under one heading; graphs with the same curves share a legend."""
+
+    title: str
+    graphs: tuple[Graph, ...]
+    note: str = ""
+
+
+def graphs(groups: Sequence[Group], data: str = DATA) -> Part:
+    """Return groups of graphs as a part of a page; ``data`` is the id of their data.
+
+    All graphs over time share the cursor and the zoom.
+    """
+    records: list[dict[str, object]] = []
+    markup = [_group(group, data, records) for group in groups if group.graphs]
+    if not markup:
+        return Part(Markup(""))
+    return Part(
+        join(markup), ("uplot.min.css", "graphs.css"), ("graphs.js",), ("uplot",), {data: records}
+    )
+
+
+def _group(group: Group, data: str, records: list[dict[str, object]]) -> Markup:
+    shown = [_chosen(graph) for graph in group.graphs]
+    names = [tuple(name for name, _ in curves) for curves, _ in shown]
+    shared = len(set(names)) == 1
+    places = []
+    for graph, (curves, more), listed in zip(group.graphs, shown, names, strict=True):
+        legend = [] if shared else [_legend(listed, more)]
+        place = element(
+            "div",
+            class_="plot",
+            role="img",
+            aria_label=f"Graph: {graph.title} over {graph.x_title} of {', '.join(listed)}",
+            data_graphs=data,
+            data_graph=len(records),
+        )
+        places.append(element("div", element("h4", graph.title), legend, place, class_="graph"))
+        records.append(_record(graph, curves))
+    heading = [element("h3", group.title)]
+    if shared:
+        heading.append(_legend(names[0], shown[0][1]))
+    note = [element("p", group.note, class_="note")] if group.note else []
+    return element(
+        "section",
+        element("div", heading, class_="graph-head"),
+        note,
+        element("div", places, class_="graphs pairs" if len(places) == 4 else "graphs"),
+        class_="graph-group",
+    )
+
+
+def _legend(names: Sequence[str], more: int) -> Markup:
+    """Return the legend: buttons that hide and show a curve."""
+    if len(names) < 2 and not more:
+        return element("ul", element("li", names[0]), class_="legend") if names else Markup("")
+    items = [
+        element(
+            "li",
+            element(
+                "button",
+                element("span", class_=f"swatch look-{i % LOOKS + 1} dash-{i // LOOKS}"),
+                name,
+                type="button",
+                data_curve=i,
+                aria_pressed="true",
+            ),
+        )
+        for i, name in enumerate(names)
+    ]
+    if more:
+        items.append(element("li", f"and {more} more that vary less"))
+    return element("ul", items, class_="legend")
+
+
+def _chosen(graph: Graph) -> tuple[list[tuple[str, np.ndarray]], int]:
+    """Return the curves to draw in their order, and the number of the others."""
+    more = len(graph.curves) - MOST_CURVES
+    if more <= 0:
+        return list(graph.curves), 0
+    spans = [_span(values) for _, values in graph.curves]
+    kept = sorted(range(len(spans)), key=lambda i: -spans[i])[:MOST_CURVES]
+    return [graph.curves[i] for i in sorted(kept)], more
+
+
+def _span(values: np.ndarray) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.ptp(finite)) if finite.size else 0.0
+
+
+def _record(graph: Graph, curves: Sequence[tuple[str, np.ndarray]]) -> dict[str, object]:
+    """Return what ``graphs.js`` draws."""
+    values = np.array([series for _, series in curves], dtype=float)
+    if graph.log:
+        values = np.abs(values)
+    x, values = thinned(graph.x, values)
+    values[~np.isfinite(values)] = np.nan
+    log = graph.log and bool((values > 0.0).any())
+    if log:
+        least = max(float(values[values > 0.0].min()), float(np.nanmax(values)) / 10**MOST_DECADES)
+        values = np.fmax(values, least) + 0.0 * values  # nan stays
+    return {
+        "x": _packed(x),
+        "xTitle": graph.x_title,
+        "log": log,
+        "curves": [
+            {"name": name, "values": _packed(series)}
+            for (name, _), series in zip(curves, values, strict=True)
+        ],
+    }
+
+
+def thinned(x: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Reduce long series ``values`` (k, m) over ``x`` (m,) to two values of each interval: the
+    least and the largest, in the order in which the series rises or falls.
+    """
+    count = len(x)
+    if count <= 2 * INTERVALS:
+        return x, values
+    edges = np.linspace(0, count, INTERVALS + 1).astype(int)
+    first, last = edges[:-1], edges[1:] - 1
+    low = np.fmin.reduceat(values, first, axis=1)
+    high = np.fmax.reduceat(values, first, axis=1)
+    rising = values[:, first] <= values[:, last]
+    pairs = np.stack([np.where(rising, low, high), np.where(rising, high, low)], axis=2)
+    return np.stack([x[first], x[last]], axis=1).reshape(-1), pairs.reshape(len(values), -1)
+
+
+def _packed(values: np.ndarray) -> str:
+    """Return values in single precision as base64."""
+    single = np.clip(values, -LARGEST, LARGEST).astype("<f4")
+    return b64encode(single.tobytes()).decode()

@@ -1,0 +1,165 @@
+"""Build the page on one run: verdict, picture, time histories, accuracy; the rest is folded."""
+
+from collections.abc import Callable
+from typing import Any
+
+from msahl.post.document import Paragraph
+from msahl.post.draw import style
+from msahl.post.figures import Choice, figures
+from msahl.post.metrics import Metrics
+from msahl.post.page.blocks import fold, header, part_of, section, table, word
+from msahl.post.page.drawing import drawn
+from msahl.post.page.graphs import INTERVALS, graphs
+from msahl.post.page.markup import element
+from msahl.post.page.page import NOTHING, Part, wrap, write_page
+from msahl.post.run_graphs import diagnostics, histories
+from msahl.post.summary import partial_note
+from msahl.post.table import Column, Table
+from msahl.results.read import Run
+
+MEANINGS = {
+    "PASS": "The results can be used.",
+    "DONE": "The run is complete, but its error was not estimated.",
+    "WARN": "Use the results with care.",
+    "FAIL": "Do not use the results.",
+}
+CHECKS = {
+    "completion": "Completion",
+    "accuracy": "Global error",
+    "energy": "Energy balance",
+    "momentum": "Momentum",
+    "constraintViolation": "Constraints, position level",
+    "constraintViolationRate": "Constraints, velocity level",
+    "constraintWork": "Work of the constraints",
+    "initialVelocities": "Initial velocities",
+    "solver": "Solver",
+    "pivotRatio": "Conditioning",
+    "reactions": "Reactions",
+}
+"""Names of the checks for a reader; another is shown by its own name."""
+
+Picture = Callable[[Run, Metrics], Part]
+
+
+def run_page(
+    run: Run, metrics: Metrics, folded: dict[str, list[Any]], picture: Picture | None = None
+) -> str:
+    """Return the page on a run as HTML.
+
+    ``folded`` has titles and blocks that follow below the accuracy; ``picture`` makes the picture
+    of the mechanism (default: the paths of its bodies).
+    """
+    title = run.model.simulation.title or run.folder.resolve().name
+    content = [
+        header(title, _line(run)),
+        banner(run),
+        wrap("div", (picture or path_picture)(run, metrics), _facts(run), class_="split"),
+        section("Time histories", _thinning_note(run), graphs(histories(run, metrics))),
+        section("Accuracy", *_accuracy(run)),
+        fold("Errors over time", graphs(diagnostics(run, metrics), "diagnostics")),
+        *(fold(name, *blocks) for name, blocks in folded.items() if blocks),
+    ]
+    return write_page(title, wrap("main", *content))
+
+
+def _line(run: Run) -> str:
+    """Return the deck and when it ends."""
+    deck = run.info.get("deck", {}).get("path", "")
+    steps, end = run.info.get("steps"), f"{run.time[-1]:g} s"
+    extent = f"{steps} steps to t = {end}" if steps else f"{len(run.time)} output times to {end}"
+    return f"{deck}: {extent}" if deck else extent
+
+
+def banner(run: Run) -> Part:
+    """Return the verdict on a run with its reasons, in its colour, and the warnings of the run."""
+    verdict = run.info.get("verdict") or {}
+    name = verdict.get("word", "")
+    lines = [element("p", word(name), f" {MEANINGS.get(name, '')}", class_="head")] if name else []
+    if note := partial_note(run):
+        lines.append(element("p", f"{note[0].upper()}{note[1:]}."))
+    reasons = verdict.get("reasons", []) or _good_news(verdict)
+    lines += [element("p", f"{text[0].upper()}{text[1:]}.") for text in reasons if text]
+    lines += [element("p", element("b", "Warning"), f": {w}") for w in run.info.get("warnings", [])]
+    kind = f"banner {name.lower()}" if name in MEANINGS else "banner"
+    return wrap("div", *lines, class_=kind, role="status") if lines else NOTHING
+
+
+def _good_news(verdict: dict[str, Any]) -> list[str]:
+    """Return what a run without complaints has reached: its global error and energy balance."""
+    checks = verdict.get("checks", {})
+    return [checks[name]["text"] for name in ("accuracy", "energy") if name in checks]
+
+
+def path_picture(run: Run, metrics: Metrics) -> Part:
+    """Return the paths of the bodies in the plane in which they extend most."""
+    with style():
+        ((_, figure),) = figures(run, metrics, Choice(), ["path"])
+        picture = drawn(figure, "path")
+    words = "Paths of the bodies' reference points"
+    return Part(element("figure", picture, role="img", aria_label=words))
+
+
+def _facts(run: Run) -> Part:
+    """Return the size of the model and how it was run, at a glance."""
+    model, info = run.model, run.info
+    counts = (
+        ("bodies", model.bodies),
+        ("joints", model.joints),
+        ("couplings", model.couplings),
+        ("motions", model.motions),
+        ("loads", model.loads),
+    )
+    rank = info.get("degreesOfFreedom", {}).get("byRank")
+    options, seconds = info.get("options", {}), info.get("seconds", {})
+    facts = [
+        *((name, str(len(group))) for name, group in counts if group),
+        ("degrees of freedom", None if rank is None else str(rank)),
+        ("scheme", options.get("scheme")),
+        ("step size", f"{model.simulation.dt:g} s"),
+        ("output times", str(len(run.time))),
+        ("computing", f"{seconds['loop']:.2g} s" if "loop" in seconds else None),
+    ]
+    rows = [(element("dt", name), element("dd", value)) for name, value in facts if value]
+    return Part(element("dl", rows, class_="facts"))
+
+
+def _thinning_note(run: Run) -> Part:
+    """Say which values the graphs of a long run show."""
+    if len(run.time) <= 2 * INTERVALS:
+        return NOTHING
+    text = (
+        f"Each graph shows the least and the largest value in each of {INTERVALS} intervals of the "
+        f"{len(run.time)} output times. Drag to zoom, double-click to see all."
+    )
+    return Part(element("p", text, class_="note"))
+
+
+def _accuracy(run: Run) -> list[Part]:
+    """Return the estimated errors in a sentence, and a table of all checks."""
+    content = [part_of(Paragraph(text)) for text in (_estimate(run),) if text]
+    checks = (run.info.get("verdict") or {}).get("checks", {})
+    columns = (Column("check", "check"), Column("word", "verdict"), Column("text", "found"))
+    rows = tuple((CHECKS.get(n, n), c["word"], c["text"]) for n, c in checks.items())
+    return [*content, Part(table(Table(columns, rows)))] if rows else content
+
+
+def _estimate(run: Run) -> str:
+    """Describe the estimated global errors; empty if there are none."""
+    error = run.info.get("error") or {}
+    names = (
+        ("position", "positions", "m"),
+        ("velocity", "velocities", "m/s"),
+        ("angularVelocity", "angular velocities", "rad/s"),
+        ("force", "reaction forces", "N"),
+    )
+    parts = [f"{w} by at most {error[k]:.1e} {u}" for k, w, u in names if error.get(k) is not None]
+    if not parts:
+        return ""
+    companion = error.get("companion")
+    by = f", by comparison with a second run ({companion})" if companion else ""
+    until = error.get("until")
+    end = f" up to t = {until:g} s" if until is not None and not error.get("complete") else ""
+    return (
+        f"The results differ from the exact motion of the model, as estimated{by}{end}: "
+        f"{', '.join(parts)}."
+    )

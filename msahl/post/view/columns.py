@@ -1,0 +1,119 @@
+"""Reduce the columns of a run's tables to what a graph shows, and pack them for the viewer."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Any
+
+import numpy as np
+
+from msahl.post.view.packing import pack_integers, pack_numbers
+from msahl.results.sample import Sample
+from msahl.run.tables import JOINTS, REACTIONS, SIGNALS
+
+LEVELS = 65535
+"""Steps from the least to the greatest value of a column: values are rounded to one of them."""
+FEWEST = 100
+"""Least number of intervals that the time is divided into."""
+UNITS = (
+    (r"[xyz]|slide\d?|distance", "m"),
+    (r"v[xyz]|slideRate\d?|slide\dRate|distanceRate", "m/s"),
+    (r"a[xyz]|slide\d?Acceleration", "m/s^2"),
+    (r"angle\d?", "rad"),
+    (r"w[xyz]|angle\d?Rate", "rad/s"),
+    (r"alpha[xyz]|angle\d?Acceleration", "rad/s^2"),
+    (r"F[xyz]", "N"),
+    (r"M[xyz]", "N m"),
+    (r"work|energy|kinetic|potential", "J"),
+    (r"power", "W"),
+    (r"p[xyz]", "kg m/s"),
+    (r"L[xyz]", "kg m^2/s"),
+)
+"""Units of columns by the ends of their names; of others (load) they depend on the element."""
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Columns of the tables of a run at the same times: ``values`` (rows, columns)."""
+
+    names: list[str]
+    tables: list[str]
+    time: np.ndarray
+    values: np.ndarray
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of a column, empty if it has none or its name does not say."""
+    end = name.rpartition(".")[2]
+    return next((unit for pattern, unit in UNITS if re.fullmatch(pattern, end)), "")
+
+
+def columns_of_run(sample: Sample, patterns: tuple[str, ...] = ()) -> Columns:
+    """Return the columns that match a pattern (all if there is none), reactions first."""
+    chosen = [
+        (table, place, name)
+        for table, (head, _) in _in_order(sample)
+        for place, name in enumerate(head)
+        if place and (not patterns or any(fnmatchcase(name, pattern) for pattern in patterns))
+    ]
+    values = [sample.tables[table][1][:, place] for table, place, _ in chosen]
+    return Columns(
+        [name for _, _, name in chosen],
+        [table for table, _, _ in chosen],
+        sample.time,
+        np.stack(values, axis=1) if values else np.empty((len(sample.time), 0)),
+    )
+
+
+def _in_order(sample: Sample) -> Iterator[tuple[str, tuple[list[str], np.ndarray]]]:
+    first = (JOINTS, REACTIONS, SIGNALS)
+    yield from ((name, sample.tables[name]) for name in first if name in sample.tables)
+    yield from ((name, table) for name, table in sample.tables.items() if name not in first)
+
+
+def pack_columns(columns: Columns, most: int) -> dict[str, Any]:
+    """Return the columns as the viewer reads them: at most about ``most`` numbers.
+
+    Of longer series each interval of the time has the least and the greatest value of each column,
+    in their order; it begins at the first of its two times. A value is ``least`` + ``step`` times
+    its integer.
+    """
+    width = max(len(columns.names), 1)
+    time, values = _extremes(columns.time, columns.values, max(most // width // 2, FEWEST))
+    least = values.min(axis=0)
+    step = (values.max(axis=0) - least) / LEVELS
+    scaled = (values - least) / np.where(step > 0.0, step, 1.0)
+    return {
+        "names": columns.names,
+        "tables": columns.tables,
+        "units": [unit_of(name) for name in columns.names],
+        "least": least.tolist(),
+        "step": step.tolist(),
+        "every": len(time) == len(columns.time),
+        "time": pack_numbers(time),
+        "values": pack_integers(np.rint(scaled).astype(np.int64)),
+    }
+
+
+def _extremes(
+    time: np.ndarray, values: np.ndarray, intervals: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return all rows, if they are at most two for each interval; otherwise the least and the
+    greatest value of each column in each interval, at two of its times."""
+    if len(time) <= 2 * intervals:
+        return time, values
+    edges = np.linspace(0, len(time), intervals + 1).astype(int)
+    starts, middles = edges[:-1], (edges[:-1] + edges[1:]) // 2
+    result = np.empty((2 * intervals, values.shape[1]))
+    for i, (start, end) in enumerate(zip(starts, edges[1:], strict=True)):
+        block = values[start:end]
+        low, high = block.min(axis=0), block.max(axis=0)
+        falls = block.argmin(axis=0) > block.argmax(axis=0)
+        result[2 * i] = np.where(falls, high, low)
+        result[2 * i + 1] = np.where(falls, low, high)
+    times = np.stack([time[starts], time[middles]], axis=1).ravel()
+    # The graph begins and ends with the run.
+    times[-1], result[-1] = time[-1], values[-1]
+    result[0] = values[0]
+    return times, result

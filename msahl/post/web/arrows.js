@@ -1,0 +1,109 @@
+/* global THREE */
+// Arrows of reactions and loads: their length is proportional to the force or moment at the time.
+
+const ARROW_COLOURS = { force: "#e8590c", moment: "#7048e8", load: "#099268" };
+
+class Arrow {
+  constructor(colour, size, heads, parent) {
+    this.material = new THREE.MeshBasicMaterial({ color: colour });
+    this.size = size;
+    this.object = new THREE.Group();
+    this.shaft = new THREE.Mesh(new THREE.CylinderGeometry(0.004 * size, 0.004 * size, 1, 10), this.material);
+    this.heads = Array.from({ length: heads }, () => {
+      return new THREE.Mesh(new THREE.ConeGeometry(0.012 * size, 0.035 * size, 14), this.material);
+    });
+    this.object.add(this.shaft, ...this.heads);
+    parent.add(this.object);
+  }
+
+  // Draws a vector from a point; `scale` is the length of a unit.
+  set(point, vector, scale) {
+    const length = vector.length() * scale;
+    this.object.visible = length > 0.01 * this.size;
+    if (!this.object.visible) return;
+    this.object.position.copy(point);
+    this.object.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), vector.clone().normalize());
+    const head = 0.035 * this.size;
+    const shaft = Math.max(length - head, 1e-9);
+    this.shaft.scale.y = shaft;
+    this.shaft.position.y = 0.5 * shaft;
+    this.heads.forEach((cone, index) => (cone.position.y = length - head * (0.5 + 0.8 * index)));
+  }
+}
+
+export class Arrows {
+  // Forces and moments of the joints on their children, and loads with a constant direction.
+  constructor(model, columns) {
+    this.model = model;
+    this.columns = columns;
+    this.root = new THREE.Group();
+    this.root.visible = false;
+    model.root.add(this.root);
+    this.scale = 1;
+    this.entries = [];
+    if (columns) model.scene.joints.forEach((joint) => this.addReaction(joint));
+    model.scene.loads.forEach((load) => this.addLoad(load));
+    this.lengths = {};
+    for (const kind of Object.keys(ARROW_COLOURS)) this.lengths[kind] = this.largest(kind);
+  }
+
+  get isEmpty() {
+    return this.entries.length === 0;
+  }
+
+  addReaction(joint) {
+    for (const [letter, kind, heads] of [["F", "force", 1], ["M", "moment", 2]]) {
+      const places = ["x", "y", "z"].map((axis) => this.place(`${joint.name}.${letter}${axis}`));
+      if (places.includes(undefined)) continue;
+      const arrow = new Arrow(ARROW_COLOURS[kind], this.model.scene.size, heads, this.root);
+      this.entries.push({ arrow, kind, places, body: joint.child, point: joint.childPoint });
+    }
+  }
+
+  addLoad(load) {
+    for (const [key, heads] of [["force", 1], ["moment", 2]]) {
+      if (load[key] === null || load.body === null) continue;
+      const arrow = new Arrow(ARROW_COLOURS.load, this.model.scene.size, heads, this.root);
+      const factor = load.varies ? this.place(`${load.name}.factor`) : undefined;
+      const vector = new THREE.Vector3(...load[key]);
+      // Forces and moments have no common unit: each is drawn relative to itself.
+      this.entries.push({ arrow, kind: "load", vector, factor, basis: load[`${key}Basis`], body: load.body, point: load.point });
+    }
+  }
+
+  place(name) {
+    return this.columns?.places.get(name);
+  }
+
+  largest(kind) {
+    let most = 0;
+    for (const entry of this.entries) {
+      if (entry.kind !== kind) continue;
+      if (entry.vector) most = Math.max(most, entry.vector.length());
+      else {
+        const extremes = entry.places.map((place) => {
+          const { least, step } = this.columns;
+          return Math.max(Math.abs(least[place]), Math.abs(least[place] + 65535 * step[place]));
+        });
+        most = Math.max(most, Math.hypot(...extremes));
+      }
+    }
+    return most;
+  }
+
+  show(time) {
+    if (!this.root.visible) return;
+    const vector = new THREE.Vector3();
+    const point = new THREE.Vector3();
+    for (const { arrow, kind, places, vector: constant, factor, basis, body, point: at } of this.entries) {
+      if (places) vector.set(...places.map((place) => this.columns.at(place, time)));
+      else {
+        vector.copy(constant);
+        if (factor !== undefined) vector.multiplyScalar(this.columns.at(factor, time));
+        if (basis >= 0) vector.applyQuaternion(this.model.bodies[basis].quaternion);
+      }
+      const unit = kind === "load" && constant ? 0.15 / (constant.length() || 1) : 0.3 / (this.lengths[kind] || 1);
+      arrow.set(this.model.pointOf(body, at, point), vector, this.scale * unit * this.model.scene.size);
+    }
+  }
+}

@@ -1,0 +1,50 @@
+/* global THREE */
+// Names of bodies beside them, and of what the pointer is over.
+import { make } from "./dom.js";
+
+export class Labels {
+  constructor(holder, model) {
+    this.holder = holder;
+    this.model = model;
+    this.isShown = false;
+    this.texts = model.scene.bodies.map((body) => make("span", { class: "name", text: body.name }));
+    this.tip = make("span", { class: "name tip" });
+    this.tip.hidden = true;
+    holder.append(...this.texts, this.tip);
+    this.point = new THREE.Vector3();
+  }
+
+  // Puts the names where the mass centres are seen.
+  show(camera, width, height) {
+    this.texts.forEach((text, index) => {
+      const body = this.model.scene.bodies[index];
+      text.hidden = !this.isShown || !this.model.bodies[index].visible;
+      if (text.hidden) return;
+      this.model.pointOf(index, body.centre, this.point).project(camera);
+      text.hidden = Math.abs(this.point.z) > 1;
+      const x = 0.5 * (1 + this.point.x) * width;
+      const y = 0.5 * (1 - this.point.y) * height;
+      text.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px) translate(-50%, -50%)`;
+    });
+  }
+
+  tipAt(found, x, y) {
+    this.tip.hidden = !found;
+    if (!found) return;
+    this.tip.textContent = found.kind ? `${found.name} (${found.kind})` : found.name;
+    this.tip.style.transform = `translate(${x + 14}px, ${y + 12}px)`;
+  }
+}
+
+// What is under the pointer: the data of the nearest object, null if there is none.
+export function pick(model, camera, x, y) {
+  const caster = new THREE.Raycaster();
+  caster.setFromCamera(new THREE.Vector2(x, y), camera);
+  for (const hit of caster.intersectObjects(model.targets(), true)) {
+    for (let object = hit.object; object; object = object.parent) {
+      if (object.visible === false) break;
+      if (object.userData.name) return object.userData;
+    }
+  }
+  return null;
+}

@@ -1,0 +1,219 @@
+/* global THREE */
+// One run in three dimensions: its bodies, joints, springs and arrows, moved to the poses of a time.
+import { axesObject, jointObjects, markerObject, motionObject, turnTo } from "./glyphs.js";
+import { Coil } from "./coil.js";
+import { WIDTH } from "./motion.js";
+import { bar, shapeObject, solid, stretch } from "./shapes.js";
+
+const SPRING = "#6c7683";
+const SAMPLES = 240; // times at which the extent of the motion is looked at
+
+export class Model3d {
+  // `look` is { opacity, tint }: of the second run of an overlay translucent, in one colour.
+  constructor(scene, motion, look) {
+    Object.assign(this, { scene, motion, look });
+    this.root = new THREE.Group();
+    this.parts = { joints: group(this.root), springs: group(this.root), frames: group(this.root) };
+    this.movers = []; // functions of the poses' groups, called after these have moved
+    this.ground = group(this.root);
+    this.bodies = scene.bodies.map((body, index) => this.body(body, index));
+    for (const shape of scene.ground.shapes) {
+      this.ground.add(shapeObject(shape, "#9aa3ad", look));
+    }
+    this.surveyMotion();
+    scene.joints.forEach((joint, index) => this.joint(joint, index));
+    scene.motions.forEach((motion) => this.motionGlyph(motion));
+    scene.springs.forEach((spring) => this.spring(spring));
+    this.markers();
+    this.show(0);
+  }
+
+  body(body, index) {
+    const made = group(this.root);
+    made.userData = { body: index, name: body.name };
+    for (const shape of body.shapes) {
+      const colour = this.look.tint ?? shape.colour ?? body.colour;
+      const drawn = shapeObject({ ...shape, colour: null }, colour, this.look);
+      drawn.userData = made.userData;
+      made.add(drawn);
+    }
+    const axes = axesObject(0.09 * this.scene.size, this.look);
+    axes.userData.isFrame = true;
+    axes.visible = false;
+    made.add(axes);
+    return made;
+  }
+
+  // The object of a body by its number; -1 is the ground.
+  holder(index) {
+    return index < 0 ? this.ground : this.bodies[index];
+  }
+
+  // Poses at a time: moves everything that depends on them.
+  show(time) {
+    const poses = this.motion.at(time);
+    this.bodies.forEach((body, index) => setPose(body, poses, index * WIDTH));
+    this.root.updateMatrixWorld();
+    for (const move of this.movers) move(time);
+  }
+
+  // A point of a body in inertial axes, as it stands now.
+  pointOf(index, point, into = new THREE.Vector3()) {
+    return into.set(...point).applyMatrix4(this.holder(index).matrixWorld);
+  }
+
+  // Finds the box of the whole motion, and the travel of sliding joints.
+  surveyMotion() {
+    const { motion, scene } = this;
+    const times = Array.from({ length: motion.isStill ? 1 : SAMPLES }, (_, i) => (motion.end * i) / (SAMPLES - 1));
+    this.box = new THREE.Box3();
+    this.travel = scene.joints.map(() => [0, 0]);
+    const radii = this.bodies.map((body) => radiusOf(body));
+    const poses = new THREE.Vector3();
+    const sphere = new THREE.Sphere();
+    for (const time of times) {
+      const now = motion.at(time);
+      this.bodies.forEach((body, index) => setPose(body, now, index * WIDTH));
+      this.root.updateMatrixWorld();
+      this.bodies.forEach((body, index) => {
+        sphere.center.copy(radii[index].center).applyMatrix4(body.matrixWorld);
+        sphere.radius = radii[index].radius;
+        this.box.union(sphere.getBoundingBox(new THREE.Box3()));
+      });
+      scene.joints.forEach((joint, index) => {
+        if (!joint.axis || joint.joints) return;
+        this.pointOf(joint.child, joint.childPoint, poses);
+        const inParent = this.holder(joint.parent).worldToLocal(poses).sub(new THREE.Vector3(...joint.parentPoint));
+        const slide = inParent.dot(new THREE.Vector3(...joint.axis));
+        this.travel[index] = [Math.min(this.travel[index][0], slide), Math.max(this.travel[index][1], slide)];
+      });
+    }
+    for (const joint of scene.joints) {
+      if (joint.parent < 0) this.box.expandByPoint(this.pointOf(-1, joint.parentPoint, poses));
+    }
+    for (const spring of scene.springs) {
+      if (spring.a < 0) this.box.expandByPoint(this.pointOf(-1, spring.aPoint, poses));
+      if (spring.b < 0) this.box.expandByPoint(this.pointOf(-1, spring.bPoint, poses));
+    }
+    this.ground.children.forEach((child) => this.box.expandByObject(child));
+  }
+
+  joint(joint, index) {
+    if (joint.joints) return; // a coupling acts between joints that are drawn already
+    const { fixed, moving } = jointObjects(joint, this.scene.size, this.travel[index], this.look);
+    const name = { joint: index, name: joint.name, kind: joint.kind };
+    for (const [part, body] of [[fixed, joint.parent], [moving, joint.child]]) {
+      part.traverse((child) => (child.userData = name));
+      this.follow(part, body, this.parts.joints);
+    }
+    if (joint.glyph === "distance") {
+      const rod = bar([0, 0, 0], [0, 1, 0], 0.006 * this.scene.size, solid("#8b95a3", this.look));
+      rod.userData = name;
+      this.parts.joints.add(rod);
+      this.movers.push(() => {
+        stretch(rod, this.pointOf(joint.parent, joint.parentPoint), this.pointOf(joint.child, joint.childPoint));
+      });
+    }
+  }
+
+  // Makes an object of a part of the scene move with a body. It is no child of the body's object,
+  // so that kinds of parts and bodies are shown and hidden apart.
+  follow(object, body, part) {
+    const carrier = group(part);
+    carrier.add(object);
+    if (body < 0) return;
+    const source = this.bodies[body];
+    this.movers.push(() => {
+      carrier.position.copy(source.position);
+      carrier.quaternion.copy(source.quaternion);
+    });
+  }
+
+  motionGlyph(motion) {
+    if (motion.joint === null) return;
+    const joint = this.scene.joints[motion.joint];
+    if (!joint.axis) return;
+    const glyph = motionObject(motion.coordinate, this.scene.size, this.look);
+    glyph.position.set(...joint.parentPoint);
+    glyph.quaternion.copy(turnTo(joint.axis));
+    glyph.traverse((child) => (child.userData = { name: motion.name, kind: "motion" }));
+    this.follow(glyph, joint.parent, this.parts.joints);
+  }
+
+  spring(spring) {
+    const size = this.scene.size;
+    const material = solid(SPRING, { ...this.look, metalness: 0.4, roughness: 0.35 });
+    const name = { name: spring.name, kind: spring.glyph === "bushing" ? "bushing" : "spring" };
+    if (spring.glyph === "bushing") {
+      const rubber = new THREE.Mesh(new THREE.TorusGeometry(0.028 * size, 0.013 * size, 14, 36), solid("#30363d", this.look));
+      rubber.position.set(...spring.aPoint);
+      rubber.userData = name;
+      this.follow(rubber, spring.a, this.parts.springs);
+    } else if (spring.glyph === "torsion") {
+      const spiral = spiralObject(0.05 * size, 0.003 * size, material);
+      spiral.position.set(...spring.aPoint);
+      if (spring.axis) spiral.quaternion.copy(turnTo(spring.axis));
+      spiral.userData = name;
+      this.follow(spiral, spring.a, this.parts.springs);
+    } else {
+      const coil = new Coil(0.022 * size, 0.0045 * size, 9, material);
+      coil.object.userData = name;
+      this.parts.springs.add(coil.object);
+      const [a, b] = [new THREE.Vector3(), new THREE.Vector3()];
+      this.movers.push(() => {
+        coil.between(this.pointOf(spring.a, spring.aPoint, a), this.pointOf(spring.b, spring.bPoint, b));
+      });
+    }
+  }
+
+  markers() {
+    for (const marker of this.scene.markers) {
+      const object = markerObject(marker, this.scene.size, this.look);
+      object.traverse((child) => (child.userData = { name: marker.name, kind: "marker" }));
+      this.follow(object, marker.body, this.parts.frames);
+    }
+  }
+
+  // Objects that the pointer can be over.
+  targets() {
+    const all = [...this.bodies, this.parts.joints, this.parts.springs, this.parts.frames, this.ground];
+    return all.filter((part) => part.visible);
+  }
+}
+
+export function setPose(object, poses, at) {
+  object.position.set(poses[at], poses[at + 1], poses[at + 2]);
+  object.quaternion.set(poses[at + 4], poses[at + 5], poses[at + 6], poses[at + 3]);
+}
+
+function group(parent) {
+  const made = new THREE.Group();
+  parent.add(made);
+  return made;
+}
+
+// The sphere around a body's shapes, in its axes.
+function radiusOf(body) {
+  const box = new THREE.Box3();
+  for (const child of body.children) {
+    if (child.userData.isFrame) continue;
+    child.updateMatrix();
+    child.geometry.computeBoundingBox();
+    box.union(child.geometry.boundingBox.clone().applyMatrix4(child.matrix));
+  }
+  if (box.isEmpty()) box.setFromCenterAndSize(new THREE.Vector3(), new THREE.Vector3());
+  return box.getBoundingSphere(new THREE.Sphere());
+}
+
+// A flat spiral around z.
+function spiralObject(radius, thickness, material) {
+  const points = [];
+  for (let i = 0; i <= 90; i++) {
+    const angle = (i / 90) * 6 * Math.PI;
+    const r = radius * (0.25 + (0.75 * i) / 90);
+    points.push([r * Math.cos(angle), r * Math.sin(angle), 0]);
+  }
+  const made = new THREE.Group();
+  for (let i = 1; i < points.length; i++) made.add(bar(points[i - 1], points[i], thickness, material, 6));
+  return made;
+}

@@ -1,0 +1,151 @@
+"""Reads evenly spaced rows of the tables of a run, however long they are, in little memory."""
+
+import io
+import mmap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from msahl.deck import read_deck
+from msahl.model import Model
+from msahl.printable import shown_path
+from msahl.results.folder import find
+from msahl.results.info import AGAIN, ResultError, read_info
+from msahl.results.read import find_table, require_columns, unreadable
+from msahl.results.write import DECK, PART, file_name
+from msahl.run.tables import STATES, tables_of_model
+
+BLOCK = 1 << 25
+"""Bytes of a file that are searched for line ends at a time."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Rows of a run's tables at the same times.
+
+    ``total`` is the number of output times of the run, ``stride`` that from one row to the next;
+    the last row of the run is always among them. ``tables`` has for each name the columns and an
+    array (rows, columns), of which the first column is the time [s].
+    """
+
+    folder: Path
+    model: Model
+    info: dict[str, Any]
+    total: int
+    stride: int
+    tables: dict[str, tuple[list[str], np.ndarray]]
+    partial: bool
+
+    @property
+    def time(self) -> np.ndarray:
+        """Output times that were read [s]."""
+        return np.ascontiguousarray(self.tables[STATES][1][:, 0])
+
+
+def read_sample(folder: Path, numbers: int, most: int) -> Sample:
+    """Read rows of all tables of the run in ``folder``: all of them, or evenly spaced ones, so that
+    they are at most ``most`` and hold about ``numbers`` numbers (but 1000 rows if there are).
+
+    Raises ``ResultError`` if there is no run or a table is damaged at one of these rows,
+    ``DeckError`` if its deck is not valid.
+    """
+    deck = find(folder, DECK)
+    if deck is None:
+        message = "not the folder of a run (no deck.xml); make one: msahl run"
+        raise ResultError(f"{shown_path(folder)}: {message}")
+    model, info = read_deck(deck), read_info(folder)
+    columns = tables_of_model(model)
+    files = {name: _Lines(_require_table(folder, name)) for name in columns}
+    try:
+        for name, lines in files.items():
+            require_columns(lines.path, lines.header, columns[name])
+        total = min(len(lines) for lines in files.values())
+        if total == 0:
+            raise ResultError(f"{shown_path(folder)}: the run has no rows yet; {AGAIN}")
+        width = sum(map(len, columns.values()))
+        rows = _spaced(total, min(most, max(numbers // width, 1000)))
+        tables = {name: (columns[name], lines.read(rows)) for name, lines in files.items()}
+    finally:
+        for lines in files.values():
+            lines.close()
+    stride = int(rows[1] - rows[0]) if len(rows) > 1 else 1
+    partial = files[STATES].path.suffix == PART
+    return Sample(folder, model, info, total, stride, tables, partial)
+
+
+def _spaced(total: int, most: int) -> np.ndarray:
+    """Return the numbers of at most ``most`` + 1 evenly spaced rows, and of the last."""
+    rows = np.arange(0, total, -(-total // most))
+    return rows if rows[-1] == total - 1 else np.append(rows, total - 1)
+
+
+def _require_table(folder: Path, name: str) -> Path:
+    path = find_table(folder, file_name(name))
+    if path is None:
+        raise ResultError(f"{shown_path(folder / file_name(name))}: missing; {AGAIN}")
+    return path
+
+
+class _Lines:
+    """The lines of a CSV table, of which any can be read without those before it."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.ends = np.empty(0, dtype=np.int64)
+        self.data: mmap.mmap | bytes = b""
+        with path.open("rb") as file:
+            if path.stat().st_size:
+                self.data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+                self.ends = _line_ends(self.data, path.suffix == PART)
+        first = self.data[: self.ends[0]] if self.ends.size else b""
+        self.header = first.decode(errors="replace").rstrip("\r").split(",")
+
+    def __len__(self) -> int:
+        """Return the number of rows, without the header."""
+        return max(len(self.ends) - 1, 0)
+
+    def close(self) -> None:
+        """Release the file."""
+        if isinstance(self.data, mmap.mmap):
+            self.data.close()
+
+    def read(self, rows: Sequence[int] | np.ndarray) -> np.ndarray:
+        """Return the numbers of these rows, increasing from 0: (rows, columns)."""
+        text = b"\n".join(self.data[self.ends[row] + 1 : self.ends[row + 1]] for row in rows)
+        lines = text.decode(errors="replace")
+        try:
+            numbers = np.loadtxt(io.StringIO(lines), delimiter=",", ndmin=2, comments=None)
+            if numbers.shape != (len(rows), len(self.header)):
+                raise ValueError
+        except ValueError as error:
+            line, _, why = unreadable(lines, len(self.header)).partition(": ")
+            row = rows[int(line) - 2] if why else rows[0]
+            raise self._fault(row, why or "not a table of numbers") from error
+        bad = np.argwhere(~np.isfinite(numbers))
+        if bad.size:
+            row, column = bad[0]
+            found = f"{self.header[column]} is {numbers[row, column]}, not a finite number"
+            raise self._fault(rows[row], found)
+        late = np.flatnonzero(np.diff(numbers[:, 0]) <= 0.0)
+        if late.size:
+            raise self._fault(rows[late[0] + 1], "times must increase")
+        return numbers
+
+    def _fault(self, row: int, why: str) -> ResultError:
+        return ResultError(f"{shown_path(self.path)}:{row + 2}: {why}; {AGAIN}")
+
+
+def _line_ends(data: mmap.mmap, cut: bool) -> np.ndarray:
+    """Return the places of the line ends; the last line of a table that is not ``cut`` may lack
+    its own."""
+    found = [
+        start + np.flatnonzero(np.frombuffer(data[start : start + BLOCK], dtype=np.uint8) == 10)
+        for start in range(0, len(data), BLOCK)
+    ]
+    ends = np.concatenate(found).astype(np.int64)
+    if not cut and data[len(data) - 1] != 10:
+        ends = np.append(ends, len(data))
+    return ends

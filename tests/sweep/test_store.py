@@ -1,0 +1,281 @@
+"""The folder of a sweep: journal, tables, what is computed again, faults of the disk."""
+
+import errno
+import json
+import os
+import subprocess
+import sys
+import tracemalloc
+from dataclasses import replace
+
+import pytest
+
+from msahl.sweep import store as store_module
+from msahl.sweep.plan import read_plan
+from msahl.sweep.points import Point
+from msahl.sweep.store import StoreError, claim, journal_lines, read_info, sweep_lock
+from msahl.sweep.sweep import Hooks, Sweep, carry_out
+from msahl.sweep.work import OnFail, Work
+from tests.sweep.fakes import FakeScheduler, open_store, row_of, sweep
+
+
+def lines(folder):
+    return (folder / "journal.jsonl").read_text().splitlines()
+
+
+def test_runs_csv_has_one_row_for_each_point_in_order(tmp_path):
+    made = sweep(tmp_path / "s", "L=60,80 cm", "r=5,10", measures=("Rod.z max",))
+    counts = carry_out(made, FakeScheduler({3: 1}, chunk=3))
+    assert (counts.points, counts.done, counts.failed, counts.good) == (4, 4, 1, False)
+    text = (tmp_path / "s" / "runs.csv").read_text().splitlines()
+    assert text[0] == "point,L [cm],r,status,verdict,error,Rod.z max,message,key"
+    assert text[1].startswith("1,60,5,completed,PASS,0.25,1,,")
+    assert text[3].startswith("3,80,5,not converged,FAIL,0.25,,it diverged,")
+    assert len(text) == 5
+    assert (tmp_path / "s" / "seconds.csv").read_text().splitlines()[1] == "1,,0.5,,,"
+    info = read_info(tmp_path / "s")
+    assert (info["status"], info["done"], info["failed"]) == ("complete", 4, 1)
+    assert info["plan"]["points"] == 4
+    assert list(read_plan(tmp_path / "s" / "plan.csv")) == list(made.plan)
+
+
+def test_an_unchanged_sweep_computes_nothing_and_changes_no_byte(tmp_path):
+    made = sweep(tmp_path / "s", "L=60,80,100 cm")
+    carry_out(made, FakeScheduler())
+    before = (tmp_path / "s" / "runs.csv").read_bytes(), lines(tmp_path / "s")
+    again = FakeScheduler()
+    carry_out(made, again)
+    assert again.ran == []
+    assert ((tmp_path / "s" / "runs.csv").read_bytes(), lines(tmp_path / "s")) == before
+
+
+def test_a_stopped_sweep_goes_on_and_ends_with_the_same_bytes(tmp_path):
+    made, undisturbed = (
+        sweep(tmp_path / "a", "L=60:100:7 cm"),
+        sweep(tmp_path / "b", "L=60:100:7 cm"),
+    )
+    carry_out(undisturbed, FakeScheduler())
+    counts = carry_out(made, FakeScheduler(most=3))
+    assert counts.done == 3
+    assert not (tmp_path / "a" / "runs.csv").exists()
+    assert len((tmp_path / "a" / "runs.csv.part").read_text().splitlines()) == 4
+    assert read_info(tmp_path / "a")["status"] == "stopped"
+    rest = FakeScheduler()
+    carry_out(made, rest)
+    assert rest.ran == [4, 5, 6, 7]
+    assert not (tmp_path / "a" / "runs.csv.part").exists()
+    for name in ("runs.csv", "plan.csv"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_an_extended_sweep_computes_only_what_is_new(tmp_path):
+    carry_out(sweep(tmp_path / "s", "L=60,80 cm"), FakeScheduler())
+    more = FakeScheduler()
+    carry_out(sweep(tmp_path / "s", "L=60,70,80,90 cm"), more)
+    assert more.ran == [2, 4]
+    assert len((tmp_path / "s" / "runs.csv").read_text().splitlines()) == 5
+
+
+def test_points_with_the_same_resolved_deck_are_not_computed_again(tmp_path):
+    """Another axis, other words for the same numbers: the keys of outcomes are those of decks."""
+    from msahl.sweep.pool import Pool
+
+    carry_out(sweep(tmp_path / "s", "L=60,80 cm"), Pool(1))
+    before = (tmp_path / "s" / "runs.csv").read_text().splitlines()
+    more = FakeScheduler()
+    carry_out(sweep(tmp_path / "s", "L=600,800 mm", "start=60,50 deg"), more)
+    assert more.ran == [2, 4]  # 60 degrees are the deck's own
+    after = (tmp_path / "s" / "runs.csv").read_text().splitlines()
+    assert before[1].split(",")[2:] == after[1].split(",")[3:]
+    assert before[2].split(",")[2:] == after[3].split(",")[3:]
+
+
+def test_a_new_measure_is_computed_and_an_old_one_is_there(tmp_path):
+    carry_out(sweep(tmp_path / "s", "L=60,80 cm", measures=("Rod.z max",)), FakeScheduler())
+    more = FakeScheduler()
+    carry_out(sweep(tmp_path / "s", "L=60,80 cm", measures=("Rod.z max", "Rod.x max")), more)
+    assert more.ran == [1, 2]
+    less = FakeScheduler()
+    carry_out(sweep(tmp_path / "s", "L=60,80 cm", measures=("Rod.x max",)), less)
+    assert less.ran == []
+
+
+def test_other_options_are_other_points(tmp_path):
+    made = sweep(tmp_path / "s", "L=60,80 cm")
+    carry_out(made, FakeScheduler())
+    other = FakeScheduler()
+    carry_out(replace(made, job=replace(made.job, options={"t_final": 0.2})), other)
+    assert other.ran == [1, 2]
+
+
+def test_points_that_appear_twice_are_computed_once(tmp_path):
+    once = FakeScheduler()
+    counts = carry_out(sweep(tmp_path / "s", "L=60,80,60 cm"), once)
+    assert once.ran == [1, 2]
+    assert (counts.points, counts.done) == (3, 3)
+
+
+def test_tables_that_are_missing_are_computed_again(tmp_path):
+    made = sweep(tmp_path / "s", "L=60,80 cm", keep="tables")
+    carry_out(made, FakeScheduler())
+    again = FakeScheduler()
+    carry_out(made, again)  # the fake scheduler has written no tables
+    assert again.ran == [1, 2]
+
+
+def test_failed_points_are_tried_again_only_by_retry_or_with_more_time(tmp_path):
+    made = sweep(tmp_path / "s", "L=60,80,100 cm", timeout=1.0)
+    carry_out(made, FakeScheduler({2: 1}))
+    again = FakeScheduler()
+    carry_out(made, again)
+    assert again.ran == []
+    carry_out(replace(made, on_fail=OnFail("retry", 1)), again)
+    assert again.ran == [2]
+    late = {"status": "timed out", "limit": 1.0, "measures": {}}
+    assert made.usable(late)
+    assert replace(made, timeout=0.5).usable(late)
+    assert not replace(made, timeout=2.0).usable(late)
+    assert not replace(made, timeout=None).usable(late)
+
+
+@pytest.mark.parametrize("torn", [b'{"id": "00', b"\x00\x00\x00", b"{}", b"[1]", b'{"id": 3}\n'])
+def test_torn_lines_are_ignored_and_the_point_is_run_again(tmp_path, torn):
+    made, folder = sweep(tmp_path / "s", "L=60,80,100 cm"), tmp_path / "s"
+    carry_out(made, FakeScheduler())
+    undisturbed = (folder / "runs.csv").read_bytes()
+    text = (folder / "journal.jsonl").read_bytes().splitlines(keepends=True)
+    (folder / "journal.jsonl").write_bytes(b"".join(text[:2]) + torn)
+    again = FakeScheduler()
+    carry_out(made, again)
+    assert again.ran == [3]
+    assert (folder / "runs.csv").read_bytes() == undisturbed
+    assert len(list(journal_lines(folder / "journal.jsonl"))) == 3
+
+
+@pytest.mark.parametrize("cut", range(0, 400, 37))
+def test_a_journal_cut_anywhere_is_valid(tmp_path, cut):
+    made, folder = sweep(tmp_path / "s", "L=60,80,100 cm"), tmp_path / "s"
+    carry_out(made, FakeScheduler())
+    undisturbed = (folder / "runs.csv").read_bytes()
+    journal = folder / "journal.jsonl"
+    os.truncate(journal, journal.stat().st_size - cut)
+    carry_out(made, FakeScheduler())
+    assert (folder / "runs.csv").read_bytes() == undisturbed
+
+
+def test_a_full_disk_stops_the_sweep_and_loses_nothing(tmp_path, monkeypatch):
+    """Of the third line only a part fits."""
+    made, folder, free, write = (
+        sweep(tmp_path / "s", "L=60:100:5 cm"),
+        tmp_path / "s",
+        [900],
+        os.write,
+    )
+
+    def full(descriptor, content):
+        if free[0] <= 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        part = content[: free[0]]
+        free[0] -= len(part)
+        return write(descriptor, part)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(store_module.os, "write", full)
+        with pytest.raises(OSError, match="No space left"):
+            carry_out(made, FakeScheduler())
+    done = len(list(journal_lines(folder / "journal.jsonl")))
+    assert 0 < done < 5
+    rest = FakeScheduler()
+    carry_out(made, rest)
+    assert rest.ran == list(range(done + 1, 6))
+
+
+def test_one_sweep_at_a_time_writes_to_a_folder(tmp_path):
+    carry_out(sweep(tmp_path / "s", "L=60 cm"), FakeScheduler())
+    script = (
+        "import sys, pathlib; from msahl.sweep.store import sweep_lock\n"
+        "with sweep_lock(pathlib.Path(sys.argv[1])): print('locked', flush=True); sys.stdin.read()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", script, str(tmp_path / "s")],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    ) as other:
+        assert other.stdout.readline() == b"locked\n"
+        with pytest.raises(StoreError, match="is running a sweep there"):
+            carry_out(sweep(tmp_path / "s", "L=60,70 cm"), FakeScheduler())
+        other.stdin.close()
+    with sweep_lock(tmp_path / "s"):
+        pass
+
+
+def test_other_folders_are_refused(tmp_path):
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "thesis.tex").write_text("all of it")
+    with pytest.raises(StoreError, match="not the folder of a sweep"):
+        carry_out(sweep(tmp_path / "full", "L=60 cm"), FakeScheduler())
+    carry_out(sweep(tmp_path / "s", "L=60 cm"), FakeScheduler())
+    other = tmp_path / "other.xml"
+    other.write_text("<data/>")
+    with pytest.raises(StoreError, match="holds a sweep of another deck"):
+        claim(tmp_path / "s", str(other))
+
+
+def test_shares_of_a_plan_write_their_own_journals(tmp_path):
+    """Two shares, then the sweep itself: it finds all outcomes."""
+    made = sweep(tmp_path / "s", "L=60:100:7 cm")
+    for k in (1, 2):
+        share = FakeScheduler()
+        carry_out(replace(made, share=(k, 2), journal=f"journal-{k}-of-2.jsonl"), share)
+        assert share.ran == list(range(k, 8, 2))
+    all_points = FakeScheduler()
+    counts = carry_out(made, all_points)
+    assert all_points.ran == []
+    assert counts.good
+    assert (tmp_path / "s" / "runs.csv").is_file()
+
+
+def test_a_parquet_file_has_the_rows_of_runs_csv(tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    carry_out(sweep(tmp_path / "s", "L=60:100:3 cm", measures=("Rod.z max",)), FakeScheduler())
+    table = parquet.read_table(tmp_path / "s" / "runs.parquet").to_pydict()
+    assert table["L [cm]"] == [60, 80, 100]
+    assert table["Rod.z max"] == [1, 2, 3]
+
+
+def test_progress_is_reported(tmp_path):
+    told, begun = [], []
+    hooks = Hooks(lambda work: begun.append(work.left), lambda counts: told.append(counts.done))
+    carry_out(sweep(tmp_path / "s", "L=60:100:3 cm"), FakeScheduler(), hooks)
+    assert (begun, told) == ([3], [1, 2, 3])
+
+
+def test_many_points_take_little_memory(tmp_path):
+    """Beside its digest and the place of its line nothing is kept of a point."""
+    made = sweep(tmp_path / "s", "L=60:100:100 cm", "r=5:10:100")
+    store = open_store(tmp_path / "s", made)
+    tracemalloc.start()
+    try:
+        work = Work(made.plan, store)
+        while not work.finished:
+            work.take([row_of(point) for point in work.next(50)])
+        store.write_tables(made.plan)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+        store.close()
+    assert work.counts.good
+    # 16 bytes of a digest as an object of 49, twice in a hash table, and a pair of integers.
+    assert peak / made.plan.count < 500
+
+
+def test_a_point_is_a_plain_tuple():
+    assert Point(1, "ab", ("2",)) == (1, "ab", ("2",))
+    assert isinstance(json.loads(json.dumps(Point(1, "ab", ("2",)))), list)
+
+
+def test_a_sweep_without_points_in_its_share_is_complete(tmp_path):
+    made: Sweep = replace(sweep(tmp_path / "s", "L=60 cm"), share=(2, 2), journal="journal-2.jsonl")
+    scheduler = FakeScheduler()
+    carry_out(made, scheduler)
+    assert scheduler.ran == []
