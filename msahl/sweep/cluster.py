@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from msahl.printable import printable
 from msahl.sweep.chunks import Files, Order, mismatch, run_chunk
+from msahl.sweep.faults import ClusterError
 from msahl.sweep.points import (
     SUMMARY,
     Job,
@@ -48,10 +49,6 @@ GATHER_SECONDS = 60.0
 SEE_WORKERS = 1.0
 """Time between two looks at the workers [s]."""
 MISSING = "Dask is not installed here; install it: pip install 'msahl[cluster]'"
-
-
-class ClusterError(Exception):
-    """The cluster cannot be used, or was lost; the message says why and what to do."""
 
 
 class Cluster:

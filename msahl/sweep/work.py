@@ -188,6 +188,21 @@ class Work:
         return counts
 
 
+def parse_shard(text: str) -> tuple[int, int]:
+    """Return k and n of ``--shard k/n``; raises ``PlanError``."""
+    first, slash, last = text.partition("/")
+    if slash and first.isdecimal() and last.isdecimal() and 1 <= int(first) <= int(last):
+        return int(first), int(last)
+    raise PlanError(f"--shard {text}: write k/n, the number of the shard from 1 and that of all")
+
+
+class Nobody:
+    """A scheduler that runs nothing: what is done is collected."""
+
+    def run(self, job: Job, work: Work, stopped: Callable[[], bool]) -> None:
+        """See ``Scheduler``."""
+
+
 def _shared(plan: Plan, share: tuple[int, int]) -> Iterator[tuple[int, tuple[str, ...]]]:
     k, n = share
     for number, cells in enumerate(plan, start=1):
