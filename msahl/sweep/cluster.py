@@ -151,7 +151,7 @@ class Cluster:
         with each chunk."""
         for address, found in self.client.run(numeric_versions, on_error="return").items():
             if isinstance(found, Exception):
-                raise ClusterError(_unusable(address, found))
+                raise ClusterError(_unusable(f"the worker {address}", found))
             wrong = mismatch(numeric_versions(), found)
             if wrong:
                 raise ClusterError(_other_versions(f"the worker {address}", wrong))
