@@ -11,6 +11,7 @@ import click
 
 import msahl
 from msahl.post.commands.compare import compare
+from msahl.post.commands.export import export
 from msahl.post.commands.pictures import plot, report
 from msahl.post.commands.shared import BAD_INPUT
 from msahl.post.commands.tables import constraints, energy, events, reactions, work
@@ -62,7 +63,8 @@ def main() -> None:
     """
 
 
-for command in (energy, work, events, constraints, verdict, reactions, plot, report, view, compare):
+COMMANDS = (energy, work, events, constraints, verdict, reactions, plot, report, view, export)
+for command in (*COMMANDS, compare):
     main.add_command(command)
 
 

@@ -142,7 +142,7 @@ def _energy(run: Run, metrics: Metrics, choice: Choice) -> tuple[str, Figure]:
         drawn.append((WORK, energy.work, ":"))
         drawn.append(("total - work", energy.balance, "-."))
     names, series, lines = zip(*drawn, strict=True)
-    curves(parts, energy.time, np.stack(series, axis=1), names, lines=lines)
+    curves(parts, energy.time, series, names, lines=lines)
     parts.set_ylabel("energy [J]")
     largest = energy.largest_kinetic
     absolute_curves(error, energy.time, energy.error[:, None] / (largest or 1.0), ["error"])
