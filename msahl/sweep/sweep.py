@@ -25,6 +25,8 @@ from msahl.sweep.store import (
 )
 from msahl.sweep.work import ON_FAIL, RETRY, OnFail, Scheduler, Work
 
+ALL = (1, 1)
+"""The share of a sweep that is not divided."""
 RUNNING, COMPLETE, STOPPED = "running", "complete", "stopped"
 """States of a sweep in ``sweep.json``."""
 
@@ -42,7 +44,7 @@ class Sweep:
     job: Job
     on_fail: OnFail = ON_FAIL
     timeout: float | None = None
-    share: tuple[int, int] = (1, 1)
+    share: tuple[int, int] = ALL
     journal: str = JOURNAL
 
     def usable(self, row: Row) -> bool:
@@ -98,15 +100,18 @@ def carry_out(sweep: Sweep, scheduler: Scheduler, hooks: Hooks = Hooks()) -> Cou
 
     Raises ``PlanError`` and ``DeckError`` for a bad plan, ``StoreError`` for a folder that cannot
     be used, ``NotWrittenError`` and ``OSError`` if it cannot be written, and what the scheduler
-    raises. Outcomes that were there before remain in every case.
+    raises. Outcomes that were there before remain in every case. Of a share of the points only the
+    journal is written.
     """
     sweep = check(sweep)
     claim(sweep.folder, sweep.job.deck)
-    with sweep_lock(sweep.folder):
+    with sweep_lock(sweep.folder, shared=sweep.share != ALL):
         store = sweep.open_store()
         try:
             begin(sweep.folder, sweep.plan, sweep.job)
-            _run_missing(sweep, store, scheduler, hooks)
+            work = _run_missing(sweep, store, scheduler, hooks)
+            if sweep.share != ALL:  # the tables follow from the journals of all shards
+                return work.counts
             counts = store.write_tables(sweep.plan)
         except BaseException:
             with suppress(OSError):  # the folder may be on a full disk
@@ -122,7 +127,7 @@ def carry_out(sweep: Sweep, scheduler: Scheduler, hooks: Hooks = Hooks()) -> Cou
     return counts
 
 
-def _run_missing(sweep: Sweep, store: Store, scheduler: Scheduler, hooks: Hooks) -> None:
+def _run_missing(sweep: Sweep, store: Store, scheduler: Scheduler, hooks: Hooks) -> Work:
     """Run the points of the plan that have no outcome."""
     work = Work(sweep.plan, store, sweep.on_fail, hooks.progress, sweep.share)
     work.adopt(sweep.plan, hooks.stopped)
@@ -130,6 +135,7 @@ def _run_missing(sweep: Sweep, store: Store, scheduler: Scheduler, hooks: Hooks)
     if work.left:
         store.drop_tables()
         scheduler.run(sweep.job, work, hooks.stopped)
+    return work
 
 
 def preview(sweep: Sweep, most: int) -> tuple[list[tuple[str, ...]], int]:
