@@ -21,13 +21,15 @@ from msahl.terminal import echo
 if TYPE_CHECKING:
     from msahl.sweep.plan import Plan
     from msahl.sweep.store import Counts
-    from msahl.sweep.sweep import Sweep
+    from msahl.sweep.sweep import Hooks, Sweep
     from msahl.sweep.work import Scheduler, Work
 
 FIRST_POINTS = 5
 """Points that --dry-run shows."""
 REFRESH = 0.2
 """Seconds between two updates of the progress on a terminal."""
+MOST_COMPARED = 300
+"""Points whose comparison with earlier outcomes takes less than a second or two."""
 REPORT = 30.0
 """Seconds between two lines of progress elsewhere."""
 
@@ -244,13 +246,12 @@ def carry_out(request: Request) -> int:
     if given["dry_run"]:
         show_plan(made)
         return 0
-    from msahl.sweep.sweep import Hooks
     from msahl.sweep.sweep import carry_out as make
 
     with stoppable() as stopped, shown(made, given["quiet"]) as progress:
         scheduler = request.scheduler(made, progress.compiling)
         try:
-            counts = make(made, scheduler, Hooks(progress.began, progress.tell, stopped))
+            counts = make(made, scheduler, progress.hooks(stopped))
         except KeyboardInterrupt:  # a second request, or one during the preparation
             progress.end()
             say(f"{shown_path(request.deck)}: stopped; go on with: {typed_command()}")
@@ -344,6 +345,17 @@ class Progress:
     before: int = 0
     announced: bool = False
     lines: list[str] = field(default_factory=list)
+
+    def hooks(self, stopped: Interruption) -> "Hooks":
+        """What the sweep calls."""
+        from msahl.sweep.sweep import Hooks
+
+        return Hooks(self.began, self.tell, stopped, self.comparing)
+
+    def comparing(self, points: int) -> None:
+        """Print what takes long before the first run."""
+        if not self.quiet and points > MOST_COMPARED:
+            say(f"comparing {points} points with the outcomes of an earlier plan in the folder")
 
     def began(self, work: "Work") -> None:
         """Print the plan and how much of it is done."""

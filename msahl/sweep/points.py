@@ -186,7 +186,7 @@ class Resolver:
     def faulty_key(self, cells: Sequence[str], error: DeckError) -> str:
         """The key of a point whose deck has faults: SHA-256 of what was changed and of these."""
         job = self.job
-        return digest_of([job.settings_of(cells), job.options_of(cells), str(error)])
+        return digest_of([job.settings_of(cells), job.options_of(cells), _fault_text(error)])
 
 
 def _key(run: Run) -> str:
@@ -245,8 +245,8 @@ def _run_point(resolver: Resolver, point: Point) -> Row:
 
 
 def _fault_text(error: DeckError) -> str:
-    """The faults of a point's deck in one line."""
-    faults = [str(fault) for fault in error.faults]
+    """The faults of a point's deck in one line, which does not depend on where the deck is."""
+    faults = [str(replace(fault, file=Path(fault.file).name)) for fault in error.faults]
     more = f"; and {len(faults) - 3} more faults" if len(faults) > 3 else ""
     return "; ".join(faults[:3]) + more
 

@@ -67,11 +67,13 @@ class Sweep:
 @dataclass(frozen=True)
 class Hooks:
     """Functions that a sweep calls: ``began`` with the work before the first run, ``progress``
-    after outcomes, ``stopped`` to ask whether to stop."""
+    after outcomes, ``stopped`` to ask whether to stop, and ``comparing`` with the number of points
+    that are compared with outcomes of another plan."""
 
     began: Callable[[Work], Any] = lambda work: None
     progress: Callable[[Counts], Any] = lambda counts: None
     stopped: Callable[[], bool] = lambda: False
+    comparing: Callable[[int], Any] = lambda points: None
 
 
 def check(sweep: Sweep) -> Sweep:
@@ -130,7 +132,9 @@ def carry_out(sweep: Sweep, scheduler: Scheduler, hooks: Hooks = Hooks()) -> Cou
 def _run_missing(sweep: Sweep, store: Store, scheduler: Scheduler, hooks: Hooks) -> Work:
     """Run the points of the plan that have no outcome."""
     work = Work(sweep.plan, store, sweep.on_fail, hooks.progress, sweep.share)
-    work.adopt(sweep.plan, hooks.stopped)
+    if store.foreign and work.left:
+        hooks.comparing(work.left)
+        work.adopt(sweep.plan, hooks.stopped)
     hooks.began(work)
     if work.left:
         store.drop_tables()

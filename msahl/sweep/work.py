@@ -152,8 +152,6 @@ class Work:
     def adopt(self, plan: Plan, stopped: Callable[[], bool]) -> None:
         """Take over outcomes of an earlier plan in the folder: those of points with the same
         resolved deck and options."""
-        if not self.store.foreign:
-            return
         resolver = Resolver(self.store.job)
         for number, cells in _shared(plan, self.share):
             name = self.store.id_of(cells)
