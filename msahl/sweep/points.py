@@ -186,7 +186,8 @@ class Resolver:
 
 def _key(run: Run) -> str:
     # Records of a model hold all that the deck says, in SI units; repr writes each double exactly.
-    return _sha256(f"{run.model!r} {run.options!r} {numeric_versions()!r}")
+    model = replace(run.model, shapes=())  # which only views show
+    return _sha256(f"{model!r} {run.options!r} {numeric_versions()!r}")
 
 
 def run_points(job: Job, points: Iterable[Point]) -> Iterator[Row]:
