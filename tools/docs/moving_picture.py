@@ -105,8 +105,10 @@ def _cropped(data: bytes, shot: Shot) -> Image.Image:
     wide = shot.width * image.width
     high = wide * PANEL[1] / PANEL[0]
     x, y = shot.x * image.width, shot.y * image.height
-    box = tuple(map(round, (x - wide / 2, y - high / 2, x + wide / 2, y + high / 2)))
-    return image.crop(box).resize(PANEL, Image.Resampling.LANCZOS)
+    left, upper = round(x - wide / 2), round(y - high / 2)
+    return image.crop((left, upper, left + round(wide), upper + round(high))).resize(
+        PANEL, Image.Resampling.LANCZOS
+    )
 
 
 def _side_by_side(panels: tuple[Image.Image, ...]) -> Image.Image:
