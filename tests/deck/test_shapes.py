@@ -86,7 +86,7 @@ def test_the_model_and_the_digest_are_those_without_shapes(tmp_path):
     assert b"<shapes>" in decks[1]  # the deck of the results keeps them
     assert deck_digest(decks[0]) == deck_digest(decks[1])
     digests = [ParsedDeck(Source.of(text.encode())).digest() for text in (DECK, WITH)]
-    assert digests[0] == digests[1]  # by which a sweep knows its deck
+    assert digests[0] == digests[1]  # by which a sweep compares decks
     assert deck_digest(decks[0]) != deck_digest(DECK.replace("<mass>2", "<mass>3").encode())
 
 

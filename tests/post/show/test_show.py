@@ -221,7 +221,7 @@ CHOSEN = "[...document.querySelectorAll('.line.chosen')].map((line) => Number(li
 
 
 def chosen_row(name):
-    """Selector of the row of a selected element, which is marked with the next frame."""
+    """Selector of a selected element in the list, which is marked with the next frame."""
     return f".tree li.selected .what[title='{name}']"
 
 
