@@ -18,7 +18,9 @@ from plan and journal, and exists under its name only while every point has an o
 import csv
 import mmap
 import os
+import shutil
 import time
+import uuid
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -57,10 +59,13 @@ class StoreError(Exception):
 
 
 @contextmanager
-def sweep_lock(folder: Path) -> Iterator[None]:
-    """Lock the folder of a sweep, which is created; raises ``StoreError`` if it is in use."""
+def sweep_lock(folder: Path, shared: bool = False) -> Iterator[None]:
+    """Lock the folder of a sweep, which is created; raises ``StoreError`` if it is in use.
+
+    Shards have ``shared`` locks: others may write their journals, but nobody the tables.
+    """
     try:
-        with locked(folder):
+        with locked(folder, shared):
             yield
     except FolderInUseError:
         owner = read_info(folder).get("pid")
@@ -72,11 +77,13 @@ def sweep_lock(folder: Path) -> Iterator[None]:
 
 
 class Journal:
-    """A journal that rows are appended to; raises ``OSError`` if it cannot be written."""
+    """A journal that rows are appended to; raises ``OSError`` if it cannot be written, and
+    ``StoreError`` if another process is writing it."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
+        _lock_file(self.file, path)
         self.synced = time.monotonic()
         size = os.fstat(self.file).st_size
         if size and os.pread(self.file, 1, size - 1) != b"\n":
@@ -103,6 +110,28 @@ class Journal:
             self.sync()
         finally:
             os.close(self.file)
+
+
+def _lock_file(descriptor: int, path: Path) -> None:
+    """Lock a file until it is closed, where that is possible."""
+    with suppress(ImportError):  # not a Unix
+        import fcntl
+
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(descriptor)
+            raise StoreError(
+                f"{shown_path(path)}: another process is running the same points; wait for its "
+                "end, or stop it"
+            ) from None
+        except OSError:  # a network file system that cannot lock
+            pass
+
+
+def journal_of_shard(k: int, n: int) -> str:
+    """The name of the journal of shard ``k`` of ``n``."""
+    return f"journal-{k}-of-{n}.jsonl"
 
 
 def journal_lines(path: Path) -> Iterator[tuple[int, Row]]:
@@ -350,7 +379,8 @@ def claim(folder: Path, deck: str) -> None:
 
 def begin(folder: Path, plan: Plan, job: Job) -> None:
     """Write ``plan.csv``, which is left alone if it is the same, and ``sweep.json``."""
-    new = folder / (PLAN + ".new")
+    # Shards may do so at the same time.
+    new = folder / f"{PLAN}.{uuid.uuid4().hex}.new"
     write_plan(plan, new)
     if not _same(new, folder / PLAN):
         new.replace(folder / PLAN)
@@ -369,8 +399,9 @@ def _same(a: Path, b: Path) -> bool:
 def write_info(folder: Path, plan: Plan, job: Job, state: Mapping[str, Any]) -> None:
     """Write ``sweep.json``; ``state`` says how far the sweep is."""
     options = {name: value for name, value in job.options.items() if value not in (None, False)}
+    new = folder / f"{INFO}.{uuid.uuid4().hex}.new"
     write_json(
-        folder / INFO,
+        new,
         {
             **numeric_versions(),
             "deck": {"path": job.deck, "relative": relative(Path(job.deck), folder)},
@@ -381,6 +412,7 @@ def write_info(folder: Path, plan: Plan, job: Job, state: Mapping[str, Any]) -> 
             **state,
         },
     )
+    new.replace(folder / INFO)
 
 
 def write_parquet(folder: Path) -> bool:
@@ -416,6 +448,14 @@ def _numeric(path: Path) -> dict[str, bool]:
                 if found[name] and cell and not ONE_NUMBER.fullmatch(cell):
                     found[name] = False
     return found
+
+
+def remove_left_over(folder: Path) -> None:
+    """Remove what calls and workers that were killed did not complete."""
+    for path in folder.glob("*.new*"):
+        path.unlink(missing_ok=True)
+    for path in (folder / "runs").glob("*.part"):
+        shutil.rmtree(path, ignore_errors=True)
 
 
 def require_plan(folder: Path) -> Path:

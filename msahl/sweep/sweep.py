@@ -19,12 +19,15 @@ from msahl.sweep.store import (
     Store,
     begin,
     claim,
+    remove_left_over,
     sweep_lock,
     write_info,
     write_parquet,
 )
 from msahl.sweep.work import ON_FAIL, RETRY, OnFail, Scheduler, Work
 
+ALL = (1, 1)
+"""The share of a sweep that is not divided."""
 RUNNING, COMPLETE, STOPPED = "running", "complete", "stopped"
 """States of a sweep in ``sweep.json``."""
 
@@ -42,7 +45,7 @@ class Sweep:
     job: Job
     on_fail: OnFail = ON_FAIL
     timeout: float | None = None
-    share: tuple[int, int] = (1, 1)
+    share: tuple[int, int] = ALL
     journal: str = JOURNAL
 
     def usable(self, row: Row) -> bool:
@@ -100,16 +103,20 @@ def carry_out(sweep: Sweep, scheduler: Scheduler, hooks: Hooks = Hooks()) -> Cou
 
     Raises ``PlanError`` and ``DeckError`` for a bad plan, ``StoreError`` for a folder that cannot
     be used, ``NotWrittenError`` and ``OSError`` if it cannot be written, and what the scheduler
-    raises. Outcomes that were there before remain in every case.
+    raises. Outcomes that were there before remain in every case. Of a share of the points only the
+    journal is written.
     """
     sweep = check(sweep)
     claim(sweep.folder, sweep.job.deck)
-    with sweep_lock(sweep.folder):
+    with sweep_lock(sweep.folder, shared=sweep.share != ALL):
         store = sweep.open_store()
         try:
             begin(sweep.folder, sweep.plan, sweep.job)
-            _run_missing(sweep, store, scheduler, hooks)
+            work = _run_missing(sweep, store, scheduler, hooks)
+            if sweep.share != ALL:  # the tables follow from the journals of all shards
+                return work.counts
             counts = store.write_tables(sweep.plan)
+            remove_left_over(sweep.folder)
         except BaseException:
             with suppress(OSError):  # the folder may be on a full disk
                 write_info(sweep.folder, sweep.plan, sweep.job, {"status": STOPPED})
@@ -124,7 +131,7 @@ def carry_out(sweep: Sweep, scheduler: Scheduler, hooks: Hooks = Hooks()) -> Cou
     return counts
 
 
-def _run_missing(sweep: Sweep, store: Store, scheduler: Scheduler, hooks: Hooks) -> None:
+def _run_missing(sweep: Sweep, store: Store, scheduler: Scheduler, hooks: Hooks) -> Work:
     """Run the points of the plan that have no outcome."""
     work = Work(sweep.plan, store, sweep.on_fail, hooks.progress, sweep.share)
     if store.foreign and work.left:
@@ -134,6 +141,7 @@ def _run_missing(sweep: Sweep, store: Store, scheduler: Scheduler, hooks: Hooks)
     if work.left:
         store.drop_tables()
         scheduler.run(sweep.job, work, hooks.stopped)
+    return work
 
 
 def preview(sweep: Sweep, most: int) -> tuple[list[tuple[str, ...]], int]:
