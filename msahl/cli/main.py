@@ -14,7 +14,18 @@ import click
 import msahl
 from msahl.cli.console import INTERRUPTED, open_standard_streams, say
 
-COMMANDS = ("check", "compile", "explain", "modes", "new", "run", "schema", "study", "sweep")
+COMMANDS = (
+    "check",
+    "compile",
+    "equilibrium",
+    "explain",
+    "modes",
+    "new",
+    "run",
+    "schema",
+    "study",
+    "sweep",
+)
 """All commands, each in the module ``msahl.cli`` of its name."""
 
 
