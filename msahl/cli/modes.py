@@ -79,8 +79,8 @@ def modes(
 
     The model is linearised at t = 0, at another time or at an equilibrium, with all joints (closed
     loops, redundant and non-holonomic ones), damping, gyroscopic terms and auxiliary states. Each
-    eigenvalue has an error bar. Warns if the motion is neither an equilibrium nor steady. With -o, writes modes.csv
-    and shapes.csv.
+    eigenvalue has an error bar. Warns if the motion is neither an equilibrium nor steady. With -o,
+    writes modes.csv and shapes.csv.
 
     Example: msahl modes decks/mechanisms/bicycle.xml --set v=4
     """
