@@ -29,11 +29,13 @@ SITE := build/site
 # The thesis's tables 4.2 and 4.4: angles by steps, 10 s.
 SWEEP := $(RESULTS)/sweep
 SWEEP_DECKS := $(foreach n,single double,$(foreach a,45 89 135,$(n)_pendulum_$(a)))
-SWEEP_STEPS := 0.1 0.04 0.01 0.004 0.002
-SWEEP_RUNS := $(foreach d,$(SWEEP_DECKS),$(foreach h,$(SWEEP_STEPS),$(SWEEP)/$(d)/$(h)/states.csv))
+SWEEP_STEPS := 0.1,0.04,0.01,0.004,0.002
+SWEEP_RUNS := $(foreach d,$(SWEEP_DECKS),$(SWEEP)/$(d)/runs.csv)
+# Processes of a sweep; with one the times in the table are undisturbed.
+JOBS ?= 1
 
 .PHONY: help run test test-slow test-numba kernels wheel coverage mutate fuzz lint regress regress-update sweep \
-  bench thesis validation convergence stability error-table docs examples web clean
+  bench thesis validation convergence stability error-table docs examples readme web clean
 .DELETE_ON_ERROR:
 
 help:
@@ -49,7 +51,7 @@ help:
 	@echo 'make fuzz            generate malformed decks for SECONDS ($(SECONDS)) and run them'
 	@echo 'make regress         run the stored cases again and print the differences to tests/regression'
 	@echo 'make regress-update  replace the results in tests/regression and print what changed'
-	@echo 'make sweep           run the angles and steps of the thesis and write $(SWEEP).csv (or make -j2 sweep)'
+	@echo 'make sweep           run the angles and steps of the thesis and write $(SWEEP).csv (JOBS=2: two at a time)'
 	@echo 'make bench           compare speed, and time to a given error, with other programs'
 	@echo 'make thesis          write docs/validation/thesis.md'
 	@echo 'make validation      write all pages of docs/validation from the stored measurements'
@@ -58,6 +60,7 @@ help:
 	@echo 'make convergence     repeat the experiment on the convergence errors of the thesis'
 	@echo 'make docs            build the documentation site in $(SITE)'
 	@echo 'make examples        run all decks and draw their pictures for the documentation'
+	@echo 'make readme          make the moving picture and the report of the README (needs Chromium)'
 	@echo 'make web             build the JavaScript libraries of the pages again and compare them (needs node)'
 	@echo 'make clean           remove results and build products, but keep .venv'
 
@@ -127,21 +130,16 @@ regress-update: .venv/tested
 sweep: $(SWEEP).csv
 
 $(SWEEP).csv: $(SWEEP_RUNS) tools/sweep_table.py
-	@$(BIN)/python tools/sweep_table.py $(SWEEP_RUNS) > $@
+	@$(BIN)/python tools/sweep_table.py $(dir $(SWEEP_RUNS)) > $@
 	@echo 'table: $@'
 
-# This run compiles the kernels, so that the times in the table do not contain the compilation.
-$(SWEEP)/compiled: | .venv/installed
-	$(BIN)/msahl run $(DECK) --t-final 0.01 -q -o $(SWEEP)/first
-	@touch $@
-
-# Exit status 1 is the verdict FAIL, which large steps have; their tables are complete. A run that was
-# interrupted has no states.csv yet, so make repeats it.
+# Exit status 1 is the verdict FAIL, which large steps have; their tables are complete. An interrupted
+# sweep has no runs.csv yet, so make goes on with it.
 define sweep_rule
-$(SWEEP)/$(1)/$(2)/states.csv: decks/thesis/$(1).xml | $(SWEEP)/compiled
-	$(BIN)/msahl run $$< --dt $(2) --t-final 10 -q -o $$(@D) || [ $$$$? -eq 1 ]
+$(SWEEP)/$(1)/runs.csv: decks/thesis/$(1).xml | .venv/installed
+	$(BIN)/msahl sweep $$< --over dt=$(SWEEP_STEPS) --t-final 10 --keep all --jobs $(JOBS) -q -o $$(@D) || [ $$$$? -eq 1 ]
 endef
-$(foreach d,$(SWEEP_DECKS),$(foreach h,$(SWEEP_STEPS),$(eval $(call sweep_rule,$(d),$(h)))))
+$(foreach d,$(SWEEP_DECKS),$(eval $(call sweep_rule,$(d))))
 
 bench: .venv/installed
 	$(BIN)/python -m pip install -q -e '.[bench]'
@@ -177,6 +175,9 @@ docs: .venv/documented
 
 examples: .venv/documented
 	$(BIN)/python -m tools.docs.pictures
+
+readme: .venv/tested
+	$(BIN)/python -m tools.docs.moving_picture
 
 # The bundles in msahl/post/web come from the packages of tools/web/package-lock.json; to change them,
 # edit package.json there and run node build.mjs.

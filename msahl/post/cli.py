@@ -11,8 +11,10 @@ import click
 
 import msahl
 from msahl.post.commands.compare import compare
+from msahl.post.commands.export import export
 from msahl.post.commands.pictures import plot, report
 from msahl.post.commands.shared import BAD_INPUT
+from msahl.post.commands.sweep import sweep
 from msahl.post.commands.tables import constraints, energy, events, reactions, work
 from msahl.post.commands.verdict import verdict
 from msahl.post.commands.view import view
@@ -62,7 +64,11 @@ def main() -> None:
     """
 
 
-for command in (energy, work, events, constraints, verdict, reactions, plot, report, view, compare):
+COMMANDS = (
+    *(energy, work, events, constraints, verdict, reactions),
+    *(plot, report, view, export, compare, sweep),
+)
+for command in COMMANDS:
     main.add_command(command)
 
 

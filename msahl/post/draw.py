@@ -91,12 +91,14 @@ def looks() -> Iterator[dict[str, Any]]:
 def curves(
     axes: Axes,
     time: np.ndarray,
-    series: np.ndarray,
+    series: np.ndarray | Sequence[np.ndarray],
     names: Sequence[str],
     lines: Sequence[str] = (),
 ) -> None:
-    """Draw each column of ``series`` (m, k) against ``time`` (m,), in the line styles ``lines``."""
-    for i, (values, name, look) in enumerate(zip(series.T, names, looks(), strict=False)):
+    """Draw each column of ``series`` (m, k), or each of several (m,), against ``time`` (m,), in the
+    line styles ``lines``."""
+    columns = series.T if isinstance(series, np.ndarray) else series
+    for i, (values, name, look) in enumerate(zip(columns, names, looks(), strict=False)):
         chosen = {"linestyle": lines[i]} if lines else {}
         axes.plot(*thinned(time, values), label=plain(name), **(look | chosen))
 
@@ -152,7 +154,7 @@ def _intervals(length: int) -> Iterator[tuple[int, int]]:
 def legend(figure: Figure, axes: Axes) -> None:
     """Add the legend of the curves of ``axes`` beside the panels."""
     handles, labels = axes.get_legend_handles_labels()
-    labels = ["\n".join(map(_shortened, label.splitlines())) for label in labels]
+    labels = ["\n".join(map(shortened, label.splitlines())) for label in labels]
     if len(labels) > MOST_IN_LEGEND:
         more = f"and {len(labels) - MOST_IN_LEGEND} more"
         handles, labels = handles[:MOST_IN_LEGEND], labels[:MOST_IN_LEGEND]
@@ -161,7 +163,7 @@ def legend(figure: Figure, axes: Axes) -> None:
         figure.legend(handles, labels, loc="outside right upper")
 
 
-def _shortened(name: str) -> str:
+def shortened(name: str) -> str:
     """Return a name, cut to ``LONGEST_NAME`` characters to leave space for the curves."""
     return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 3]}..."
 

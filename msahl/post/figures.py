@@ -142,7 +142,7 @@ def _energy(run: Run, metrics: Metrics, choice: Choice) -> tuple[str, Figure]:
         drawn.append((WORK, energy.work, ":"))
         drawn.append(("total - work", energy.balance, "-."))
     names, series, lines = zip(*drawn, strict=True)
-    curves(parts, energy.time, np.stack(series, axis=1), names, lines=lines)
+    curves(parts, energy.time, series, names, lines=lines)
     parts.set_ylabel("energy [J]")
     largest = energy.largest_kinetic
     absolute_curves(error, energy.time, energy.error[:, None] / (largest or 1.0), ["error"])
@@ -258,7 +258,8 @@ def _components(
     """
     if np.isnan(vectors).all():
         return [], []
-    largest = np.nanmax(np.abs(vectors), axis=(0, 1))
+    highest, lowest = np.nanmax(vectors, axis=(0, 1)), np.nanmin(vectors, axis=(0, 1))
+    largest = np.maximum(highest, -lowest)
     shown = [axis for axis in range(3) if largest[axis] > NEGLIGIBLE * largest.max()]
     zero = [f"{letter}{AXES[axis]}" for axis in range(3) if axis not in shown]
     panels = [(f"{letter}{AXES[axis]} [{unit}]", vectors[:, :, axis]) for axis in shown]

@@ -18,8 +18,8 @@ import numpy as np
 from msahl.joints.registry import KINDS
 from msahl.model import JointMotion, Model
 from msahl.model.couplings import COORDINATES
-from msahl.post.replay import Rows, observe
-from msahl.post.virtual import child_work, reaction_work
+from msahl.post.replay import History, observe
+from msahl.post.virtual import child_work, joints_of, reaction_work
 from msahl.results.read import Run
 from msahl.system.names import FORCE_COLUMNS, MOMENT_COLUMNS, workers
 
@@ -197,8 +197,9 @@ class Metrics:
 
 def compute_metrics(run: Run) -> Metrics:
     """Compute the metrics of ``run`` at every output time, with the element laws that made it."""
-    observed = observe(run)
-    loads = _loads(run)
+    loads, reactions = _loads(run), _reactions(run)
+    work = _JointWork(run, reactions) if run.has_means else None
+    observed = observe(run, work.visit if work else lambda part, history: None)
     energy = Energy(
         run.time,
         tuple(body.name for body in run.model.bodies),
@@ -212,9 +213,8 @@ def compute_metrics(run: Run) -> Metrics:
     constraints = Constraints(
         run.time, names, observed.violation, observed.rate, observed.length, _speed(run, energy)
     )
-    reactions = _reactions(run)
-    work = _joint_work(run, observed, reactions) if run.has_means else None
-    return Metrics(energy, loads, constraints, work, reactions, len(run.model.joints))
+    found = work.found if work else None
+    return Metrics(energy, loads, constraints, found, reactions, len(run.model.joints))
 
 
 def element_names(model: Model) -> tuple[str, ...]:
@@ -241,9 +241,11 @@ def _loads(run: Run) -> LoadWork:
 
 def _reactions(run: Run) -> Reactions:
     model, names = run.model, element_names(run.model)
-    force, moment = np.full((2, len(run.time), len(names), 3), np.nan)
-    load = np.full((len(run.time), len(names), 2), np.nan)
     along_angle = _is_along_angle(model)
+    shape = (len(run.time), len(names))
+    force = _without_values((*shape, 3), bool(model.joints))
+    moment = _without_values((*shape, 3), any(KINDS[j.kind].moment for j in model.joints))
+    load = _without_values((*shape, 2), bool(along_angle))
     for e, name in enumerate(names):
         assert run.reactions is not None
         if e >= len(model.joints):
@@ -256,6 +258,11 @@ def _reactions(run: Run) -> Reactions:
     return Reactions(names, force, moment, load, tuple(tuple(listed.get(n, ())) for n in names))
 
 
+def _without_values(shape: tuple[int, ...], written: bool) -> np.ndarray:
+    """Return an array of nan; one that is not to be ``written`` takes no memory."""
+    return np.full(shape, np.nan) if written else np.broadcast_to(np.nan, shape)
+
+
 def _is_along_angle(model: Model) -> dict[int, int]:
     """By index of the element: 1 if its load is along an angle [N m], 0 if along a slide [N]."""
     coordinates = [COORDINATES[coupling.kind][1] for coupling in model.couplings]
@@ -263,13 +270,20 @@ def _is_along_angle(model: Model) -> dict[int, int]:
     return {e: int(c == "angle") for e, c in enumerate(coordinates, start=len(model.joints))}
 
 
-def _joint_work(run: Run, observed: Rows, reactions: Reactions) -> JointWork:
-    joints = len(run.model.joints)
-    force = np.ascontiguousarray(reactions.force[:, :joints])
-    moment = np.nan_to_num(reactions.moment[:, :joints])
-    return JointWork(
-        run.time[1:],
-        reactions.names[:joints],
-        child_work(run, force),
-        reaction_work(run.model, observed.history, force, moment),
-    )
+class _JointWork:
+    """Sums the virtual work of the joints over each step, part by part of the output times."""
+
+    def __init__(self, run: Run, reactions: Reactions) -> None:
+        joints = len(run.model.joints)
+        self.run, self.reactions, self.joints = run, reactions, joints_of(run.model)
+        hainge, reaction = np.zeros((2, len(run.time) - 1, joints))
+        self.found = JointWork(run.time[1:], reactions.names[:joints], hainge, reaction)
+
+    def visit(self, part: slice, history: History) -> None:
+        """Add the steps between the output times of a part."""
+        joints = len(self.found.joints)
+        force = np.ascontiguousarray(self.reactions.force[part, :joints])
+        moment = np.nan_to_num(self.reactions.moment[part, :joints])
+        steps = slice(part.start, part.stop - 1)
+        self.found.hainge[steps] = child_work(self.joints, self.run, part, force)
+        self.found.reaction[steps] = reaction_work(self.joints, history, force, moment)

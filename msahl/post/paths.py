@@ -19,6 +19,9 @@ from msahl.results.read import ResultError, Run
 AXES = "xyz"
 SPATIAL = 0.02
 """Paths are spatial if they extend this far in the third direction, relative to the first."""
+POINTS_IN_PLANE = 50_000
+"""Points of a path in a plane above which every second, third, ... is drawn: a picture shows no
+more, and a long run has millions."""
 POINTS = 4000
 """Most points of a path in space, where the drawing library does not simplify lines."""
 ELEVATION, AZIMUTH = 22.0, -58.0
@@ -36,7 +39,8 @@ def paths(runs: Sequence[Run], bodies: Sequence[str], plane: str = "") -> tuple[
     what = f"paths in the {plane} plane (dot: start)"
     figure, (axes,) = new_figure(1, 5.4, title(runs, what))
     for points, label, look in tracks:
-        (line,) = axes.plot(points[:, i], points[:, j], label=plain(label), **look)
+        shown = points[:: max(1, len(points) // POINTS_IN_PLANE)]
+        (line,) = axes.plot(shown[:, i], shown[:, j], label=plain(label), **look)
         axes.plot(*points[0, [i, j]], "o", color=line.get_color(), markersize=5)
     axes.set(xlabel=f"{plane[0]} [m]", ylabel=f"{plane[1]} [m]", aspect="equal")
     axes.set_adjustable("datalim")
@@ -64,7 +68,7 @@ def paths_in_space(runs: Sequence[Run], bodies: Sequence[str]) -> tuple[str, Fig
         axes.plot(*points[:1].T, "o", color=line.get_color(), markersize=5)
     limits = np.array([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()])
     ranges = np.ptp(limits, axis=1)
-    axes.set_box_aspect(np.maximum(ranges, 1e-3 * ranges.max()), zoom=1.25)
+    axes.set_box_aspect(np.maximum(ranges, 1e-3 * ranges.max()), zoom=1.25 - 0.3 * tall)
     axes.view_init(ELEVATION, AZIMUTH, vertical_axis=AXES[vertical])
     if runs[0].model.gravity[vertical] > 0.0:
         getattr(axes, f"invert_{AXES[vertical]}axis")()

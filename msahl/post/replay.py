@@ -5,6 +5,7 @@
 Everything measured here is measured by the kernels the time loop runs, one row after the other.
 """
 
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -46,34 +47,53 @@ class Rows(NamedTuple):
     violation: np.ndarray  # (m, e, 2) size of the violation [m] and [rad]; nan where none
     rate: np.ndarray  # (m, e, 2) size of its rate [m/s] and [rad/s]; likewise
     length: float  # longest arm or radius of gyration [m]
-    history: History
 
 
-def observe(run: Run) -> Rows:
-    """What every row of ``run`` shows."""
-    system = build_system(run.model)
-    state = build_state(run.model, system)
-    table = body_columns(run)
-    m, n = len(table), len(run.model.bodies)
-    history = History(*(np.zeros((m, n + 1, 3)) for _ in History._fields))
-    violation, rate = np.zeros((2, m, *state.violation.shape))
-    elastic = np.zeros(m)
+PART = 20_000
+"""Rows times bodies whose history is in memory at once: of a long run it would take most memory."""
+
+
+def observe(run: Run, visit: Callable[[slice, History], None]) -> Rows:
+    """What every row of ``run`` shows.
+
+    ``visit`` gets consecutive rows and their history, in arrays that the next part overwrites and
+    that may be longer; each part begins with the last row of the part before, so that differences
+    of rows can be taken within parts.
+    """
+    model, system = run.model, build_system(run.model)
+    state = build_state(model, system)
     start = new_system_workspace(system, state)
-    _observe(system, state, start, run.time, table, history, violation, rate, elastic)
-    energies = [_energies_of(run.model, b, history) for b in range(n)]
-    linear, rotational, potential = np.moveaxis(np.array(energies), 0, 2)
+    m, n = len(run.time), len(model.bodies)
+    elements = len(model.joints) + len(model.couplings) + len(model.motions)
+    alone = [_system_of_one(model, b) for b in range(n)]
+    energies, elastic = np.zeros((3, m, n)), np.zeros(m)
+    violation, rate = np.zeros((2, m, elements, 2))
     used, holonomic = _slots(system)
-    elements = len(run.model.joints) + len(run.model.couplings) + len(run.model.motions)
-    return Rows(
-        linear,
-        rotational,
-        potential,
-        elastic,
-        _sizes(system, violation, holonomic, elements),
-        _sizes(system, rate, used, elements),
-        float(system.frames.length[:n].max()),
-        history,
-    )
+    parts = list(_parts(m, n))
+    # Calls keep the groups that they have got: one of each serves all parts.
+    history, of_one = (_new_history(parts[0].stop + 1, bodies) for bodies in (n, 1))
+    for part in parts:
+        table = body_columns(run, part)
+        found, changing = np.zeros((2, len(table), *state.violation.shape))
+        stored = elastic[part]
+        _observe(system, state, start, run.time[part], table, history, found, changing, stored)
+        for b, bodies in enumerate(alone):
+            for one, series in zip(of_one, history, strict=True):
+                one[:] = series[:, [b, -1]]
+            energies[:, part, b] = _energies_of(bodies, of_one)[:, : len(table)]
+        violation[part] = _sizes(system, found, holonomic, elements)
+        rate[part] = _sizes(system, changing, used, elements)
+        visit(part, history)
+    length = float(system.frames.length[:n].max())
+    linear, rotational, potential = energies
+    return Rows(linear, rotational, potential, elastic, violation, rate, length)
+
+
+def _parts(rows: int, bodies: int) -> Iterator[slice]:
+    """Yield consecutive rows, each part with the last row of the part before."""
+    length = max(PART // bodies, 2)
+    for begin in range(0, rows, length):
+        yield slice(max(begin - 1, 0), min(begin + length, rows))
 
 
 def _slots(system: System) -> tuple[np.ndarray, np.ndarray]:
@@ -100,19 +120,26 @@ def _sizes(system: System, values: np.ndarray, kept: np.ndarray, elements: int) 
     return np.sqrt(total)
 
 
-def _energies_of(model: Model, b: int, history: History) -> np.ndarray:
-    """(3, m) energies of body ``b``: those of a system of this body alone."""
+def _system_of_one(model: Model, b: int) -> RigidBodies:
+    """The bodies of a system of body ``b`` alone."""
     only = Model(model.gravity, model.grounds, (model.bodies[b],), (), (), model.simulation)
-    alone = build_system(only).bodies
-    of_b = History(*(np.ascontiguousarray(series[:, [b, -1]]) for series in history))
-    energies = np.zeros((3, len(of_b.x)))
-    _sum_energies(alone, of_b, np.zeros((2, 3)), energies)
+    return build_system(only).bodies
+
+
+def _new_history(rows: int, bodies: int) -> History:
+    return History(*(np.zeros((rows, bodies + 1, 3)) for _ in History._fields))
+
+
+def _energies_of(alone: RigidBodies, history: History) -> np.ndarray:
+    """(3, m) energies of the only body of ``alone``."""
+    energies = np.zeros((3, len(history.x)))
+    _sum_energies(alone, history, np.zeros((2, 3)), energies)
     return energies
 
 
-def body_columns(run: Run) -> np.ndarray:
-    """(m, STATE_SIZE n) the states without their times."""
-    return np.ascontiguousarray(run.states.to_numpy()[:, 1:])
+def body_columns(run: Run, part: slice) -> np.ndarray:
+    """(m, STATE_SIZE n) the states without their times, of a range of rows."""
+    return np.ascontiguousarray(run.states.to_numpy()[part, 1:])
 
 
 @kernel

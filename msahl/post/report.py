@@ -6,7 +6,7 @@ from msahl.post.document import Block, Heading, Items, Paragraph, Picture, as_ma
 from msahl.post.draw import encode, style
 from msahl.post.figures import Choice, figures
 from msahl.post.metrics import Metrics
-from msahl.post.run_page import run_page
+from msahl.post.run_page import Pictured, moving_picture, run_page
 from msahl.post.sentences import (
     describe_constraints,
     describe_energy,
@@ -29,7 +29,7 @@ from msahl.results.write import replace_file
 from msahl.run.verdict import describe_reactions
 
 CAPTIONS = {
-    "linkage": "Bodies at a few instants, light to dark, and paths of their mass centres",
+    "linkage": "Bodies at a few instants, faint to strong, and paths of their mass centres",
     "path": "Paths of the bodies' reference points B",
     "path3d": "Paths of the bodies' reference points B in space",
     "error": "Estimated global error of positions and orientations, the largest of all bodies",
@@ -115,7 +115,7 @@ def write_report(run: Run, metrics: Metrics, folder: Path) -> list[Path]:
     return [folder / name for name in texts]
 
 
-def build_page(run: Run, metrics: Metrics) -> str:
+def build_page(run: Run, metrics: Metrics, picture: Pictured = moving_picture) -> str:
     """Return the page on a run; tables, settings and definitions are folded."""
     folded: dict[str, list[Block]] = {
         "Accuracy metrics in words": [_in_words(run, metrics)],
@@ -123,7 +123,7 @@ def build_page(run: Run, metrics: Metrics) -> str:
         "Settings and versions": [_facts(run)],
         "Definitions": [Items(DEFINITIONS)],
     }
-    return run_page(run, metrics, folded)
+    return run_page(run, metrics, folded, picture)
 
 
 def build_report(run: Run, metrics: Metrics) -> list[Block]:

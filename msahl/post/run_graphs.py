@@ -91,9 +91,9 @@ def _reactions(run: Run, metrics: Metrics) -> Group:
 
 
 def _norms(vectors: np.ndarray) -> np.ndarray:
-    """Return the norms (m, k) of vectors (m, k, 3), without their underflow and overflow."""
-    size = np.nanmax(np.abs(vectors), initial=0.0) or 1.0
-    norms: np.ndarray = size * np.sqrt(((vectors / size) ** 2).sum(axis=2))
+    """Return the norms (m, k) of vectors (m, k, 3)."""
+    x, y, z = np.moveaxis(vectors, 2, 0)
+    norms: np.ndarray = np.hypot(np.hypot(x, y), z)
     return norms
 
 

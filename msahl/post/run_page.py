@@ -6,6 +6,7 @@ from typing import Any
 from msahl.post.document import Paragraph
 from msahl.post.draw import style
 from msahl.post.figures import Choice, figures
+from msahl.post.linkage.draw import lacks_motion
 from msahl.post.metrics import Metrics
 from msahl.post.page.blocks import fold, header, part_of, section, table, word
 from msahl.post.page.drawing import drawn
@@ -15,7 +16,9 @@ from msahl.post.page.page import NOTHING, Part, wrap, write_page
 from msahl.post.run_graphs import diagnostics, histories
 from msahl.post.summary import partial_note
 from msahl.post.table import Column, Table
+from msahl.post.view.page import show_sample, viewer_block
 from msahl.results.read import Run
+from msahl.results.sample import sample_run
 
 MEANINGS = {
     "PASS": "The results can be used.",
@@ -38,22 +41,23 @@ CHECKS = {
 }
 """Names of the checks for a reader; another is shown by its own name."""
 
-Picture = Callable[[Run, Metrics], Part]
+NUMBERS, ROWS = 300_000, 1 << 14
+"""Most numbers and rows of a run that the viewer gets."""
+
+Pictured = Callable[[Run, Metrics], Part]
 
 
-def run_page(
-    run: Run, metrics: Metrics, folded: dict[str, list[Any]], picture: Picture | None = None
-) -> str:
+def run_page(run: Run, metrics: Metrics, folded: dict[str, list[Any]], picture: Pictured) -> str:
     """Return the page on a run as HTML.
 
     ``folded`` has titles and blocks that follow below the accuracy; ``picture`` makes the picture
-    of the mechanism (default: the paths of its bodies).
+    of the mechanism.
     """
     title = run.model.simulation.title or run.folder.resolve().name
     content = [
         header(title, _line(run)),
         banner(run),
-        wrap("div", (picture or path_picture)(run, metrics), _facts(run), class_="split"),
+        wrap("div", picture(run, metrics), _facts(run), class_="split"),
         section("Time histories", _thinning_note(run), graphs(histories(run, metrics))),
         section("Accuracy", *_accuracy(run)),
         fold("Errors over time", graphs(diagnostics(run, metrics), "diagnostics")),
@@ -90,13 +94,21 @@ def _good_news(verdict: dict[str, Any]) -> list[str]:
     return [checks[name]["text"] for name in ("accuracy", "energy") if name in checks]
 
 
-def path_picture(run: Run, metrics: Metrics) -> Part:
-    """Return the paths of the bodies in the plane in which they extend most."""
+def still_picture(run: Run, metrics: Metrics) -> Part:
+    """Return the linkage at a few instants; of a motion that it does not show, the paths."""
+    kind, words = "linkage", "The bodies and their joints at a few instants"
+    if lacks_motion(run):
+        kind, words = "path", "Paths of the bodies' reference points"
     with style():
-        ((_, figure),) = figures(run, metrics, Choice(), ["path"])
-        picture = drawn(figure, "path")
-    words = "Paths of the bodies' reference points"
+        ((_, figure),) = figures(run, metrics, Choice(), [kind])
+        picture = drawn(figure, kind)
     return Part(element("figure", picture, role="img", aria_label=words))
+
+
+def moving_picture(run: Run, metrics: Metrics) -> Part:
+    """Return the viewer of the motion; in print, the still picture."""
+    viewer = viewer_block([show_sample(sample_run(run, NUMBERS, ROWS), columns=False)])
+    return wrap("div", viewer, wrap("div", still_picture(run, metrics), class_="printed"))
 
 
 def _facts(run: Run) -> Part:

@@ -70,19 +70,21 @@ def _rolling_radius(joint: Joint) -> float:
     return 0.0
 
 
-def child_work(run: Run, force: np.ndarray) -> np.ndarray:
-    """(m - 1, k) Hainge's definition of every step and joint; ``force`` (m, k, 3)."""
-    work = np.zeros((len(run.time) - 1, force.shape[1]))
-    _sum_child(joints_of(run.model), body_columns(run), np.diff(run.time), force, work)
+def child_work(joints: Joints, run: Run, part: slice, force: np.ndarray) -> np.ndarray:
+    """(m - 1, k) Hainge's definition of every joint and step between the m rows of a part;
+    ``force`` (m, k, 3)."""
+    table, dt = body_columns(run, part), np.diff(run.time[part])
+    work = np.zeros((len(dt), force.shape[1]))
+    _sum_child(joints, table, dt, force, work)
     return work
 
 
 def reaction_work(
-    model: Model, history: History, force: np.ndarray, moment: np.ndarray
+    joints: Joints, history: History, force: np.ndarray, moment: np.ndarray
 ) -> np.ndarray:
     """(m - 1, k) work by the exact definition; ``force`` and ``moment`` (m, k, 3), else zero."""
     work = np.zeros((len(force) - 1, force.shape[1]))
-    _sum_reaction(joints_of(model), history, force, moment, work)
+    _sum_reaction(joints, history, force, moment, work)
     return work
 
 

@@ -2,8 +2,9 @@
 
 import io
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 import pandas as pd
@@ -205,24 +206,40 @@ def read_table(path: Path) -> pd.DataFrame:
     be cut, too.
     """
     try:
-        text = path.read_bytes().decode()
-    except (ValueError, OSError) as error:
+        with _complete_lines(path) as file:
+            columns = file.readline().rstrip("\r\n").split(",")
+            if len(set(columns)) < len(columns):
+                raise ResultError(f"{shown_path(path)}:1: a column appears twice; {AGAIN}")
+            numbers = _numbers(file, len(columns))
+    except OSError as error:
         raise ResultError(f"{shown_path(path)}: cannot be read: {error}; {AGAIN}") from error
-    if path.suffix == PART:
-        text = text[: text.rfind("\n") + 1]
-    header, _, rows = text.partition("\n")
-    columns = header.rstrip("\r").split(",")
-    if len(set(columns)) < len(columns):
-        raise ResultError(f"{shown_path(path)}:1: a column appears twice; {AGAIN}")
-    try:
-        # numpy reads a decimal as the nearest double; pandas does so in some versions only.
-        numbers = np.empty((0, len(columns)))
-        if rows.strip():
-            numbers = np.loadtxt(io.StringIO(rows), delimiter=",", ndmin=2, comments=None)
-        return pd.DataFrame(numbers, columns=columns)
     except ValueError as error:
+        try:
+            rows = path.read_bytes().decode().partition("\n")[2]
+        except ValueError as unknown:
+            message = f"cannot be read: {unknown}"
+            raise ResultError(f"{shown_path(path)}: {message}; {AGAIN}") from unknown
         message = unreadable(rows, len(columns))
         raise ResultError(f"{shown_path(path)}:{message}; {AGAIN}") from error
+    return pd.DataFrame(numbers, columns=columns)
+
+
+def _complete_lines(path: Path) -> TextIO:
+    """Open a table; of one that is not complete without its last line if that is cut."""
+    if path.suffix != PART:
+        return path.open(encoding="utf-8", newline="")
+    data = path.read_bytes()
+    return io.TextIOWrapper(io.BytesIO(data[: data.rfind(b"\n") + 1]), "utf-8", newline="")
+
+
+def _numbers(file: TextIO, columns: int) -> np.ndarray:
+    """Return the numbers (m, columns) of the lines that follow, without holding their text."""
+    for line in file:
+        if line.strip():
+            # numpy reads a decimal as the nearest double; pandas does so in some versions only.
+            lines = chain((line,), file)
+            return np.loadtxt(lines, delimiter=",", ndmin=2, comments=None)
+    return np.empty((0, columns))
 
 
 def unreadable(rows: str, columns: int) -> str:

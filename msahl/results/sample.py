@@ -1,11 +1,10 @@
 """Reads evenly spaced rows of the tables of a run, however long they are, in little memory."""
 
 import io
-import mmap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -14,12 +13,13 @@ from msahl.model import Model
 from msahl.printable import shown_path
 from msahl.results.folder import find
 from msahl.results.info import AGAIN, ResultError, read_info
-from msahl.results.read import find_table, require_columns, unreadable
+from msahl.results.read import Run, find_table, require_columns, unreadable
 from msahl.results.write import DECK, PART, file_name
-from msahl.run.tables import STATES, tables_of_model
+from msahl.run.tables import REACTIONS, STATES, WORK, tables_of_model
 
-BLOCK = 1 << 25
+BLOCK = 1 << 22
 """Bytes of a file that are searched for line ends at a time."""
+NEWLINE = 10
 
 
 @dataclass(frozen=True)
@@ -76,6 +76,17 @@ def read_sample(folder: Path, numbers: int, most: int) -> Sample:
     return Sample(folder, model, info, total, stride, tables, partial)
 
 
+def sample_run(run: Run, numbers: int, most: int) -> Sample:
+    """Return rows of a run that was read, chosen as by ``read_sample``."""
+    frames = {STATES: run.states, REACTIONS: run.reactions, WORK: run.work, **run.others}
+    known = {name: frame for name, frame in frames.items() if frame is not None}
+    total, width = len(run.time), sum(frame.shape[1] for frame in known.values())
+    rows = _spaced(total, min(most, max(numbers // width, 1000)))
+    tables = {name: (list(f.columns), f.to_numpy()[rows]) for name, f in known.items()}
+    stride = int(rows[1] - rows[0]) if len(rows) > 1 else 1
+    return Sample(run.folder, run.model, run.info, total, stride, tables, run.partial)
+
+
 def _spaced(total: int, most: int) -> np.ndarray:
     """Return the numbers of at most ``most`` + 1 evenly spaced rows, and of the last."""
     rows = np.arange(0, total, -(-total // most))
@@ -90,18 +101,16 @@ def _require_table(folder: Path, name: str) -> Path:
 
 
 class _Lines:
-    """The lines of a CSV table, of which any can be read without those before it."""
+    """The lines of a CSV table, of which any can be read without those before it.
+
+    The file is read and not mapped, so that only the lines that are wanted take memory.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.ends = np.empty(0, dtype=np.int64)
-        self.data: mmap.mmap | bytes = b""
-        with path.open("rb") as file:
-            if path.stat().st_size:
-                self.data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-                self.ends = _line_ends(self.data, path.suffix == PART)
-        first = self.data[: self.ends[0]] if self.ends.size else b""
-        self.header = first.decode(errors="replace").rstrip("\r").split(",")
+        self.file = path.open("rb")
+        self.ends = _line_ends(self.file, path.suffix == PART)
+        self.header = self._bytes(0, 0).decode(errors="replace").rstrip("\r").split(",")
 
     def __len__(self) -> int:
         """Return the number of rows, without the header."""
@@ -109,12 +118,22 @@ class _Lines:
 
     def close(self) -> None:
         """Release the file."""
-        if isinstance(self.data, mmap.mmap):
-            self.data.close()
+        self.file.close()
+
+    def _bytes(self, first: int, last: int) -> bytes:
+        """Return the lines from ``first`` to ``last``, of which 0 is the header."""
+        if last >= len(self.ends):
+            return b""
+        begin = self.ends[first - 1] + 1 if first else 0
+        self.file.seek(begin)
+        return self.file.read(self.ends[last] - begin)
 
     def read(self, rows: Sequence[int] | np.ndarray) -> np.ndarray:
         """Return the numbers of these rows, increasing from 0: (rows, columns)."""
-        text = b"\n".join(self.data[self.ends[row] + 1 : self.ends[row + 1]] for row in rows)
+        if len(rows) == rows[-1] + 1:
+            text = self._bytes(1, len(rows))
+        else:
+            text = b"\n".join(self._bytes(row + 1, row + 1) for row in rows)
         lines = text.decode(errors="replace")
         try:
             numbers = np.loadtxt(io.StringIO(lines), delimiter=",", ndmin=2, comments=None)
@@ -138,14 +157,12 @@ class _Lines:
         return ResultError(f"{shown_path(self.path)}:{row + 2}: {why}; {AGAIN}")
 
 
-def _line_ends(data: mmap.mmap, cut: bool) -> np.ndarray:
+def _line_ends(file: BinaryIO, cut: bool) -> np.ndarray:
     """Return the places of the line ends; the last line of a table that is not ``cut`` may lack
     its own."""
-    found = [
-        start + np.flatnonzero(np.frombuffer(data[start : start + BLOCK], dtype=np.uint8) == 10)
-        for start in range(0, len(data), BLOCK)
-    ]
-    ends = np.concatenate(found).astype(np.int64)
-    if not cut and data[len(data) - 1] != 10:
-        ends = np.append(ends, len(data))
-    return ends
+    found, length, last = [np.empty(0, dtype=np.int64)], 0, b"\n"
+    while block := file.read(BLOCK):
+        found.append(length + np.flatnonzero(np.frombuffer(block, dtype=np.uint8) == NEWLINE))
+        length, last = length + len(block), block[-1:]
+    ends = np.concatenate(found)
+    return ends if cut or last == b"\n" else np.append(ends, length)

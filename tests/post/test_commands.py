@@ -85,7 +85,7 @@ def test_report_holds_everything(run):
     html = (run / "report" / "report.html").read_text()
     assert "http" not in html.split("<body>")[1].split("<script")[0]
     sources = re.findall(r'(?:src|href)="([^"]{0,22})', html)
-    assert all(source.startswith("#path-") for source in sources)  # within the picture itself
+    assert all(source.startswith("#") for source in sources)  # within the picture itself
     assert "Conical &amp; &lt;calm&gt;" in html
     assert "initial velocities were &lt;changed&gt;" in html
     text = (run / "report" / "report.md").read_text()

@@ -41,6 +41,8 @@ INSTANTS = 5
 LOOK = Look(width=1.6, pin=4.5, letters=7.0)
 COLOURS = 32
 """Colours of the file; fewer make it smaller."""
+MAP_COLOURS = 160
+"""Colours of a picture with a scale of colours."""
 
 
 def draw_motion(axes: Axes, model: Model, states: pd.DataFrame) -> bool:
@@ -97,10 +99,10 @@ def draw(deck: Path, results: Path) -> bytes | None:
     return packed(Image.open(raw))
 
 
-def packed(image: Image.Image) -> bytes:
+def packed(image: Image.Image, colours: int = COLOURS) -> bytes:
     """Return a picture as a PNG of few colours."""
     stream = io.BytesIO()
-    few = image.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+    few = image.convert("RGB").quantize(colours, dither=Image.Dither.NONE)
     few.save(stream, format="PNG", optimize=True)
     return stream.getvalue()
 
@@ -115,9 +117,23 @@ def draw_pages(folder: Path) -> None:
     linkage = [sys.executable, "-m", "msahl.post.cli", "plot", str(results), "linkage"]
     subprocess.run([*linkage, "-o", str(folder)], check=True, capture_output=True)
     (IMAGES / "four_bar_linkage.png").write_bytes(packed(Image.open(folder / "linkage.png")))
+    picture = Image.open(draw_sweep(folder / "sweep"))
+    (IMAGES / "sweep_map.png").write_bytes(packed(picture, MAP_COLOURS))
     for name in PANELS:
         deck = ROOT / "decks" / "machines" / f"{name}.xml"
         draw_machine(name, run(deck, folder / name))
+
+
+def draw_sweep(folder: Path) -> Path:
+    """Return the path of the map of a sweep over length and initial angle of a rod."""
+    deck = str(ROOT / "decks" / "basics" / "parameters.xml")
+    lists = ["--set", "L=40:120:9 cm", "--set", "start=10:170:9 deg"]
+    measure = ["--measure", "Hinge.F absmax", "-q", "-o", str(folder)]
+    msahl = [sys.executable, "-c", "from msahl.cli.main import main; main()"]
+    subprocess.run([*msahl, "sweep", deck, *lists, *measure], check=False)
+    post = [sys.executable, "-m", "msahl.post.cli", "sweep", str(folder)]
+    subprocess.run(post, check=True, capture_output=True)
+    return folder / "report" / "map-1.png"
 
 
 def run(deck: Path, folder: Path) -> Path:

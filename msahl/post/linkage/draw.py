@@ -1,4 +1,4 @@
-"""Draw the linkage of a motion at a few instants, light to dark, with joints, ground and labels."""
+"""Draw the linkage of a motion at a few instants, with joints, ground and labels."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
 
-from msahl.post.draw import COLOURS, folded, plain
+from msahl.post.draw import COLOURS, folded, plain, shortened
 from msahl.post.linkage.motion import Motion, instants, moves, view
 from msahl.post.linkage.parts import GROUND, Parts, outline
 from msahl.post.scene import build_scene
@@ -63,7 +63,7 @@ def picture(run: Run, bodies: Sequence[str] = (), plane: str = "") -> tuple[str,
     axes = figure.add_subplot()
     draw_linkage(axes, motion, frame, chosen, look)
     times = ", ".join(f"{motion.time[k]:.3g}" for k in chosen)
-    shown = f"at t = {times} s" + (", light to dark" if len(chosen) > 1 else "")
+    shown = f"at t = {times} s" + (", faint to strong" if len(chosen) > 1 else "")
     axes.set_title(plain(folded(f"{scene['title']}: {shown}", 90)))
     if plane:
         across, up = ("xyz"[int(np.argmax(np.abs(row)))] for row in frame)
@@ -253,7 +253,7 @@ def _label(axes: Axes, motion: Motion, frame: np.ndarray, k: int, look: Look) ->
         # Names of bodies at the same place stand below each other.
         below = sum(np.hypot(*(middle - other)) < near for other in middles[:index])
         axes.annotate(
-            plain(motion.scene["bodies"][index]["name"]),
+            plain(shortened(motion.scene["bodies"][index]["name"])),
             middle,
             xytext=(shift * float(away[0]), shift * float(away[1] - below)),
             textcoords="offset points",

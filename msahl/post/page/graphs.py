@@ -84,7 +84,7 @@ def _group(group: Group, data: str, records: list[dict[str, object]]) -> Markup:
     note = [element("p", group.note, class_="note")] if group.note else []
     return element(
         "section",
-        element("div", heading, class_="graph-head"),
+        element("div", heading, class_="history-head"),
         note,
         element("div", places, class_="graphs pairs" if len(places) == 4 else "graphs"),
         class_="graph-group",
@@ -131,10 +131,8 @@ def _span(values: np.ndarray) -> float:
 
 def _record(graph: Graph, curves: Sequence[tuple[str, np.ndarray]]) -> dict[str, object]:
     """Return what ``graphs.js`` draws."""
-    values = np.array([series for _, series in curves], dtype=float)
-    if graph.log:
-        values = np.abs(values)
-    x, values = thinned(graph.x, values)
+    few = [thinned(graph.x, np.abs(series) if graph.log else series) for _, series in curves]
+    x, values = few[0][0], np.array([series for _, series in few], dtype=float)
     values[~np.isfinite(values)] = np.nan
     log = graph.log and bool((values > 0.0).any())
     if log:
@@ -152,19 +150,18 @@ def _record(graph: Graph, curves: Sequence[tuple[str, np.ndarray]]) -> dict[str,
 
 
 def thinned(x: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Reduce long series ``values`` (k, m) over ``x`` (m,) to two values of each interval: the
-    least and the largest, in the order in which the series rises or falls.
+    """Reduce long series ``values`` (m,) over ``x`` (m,) to two values of each interval: the least
+    and the largest, in the order in which the series rises or falls.
     """
     count = len(x)
     if count <= 2 * INTERVALS:
         return x, values
     edges = np.linspace(0, count, INTERVALS + 1).astype(int)
     first, last = edges[:-1], edges[1:] - 1
-    low = np.fmin.reduceat(values, first, axis=1)
-    high = np.fmax.reduceat(values, first, axis=1)
-    rising = values[:, first] <= values[:, last]
-    pairs = np.stack([np.where(rising, low, high), np.where(rising, high, low)], axis=2)
-    return np.stack([x[first], x[last]], axis=1).reshape(-1), pairs.reshape(len(values), -1)
+    low, high = np.fmin.reduceat(values, first), np.fmax.reduceat(values, first)
+    rising = values[first] <= values[last]
+    pairs = np.stack([np.where(rising, low, high), np.where(rising, high, low)], axis=1)
+    return np.stack([x[first], x[last]], axis=1).reshape(-1), pairs.reshape(-1)
 
 
 def _packed(values: np.ndarray) -> str:

@@ -82,17 +82,31 @@ A rod and a disc are cylinders; the two words say what a derived shape stands fo
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
+from msahl.model import Model
 from msahl.post.scene.build import build_scene
-
-if TYPE_CHECKING:
-    from msahl.results.read import Run
 
 __all__ = ["build_scene", "scene_of_run"]
 
 
-def scene_of_run(run: "Run") -> dict[str, Any]:
+class ModelOfRun(Protocol):
+    """What is needed of a run: its folder, its model, and what its ``run.json`` says."""
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the run."""
+
+    @property
+    def model(self) -> Model:
+        """The model that was run."""
+
+    @property
+    def info(self) -> dict[str, Any]:
+        """The content of ``run.json``."""
+
+
+def scene_of_run(run: ModelOfRun) -> dict[str, Any]:
     """Return the scene of the model that was run; files of meshes are those beside its deck."""
     deck = run.info.get("deck", {})
     folders = [run.folder]

@@ -19,9 +19,8 @@ from msahl.post.sweep.statistics import (
     LEVEL,
     Indices,
     Statistics,
-    has_indices,
+    groups,
     independent,
-    indices_of,
     statistics_of,
 )
 
@@ -31,6 +30,8 @@ MOST_LINES, MOST_VARIABLES, MOST_MEASURES = 8, 7, 12
 """Most curves of a panel, variables of a scatter matrix, and measures with pictures."""
 MOST_LABELS = 12
 """Values of an option up to which each point has its value beside it."""
+WIDE = 100.0
+"""Ratio of the largest value of a measure to the least from which its scale is logarithmic."""
 LEAST_MAP = 3
 """Values that both parameters of a map have at least."""
 TITLE_WIDTH = 88
@@ -47,15 +48,16 @@ class Picture:
     vector: bool = True
 
 
-def pictures(sweep: SweepRuns, measures: Sequence[Measured]) -> Iterator[Picture]:
-    """Yield the pictures that suit the plan of a sweep, for each of ``measures``."""
+def pictures(
+    sweep: SweepRuns, measures: Sequence[Measured], found: Sequence[Indices] = ()
+) -> Iterator[Picture]:
+    """Yield the pictures that suit the plan of a sweep, for each of ``measures``, and of the Sobol
+    indices that were ``found``."""
     shown = list(measures[:MOST_MEASURES])
     drawn = [p for p in sweep.varied if p.drawn]
     listed = [p for p in sweep.varied if not p.drawn]
-    if has_indices(sweep):
-        found = [indices for m in shown if (indices := indices_of(sweep, m))]
-        if found:
-            yield _indices(sweep, found)
+    if found:
+        yield _indices(found[:MOST_MEASURES])
     for number, measure in enumerate(shown, start=1):
         if drawn:
             yield _histogram(sweep, measure, number)
@@ -115,6 +117,9 @@ def _over_one(
         axes.set_xticks(range(len(ticks)), [plain(folded(tick, 14)) for tick in ticks])
     elif _is_geometric(np.unique(x)):
         axes.set_xscale("log")
+    known = measure.values[np.isfinite(measure.values)]
+    if len(known) and known.min() > 0.0 and known.max() > WIDE * known.min():
+        axes.set_yscale("log")
     axes.set(xlabel=plain(over.name), ylabel=plain(folded(measure.label, 40)))
     if by:
         more = f" (first {MOST_LINES} of {len(groups)})" if len(groups) > MOST_LINES else ""
@@ -226,16 +231,27 @@ def _edges_of(values: np.ndarray) -> np.ndarray:
 
 
 def _histogram(sweep: SweepRuns, measure: Measured, number: int) -> Picture:
-    """Draw the distribution of a measure with mean, standard deviation and confidence interval."""
-    found = statistics_of(sweep, measure)
-    among = independent(sweep)
-    values = measure.values[among & np.isfinite(measure.values)]
-    title = f"Distribution of {measure.name}\n({missing(sweep, measure, among)})"
+    """Draw the distribution of a measure, with mean, standard deviation and confidence interval; of
+    several groups of points the outlines."""
+    found = groups(sweep)
+    title = f"Distribution of {measure.name}\n({missing(sweep, measure, independent(sweep))})"
     figure = _figure((8.0, 4.4), title)
     axes = figure.add_subplot()
-    if len(values):
-        axes.hist(values, bins=_bins(values), color=COLOURS[5], edgecolor="white", lw=0.4)
-    _draw_statistics(axes, found)
+    known = np.isfinite(measure.values)
+    values = measure.values[known & independent(sweep)]
+    edges = np.histogram_bin_edges(values, _bins(values)) if len(values) else np.array([0.0, 1.0])
+    if len(found) == 1:
+        axes.set_axisbelow(True)
+        axes.hist(values, bins=list(edges), color=COLOURS[5], edgecolor="white", lw=0.4)
+        _draw_statistics(axes, statistics_of(sweep, measure, found[0][1]))
+    for k, (words, among) in enumerate(found[:MOST_LINES] if len(found) > 1 else []):
+        label = plain(folded(words, 28))
+        own = measure.values[known & among]
+        axes.hist(
+            own, bins=list(edges), histtype="step", color=COLOURS[k % len(COLOURS)], label=label
+        )
+    if len(found) > 1:
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=9)
     axes.set(xlabel=plain(folded(measure.label, 70)), ylabel="points")
     return Picture(f"histogram-{number}", f"Distribution of {measure.name}", figure)
 
@@ -268,7 +284,8 @@ def _scatter_matrix(sweep: SweepRuns, measures: Sequence[Measured]) -> Picture:
     columns += [(m.label, m.values, []) for m in measures[:left]]
     n, k = len(columns), len(sweep.varied)
     lost = ~np.isfinite(np.array([m.values for m in measures])).all(axis=0) if measures else None
-    note = f"{sweep.count} points, {int((~sweep.completed).sum())} of them failed (crosses)"
+    failed = int((~sweep.completed).sum())
+    note = f"{sweep.count} points" + (f", {failed} of them failed (crosses)" if failed else "")
     size = max(6.0, 1.7 * n)
     figure = _figure((size, size), f"Parameters and measures in pairs\n({note})")
     grid = figure.subplots(n, n, squeeze=False, sharex="col")
@@ -292,7 +309,7 @@ def _scatter_matrix(sweep: SweepRuns, measures: Sequence[Measured]) -> Picture:
     return Picture("scatter", "Parameters and measures in pairs", figure, vector=False)
 
 
-def _indices(sweep: SweepRuns, found: Sequence[Indices]) -> Picture:
+def _indices(found: Sequence[Indices]) -> Picture:
     """Draw first and total Sobol indices with their confidence intervals."""
     lost = [
         f"{i.measure.name}: {i.planned - i.rows} of {i.planned} rows"
@@ -306,6 +323,7 @@ def _indices(sweep: SweepRuns, found: Sequence[Indices]) -> Picture:
         figure.subplots(len(found), 1, squeeze=False)[:, 0], found, strict=True
     ):
         places = np.arange(len(indices.parameters))
+        axes.set_axisbelow(True)
         for shift, name, values, ends, colour in (
             (-0.2, "first order", indices.first, indices.first_interval, COLOURS[0]),
             (0.2, "total", indices.total, indices.total_interval, COLOURS[4]),
@@ -339,7 +357,8 @@ def _error_over_time(sweep: SweepRuns, listed: Sequence[Parameter]) -> Iterator[
     groups = list(dict.fromkeys(keys))
     for k, key in enumerate(groups[: len(COLOURS) * len(LINES)]):
         chosen = known & np.array([each == key for each in keys])
-        order = np.flatnonzero(chosen)[np.argsort(sweep.seconds[chosen])]
+        among = sweep.seconds if along.values is None else along.values
+        order = np.flatnonzero(chosen)[np.argsort(among[chosen], kind="stable")]
         axes.plot(
             sweep.seconds[order], errors.values[order], marker="o", ms=4,
             color=COLOURS[k % len(COLOURS)], ls=LINES[k // len(COLOURS) % len(LINES)],

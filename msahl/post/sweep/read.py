@@ -123,6 +123,12 @@ class SweepRuns:
         deck = str(self.info.get("deck", {}).get("path", ""))
         return f"Sweep of {Path(deck).name}" if deck else f"Sweep {self.folder.resolve().name}"
 
+    @property
+    def asked(self) -> list[Measured]:
+        """Measures that the sweep was asked for; the estimated error if it was asked for none."""
+        wanted = self.info.get("measures", [])
+        return [m for m in self.measures if m.name in wanted] or list(self.measures)
+
     def measure(self, name: str) -> Measured:
         """Return a measure by its name; raises ``ResultError`` if there is none."""
         words = " ".join(name.split())

@@ -27,11 +27,12 @@ QUANTILES = (0.05, 0.5, 0.95)
 
 @dataclass(frozen=True)
 class Statistics:
-    """Statistics of a measure over ``used`` points of ``points``; ``bad`` of those used have the
-    verdict FAIL. ``interval`` and ``deviation_interval`` are confidence intervals of the mean and
-    of the standard deviation, None for fewer than two points."""
+    """Statistics of a measure over ``used`` points of ``points`` of a ``group``; ``bad`` of those
+    used have the verdict FAIL. ``interval`` and ``deviation_interval`` are confidence intervals of
+    the mean and of the standard deviation, None for fewer than two points."""
 
     measure: Measured
+    group: str
     points: int
     used: int
     bad: int
@@ -69,9 +70,25 @@ def independent(sweep: SweepRuns) -> np.ndarray:
     return np.asarray((sweep.numbers - 1) % size < 2)
 
 
-def statistics_of(sweep: SweepRuns, measure: Measured) -> Statistics:
-    """Return the statistics of a measure over the independent points of a sweep."""
+def groups(sweep: SweepRuns) -> list[tuple[str, np.ndarray]]:
+    """Return the independent points (n,) of a sample, apart for each combination of the values of
+    what is not sampled, with its words; all in one group without such combinations."""
     among = independent(sweep)
+    listed = [parameter for parameter in sweep.varied if not parameter.drawn]
+    if not listed or not any(parameter.drawn for parameter in sweep.varied):
+        return [("", among)]
+    keys = list(zip(*(parameter.cells for parameter in listed), strict=True))
+    found = []
+    for key in dict.fromkeys(keys):
+        words = ", ".join(f"{p.name} = {cell}" for p, cell in zip(listed, key, strict=True))
+        found.append((words, among & np.array([each == key for each in keys])))
+    return found
+
+
+def statistics_of(
+    sweep: SweepRuns, measure: Measured, among: np.ndarray, group: str = ""
+) -> Statistics:
+    """Return the statistics of a measure over the points ``among`` (n,) those of a sweep."""
     known = among & np.isfinite(measure.values)
     values = measure.values[known]
     n = len(values)
@@ -84,7 +101,8 @@ def statistics_of(sweep: SweepRuns, measure: Measured) -> Statistics:
         spread = _deviation_interval(deviation, n)
     return Statistics(
         measure=measure,
-        points=int(among.sum()) + (sweep.planned - sweep.count),
+        group=group,
+        points=int(among.sum()),
         used=n,
         bad=int((sweep.bad & known).sum()),
         mean=mean,

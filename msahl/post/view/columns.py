@@ -1,6 +1,5 @@
 """Reduce the columns of a run's tables to what a graph shows, and pack them for the viewer."""
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -8,7 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from msahl.model import Model
+from msahl.post.columns import quantity
 from msahl.post.view.packing import pack_integers, pack_numbers
+from msahl.printable import printable, shown_path
+from msahl.results.info import ResultError
 from msahl.results.sample import Sample
 from msahl.run.tables import JOINTS, REACTIONS, SIGNALS
 
@@ -16,21 +19,6 @@ LEVELS = 65535
 """Steps from the least to the greatest value of a column: values are rounded to one of them."""
 FEWEST = 100
 """Least number of intervals that the time is divided into."""
-UNITS = (
-    (r"[xyz]|slide\d?|distance", "m"),
-    (r"v[xyz]|slideRate\d?|slide\dRate|distanceRate", "m/s"),
-    (r"a[xyz]|slide\d?Acceleration", "m/s^2"),
-    (r"angle\d?", "rad"),
-    (r"w[xyz]|angle\d?Rate", "rad/s"),
-    (r"alpha[xyz]|angle\d?Acceleration", "rad/s^2"),
-    (r"F[xyz]", "N"),
-    (r"M[xyz]", "N m"),
-    (r"work|energy|kinetic|potential", "J"),
-    (r"power", "W"),
-    (r"p[xyz]", "kg m/s"),
-    (r"L[xyz]", "kg m^2/s"),
-)
-"""Units of columns by the ends of their names; of others (load) they depend on the element."""
 
 
 @dataclass(frozen=True)
@@ -39,31 +27,45 @@ class Columns:
 
     names: list[str]
     tables: list[str]
+    units: list[str]
     time: np.ndarray
     values: np.ndarray
 
 
-def unit_of(name: str) -> str:
-    """Return the unit of a column, empty if it has none or its name does not say."""
-    end = name.rpartition(".")[2]
-    return next((unit for pattern, unit in UNITS if re.fullmatch(pattern, end)), "")
-
-
 def columns_of_run(sample: Sample, patterns: tuple[str, ...] = ()) -> Columns:
-    """Return the columns that match a pattern (all if there is none), reactions first."""
-    chosen = [
+    """Return the columns that match a pattern (all if there is none), coordinates of joints first.
+
+    Raises ``ResultError`` for a pattern that no column matches.
+    """
+    every = [
         (table, place, name)
         for table, (head, _) in _in_order(sample)
         for place, name in enumerate(head)
-        if place and (not patterns or any(fnmatchcase(name, pattern) for pattern in patterns))
+        if place
+    ]
+    for pattern in patterns:
+        if not any(fnmatchcase(name, pattern) for _, _, name in every):
+            where = shown_path(sample.folder)
+            raise ResultError(f"{where}: no column matches '{printable(pattern)}'")
+    chosen = [
+        entry
+        for entry in every
+        if not patterns or any(fnmatchcase(entry[2], pattern) for pattern in patterns)
     ]
     values = [sample.tables[table][1][:, place] for table, place, _ in chosen]
     return Columns(
         [name for _, _, name in chosen],
         [table for table, _, _ in chosen],
+        [_unit(name, sample.model) for _, _, name in chosen],
         sample.time,
         np.stack(values, axis=1) if values else np.empty((len(sample.time), 0)),
     )
+
+
+def _unit(name: str, model: Model) -> str:
+    """Return the SI unit of a column, empty if it has none or it is not known."""
+    unit = quantity(name, model).unit
+    return "" if unit in ("-", "SI") else unit
 
 
 def _in_order(sample: Sample) -> Iterator[tuple[str, tuple[list[str], np.ndarray]]]:
@@ -87,7 +89,7 @@ def pack_columns(columns: Columns, most: int) -> dict[str, Any]:
     return {
         "names": columns.names,
         "tables": columns.tables,
-        "units": [unit_of(name) for name in columns.names],
+        "units": columns.units,
         "least": least.tolist(),
         "step": step.tolist(),
         "every": len(time) == len(columns.time),

@@ -22,7 +22,7 @@ from typing import Any
 from msahl.joints.coordinates import is_angle
 from msahl.post.page.markup import element
 from msahl.post.page.page import Part, write_page
-from msahl.post.scene import build_scene
+from msahl.post.scene import scene_of_run
 from msahl.post.view.columns import columns_of_run, pack_columns
 from msahl.post.view.poses import Poses, choose_keys, pack_poses, poses_of_run
 from msahl.results.sample import Sample, read_sample
@@ -60,7 +60,7 @@ def show_run(folder: Path, patterns: tuple[str, ...] = ()) -> Shown:
 
 def show_sample(sample: Sample, patterns: tuple[str, ...] = (), columns: bool = True) -> Shown:
     """Return what a viewer shows of the output times that were read of a run."""
-    scene = build_scene(sample.model, sample.folder.resolve().name)
+    scene = scene_of_run(sample)
     poses = poses_of_run(sample)
     size = max(2.0 * poses.reach, float(scene["size"]))
     most = POSE_NUMBERS * max(1.0, len(sample.model.bodies) / 10) / (7 * len(sample.model.bodies))

@@ -2,6 +2,8 @@
 // Arrows of reactions and loads: their length is proportional to the force or moment at the time.
 
 const ARROW_COLOURS = { force: "#e8590c", moment: "#7048e8", load: "#099268" };
+const SAMPLED = 160; // times at which forces are looked at to choose the scale
+const LONGEST = 1.5; // of an arrow, divided by the size of the model
 
 class Arrow {
   constructor(colour, size, heads, parent) {
@@ -18,7 +20,7 @@ class Arrow {
 
   // Draws a vector from a point; `scale` is the length of a unit.
   set(point, vector, scale) {
-    const length = vector.length() * scale;
+    const length = Math.min(vector.length() * scale, LONGEST * this.size);
     this.object.visible = length > 0.01 * this.size;
     if (!this.object.visible) return;
     this.object.position.copy(point);
@@ -44,7 +46,7 @@ export class Arrows {
     if (columns) model.scene.joints.forEach((joint) => this.addReaction(joint));
     model.scene.loads.forEach((load) => this.addLoad(load));
     this.lengths = {};
-    for (const kind of Object.keys(ARROW_COLOURS)) this.lengths[kind] = this.largest(kind);
+    for (const kind of ["force", "moment"]) this.lengths[kind] = this.usual(kind);
   }
 
   get isEmpty() {
@@ -75,20 +77,17 @@ export class Arrows {
     return this.columns?.places.get(name);
   }
 
-  largest(kind) {
-    let most = 0;
-    for (const entry of this.entries) {
-      if (entry.kind !== kind) continue;
-      if (entry.vector) most = Math.max(most, entry.vector.length());
-      else {
-        const extremes = entry.places.map((place) => {
-          const { least, step } = this.columns;
-          return Math.max(Math.abs(least[place]), Math.abs(least[place] + 65535 * step[place]));
-        });
-        most = Math.max(most, Math.hypot(...extremes));
-      }
-    }
-    return most;
+  // What an arrow of ordinary length stands for: in three of four instants the longest is shorter.
+  usual(kind) {
+    const entries = this.entries.filter((entry) => entry.kind === kind && entry.places);
+    if (!entries.length) return 0;
+    const { times } = this.columns;
+    const most = Array.from({ length: SAMPLED }, (_, i) => {
+      const time = (times[times.length - 1] * i) / (SAMPLED - 1);
+      return Math.max(...entries.map(({ places }) => Math.hypot(...places.map((place) => this.columns.at(place, time)))));
+    });
+    most.sort((a, b) => a - b);
+    return most[Math.floor(0.75 * SAMPLED)] || most[SAMPLED - 1];
   }
 
   show(time) {
@@ -102,7 +101,7 @@ export class Arrows {
         if (factor !== undefined) vector.multiplyScalar(this.columns.at(factor, time));
         if (basis >= 0) vector.applyQuaternion(this.model.bodies[basis].quaternion);
       }
-      const unit = kind === "load" && constant ? 0.15 / (constant.length() || 1) : 0.3 / (this.lengths[kind] || 1);
+      const unit = constant ? 0.15 / (constant.length() || 1) : 0.2 / (this.lengths[kind] || 1);
       arrow.set(this.model.pointOf(body, at, point), vector, this.scale * unit * this.model.scene.size);
     }
   }

@@ -10,8 +10,8 @@ const VIEW_NAMES = [
 const KEYS = [
   ["Space", "play, pause"], ["← →", "one output time back, forward"], ["Shift ← →", "ten output times"],
   ["Home, End", "begin, end"], ["+ −", "faster, slower"], ["L", "loop"], ["0 – 7", "standard views"],
-  ["N A T", "names, axes, paths"], ["R J S", "forces, joints, springs"], ["D", "grid"],
-  ["G M", "graph, model"], ["P", "picture of this frame"], ["Esc", "follow no body"],
+  ["N A T", "names, axes, paths"], ["R J S", "forces, joints, springs"], ["X D", "see through bodies, grid"],
+  ["G M", "graph, model"], ["P", "picture of this frame"], ["Esc", "select and follow nothing"],
 ];
 
 // Changes the speed to the next of the list.
@@ -26,6 +26,9 @@ export function buildTop(viewer) {
   const title = make("div", { class: "titles" }, make("h1", { text: runs[0].scene.title || runs[0].name || "Model" }));
   const names = runs.map((run, index) => make("span", { class: `run-name run-${index + 1}`, text: run.name ?? "", title: run.note ?? "" }));
   if (runs.length > 1 || runs[0].name) title.append(make("p", {}, ...names));
+  for (const run of runs) {
+    for (const note of run.scene.notes ?? []) title.append(make("p", { class: "warning", text: note }));
+  }
   const views = make("select", { "aria-label": "Standard view", title: "Standard view" });
   views.append(make("option", { value: "", text: "View" }));
   for (const [value, text] of VIEW_NAMES) views.append(make("option", { value, text }));

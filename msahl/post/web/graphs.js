@@ -81,6 +81,7 @@ function seriesOf(curve, index, marked) {
 // Zooms all graphs of time together.
 let zoomingAll = false;
 function zoomAll(plot, key) {
+  for (const held of graphsDrawn.values()) if (held.plot === plot) markTime(held);
   if (key !== "x" || zoomingAll || plot.status === 0) return;
   const { min, max } = plot.scales.x;
   zoomingAll = true;
@@ -153,6 +154,30 @@ function drawGraph(place, width) {
   box.className = "readout";
   box.hidden = true;
   place.append(box);
+  held.mark = document.createElement("div");
+  held.mark.className = "time-mark";
+  held.mark.hidden = true;
+  plot.over.append(held.mark);
+  if (isOverTime(plot)) {
+    plot.over.addEventListener("click", () => {
+      const time = plot.posToVal(plot.cursor.left, "x");
+      document.dispatchEvent(new CustomEvent("msahl-seek", { detail: time }));
+    });
+  }
+  markTime(held);
+}
+
+function isOverTime(plot) {
+  return plot.xTitle === "time [s]";
+}
+
+// The time of the viewer in the same page; null before it has told one.
+let viewedTime = null;
+function markTime({ plot, mark }) {
+  if (!plot || !isOverTime(plot) || viewedTime === null) return;
+  const { min, max } = plot.scales.x;
+  mark.hidden = viewedTime < min || viewedTime > max;
+  mark.style.transform = `translateX(${plot.valToPos(viewedTime, "x")}px)`;
 }
 
 function drawAllGraphs(width) {
@@ -192,13 +217,17 @@ async function startGraphs() {
     read[graphs] ??= readJson(graphs);
     const record = read[graphs][graph];
     const data = [floatsOf(record.x), ...record.curves.map((curve) => floatsOf(curve.values))];
-    graphsDrawn.set(place, { record, data, hiddenCurves: new Set(), plot: null });
+    graphsDrawn.set(place, { record, data, hiddenCurves: new Set(), plot: null, mark: null });
     sizes.observe(place);
   }
   for (const button of document.querySelectorAll(".legend button")) {
     button.addEventListener("click", () => toggleCurve(button));
   }
   document.addEventListener("msahl-theme", () => drawAllGraphs());
+  document.addEventListener("msahl-time", (event) => {
+    viewedTime = event.detail;
+    for (const held of graphsDrawn.values()) markTime(held);
+  });
   addEventListener("beforeprint", () => drawAllGraphs(PRINTED_WIDTH));
   addEventListener("afterprint", () => drawAllGraphs());
 }

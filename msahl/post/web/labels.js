@@ -24,14 +24,14 @@ export class Labels {
       text.hidden = Math.abs(this.point.z) > 1;
       const x = 0.5 * (1 + this.point.x) * width;
       const y = 0.5 * (1 - this.point.y) * height;
-      text.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px) translate(-50%, -50%)`;
+      text.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px) translate(9px, -50%)`;
     });
   }
 
   tipAt(found, x, y) {
     this.tip.hidden = !found;
     if (!found) return;
-    this.tip.textContent = found.kind ? `${found.name} (${found.kind})` : found.name;
+    this.tip.textContent = found.kind === "body" ? found.name : `${found.name} (${found.what ?? found.kind})`;
     this.tip.style.transform = `translate(${x + 14}px, ${y + 12}px)`;
   }
 }

@@ -6,6 +6,8 @@ import { WIDTH } from "./motion.js";
 import { bar, shapeObject, solid, stretch } from "./shapes.js";
 
 const SPRING = "#6c7683";
+const CLOSE = 10; // size of a glyph divided by the distance of joints of a body
+export const GLOW = "#1c7ed6";
 const SAMPLES = 240; // times at which the extent of the motion is looked at
 
 export class Model3d {
@@ -20,6 +22,7 @@ export class Model3d {
     for (const shape of scene.ground.shapes) {
       this.ground.add(shapeObject(shape, "#9aa3ad", look));
     }
+    this.sizes = scene.joints.map((joint) => sizeAt(joint, scene));
     this.surveyMotion();
     scene.joints.forEach((joint, index) => this.joint(joint, index));
     scene.motions.forEach((motion) => this.motionGlyph(motion));
@@ -30,7 +33,7 @@ export class Model3d {
 
   body(body, index) {
     const made = group(this.root);
-    made.userData = { body: index, name: body.name };
+    made.userData = { kind: "body", name: body.name };
     for (const shape of body.shapes) {
       const colour = this.look.tint ?? shape.colour ?? body.colour;
       const drawn = shapeObject({ ...shape, colour: null }, colour, this.look);
@@ -68,7 +71,7 @@ export class Model3d {
     const times = Array.from({ length: motion.isStill ? 1 : SAMPLES }, (_, i) => (motion.end * i) / (SAMPLES - 1));
     this.box = new THREE.Box3();
     this.travel = scene.joints.map(() => [0, 0]);
-    const radii = this.bodies.map((body) => radiusOf(body));
+    this.radii = this.bodies.map((body) => radiusOf(body));
     const poses = new THREE.Vector3();
     const sphere = new THREE.Sphere();
     for (const time of times) {
@@ -76,8 +79,8 @@ export class Model3d {
       this.bodies.forEach((body, index) => setPose(body, now, index * WIDTH));
       this.root.updateMatrixWorld();
       this.bodies.forEach((body, index) => {
-        sphere.center.copy(radii[index].center).applyMatrix4(body.matrixWorld);
-        sphere.radius = radii[index].radius;
+        sphere.center.copy(this.radii[index].center).applyMatrix4(body.matrixWorld);
+        sphere.radius = this.radii[index].radius;
         this.box.union(sphere.getBoundingBox(new THREE.Box3()));
       });
       scene.joints.forEach((joint, index) => {
@@ -100,14 +103,14 @@ export class Model3d {
 
   joint(joint, index) {
     if (joint.joints) return; // a coupling acts between joints that are drawn already
-    const { fixed, moving } = jointObjects(joint, this.scene.size, this.travel[index], this.look);
-    const name = { joint: index, name: joint.name, kind: joint.kind };
+    const { fixed, moving } = jointObjects(joint, this.sizes[index], this.travel[index], this.look);
+    const name = { kind: "joint", name: joint.name, what: joint.kind };
     for (const [part, body] of [[fixed, joint.parent], [moving, joint.child]]) {
       part.traverse((child) => (child.userData = name));
       this.follow(part, body, this.parts.joints);
     }
     if (joint.glyph === "distance") {
-      const rod = bar([0, 0, 0], [0, 1, 0], 0.006 * this.scene.size, solid("#8b95a3", this.look));
+      const rod = bar([0, 0, 0], [0, 1, 0], 0.006 * this.sizes[index], solid("#8b95a3", this.look));
       rod.userData = name;
       this.parts.joints.add(rod);
       this.movers.push(() => {
@@ -133,17 +136,17 @@ export class Model3d {
     if (motion.joint === null) return;
     const joint = this.scene.joints[motion.joint];
     if (!joint.axis) return;
-    const glyph = motionObject(motion.coordinate, this.scene.size, this.look);
+    const glyph = motionObject(motion.coordinate, this.sizes[motion.joint], this.look);
     glyph.position.set(...joint.parentPoint);
     glyph.quaternion.copy(turnTo(joint.axis));
-    glyph.traverse((child) => (child.userData = { name: motion.name, kind: "motion" }));
+    glyph.traverse((child) => (child.userData = { kind: "motion", name: motion.name }));
     this.follow(glyph, joint.parent, this.parts.joints);
   }
 
   spring(spring) {
     const size = this.scene.size;
-    const material = solid(SPRING, { ...this.look, metalness: 0.4, roughness: 0.35 });
-    const name = { name: spring.name, kind: spring.glyph === "bushing" ? "bushing" : "spring" };
+    const material = solid(this.look.tint ?? SPRING, { ...this.look, metalness: 0.4, roughness: 0.35 });
+    const name = { kind: "spring", name: spring.name, what: spring.glyph === "bushing" ? "bushing" : "spring" };
     if (spring.glyph === "bushing") {
       const rubber = new THREE.Mesh(new THREE.TorusGeometry(0.028 * size, 0.013 * size, 14, 36), solid("#30363d", this.look));
       rubber.position.set(...spring.aPoint);
@@ -153,7 +156,7 @@ export class Model3d {
       const spiral = spiralObject(0.05 * size, 0.003 * size, material);
       spiral.position.set(...spring.aPoint);
       if (spring.axis) spiral.quaternion.copy(turnTo(spring.axis));
-      spiral.userData = name;
+      spiral.traverse((child) => (child.userData = name));
       this.follow(spiral, spring.a, this.parts.springs);
     } else {
       const coil = new Coil(0.022 * size, 0.0045 * size, 9, material);
@@ -169,9 +172,48 @@ export class Model3d {
   markers() {
     for (const marker of this.scene.markers) {
       const object = markerObject(marker, this.scene.size, this.look);
-      object.traverse((child) => (child.userData = { name: marker.name, kind: "marker" }));
+      object.traverse((child) => (child.userData = { kind: "marker", name: marker.name }));
       this.follow(object, marker.body, this.parts.frames);
     }
+  }
+
+  // Lets the objects of one element glow; null: of none.
+  highlight(found) {
+    this.root.traverse(({ userData, material }) => {
+      if (!material?.emissive) return;
+      const isFound = found !== null && userData.kind === found.kind && userData.name === found.name;
+      material.emissive.set(isFound ? GLOW : "#000000");
+      material.emissiveIntensity = isFound ? 0.75 : 0;
+    });
+  }
+
+  // Makes bodies translucent, so that what is inside them is seen.
+  setSeeThrough(isOn) {
+    for (const body of this.bodies) {
+      body.traverse((child) => {
+        if (!child.material?.isMeshStandardMaterial) return;
+        child.material.transparent = isOn || this.look.opacity < 1;
+        child.material.opacity = isOn ? 0.32 * this.look.opacity : this.look.opacity;
+        child.material.depthWrite = !child.material.transparent;
+      });
+    }
+  }
+
+  // Whether a body's derived shape contains another body: it would hide it.
+  get hasHidden() {
+    this.show(0);
+    const centre = new THREE.Vector3();
+    return this.bodies.some((body, outer) =>
+      body.children.some((child, place) => {
+        if (child.userData.isFrame || !this.scene.bodies[outer].shapes[place]?.derived) return false;
+        return this.scene.bodies.some((other, inner) => {
+          if (inner === outer) return false;
+          child.worldToLocal(this.pointOf(inner, other.centre, centre));
+          const room = child.geometry.boundingBox.clone().expandByScalar(-0.6 * this.radii[inner].radius);
+          return !room.isEmpty() && room.containsPoint(centre);
+        });
+      }),
+    );
   }
 
   // Objects that the pointer can be over.
@@ -184,6 +226,23 @@ export class Model3d {
 export function setPose(object, poses, at) {
   object.position.set(poses[at], poses[at + 1], poses[at + 2]);
   object.quaternion.set(poses[at + 4], poses[at + 5], poses[at + 6], poses[at + 3]);
+}
+
+// The length to which a joint's glyph is relative: the scene's size, but smaller where joints of a
+// body are close together.
+function sizeAt(joint, scene) {
+  const ends = (one) => [[one.parent, one.parentPoint], [one.child, one.childPoint]];
+  let size = scene.size;
+  for (const other of scene.joints) {
+    if (other === joint || other.joints) continue;
+    for (const [body, point] of ends(joint)) {
+      for (const [another, there] of ends(other)) {
+        const distance = Math.hypot(...point.map((x, axis) => x - there[axis]));
+        if (body >= 0 && body === another && distance > 1e-6 * scene.size) size = Math.min(size, CLOSE * distance);
+      }
+    }
+  }
+  return size;
 }
 
 function group(parent) {

@@ -10,11 +10,11 @@ export function buildTree(viewer) {
       iconButton("close", "Close", () => viewer.setPanel("tree", false), { class: "plain" })),
     switches(viewer),
     section("Bodies", scene.bodies.map((body, index) => bodyRow(viewer, body, index))),
-    section("Joints", scene.joints.map((joint) => row(viewer, joint.name, joint.kind))),
-    section("Motions", scene.motions.map((motion) => row(viewer, motion.name, "motion"))),
-    section("Springs", scene.springs.map((spring) => row(viewer, spring.name, spring.glyph))),
-    section("Loads", scene.loads.map((load) => row(viewer, load.name, load.kind))),
-    section("Markers", scene.markers.map((marker) => row(viewer, marker.name, ""))),
+    section("Joints", scene.joints.map((joint) => row(viewer, "joint", joint.name, joint.kind))),
+    section("Motions", scene.motions.map((motion) => row(viewer, "motion", motion.name, motion.coordinate ?? "point"))),
+    section("Springs", scene.springs.map((spring) => row(viewer, "spring", spring.name, spring.glyph))),
+    section("Loads", scene.loads.map((load) => row(viewer, "load", load.name, load.kind))),
+    section("Markers", scene.markers.map((marker) => row(viewer, "marker", marker.name, ""))),
   ];
   panel.append(...parts.filter(Boolean));
   return panel;
@@ -28,15 +28,26 @@ function section(title, rows) {
   return made;
 }
 
-function row(viewer, name, kind) {
-  const text = make("span", { class: "what", text: name, title: name });
-  return make("li", { "data-name": name }, text, make("small", { text: kind }));
+function row(viewer, kind, name, what) {
+  return selectable(viewer, kind, name, make("small", { text: what }));
+}
+
+// A row whose name selects the element.
+function selectable(viewer, kind, name, ...rest) {
+  const select = () => viewer.select(viewer.isSelected(kind, name) ? null : { kind, name });
+  const text = make("button", { type: "button", class: "what", text: name, title: name, onclick: select });
+  const made = make("li", {}, text, ...rest);
+  viewer.onUpdate(() => {
+    const isSelected = viewer.isSelected(kind, name);
+    if (isSelected && !made.classList.contains("selected")) made.scrollIntoView({ block: "nearest" });
+    made.classList.toggle("selected", isSelected);
+  });
+  return made;
 }
 
 function bodyRow(viewer, body, index) {
-  const dot = make("i", { class: "dot" });
+  const dot = make("i", { class: "dot", title: `${body.mass.toPrecision(4)} kg` });
   dot.style.background = body.colour;
-  const name = make("span", { class: "what", text: body.name, title: `${body.name}: ${body.mass.toPrecision(4)} kg` });
   const pressed = (button, isOn) => button.setAttribute("aria-pressed", String(isOn));
   const path = iconButton("path", "Show or hide the path of the mass centre", () => {
     viewer.setTrace(index, !viewer.hasTrace(index));
@@ -47,7 +58,8 @@ function bodyRow(viewer, body, index) {
   const eye = iconButton("eye", "Show or hide this body", () => {
     viewer.setBody(index, !viewer.models[0].bodies[index].visible);
   });
-  const made = make("li", { "data-name": body.name }, dot, name, path, follow, eye);
+  const made = selectable(viewer, "body", body.name, path, follow, eye);
+  made.prepend(dot);
   viewer.onUpdate(() => {
     pressed(path, viewer.hasTrace(index));
     pressed(follow, viewer.followed === index);

@@ -54,6 +54,7 @@ export class Viewer {
     this.setPanel("tree", this.data.isPage && this.element.clientWidth > 900);
     this.setPanel("graph", this.data.isPage && this.element.clientWidth > 700 && this.element.clientHeight > 560);
     this.help.hidden = true;
+    if (this.models[0].hasHidden) this.setSeeThrough(true);
     this.listen();
     this.setTheme();
     this.resize();
@@ -65,11 +66,25 @@ export class Viewer {
     this.stage.controls.addEventListener("change", () => this.invalidate());
     this.stage.controls.addEventListener("start", () => (this.stage.isFitted = null));
     document.addEventListener("msahl-theme", () => this.setTheme());
+    // Graphs beside the viewer show its time, and choose it.
+    this.onUpdate(() => document.dispatchEvent(new CustomEvent("msahl-time", { detail: this.player.time })));
+    document.addEventListener("msahl-seek", (event) => this.player.scrub(event.detail));
     this.canvas.addEventListener("pointermove", (event) => this.hover(event));
+    this.canvas.addEventListener("click", (event) => this.click(event));
+    this.canvas.addEventListener("pointerdown", (event) => (this.pressedAt = [event.clientX, event.clientY]));
+    // Another part of the page may select an element: { kind, name }, or null.
+    this.element.addEventListener("msahl-select", ({ detail }) => this.select(detail, false));
     this.canvas.addEventListener("pointerleave", () => this.labels.tipAt(null));
     this.canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     this.canvas.addEventListener("webglcontextrestored", () => this.invalidate());
     listenToKeys(this);
+    if (this.data.isPage) return;
+    // In a report the wheel moves the page, until the viewer has been clicked.
+    const zoom = () => (this.stage.controls.enableZoom = this.element.contains(document.activeElement));
+    this.canvas.addEventListener("pointerdown", () => this.element.focus({ preventScroll: true }));
+    this.element.addEventListener("focusin", zoom);
+    this.element.addEventListener("focusout", () => setTimeout(zoom));
+    zoom();
   }
 
   // Functions that bring a control up to date after a change.
@@ -124,12 +139,36 @@ export class Viewer {
     if (!this.isFilming) this.draw();
   }
 
-  hover(event) {
-    if (event.buttons) return this.labels.tipAt(null);
+  // What is under the pointer, and where that is in the view.
+  under(event) {
     const { left, top, width, height } = this.canvas.getBoundingClientRect();
     const [x, y] = [event.clientX - left, event.clientY - top];
     const found = pick(this.models[0], this.stage.camera, (2 * x) / width - 1, 1 - (2 * y) / height);
+    return { found, x, y };
+  }
+
+  hover(event) {
+    if (event.buttons) return this.labels.tipAt(null);
+    const { found, x, y } = this.under(event);
     this.labels.tipAt(found, x, y);
+  }
+
+  // Selects what is under the pointer, unless the pointer was moved to turn the view.
+  click(event) {
+    const [x, y] = this.pressedAt ?? [event.clientX, event.clientY];
+    if (Math.hypot(event.clientX - x, event.clientY - y) < 4) this.select(this.under(event).found);
+  }
+
+  isSelected(kind, name) {
+    return this.selected?.kind === kind && this.selected.name === name;
+  }
+
+  // Selects an element, { kind, name }, or none; tells the page unless the page has asked for it.
+  select(found, isTold = true) {
+    this.selected = found && { kind: found.kind, name: found.name };
+    this.models[0].highlight(this.selected);
+    this.invalidate();
+    if (isTold) this.element.dispatchEvent(new CustomEvent("msahl-selected", { detail: this.selected }));
   }
 
   setTheme() {
@@ -156,6 +195,7 @@ export class Viewer {
       this.hasArrows ? ["arrows", "Forces", "R"] : null,
       scene.joints.length ? ["joints", "Joints", "J"] : null,
       scene.springs.length ? ["springs", "Springs", "S"] : null,
+      ["through", "See through", "X"],
       ["floor", "Grid", "D"],
     ].filter(Boolean);
   }
@@ -171,6 +211,8 @@ export class Viewer {
         return model.scene.bodies.some((_, body) => this.hasTrace(body));
       case "arrows":
         return this.arrows[0].root.visible;
+      case "through":
+        return Boolean(this.isSeeThrough);
       case "floor":
         return this.stage.floor.visible;
       default:
@@ -185,9 +227,15 @@ export class Viewer {
     else if (key === "axes") this.setAxes(isOn);
     else if (key === "traces") this.models[0].scene.bodies.forEach((_, body) => this.setTrace(body, isOn));
     else if (key === "arrows") for (const arrows of this.arrows) arrows.root.visible = isOn;
+    else if (key === "through") this.setSeeThrough(isOn);
     else if (key === "floor") this.stage.floor.visible = isOn;
     else for (const model of this.models) model.parts[key].visible = isOn;
     this.invalidate();
+  }
+
+  setSeeThrough(isOn) {
+    this.isSeeThrough = isOn;
+    for (const model of this.models) model.setSeeThrough(isOn);
   }
 
   setAxes(isOn) {
@@ -326,7 +374,7 @@ for (const element of document.querySelectorAll("[data-viewer]")) {
     (viewer) => {
       window.msahl ??= probe(viewer);
       element.dataset.state = "ready";
-      element.dispatchEvent(new CustomEvent("msahl-ready"));
+      element.dispatchEvent(new CustomEvent("msahl-ready", { detail: viewer }));
     },
     (error) => {
       console.warn(error);

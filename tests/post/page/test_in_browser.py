@@ -4,14 +4,13 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from msahl.post.cli import main as post
 from msahl.post.metrics import compute_metrics
 from msahl.post.page.graphs import Graph, Group, graphs
 from msahl.post.page.markup import element
 from msahl.post.page.page import wrap, write_page
 from msahl.post.report import build_page
+from msahl.post.run_page import moving_picture, still_picture
 from msahl.results.read import read_run
 from tests.support.browser import browser, open_page  # noqa: F401
 from tests.support.hostile import PAYLOADS, assert_nothing_ran
@@ -40,8 +39,14 @@ DRAWN = """() => [...document.querySelectorAll('.plot canvas')].map((canvas) => 
 def report(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
     write(folder, info=INFO)
-    assert CliRunner().invoke(post, ["report", str(folder)]).exit_code == 0
-    return folder / "report" / "report.html"
+    return page_of(folder, still_picture)
+
+
+def page_of(folder, picture):
+    """Write the page on a run and return its path."""
+    run, path = read_run(folder), folder / "page.html"
+    path.write_text(build_page(run, compute_metrics(run), picture))
+    return path
 
 
 def test_the_verdict_comes_first_and_three_screens_show_what_is_not_folded(open_page, report):  # noqa: F811
@@ -92,6 +97,21 @@ def test_a_legend_hides_a_curve_and_the_cursor_reads_values(open_page, report): 
     assert "kinetic" not in text
     time = float(text.splitlines()[0].split()[-1])
     assert time == pytest.approx(0.2, abs=0.02)  # the middle of 0 to 0.4 s
+
+
+def test_graphs_and_viewer_share_the_time(open_page, tmp_path):  # noqa: F811
+    write(tmp_path, info=INFO)
+    page = open_page(page_of(tmp_path, moving_picture), viewport={"width": 1280, "height": 900})
+    page.wait_for_selector(".viewer[data-state=ready]")
+    page.wait_for_selector(".plot canvas")
+    page.locator(".graph-group", has_text="Energies").locator(".u-over").click()
+    page.wait_for_function("window.msahl.time > 0")
+    assert page.evaluate("msahl.time") == pytest.approx(0.2, abs=0.02)  # the middle of the graph
+    places = "[...document.querySelectorAll('.time-mark')].map((m) => m.getBoundingClientRect().x)"
+    page.wait_for_timeout(100)
+    wide = page.locator(".graph-group", has_text="Energies").locator(".u-over").bounding_box()
+    middle = wide["x"] + wide["width"] / 2
+    assert min(abs(x - middle) for x in page.evaluate(places)) < 0.06 * wide["width"]
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -151,10 +171,7 @@ def test_hostile_names_run_no_script(open_page, tmp_path):  # noqa: F811
         "nonUniqueReactions": {f"{name} 2": listed},
     }
     write(tmp_path, info=info, text=text.replace("Conical &amp; &lt;calm&gt;", escape(name)))
-    run = read_run(tmp_path)
-    path = tmp_path / "page.html"
-    path.write_text(build_page(run, compute_metrics(run)))
-    page = open_page(path)
+    page = open_page(page_of(tmp_path, moving_picture))
     page.wait_for_selector(".plot canvas")
     page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
     page.locator(".u-over").first.hover()

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from msahl.algebra.rotation_arrays import quaternions
-from msahl.post.view.columns import Columns, pack_columns, unit_of
+from msahl.post.view.columns import Columns, columns_of_run, pack_columns
 from msahl.post.view.packing import pack_integers
 from msahl.post.view.poses import Poses, choose_keys, interpolate, pack_poses, poses_of_run
+from msahl.results.info import ResultError
 from msahl.results.sample import read_sample
 from tests.support import run_folders
 
@@ -112,7 +113,9 @@ def test_columns_keep_their_extremes() -> None:
     t = np.linspace(0.0, 1.0, 100_001)
     values = np.zeros((100_001, 2))
     values[777, 0], values[50_123, 1] = 5.0, -3.0
-    packed = pack_columns(Columns(["a.x", "b.Fx"], ["states", "reactions"], t, values), 1000)
+    packed = pack_columns(
+        Columns(["a.x", "b.Fx"], ["states", "reactions"], ["m", "N"], t, values), 1000
+    )
     found = packed["least"] + np.array(packed["step"]) * unpacked(packed["values"])
     assert not packed["every"]
     assert len(found) <= 1000
@@ -123,15 +126,18 @@ def test_columns_keep_their_extremes() -> None:
 
 def test_constant_columns_come_back() -> None:
     t = np.linspace(0.0, 1.0, 5)
-    packed = pack_columns(Columns(["a.x"], ["states"], t, np.full((5, 1), 2.5)), 1000)
+    packed = pack_columns(Columns(["a.x"], ["states"], ["m"], t, np.full((5, 1), 2.5)), 1000)
     assert packed["least"] == [2.5]
     assert packed["step"] == [0.0]
     assert packed["every"]
 
 
-@pytest.mark.parametrize(
-    ("name", "unit"),
-    [("Crank.angle", "rad"), ("A.B.wx", "rad/s"), ("Pin.Mz", "N m"), ("S.P1", ""), ("s", "")],
-)
-def test_units(name: str, unit: str) -> None:
-    assert unit_of(name) == unit
+def test_columns_of_a_run(tmp_path) -> None:
+    run_folders.write(tmp_path / "run")
+    sample = read_sample(tmp_path / "run", 10_000, 1000)
+    columns = columns_of_run(sample, ("Bob.?", "*.Fz"))
+    assert columns.names == ["Pivot.Fz", "Bob.x", "Bob.y", "Bob.z"]
+    assert columns.units == ["N", "m", "m", "m"]
+    assert (columns.values[:, 1] == run_folders.conical_rows()[0][:, 1]).all()
+    with pytest.raises(ResultError, match=r"no column matches 'Bo\.\*'"):
+        columns_of_run(sample, ("Bo.*",))

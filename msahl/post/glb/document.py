@@ -1,0 +1,156 @@
+"""Describe a scene and its motion as a glTF document: nodes, meshes, materials, one animation."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+import msahl
+from msahl.post.glb.animation import Keys
+from msahl.post.glb.container import INDICES, VERTICES, Numbers, glb
+from msahl.post.scene.geometry import Shape, along, quaternion
+from msahl.post.scene.triangles import triangles
+
+Node = dict[str, Any]
+GREY = "#9aa3ad"
+"""Colour of the ground's shapes that have none."""
+METALLIC, ROUGHNESS = 0.1, 0.6
+
+
+def write_glb(
+    scene: Mapping[str, Any], time: np.ndarray, poses: np.ndarray, keys: Sequence[Keys]
+) -> bytes:
+    """Return a GLB file of a scene and the ``poses`` (rows, bodies, 7) of its bodies at ``time``
+    (rows,) [s]: positions [m] and unit quaternions, scalar first. ``keys`` are those of each body.
+    """
+    file = _File(scene)
+    for index, (body, key) in enumerate(zip(scene["bodies"], keys, strict=True)):
+        node = file.add_body(body["name"], body["shapes"], body["colour"], poses[0, index])
+        if len(key.rows) > 1:
+            file.animate(node, time[key.rows], poses[key.rows, index])
+    ground = scene["ground"]
+    if ground["shapes"]:
+        file.add_body(", ".join(ground["names"]) or "ground", ground["shapes"], GREY, None)
+    return file.finish(scene["title"])
+
+
+class _File:
+    """A document as it is built. Node 0 is the root, whose children are bodies and ground."""
+
+    def __init__(self, scene: Mapping[str, Any]) -> None:
+        up = quaternion(_upright(scene["up"]))
+        self.nodes: list[Node] = [{"name": scene["title"] or "model", "children": []}]
+        self.nodes[0]["rotation"] = _xyzw(up)
+        self.numbers = Numbers()
+        self.meshes: dict[tuple[Any, ...], int] = {}
+        self.mesh_list: list[dict[str, Any]] = []
+        self.materials: dict[str, int] = {}
+        self.material_list: list[dict[str, Any]] = []
+        self.channels: list[dict[str, Any]] = []
+        self.samplers: list[dict[str, Any]] = []
+
+    def add_body(
+        self, name: str, shapes: Sequence[Shape], colour: str, pose: np.ndarray | None
+    ) -> int:
+        """Add a node for a body, with a child for each shape; return its index."""
+        node: Node = {"name": name}
+        if pose is not None:
+            node |= {"translation": pose[:3].tolist(), "rotation": _xyzw(pose[3:])}
+        place = len(self.nodes)
+        self.nodes.append(node)
+        self.nodes[0]["children"].append(place)
+        for shape in shapes:
+            child: Node = {"name": shape["name"] or shape["kind"]}
+            child["mesh"] = self._mesh(shape, shape["colour"] or colour)
+            child |= {"translation": shape["position"], "rotation": _xyzw(shape["orientation"])}
+            self.nodes.append(child)
+            node.setdefault("children", []).append(len(self.nodes) - 1)
+        return place
+
+    def _mesh(self, shape: Shape, colour: str) -> int:
+        """Return the index of the mesh of a shape; equal ones are stored once."""
+        numbers = (shape["size"], shape.get("vertices", ()), shape.get("faces", ()))
+        key = (shape["kind"], colour, *map(tuple, numbers))
+        if key not in self.meshes:
+            surface = triangles(shape)
+            vertices, normals, faces = surface
+            attributes = {"POSITION": self.numbers.add(vertices, VERTICES, bounds=True)}
+            if normals is not None:
+                attributes["NORMAL"] = self.numbers.add(normals, VERTICES)
+            primitive = {
+                "attributes": attributes,
+                "indices": self.numbers.add(faces.ravel(), INDICES),
+                "material": self._material(colour),
+            }
+            self.meshes[key] = len(self.mesh_list)
+            self.mesh_list.append({"name": key_name(shape), "primitives": [primitive]})
+        return self.meshes[key]
+
+    def _material(self, colour: str) -> int:
+        if colour not in self.materials:
+            self.materials[colour] = len(self.material_list)
+            surface = {
+                "baseColorFactor": [*linear(colour), 1.0],
+                "metallicFactor": METALLIC,
+                "roughnessFactor": ROUGHNESS,
+            }
+            # Triangles of files may have their outside on either side.
+            self.material_list.append(
+                {"name": colour, "pbrMetallicRoughness": surface, "doubleSided": True}
+            )
+        return self.materials[colour]
+
+    def animate(self, node: int, time: np.ndarray, poses: np.ndarray) -> None:
+        """Add samplers of translation and rotation of a node."""
+        times = self.numbers.add(time, bounds=True)
+        rotations = poses[:, [4, 5, 6, 3]]  # glTF has the scalar last
+        for path, values in (("translation", poses[:, :3]), ("rotation", rotations)):
+            output = self.numbers.add(values)
+            self.channels.append(
+                {"sampler": len(self.samplers), "target": {"node": node, "path": path}}
+            )
+            self.samplers.append({"input": times, "output": output, "interpolation": "LINEAR"})
+
+    def finish(self, title: str) -> bytes:
+        """Return the bytes of the file."""
+        document: dict[str, Any] = {
+            "asset": {"version": "2.0", "generator": f"msahl {msahl.__version__}"},
+            "scene": 0,
+            "scenes": [{"name": title or "model", "nodes": [0]}],
+            "nodes": self.nodes,
+            "meshes": self.mesh_list,
+            "materials": self.material_list,
+        }
+        if self.channels:
+            animation = {"name": title or "motion", "channels": self.channels}
+            document["animations"] = [animation | {"samplers": self.samplers}]
+        return glb(document, self.numbers)
+
+
+def key_name(shape: Shape) -> str:
+    """Return the name of a shape's mesh: its file, or its kind and sizes [m]."""
+    sizes = " x ".join(f"{size:.4g}" for size in shape["size"])
+    return shape["name"] or f"{shape['kind']} {sizes}"
+
+
+def linear(colour: str) -> list[float]:
+    """Return red, green, blue in linear light, from 0 to 1, of a colour #rrggbb (sRGB)."""
+    parts = [int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5)]
+    return [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+
+
+def _upright(up: Sequence[float]) -> np.ndarray:
+    """Return the rotation (3, 3) that takes the direction ``up`` to y, the smallest one."""
+    a, y = np.asarray(up, dtype=float), np.array([0.0, 1.0, 0.0])
+    axis, cosine = np.cross(a, y), float(a @ y)
+    if cosine < -1.0 + 1e-12:  # half a revolution about any axis across
+        x = along(a)[:, 0]
+        return np.asarray(2.0 * np.outer(x, x) - np.eye(3))
+    K = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.asarray(np.eye(3) + K + K @ K / (1.0 + cosine))
+
+
+def _xyzw(q: Sequence[float] | np.ndarray) -> list[float]:
+    """Return a quaternion [w, x, y, z] with its scalar last, as glTF has it."""
+    w, x, y, z = map(float, q)
+    return [x, y, z, w]
