@@ -22,7 +22,6 @@ from msahl.analysis.point import Point, complete
 from msahl.elements.frames import first_multiplier
 from msahl.start.velocities import solve_at_rest
 from msahl.system.arrays import State, node_count
-from msahl.system.evaluate import jacobian_at_rest
 
 STEADY = 1e-8
 """Residual over the forces, and change of coefficients over their size, that is round-off."""
@@ -163,11 +162,10 @@ def _allowed_motions(point: Point, found: Coefficients) -> np.ndarray:
     system, rng = point.system, np.random.default_rng(0)
     first = first_multiplier(system.frames)
     motions = np.zeros((found.coordinate.size, MOTIONS))
-    values = jacobian_at_rest(system, point.state)
     for k in range(MOTIONS):
         rows = np.zeros((node_count(system), 3))
         rows[:first] = rng.normal(size=(first, 3))
-        moved = solve_at_rest(system, values, rows, point.unknowns)
+        moved = solve_at_rest(system, point.state, rows, point.unknowns)
         motions[:, k] = moved.reshape(-1)[found.coordinate] / found.length
     return motions
 
