@@ -9,7 +9,9 @@ orthonormal basis [N X], N of the null space of A,
 
 The others have condition numbers kappa = |x| |y| / |y^H x| (right and left eigenvector): a change
 E of the matrix changes them by kappa |E| to first order, and a double eigenvalue by sqrt(|E| |A|).
-Round-off is of the size of eps |A| at least.
+Round-off is of the size of eps |A| at least. Without damping and gyroscopic terms
+A = [[0, 1], [K, 0]] with a symmetric K: then the eigenvalues are the roots of those of K, which are
+well conditioned.
 """
 
 from typing import NamedTuple
@@ -18,6 +20,8 @@ import numpy as np
 
 ZERO = 1e-12
 """Singular value, relative to the largest and for each row, that is round-off."""
+SYMMETRIC = 1e-13
+"""Asymmetry of a matrix, relative to its largest entry, that is round-off."""
 ROUND_OFF = 8.0
 """Machine epsilons of the norm by which round-off is taken to change a matrix, for each root of its
 size."""
@@ -42,6 +46,8 @@ def eigenvalues(A: np.ndarray) -> Eigenvalues:
     if not n:
         none = np.zeros(0)
         return Eigenvalues(none.astype(complex), np.zeros((0, 0)), none, none, zeros=0, null=0)
+    if _is_conservative(A):
+        return _vibrations(A[n // 2 :, : n // 2])
     balanced, (scaling, _) = matrix_balance(A, permute=False, separate=True)
     basis, zeros, null = _deflate(balanced)
     rest = basis[:, zeros:].T @ balanced @ basis[:, zeros:]
@@ -58,6 +64,41 @@ def eigenvalues(A: np.ndarray) -> Eigenvalues:
         condition=np.concatenate([np.full(zeros, np.nan), condition[order]]),
         error=np.concatenate([np.zeros(zeros), error[order]]),
         zeros=zeros,
+        null=null,
+    )
+
+
+def _is_conservative(A: np.ndarray) -> bool:
+    """Return whether ``A`` is [[0, 1], [K, 0]] with a symmetric K."""
+    d = len(A) // 2
+    if len(A) % 2 or A[:d, :d].any() or A[d:, d:].any():
+        return False
+    if np.abs(A[:d, d:] - np.eye(d)).max() > SYMMETRIC * d:
+        return False
+    K = A[d:, :d]
+    return bool(np.abs(K - K.T).max() <= SYMMETRIC * np.abs(K).max(initial=0.0))
+
+
+def _vibrations(K: np.ndarray) -> Eigenvalues:
+    """Return the eigenvalues +-sqrt(mu) of [[0, 1], [K, 0]], mu those of the symmetric ``K``."""
+    d = len(K)
+    mu, vectors = np.linalg.eigh(0.5 * (K + K.T))
+    size = ROUND_OFF * np.sqrt(d) * np.finfo(float).eps * np.abs(mu).max(initial=0.0)
+    order = np.argsort(np.abs(mu), kind="stable")
+    mu, vectors = mu[order], vectors[:, order]
+    null = int(np.count_nonzero(np.abs(mu) <= ZERO * np.sqrt(d) * np.abs(mu).max(initial=0.0)))
+    rest, moving = np.sqrt(mu[null:].astype(complex)), vectors[:, null:]
+    still, zero = vectors[:, :null], np.zeros((d, null))
+    value = np.stack([rest, -rest], axis=1).reshape(-1)
+    shape = np.repeat(moving, 2, axis=1)
+    vector = np.concatenate([shape, shape * value])
+    rigid = np.concatenate([np.concatenate([still, zero]), np.concatenate([zero, still])], axis=1)
+    return Eigenvalues(
+        value=np.concatenate([np.zeros(2 * null), value]),
+        vector=np.concatenate([rigid, vector], axis=1).astype(complex),
+        condition=np.concatenate([np.full(2 * null, np.nan), np.ones(value.size)]),
+        error=np.concatenate([np.zeros(2 * null), 0.5 * size / np.abs(value)]),
+        zeros=2 * null,
         null=null,
     )
 

@@ -17,10 +17,23 @@ from msahl.analysis.eigenvalues import eigenvalues
 from msahl.analysis.point import Point
 from msahl.analysis.rate_gradients import rates_by_place
 from msahl.analysis.reduced import linear_system
+from msahl.analysis.sparse_eigenvalues import (
+    NotFoundError,
+    Pencil,
+    is_worthwhile,
+    nearest,
+    pencil,
+)
 from msahl.analysis.steady import Equilibrium, equilibrium
 from msahl.model import SignalState
+from msahl.start.velocities import StartError
 from msahl.system.names import describe_row
 
+AUTO, DENSE, SPARSE = METHODS = ("auto", "dense", "sparse")
+LARGEST_DENSE = 600
+"""Most coordinates (six a body) of a model of which all modes are computed by dense matrices."""
+FEW = 10
+"""Modes of a larger model that are computed unless more are wanted."""
 SHAPE_COLUMNS = ("x", "y", "z", "rx", "ry", "rz")
 """Displacement of a body's reference point and rotation vector, inertial axes [m, rad]."""
 COLUMNS = ("mode", "real", "imaginary", "frequency", "damping", "condition", "error")
@@ -51,13 +64,74 @@ class Modes(NamedTuple):
     def damping(self) -> np.ndarray:
         """(m,) damping ratios; 0 of zeros."""
         size = np.abs(self.value)
-        return np.divide(-self.value.real, size, out=np.zeros(size.size), where=size > 0.0)
+        ratio = np.divide(-self.value.real, size, out=np.zeros(size.size), where=size > 0.0)
+        return ratio + 0.0  # no -0
 
 
-def modes(point: Point) -> Modes:
-    """Return all modes at a ``point``."""
+def modes(
+    point: Point, number: int | None = None, frequency: float = 0.0, method: str = AUTO
+) -> Modes:
+    """Return the modes at a ``point``: zeros and the ``number`` nearest to a ``frequency`` [Hz], by
+    default all of a small model. Raises ``StartError`` if a large model has too many zeros.
+    """
     found = coefficients(point.system, point.state)
     state = equilibrium(point, found)
+    if method == SPARSE or (method == AUTO and found.coordinate.size > LARGEST_DENSE):
+        of = pencil(found, state.axes)
+        if is_worthwhile(of, number or FEW):
+            return _sparse(point, found, state, of, (number or FEW, frequency))
+    return _nearest(_dense(point, found, state), number, frequency)
+
+
+def _nearest(found: Modes, number: int | None, frequency: float) -> Modes:
+    """Return the zeros and the ``number`` modes nearest to a ``frequency`` [Hz]."""
+    if number is None:
+        return found
+    distance = np.abs(found.value[found.zeros :] - 2j * np.pi * frequency)
+    kept = np.sort(found.zeros + np.argsort(distance, kind="stable")[:number])
+    kept = np.concatenate([np.arange(found.zeros), kept])
+    fields = ("value", "condition", "error", "shape", "states")
+    return found._replace(**{name: getattr(found, name)[kept] for name in fields})
+
+
+def _sparse(
+    point: Point,
+    found: Coefficients,
+    state: Equilibrium,
+    of: Pencil,
+    wanted: tuple[int, float],
+) -> Modes:
+    """Modes of a large model, ``wanted`` by their number and the frequency nearby."""
+    number, frequency = wanted
+    try:
+        result = nearest(of, number, frequency)
+    except NotFoundError:
+        where = f"{frequency:.9g} Hz" if frequency else "zero"
+        raise StartError(
+            f"eigenvalues near {where} cannot be separated: one is exactly there (a rigid-body "
+            "mode, if it is zero), or many are nearly equal; ask for modes near another frequency "
+            "(--near)"
+        ) from None
+    found_modes = Modes(
+        value=result.value,
+        condition=result.condition,
+        error=result.error,
+        zeros=result.zeros,
+        rigid=result.zeros // 2,
+        shape=np.zeros((0, 0, 0)),
+        states=result.states.T,
+        equilibrium=state,
+        degrees_of_freedom=of.coordinates - of.independent,
+        redundant=of.redundant,
+        warnings=warnings(point, state),
+    )
+    places, states = _normalised(found, result.places, result.states)
+    found_modes = found_modes._replace(shape=_shapes(point, found, places), states=states.T)
+    return _nearest(found_modes, number, frequency)
+
+
+def _dense(point: Point, found: Coefficients, state: Equilibrium) -> Modes:
+    """All modes."""
     rates = rates_by_place(point.system, point.state)
     system = linear_system(found, rates, state.axes)
     result = eigenvalues(system.A)

@@ -59,7 +59,7 @@ def close(system: System, state: State, unknowns: Unknowns) -> State:
         last = largest
         rows = np.zeros((node_count(system), 3))
         rows[first:] = -violation
-        step = solve_at_rest(system, evaluate.jacobian_at_rest(system, state), rows, unknowns)
+        step = solve_at_rest(system, state, rows, unknowns)
         step[system.frames.rotation] /= system.frames.length[:, None]
         state = move(system, state, step)
     raise StartError(f"the joints cannot be closed: {last:.3g} m remain")

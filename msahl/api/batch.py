@@ -16,7 +16,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from itertools import chain, islice
 from queue import SimpleQueue
-from typing import Any, Unpack
+from typing import Any, Literal, Unpack, overload
 
 from msahl.api.model import Model, Value
 from msahl.api.options import RunOptions
@@ -32,7 +32,7 @@ from msahl.start.velocities import StartError
 Sample = Mapping[str, Value]
 """Numbers of the deck by name, as ``Model.with_`` takes them."""
 
-RAISE, RETURN = ERRORS = ("raise", "return")
+ERRORS = ("raise", "return")
 
 START_SECONDS = 0.7
 """Time that a process takes until its first run."""
@@ -52,15 +52,39 @@ class BatchError(Exception):
     """A process of a batch has ended without a result."""
 
 
+@overload
 def batch(
     model: Model,
     samples: Iterable[Sample],
     jobs: int | None = None,
     *,
     tables: Sequence[str] | None = None,
-    errors: str = RAISE,
+    errors: Literal["raise"] = "raise",
     **options: Unpack[RunOptions],
-) -> Iterator[Result | Exception]:
+) -> Iterator[Result]: ...
+
+
+@overload
+def batch(
+    model: Model,
+    samples: Iterable[Sample],
+    jobs: int | None = None,
+    *,
+    tables: Sequence[str] | None = None,
+    errors: Literal["return"],
+    **options: Unpack[RunOptions],
+) -> Iterator[Result | Exception]: ...
+
+
+def batch(
+    model: Model,
+    samples: Iterable[Sample],
+    jobs: int | None = None,
+    *,
+    tables: Sequence[str] | None = None,
+    errors: Literal["raise", "return"] = "raise",
+    **options: Unpack[RunOptions],
+) -> Iterator[Result] | Iterator[Result | Exception]:
     """Run a model at ``samples`` of its numbers, and yield the results in their order.
 
     Each sample is a mapping such as ``{"L": 0.8, "Bob.mass": "3 kg"}``; a pandas frame has one in
@@ -85,7 +109,7 @@ def batch(
     if hasattr(samples, "to_dict"):
         samples = samples.to_dict("records")
     runs = _Runs(model, job, options, tables)
-    return runs.results(samples, jobs, errors == RETURN)
+    return runs.results(samples, jobs, errors == "return")
 
 
 class _Runs:

@@ -10,6 +10,8 @@ from typing import Any
 
 import click
 
+from msahl.analysis.coefficients import coefficients
+from msahl.analysis.point import at_start
 from msahl.deck import DeckError, read_deck
 from msahl.jit import by_size
 from msahl.jit.compiled import Call, prepare
@@ -44,7 +46,7 @@ def calls_of_run(model: Model, options: Options) -> list[Call]:
 
 
 def compile_everything(tell: Callable[[str], Any]) -> None:
-    """Compile all kernels for every kind of model: of runs, reports and studies."""
+    """Compile all kernels for every kind of model: of runs, analyses, reports and studies."""
     tell("compiling the kernels of all kinds of models")
     models = list(_models())
     prepare([call for model in models for call in _calls(model)])
@@ -53,6 +55,9 @@ def compile_everything(tell: Callable[[str], Any]) -> None:
     try:
         for model in models:
             prepare(_calls(model))
+            with suppress(StartError):
+                at = at_start(model)
+                coefficients(at.system, at.state)
     finally:
         by_size.LARGE = large
     _use_results()

@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -29,9 +29,34 @@ if TYPE_CHECKING:
     default=0.0,
     help="Linearise at the time T in seconds, after a run to it (default: 0).",
 )
+@click.option(
+    "--number",
+    type=click.IntRange(1),
+    metavar="N",
+    help="Compute the N modes nearest to zero, or to --near, besides those that are zero (default: "
+    "all; of more than 100 bodies 10).",
+)
+@click.option(
+    "--near",
+    type=NumberType(0.0),
+    metavar="HZ",
+    default=0.0,
+    help="Compute modes near this frequency in hertz (default: 0, the lowest).",
+)
+@click.option(
+    "--method",
+    type=click.Choice(("auto", "dense", "sparse")),
+    default="auto",
+    help="Choose dense or sparse matrices (default: auto, dense up to 100 bodies).",
+)
 @click.option("-q", "--quiet", is_flag=True, help="Print only faults and warnings.")
 def modes(
-    deck: Path, output: Path | None, settings: tuple[str, ...], at: float, quiet: bool
+    deck: Path,
+    output: Path | None,
+    settings: tuple[str, ...],
+    at: float,
+    quiet: bool,
+    **wanted: Any,
 ) -> None:
     """Compute eigenvalues, natural frequencies, damping ratios and mode shapes of DECK.
 
@@ -52,7 +77,7 @@ def modes(
     try:
         with announced(not quiet):
             point = at_time(model, at)
-            found = modes_of(point)
+            found = modes_of(point, wanted["number"], wanted["near"], wanted["method"])
     except (StartError, CompileError) as error:
         stop(f"{shown_path(deck)}: {printable(str(error))}")
     for warning in found.warnings:

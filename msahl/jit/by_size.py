@@ -17,9 +17,10 @@ LARGE = 400
 
 def by_size(function: Callable[..., Any], size: int) -> Callable[..., Any]:
     """Return the kernel ``function`` as it is for fewer than ``LARGE`` elements, else compiled."""
-    return _compiled(function) if size >= LARGE else function
+    return compiled_once(function) if size >= LARGE else function
 
 
 @cache
-def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+def compiled_once(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the compiled form of a kernel, always the same one."""
     return compiled(function)

@@ -12,16 +12,23 @@ Otherwise the new group is used.
 
 import math
 from collections import OrderedDict
-from collections.abc import Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from threading import Lock
 from typing import Any, TypeVar
 
 import numpy as np
 
+from msahl.jit.by_size import compiled_once
+from msahl.jit.compiled import Compiled, on_disk
+
 Group = TypeVar("Group", bound=tuple[Any, ...])
 
 MOST_BYTES = 64_000_000
 """Largest sum of the sizes of the arrays that ``Storages`` keeps."""
+
+
+PLAIN_RUNS = 2
+"""Runs of one storage in which kernels that are called once stay plain Python."""
 
 
 class Storage:
@@ -36,6 +43,9 @@ class Storage:
         self._groups: dict[Hashable, tuple[Any, ...]] = {}
         self._owned: set[int] = set()  # identities of their arrays, which live as long as they do
         self.size = 0  # bytes of all arrays
+        self.runs = 0  # begun so far
+        self._slow: set[Callable[..., Any]] = set()  # kernels without code at hand
+        self._doubles: dict[int, tuple[Any, list[np.ndarray]]] = {}  # by the group's identity
         self.step_time = 0.0  # seconds that a step of the last run took; 0 before the first run
 
     def place(self, name: Hashable, fresh: Group) -> Group:
@@ -44,14 +54,40 @@ class Storage:
         """
         kept: Any = self._groups.get(name)
         into: list[tuple[np.ndarray, np.ndarray]] = []
-        if kept is not None and self._fits(kept, fresh, False, into):
+        if type(kept) is type(fresh) and self._fits((kept,), (fresh,), False, into):
             for array, numbers in into:
                 array[...] = numbers
             return kept  # type: ignore[no-any-return]
         self._groups[name] = fresh
+        self._doubles.clear()
         arrays = {id(of): of for group in self._groups.values() for of in arrays_in(group)}
         self._owned, self.size = set(arrays), sum(of.nbytes for of in arrays.values())
         return fresh
+
+    def call(self, kernel: Callable[..., Any], *arguments: Any) -> Any:
+        """Call a ``kernel`` that a run needs once or twice, with groups of this storage: as plain
+        Python in the first runs, compiled in later ones if there is code for it. Both give the same
+        digits; to load the code takes as long as some calls do.
+        """
+        if self.runs <= PLAIN_RUNS or kernel in self._slow:
+            return kernel(*arguments)
+        fast = compiled_once(kernel)
+        ready = not isinstance(fast, Compiled) or fast.is_ready(arguments)
+        if ready or on_disk([(fast, arguments)]):
+            return fast(*arguments)
+        self._slow.add(kernel)
+        return kernel(*arguments)
+
+    def doubles(self, value: Any) -> list[np.ndarray]:
+        """Return the arrays of doubles in nested tuples of groups, in order."""
+        if not isinstance(value, tuple):
+            return doubles_in((value,))
+        if not hasattr(value, "_fields"):
+            return [array for part in value for array in self.doubles(part)]
+        found = self._doubles.get(id(value))
+        if found is None:
+            found = self._doubles[id(value)] = value, doubles_in(value)
+        return found[1]
 
     def _fits(
         self, kept: Any, fresh: Any, constant: bool, into: list[tuple[np.ndarray, np.ndarray]]
@@ -59,29 +95,33 @@ class Storage:
         """Return whether ``fresh`` can be written into ``kept``, a part of a ``constant`` group or
         not; add the arrays that take numbers, and those that give them, to ``into``.
         """
-        if kept is fresh:
-            return True
-        if type(kept) is not type(fresh):
-            return False
-        if isinstance(fresh, np.ndarray):
-            # An array of another group must be that group's own, since both are changed together.
-            if id(fresh) in self._owned or not _same_form(kept, fresh):
+        for old, new in zip(kept, fresh, strict=True):
+            if old is new:
+                continue
+            if isinstance(new, np.ndarray):
+                # An array of another group must be that group's own: both are changed together.
+                if id(new) in self._owned or not _same_form(old, new):
+                    return False
+                if not constant or new.dtype == float:
+                    into.append((old, new))
+                elif old.tobytes() != new.tobytes():
+                    return False
+            elif not isinstance(new, tuple):
+                if not _same_number(old, new):
+                    return False
+            elif type(old) is not type(new) or len(old) != len(new):
                 return False
-            if constant and fresh.dtype != float:
-                return kept.tobytes() == fresh.tobytes()
-            into.append((kept, fresh))
-            return True
-        if isinstance(fresh, tuple):
-            constant = constant or isinstance(fresh, self._constant)
-            return len(kept) == len(fresh) and all(
-                self._fits(a, b, constant, into) for a, b in zip(kept, fresh, strict=True)
-            )
-        return _same_number(kept, fresh)
+            else:
+                inside = constant or isinstance(new, self._constant)
+                if not self._fits(old, new, inside, into):
+                    return False
+        return True
 
 
-def _same_form(kept: np.ndarray, fresh: np.ndarray) -> bool:
+def _same_form(kept: Any, fresh: np.ndarray) -> bool:
     return (
-        kept.shape == fresh.shape
+        isinstance(kept, np.ndarray)
+        and kept.shape == fresh.shape
         and kept.dtype == fresh.dtype
         and kept.flags.c_contiguous == fresh.flags.c_contiguous
         and kept.flags.f_contiguous == fresh.flags.f_contiguous
@@ -90,6 +130,8 @@ def _same_form(kept: np.ndarray, fresh: np.ndarray) -> bool:
 
 def _same_number(kept: Any, fresh: Any) -> bool:
     """Return whether plain numbers are equal in every bit; nan never is."""
+    if type(kept) is not type(fresh):
+        return False
     if isinstance(fresh, float) and kept == fresh == 0.0:
         return math.copysign(1.0, kept) == math.copysign(1.0, fresh)
     return bool(kept == fresh)
@@ -122,7 +164,9 @@ class Storages:
         """Return storage for a run of this ``kind``; it is used by nobody else."""
         with self._lock:
             found = self._free.get(kind)
-            return found.pop() if found else Storage(self._constant, kind)
+            storage = found.pop() if found else Storage(self._constant, kind)
+        storage.runs += 1
+        return storage
 
     def give_back(self, storage: Storage) -> None:
         """Keep the ``storage`` of a run that has ended; what was not used for longest is dropped

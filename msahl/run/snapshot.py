@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from msahl.jit.storage import doubles_in
 from msahl.run.subsystem import SubsystemIntegrator
 
 
@@ -126,4 +125,4 @@ def _changing(integrators: Sequence[SubsystemIntegrator]) -> Iterator[np.ndarray
     """The arrays that change from step to step and that the next step reads: all are doubles."""
     for integrator in integrators:
         yield from integrator.changing
-        yield from doubles_in(integrator.stepper.memory)
+        yield from integrator.storage.doubles(integrator.stepper.memory)

@@ -1,14 +1,16 @@
 """Builds an independent subsystem at t = 0 and advances it by its scheme's stepper."""
 
 import math
+from collections.abc import Callable
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from msahl.elements import signals
 from msahl.elements.rigid_body import write_accelerations
 from msahl.jit.by_size import LARGE, by_size
-from msahl.jit.storage import Storage, Storages, doubles_in
+from msahl.jit.storage import Storage, Storages
 from msahl.model import Model, resolve
 from msahl.schemes.fixed_stepper import FixedStepper
 from msahl.schemes.midpoint import workspace
@@ -22,12 +24,13 @@ from msahl.system import evaluate
 from msahl.system.arrays import (
     State,
     System,
+    SystemWorkspace,
     coordinate_count,
     multiplier_count,
     new_system_workspace,
 )
 from msahl.system.build import Places, build_system
-from msahl.system.evaluate import jacobian_at_rest
+from msahl.system.desk import jacobian_at_rest, new_desk
 from msahl.system.node_order import node_order
 from msahl.system.nonfinite import find_nonfinite, find_undefined, overflow
 from msahl.system.reductions import (
@@ -66,9 +69,11 @@ class SubsystemIntegrator:
         storages: Storages | None = None,
     ) -> None:
         self.model, self.solver, self.size = model, solver, len(model.bodies)
-        self.storages, self.storage = storages, Storage()
+        self.storages = storages
         system = build_system(model)
-        state = build_state(model, system)
+        self.storage = self._take_storage(system, chunk, accelerations)
+        system = self.storage.place("system", system)
+        state = self.storage.place("state", build_state(model, system))
         try:
             self._make_workspace(system, state, full, chunk, accelerations)
         except np.linalg.LinAlgError as error:  # LAPACK's fault on inf and nan
@@ -78,6 +83,14 @@ class SubsystemIntegrator:
             raise StartError(overflow(0.0, name)) from error
         self.stepper = _new_stepper(model, self.workspace, solver, instantaneous, self.storage)
 
+    def _take_storage(self, system: System, chunk: int, accelerations: bool) -> Storage:
+        """Return storage of an earlier run of a system that is connected alike, or new storage."""
+        if self.storages is None or self.size >= LARGE:
+            return Storage()
+        simulation = self.model.simulation
+        kind = (id(system.blocks), chunk, accelerations, simulation.scheme, simulation.degree)
+        return self.storages.take(kind)
+
     def _make_workspace(
         self, system: System, state: State, full: bool, chunk: int, accelerations: bool
     ) -> None:
@@ -86,42 +99,32 @@ class SubsystemIntegrator:
         self.moved = assemble(system, state) if model.position == "project" else None
         nodes = node_order(system) if self.size >= LARGE else None
         unknowns = choose(system, all_unknowns(system), nodes)
-        at_rest: np.ndarray | None = jacobian_at_rest(system, state)
+        desk = new_desk(system, state, self.storage if self.size < LARGE else None)
+        at_rest: np.ndarray | None = jacobian_at_rest(system, state, desk)
         self.rank = constraint_rank(system, state, unknowns, at_rest)
         self.redundant = multiplier_count(system) - self.rank
         self.shared: dict[str, list[str]] = {}
         self._add_shared(system, state)
-        start, prepare = (
-            new_system_workspace(system, state),
-            by_size(evaluate.prepare, self.size),
-        )
-        prepare(system, state, start)
-        if signals.begin_angles(system.forces.signals, system.scalar, start.scalar, state.angle):
-            prepare(system, state, start)
+        if _prepare(system, state, desk.start, desk.call):
             at_rest = None  # that of other angles
+        start = desk.start
         self.axis = None if full else plane_normal(system, start)
         free = all_unknowns(system) if full else needed_unknowns(system, start, self.axis)
         if free.size < unknowns.free.size:
             unknowns = choose(system, free, nodes)
-        self.change = make_consistent(system, state, free, model.velocity)
+        self.change = make_consistent(system, state, free, model.velocity, desk)
         if self.redundant and not is_regular(system, state, unknowns, at_rest):
             system = build_system(model, relaxed=True, places=Places(state.x, state.p))
-            unknowns, at_rest = choose(system, free), None
-        solve_accelerations(system, state, unknowns, at_rest)
+            unknowns, at_rest, desk = choose(system, free), None, new_desk(system, state)
+        solve_accelerations(system, state, unknowns, at_rest, desk)
         if self.axis is not None:
             system = stay_in_plane(system, self.axis)
             system = drop_rows(system, symmetric_rows(system, start, self.axis))
             state = state._replace(angle=np.zeros(coordinate_count(system)))
-        if self.storages and self.size < LARGE:
-            scheme = (model.simulation.scheme, model.simulation.degree)
-            kind = (id(system.blocks), id(unknowns), self.axis, chunk, accelerations, *scheme)
-            self.storage = self.storages.take(kind)
         fresh = new_workspace(system, unknowns, state, chunk, accelerations)
-        self.workspace: Workspace = self.storage.place("workspace", fresh)
-        start = self.workspace.start
-        prepare(system, state, start)
-        if signals.begin_angles(system.forces.signals, system.scalar, start.scalar, state.angle):
-            prepare(system, state, start)
+        name = ("workspace", self.axis, id(unknowns))
+        self.workspace: Workspace = self.storage.place(name, fresh)
+        _prepare(self.workspace.system, self.workspace.state, self.workspace.start, desk.call)
 
     def _add_shared(self, system: System, state: State) -> None:
         """Add the reactions that are not unique in this state to those found before."""
@@ -161,7 +164,7 @@ class SubsystemIntegrator:
     def changing(self) -> list[np.ndarray]:
         """The arrays of doubles, but for those of the stepper, that change from step to step."""
         workspace = self.workspace
-        return doubles_in((workspace.state, workspace.start, workspace.pivots))
+        return self.storage.doubles((workspace.state, workspace.start, workspace.pivots))
 
     def release(self, step_time: float) -> None:
         """Let later runs use the arrays of this one, which has ended; a step took it ``step_time``
@@ -186,6 +189,19 @@ class SubsystemIntegrator:
     def advance(self, chunk: Chunk, patience: float = math.inf) -> Advance:
         """Take the steps of a ``chunk``; see ``Stepper.advance``."""
         return self.stepper.advance(chunk, patience)
+
+
+def _prepare(
+    system: System, state: State, start: SystemWorkspace, call: Callable[..., Any]
+) -> bool:
+    """Prepare ``start``, for angles on the revolutions where signals begin; ``call`` calls kernels.
+    Returns whether angles of ``state`` were changed.
+    """
+    call(evaluate.prepare, system, state, start)
+    changed = signals.begin_angles(system.forces.signals, system.scalar, start.scalar, state.angle)
+    if changed:
+        call(evaluate.prepare, system, state, start)
+    return changed
 
 
 def _new_stepper(

@@ -17,7 +17,6 @@ from msahl.jit.by_size import by_size
 from msahl.start.velocities import StartError, solve_at_rest
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, new_system_workspace, node_count
-from msahl.system.evaluate import jacobian_at_rest
 from msahl.system.reductions import all_unknowns
 from msahl.system.unknowns import choose
 
@@ -49,7 +48,7 @@ def assemble(system: System, state: State) -> Assembled:
             break
         rows = np.zeros((node_count(system), 3))
         rows[first_multiplier(frames) :] = -_violations(system, state)
-        step = solve_at_rest(system, jacobian_at_rest(system, state), rows, unknowns)
+        step = solve_at_rest(system, state, rows, unknowns)
         state.x[:] += step[frames.displacement]
         for b in range(frame_count(frames)):
             Q = scale(1.0 / frames.length[b], at(step, rotation_node(frames, b)))

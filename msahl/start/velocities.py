@@ -24,8 +24,8 @@ from msahl.elements.reactions import MOST_ROUNDS
 from msahl.jit.by_size import by_size
 from msahl.linalg import sparse_lu
 from msahl.system import evaluate
-from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
-from msahl.system.evaluate import jacobian_at_rest
+from msahl.system.arrays import State, System, node_count
+from msahl.system.desk import Desk, jacobian_at_rest, new_desk
 from msahl.system.unknowns import Unknowns, choose
 
 CONSISTENT = 1e-12
@@ -59,7 +59,11 @@ class StartError(Exception):
 
 
 def make_consistent(
-    system: System, state: State, free: np.ndarray, wish: str = "keepAngular"
+    system: System,
+    state: State,
+    free: np.ndarray,
+    wish: str = "keepAngular",
+    desk: Desk | None = None,
 ) -> VelocityChange:
     """Change the velocities of the ``free`` unknowns so that no joint opens; say how.
 
@@ -68,9 +72,10 @@ def make_consistent(
     odds).
     """
     n = moving_count(system.frames)
-    start = new_system_workspace(system, state)
+    desk = desk or new_desk(system, state)
+    start = desk.start
     v0, w0 = state.v.copy(), state.w.copy()
-    given = _largest(_violation_rate(system, state, start))
+    given = _largest(_violation_rate(system, state, desk))
     speed = max(np.abs(v0).max(), (np.abs(start.frames.W) * system.frames.length[:, None]).max())
     near = CONSISTENT * max(speed, given)
     method = "none"
@@ -84,13 +89,13 @@ def make_consistent(
             )
         method = wish
         if wish == "keepAngular":
-            _project(system, state, start, choose(system, _translations(system, free)))
-            if _largest(_violation_rate(system, state, start)) > 1e3 * near:
+            _project(system, state, desk, choose(system, _translations(system, free)))
+            if _largest(_violation_rate(system, state, desk)) > 1e3 * near:
                 method = "massWeighted"
                 state.v[:], state.w[:] = v0, w0
         if method == "massWeighted":
-            _project(system, state, start, choose(system, free))
-        left = _largest(_violation_rate(system, state, start))
+            _project(system, state, desk, choose(system, free))
+        left = _largest(_violation_rate(system, state, desk))
         if left > 1e3 * near:
             raise StartError(
                 f"no velocities satisfy all joints and motions: {left:.3g} m/s are left over; "
@@ -102,26 +107,31 @@ def make_consistent(
 
 
 def solve_accelerations(
-    system: System, state: State, unknowns: Unknowns, values: np.ndarray | None = None
+    system: System,
+    state: State,
+    unknowns: Unknowns,
+    values: np.ndarray | None = None,
+    desk: Desk | None = None,
 ) -> None:
     """Set accelerations, multipliers and reactions of ``state`` to their values at t = 0;
     ``values`` are those of ``jacobian_at_rest``, if they are known.
 
     Friction presses by the reaction, which depends on friction: rounds until it stands still.
     """
-    values = jacobian_at_rest(system, state) if values is None else values
-    start = new_system_workspace(system, state)
+    desk = desk or new_desk(system, state)
+    values = jacobian_at_rest(system, state, desk) if values is None else values
+    start, _, call = desk
     rows, Z = np.zeros((2, node_count(system), 3))
-    frames, size = system.frames, moving_count(system.frames)
+    frames = system.frames
     for _ in range(MOST_ROUNDS):
         last = state.reaction.copy()
-        by_size(evaluate.prepare, size)(system, state, start)
-        by_size(evaluate.free_acceleration, size)(system, state, start, Z, rows)
-        solution = solve_at_rest(system, values, rows, unknowns)
+        call(evaluate.prepare, system, state, start)
+        call(evaluate.free_acceleration, system, state, start, Z, rows)
+        solution = solve_at_rest(system, state, rows, unknowns, values)
         state.a[:] = solution[frames.displacement]
         state.alpha[:] = solution[frames.rotation] / frames.length[:, None]
         state.force[:] = solution[first_multiplier(frames) :] * system.unit
-        by_size(evaluate.set_reactions, size)(system, state, start, Z)
+        call(evaluate.set_reactions, system, state, start, Z)
         if not forces.depend_on_reactions(system.forces) or reactions.is_unchanged(
             state.reaction, last
         ):
@@ -133,12 +143,11 @@ def _largest(vectors: np.ndarray) -> float:
     return float(np.linalg.norm(vectors, axis=1).max(initial=0.0))
 
 
-def _violation_rate(system: System, state: State, start: SystemWorkspace) -> np.ndarray:
+def _violation_rate(system: System, state: State, desk: Desk) -> np.ndarray:
     """(k, 3) violation rates of the state [m/s], radians times a length; prepares ``start``."""
-    size = moving_count(system.frames)
-    by_size(evaluate.prepare, size)(system, state, start)
+    desk.call(evaluate.prepare, system, state, desk.start)
     violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
-    by_size(evaluate.observe, size)(system, state, start, violation, rate)
+    desk.call(evaluate.observe, system, state, desk.start, violation, rate)
     scalar.in_metres(system.scalar, violation, rate)
     return rate
 
@@ -150,23 +159,30 @@ def _translations(system: System, free: np.ndarray) -> np.ndarray:
     return translations
 
 
-def _project(system: System, state: State, start: SystemWorkspace, unknowns: Unknowns) -> None:
+def _project(system: System, state: State, desk: Desk, unknowns: Unknowns) -> None:
     """Change the velocities among ``unknowns``, least by mass, so that the violation rate is 0."""
     rows = np.zeros((node_count(system), 3))
     frames = system.frames
-    rows[first_multiplier(frames) :] = -_violation_rate(system, state, start)
-    change = solve_at_rest(system, jacobian_at_rest(system, state), rows, unknowns)
+    rows[first_multiplier(frames) :] = -_violation_rate(system, state, desk)
+    R = desk.start.frames.R.copy()  # of the state; at rest it is the same
+    at_rest = jacobian_at_rest(system, state, desk)
+    change = solve_at_rest(system, state, rows, unknowns, at_rest)
     state.v[:] += change[frames.displacement]
     dW = change[frames.rotation] / frames.length[:, None]
-    state.w[:] += np.einsum("bji,bj->bi", start.frames.R, dW)
+    state.w[:] += np.einsum("bji,bj->bi", R, dW)
 
 
 def solve_at_rest(
-    system: System, values: np.ndarray, rows: np.ndarray, unknowns: Unknowns
+    system: System,
+    state: State,
+    rows: np.ndarray,
+    unknowns: Unknowns,
+    values: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Solve with the ``values`` of the Jacobian at rest in the ``unknowns``; (nodes, 3), zero
-    elsewhere.
+    """Solve with the Jacobian at rest, whose block values are ``values`` if they are known, in the
+    ``unknowns``; (nodes, 3), zero elsewhere.
     """
+    values = jacobian_at_rest(system, state) if values is None else values
     first = 3 * first_multiplier(system.frames)
     solution = np.zeros_like(rows)
     solution.reshape(-1)[unknowns.free] = _solve(values, rows.reshape(-1), unknowns, first)

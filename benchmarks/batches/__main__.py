@@ -1,0 +1,261 @@
+"""Many runs of one model: ``python -m benchmarks.batches [--quick] [-o FILE]`` writes batch.md.
+
+``--quick`` is a smoke test with few runs; its figures mean nothing.
+"""
+
+import argparse
+import os
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+import msahl
+from benchmarks.batches import ours
+from benchmarks.batches.plan import CORES, DECK, GRID, SPAN, Sample, error, samples
+from benchmarks.machine import describe
+from benchmarks.peers import import_peers
+
+PEERS, MISSING = import_peers(
+    {
+        "mujoco": "benchmarks.batches.mujoco_rollout",
+        "exudyn": "benchmarks.batches.exudyn_variation",
+    }
+)
+RESULT = Path(__file__).parents[1] / "results" / "batch.md"
+TARGETS = (1e-3, 1e-6, 1e-9)
+PARTS = (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 40, 50, 64, 80, 100, 128, 160, 200, 256, 320,
+         400, 512, 800, 1024, 1600)  # fmt: skip
+"""Numbers of steps in an interval of the grid that are tried, for a step just small enough."""
+CHECKED = 12
+"""Samples whose errors decide on the step."""
+LONGEST = 20.0
+"""Seconds that a timing of a peer may take: its plan is shortened to that."""
+THOUSAND = {"dt": 0.01, "t_final": SPAN}
+"""The options of the plan of 1000 steps, each with a row."""
+
+
+class Size(NamedTuple):
+    """Numbers of runs: of the plan, of the fit, of a comparison; and repetitions of these."""
+
+    plan: int
+    fit: int
+    compared: int
+    repeats: int
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="smoke test")
+    parser.add_argument("-o", "--output", type=Path, default=RESULT, metavar="FILE")
+    given = parser.parse_args()
+    size = Size(100, 20, 50, 1) if given.quick else Size(10_000, 200, 1000, 3)
+    began = time.perf_counter()
+    machine = describe()
+    parts = [
+        "# Batches" + (" (smoke test: the figures mean nothing)" if given.quick else ""),
+        "\n".join(f"- {line}" for line in machine),
+        INTRODUCTION,
+        "## The plan of 1000 steps",
+        plan_of_thousand(size),
+        "## Processes and threads",
+        processes_and_threads(size),
+        "## A fit",
+        fit(size),
+        "## Runs per second at equal error",
+        at_equal_error(size),
+        f"Complete benchmark: {time.perf_counter() - began:.0f} s.",
+    ]
+    given.output.write_text("\n\n".join(parts) + "\n")
+    print(given.output.read_text())
+
+
+INTRODUCTION = f"""
+The plan: the double pendulum of the thesis for {SPAN:g} s, with a mass of the second bob from 1 to
+3 kg and an angle of both from 30 to 90 degrees, drawn at random for each run. All codes use
+{CORES} cores, begin with the numbers of the samples, and end with the positions at the output
+times. `python -m benchmarks.batches` repeats it.
+""".strip()
+
+
+def plan_of_thousand(size: Size) -> str:
+    """The plan in 1000 steps of the default scheme, each with a row in all tables."""
+    lines = ["| error estimate | tables | runs | seconds | sum of the loops [s] | seconds over "
+             "loops / 2 | runs per second |", "|---|---|---|---|---|---|---|"]  # fmt: skip
+    ours.take(samples(4), {**THOUSAND})  # compiles, if that was not done
+    for estimate, tables, count in (
+        ("off", None, size.plan),
+        ("off", ["states"], size.plan),
+        ("estimate", None, size.plan // 10),
+    ):
+        taken = ours.take(samples(count), {**THOUSAND, "error": estimate}, tables)
+        cells = [estimate, "all" if tables is None else ", ".join(tables), str(count)]
+        cells += [f"{taken.seconds:.1f}", f"{taken.loops:.1f}"]
+        cells += [f"{taken.seconds / (taken.loops / CORES):.2f}", f"{count / taken.seconds:.0f}"]
+        lines.append(f"| {' | '.join(cells)} |")
+    lines += ["", "The loop of a run is what `run.json` calls it: the steps, the first of which "
+              "scipy solves by default, without the companion of the error estimate."]  # fmt: skip
+    return "\n".join(lines)
+
+
+def processes_and_threads(size: Size) -> str:
+    """The same runs in one process, in two threads of it, and in two processes."""
+    plan, options = samples(size.compared), {**THOUSAND, "error": "off"}
+    model = msahl.load(DECK)
+
+    def run(sample: Sample) -> None:
+        model.with_(**sample._asdict()).run(**options)  # type: ignore[arg-type]
+
+    def one() -> None:
+        for sample in plan:
+            run(sample)
+
+    def threads() -> None:
+        with ThreadPoolExecutor(CORES) as pool:
+            list(pool.map(run, plan))
+
+    timed = {
+        "one process": _median(one, size),
+        f"{CORES} threads": _median(threads, size),
+        f"{CORES} processes": _median(lambda: ours.take(plan, options), size),
+    }
+    rows = [f"| {name} | {seconds / size.compared * 1e3:.2f} |" for name, seconds in timed.items()]
+    return "\n".join(["| | ms per run |", "|---|---|", *rows])
+
+
+def fit(size: Size) -> str:
+    """A mass and an angle found from a motion, one run after the other."""
+    model, spent = msahl.load(DECK), [0.0, 0.0, 0.0]
+    options = {**THOUSAND, "output_interval": 0.1}
+    wanted = model.with_(m=1.7, phi=62.0).run(**options)["2ndBall.x"]  # type: ignore[arg-type]
+
+    def residual(p: np.ndarray, estimate: str | None) -> np.ndarray:
+        sample = Sample(*map(float, p))._asdict()
+        result = model.with_(**sample).run(**options, error=estimate)  # type: ignore[arg-type]
+        spent[0] += result.seconds["loop"]
+        spent[1] += result.seconds.get("companion", 0.0)
+        spent[2] += 1.0
+        found: np.ndarray = result["2ndBall.x"] - wanted
+        return found
+
+    lines = ["| error estimate | runs | seconds | loops [s] | companions [s] | beyond both [s] |",
+             "|---|---|---|---|---|---|"]  # fmt: skip
+    for estimate in ("off", None):
+        spent[:] = [0.0, 0.0, 0.0]
+        began = time.perf_counter()
+        found = least_squares(residual, (2.4, 50.0), args=(estimate,), max_nfev=30)
+        while spent[2] < size.fit:  # a fit of more parameters
+            residual(found.x, estimate)
+        seconds = time.perf_counter() - began
+        beyond = seconds - spent[0] - spent[1]
+        cells = ["off" if estimate else "default", f"{spent[2]:.0f}", f"{seconds:.2f}"]
+        cells += [f"{spent[0]:.2f}", f"{spent[1]:.2f}", f"{beyond:.2f}"]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A code with the step whose error is small enough, and what carries out its plan."""
+
+    name: str
+    h: float
+    error: float
+    count: int
+    seconds: Callable[[], float]
+
+
+def at_equal_error(size: Size) -> str:
+    """Every code with the largest step whose error is small enough."""
+    checked = samples(CHECKED, seed=1)
+    true = ours.positions(checked, "gauss5", GRID / 48)
+    lines = ["| largest error [m] | code | step [s] | its error [m] | runs | runs per second |",
+             "|---|---|---|---|---|---|"]  # fmt: skip
+    for target in TARGETS:
+        entries = [best_of_ours(checked, true, target, size)]
+        for package, peer in PEERS.items():
+            entry = peer_entry(package, peer, checked, true, target, size)
+            if entry is None:
+                lines.append(f"| {target:g} | {package} | | not reached | | |")
+            else:
+                entries.append(entry)
+        taken = [[entry.seconds() for entry in entries] for _ in range(size.repeats)]
+        for entry, seconds in zip(entries, zip(*taken, strict=True), strict=True):
+            rate = entry.count / statistics.median(seconds)
+            cells = [f"{target:g}", entry.name, f"{entry.h:.4g}", f"{entry.error:.1e}"]
+            lines.append(f"| {' | '.join([*cells, str(entry.count), f'{rate:.0f}'])} |")
+    missing = [f"{package} is missing ({why})" for package, why in MISSING.items()]
+    return "\n".join([*lines, "", NOTES, *missing])
+
+
+def best_of_ours(checked: Sequence[Sample], true: np.ndarray, target: float, size: Size) -> Entry:
+    """Return the scheme of msahl that makes most runs per second with errors below ``target``."""
+
+    def entry(scheme: str, plan: Sequence[Sample]) -> Entry | None:
+        found = largest_step(lambda h: error(ours.positions(checked, scheme, h), true), target)
+        if found is None:
+            return None
+        options = ours.options(scheme, found[0])
+        return Entry(f"msahl {scheme}", *found, len(plan), lambda: ours.take(plan, options).seconds)
+
+    few = samples(max(20, size.compared // 5))
+    tried = [scheme for scheme in ours.SCHEMES if entry(scheme, few)]
+    seconds = {scheme: entry(scheme, few).seconds() for scheme in tried}  # type: ignore[union-attr]
+    best = entry(min(seconds, key=lambda scheme: seconds[scheme]), samples(size.compared))
+    assert best is not None
+    return best
+
+
+def peer_entry(
+    name: str, peer: Any, checked: Sequence[Sample], true: np.ndarray, target: float, size: Size
+) -> Entry | None:
+    """Return another code with the largest step good enough; None if there is none."""
+    found = largest_step(lambda h: error(peer.positions(checked, h), true), target)
+    if found is None:
+        return None
+    of_one = peer.seconds(samples(2 * CORES), found[0]) / (2 * CORES)
+    plan = samples(max(2 * CORES, min(size.compared, int(LONGEST / of_one))))
+    return Entry(name, *found, len(plan), lambda: float(peer.seconds(plan, found[0])))
+
+
+NOTES = """
+The error is the largest distance of a mass centre from the truth (gauss5 with 960 steps; MuJoCo
+with 10,000 steps agrees to 1e-10 m), of 12 samples and every 0.5 s. Each code takes the largest of
+a list of steps whose error is small enough, msahl the best of its schemes; rows are at these times.
+MuJoCo: RK4, one compiled model, copies with other masses, `rollout` with two threads, which stores
+every state. Exudyn: the fast build, TrapezoidalIndex2 with Euler parameters, a new model for each
+run. Medians of batches taken in turn.
+""".strip()
+
+
+def largest_step(error_of: Callable[[float], float], target: float) -> tuple[float, float] | None:
+    """Return the largest step with an error of at most ``target`` [m], and its error."""
+    for parts in PARTS:
+        found = error_of(GRID / parts)
+        if found <= target:
+            return GRID / parts, found
+        # An order of 2 or more will not get there with the smallest step either.
+        if found > 4.0 * target * (PARTS[-1] / parts) ** 2 and parts > 50:
+            return None
+    return None
+
+
+def _median(run: Callable[[], Any], size: Size) -> float:
+    """Return the median time of some repetitions."""
+    taken = []
+    for _ in range(size.repeats):
+        began = time.perf_counter()
+        run()
+        taken.append(time.perf_counter() - began)
+    return statistics.median(taken)
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    main()

@@ -1,0 +1,48 @@
+"""Work arrays that the functions of a consistent start share, and how they call kernels."""
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from msahl.elements.constraints import coordinates
+from msahl.elements.frames import moving_count
+from msahl.jit.by_size import by_size
+from msahl.jit.storage import Storage
+from msahl.system import evaluate
+from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
+
+
+class Desk(NamedTuple):
+    """Work arrays for one state, whose numbers may change; every function prepares what it uses."""
+
+    start: SystemWorkspace  # of the state, and of the state at rest
+    rest: State  # the state with velocities that are zero
+    call: Callable[..., Any]  # calls a kernel with its arguments
+
+
+def new_desk(system: System, state: State, storage: Storage | None = None) -> Desk:
+    """Return the work arrays for a ``state``, from ``storage`` if that is given."""
+    start = new_system_workspace(system, state)
+    rest = state._replace(v=np.zeros_like(state.v), w=np.zeros_like(state.w))
+    size = moving_count(system.frames)
+    if storage is None:
+        return Desk(start, rest, lambda kernel, *given: by_size(kernel, size)(*given))
+    return Desk(storage.place("start", start), storage.place("rest", rest), storage.call)
+
+
+def jacobian_at_rest(system: System, state: State, desk: Desk | None = None) -> np.ndarray:
+    """Return what ``evaluate.jacobian_at_rest`` returns, with the work arrays of the ``state``'s
+    ``desk``, if there is one.
+    """
+    if desk is None:
+        return evaluate.jacobian_at_rest(system, state)
+    start, rest, call = desk
+    call(evaluate.prepare, system, rest, start)
+    values, Z = np.zeros_like(system.constant), np.zeros((node_count(system), 3))
+    if system.scalar:
+        of_system, of_start = system.scalar.coordinates, start.scalar.coordinates
+        call(coordinates.evaluate, of_system, of_start, system.frames, Z)
+    call(evaluate.joint_jacobian, system, start, math.sqrt(2.0), Z, values)
+    return values
