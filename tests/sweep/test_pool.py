@@ -130,6 +130,12 @@ def test_a_fault_of_ours_is_a_failed_point_and_noise_does_no_harm(tmp_path, beha
     assert lines[4:] == undisturbed[4:]
 
 
+def test_a_process_that_cannot_be_started_ends_the_sweep(tmp_path, monkeypatch):
+    monkeypatch.setattr(pool_module.sys, "executable", str(tmp_path / "none"))
+    with pytest.raises(PoolError, match="no process can be started: No such file"):
+        carry_out(five(tmp_path / "s"), Pool(1))
+
+
 def test_a_worker_that_cannot_write_tables_ends_the_sweep(tmp_path):
     made = five(tmp_path / "s", keep="all")
     folder = tmp_path / "elsewhere"
