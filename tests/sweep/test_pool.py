@@ -107,16 +107,16 @@ def test_a_point_that_kills_its_workers_has_failed(tmp_path, behave, undisturbed
 
 def test_a_point_that_takes_too_long_has_failed(tmp_path, behave, undisturbed):
     behave(2, "sleep")
-    counts, lines = ran(tmp_path / "s", Pool(2, timeout=1.0), timeout=1.0)
+    counts, lines = ran(tmp_path / "s", Pool(2, timeout=2.0), timeout=2.0)
     assert counts.statuses == {"completed": 4, "timed out": 1}
-    assert lines[2] == "2,70,timed out,FAIL,,,took longer than 1 s (--timeout),"
+    assert lines[2] == "2,70,timed out,FAIL,,,took longer than 2 s (--timeout),"
     assert lines[3:] == undisturbed[3:]
 
 
 def test_a_point_that_took_too_long_may_be_tried_again(tmp_path, behave, undisturbed):
     behave(2, "sleep:1")
     retry = OnFail("retry", 1)
-    counts, lines = ran(tmp_path / "s", Pool(1, timeout=1.0), timeout=1.0, on_fail=retry)
+    counts, lines = ran(tmp_path / "s", Pool(1, timeout=2.0), timeout=2.0, on_fail=retry)
     assert counts.good
     assert lines == undisturbed
 
