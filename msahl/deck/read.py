@@ -81,15 +81,25 @@ def read_tree(
     The tree of the deck at ``path`` is expanded in place (see ``deck.expand``) unless ``settings``
     are None: it has plain numbers only. ``parts`` are files that were read already.
     """
+    model = read_what_is_sound(root, path, settings, faults, parts)
+    faults.raise_if_any()
+    return model
+
+
+def read_what_is_sound(
+    root: Element, path: Path, settings: Sequence[str] | None, faults: Faults, parts: "Parts"
+) -> Model:
+    """Return what can be read of a tree (see ``read_tree``), and add its faults to ``faults``.
+
+    Elements may refer to others that are missing. Raises ``DeckError`` if a part cannot be read.
+    """
     parameters: dict[str, Parameter] = {}
     if settings is not None:
         from msahl.deck.expand import expand  # which other decks do without
 
         parameters = expand(root, path, settings, faults, parts)
     with _without_collector():
-        model = _read_model(root, faults, parameters)
-    faults.raise_if_any()
-    return model
+        return _read_model(root, faults, parameters)
 
 
 @contextmanager

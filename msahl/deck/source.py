@@ -12,13 +12,13 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lxml import etree
 
-from msahl.deck.faults import Element, Faults
+from msahl.deck.faults import DeckError, Element, Fault, Faults
 from msahl.deck.parse import is_plain, parse, parse_valid, read_bytes
-from msahl.deck.read import read_tree
+from msahl.deck.read import read_tree, read_what_is_sound
 from msahl.deck.schema import check_schema, schema_bytes, validator
 from msahl.deck.write import effective_text
 from msahl.model import Model
@@ -31,6 +31,20 @@ if TYPE_CHECKING:
 
 TEXT = Path("<deck>")
 """What messages call a deck that is in no file; parts are looked for in the current folder."""
+
+
+class Readable(NamedTuple):
+    """What can be read of a deck that may have faults.
+
+    ``model`` has the elements that are sound, of which some may refer to missing ones; ``root`` is
+    the expanded tree, and ``origins`` the files of elements from parts; both None if there is
+    nothing to be read. ``faults`` are those of the deck.
+    """
+
+    model: Model | None
+    root: Element | None
+    origins: Mapping[Element, str]
+    faults: tuple[Fault, ...]
 
 
 @dataclass(frozen=True)
@@ -95,6 +109,20 @@ class Source:
         root = self.tree(faults, thorough)
         plain = is_plain(root, self.data, settings)
         return read_tree(root, self.path, None if plain else settings, faults, self.parts)
+
+    def readable(self, settings: Sequence[str] = ()) -> "Readable":
+        """Return what can be read of the deck with other numbers, and all its faults."""
+        faults = Faults(str(self.path))
+        root = model = None
+        try:
+            root = self.tree(faults)
+            plain = is_plain(root, self.data, settings)
+            given = None if plain else settings
+            model = read_what_is_sound(root, self.path, given, faults, self.parts)
+            faults.raise_if_any()
+        except DeckError as error:
+            return Readable(model, root, faults.origins, error.faults)
+        return Readable(model, root, faults.origins, ())
 
     def text(self, changes: Mapping[str, Any], settings: Sequence[str] = ()) -> bytes:
         """Return the deck as it runs (see ``deck.write.effective_text``)."""

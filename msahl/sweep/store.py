@@ -18,6 +18,7 @@ from plan and journal, and exists under its name only while every point has an o
 import csv
 import mmap
 import os
+import shutil
 import time
 import uuid
 from collections import Counter
@@ -444,6 +445,14 @@ def _numeric(path: Path) -> dict[str, bool]:
                 if found[name] and cell and not ONE_NUMBER.fullmatch(cell):
                     found[name] = False
     return found
+
+
+def remove_left_over(folder: Path) -> None:
+    """Remove what calls and workers that were killed did not complete."""
+    for path in folder.glob("*.new*"):
+        path.unlink(missing_ok=True)
+    for path in (folder / "runs").glob("*.part"):
+        shutil.rmtree(path, ignore_errors=True)
 
 
 def require_plan(folder: Path) -> Path:

@@ -20,6 +20,7 @@ from msahl.sweep.store import (
     StoreError,
     begin,
     claim,
+    remove_left_over,
     sweep_lock,
     write_info,
     write_parquet,
@@ -116,6 +117,7 @@ def carry_out(sweep: Sweep, scheduler: Scheduler, hooks: Hooks = Hooks()) -> Cou
             if sweep.share != ALL:  # the tables follow from the journals of all shards
                 return work.counts
             counts = store.write_tables(sweep.plan)
+            remove_left_over(sweep.folder)
         except BaseException:
             with suppress(OSError):  # the folder may be on a full disk
                 write_info(sweep.folder, sweep.plan, sweep.job, {"status": STOPPED})

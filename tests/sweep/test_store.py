@@ -246,6 +246,17 @@ def test_a_parquet_file_has_the_rows_of_runs_csv(tmp_path):
     assert kinds["message"] == kinds["key"] == "string"
 
 
+def test_what_killed_processes_left_over_is_removed(tmp_path):
+    made, folder = sweep(tmp_path / "s", "L=60:100:3 cm"), tmp_path / "s"
+    carry_out(made, FakeScheduler(most=1))
+    (folder / "plan.csv.0123.new").write_text("half of it")
+    (folder / "runs" / "0123.1.part").mkdir(parents=True)
+    (folder / "runs" / "0123").mkdir()
+    carry_out(made, FakeScheduler())
+    assert {path.name for path in folder.glob("*.new")} == set()
+    assert [path.name for path in (folder / "runs").iterdir()] == ["0123"]
+
+
 def test_progress_is_reported(tmp_path):
     told, begun = [], []
     hooks = Hooks(lambda work: begun.append(work.left), lambda counts: told.append(counts.done))

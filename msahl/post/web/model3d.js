@@ -7,7 +7,7 @@ import { bar, shapeObject, solid, stretch } from "./shapes.js";
 
 const SPRING = "#6c7683";
 const CLOSE = 10; // size of a glyph divided by the distance of joints of a body
-const GLOW = "#1c7ed6";
+export const GLOW = "#1c7ed6";
 const SAMPLES = 240; // times at which the extent of the motion is looked at
 
 export class Model3d {

@@ -374,7 +374,7 @@ for (const element of document.querySelectorAll("[data-viewer]")) {
     (viewer) => {
       window.msahl ??= probe(viewer);
       element.dataset.state = "ready";
-      element.dispatchEvent(new CustomEvent("msahl-ready"));
+      element.dispatchEvent(new CustomEvent("msahl-ready", { detail: viewer }));
     },
     (error) => {
       console.warn(error);
