@@ -1,10 +1,13 @@
 """Pages in a real browser: nothing fails, nothing hostile runs, colours, widths and print."""
 
+import inspect
+import re
 from xml.sax.saxutils import escape
 
 import numpy as np
 import pytest
 
+from msahl.post import run_page
 from msahl.post.metrics import compute_metrics
 from msahl.post.page.graphs import Graph, Group, graphs
 from msahl.post.page.markup import element
@@ -12,7 +15,8 @@ from msahl.post.page.page import wrap, write_page
 from msahl.post.report import build_page
 from msahl.post.run_page import moving_picture, still_picture
 from msahl.results.read import read_run
-from tests.support.browser import browser, open_page  # noqa: F401
+from msahl.run import verdict
+from tests.support.browser import browser, open_page, wait_until  # noqa: F401
 from tests.support.hostile import PAYLOADS, assert_nothing_ran
 from tests.support.run_folders import DECK, write
 
@@ -33,6 +37,11 @@ DRAWN = """() => [...document.querySelectorAll('.plot canvas')].map((canvas) => 
   const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
   return new Set(new Uint32Array(pixels.buffer)).size;
 })"""
+
+
+def test_every_check_has_a_name_for_readers():
+    found = re.findall(r'Finding\("(\w+)"', inspect.getsource(verdict))
+    assert {*found, "linearMomentum", "angularMomentum"} == set(run_page.CHECKS)
 
 
 @pytest.fixture(scope="module")
@@ -72,8 +81,8 @@ def test_every_graph_is_drawn_those_in_folds_when_they_are_opened(open_page, rep
     shown = page.evaluate(DRAWN)
     assert len(shown) == 5  # x and y, force, energy: z is constant and not zero
     page.locator("details").first.locator("summary").click()
-    page.wait_for_function(
-        "[...document.querySelectorAll('.plot')].every((p) => p.querySelector('canvas'))"
+    wait_until(
+        page, "[...document.querySelectorAll('.plot')].every((p) => p.querySelector('canvas'))"
     )
     page.wait_for_timeout(100)
     everything = page.evaluate(DRAWN)
@@ -105,7 +114,7 @@ def test_graphs_and_viewer_share_the_time(open_page, tmp_path):  # noqa: F811
     page.wait_for_selector(".viewer[data-state=ready]")
     page.wait_for_selector(".plot canvas")
     page.locator(".graph-group", has_text="Energies").locator(".u-over").click()
-    page.wait_for_function("window.msahl.time > 0")
+    wait_until(page, "window.msahl.time > 0")
     assert page.evaluate("msahl.time") == pytest.approx(0.2, abs=0.02)  # the middle of the graph
     places = "[...document.querySelectorAll('.time-mark')].map((m) => m.getBoundingClientRect().x)"
     page.wait_for_timeout(100)
