@@ -1,6 +1,6 @@
 """A sweep from its plan to its tables: check, lock the folder, run what is missing, write."""
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -10,6 +10,7 @@ from typing import Any
 
 from msahl.deck import DeckError
 from msahl.run.report import COMPLETED
+from msahl.sweep.faults import PlanError
 from msahl.sweep.measures import parse_measures, require_columns
 from msahl.sweep.plan import Plan
 from msahl.sweep.points import TIMED_OUT, Job, Resolver, Row, context_digest, is_kept
@@ -20,6 +21,7 @@ from msahl.sweep.store import (
     begin,
     claim,
     remove_left_over,
+    runs_head,
     sweep_lock,
     write_info,
     write_parquet,
@@ -95,6 +97,13 @@ def check(sweep: Sweep) -> Sweep:
         except DeckError:
             raise error from None
     require_columns(measures, run.model)
+    head = runs_head(sweep.plan, sweep.job.measures)
+    twice = [name for name, count in Counter(head).items() if count > 1]
+    if twice:
+        raise PlanError(
+            f"'{twice[0]}' would be the head of two columns of runs.csv; rename the parameter of "
+            "the deck, or give its values a unit"
+        )
     return replace(sweep, job=replace(sweep.job, digest=resolver.digest))
 
 
