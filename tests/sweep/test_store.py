@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import pytest
 
+from msahl.deck import DeckError
 from msahl.sweep import store as store_module
 from msahl.sweep.faults import PlanError
 from msahl.sweep.plan import read_plan
@@ -233,6 +234,8 @@ def test_other_folders_are_refused(tmp_path):
     other.write_text("<data/>")
     with pytest.raises(StoreError, match="holds a sweep of another deck"):
         claim(tmp_path / "s", str(other))
+    with pytest.raises(StoreError, match="is no folder"):
+        carry_out(sweep(other, "L=60 cm"), FakeScheduler())
 
 
 def test_shares_of_a_plan_write_their_own_journals(tmp_path):
@@ -309,3 +312,10 @@ def test_a_sweep_without_points_in_its_share_is_complete(tmp_path):
     scheduler = FakeScheduler()
     carry_out(made, scheduler)
     assert scheduler.ran == []
+
+
+def test_a_deck_that_is_valid_within_the_plan_only_is_swept(tmp_path):
+    counts = carry_out(sweep(tmp_path / "s", "L=-1,80,-2 cm"), InProcess())
+    assert counts.statuses == {"not valid": 2, "completed": 1}
+    with pytest.raises(DeckError, match="must be greater than zero"):
+        carry_out(sweep(tmp_path / "t", "L=-1:-99:200 cm"), FakeScheduler())
