@@ -37,7 +37,6 @@ from msahl.results.write import PART, write_json
 from msahl.run.report import COMPLETED
 from msahl.run.verdict import FAIL
 from msahl.sweep.axes import ONE_NUMBER, number_text
-from msahl.sweep.faults import PlanError
 from msahl.sweep.plan import POINT, Plan, write_plan
 from msahl.sweep.points import SHOWN, Job, Row, digest_of, numeric_versions, point_id
 
@@ -453,11 +452,3 @@ def remove_left_over(folder: Path) -> None:
         path.unlink(missing_ok=True)
     for path in (folder / "runs").glob("*.part"):
         shutil.rmtree(path, ignore_errors=True)
-
-
-def require_plan(folder: Path) -> Path:
-    """The path of ``plan.csv`` in the folder of a sweep; raises ``PlanError`` if there is none."""
-    path = folder / PLAN
-    if not path.is_file():
-        raise PlanError(f"{shown_path(folder)}: not the folder of a sweep (no {PLAN})")
-    return path
