@@ -76,17 +76,31 @@ def sweep_lock(folder: Path, shared: bool = False) -> Iterator[None]:
 
 
 class Journal:
-    """A journal that rows are appended to; raises ``OSError`` if it cannot be written, and
-    ``StoreError`` if another process is writing it."""
+    """A journal that rows are appended to; raises ``OSError`` if it cannot be written."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
-        _lock_file(self.file, path)
         self.synced = time.monotonic()
         size = os.fstat(self.file).st_size
         if size and os.pread(self.file, 1, size - 1) != b"\n":
             self._write(b"\n")  # ends a torn line
+
+    def lock(self) -> None:
+        """Lock the file until it is closed, where that is possible; raises ``StoreError`` if
+        another process has locked it."""
+        with suppress(ImportError):  # not a Unix
+            import fcntl
+
+            try:
+                fcntl.flock(self.file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise StoreError(
+                    f"{shown_path(self.path)}: another process is running the same points; wait "
+                    "for its end, or stop it"
+                ) from None
+            except OSError:  # a network file system that cannot lock
+                pass
 
     def append(self, rows: Iterable[Row]) -> None:
         """Append rows, each as a line."""
@@ -109,23 +123,6 @@ class Journal:
             self.sync()
         finally:
             os.close(self.file)
-
-
-def _lock_file(descriptor: int, path: Path) -> None:
-    """Lock a file until it is closed, where that is possible."""
-    with suppress(ImportError):  # not a Unix
-        import fcntl
-
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(descriptor)
-            raise StoreError(
-                f"{shown_path(path)}: another process is running the same points; wait for its "
-                "end, or stop it"
-            ) from None
-        except OSError:  # a network file system that cannot lock
-            pass
 
 
 def journal_of_shard(k: int, n: int) -> str:
