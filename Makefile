@@ -35,7 +35,7 @@ SWEEP_RUNS := $(foreach d,$(SWEEP_DECKS),$(SWEEP)/$(d)/runs.csv)
 JOBS ?= 1
 
 .PHONY: help run test test-slow test-numba kernels wheel coverage mutate fuzz lint regress regress-update sweep \
-  bench thesis validation convergence stability error-table docs examples web clean
+  bench thesis validation convergence stability error-table docs examples readme web clean
 .DELETE_ON_ERROR:
 
 help:
@@ -60,6 +60,7 @@ help:
 	@echo 'make convergence     repeat the experiment on the convergence errors of the thesis'
 	@echo 'make docs            build the documentation site in $(SITE)'
 	@echo 'make examples        run all decks and draw their pictures for the documentation'
+	@echo 'make readme          make the moving picture and the report of the README (needs Chromium)'
 	@echo 'make web             build the JavaScript libraries of the pages again and compare them (needs node)'
 	@echo 'make clean           remove results and build products, but keep .venv'
 
@@ -174,6 +175,9 @@ docs: .venv/documented
 
 examples: .venv/documented
 	$(BIN)/python -m tools.docs.pictures
+
+readme: .venv/tested
+	$(BIN)/python -m tools.docs.moving_picture
 
 # The bundles in msahl/post/web come from the packages of tools/web/package-lock.json; to change them,
 # edit package.json there and run node build.mjs.

@@ -66,11 +66,20 @@ def test_the_readme_is_short():
     assert len((ROOT / "README.md").read_text().splitlines()) <= 150
 
 
+FOREIGN = {
+    *("--nthreads", "--nworkers", "--port", "--scheduler-file"),  # of Dask
+    *("--array", "--cpus-per-task", "--ntasks", "--time"),  # of SLURM
+    *("--sshloginfile", "--workdir"),  # of GNU parallel
+}
+"""Options of other programs that the pages call."""
+
+
 def test_options_in_the_documentation_exist():
     from msahl.cli.main import main as msahl
     from msahl.post.cli import main as msahl_post
 
     known = {"--help", "--quick", "--problem", "--code", "--page", "--no-deps"}
+    known |= FOREIGN
     for group in (msahl, msahl_post):
         context = click.Context(group)
         for command in [

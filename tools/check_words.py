@@ -139,6 +139,7 @@ EXCEPTIONS = (
         "tests/deck/test_faults.py", r"called|turn=|<gap>|drive>|station", "the test of these"
     ),
     Allowance("tests/test_documentation.py", "", "the test of the list"),
+    Allowance("*", r"--watch\b", "the option's name in other programs"),
     Allowance("msahl/post/web/*.css", r"\b(gap|box-shadow): ", "a property of CSS"),
     Allowance("tests/deck/test_faults.py", r"drive>|freedom>|turn=|called", "old names in a deck"),
 )

@@ -3,9 +3,9 @@
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,13 +21,15 @@ from msahl.terminal import echo
 if TYPE_CHECKING:
     from msahl.sweep.plan import Plan
     from msahl.sweep.store import Counts
-    from msahl.sweep.sweep import Sweep
-    from msahl.sweep.work import Work
+    from msahl.sweep.sweep import Hooks, Sweep
+    from msahl.sweep.work import Scheduler, Work
 
 FIRST_POINTS = 5
 """Points that --dry-run shows."""
 REFRESH = 0.2
 """Seconds between two updates of the progress on a terminal."""
+MOST_COMPARED = 300
+"""Points whose comparison with earlier outcomes takes less than a second or two."""
 REPORT = 30.0
 """Seconds between two lines of progress elsewhere."""
 
@@ -84,6 +86,17 @@ REPORT = 30.0
               "counted (default: none).")  # fmt: skip
 @click.option("--jobs", type=click.IntRange(min=1, max=1024), metavar="N",
               help="Set the number of processes (default: the number of cores).")  # fmt: skip
+@click.option("--scheduler", metavar="ADDRESS",
+              help="Run the points on the workers of this Dask scheduler, such as "
+              "tcp://host:8786, or of the one that writes this file.")  # fmt: skip
+@click.option("--shard", metavar="K/N",
+              help="Run only every Nth point, from point K on. Run all N shards anywhere, then "
+              "--merge.")  # fmt: skip
+@click.option(
+    "--merge",
+    is_flag=True,
+    help="Run nothing, and write the tables from the journals of all shards in DIR.",
+)
 @click.option("--dry-run", is_flag=True, help="Print the plan and run nothing.")
 @run_options
 @click.option("-q", "--quiet", is_flag=True, help="Print only faults.")
@@ -101,7 +114,7 @@ def sweep(deck: Path, output: Path | None, **given: Any) -> None:
     request = Request(deck, output or Path("sweeps") / deck.stem, given)
     from msahl.deck import DeckError
     from msahl.jit.progress import CompileError
-    from msahl.sweep.faults import PlanError
+    from msahl.sweep.faults import ClusterError, PlanError
     from msahl.sweep.points import ChangedError, NotWrittenError
     from msahl.sweep.pool import PoolError
     from msahl.sweep.store import StoreError
@@ -112,7 +125,7 @@ def sweep(deck: Path, output: Path | None, **given: Any) -> None:
         stop("\n".join(f"msahl sweep: {printable(fault)}" for fault in error.faults))
     except DeckError as error:
         stop("\n".join(map(str, error.faults)))
-    except (ChangedError, CompileError, PoolError, StoreError) as error:
+    except (ChangedError, ClusterError, CompileError, PoolError, StoreError) as error:
         stop(f"msahl sweep: {printable(str(error))}")
     except (NotWrittenError, OSError) as error:
         reason = str(error)
@@ -186,8 +199,9 @@ class Request:
         """The sweep; raises ``PlanError``."""
         from msahl.sweep.measures import parse_measures
         from msahl.sweep.points import Job
+        from msahl.sweep.store import journal_of_shard
         from msahl.sweep.sweep import Sweep
-        from msahl.sweep.work import parse_on_fail
+        from msahl.sweep.work import parse_on_fail, parse_shard
 
         plan, measures = self.plan(), parse_measures(self.given["measures"])
         job = Job(
@@ -199,7 +213,31 @@ class Request:
             os.fspath(self.folder),
         )
         on_fail = parse_on_fail(self.given["on_fail"])
-        return Sweep(self.folder, plan, job, on_fail, self.given["timeout"])
+        made = Sweep(self.folder, plan, job, on_fail, self.given["timeout"])
+        if self.given["shard"] is None:
+            return made
+        share = parse_shard(self.given["shard"])
+        return replace(made, share=share, journal=journal_of_shard(*share))
+
+    def scheduler(self, made: "Sweep", compiling: Callable[[], Any]) -> "Scheduler":
+        """What runs the points; raises ``PlanError`` if options exclude each other."""
+        from msahl.sweep.faults import PlanError
+        from msahl.sweep.pool import Pool
+        from msahl.sweep.work import Nobody
+
+        given = self.given
+        both = [name for name in ("jobs", "scheduler", "merge") if given[name]]
+        if len(both) > 1:
+            raise PlanError(f"--{both[0]} and --{both[1]} exclude each other; omit one")
+        if given["merge"] and given["shard"]:
+            raise PlanError("--merge collects all shards; omit --shard")
+        if given["merge"]:
+            return Nobody()
+        if given["scheduler"] is not None:
+            from msahl.sweep.cluster import Cluster
+
+            return Cluster(given["scheduler"], made.timeout, say)
+        return Pool(given["jobs"] or cores(), made.timeout, compiling)
 
 
 def carry_out(request: Request) -> int:
@@ -208,14 +246,12 @@ def carry_out(request: Request) -> int:
     if given["dry_run"]:
         show_plan(made)
         return 0
-    from msahl.sweep.pool import Pool
-    from msahl.sweep.sweep import Hooks
     from msahl.sweep.sweep import carry_out as make
 
     with stoppable() as stopped, shown(made, given["quiet"]) as progress:
-        pool = Pool(given["jobs"] or cores(), made.timeout, progress.compiling)
+        scheduler = request.scheduler(made, progress.compiling)
         try:
-            counts = make(made, pool, Hooks(progress.began, progress.tell, stopped))
+            counts = make(made, scheduler, progress.hooks(stopped))
         except KeyboardInterrupt:  # a second request, or one during the preparation
             progress.end()
             say(f"{shown_path(request.deck)}: stopped; go on with: {typed_command()}")
@@ -242,13 +278,21 @@ def conclude(request: Request, counts: "Counts", stopped: Interruption) -> int:
         lines.append(f"{where}: {counts.failed} failed ({kinds}); first: {counts.first_failure}")
     if counts.bad:
         lines.append(f"{where}: {counts.bad} completed with the verdict FAIL")
-    if counts.done < counts.points:
+    if counts.done < counts.points and request.given["merge"]:
+        left = counts.points - counts.done
+        lines.append(f"{where}: {left} of {counts.points} points have no outcome; run their shards")
+    elif counts.done < counts.points:
         if not stopped.signal:
             lines.append(f"{where}: stopped because a point failed (--on-fail stop)")
+        into = "" if request.given["shard"] else f" -> {folder}/runs.csv.part"
         lines.append(
-            f"{where}: {counts.done} of {counts.points} points are done -> {folder}/runs.csv.part; "
-            f"go on with: {typed_command()}"
+            f"{where}: {counts.done} of {counts.points} points are done{into}; go on with: "
+            f"{typed_command()}"
         )
+    elif request.given["shard"]:
+        merge = typed_command(without=("shard", "jobs", "scheduler", "quiet"))
+        done = f"{where}: all {counts.points} points of shard {request.given['shard']} are done"
+        lines += [] if quiet else [f"{done}; after all shards: {merge} --merge"]
     elif not quiet:
         lines.append(f"{where}: all {counts.points} points are done -> {folder}/runs.csv")
     if lines:
@@ -301,6 +345,17 @@ class Progress:
     before: int = 0
     announced: bool = False
     lines: list[str] = field(default_factory=list)
+
+    def hooks(self, stopped: Interruption) -> "Hooks":
+        """What the sweep calls."""
+        from msahl.sweep.sweep import Hooks
+
+        return Hooks(self.began, self.tell, stopped, self.comparing)
+
+    def comparing(self, points: int) -> None:
+        """Print what takes long before the first run."""
+        if not self.quiet and points > MOST_COMPARED:
+            say(f"comparing {points} points with the outcomes of an earlier plan in the folder")
 
     def began(self, work: "Work") -> None:
         """Print the plan and how much of it is done."""

@@ -32,19 +32,28 @@ MOST_BYTES = 64 * 2**20
 """Size of all parts, each counted as often as it is used."""
 
 
+Parts = dict[Path, bytes]
+"""Files of parts that have been read, by their paths."""
+
+
 @dataclass(slots=True)
 class _Work:
-    """The files that are open, from the deck on; number and size of all parts so far."""
+    """The files that are open, from the deck on, and those that are ``known``; number and size of
+    all parts so far."""
 
     files: list[Path]
+    known: Parts
     parts: int = 0
     size: int = 0
 
 
-def merge_parts(root: Element, path: Path, faults: Faults) -> None:
+def merge_parts(root: Element, path: Path, faults: Faults, parts: Parts) -> None:
     """Replace ``<includes>`` in the tree of the deck at ``path`` by the contents of the parts;
-    raises ``DeckError`` with all faults if one cannot be read."""
-    if root.find("includes") is not None and not _merge_all(root, _Work([path]), faults):
+    raises ``DeckError`` with all faults if one cannot be read.
+
+    Files are taken from ``parts`` if they are there, and put there when they are read.
+    """
+    if root.find("includes") is not None and not _merge_all(root, _Work([path], parts), faults):
         faults.raise_if_any()
 
 
@@ -102,6 +111,8 @@ def _file(include: Element, work: _Work, faults: Faults) -> Path | None:
         return None
     folder = work.files[-1].parent
     file = folder.joinpath(*parts)
+    if file in work.known and file not in work.files and len(work.files) <= MOST_DEEP:
+        return file  # it was accepted when it was read
     try:
         real = file.resolve(strict=True)
         if not real.is_relative_to(folder.resolve()):
@@ -123,7 +134,9 @@ def _file(include: Element, work: _Work, faults: Faults) -> Path | None:
 
 def _read(file: Path, unit_system: str, work: _Work, own: Faults) -> Element:
     """Return the tree of a part; raises ``DeckError`` if it is not well-formed or too large."""
-    data = read_bytes(file, own)
+    data = work.known.get(file)
+    if data is None:
+        data = work.known[file] = read_bytes(file, own)
     work.parts += 1
     work.size += len(data)
     if work.parts > MOST_PARTS or work.size > MOST_BYTES:

@@ -11,7 +11,7 @@ import gc
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import IDENTITY, ZERO, Vector
@@ -44,6 +44,9 @@ from msahl.model import Ground, Model, RigidBody, Simulation
 from msahl.model.couplings import COORDINATES
 from msahl.model.signals import AnySignal, Stop
 
+if TYPE_CHECKING:
+    from msahl.deck.includes import Parts
+
 Read = Callable[[Element, Reader], Any]
 
 BODIES: Mapping[str, Read] = {"ground": read_ground, "rigidBody": read_rigid_body}
@@ -69,22 +72,34 @@ ONE_NAME = (("bodies", "markers", "groups"), ("joints", "motions", "loads", "sig
 of bodies, markers and groups and those of other elements have different names."""
 
 
-def read_tree(root: Element, path: Path, settings: Sequence[str] | None, faults: Faults) -> Model:
+def read_tree(
+    root: Element, path: Path, settings: Sequence[str] | None, faults: Faults, parts: "Parts"
+) -> Model:
     """Return the model of a tree, which has been compared with the schema, with other numbers;
     raise ``DeckError`` with every fault found.
 
     The tree of the deck at ``path`` is expanded in place (see ``deck.expand``) unless ``settings``
-    are None: it has plain numbers only.
+    are None: it has plain numbers only. ``parts`` are files that were read already.
+    """
+    model = read_what_is_sound(root, path, settings, faults, parts)
+    faults.raise_if_any()
+    return model
+
+
+def read_what_is_sound(
+    root: Element, path: Path, settings: Sequence[str] | None, faults: Faults, parts: "Parts"
+) -> Model:
+    """Return what can be read of a tree (see ``read_tree``), and add its faults to ``faults``.
+
+    Elements may refer to others that are missing. Raises ``DeckError`` if a part cannot be read.
     """
     parameters: dict[str, Parameter] = {}
     if settings is not None:
         from msahl.deck.expand import expand  # which other decks do without
 
-        parameters = expand(root, path, settings, faults)
+        parameters = expand(root, path, settings, faults, parts)
     with _without_collector():
-        model = _read_model(root, faults, parameters)
-    faults.raise_if_any()
-    return model
+        return _read_model(root, faults, parameters)
 
 
 @contextmanager

@@ -6,19 +6,19 @@ ParsedDeck   -> models with other numbers, as often as wanted, without parsing a
 
 import hashlib
 import re
+from base64 import b64decode, b64encode
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lxml import etree
 
-from msahl.deck.faults import Element, Faults
-from msahl.deck.includes import merge_parts
+from msahl.deck.faults import DeckError, Element, Fault, Faults
 from msahl.deck.parse import is_plain, parse, parse_valid, read_bytes
-from msahl.deck.read import read_tree
+from msahl.deck.read import read_tree, read_what_is_sound
 from msahl.deck.schema import check_schema, schema_bytes, validator
 from msahl.deck.write import effective_text
 from msahl.model import Model
@@ -26,17 +26,37 @@ from msahl.model import Model
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element as PlainElement
 
+    from msahl.deck.includes import Parts
+
 
 TEXT = Path("<deck>")
 """What messages call a deck that is in no file; parts are looked for in the current folder."""
 
 
+class Readable(NamedTuple):
+    """What can be read of a deck that may have faults.
+
+    ``model`` has the elements that are sound, of which some may refer to missing ones; ``root`` is
+    the expanded tree, and ``origins`` the files of elements from parts; both None if there is
+    nothing to be read. ``faults`` are those of the deck.
+    """
+
+    model: Model | None
+    root: Element | None
+    origins: Mapping[Element, str]
+    faults: tuple[Fault, ...]
+
+
 @dataclass(frozen=True)
 class Source:
-    """The bytes of a deck, and the path that names it in messages and leads to its parts."""
+    """The bytes of a deck, and the path that names it in messages and leads to its parts.
+
+    ``parts`` are the files of parts that were read; no file is read a second time.
+    """
 
     path: Path
     data: bytes
+    parts: "Parts" = field(default_factory=dict)
 
     @classmethod
     def of_file(cls, path: str | PathLike[str]) -> "Source":
@@ -63,6 +83,17 @@ class Source:
 
         return cls(TEXT, ElementTree.tostring(deck))
 
+    def as_json(self) -> dict[str, Any]:
+        """Return the files as JSON."""
+        parts = {str(path): b64encode(data).decode() for path, data in self.parts.items()}
+        return {"path": str(self.path), "data": b64encode(self.data).decode(), "parts": parts}
+
+    @classmethod
+    def from_json(cls, given: Mapping[str, Any]) -> "Source":
+        """Return the files that ``as_json`` wrote."""
+        parts = {Path(path): b64decode(data) for path, data in given["parts"].items()}
+        return cls(Path(given["path"]), b64decode(given["data"]), parts)
+
     def tree(self, faults: Faults, thorough: bool = False) -> Element:
         """Return the tree without comments; departures from the schema are added to ``faults``."""
         root = None if thorough else parse_valid(self.data, validator(schema_bytes()))
@@ -77,11 +108,25 @@ class Source:
         faults = Faults(str(self.path))
         root = self.tree(faults, thorough)
         plain = is_plain(root, self.data, settings)
-        return read_tree(root, self.path, None if plain else settings, faults)
+        return read_tree(root, self.path, None if plain else settings, faults, self.parts)
+
+    def readable(self, settings: Sequence[str] = ()) -> "Readable":
+        """Return what can be read of the deck with other numbers, and all its faults."""
+        faults = Faults(str(self.path))
+        root = model = None
+        try:
+            root = self.tree(faults)
+            plain = is_plain(root, self.data, settings)
+            given = None if plain else settings
+            model = read_what_is_sound(root, self.path, given, faults, self.parts)
+            faults.raise_if_any()
+        except DeckError as error:
+            return Readable(model, root, faults.origins, error.faults)
+        return Readable(model, root, faults.origins, ())
 
     def text(self, changes: Mapping[str, Any], settings: Sequence[str] = ()) -> bytes:
         """Return the deck as it runs (see ``deck.write.effective_text``)."""
-        return effective_text(self.path, self.data, changes, settings)
+        return effective_text(self.path, self.data, changes, settings, self.parts)
 
 
 def read_deck(
@@ -111,7 +156,10 @@ class ParsedDeck:
             source.model()  # finds all other faults as well, and raises
             faults.raise_if_any()
         self._plain = is_plain(self._root, source.data, ())
-        merge_parts(self._root, source.path, faults)
+        if not self._plain:
+            from msahl.deck.includes import merge_parts  # which plain decks do without
+
+            merge_parts(self._root, source.path, faults, source.parts)
         self._origins = [(i, faults.origins[e]) for i, e in self._numbered() if e in faults.origins]
 
     def model(self, settings: Sequence[str] = (), word: str = "") -> Model:
@@ -121,12 +169,12 @@ class ParsedDeck:
         """
         faults = Faults(str(self.source.path), word)
         if self._plain and not settings:
-            return read_tree(self._root, self.source.path, None, faults)
+            return read_tree(self._root, self.source.path, None, faults, {})
         root = deepcopy(self._root)
         if self._origins:
             elements = list(root.iter("*"))
             faults.origins.update((elements[i], file) for i, file in self._origins)
-        return read_tree(root, self.source.path, settings, faults)
+        return read_tree(root, self.source.path, settings, faults, {})
 
     def digest(self) -> str:
         """Return the SHA-256 of the deck with its parts, without comments, in hexadecimal."""

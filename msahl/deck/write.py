@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.parsers import expat
 
 from lxml.etree import Comment, SubElement, tostring
@@ -23,6 +23,9 @@ from msahl.deck.parse import (
     parse,
     parse_with_comments,
 )
+
+if TYPE_CHECKING:
+    from msahl.deck.includes import Parts
 
 _SHAPES = "shapes"
 
@@ -39,20 +42,25 @@ UNITS = {
 
 
 def effective_text(
-    path: Path, data: bytes, changes: Mapping[str, Any], settings: Sequence[str] = ()
+    path: Path,
+    data: bytes,
+    changes: Mapping[str, Any],
+    settings: Sequence[str],
+    parts: "Parts",
 ) -> bytes:
     """Return the text of the deck ``data``, which was read with these ``settings`` without faults,
     with ``changes`` of ``<simulation>``: values [s, m] by the names of its elements and attributes.
 
     Of a deck without parameters and changes the bytes are those given; otherwise the document is
-    the same, comments included, but for numbers and parts, which lie beside ``path``.
+    the same, comments included, but for numbers and parts, which lie beside ``path`` or are among
+    those of ``parts``.
     """
     # Expressions in shapes alone may stay, so that the rest of the text is that without shapes.
     if settings or may_have_braces(without_shapes(data)) or b"<includes" in data:
         faults = Faults(str(path))
         root = parse(data, faults)
         if not is_plain(root, data, settings):
-            data = _expanded(root, data, path, settings, faults)
+            data = _expanded(root, data, path, settings, faults, parts)
     numbers = {
         tag: (repr(float(changes[tag])), unit) for tag, unit in UNITS.items() if tag in changes
     }
@@ -96,7 +104,12 @@ def _bytes(root: Element) -> bytes:
 
 
 def _expanded(
-    root: Element, data: bytes, path: Path, settings: Sequence[str], faults: Faults
+    root: Element,
+    data: bytes,
+    path: Path,
+    settings: Sequence[str],
+    faults: Faults,
+    parts: "Parts",
 ) -> bytes:
     """Return the document ``data``, whose tree without comments is ``root``, expanded."""
     from msahl.deck.expand import expand
@@ -105,9 +118,9 @@ def _expanded(
 
     document = parse_with_comments(data)
     twins = dict(zip(root.iter("*"), document.iter("*"), strict=True))
-    merge_parts(root, path, faults)
+    merge_parts(root, path, faults, parts)
     before = {e: (text(e), dict(e.attrib)) for e in with_text(root, "{")}
-    expand(root, path, settings, faults)
+    expand(root, path, settings, faults, parts)
     faults.raise_if_any()
     for element in list(root.iter("*")):
         holder, twin = element.getparent(), twins.get(element)

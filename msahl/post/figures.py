@@ -258,7 +258,8 @@ def _components(
     """
     if np.isnan(vectors).all():
         return [], []
-    largest = np.nanmax(np.abs(vectors), axis=(0, 1))
+    highest, lowest = np.nanmax(vectors, axis=(0, 1)), np.nanmin(vectors, axis=(0, 1))
+    largest = np.maximum(highest, -lowest)
     shown = [axis for axis in range(3) if largest[axis] > NEGLIGIBLE * largest.max()]
     zero = [f"{letter}{AXES[axis]}" for axis in range(3) if axis not in shown]
     panels = [(f"{letter}{AXES[axis]} [{unit}]", vectors[:, :, axis]) for axis in shown]

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from msahl.post.columns import POSITION, grouped, matching, quantity, series
+from msahl.post.columns import ORIENTATION, POSITION, grouped, matching, quantity, series
 from msahl.post.draw import COLOURS, LINES, MOST_IN_LEGEND, folded, looks, plain, thinned
 from msahl.printable import shown_path
 from msahl.results.read import ResultError, Run
@@ -25,6 +25,9 @@ ONE_COLUMN = 4
 MOST_IN_PANEL = 6
 """Columns of one quantity that share a panel; more are spread over panels by their names."""
 TITLE_WIDTH = 80
+JUMP = 4.0
+"""Least jump of an orientation parameter at a rotation by 180 degrees that breaks its curve: of the
+vector it is 8."""
 NEGLIGIBLE = 1e-9
 """Columns below this fraction of the largest of their quantity have no curve; the title says so."""
 
@@ -54,13 +57,24 @@ def histories(runs: Sequence[Run], patterns: Sequence[str]) -> tuple[str, Figure
         ]
         styles = _looks_of_runs(len(runs)) if several else looks()
         for (text, run, name), look in zip(named, styles, strict=False):
-            axes.plot(*thinned(*series(run, name)), label=plain(text), **look)
+            for k, piece in enumerate(_pieces(run, name)):
+                axes.plot(*thinned(*piece), label="" if k else plain(text), **look)
         axes.set_ylabel(label)
         if len(runs) == 1:
             _legend_beside(axes)
     if len(runs) > 1:
         _legend_of_runs(figure, all_axes[0])
     return "columns", figure
+
+
+def _pieces(run: Run, column: str) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return times and values of a column, divided where an orientation parameter jumps."""
+    times, values = series(run, column)
+    jumps = np.zeros(0, dtype=int)
+    if quantity(column) == ORIENTATION:
+        jumps = np.flatnonzero(np.abs(np.diff(values)) > JUMP) + 1
+    parts = zip(np.split(times, jumps), np.split(values, jumps), strict=True)
+    return list(parts)
 
 
 def _without_zeros(runs: Sequence[Run], columns: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -142,7 +156,10 @@ def _parts(names: Sequence[str]) -> list[list[str]]:
         return [list(names)]
     by_component: dict[str, list[str]] = {}
     for name in names:
-        by_component.setdefault(name.rpartition(".")[2], []).append(name)
+        _, point, component = name.rpartition(".")
+        # Signals have no components; those whose names differ by a number belong together.
+        key = component if point else component.rstrip("0123456789")
+        by_component.setdefault(key, []).append(name)
     return [
         part[i : i + MOST_IN_LEGEND]
         for part in by_component.values()

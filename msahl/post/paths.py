@@ -68,7 +68,7 @@ def paths_in_space(runs: Sequence[Run], bodies: Sequence[str]) -> tuple[str, Fig
         axes.plot(*points[:1].T, "o", color=line.get_color(), markersize=5)
     limits = np.array([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()])
     ranges = np.ptp(limits, axis=1)
-    axes.set_box_aspect(np.maximum(ranges, 1e-3 * ranges.max()), zoom=1.25)
+    axes.set_box_aspect(np.maximum(ranges, 1e-3 * ranges.max()), zoom=1.25 - 0.3 * tall)
     axes.view_init(ELEVATION, AZIMUTH, vertical_axis=AXES[vertical])
     if runs[0].model.gravity[vertical] > 0.0:
         getattr(axes, f"invert_{AXES[vertical]}axis")()

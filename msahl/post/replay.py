@@ -49,7 +49,7 @@ class Rows(NamedTuple):
     length: float  # longest arm or radius of gyration [m]
 
 
-PART = 100_000
+PART = 20_000
 """Rows times bodies whose history is in memory at once: of a long run it would take most memory."""
 
 

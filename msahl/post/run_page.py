@@ -18,7 +18,7 @@ from msahl.post.summary import partial_note
 from msahl.post.table import Column, Table
 from msahl.post.view.page import show_sample, viewer_block
 from msahl.results.read import Run
-from msahl.results.sample import read_sample
+from msahl.results.sample import sample_run
 
 MEANINGS = {
     "PASS": "The results can be used.",
@@ -42,7 +42,7 @@ CHECKS = {
 """Names of the checks for a reader; another is shown by its own name."""
 
 NUMBERS, ROWS = 300_000, 1 << 14
-"""Numbers and rows that the viewer reads of a run: a motion of minutes."""
+"""Most numbers and rows of a run that the viewer gets."""
 
 Pictured = Callable[[Run, Metrics], Part]
 
@@ -107,8 +107,7 @@ def still_picture(run: Run, metrics: Metrics) -> Part:
 
 def moving_picture(run: Run, metrics: Metrics) -> Part:
     """Return the viewer of the motion; in print, the still picture."""
-    sample = read_sample(run.folder, NUMBERS, ROWS)
-    viewer = viewer_block([show_sample(sample, columns=False)])
+    viewer = viewer_block([show_sample(sample_run(run, NUMBERS, ROWS), columns=False)])
     return wrap("div", viewer, wrap("div", still_picture(run, metrics), class_="printed"))
 
 

@@ -18,8 +18,9 @@ class FolderInUseError(Exception):
 
 
 @contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Lock ``folder``, which is created if it does not exist.
+def locked(folder: Path, shared: bool = False) -> Iterator[None]:
+    """Lock ``folder``, which is created if it does not exist; ``shared`` locks exclude only those
+    that are not.
 
     Raises ``FolderInUseError``, and ``OSError`` if it cannot be created. There is no lock where
     the operating system or the file system has none.
@@ -33,7 +34,8 @@ def locked(folder: Path) -> Iterator[None]:
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            kind = fcntl.LOCK_SH if shared else fcntl.LOCK_EX
+            fcntl.flock(descriptor, kind | fcntl.LOCK_NB)
         except BlockingIOError:
             raise FolderInUseError(
                 f"{folder}: {_owner(folder)} is writing a run there; wait for its end, stop it, or "

@@ -13,9 +13,9 @@ from msahl.model import Model
 from msahl.printable import shown_path
 from msahl.results.folder import find
 from msahl.results.info import AGAIN, ResultError, read_info
-from msahl.results.read import find_table, require_columns, unreadable
+from msahl.results.read import Run, find_table, require_columns, unreadable
 from msahl.results.write import DECK, PART, file_name
-from msahl.run.tables import STATES, tables_of_model
+from msahl.run.tables import REACTIONS, STATES, WORK, tables_of_model
 
 BLOCK = 1 << 22
 """Bytes of a file that are searched for line ends at a time."""
@@ -74,6 +74,17 @@ def read_sample(folder: Path, numbers: int, most: int) -> Sample:
     stride = int(rows[1] - rows[0]) if len(rows) > 1 else 1
     partial = files[STATES].path.suffix == PART
     return Sample(folder, model, info, total, stride, tables, partial)
+
+
+def sample_run(run: Run, numbers: int, most: int) -> Sample:
+    """Return rows of a run that was read, chosen as by ``read_sample``."""
+    frames = {STATES: run.states, REACTIONS: run.reactions, WORK: run.work, **run.others}
+    known = {name: frame for name, frame in frames.items() if frame is not None}
+    total, width = len(run.time), sum(frame.shape[1] for frame in known.values())
+    rows = _spaced(total, min(most, max(numbers // width, 1000)))
+    tables = {name: (list(f.columns), f.to_numpy()[rows]) for name, f in known.items()}
+    stride = int(rows[1] - rows[0]) if len(rows) > 1 else 1
+    return Sample(run.folder, run.model, run.info, total, stride, tables, run.partial)
 
 
 def _spaced(total: int, most: int) -> np.ndarray:

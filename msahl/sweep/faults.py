@@ -1,4 +1,4 @@
-"""The fault of a sweep that cannot be started: a bad plan, measure or folder."""
+"""Faults of sweeps: a bad plan, measure or folder; a cluster that cannot be used."""
 
 
 class PlanError(Exception):
@@ -7,3 +7,7 @@ class PlanError(Exception):
     def __init__(self, *faults: str) -> None:
         super().__init__("\n".join(faults))
         self.faults = faults
+
+
+class ClusterError(Exception):
+    """The cluster cannot be used, or was lost; the message says why and what to do."""

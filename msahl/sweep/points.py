@@ -66,6 +66,7 @@ class Job:
     columns of the plan, the measures, what is kept of a run, and the folder of kept tables.
 
     ``digest`` is that of the deck (``Resolver.digest``); no other deck is run if it is given.
+    ``source`` are the files of the deck, for machines that do not have them.
     """
 
     deck: str
@@ -75,6 +76,7 @@ class Job:
     keep: str = SUMMARY
     folder: str = ""
     digest: str = ""
+    source: Source | None = None
 
     def as_json(self) -> dict[str, Any]:
         """The job as JSON."""
@@ -86,13 +88,16 @@ class Job:
             "keep": self.keep,
             "folder": self.folder,
             "digest": self.digest,
+            "source": self.source and self.source.as_json(),
         }
 
     @classmethod
     def from_json(cls, given: Mapping[str, Any]) -> "Job":
         """The job that ``as_json`` wrote."""
         columns = tuple(Column(*column) for column in given["columns"])
-        return cls(**{**given, "columns": columns, "measures": tuple(given["measures"])})
+        source = given["source"] and Source.from_json(given["source"])
+        changed = {"columns": columns, "measures": tuple(given["measures"]), "source": source}
+        return cls(**{**given, **changed})
 
     def settings_of(self, cells: Sequence[str]) -> tuple[str, ...]:
         """Changes of the deck's numbers at a point, as ``msahl run --set`` takes them."""
@@ -154,7 +159,7 @@ class Resolver:
 
     def __init__(self, job: Job) -> None:
         self.job = job
-        self.deck = ParsedDeck(Source.of_file(job.deck))
+        self.deck = ParsedDeck(job.source or Source.of_file(job.deck))
         self.digest = self.deck.digest()
         if job.digest and job.digest != self.digest:
             raise ChangedError(
@@ -181,7 +186,7 @@ class Resolver:
     def faulty_key(self, cells: Sequence[str], error: DeckError) -> str:
         """The key of a point whose deck has faults: SHA-256 of what was changed and of these."""
         job = self.job
-        return digest_of([job.settings_of(cells), job.options_of(cells), str(error)])
+        return digest_of([job.settings_of(cells), job.options_of(cells), _fault_text(error)])
 
 
 def _key(run: Run) -> str:
@@ -240,8 +245,8 @@ def _run_point(resolver: Resolver, point: Point) -> Row:
 
 
 def _fault_text(error: DeckError) -> str:
-    """The faults of a point's deck in one line."""
-    faults = [str(fault) for fault in error.faults]
+    """The faults of a point's deck in one line, which does not depend on where the deck is."""
+    faults = [str(replace(fault, file=Path(fault.file).name)) for fault in error.faults]
     more = f"; and {len(faults) - 3} more faults" if len(faults) > 3 else ""
     return "; ".join(faults[:3]) + more
 
@@ -255,7 +260,7 @@ def _simulate(job: Job, run: Run, key: str) -> tuple[Report, dict[str, Any], str
     else:
         report = _run_and_keep(job, run, memory, key)
     if report.status == NOT_WRITTEN:
-        raise NotWrittenError(report.message)
+        raise NotWrittenError(report.message.partition(";")[0])
     if report.status != COMPLETED:
         return report, {}, ""
     return report, *evaluate(measures, run.model, report, memory.table)
@@ -307,7 +312,7 @@ def _run_and_keep(job: Job, run: Run, memory: MemorySink, key: str) -> Report:
             write_json(part / INFO, {**run.about(part), **report.as_json()})
         else:
             (part / DECK).unlink()
-        _put_in_place(job, part, key)
+        put_in_place(job, part, key)
     except OSError as error:
         raise NotWrittenError(f"{error.filename or part}: {error.strerror or error}") from error
     finally:
@@ -315,7 +320,7 @@ def _run_and_keep(job: Job, run: Run, memory: MemorySink, key: str) -> Report:
     return report
 
 
-def _put_in_place(job: Job, part: Path, key: str) -> None:
+def put_in_place(job: Job, part: Path, key: str) -> None:
     """Give a folder its final name, unless another process has brought the same results."""
     if is_kept(job.folder, key, job.keep):
         return

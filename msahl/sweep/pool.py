@@ -28,7 +28,7 @@ from msahl.sweep.points import (
     Row,
     crashed_row,
 )
-from msahl.sweep.work import Work
+from msahl.sweep.work import Supply
 
 CHUNK_SECONDS = 1.0
 """Work that a worker is given at a time [s]."""
@@ -116,7 +116,8 @@ class Worker:
 class Pool:
     """A scheduler of ``jobs`` processes; a point may take ``timeout`` seconds if that is given.
 
-    ``compiling`` is called when a worker begins to compile kernels.
+    ``compiling`` is called when a worker begins to compile kernels. Workers of a ``lasting`` pool
+    wait for more points of the same job until ``close``.
     """
 
     def __init__(
@@ -124,20 +125,24 @@ class Pool:
         jobs: int,
         timeout: float | None = None,
         compiling: Callable[[], Any] = lambda: None,
+        lasting: bool = False,
     ) -> None:
         self.jobs, self.timeout, self.compiling = jobs, timeout, compiling
+        self.lasting = lasting
         self.workers: list[Worker] = []
         self.deaths: Counter[int] = Counter()
         self.failed_starts = 0
         self.seconds_per_point = 0.0  # seconds that a point takes, by the last ones; 0: not known
         self.job: Job
-        self.work: Work
+        self.work: Supply
         self.selector: selectors.BaseSelector
 
-    def run(self, job: Job, work: Work, stopped: Callable[[], bool]) -> None:
+    def run(self, job: Job, work: Supply, stopped: Callable[[], bool]) -> None:
         """See ``work.Scheduler``."""
         self.job, self.work = job, work
         with selectors.DefaultSelector() as self.selector:
+            for worker in self.workers:
+                self.selector.register(worker.source, selectors.EVENT_READ, worker)
             try:
                 while not stopped() and not work.finished:
                     self._fill()
@@ -146,7 +151,14 @@ class Pool:
                     self._enforce_limit()
             finally:
                 for worker in [*self.workers]:
-                    self._remove(worker)
+                    if not self.lasting or worker.points:
+                        self._remove(worker)
+
+    def close(self) -> None:
+        """End the workers of a lasting pool."""
+        for worker in self.workers:
+            worker.kill()
+        self.workers.clear()
 
     def _fill(self) -> None:
         """Start workers that are missing, and give points to those that have few."""

@@ -18,7 +18,9 @@ from plan and journal, and exists under its name only while every point has an o
 import csv
 import mmap
 import os
+import shutil
 import time
+import uuid
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -34,7 +36,7 @@ from msahl.results.lock import FolderInUseError, locked
 from msahl.results.write import PART, write_json
 from msahl.run.report import COMPLETED
 from msahl.run.verdict import FAIL
-from msahl.sweep.axes import number_text
+from msahl.sweep.axes import ONE_NUMBER, number_text
 from msahl.sweep.faults import PlanError
 from msahl.sweep.plan import POINT, Plan, write_plan
 from msahl.sweep.points import SHOWN, Job, Row, digest_of, numeric_versions, point_id
@@ -44,6 +46,8 @@ INFO, PLAN, JOURNAL, RUNS, SECONDS, PARQUET = (
 )  # fmt: skip
 OUTCOME = ("status", "verdict", "error")
 """Columns of ``runs.csv`` behind those of the plan; the measures, message and key follow."""
+TEXTS = ("status", "verdict", "message", "key")
+"""Columns of ``runs.csv`` that are no numbers even where they look like some."""
 SECONDS_COLUMNS = ("prepare", "loop", "output", "companion", "total")
 """Phases in ``seconds.csv``."""
 SYNC_SECONDS = 2.0
@@ -55,10 +59,13 @@ class StoreError(Exception):
 
 
 @contextmanager
-def sweep_lock(folder: Path) -> Iterator[None]:
-    """Lock the folder of a sweep, which is created; raises ``StoreError`` if it is in use."""
+def sweep_lock(folder: Path, shared: bool = False) -> Iterator[None]:
+    """Lock the folder of a sweep, which is created; raises ``StoreError`` if it is in use.
+
+    Shards have ``shared`` locks: others may write their journals, but nobody the tables.
+    """
     try:
-        with locked(folder):
+        with locked(folder, shared):
             yield
     except FolderInUseError:
         owner = read_info(folder).get("pid")
@@ -70,11 +77,13 @@ def sweep_lock(folder: Path) -> Iterator[None]:
 
 
 class Journal:
-    """A journal that rows are appended to; raises ``OSError`` if it cannot be written."""
+    """A journal that rows are appended to; raises ``OSError`` if it cannot be written, and
+    ``StoreError`` if another process is writing it."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
+        _lock_file(self.file, path)
         self.synced = time.monotonic()
         size = os.fstat(self.file).st_size
         if size and os.pread(self.file, 1, size - 1) != b"\n":
@@ -101,6 +110,28 @@ class Journal:
             self.sync()
         finally:
             os.close(self.file)
+
+
+def _lock_file(descriptor: int, path: Path) -> None:
+    """Lock a file until it is closed, where that is possible."""
+    with suppress(ImportError):  # not a Unix
+        import fcntl
+
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(descriptor)
+            raise StoreError(
+                f"{shown_path(path)}: another process is running the same points; wait for its "
+                "end, or stop it"
+            ) from None
+        except OSError:  # a network file system that cannot lock
+            pass
+
+
+def journal_of_shard(k: int, n: int) -> str:
+    """The name of the journal of shard ``k`` of ``n``."""
+    return f"journal-{k}-of-{n}.jsonl"
 
 
 def journal_lines(path: Path) -> Iterator[tuple[int, Row]]:
@@ -348,7 +379,8 @@ def claim(folder: Path, deck: str) -> None:
 
 def begin(folder: Path, plan: Plan, job: Job) -> None:
     """Write ``plan.csv``, which is left alone if it is the same, and ``sweep.json``."""
-    new = folder / (PLAN + ".new")
+    # Shards may do so at the same time.
+    new = folder / f"{PLAN}.{uuid.uuid4().hex}.new"
     write_plan(plan, new)
     if not _same(new, folder / PLAN):
         new.replace(folder / PLAN)
@@ -367,8 +399,9 @@ def _same(a: Path, b: Path) -> bool:
 def write_info(folder: Path, plan: Plan, job: Job, state: Mapping[str, Any]) -> None:
     """Write ``sweep.json``; ``state`` says how far the sweep is."""
     options = {name: value for name, value in job.options.items() if value not in (None, False)}
+    new = folder / f"{INFO}.{uuid.uuid4().hex}.new"
     write_json(
-        folder / INFO,
+        new,
         {
             **numeric_versions(),
             "deck": {"path": job.deck, "relative": relative(Path(job.deck), folder)},
@@ -379,27 +412,50 @@ def write_info(folder: Path, plan: Plan, job: Job, state: Mapping[str, Any]) -> 
             **state,
         },
     )
+    new.replace(folder / INFO)
 
 
 def write_parquet(folder: Path) -> bool:
     """Write ``runs.parquet`` from ``runs.csv`` if pyarrow is installed; whether it is."""
     with suppress(ImportError):
+        import pyarrow
         from pyarrow import csv as reader
         from pyarrow import parquet
 
+        kinds = {False: pyarrow.string(), True: pyarrow.float64()}
+        types = {name: kinds[numeric] for name, numeric in _numeric(folder / RUNS).items()}
+        types[POINT] = pyarrow.int64()
+        convert = reader.ConvertOptions(column_types=types)
         part = folder / (PARQUET + PART)
-        writer = None
-        try:
-            with reader.open_csv(folder / RUNS) as batches:
-                for batch in batches:
-                    writer = writer or parquet.ParquetWriter(part, batch.schema)
-                    writer.write_batch(batch)
-        finally:
-            if writer is not None:
-                writer.close()
+        with (
+            reader.open_csv(folder / RUNS, convert_options=convert) as batches,
+            parquet.ParquetWriter(part, batches.schema) as writer,
+        ):
+            for batch in batches:
+                writer.write_batch(batch)
         part.replace(folder / PARQUET)
         return True
     return False
+
+
+def _numeric(path: Path) -> dict[str, bool]:
+    """Whether all values of each column of a table are numbers, or missing; by its head."""
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = csv.reader(file)
+        found = {name: name not in TEXTS for name in next(rows)}
+        for row in rows:
+            for name, cell in zip(found, row, strict=True):
+                if found[name] and cell and not ONE_NUMBER.fullmatch(cell):
+                    found[name] = False
+    return found
+
+
+def remove_left_over(folder: Path) -> None:
+    """Remove what calls and workers that were killed did not complete."""
+    for path in folder.glob("*.new*"):
+        path.unlink(missing_ok=True)
+    for path in (folder / "runs").glob("*.part"):
+        shutil.rmtree(path, ignore_errors=True)
 
 
 def require_plan(folder: Path) -> Path:

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -18,12 +19,15 @@ from msahl.sweep.store import (
     Store,
     begin,
     claim,
+    remove_left_over,
     sweep_lock,
     write_info,
     write_parquet,
 )
 from msahl.sweep.work import ON_FAIL, RETRY, OnFail, Scheduler, Work
 
+ALL = (1, 1)
+"""The share of a sweep that is not divided."""
 RUNNING, COMPLETE, STOPPED = "running", "complete", "stopped"
 """States of a sweep in ``sweep.json``."""
 
@@ -41,7 +45,7 @@ class Sweep:
     job: Job
     on_fail: OnFail = ON_FAIL
     timeout: float | None = None
-    share: tuple[int, int] = (1, 1)
+    share: tuple[int, int] = ALL
     journal: str = JOURNAL
 
     def usable(self, row: Row) -> bool:
@@ -64,11 +68,13 @@ class Sweep:
 @dataclass(frozen=True)
 class Hooks:
     """Functions that a sweep calls: ``began`` with the work before the first run, ``progress``
-    after outcomes, ``stopped`` to ask whether to stop."""
+    after outcomes, ``stopped`` to ask whether to stop, and ``comparing`` with the number of points
+    that are compared with outcomes of another plan."""
 
     began: Callable[[Work], Any] = lambda work: None
     progress: Callable[[Counts], Any] = lambda counts: None
     stopped: Callable[[], bool] = lambda: False
+    comparing: Callable[[int], Any] = lambda points: None
 
 
 def check(sweep: Sweep) -> Sweep:
@@ -97,16 +103,24 @@ def carry_out(sweep: Sweep, scheduler: Scheduler, hooks: Hooks = Hooks()) -> Cou
 
     Raises ``PlanError`` and ``DeckError`` for a bad plan, ``StoreError`` for a folder that cannot
     be used, ``NotWrittenError`` and ``OSError`` if it cannot be written, and what the scheduler
-    raises. Outcomes that were there before remain in every case.
+    raises. Outcomes that were there before remain in every case. Of a share of the points only the
+    journal is written.
     """
     sweep = check(sweep)
     claim(sweep.folder, sweep.job.deck)
-    with sweep_lock(sweep.folder):
+    with sweep_lock(sweep.folder, shared=sweep.share != ALL):
         store = sweep.open_store()
         try:
             begin(sweep.folder, sweep.plan, sweep.job)
-            _run_missing(sweep, store, scheduler, hooks)
+            work = _run_missing(sweep, store, scheduler, hooks)
+            if sweep.share != ALL:  # the tables follow from the journals of all shards
+                return work.counts
             counts = store.write_tables(sweep.plan)
+            remove_left_over(sweep.folder)
+        except BaseException:
+            with suppress(OSError):  # the folder may be on a full disk
+                write_info(sweep.folder, sweep.plan, sweep.job, {"status": STOPPED})
+            raise
         finally:
             store.close()
         complete = counts.done == counts.points
@@ -117,14 +131,17 @@ def carry_out(sweep: Sweep, scheduler: Scheduler, hooks: Hooks = Hooks()) -> Cou
     return counts
 
 
-def _run_missing(sweep: Sweep, store: Store, scheduler: Scheduler, hooks: Hooks) -> None:
+def _run_missing(sweep: Sweep, store: Store, scheduler: Scheduler, hooks: Hooks) -> Work:
     """Run the points of the plan that have no outcome."""
     work = Work(sweep.plan, store, sweep.on_fail, hooks.progress, sweep.share)
-    work.adopt(sweep.plan, hooks.stopped)
+    if store.foreign and work.left:
+        hooks.comparing(work.left)
+        work.adopt(sweep.plan, hooks.stopped)
     hooks.began(work)
     if work.left:
         store.drop_tables()
         scheduler.run(sweep.job, work, hooks.stopped)
+    return work
 
 
 def preview(sweep: Sweep, most: int) -> tuple[list[tuple[str, ...]], int]:

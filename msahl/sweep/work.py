@@ -39,6 +39,27 @@ def parse_on_fail(text: str) -> OnFail:
 ON_FAIL = OnFail()
 
 
+class Supply(Protocol):
+    """Points to be run, and where their rows go: ``Work``, or a part of it."""
+
+    @property
+    def left(self) -> int:
+        """The number of points without outcome."""
+
+    @property
+    def finished(self) -> bool:
+        """Whether no more points will be handed out, and none is running."""
+
+    def next(self, most: int = 1) -> list[Point]:
+        """Return up to ``most`` points to run now."""
+
+    def take(self, rows: list[Row]) -> None:
+        """Record outcomes of points that were handed out."""
+
+    def give_back(self, points: list[Point]) -> None:
+        """Take back points that were handed out but not run."""
+
+
 class Scheduler(Protocol):
     """Runs points somewhere."""
 
@@ -131,8 +152,6 @@ class Work:
     def adopt(self, plan: Plan, stopped: Callable[[], bool]) -> None:
         """Take over outcomes of an earlier plan in the folder: those of points with the same
         resolved deck and options."""
-        if not self.store.foreign:
-            return
         resolver = Resolver(self.store.job)
         for number, cells in _shared(plan, self.share):
             name = self.store.id_of(cells)
@@ -165,6 +184,21 @@ class Work:
                 if row is not None:
                     counts.add(row)
         return counts
+
+
+def parse_shard(text: str) -> tuple[int, int]:
+    """Return k and n of ``--shard k/n``; raises ``PlanError``."""
+    first, slash, last = text.partition("/")
+    if slash and first.isdecimal() and last.isdecimal() and 1 <= int(first) <= int(last):
+        return int(first), int(last)
+    raise PlanError(f"--shard {text}: write k/n, the number of the shard from 1 and that of all")
+
+
+class Nobody:
+    """A scheduler that runs nothing: what is done is collected."""
+
+    def run(self, job: Job, work: Work, stopped: Callable[[], bool]) -> None:
+        """See ``Scheduler``."""
 
 
 def _shared(plan: Plan, share: tuple[int, int]) -> Iterator[tuple[int, tuple[str, ...]]]:

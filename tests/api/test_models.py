@@ -113,6 +113,7 @@ def test_parameters_and_parts_are_changed_without_reading_files_again(tmp_path):
     masses = {body.name: body.mass for body in other.records.bodies}
     assert masses == {"Own": 1.0, "A.Bob": 5.0}
     assert other.records.bodies[0].position == (0.0, 0.0, 1.6)
+    assert b"<name>A.Bob</name>" in other.xml
 
 
 def test_all_faults_of_a_deck_are_raised(tmp_path):

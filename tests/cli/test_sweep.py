@@ -12,14 +12,21 @@ from click.testing import CliRunner
 
 from msahl.cli.main import main
 from msahl.cli.sweep import duration, progress_line
+from msahl.sweep import pool
 from msahl.sweep import store as store_module
-from msahl.sweep.store import Counts, journal_lines
+from msahl.sweep.store import Counts, journal_lines, read_info
 from tests.sweep.decks import DECK
+from tests.sweep.fakes import InProcess
 
 
 def sweep(folder, *words, deck=DECK):
     given = ("sweep", str(deck), "-o", str(folder), "--t-final", "0.1", *words)
     return CliRunner().invoke(main, given)
+
+
+@pytest.fixture(autouse=True)
+def _in_process(monkeypatch):
+    monkeypatch.setattr(pool, "Pool", InProcess)
 
 
 def rows(folder):
@@ -159,6 +166,21 @@ def test_a_full_disk_is_reported_with_the_command_to_go_on(tmp_path, monkeypatch
     assert sweep(tmp_path / "s", "--set", "L=60,80 cm").exit_code == 0
 
 
+@pytest.mark.skipif(os.name != "posix", reason="the system limits no sizes of files")
+def test_files_that_may_not_grow_are_a_full_disk(tmp_path):
+    """A worker cannot write tables."""
+    folder = tmp_path / "s"
+    words = ("-m", "tests.support.msahl", "sweep", str(DECK), "-o", str(folder), "--jobs", "1",
+             "--set", "L=60:100:5 cm", "--t-final", "0.5", "--keep", "all")  # fmt: skip
+    limited = ["sh", "-c", 'ulimit -f 12; exec "$@"', "sh", sys.executable, *words]
+    first = subprocess.run(limited, capture_output=True, text=True, check=False)
+    assert first.returncode == 4
+    assert "File too large; free some disk space" in first.stderr
+    assert read_info(folder)["status"] == "stopped"
+    assert CliRunner().invoke(main, words[2:]).exit_code == 0
+    assert len(rows(folder)) == 6
+
+
 def test_a_folder_of_something_else_is_refused(tmp_path):
     (tmp_path / "s").mkdir()
     (tmp_path / "s" / "letter.txt").write_text("dear")
@@ -167,9 +189,8 @@ def test_a_folder_of_something_else_is_refused(tmp_path):
     assert "choose another folder with -o" in result.stderr
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interruption_leaves_a_sweep_that_goes_on(tmp_path, number):
-    folder = tmp_path / "s"
+def test_an_interruption_leaves_a_sweep_that_goes_on(tmp_path):
+    folder, number = tmp_path / "s", signal.SIGINT
     words = (
         *("sweep", str(DECK), "-o", str(folder), "--jobs", "1", "--error", "off"),
         *("--set", "L=60:100:2000 cm", "--t-final", "0.1"),

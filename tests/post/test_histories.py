@@ -96,6 +96,25 @@ def test_a_curve_is_the_column(run):
     np.testing.assert_array_equal(line.get_ydata(), run.states["Bob.x"])
 
 
+def test_the_curve_of_an_orientation_breaks_at_its_jumps(run):
+    values = run.states["Bob.P2"].to_numpy(copy=True)
+    values[20:] -= 8.0
+    run.states["Bob.P2"] = values
+    with style():
+        _, figure = histories([run], ["Bob.P2"])
+    assert [len(line.get_xdata()) for line in figure.axes[0].get_lines()] == [20, 21]
+    assert [text.get_text() for text in figure.axes[0].get_legend().get_texts()] == ["Bob.P2"]
+
+
+def test_many_signals_share_panels_by_their_names(run):
+    names = [f"{what}{k}" for what in ("torque", "target") for k in range(1, 5)]
+    table = run.states[["time"]].assign(**dict.fromkeys(names, run.time + 1.0))
+    run.others["signals"] = table
+    with style():
+        _, figure = histories([run], ["torque?,target?"])
+    assert [len(axes.get_lines()) for axes in figure.axes] == [4, 4]
+
+
 def test_runs_are_compared_panel_by_panel(tmp_path, run):
     states, reactions = conical_rows()
     write(tmp_path / "other" / "run", states[:30], reactions[:30])

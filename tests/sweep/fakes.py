@@ -4,7 +4,7 @@ from pathlib import Path
 
 from msahl.sweep.axes import parse_set
 from msahl.sweep.plan import make_plan
-from msahl.sweep.points import Job, crashed_row
+from msahl.sweep.points import Job, crashed_row, run_points
 from msahl.sweep.store import Store
 from msahl.sweep.sweep import Sweep
 from tests.sweep.decks import DECK, QUICK
@@ -48,6 +48,20 @@ class FakeScheduler:
             self.fails[point.number] = left - 1
             return row_of(point, "not converged", message="it diverged", verdict="FAIL")
         return row_of(point, measures={text: float(point.number) for text in job.measures})
+
+
+class InProcess:
+    """Runs points in this process; takes the arguments of ``Pool``."""
+
+    def __init__(self, *_):
+        self.ran = []
+
+    def run(self, job, work, stopped):
+        """See ``Scheduler``."""
+        while not work.finished and not stopped():
+            points = work.next(1)
+            self.ran += [point.number for point in points]
+            work.take(list(run_points(job, points)))
 
 
 def open_store(folder, made, **more):

@@ -12,7 +12,7 @@ from msahl.sweep.points import NotWrittenError
 from msahl.sweep.pool import MOST_DEATHS, Pool, PoolError
 from msahl.sweep.sweep import carry_out
 from msahl.sweep.work import OnFail
-from tests.sweep.fakes import sweep
+from tests.sweep.fakes import InProcess, sweep
 
 BEHAVIOUR = '''
 """Imported by every Python of the test: some points misbehave."""
@@ -65,7 +65,7 @@ def behave(tmp_path, monkeypatch):
 def undisturbed(tmp_path_factory):
     """Lines of runs.csv of five points."""
     folder = tmp_path_factory.mktemp("undisturbed") / "s"
-    carry_out(five(folder), Pool(1))
+    carry_out(five(folder), InProcess())
     return (folder / "runs.csv").read_text().splitlines()
 
 
@@ -78,9 +78,10 @@ def ran(folder, scheduler, **more):
     return counts, (folder / "runs.csv").read_text().splitlines()
 
 
-@pytest.mark.parametrize("jobs", [2, 3])
-def test_the_number_of_processes_changes_no_byte(tmp_path, undisturbed, jobs):
-    assert ran(tmp_path / "s", Pool(jobs))[1] == undisturbed
+def test_the_number_of_processes_changes_no_byte_and_none_remains(tmp_path, undisturbed):
+    scheduler = Pool(2)
+    assert ran(tmp_path / "s", scheduler)[1] == undisturbed
+    assert scheduler.workers == []
 
 
 def test_points_of_a_worker_that_dies_are_run_again(tmp_path, behave, undisturbed):
@@ -142,12 +143,6 @@ def test_workers_that_cannot_start_end_the_sweep(tmp_path, monkeypatch):
     monkeypatch.setattr(pool_module.sys, "executable", "/bin/false")
     with pytest.raises(PoolError, match="exit status 1"):
         carry_out(five(tmp_path / "s"), Pool(1))
-
-
-def test_no_process_remains(tmp_path):
-    scheduler = Pool(2)
-    ran(tmp_path / "s", scheduler)
-    assert scheduler.workers == []
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="children are found in /proc")

@@ -16,7 +16,7 @@ from msahl.sweep.points import Point
 from msahl.sweep.store import StoreError, claim, journal_lines, read_info, sweep_lock
 from msahl.sweep.sweep import Hooks, Sweep, carry_out
 from msahl.sweep.work import OnFail, Work
-from tests.sweep.fakes import FakeScheduler, open_store, row_of, sweep
+from tests.sweep.fakes import FakeScheduler, InProcess, open_store, row_of, sweep
 
 
 def lines(folder):
@@ -78,9 +78,7 @@ def test_an_extended_sweep_computes_only_what_is_new(tmp_path):
 
 def test_points_with_the_same_resolved_deck_are_not_computed_again(tmp_path):
     """Another axis, other words for the same numbers: the keys of outcomes are those of decks."""
-    from msahl.sweep.pool import Pool
-
-    carry_out(sweep(tmp_path / "s", "L=60,80 cm"), Pool(1))
+    carry_out(sweep(tmp_path / "s", "L=60,80 cm"), InProcess())
     before = (tmp_path / "s" / "runs.csv").read_text().splitlines()
     more = FakeScheduler()
     carry_out(sweep(tmp_path / "s", "L=600,800 mm", "start=60,50 deg"), more)
@@ -238,9 +236,25 @@ def test_shares_of_a_plan_write_their_own_journals(tmp_path):
 def test_a_parquet_file_has_the_rows_of_runs_csv(tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
     carry_out(sweep(tmp_path / "s", "L=60:100:3 cm", measures=("Rod.z max",)), FakeScheduler())
-    table = parquet.read_table(tmp_path / "s" / "runs.parquet").to_pydict()
+    path = tmp_path / "s" / "runs.parquet"
+    table = parquet.read_table(path).to_pydict()
     assert table["L [cm]"] == [60, 80, 100]
     assert table["Rod.z max"] == [1, 2, 3]
+    # Types are those of all rows, not those that the first rows seem to have.
+    kinds = {field.name: str(field.type) for field in parquet.read_schema(path)}
+    assert kinds["L [cm]"] == kinds["Rod.z max"] == "double"
+    assert kinds["message"] == kinds["key"] == "string"
+
+
+def test_what_killed_processes_left_over_is_removed(tmp_path):
+    made, folder = sweep(tmp_path / "s", "L=60:100:3 cm"), tmp_path / "s"
+    carry_out(made, FakeScheduler(most=1))
+    (folder / "plan.csv.0123.new").write_text("half of it")
+    (folder / "runs" / "0123.1.part").mkdir(parents=True)
+    (folder / "runs" / "0123").mkdir()
+    carry_out(made, FakeScheduler())
+    assert {path.name for path in folder.glob("*.new")} == set()
+    assert [path.name for path in (folder / "runs").iterdir()] == ["0123"]
 
 
 def test_progress_is_reported(tmp_path):
@@ -252,7 +266,7 @@ def test_progress_is_reported(tmp_path):
 
 def test_many_points_take_little_memory(tmp_path):
     """Beside its digest and the place of its line nothing is kept of a point."""
-    made = sweep(tmp_path / "s", "L=60:100:100 cm", "r=5:10:100")
+    made = sweep(tmp_path / "s", "L=60:100:60 cm", "r=5:10:50")
     store = open_store(tmp_path / "s", made)
     tracemalloc.start()
     try:

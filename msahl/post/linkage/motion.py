@@ -19,8 +19,9 @@ FLAT = 0.05
 REACHED = 0.97
 """Part of the full extent at which the first sweep of a motion ends."""
 STILL = 0.02
-"""Displacement, relative to the size of the picture, that is too small to be seen; likewise the
-size of a mechanism that moves far."""
+"""Displacement, relative to the size of the picture, that is too small to be seen."""
+FAR = 4.0
+"""Mean displacement of bodies, relative to the mechanism, up to which the motion is drawn."""
 SAMPLES = 2000
 """Most output times that are looked at."""
 ELEVATION = np.radians(20.0)
@@ -43,14 +44,19 @@ class Motion:
 
     @staticmethod
     def of(scene: Scene, states: pd.DataFrame) -> "Motion":
-        """Return the motion in the table ``states`` of the model of ``scene``, thinned."""
+        """Return the motion in the table ``states`` of the model of ``scene``, thinned; of a
+        mechanism that travels far only the beginning, where it can be seen beside its path."""
         states = states.iloc[:: max(1, len(states) // SAMPLES)]
         names = [body["name"] for body in scene["bodies"]]
         vectors = [
             np.stack([states[[f"{n}.{c}" for c in of]].to_numpy() for n in names], axis=1)
             for of in (("x", "y", "z"), ("P1", "P2", "P3"))
         ]
-        time = states["time"].to_numpy()
+        # One body may be small beside its path: it is a dot then.
+        travelled = np.linalg.norm((vectors[0] - vectors[0][0]).mean(axis=1), axis=1)
+        far = np.flatnonzero((travelled > FAR * scene["size"]) & (len(names) > 1))
+        rows = slice(0, max(int(far[0]), 1)) if len(far) else slice(None)
+        time, vectors = states["time"].to_numpy()[rows], [each[rows] for each in vectors]
         parts, ground = parts_of(scene), ground_points(scene)
         return Motion(scene, time, vectors[0], rotations(vectors[1]), parts, ground)
 
@@ -141,9 +147,7 @@ def moves(motion: Motion, frame: np.ndarray) -> bool:
     corners = motion.corners()
     moved = float(np.ptp(corners, axis=0).max())
     extent = np.ptp(np.concatenate([corners.reshape(-1, 3), motion.ground]) @ frame.T, axis=0)
-    far = len(motion.parts) > 1 and motion.scene["size"] < STILL * extent.max()
-    seen = moved > max(STILL * extent.max(), 1e-9) and extent.min() > 0.03 * extent.max()
-    return bool(seen and not far)
+    return bool(moved > max(STILL * extent.max(), 1e-9) and extent.min() > 0.03 * extent.max())
 
 
 def instants(motion: Motion, count: int) -> np.ndarray:

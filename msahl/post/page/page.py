@@ -62,8 +62,8 @@ def wrap(tag: str, *children: Child | Part, **attributes: str | int | bool | Non
     return Part(markup, inner.styles, inner.modules, inner.bundles, inner.data)
 
 
-def write_page(title: str, *parts: Part) -> str:
-    """Return the page as HTML."""
+def write_page(title: str, *parts: Part, asks_server: bool = False) -> str:
+    """Return the page as HTML; only one that ``asks_server`` may connect to where it came from."""
     page = combine(Part(Markup(""), styles=("page.css",), modules=("page.js",)), *parts)
     script = joined(*page.modules)
     styles = [source(name) for name in page.styles]
@@ -71,7 +71,7 @@ def write_page(title: str, *parts: Part) -> str:
     head = element(
         "head",
         element("meta", charset="utf-8"),
-        _trusted(content_policy(allowed, styles)),
+        _trusted(content_policy(allowed, styles, asks_server)),
         element("meta", name="viewport", content="width=device-width, initial-scale=1"),
         element("meta", name="color-scheme", content="light dark"),
         element("title", title),

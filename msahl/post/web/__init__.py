@@ -84,15 +84,17 @@ def packed(data: bytes) -> str:
     return base64.b64encode(zlib.compress(data, 9)).decode()
 
 
-def content_policy(scripts: Iterable[str], styles: Iterable[str]) -> str:
+def content_policy(scripts: Iterable[str], styles: Iterable[str], asks_server: bool = False) -> str:
     """Return the element of the content policy that allows these scripts and style sheets only,
-    and no address but those of data that the page itself holds or makes."""
+    and no address but those of data that the page itself holds or makes, and of the server that
+    the page came from if it ``asks_server``."""
     rules = (
         "default-src 'none'",
         f"script-src {_digests(tuple(scripts))}",
         f"style-src {_digests(tuple(styles))}",
         "img-src data: blob:",
         "media-src data: blob:",
+        *(("connect-src 'self'",) if asks_server else ()),
         "base-uri 'none'",
         "form-action 'none'",
     )

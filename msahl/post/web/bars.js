@@ -26,6 +26,9 @@ export function buildTop(viewer) {
   const title = make("div", { class: "titles" }, make("h1", { text: runs[0].scene.title || runs[0].name || "Model" }));
   const names = runs.map((run, index) => make("span", { class: `run-name run-${index + 1}`, text: run.name ?? "", title: run.note ?? "" }));
   if (runs.length > 1 || runs[0].name) title.append(make("p", {}, ...names));
+  for (const run of runs) {
+    for (const note of run.scene.notes ?? []) title.append(make("p", { class: "warning", text: note }));
+  }
   const views = make("select", { "aria-label": "Standard view", title: "Standard view" });
   views.append(make("option", { value: "", text: "View" }));
   for (const [value, text] of VIEW_NAMES) views.append(make("option", { value, text }));

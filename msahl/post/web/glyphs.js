@@ -17,8 +17,8 @@ export function jointObjects(joint, size, travel, look) {
   moving.position.set(...joint.childPoint);
   if (joint.axis) fixed.quaternion.copy(turnTo(joint.axis));
   if (joint.childAxis) moving.quaternion.copy(turnTo(joint.childAxis));
-  const steel = solid(STEEL, { ...look, metalness: 0.35, roughness: 0.4 });
-  const dark = solid(DARK, { ...look, metalness: 0.3, roughness: 0.5 });
+  const steel = solid(look.tint ?? STEEL, { ...look, metalness: 0.35, roughness: 0.4 });
+  const dark = solid(look.tint ?? DARK, { ...look, metalness: 0.3, roughness: 0.5 });
   const draw = DRAWN[joint.glyph];
   if (draw) draw({ fixed, moving, steel, dark, unit, travel, joint });
   return { fixed, moving };
@@ -125,7 +125,7 @@ export function turnTo(direction) {
 // Returns a curved arrow around z for a motion by an angle, a straight one for a slide.
 export function motionObject(coordinate, size, look) {
   const unit = 0.012 * size;
-  const material = solid(MOTOR, look);
+  const material = solid(look.tint ?? MOTOR, look);
   const group = new THREE.Group();
   const head = mesh(new THREE.ConeGeometry(0.9 * unit, 2 * unit, 16), material);
   if (coordinate === "angle") {

@@ -6,7 +6,8 @@ import { WIDTH } from "./motion.js";
 import { bar, shapeObject, solid, stretch } from "./shapes.js";
 
 const SPRING = "#6c7683";
-const GLOW = "#1c7ed6";
+const CLOSE = 10; // size of a glyph divided by the distance of joints of a body
+export const GLOW = "#1c7ed6";
 const SAMPLES = 240; // times at which the extent of the motion is looked at
 
 export class Model3d {
@@ -21,6 +22,7 @@ export class Model3d {
     for (const shape of scene.ground.shapes) {
       this.ground.add(shapeObject(shape, "#9aa3ad", look));
     }
+    this.sizes = scene.joints.map((joint) => sizeAt(joint, scene));
     this.surveyMotion();
     scene.joints.forEach((joint, index) => this.joint(joint, index));
     scene.motions.forEach((motion) => this.motionGlyph(motion));
@@ -101,14 +103,14 @@ export class Model3d {
 
   joint(joint, index) {
     if (joint.joints) return; // a coupling acts between joints that are drawn already
-    const { fixed, moving } = jointObjects(joint, this.scene.size, this.travel[index], this.look);
+    const { fixed, moving } = jointObjects(joint, this.sizes[index], this.travel[index], this.look);
     const name = { kind: "joint", name: joint.name, what: joint.kind };
     for (const [part, body] of [[fixed, joint.parent], [moving, joint.child]]) {
       part.traverse((child) => (child.userData = name));
       this.follow(part, body, this.parts.joints);
     }
     if (joint.glyph === "distance") {
-      const rod = bar([0, 0, 0], [0, 1, 0], 0.006 * this.scene.size, solid("#8b95a3", this.look));
+      const rod = bar([0, 0, 0], [0, 1, 0], 0.006 * this.sizes[index], solid("#8b95a3", this.look));
       rod.userData = name;
       this.parts.joints.add(rod);
       this.movers.push(() => {
@@ -134,7 +136,7 @@ export class Model3d {
     if (motion.joint === null) return;
     const joint = this.scene.joints[motion.joint];
     if (!joint.axis) return;
-    const glyph = motionObject(motion.coordinate, this.scene.size, this.look);
+    const glyph = motionObject(motion.coordinate, this.sizes[motion.joint], this.look);
     glyph.position.set(...joint.parentPoint);
     glyph.quaternion.copy(turnTo(joint.axis));
     glyph.traverse((child) => (child.userData = { kind: "motion", name: motion.name }));
@@ -143,7 +145,7 @@ export class Model3d {
 
   spring(spring) {
     const size = this.scene.size;
-    const material = solid(SPRING, { ...this.look, metalness: 0.4, roughness: 0.35 });
+    const material = solid(this.look.tint ?? SPRING, { ...this.look, metalness: 0.4, roughness: 0.35 });
     const name = { kind: "spring", name: spring.name, what: spring.glyph === "bushing" ? "bushing" : "spring" };
     if (spring.glyph === "bushing") {
       const rubber = new THREE.Mesh(new THREE.TorusGeometry(0.028 * size, 0.013 * size, 14, 36), solid("#30363d", this.look));
@@ -224,6 +226,23 @@ export class Model3d {
 export function setPose(object, poses, at) {
   object.position.set(poses[at], poses[at + 1], poses[at + 2]);
   object.quaternion.set(poses[at + 4], poses[at + 5], poses[at + 6], poses[at + 3]);
+}
+
+// The length to which a joint's glyph is relative: the scene's size, but smaller where joints of a
+// body are close together.
+function sizeAt(joint, scene) {
+  const ends = (one) => [[one.parent, one.parentPoint], [one.child, one.childPoint]];
+  let size = scene.size;
+  for (const other of scene.joints) {
+    if (other === joint || other.joints) continue;
+    for (const [body, point] of ends(joint)) {
+      for (const [another, there] of ends(other)) {
+        const distance = Math.hypot(...point.map((x, axis) => x - there[axis]));
+        if (body >= 0 && body === another && distance > 1e-6 * scene.size) size = Math.min(size, CLOSE * distance);
+      }
+    }
+  }
+  return size;
 }
 
 function group(parent) {

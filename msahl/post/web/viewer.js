@@ -78,6 +78,13 @@ export class Viewer {
     this.canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     this.canvas.addEventListener("webglcontextrestored", () => this.invalidate());
     listenToKeys(this);
+    if (this.data.isPage) return;
+    // In a report the wheel moves the page, until the viewer has been clicked.
+    const zoom = () => (this.stage.controls.enableZoom = this.element.contains(document.activeElement));
+    this.canvas.addEventListener("pointerdown", () => this.element.focus({ preventScroll: true }));
+    this.element.addEventListener("focusin", zoom);
+    this.element.addEventListener("focusout", () => setTimeout(zoom));
+    zoom();
   }
 
   // Functions that bring a control up to date after a change.
@@ -367,7 +374,7 @@ for (const element of document.querySelectorAll("[data-viewer]")) {
     (viewer) => {
       window.msahl ??= probe(viewer);
       element.dataset.state = "ready";
-      element.dispatchEvent(new CustomEvent("msahl-ready"));
+      element.dispatchEvent(new CustomEvent("msahl-ready", { detail: viewer }));
     },
     (error) => {
       console.warn(error);

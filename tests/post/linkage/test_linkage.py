@@ -126,6 +126,18 @@ def test_instants_divide_the_first_sweep_by_its_path():
     np.testing.assert_allclose(np.diff(angles), np.diff(angles).mean(), atol=0.012)
 
 
+def test_of_a_mechanism_that_travels_far_the_beginning_is_drawn():
+    scene = scene_of("mechanisms/two_pendulums")
+    names = [body["name"] for body in scene["bodies"]]
+    time = np.linspace(0.0, 1.0, 101)
+    still = {f"{n}.{c}": np.zeros(101) for n in names for c in ("x", "y", "z", "P1", "P2", "P3")}
+    table = pd.DataFrame({"time": time, **still})
+    for name in names:
+        table[f"{name}.x"] = 10.0 * scene["size"] * time
+    # Four times its size: at 0.4 s, up to a row.
+    assert Motion.of(scene, table).time[-1] == pytest.approx(0.4, abs=0.011)
+
+
 def test_what_hardly_moves_is_no_picture():
     scene = scene_of("thesis/single_pendulum_45")
     motion = Motion.of(scene, swing(scene, 1e-4))

@@ -18,6 +18,8 @@ from msahl.post.sweep.read import read_sweep, unit_of
 from msahl.post.sweep.statistics import indices_of
 from msahl.sweep import store
 from msahl.sweep.measures import STATISTICS
+from tests.support.hostile import PAYLOADS as HOSTILE
+from tests.support.hostile import assert_nothing_ran
 from tests.support.models import ROOT
 from tests.support.sweep_folders import ishigami, ishigami_indices, write_sweep
 
@@ -175,8 +177,7 @@ def test_units_of_measures(measure, unit):
 
 
 def test_hostile_names_run_no_script(tmp_path):
-    parameters = {payload: [1.0, 2.0, 3.0] for payload in PAYLOADS[2:]}
-    parameters["words"] = [*PAYLOADS[:3]]
+    parameters = {PAYLOADS[2]: [1.0, 2.0, 3.0], PAYLOADS[5]: [*PAYLOADS[:3]]}
     measures = {payload: [1.0, None, 3.0] for payload in PAYLOADS[:2]}
     status = ["completed", "crashed", "completed"]
     folder = write_sweep(
@@ -191,6 +192,24 @@ def test_hostile_names_run_no_script(tmp_path):
         assert harmful not in page
     assert "&lt;script&gt;alert(1)&lt;/script&gt;" in page
     assert all(name.rpartition(".")[0].replace("-", "").isalnum() for name in files(result))
+
+
+def test_a_browser_shows_hostile_names_as_they_are(tmp_path, open_page):
+    n = len(HOSTILE)
+    folder = write_sweep(
+        tmp_path / "s", {HOSTILE[0]: list(range(n)), "b": HOSTILE},
+        {HOSTILE[1]: [3.0] * (n - 1) + [4.0]}, ["completed", "crashed"] + ["completed"] * (n - 2),
+        messages=HOSTILE, deck=HOSTILE[2],
+    )  # fmt: skip
+    assert call("sweep", folder).exit_code == 0
+    page = open_page(folder / "report" / "sweep.html")
+    page.evaluate("document.querySelectorAll('details').forEach(each => each.open = true)")
+    assert_nothing_ran(page)
+    text = page.inner_text("body")
+    assert all(name in text for name in HOSTILE if name.isprintable())
+    # A sweep of this size has one picture, of vectors; the page fits the window.
+    assert page.evaluate("document.querySelectorAll('figure svg').length") == 1
+    assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
 
 
 def _scripts_of_a_plain_page(tmp_path):
