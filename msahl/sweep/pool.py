@@ -60,15 +60,18 @@ class Worker:
 
     def __init__(self, job: Job) -> None:
         environment = {**dict.fromkeys(THREADS, "1"), **os.environ}
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "msahl.sweep.worker"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=environment,
-            bufsize=0,
-            # An interruption by the terminal is for the sweep alone.
-            process_group=0 if os.name == "posix" else None,
-        )
+        try:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "msahl.sweep.worker"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                env=environment,
+                bufsize=0,
+                # An interruption by the terminal is for the sweep alone.
+                process_group=0 if os.name == "posix" else None,
+            )
+        except OSError as error:
+            raise PoolError(f"no process can be started: {error.strerror or error}") from error
         assert self.process.stdin is not None
         assert self.process.stdout is not None
         self.source, self.sink = self.process.stdout, self.process.stdin

@@ -107,16 +107,16 @@ def test_a_point_that_kills_its_workers_has_failed(tmp_path, behave, undisturbed
 
 def test_a_point_that_takes_too_long_has_failed(tmp_path, behave, undisturbed):
     behave(2, "sleep")
-    counts, lines = ran(tmp_path / "s", Pool(2, timeout=1.0), timeout=1.0)
+    counts, lines = ran(tmp_path / "s", Pool(2, timeout=2.0), timeout=2.0)
     assert counts.statuses == {"completed": 4, "timed out": 1}
-    assert lines[2] == "2,70,timed out,FAIL,,,took longer than 1 s (--timeout),"
+    assert lines[2] == "2,70,timed out,FAIL,,,took longer than 2 s (--timeout),"
     assert lines[3:] == undisturbed[3:]
 
 
 def test_a_point_that_took_too_long_may_be_tried_again(tmp_path, behave, undisturbed):
     behave(2, "sleep:1")
     retry = OnFail("retry", 1)
-    counts, lines = ran(tmp_path / "s", Pool(1, timeout=1.0), timeout=1.0, on_fail=retry)
+    counts, lines = ran(tmp_path / "s", Pool(1, timeout=2.0), timeout=2.0, on_fail=retry)
     assert counts.good
     assert lines == undisturbed
 
@@ -128,6 +128,12 @@ def test_a_fault_of_ours_is_a_failed_point_and_noise_does_no_harm(tmp_path, beha
     assert counts.statuses == {"completed": 4, "crashed": 1}
     assert lines[3] == "3,80,crashed,FAIL,,,ZeroDivisionError: a fault of ours,"
     assert lines[4:] == undisturbed[4:]
+
+
+def test_a_process_that_cannot_be_started_ends_the_sweep(tmp_path, monkeypatch):
+    monkeypatch.setattr(pool_module.sys, "executable", str(tmp_path / "none"))
+    with pytest.raises(PoolError, match="no process can be started: No such file"):
+        carry_out(five(tmp_path / "s"), Pool(1))
 
 
 def test_a_worker_that_cannot_write_tables_ends_the_sweep(tmp_path):
