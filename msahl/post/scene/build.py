@@ -83,7 +83,7 @@ def build_scene(model: Model, title: str = "", folders: Sequence[Path] = ()) -> 
                 "pose": poses[index],
                 "centre": floats(record.r_BG),
                 "mass": record.mass,
-                "colour": PALETTE[index % len(PALETTE)],
+                "colour": _colour(shapes[index], index),
                 "shapes": shapes[index],
             }
             for index, record in enumerate(model.bodies)
@@ -102,6 +102,11 @@ def build_scene(model: Model, title: str = "", folders: Sequence[Path] = ()) -> 
         "normal": _normal(joints, poses),
         "notes": [str(error) for error in errors],
     }
+
+
+def _colour(shapes: Sequence[Shape], index: int) -> str:
+    """Return the first colour that the deck gives the shapes of a body, or the next of a list."""
+    return next((s["colour"] for s in shapes if s["colour"]), PALETTE[index % len(PALETTE)])
 
 
 def pose(body: RigidBody) -> list[float]:
