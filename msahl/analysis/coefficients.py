@@ -55,6 +55,7 @@ class Coefficients(NamedTuple):
 
     coordinate: np.ndarray  # (n,) number of each coordinate among the flat unknowns, 3 node + axis
     length: np.ndarray  # (n,) l of a rotation, 1 of a displacement
+    rotational: np.ndarray  # (n,) whether a coordinate is one of a rotation
     holonomic: np.ndarray  # (c,) whether an equation constrains places
     mass: "csr_array"  # (n, n) M
     by_place: "csr_array"  # (n, n) K
@@ -70,6 +71,7 @@ class Coefficients(NamedTuple):
     acceleration: np.ndarray  # (n,) their rates
     force: np.ndarray  # (n,) all forces without those of constraints [N, N m]
     state_rate: np.ndarray  # (s,) rates of the auxiliary states
+    weight: float  # largest weight of a body [N]
 
 
 class Work(NamedTuple):
@@ -125,6 +127,7 @@ def coefficients(system: System, state: State) -> Coefficients:
     return Coefficients(
         coordinate=found.coordinate,
         length=found.place_scale[found.coordinate],
+        rotational=system.frames.rotates[found.coordinate // 3].astype(bool),
         holonomic=holonomic(system),
         mass=M,
         by_place=K.tocsr(),
@@ -140,7 +143,13 @@ def coefficients(system: System, state: State) -> Coefficients:
         acceleration=acceleration,
         force=force,
         state_rate=rate,
+        weight=_largest_weight(system),
     )
+
+
+def _largest_weight(system: System) -> float:
+    masses = 1.0 / system.bodies.inverse_mass
+    return float(masses.max(initial=0.0) * np.linalg.norm(system.bodies.gravity))
 
 
 def depends_on_reactions(system: System) -> bool:

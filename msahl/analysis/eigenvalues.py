@@ -20,6 +20,8 @@ import numpy as np
 
 ZERO = 1e-12
 """Singular value, relative to the largest and for each row, that is round-off."""
+NOTHING = 1e-30
+"""Entry of a matrix, relative to the largest, that is round-off of zero."""
 SYMMETRIC = 1e-13
 """Asymmetry of a matrix, relative to its largest entry, that is round-off."""
 ROUND_OFF = 8.0
@@ -48,6 +50,8 @@ def eigenvalues(A: np.ndarray) -> Eigenvalues:
         return Eigenvalues(none.astype(complex), np.zeros((0, 0)), none, none, zeros=0, null=0)
     if _is_conservative(A):
         return _vibrations(A[n // 2 :, : n // 2])
+    # Balancing would scale round-off of zeros to the size of the others.
+    A = np.where(np.abs(A) > NOTHING * np.abs(A).max(initial=0.0), A, 0.0)
     balanced, (scaling, _) = matrix_balance(A, permute=False, separate=True)
     basis, zeros, null = _deflate(balanced)
     rest = basis[:, zeros:].T @ balanced @ basis[:, zeros:]

@@ -11,23 +11,27 @@ velocity of one of the bodies (an unsymmetric body that spins freely about a pri
 residual of (1), M (a - w x v), is the force by which the motion is not in equilibrium.
 """
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from msahl.algebra.rotation import compose, from_axis_angle, matrix
 from msahl.algebra.vector import at
 from msahl.analysis.coefficients import Coefficients, coefficients, skews
-from msahl.analysis.point import Point
-from msahl.system.arrays import State
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
+from msahl.analysis.point import Point, complete
+from msahl.elements.frames import first_multiplier
+from msahl.start.velocities import solve_at_rest
+from msahl.system.arrays import State, node_count
 
 STEADY = 1e-8
 """Residual over the forces, and change of coefficients over their size, that is round-off."""
+SMALL_TRAVEL = 1e-6
+"""Displacement, over a length of a body, whose force counts where forces at one body cancel each
+other."""
 MOST_AXES = 4
 """Angular velocities of bodies that are tried."""
+MOTIONS = 3
+"""Random motions for which coefficients are compared."""
 ANGLE = 0.7
 """Angle [rad] by which the fastest body rotates until the coefficients are compared."""
 
@@ -37,7 +41,7 @@ class Equilibrium(NamedTuple):
 
     axes: np.ndarray  # (3,) angular velocity w of the axes in which it is seen [rad/s]
     residual: float  # largest force that is not balanced [N], moments over a length
-    relative: float  # over the largest force of all
+    relative: float  # over the largest force or weight
     coordinate: int  # where that is
     constant: bool  # whether the coefficients are constant
     at_rest: bool  # whether nothing moves
@@ -51,9 +55,9 @@ class Equilibrium(NamedTuple):
 def equilibrium(point: Point, found: Coefficients) -> Equilibrium:
     """Return how far the motion at a ``point`` is from a steady one."""
     if not found.velocity.any():
-        return _residual(found, np.zeros(3), constant=True)
+        return residual_in(found, np.zeros(3), constant=True)
     tried = [np.zeros(3)]
-    if not _residual(found, tried[0], constant=False).relative <= STEADY:
+    if not residual_in(found, tried[0], constant=False).relative <= STEADY:
         tried.append(_best_axes(found))
     for W in _spins(point):
         if not any(np.allclose(W, other, rtol=1e-9, atol=1e-12) for other in tried):
@@ -62,7 +66,7 @@ def equilibrium(point: Point, found: Coefficients) -> Equilibrium:
             break
     nearest = None
     for axes in tried:
-        result = _residual(found, axes, constant=False)
+        result = residual_in(found, axes, constant=False)
         if result.relative <= STEADY and _is_constant(point, found, axes):
             return result._replace(constant=True)
         if nearest is None or result.relative < nearest.relative:
@@ -91,13 +95,15 @@ def _best_axes(found: Coefficients) -> np.ndarray:
     return np.zeros(3) if small else axes
 
 
-def _residual(found: Coefficients, axes: np.ndarray, constant: bool) -> Equilibrium:
+def residual_in(found: Coefficients, axes: np.ndarray, constant: bool = True) -> Equilibrium:
     """Return the residual of equation (1) for one w."""
     carried = np.cross(axes, found.velocity.reshape(-1, 3)).reshape(-1)
     force = (found.mass @ (found.acceleration - carried)) / found.length
     largest = max(
         float(np.abs(found.force / found.length).max(initial=0.0)),
         float(np.abs((found.mass @ found.acceleration) / found.length).max(initial=0.0)),
+        found.weight,
+        SMALL_TRAVEL * _stiffest(found),
     )
     where = int(np.argmax(np.abs(force))) if force.size else 0
     residual = float(np.abs(force[where])) if force.size else 0.0
@@ -111,38 +117,57 @@ def _residual(found: Coefficients, axes: np.ndarray, constant: bool) -> Equilibr
     )
 
 
+def _stiffest(found: Coefficients) -> float:
+    """Largest force [N] by which the model reacts to a displacement or rotation by a length."""
+    typical = float(np.mean(found.length[found.rotational]))
+    travel = np.where(found.rotational, 1.0, typical)
+    rows = abs(found.by_place) @ travel / found.length
+    return float(rows.max(initial=0.0))
+
+
 def _is_constant(point: Point, found: Coefficients, axes: np.ndarray) -> bool:
-    """Return whether the coefficients are the same, in axes that rotate, after a while."""
+    """Return whether the coefficients are the same, in axes that rotate, after a while.
+
+    They are compared for some random motions that the joints allow, since equations of joints may
+    be written in other axes.
+    """
     spin = np.linalg.norm(_spins(point), axis=1).max(initial=0.0)
     speed = np.abs(point.state.v).max(initial=0.0)
     tau = ANGLE / spin if spin > 0.0 else point.system.frames.length.max() / speed
-    later = _later(point, axes, tau)
-    after = coefficients(point.system, later)
+    later = complete(point.model, point.system, _later(point, axes, tau), point.unknowns)
+    after = coefficients(point.system, later.state)
+    motions = _allowed_motions(point, found)
     R = np.array(matrix(_rotation(axes, tau)))
-    rotation = block_array_of(R, found.coordinate.size // 3)
-    points, others = point.system.coincide.a.size, found.holonomic.size
-    rows = block_array_of(R, points, others - 3 * points)
-    for now, then, left in (
-        (found.mass, after.mass, rotation),
-        (found.by_place, after.by_place, rotation),
-        (found.by_rate, after.by_rate, rotation),
-        (found.constraint, after.constraint, rows),
+    carried = np.einsum("ij,bjk->bik", R, motions.reshape(-1, 3, MOTIONS)).reshape(motions.shape)
+    broken = after.constraint @ carried
+    size = np.abs(after.constraint) @ np.abs(carried)
+    if np.abs(broken).max(initial=0.0) > STEADY * max(float(size.max(initial=0.0)), 1e-300):
+        return False
+    inertia = np.abs(motions).T @ (abs(found.mass) @ np.abs(motions))
+    for now, then, rate in (
+        (found.mass, after.mass, 1.0),
+        (found.by_place, after.by_place, 1.0 / tau**2),
+        (found.by_rate, after.by_rate, 1.0 / tau),
     ):
-        if not now.shape[0]:
-            continue
-        change = left.T @ then @ rotation - now
-        if abs(change).max() > STEADY * max(abs(now).max(), 1e-300):
+        before = motions.T @ (now @ motions)
+        change = carried.T @ (then @ carried) - before
+        size = np.abs(motions).T @ (abs(now) @ np.abs(motions)) + rate * inertia
+        if np.abs(change).max() > STEADY * max(float(size.max()), 1e-300):
             return False
     return True
 
 
-def block_array_of(R: np.ndarray, blocks: int, ones: int = 0) -> "csr_array":
-    """Return the matrix with ``blocks`` times ``R`` and then ``ones`` ones on its diagonal."""
-    from scipy.sparse import block_diag, csr_array, eye_array, kron
-
-    if not blocks:
-        return csr_array(eye_array(ones))
-    return csr_array(block_diag([kron(eye_array(blocks), R), eye_array(ones)], format="csr"))
+def _allowed_motions(point: Point, found: Coefficients) -> np.ndarray:
+    """(n, ``MOTIONS``) random displacements and rotations that violate no constraint."""
+    system, rng = point.system, np.random.default_rng(0)
+    first = first_multiplier(system.frames)
+    motions = np.zeros((found.coordinate.size, MOTIONS))
+    for k in range(MOTIONS):
+        rows = np.zeros((node_count(system), 3))
+        rows[:first] = rng.normal(size=(first, 3))
+        moved = solve_at_rest(system, point.state, rows, point.unknowns)
+        motions[:, k] = moved.reshape(-1)[found.coordinate] / found.length
+    return motions
 
 
 def _rotation(W: np.ndarray, tau: float) -> tuple[float, float, float]:
@@ -178,6 +203,8 @@ def _later(point: Point, axes: np.ndarray, tau: float) -> State:
         force=force,
         a=state.a @ R.T,
         alpha=state.alpha @ R.T,
+        angle=state.angle.copy(),
+        reaction=state.reaction.copy(),
         w=_body_axes(p, state, R),
     )
 

@@ -2,8 +2,8 @@
 
 Models that differ in numbers only share all that follows from their connections, and the memory of
 their runs (``msahl.jit.storage``), so a run costs little beside its time loop. What it costs is
-Python, of which a process runs one thread at a time: for small models processes are nearly twice as
-fast as threads, so each worker is a process.
+Python, of which a process runs one thread at a time: two thirds of a short run of a small model. So
+each worker is a process.
 """
 
 import os

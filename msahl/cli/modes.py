@@ -18,16 +18,33 @@ if TYPE_CHECKING:
     from msahl.analysis.point import Point
 
 
+EQUILIBRIUM = "equilibrium"
+
+
+class TimeType(NumberType):
+    """A time [s] of at least zero, or the word for an equilibrium."""
+
+    name = "time"
+
+    def __init__(self) -> None:
+        super().__init__(0.0)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number or the word."""
+        return value if value == EQUILIBRIUM else super().convert(value, param, ctx)
+
+
 @click.command(short_help="Compute the modes of a deck's model.")
 @click.argument("deck", type=DECK)
 @output_option("none; nothing is written")
 @set_option
 @click.option(
     "--at",
-    type=NumberType(0.0),
-    metavar="T",
+    type=TimeType(),
+    metavar="T|equilibrium",
     default=0.0,
-    help="Linearise at the time T in seconds, after a run to it (default: 0).",
+    help="Linearise at the time T in seconds, after a run to it, or at the 'equilibrium' that "
+    "msahl equilibrium finds first (default: 0).",
 )
 @click.option(
     "--number",
@@ -54,16 +71,16 @@ def modes(
     deck: Path,
     output: Path | None,
     settings: tuple[str, ...],
-    at: float,
+    at: "float | str",
     quiet: bool,
     **wanted: Any,
 ) -> None:
     """Compute eigenvalues, natural frequencies, damping ratios and mode shapes of DECK.
 
-    The model is linearised at t = 0 or at another time, with all joints (closed loops, redundant
-    and non-holonomic ones), damping, gyroscopic terms and auxiliary states. Each eigenvalue has an
-    error bar. Warns if the motion is neither an equilibrium nor steady. With -o, writes modes.csv
-    and shapes.csv.
+    The model is linearised at t = 0, at another time or at an equilibrium, with all joints (closed
+    loops, redundant and non-holonomic ones), damping, gyroscopic terms and auxiliary states. Each
+    eigenvalue has an error bar. Warns if the motion is neither an equilibrium nor steady. With -o,
+    writes modes.csv and shapes.csv.
 
     Example: msahl modes decks/mechanisms/bicycle.xml --set v=4
     """
@@ -76,7 +93,8 @@ def modes(
 
     try:
         with announced(not quiet):
-            point = at_time(model, at)
+            point = at_time(model, 0.0 if at == EQUILIBRIUM else float(at))
+            point = _equilibrium(point) if at == EQUILIBRIUM else point
             found = modes_of(point, wanted["number"], wanted["near"], wanted["method"])
     except (StartError, CompileError) as error:
         stop(f"{shown_path(deck)}: {printable(str(error))}")
@@ -86,6 +104,21 @@ def modes(
         echo("\n".join(report(point, found)))
     if output is not None:
         _write(output, point, found)
+
+
+def _equilibrium(point: "Point") -> "Point":
+    """Return the first equilibrium that is found from a ``point``; raises ``StartError``."""
+    import numpy as np
+
+    from msahl.analysis.equilibrium import all_equilibria
+    from msahl.start.velocities import StartError
+
+    found = all_equilibria(point, np.zeros(3), 1)
+    if not found:
+        raise StartError(
+            "no equilibrium was found from where the deck starts; search with msahl equilibrium"
+        )
+    return found[0].place.point
 
 
 def _write(folder: Path, point: "Point", found: "Modes") -> None:

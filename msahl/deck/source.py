@@ -20,7 +20,7 @@ from msahl.deck.faults import DeckError, Element, Fault, Faults
 from msahl.deck.parse import is_plain, parse, parse_valid, read_bytes
 from msahl.deck.read import read_tree, read_what_is_sound
 from msahl.deck.schema import check_schema, schema_bytes, validator
-from msahl.deck.write import effective_text
+from msahl.deck.write import effective_text, without_shapes
 from msahl.model import Model
 
 if TYPE_CHECKING:
@@ -182,7 +182,7 @@ class ParsedDeck:
     def digest(self) -> str:
         """Return the SHA-256 of the deck with its parts, without comments, in hexadecimal."""
         canonical = etree.tostring(self._root, method="c14n", with_comments=False)
-        return hashlib.sha256(canonical).hexdigest()
+        return hashlib.sha256(without_shapes(canonical)).hexdigest()
 
     def _numbered(self) -> enumerate[Element]:
         return enumerate(self._root.iter("*"))

@@ -11,7 +11,7 @@ from msahl.post.metrics import Metrics
 from msahl.post.page.blocks import fold, header, part_of, section, table, word
 from msahl.post.page.drawing import drawn
 from msahl.post.page.graphs import INTERVALS, graphs
-from msahl.post.page.markup import element
+from msahl.post.page.markup import element, running
 from msahl.post.page.page import NOTHING, Part, wrap, write_page
 from msahl.post.run_graphs import diagnostics, histories
 from msahl.post.summary import partial_note
@@ -80,10 +80,11 @@ def banner(run: Run) -> Part:
     name = verdict.get("word", "")
     lines = [element("p", word(name), f" {MEANINGS.get(name, '')}", class_="head")] if name else []
     if note := partial_note(run):
-        lines.append(element("p", f"{note[0].upper()}{note[1:]}."))
+        lines.append(element("p", running(f"{note[0].upper()}{note[1:]}.")))
     reasons = verdict.get("reasons", []) or _good_news(verdict)
-    lines += [element("p", f"{text[0].upper()}{text[1:]}.") for text in reasons if text]
-    lines += [element("p", element("b", "Warning"), f": {w}") for w in run.info.get("warnings", [])]
+    lines += [element("p", running(f"{text[0].upper()}{text[1:]}.")) for text in reasons if text]
+    warnings = run.info.get("warnings", [])
+    lines += [element("p", element("b", "Warning"), ": ", running(text)) for text in warnings]
     kind = f"banner {name.lower()}" if name in MEANINGS else "banner"
     return wrap("div", *lines, class_=kind, role="status") if lines else NOTHING
 

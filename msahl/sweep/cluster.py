@@ -97,7 +97,7 @@ class Cluster:
             import distributed
         except ImportError:
             raise ClusterError(MISSING) from None
-        with warnings.catch_warnings(), _silence("distributed"):
+        with warnings.catch_warnings(), _silence():
             # Dask warns of versions that differ; those that matter are refused below.
             warnings.simplefilter("ignore")
             where = self._where(stopped)
@@ -170,7 +170,10 @@ class Cluster:
         except (OSError, ValueError, TimeoutError):
             self.threads = 0
         if now - self.heard > LOST_SECONDS or self.client.status == "closed":
-            raise ClusterError(f"lost the scheduler at {self.address}; what was done is kept")
+            raise ClusterError(
+                f"lost the scheduler at {self.address}; what was done is kept: start it again, and "
+                "repeat the command"
+            )
         if not self.threads and not self.announced:
             self.announced = True
             self.tell(f"waiting for workers at {self.address}")
@@ -282,14 +285,13 @@ def _unusable(who: str, error: Exception) -> str:
 
 
 @contextmanager
-def _silence(name: str) -> Iterator[None]:
-    """Keep the logger of a package from writing to the terminal."""
+def _silence() -> Iterator[None]:
+    """Keep Dask's loggers, each of which has its own level, from writing to the terminal."""
     import logging
 
-    logger = logging.getLogger(name)
-    before = logger.level
-    logger.setLevel(logging.CRITICAL + 1)
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
     try:
         yield
     finally:
-        logger.setLevel(before)
+        logging.disable(before)

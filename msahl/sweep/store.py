@@ -37,7 +37,6 @@ from msahl.results.write import PART, write_json
 from msahl.run.report import COMPLETED
 from msahl.run.verdict import FAIL
 from msahl.sweep.axes import ONE_NUMBER, number_text
-from msahl.sweep.faults import PlanError
 from msahl.sweep.plan import POINT, Plan, write_plan
 from msahl.sweep.points import SHOWN, Job, Row, digest_of, numeric_versions, point_id
 
@@ -77,17 +76,31 @@ def sweep_lock(folder: Path, shared: bool = False) -> Iterator[None]:
 
 
 class Journal:
-    """A journal that rows are appended to; raises ``OSError`` if it cannot be written, and
-    ``StoreError`` if another process is writing it."""
+    """A journal that rows are appended to; raises ``OSError`` if it cannot be written."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
-        _lock_file(self.file, path)
         self.synced = time.monotonic()
         size = os.fstat(self.file).st_size
         if size and os.pread(self.file, 1, size - 1) != b"\n":
             self._write(b"\n")  # ends a torn line
+
+    def lock(self) -> None:
+        """Lock the file until it is closed, where that is possible; raises ``StoreError`` if
+        another process has locked it."""
+        with suppress(ImportError):  # not a Unix
+            import fcntl
+
+            try:
+                fcntl.flock(self.file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise StoreError(
+                    f"{shown_path(self.path)}: another process is running the same points; wait "
+                    "for its end, or stop it"
+                ) from None
+            except OSError:  # a network file system that cannot lock
+                pass
 
     def append(self, rows: Iterable[Row]) -> None:
         """Append rows, each as a line."""
@@ -110,23 +123,6 @@ class Journal:
             self.sync()
         finally:
             os.close(self.file)
-
-
-def _lock_file(descriptor: int, path: Path) -> None:
-    """Lock a file until it is closed, where that is possible."""
-    with suppress(ImportError):  # not a Unix
-        import fcntl
-
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(descriptor)
-            raise StoreError(
-                f"{shown_path(path)}: another process is running the same points; wait for its "
-                "end, or stop it"
-            ) from None
-        except OSError:  # a network file system that cannot lock
-            pass
 
 
 def journal_of_shard(k: int, n: int) -> str:
@@ -463,11 +459,3 @@ def remove_left_over(folder: Path) -> None:
         path.unlink(missing_ok=True)
     for path in (folder / "runs").glob("*.part"):
         shutil.rmtree(path, ignore_errors=True)
-
-
-def require_plan(folder: Path) -> Path:
-    """The path of ``plan.csv`` in the folder of a sweep; raises ``PlanError`` if there is none."""
-    path = folder / PLAN
-    if not path.is_file():
-        raise PlanError(f"{shown_path(folder)}: not the folder of a sweep (no {PLAN})")
-    return path

@@ -19,6 +19,7 @@ from msahl.sweep.store import (
     JOURNAL,
     Counts,
     Store,
+    StoreError,
     begin,
     claim,
     remove_left_over,
@@ -128,7 +129,7 @@ def carry_out(sweep: Sweep, scheduler: Scheduler, hooks: Hooks = Hooks()) -> Cou
     sweep = check(sweep)
     claim(sweep.folder, sweep.job.deck)
     with sweep_lock(sweep.folder, shared=sweep.share != ALL):
-        store = sweep.open_store()
+        store = _locked_store(sweep)
         try:
             begin(sweep.folder, sweep.plan, sweep.job)
             work = _run_missing(sweep, store, scheduler, hooks)
@@ -148,6 +149,18 @@ def carry_out(sweep: Sweep, scheduler: Scheduler, hooks: Hooks = Hooks()) -> Cou
             write_parquet(sweep.folder)
         write_info(sweep.folder, sweep.plan, sweep.job, state)
     return counts
+
+
+def _locked_store(sweep: Sweep) -> Store:
+    """The outcomes in the folder, with the journal locked; raises ``StoreError`` if it is not
+    possible."""
+    store = sweep.open_store()
+    try:
+        store.journal.lock()
+    except StoreError:
+        store.close()
+        raise
+    return store
 
 
 def _run_missing(sweep: Sweep, store: Store, scheduler: Scheduler, hooks: Hooks) -> Work:

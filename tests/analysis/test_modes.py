@@ -191,6 +191,12 @@ def test_shapes_are_those_of_the_reference_points():
     assert np.abs(shape[[1, 2, 3, 5]]).max() <= 1e-14
 
 
+def test_round_off_of_zeros_is_not_balanced():
+    found = eigenvalues(np.array([[-1e-200, 1.0], [1e-300, -1e-180]]))
+    assert (found.zeros, found.null) == (2, 1)
+    assert modes(at_time(deck("gear"), 0.01)).zeros == 2
+
+
 def test_eigenvalues_of_a_matrix_with_jordan_blocks():
     rng = np.random.default_rng(3)
     J = np.diag([0.0, 0.0, 0.0, 0.0, -1e-3, 2.0, -40.0]) + np.diag([1.0, 1.0, 0, 0, 0, 0], 1)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from msahl.check import check
-from msahl.deck import DeckError, Source, deck_digest, read_deck
+from msahl.deck import DeckError, ParsedDeck, Source, deck_digest, read_deck
 from msahl.deck.write import without_shapes
 from msahl.model.shapes import Shape
 
@@ -85,6 +85,8 @@ def test_the_model_and_the_digest_are_those_without_shapes(tmp_path):
     decks = [effective_deck(tmp_path / name) for name in ("deck.xml", "drawn.xml")]
     assert b"<shapes>" in decks[1]  # the deck of the results keeps them
     assert deck_digest(decks[0]) == deck_digest(decks[1])
+    digests = [ParsedDeck(Source.of(text.encode())).digest() for text in (DECK, WITH)]
+    assert digests[0] == digests[1]  # by which a sweep compares decks
     assert deck_digest(decks[0]) != deck_digest(DECK.replace("<mass>2", "<mass>3").encode())
 
 

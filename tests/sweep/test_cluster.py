@@ -111,6 +111,16 @@ def test_processes_of_an_earlier_sweep_end(tmp_path):
     assert len(chunks._idle) == 1
 
 
+def test_the_time_limit_of_a_point_holds_on_a_worker(tmp_path):
+    made = sweep(tmp_path / "s", "L=60,60")
+    slow = replace(made.job, options={"dt": 1e-6, "t_final": 60.0})  # takes minutes
+    order = order_of(replace(made, job=slow))
+    ran = run_chunk(replace(order, timeout=0.2).packed(), numbered(made)[:1])
+    (row,) = ran["rows"]
+    assert (row["status"], row["limit"]) == ("timed out", 0.2)
+    assert row["message"] == "took longer than 0.2 s (--timeout)"
+
+
 def test_a_worker_with_other_software_or_another_deck_refuses(tmp_path):
     order = order_of(sweep(tmp_path / "s", VALUES))
     other = replace(order, versions={**order.versions, "numpy": "1.0"})

@@ -10,6 +10,7 @@ import pytest
 from msahl.sweep import pool as pool_module
 from msahl.sweep.points import NotWrittenError
 from msahl.sweep.pool import MOST_DEATHS, Pool, PoolError
+from msahl.sweep.store import journal_lines
 from msahl.sweep.sweep import carry_out
 from msahl.sweep.work import OnFail
 from tests.sweep.fakes import InProcess, sweep
@@ -92,6 +93,14 @@ def test_points_of_a_worker_that_dies_are_run_again(tmp_path, behave, undisturbe
     assert lines == undisturbed
 
 
+def test_a_point_at_which_a_worker_died_is_run_after_the_others(tmp_path, behave, undisturbed):
+    behave(2, f"die:{MOST_DEATHS - 1}")
+    _, lines = ran(tmp_path / "s", Pool(1))
+    assert lines == undisturbed
+    order = [row["point"] for _, row in journal_lines(tmp_path / "s" / "journal.jsonl")]
+    assert order == [1, 3, 4, 5, 2]
+
+
 def test_a_point_that_kills_its_workers_has_failed(tmp_path, behave, undisturbed):
     behave(3, "die")
     counts, lines = ran(tmp_path / "s", Pool(2))
@@ -107,16 +116,16 @@ def test_a_point_that_kills_its_workers_has_failed(tmp_path, behave, undisturbed
 
 def test_a_point_that_takes_too_long_has_failed(tmp_path, behave, undisturbed):
     behave(2, "sleep")
-    counts, lines = ran(tmp_path / "s", Pool(2, timeout=1.0), timeout=1.0)
+    counts, lines = ran(tmp_path / "s", Pool(2, timeout=2.0), timeout=2.0)
     assert counts.statuses == {"completed": 4, "timed out": 1}
-    assert lines[2] == "2,70,timed out,FAIL,,,took longer than 1 s (--timeout),"
+    assert lines[2] == "2,70,timed out,FAIL,,,took longer than 2 s (--timeout),"
     assert lines[3:] == undisturbed[3:]
 
 
 def test_a_point_that_took_too_long_may_be_tried_again(tmp_path, behave, undisturbed):
     behave(2, "sleep:1")
     retry = OnFail("retry", 1)
-    counts, lines = ran(tmp_path / "s", Pool(1, timeout=1.0), timeout=1.0, on_fail=retry)
+    counts, lines = ran(tmp_path / "s", Pool(1, timeout=2.0), timeout=2.0, on_fail=retry)
     assert counts.good
     assert lines == undisturbed
 
@@ -128,6 +137,12 @@ def test_a_fault_of_ours_is_a_failed_point_and_noise_does_no_harm(tmp_path, beha
     assert counts.statuses == {"completed": 4, "crashed": 1}
     assert lines[3] == "3,80,crashed,FAIL,,,ZeroDivisionError: a fault of ours,"
     assert lines[4:] == undisturbed[4:]
+
+
+def test_a_process_that_cannot_be_started_ends_the_sweep(tmp_path, monkeypatch):
+    monkeypatch.setattr(pool_module.sys, "executable", str(tmp_path / "none"))
+    with pytest.raises(PoolError, match="no process can be started: No such file"):
+        carry_out(five(tmp_path / "s"), Pool(1))
 
 
 def test_a_worker_that_cannot_write_tables_ends_the_sweep(tmp_path):

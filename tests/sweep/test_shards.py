@@ -113,10 +113,11 @@ def test_shards_run_side_by_side_but_not_beside_a_merge(tmp_path):
 
 def test_one_shard_is_not_run_twice_at_a_time(tmp_path):
     journal = Journal(tmp_path / "journal-1-of-2.jsonl")
+    journal.lock()
     code = (
         "import sys; from pathlib import Path\n"
         "from msahl.sweep.store import Journal, StoreError\n"
-        "try: Journal(Path(sys.argv[1]))\n"
+        "try: Journal(Path(sys.argv[1])).lock()\n"
         "except StoreError as error: print(error)"
     )
     command = [sys.executable, "-c", code, str(journal.path)]

@@ -37,6 +37,7 @@ OUTSIDE = (
     "benchmarks/results/precision.md",
     "benchmarks/results/mechanisms.md",
     "benchmarks/results/startup.md",
+    "benchmarks/results/batch.md",
     "benchmarks/results/scale.md",
     "benchmarks/results/writers.md",
 )
@@ -55,10 +56,12 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     pages = {**example_pages(), **api_pages(), "commands.md": commands_page()}
     for uri, text in pages.items():
         files.append(File.generated(config, uri, content=text))
-    pictures = sorted(
-        path.relative_to(ROOT).as_posix() for path in ROOT.glob("benchmarks/results/*.png")
+    others = sorted(
+        path.relative_to(ROOT).as_posix()
+        for pattern in ("benchmarks/results/*.png", "examples/*.*")
+        for path in ROOT.glob(pattern)
     )
-    for uri in [*OUTSIDE, *pictures]:
+    for uri in [*OUTSIDE, *others]:
         if (ROOT / uri).exists():
             files.append(File.generated(config, uri, abs_src_path=str(ROOT / uri)))
     return files

@@ -1,4 +1,4 @@
-"""Take the pictures of docs/viewer.md: the viewer's page in a browser, for a few decks.
+"""Take the pictures of docs/viewer.md and docs/deck.md: pages in a browser, for a few decks.
 
 Usage: python -m tools.docs.viewer_pictures
 
@@ -17,6 +17,7 @@ from typing import Any
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
+from msahl.post.show.page import show_deck
 from msahl.post.view import show_run, viewer_page
 from tests.support.browser import BROWSERS, FLAGS
 
@@ -77,8 +78,26 @@ def take(browser: Any, shot: Shot, folder: Path) -> None:
         " s.dispatchEvent(new Event('input')); }",
         shot.time,
     )
+    save(page, shot.name)
+
+
+def take_deck(browser: Any, name: str, deck: str, selected: str) -> None:
+    """Write docs/img/NAME.webp: what msahl show makes of a deck, with a selected element."""
+    with tempfile.NamedTemporaryFile(suffix=".html") as file:
+        html = show_deck(ROOT / "decks" / f"{deck}.xml").html
+        Path(file.name).write_text(html, encoding="utf-8")
+        page = browser.new_page(viewport={"width": 1200, "height": 720})
+        page.goto(Path(file.name).as_uri())
+        page.wait_for_selector("[data-state=ready]")
+        page.click(f".tree .what[title='{selected}']")
+        page.mouse.move(0, 0)
+        save(page, name)
+
+
+def save(page: Any, name: str) -> None:
+    """Write docs/img/NAME.webp from what a page shows, and close the page."""
     page.wait_for_timeout(500)
-    picture = IMAGES / f"{shot.name}.webp"
+    picture = IMAGES / f"{name}.webp"
     with Image.open(BytesIO(page.screenshot())) as image:
         image.convert("RGB").save(picture, quality=QUALITY, method=6)
     page.close()
@@ -94,6 +113,7 @@ def main() -> None:
         browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
         for shot in SHOTS:
             take(browser, shot, Path(folder))
+        take_deck(browser, "show_engine", "machines/engine", "Rod")
         browser.close()
 
 

@@ -148,8 +148,9 @@ def _drawn(
 def report(run: Path, output: Path | None) -> None:
     """Write a report on a run.
 
-    The report has its verdict, accuracy, figures and settings. Writes report.md with its pictures,
-    and report.html, a single file with the pictures in it. Prints both paths.
+    report.html is a page in one file: verdict, motion in three dimensions, graphs of positions,
+    joint coordinates, reactions and energies, accuracy; open it in a browser. report.md has the
+    same figures as text, with its pictures beside it, for terminals and logs. Prints both paths.
 
     Example: msahl-post report results/double_pendulum_89
     """

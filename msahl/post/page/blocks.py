@@ -4,7 +4,7 @@ from base64 import b64encode
 from collections.abc import Iterable, Sequence
 
 from msahl.post.document import Block, Code, Folded, Heading, Items, Paragraph, Picture
-from msahl.post.page.markup import Markup, element, join
+from msahl.post.page.markup import Markup, element, running
 from msahl.post.page.page import NOTHING, Part, wrap, write_page
 from msahl.post.table import Table
 from msahl.run.verdict import WORDS
@@ -61,7 +61,7 @@ def _markup(block: Block) -> Markup:
         case Heading(level, text):
             return element(f"h{level}", text)
         case Paragraph(text):
-            return element("p", text)
+            return element("p", running(text))
         case Code(text):
             return element("pre", element("code", text))
         case Items(items):
@@ -73,8 +73,8 @@ def _markup(block: Block) -> Markup:
     raise TypeError(block)
 
 
-def _item(term: str, text: str) -> tuple[Markup, ...]:
-    return (element("b", term), join(f": {text}")) if term else (join(text),)
+def _item(term: str, text: str) -> tuple[str, ...]:
+    return (element("b", term), ": ", running(text)) if term else (running(text),)
 
 
 def _picture(text: str, png: bytes, svg: str) -> Markup:
@@ -99,7 +99,7 @@ def table(given: Table) -> Markup:
 
 def _cell(text: str, right: bool) -> Markup:
     kind = "number" if right else "long" if len(text) > LONG else None
-    return element("td", word(text) if text in WORDS else text, class_=kind)
+    return element("td", word(text) if text in WORDS else running(text), class_=kind)
 
 
 def word(verdict: str) -> Markup:

@@ -1,5 +1,6 @@
 """Build HTML elements whose texts and attributes are escaped by construction."""
 
+import re
 from collections.abc import Iterable
 from html import escape
 
@@ -7,6 +8,10 @@ from msahl.printable import printable
 
 VOID = frozenset({"br", "hr", "img", "input", "link", "meta"})
 """Elements without content and without an end tag."""
+
+
+_HYPHENATED = re.compile(r"((?<!\S)(?=\S*-)\S{2,30}(?!\S))")
+"""Words with a hyphen, after which a browser would begin a new line; long ones may be broken."""
 
 
 class Markup(str):
@@ -38,6 +43,14 @@ def element(tag: str, *children: Child, **attributes: str | int | bool | None) -
 def join(*children: Child) -> Markup:
     """Return the children one after the other, texts escaped and each on one line."""
     return Markup("".join(map(_one, children)))
+
+
+def running(text: str) -> Markup:
+    """Return a text whose options and numbers, such as ``--dt`` and ``1e-06``, are not broken."""
+    parts = _HYPHENATED.split(text)
+    return join(
+        element("span", part, class_="unbroken") if k % 2 else part for k, part in enumerate(parts)
+    )
 
 
 def _one(child: Child) -> str:

@@ -13,7 +13,7 @@ its axes.
         "pose": [x, y, z, w, x, y, z],       # of reference point and axes, inertial axes, t = 0
         "centre": [3],                       # mass centre, body axes
         "mass": float,
-        "colour": "#rrggbb",                 # of its shapes without a colour of their own
+        "colour": "#rrggbb",                 # of its name, path and shapes without a colour
         "shapes": [Shape],
       }],
       "ground": {"names": [str], "shapes": [Shape]},

@@ -1,6 +1,7 @@
 """Build the scene of a model from its records; the package's docstring has the format."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +11,25 @@ from msahl.algebra.rotation_arrays import quaternions
 from msahl.model import Model, RigidBody
 from msahl.post.scene.derived import (
     ROD_RADIUS,
+    WIDE,
     contact_shape,
     equivalent_solid,
     inside,
     links,
+    marker_of_mass,
     visible,
+    wheel_radii,
 )
-from msahl.post.scene.geometry import Shape, corners, floats, half_box, rotation
+from msahl.post.scene.geometry import (
+    Shape,
+    along,
+    corners,
+    floats,
+    half_box,
+    quaternion,
+    rotation,
+    shape,
+)
 from msahl.post.scene.glyphs import (
     GROUND,
     Entry,
@@ -58,7 +71,7 @@ def build_scene(model: Model, title: str = "", folders: Sequence[Path] = ()) -> 
     if size == 0.0:  # bodies at one point: their inertia alone has a length
         size = max(2.0 * float(half_box(equivalent_solid(b)).max()) for b in model.bodies)
     given, errors = given_shapes(model, folders)
-    shapes = derived_shapes(model, joints, size)
+    shapes = derived_shapes(model, joints, poses, size)
     shapes |= {body[name]: own for name, own in given.items()}
     around = [points, *(_placed(corners(s), poses, b) for b in shapes for s in shapes[b])]
     corner = np.concatenate(around)
@@ -70,7 +83,7 @@ def build_scene(model: Model, title: str = "", folders: Sequence[Path] = ()) -> 
                 "pose": poses[index],
                 "centre": floats(record.r_BG),
                 "mass": record.mass,
-                "colour": PALETTE[index % len(PALETTE)],
+                "colour": _colour(shapes[index], index),
                 "shapes": shapes[index],
             }
             for index, record in enumerate(model.bodies)
@@ -91,12 +104,19 @@ def build_scene(model: Model, title: str = "", folders: Sequence[Path] = ()) -> 
     }
 
 
+def _colour(shapes: Sequence[Shape], index: int) -> str:
+    """Return the first colour that the deck gives the shapes of a body, or the next of a list."""
+    return next((s["colour"] for s in shapes if s["colour"]), PALETTE[index % len(PALETTE)])
+
+
 def pose(body: RigidBody) -> list[float]:
     """Return [x, y, z, w, x, y, z]: a body's reference point and orientation at t = 0."""
     return floats([*body.position, *quaternions(np.array(body.orientation))])
 
 
-def derived_shapes(model: Model, joints: Sequence[Entry], size: float) -> dict[int, list[Shape]]:
+def derived_shapes(
+    model: Model, joints: Sequence[Entry], poses: Sequence[Sequence[float]], size: float
+) -> dict[int, list[Shape]]:
     """Return the shapes of every body and of the ground that follow from inertia and joints."""
     body = numbers(model)
     ends: dict[int, list[list[float]]] = {index: [] for index in range(GROUND, len(model.bodies))}
@@ -109,14 +129,47 @@ def derived_shapes(model: Model, joints: Sequence[Entry], size: float) -> dict[i
             round_part = contact_shape(record, side)
             if round_part is not None:
                 shapes[body[name]].append(round_part)
+    for b, wheel in _wheels(model, joints, poses):
+        shapes[b].append(wheel)
     for index, record_of_body in enumerate(model.bodies):
         rods = links(record_of_body.r_BG, ends[index], ROD_RADIUS * size)
         if not shapes[index]:
-            solid = visible(equivalent_solid(record_of_body), size)
+            reach = max((math.dist(record_of_body.r_BG, end) for end in ends[index]), default=0.0)
+            solid = visible(marker_of_mass(equivalent_solid(record_of_body), reach), size)
             shapes[index].append(solid)
             rods = [rod for rod in rods if not inside(rod, solid)]
         shapes[index] += rods
     return shapes
+
+
+def _wheels(
+    model: Model, joints: Sequence[Entry], poses: Sequence[Sequence[float]]
+) -> Iterator[tuple[int, Shape]]:
+    """Yield bodies and the gears or pinions that couplings of their joints make of them."""
+    place = {joint.name: index for index, joint in enumerate(model.joints)}
+    for coupling in model.couplings:
+        first, second = (joints[place[name]] for name in (coupling.first, coupling.second))
+        radii: tuple[float, ...] | None = None
+        if coupling.kind == "rackAndPinion":
+            radii = (abs(coupling.ratio),)
+        elif coupling.kind == "gear":
+            axes, centres = zip(*(_axis(joint, poses) for joint in (first, second)), strict=True)
+            if np.linalg.norm(np.cross(*axes)) < PARALLEL:
+                apart = centres[1] - centres[0]
+                across = apart - (apart @ axes[0]) * axes[0]
+                radii = wheel_radii(coupling.ratio, float(np.linalg.norm(across)))
+        for joint, radius in zip((first, second), radii or (), strict=False):
+            if joint["child"] != GROUND and radius > 0.0:
+                upright = quaternion(along(joint["childAxis"]))
+                size = [radius, WIDE * radius]
+                yield joint["child"], shape("disc", size, joint["childPoint"], upright)
+
+
+def _axis(joint: Entry, poses: Sequence[Sequence[float]]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the axis of a joint on its parent and its point, inertial axes, t = 0."""
+    point = _placed(np.array(joint["parentPoint"]), poses, joint["parent"])
+    tip = _placed(np.add(joint["parentPoint"], joint["axis"]), poses, joint["parent"])
+    return tip - point, point
 
 
 def _points(

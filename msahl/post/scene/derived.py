@@ -29,6 +29,10 @@ THIN = 0.15
 """Width of a rolling disk, relative to its radius."""
 LONG = 4.0
 """Length of a cylinder that touches another or a plane, relative to its radius."""
+SHARE = 0.3
+"""Radius of the sphere of a link, relative to the distance to its farthest joint."""
+WIDE = 0.15
+"""Width of a gear or pinion, relative to its radius."""
 FLAT = 1.0
 """Length of a cylinder, relative to its radius, below which it is called a disc."""
 
@@ -72,6 +76,25 @@ def visible(solid: Shape, size: float) -> Shape:
     lower = {1: [least], 2: [least, 2.0 * least], 3: [2.0 * least] * 3}[len(solid["size"])]
     limited = [max(factor * v, low) for v, low in zip(solid["size"], lower, strict=True)]
     return {**solid, "size": floats(limited)}
+
+
+def marker_of_mass(solid: Shape, reach: float) -> Shape:
+    """Return the solid of a link; a sphere, whose body is often given the moment about one axis
+    only, at most in proportion to the ``reach`` [m] from the mass centre to its joints."""
+    if solid["kind"] != "sphere" or reach == 0.0:
+        return solid
+    return solid | {"size": [min(solid["size"][0], SHARE * reach)]}
+
+
+def wheel_radii(ratio: float, distance: float) -> tuple[float, float] | None:
+    """Return the radii of two wheels that roll on each other, with their axes at a ``distance``:
+    of the first and of the second, whose rate is ``ratio`` times the first's. None for wheels that
+    cannot touch."""
+    share = abs(ratio)
+    if distance <= 0.0 or share == 0.0 or ratio == 1.0:
+        return None
+    second = distance / (1.0 + share) if ratio < 0.0 else distance / abs(share - 1.0)
+    return share * second, second
 
 
 def links(centre: Sequence[float], points: Sequence[Sequence[float]], radius: float) -> list[Shape]:

@@ -23,9 +23,11 @@ export function setSpeedBy(player, steps) {
 
 export function buildTop(viewer) {
   const { runs, data } = viewer;
-  const title = make("div", { class: "titles" }, make("h1", { text: runs[0].scene.title || runs[0].name || "Model" }));
+  // In a report the title of the page says what is shown.
+  const heading = data.isPage ? make("h1", { text: runs[0].scene.title || runs[0].name || "Model" }) : null;
+  const title = make("div", { class: "titles" }, heading);
   const names = runs.map((run, index) => make("span", { class: `run-name run-${index + 1}`, text: run.name ?? "", title: run.note ?? "" }));
-  if (runs.length > 1 || runs[0].name) title.append(make("p", {}, ...names));
+  if (runs.length > 1 || (data.isPage && runs[0].name)) title.append(make("p", {}, ...names));
   for (const run of runs) {
     for (const note of run.scene.notes ?? []) title.append(make("p", { class: "warning", text: note }));
   }

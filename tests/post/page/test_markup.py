@@ -8,7 +8,7 @@ from hashlib import sha256
 import pytest
 
 from msahl.post.page.blocks import as_html, table
-from msahl.post.page.markup import Markup, element, join
+from msahl.post.page.markup import Markup, element, join, running
 from msahl.post.page.page import Part, combine, wrap, write_page
 from msahl.post.table import Column, Table
 
@@ -18,6 +18,13 @@ def test_texts_and_attributes_are_escaped():
     assert element("p", element("b", "&"), ["<i>"]) == "<p><b>&amp;</b>&lt;i&gt;</p>"
     assert element("p", "a\nb\x1b") == "<p>a\\nb\\x1b</p>"
     assert join("<", Markup("<br>")) == "&lt;<br>"
+
+
+def test_options_and_numbers_are_not_broken():
+    found = running("try --dt 1e-06, a < b")
+    kept = '<span class="unbroken">{}</span>'
+    assert found == f"try {kept.format('--dt')} {kept.format('1e-06,')} a &lt; b"
+    assert "unbroken" not in running(f"a-{'b' * 40}")  # it would be wider than a telephone
 
 
 def test_names_and_kinds_of_attributes():

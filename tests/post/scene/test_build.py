@@ -9,7 +9,7 @@ import pytest
 from msahl.algebra.rotation_arrays import rotations
 from msahl.deck import read_deck
 from msahl.post.scene import build_scene
-from msahl.post.scene.derived import equivalent_solid
+from msahl.post.scene.derived import equivalent_solid, wheel_radii
 from msahl.post.scene.geometry import along, quaternion, rotation
 from tests.support.models import DECKS, ROOT
 
@@ -93,6 +93,27 @@ def test_bodies_that_roll_have_the_radius_of_the_joint():
     assert (disk["kind"], disk["size"][0], disk["derived"]) == ("disc", 0.5, True)
     ball = scene_of("joints/spherical_slider.xml")["bodies"][0]["shapes"][0]
     assert (ball["kind"], ball["size"]) == ("sphere", [0.15])
+
+
+def test_gears_touch():
+    scene = scene_of("joints/gear.xml")
+    discs = [body["shapes"][0]["size"][0] for body in scene["bodies"]]
+    (gear,) = [joint for joint in scene["joints"] if joint["kind"] == "gear"]
+    assert discs[0] == pytest.approx(abs(gear["parameters"]["ratio"]) * discs[1])
+    assert sum(discs) == pytest.approx(0.3)  # the distance of the axes
+    pinion = scene_of("joints/rack_and_pinion.xml")
+    (rack,) = [joint for joint in pinion["joints"] if joint["kind"] == "rackAndPinion"]
+    assert pinion["bodies"][0]["shapes"][0]["size"][0] == rack["parameters"]["ratio"]
+    assert wheel_radii(2.0, 0.5) == (1.0, 0.5)  # the second within the first
+    assert wheel_radii(1.0, 0.5) is None
+    assert wheel_radii(-2.0, 0.0) is None
+
+
+def test_a_sphere_of_a_link_is_no_larger_than_the_link():
+    scene = scene_of("extreme/toggle.xml")
+    crank = scene["bodies"][0]["shapes"]
+    assert crank[0]["kind"] == "sphere"
+    assert crank[0]["size"][0] <= 0.3 * crank[1]["size"][1] + 1e-12
 
 
 def test_elements_of_a_car():

@@ -123,12 +123,13 @@ def test_the_page_is_loaded_again_where_it_was(browser, shown):
     page.goto(address)
     page.wait_for_selector("[data-state=ready]")
     page.locator(".tree li .what").first.click()
+    page.wait_for_selector(".tree li.selected")
     name = page.locator(".tree li.selected .what").inner_text()
     with page.expect_navigation():
         deck.write_text(deck.read_text().replace("<title>", "<title>Again: ", 1))
     assert page.title().startswith("Again: ")
     page.wait_for_selector("[data-state=ready]")
-    assert page.locator(".tree li.selected .what").inner_text() == name
+    page.wait_for_selector(f".tree li.selected .what[title='{name}']")
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=10)
     page.wait_for_selector(".ended")

@@ -1,0 +1,329 @@
+"""Equilibria: places at which all forces are balanced, at rest or rotating steadily about an axis.
+
+With v = w x (x - c) and W = w of all bodies (w = 0: at rest) the unbalanced accelerations, in
+coordinates weighted by mass as in ``reduced``, and the rates of auxiliary states are
+
+    r(eta, s) = ( N^T L^T (a - w x v) , s' ) = 0 ,         J = dr/d(eta, s)  from the linearisation
+
+Two methods solve it, one step of which is to move by (eta, s), to close the joints again, and to
+set velocities, accelerations and multipliers:
+
+    descent    (1/tau - J) d = r       1/tau above all eigenvalues of J, so that each step goes
+                                       downhill; towards zero where J is negative: a stable one
+    Newton           - J  d = r        with a line search on |r|: the nearest one of any kind
+
+The first follows the forces, like a strongly damped motion, and ends as Newton's method.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.algebra.rotation import compose, matrix, to_axis_angle
+from msahl.algebra.rotation import inverse as opposite
+from msahl.algebra.vector import at
+from msahl.analysis.coefficients import Coefficients, coefficients, skews
+from msahl.analysis.point import Point, complete
+from msahl.analysis.projection import close, move
+from msahl.analysis.rate_gradients import rates_by_place
+from msahl.analysis.reduced import LinearSystem, linear_system
+from msahl.analysis.steady import Equilibrium, residual_in
+from msahl.elements.frames import moving_count
+from msahl.start.velocities import StartError
+from msahl.system.arrays import State, System, node_count
+
+MOST_ITERATIONS = 200
+LARGEST_ROTATION = 0.4
+"""Of a body in one step [rad]; displacements likewise, over the length of the system."""
+BALANCED = 1e-9
+"""Force that is not balanced, over the largest force, of an equilibrium."""
+ROUND_OFF = 1e-15
+"""Step, over the size of the system, that changes nothing."""
+SAME = 1e-6
+"""Distance of two equilibria, over the size of the system, that are one."""
+LEAST_STIFF = 1e-8
+"""Stiffness, relative to the largest, that the descent gives to directions without any."""
+FLAT = 1e-9
+"""Singular value of J, over the largest, of a direction in which nothing changes."""
+SHORTEST = 1.0 / 64.0
+"""Part of a Newton step that is tried last."""
+
+
+class Place(NamedTuple):
+    """A configuration with its linearisation, seen in axes that rotate with the model."""
+
+    point: Point
+    found: Coefficients
+    linear: LinearSystem
+    residual: np.ndarray  # (r + s,)
+    jacobian: np.ndarray  # (r + s, d + s)
+    balance: Equilibrium
+
+
+class Solution(NamedTuple):
+    """An equilibrium, if it ``converged``."""
+
+    place: Place
+    iterations: int
+    converged: bool
+    flat: int  # directions in which it has no stiffness
+
+
+def solve(point: Point, spin: np.ndarray, stable: bool = True) -> Solution:
+    """Return the equilibrium that is reached from a ``point``, of a model that rotates with
+    ``spin`` (3,) [rad/s]: a stable one, or the nearest of any kind. Raises ``StartError`` where
+    joints cannot be closed.
+    """
+    place = _place(point, spin, _axis_point(point, spin))
+    smallest, waited, iterations = place, 0, 0
+    for _ in range(MOST_ITERATIONS):
+        step = _descent(place) if stable else _newton(place)
+        size = float(np.linalg.norm(_lengths(place, step)))
+        if size <= ROUND_OFF * _size(place.point) or waited > 3:
+            break
+        following = _line_search(place, step, spin, stable)
+        if following is None:
+            break
+        place, iterations = following, iterations + 1
+        better = np.linalg.norm(place.residual) < 0.5 * np.linalg.norm(smallest.residual)
+        # At round-off the residual stops falling.
+        waited = 0 if better or smallest.balance.relative > BALANCED else waited + 1
+        if np.linalg.norm(place.residual) < np.linalg.norm(smallest.residual):
+            smallest = place
+    converged = smallest.balance.relative <= BALANCED and _states_rest(smallest)
+    return Solution(smallest, iterations, converged, _flat_directions(smallest))
+
+
+def all_equilibria(point: Point, spin: np.ndarray, starts: int) -> list[Solution]:
+    """Return the different equilibria reached from the ``point`` by both methods, and from
+    ``starts`` - 1 other configurations, drawn at random; the one that the first leads to is first.
+    Raises ``StartError`` if the joints do not let the model rotate with ``spin``.
+    """
+    _axis_point(point, spin)
+    rng, found = np.random.default_rng(0), list[Solution]()
+    for number in range(starts):
+        try:
+            begin = _displaced(point, spin, rng) if number else point
+        except StartError:
+            continue
+        for stable in (True, False):
+            try:
+                solution = solve(begin, spin, stable)
+            except (StartError, np.linalg.LinAlgError):
+                continue
+            if solution.converged and not any(_is_same(solution, other) for other in found):
+                found.append(solution)
+    return found
+
+
+def _place(point: Point, spin: np.ndarray, centre: np.ndarray) -> Place:
+    """Evaluate a configuration with the velocities of the steady rotation."""
+    state = _rotating(point.system, point.state, spin, centre)
+    point = complete(point.model, point.system, state, point.unknowns)
+    found = coefficients(point.system, point.state)
+    moving = bool(spin.any())
+    B = (
+        rates_by_place(point.system, point.state)
+        if moving
+        else np.zeros((len(found.holonomic), found.coordinate.size))
+    )
+    linear = linear_system(found, B, spin)
+    n, d, r = found.coordinate.size, linear.degrees_of_freedom, linear.rate_degrees_of_freedom
+    carried = np.cross(spin, found.velocity.reshape(-1, 3)).reshape(-1)
+    rates = linear.into[d : d + r, n : 2 * n]
+    residual = np.concatenate([rates @ (found.acceleration - carried), found.state_rate])
+    rotation = np.kron(np.eye(n // 3), skews(spin[None])[0])
+    drift = found.drift @ linear.places[:, :d] - rotation @ linear.places[:, :d]
+    follow = -rates @ drift
+    A = linear.A
+    by_place = A[d:, :d] + A[d:, d : d + r] @ follow
+    jacobian = np.concatenate([by_place, A[d:, d + r :]], axis=1)
+    balance = residual_in(found, spin)
+    return Place(point, found, linear, residual, jacobian, balance)
+
+
+def _rotating(system: System, state: State, spin: np.ndarray, centre: np.ndarray) -> State:
+    """Return the state with the velocities of a steady rotation, and zero accelerations."""
+    v, w = np.zeros_like(state.v), np.zeros_like(state.w)
+    for f in range(moving_count(system.frames)):
+        v[f] = np.cross(spin, state.x[f] - centre)
+        w[f] = np.array(matrix(at(state.p, f))).T @ spin
+    changed = ("a", "alpha", "force", "reaction")
+    own = {name: np.zeros_like(getattr(state, name)) for name in changed}
+    return state._replace(v=v, w=w, auxiliary=state.auxiliary.copy(), **own)
+
+
+def _axis_point(point: Point, spin: np.ndarray) -> np.ndarray:
+    """(3,) a point of the axis about which the constraints let the model rotate with ``spin``."""
+    if not spin.any():
+        return np.zeros(3)
+    system, state = point.system, point.state
+    found = coefficients(system, _rotating(system, state, spin, np.zeros(3)))
+    G = found.constraint.toarray()
+    is_place = _place_columns(system, found)
+    moved = np.zeros((found.coordinate.size, 3))
+    for k in range(3):
+        moved[is_place[:, k], k] = 1.0
+    # v = w x x - w x c
+    rates = G @ found.velocity
+    by_centre = -G @ moved @ skews(spin[None])[0]
+    centre: np.ndarray = np.linalg.lstsq(by_centre, -rates, rcond=1e-9)[0]
+    left = float(np.abs(rates + by_centre @ centre).max(initial=0.0))
+    if left > 1e-9 * max(float(np.abs(found.velocity).max()), float(np.abs(spin).max())):
+        raise StartError(
+            f"the joints do not let the model rotate steadily with this angular velocity: "
+            f"{left:.3g} m/s or rad/s are left over; choose an axis about which it can rotate"
+        )
+    return centre
+
+
+def _place_columns(system: System, found: Coefficients) -> np.ndarray:
+    """(b, 3) numbers of the coordinates that are displacements."""
+    place = np.full(3 * node_count(system), -1)
+    place[found.coordinate] = np.arange(found.coordinate.size)
+    nodes = system.frames.displacement[: moving_count(system.frames)]
+    columns: np.ndarray = place[3 * nodes[:, None] + np.arange(3)]
+    return columns
+
+
+def _lengths(place: Place, step: np.ndarray) -> np.ndarray:
+    """(n,) what a step displaces and, times lengths, rotates [m]."""
+    d = place.linear.degrees_of_freedom
+    lengths: np.ndarray = place.found.length * (place.linear.places[:, :d] @ step[:d])
+    return lengths
+
+
+def _newton(place: Place) -> np.ndarray:
+    """The step of Newton's method, the least one where J is singular."""
+    step: np.ndarray = np.linalg.lstsq(place.jacobian, -place.residual, rcond=FLAT)[0]
+    return _limited(place, step)
+
+
+def _descent(place: Place) -> np.ndarray:
+    """The step that follows the forces, as far as they fall."""
+    J, d = place.jacobian, place.linear.degrees_of_freedom
+    r = place.linear.rate_degrees_of_freedom
+    if d != r:
+        return _newton(place)
+    # By lengths, not by mass: a slender rod has hardly any inertia about its axis.
+    lengths = place.found.length[:, None] * place.linear.places[:, :d]
+    R = np.asarray(np.linalg.qr(lengths, mode="r"))
+    back = np.linalg.inv(R)
+    stiffness = back.T @ J[:d, :d] @ back
+    values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
+    flat = LEAST_STIFF * float(np.abs(values).max(initial=0.0))
+    # Uphill directions are taken by the size of their stiffness, as if they were downhill.
+    lift = np.where(values > -flat, values + np.maximum(np.abs(values), flat), 0.0)
+    shifted = J.copy()
+    shifted[:d, :d] -= R.T @ (vectors * lift) @ vectors.T @ R
+    step: np.ndarray = np.linalg.lstsq(shifted, -place.residual, rcond=FLAT * 1e-6)[0]
+    return _limited(place, step)
+
+
+def _limited(place: Place, step: np.ndarray) -> np.ndarray:
+    """The step, shortened where it rotates or displaces a body too far."""
+    d = place.linear.degrees_of_freedom
+    dq = place.linear.places[:, :d] @ step[:d]
+    rotation = np.abs(dq[place.found.rotational]).max(initial=0.0)
+    travel = np.abs(place.found.length * dq).max(initial=0.0) / _size(place.point)
+    largest = max(float(rotation), float(travel)) / LARGEST_ROTATION
+    return step / largest if largest > 1.0 else step
+
+
+def _line_search(place: Place, step: np.ndarray, spin: np.ndarray, stable: bool) -> Place | None:
+    """The configuration after the step, or after a part of it that makes the residual smaller; None
+    if there is none. A descent may pass where the residual grows.
+    """
+    centre, share = _axis_point(place.point, spin), 1.0
+    while share >= SHORTEST:
+        try:
+            after = _place(_moved(place, share * step), spin, centre)
+        except StartError:
+            share *= 0.5
+            continue
+        if stable or np.linalg.norm(after.residual) < np.linalg.norm(place.residual):
+            return after
+        if place.balance.relative <= BALANCED:
+            return after
+        share *= 0.5
+    return None
+
+
+def _moved(place: Place, step: np.ndarray) -> Point:
+    """The point after a step, with its joints closed."""
+    point, d = place.point, place.linear.degrees_of_freedom
+    dq = np.zeros((node_count(point.system), 3))
+    dq.reshape(-1)[place.found.coordinate] = place.linear.places[:, :d] @ step[:d]
+    state = move(point.system, point.state, dq)
+    state = state._replace(auxiliary=state.auxiliary + step[d:])
+    return replace(point, state=close(point.system, state, point.unknowns))
+
+
+def _displaced(point: Point, spin: np.ndarray, rng: np.random.Generator) -> Point:
+    """A configuration that is reached by random motions of up to half a revolution."""
+    centre = _axis_point(point, spin)
+    parts = int(rng.integers(2, 9))
+    weight = None
+    for _ in range(parts):
+        place = _place(point, spin, centre)
+        d = place.linear.degrees_of_freedom
+        if weight is None or weight.size != d:
+            weight = rng.normal(size=d)
+        step = np.zeros(place.jacobian.shape[1])
+        step[:d] = 1e6 * weight
+        point = _moved(place, _limited(place, step))
+    return point
+
+
+def _size(point: Point) -> float:
+    """Size of the model [m]: its extent, or the largest length of a body."""
+    x = point.state.x[:-1]
+    extent = float(np.linalg.norm(x.max(axis=0) - x.min(axis=0))) if len(x) else 0.0
+    return max(extent, float(point.system.frames.length.max()))
+
+
+def _states_rest(place: Place) -> bool:
+    """Return whether the auxiliary states do not change."""
+    rate = place.found.state_rate
+    if not rate.size:
+        return True
+    speed = np.abs(np.diag(place.found.state_by_state)) * np.abs(place.point.state.auxiliary)
+    return bool(np.abs(rate).max() <= 1e-8 * max(float(speed.max()), 1.0))
+
+
+def _flat_directions(place: Place) -> int:
+    """Number of directions in which the equilibrium has no stiffness."""
+    d = place.linear.degrees_of_freedom
+    if not d:
+        return 0
+    values = np.linalg.svd(place.jacobian, compute_uv=False)
+    return int(np.count_nonzero(values <= FLAT * values.max(initial=0.0))) + max(
+        d - place.linear.rate_degrees_of_freedom, 0
+    )
+
+
+def _is_same(one: Solution, other: Solution) -> bool:
+    """Return whether two equilibria are one configuration or, if they have directions without
+    stiffness, of one family: with equal heights of all mass centres and distances between them.
+    """
+    a, b = one.place.point, other.place.point
+    size = SAME * _size(a)
+    if one.flat or other.flat:
+        return bool(one.flat == other.flat and np.abs(_figures(a) - _figures(b)).max() <= size)
+    lengths = a.system.frames.length[:-1]
+    apart = float(np.abs(a.state.x - b.state.x).max(initial=0.0))
+    for f in range(len(lengths)):
+        angle = to_axis_angle(compose(at(a.state.p, f), opposite(at(b.state.p, f))))[1]
+        apart = max(apart, float(lengths[f]) * angle)
+    return apart <= size
+
+
+def _figures(point: Point) -> np.ndarray:
+    """Heights of mass centres along gravity, and distances between neighbours and from the first
+    [m].
+    """
+    x, g = point.state.x[:-1], np.array(point.model.gravity)
+    down = g / np.linalg.norm(g) if g.any() else np.zeros(3)
+    parts = [x @ down, np.linalg.norm(x - x[:1], axis=1)]
+    return np.concatenate([*parts, np.linalg.norm(np.diff(x, axis=0), axis=1)])

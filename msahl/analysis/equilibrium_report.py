@@ -1,0 +1,110 @@
+"""Equilibria in words, and as tables."""
+
+import numpy as np
+
+from msahl.algebra.rotation import compose, to_axis_angle
+from msahl.algebra.rotation import inverse as opposite
+from msahl.algebra.vector import at
+from msahl.analysis.equilibrium import Solution
+from msahl.analysis.modes import LARGEST_DENSE, modes
+from msahl.analysis.point import Point
+from msahl.analysis.projection import prepared
+from msahl.elements.reactions import write_reactions
+from msahl.elements.rigid_body import write_states
+from msahl.system.arrays import new_tables
+from msahl.system.names import reaction_columns, state_columns
+
+MOST_BODIES = 20
+"""Bodies whose places are printed; the table has all."""
+
+
+def stability(point: Point) -> str:
+    """Return whether an equilibrium is stable, by the real parts of its eigenvalues."""
+    if 6 * len(point.model.bodies) > LARGEST_DENSE:
+        return "stability not examined (more than 100 bodies)"
+    found = modes(point)
+    growth = found.value.real
+    unstable = growth > np.maximum(found.error, 1e-9 * np.abs(found.value).max(initial=0.0))
+    if unstable.any():
+        return f"unstable, fastest growth {growth.max():.6g} 1/s"
+    damped = found.value[found.zeros :]
+    if damped.size and np.all(damped.real < -found.error[found.zeros :]):
+        return "stable, all motions are damped"
+    return (
+        "stable, without damping of all motions" if damped.size else "neither stable nor unstable"
+    )
+
+
+def lines(start: Point, found: list[Solution]) -> list[str]:
+    """Return a paragraph for each equilibrium."""
+    title = start.model.simulation.title or "model"
+    if len(found) != 1:
+        title += f": {len(found)} equilibria"
+    shown = [title]
+    for number, solution in enumerate(found, start=1):
+        point, balance = solution.place.point, solution.place.balance
+        head = f"equilibrium {number}: {stability(point)}"
+        flat = solution.flat
+        shown += [
+            "",
+            head,
+            f"  residual {balance.residual:.3g} N ({balance.relative:.1e} of the largest force), "
+            f"{solution.iterations} iterations"
+            + (f"; {flat} direction{'s' if flat > 1 else ''} without stiffness" if flat else ""),
+            *_places(start, point),
+        ]
+    return shown
+
+
+def _places(start: Point, point: Point) -> list[str]:
+    """Return lines with the reference points of bodies, and how far they moved from the start."""
+    states, first = state_row(point), state_row(start)
+    shown = []
+    for b, body in enumerate(point.model.bodies[:MOST_BODIES]):
+        row, before = states[12 * b : 12 * b + 3], first[12 * b : 12 * b + 3]
+        place = ", ".join(f"{x:.9g}" for x in row)
+        angle = to_axis_angle(compose(at(point.state.p, b), opposite(at(start.state.p, b))))[1]
+        moved = float(np.linalg.norm(row - before))
+        shown.append(
+            f"  {body.name}: ({place}) m, moved {moved:.4g} m, rotated {np.degrees(angle):.4g} deg"
+        )
+    if len(point.model.bodies) > MOST_BODIES:
+        shown.append(f"  and {len(point.model.bodies) - MOST_BODIES} more bodies")
+    return shown
+
+
+def state_row(point: Point) -> np.ndarray:
+    """(12 n,) the row of states.csv, without the time."""
+    start = prepared(point.system, point.state)
+    table = new_tables(point.system, point.state, 1).states
+    state = point.state
+    write_states(point.system.bodies, state.x, state.p, start.frames, state.w, table, 0)
+    row: np.ndarray = table[0]
+    return row
+
+
+def tables(found: list[Solution]) -> dict[str, tuple[list[str], np.ndarray]]:
+    """Return columns and rows of the tables, one row for each equilibrium, whose first column is
+    its number.
+    """
+    points = [solution.place.point for solution in found]
+    number = np.arange(1, len(points) + 1)
+    model = points[0].model
+    states = np.array([state_row(point) for point in points])
+    result = {
+        "states": (["equilibrium", *state_columns(model)[1:]], np.column_stack([number, states]))
+    }
+    columns = reaction_columns(model)[1:]
+    if columns:
+        rows = np.array([_reaction_row(point) for point in points])
+        result["reactions"] = (["equilibrium", *columns], np.column_stack([number, rows]))
+    return result
+
+
+def _reaction_row(point: Point) -> np.ndarray:
+    """The row of reactions.csv, without the time."""
+    system, state = point.system, point.state
+    table = new_tables(system, state, 1).reactions
+    write_reactions(system.shown, system.scalar, state.reaction, state.force, 0.0, table, 0)
+    row: np.ndarray = table[0]
+    return row

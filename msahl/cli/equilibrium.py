@@ -1,0 +1,97 @@
+"""The command ``msahl equilibrium``: where a deck's model is in equilibrium."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from msahl.cli.compiling import announced
+from msahl.cli.console import NOT_CONVERGED, NOT_WRITTEN, say, stop
+from msahl.cli.decks import model_to_run
+from msahl.cli.options import DECK, NumberType, output_option, set_option
+from msahl.printable import printable, shown_path
+from msahl.terminal import echo
+
+if TYPE_CHECKING:
+    from msahl.analysis.equilibrium import Solution
+
+
+@click.command(short_help="Find equilibria of a deck's model.")
+@click.argument("deck", type=DECK)
+@output_option("none; nothing is written")
+@set_option
+@click.option(
+    "--starts",
+    type=click.IntRange(1, 10_000),
+    metavar="N",
+    default=1,
+    help="Search from N configurations: the deck's and N - 1 drawn at random (default: 1).",
+)
+@click.option(
+    "--rotation",
+    type=NumberType(),
+    nargs=3,
+    metavar="WX WY WZ",
+    default=(0.0, 0.0, 0.0),
+    help="Let the complete model rotate steadily with this angular velocity in rad/s, inertial "
+    "axes (default: 0 0 0, at rest).",
+)
+@click.option("-q", "--quiet", is_flag=True, help="Print only faults and warnings.")
+def equilibrium(
+    deck: Path,
+    output: Path | None,
+    settings: tuple[str, ...],
+    starts: int,
+    rotation: tuple[float, float, float],
+    quiet: bool,
+) -> None:
+    """Find the places at which all forces on the model of DECK are balanced.
+
+    The search begins where the deck starts the model and finds the equilibrium to which the forces
+    lead, which is stable, and the nearest of any kind. Reports each with its stability. Velocities
+    of the deck do not count. With -o, writes states.csv and reactions.csv, one row for each
+    equilibrium. Exits with status 3 if there is none.
+
+    Example: msahl equilibrium decks/mechanisms/suspension.xml
+    """
+    model = model_to_run(deck, {}, settings)
+    import numpy as np
+
+    from msahl.analysis.equilibrium import all_equilibria
+    from msahl.analysis.equilibrium_report import lines
+    from msahl.analysis.point import at_start
+    from msahl.jit.progress import CompileError
+    from msahl.start.velocities import StartError
+
+    try:
+        with announced(not quiet):
+            point = at_start(model)
+            found = all_equilibria(point, np.array(rotation), starts)
+    except (StartError, CompileError) as error:
+        stop(f"{shown_path(deck)}: {printable(str(error))}")
+    if not found:
+        stop(
+            f"{shown_path(deck)}: no equilibrium was found from {starts} "
+            f"configuration{'s' if starts > 1 else ''}; search from more with --starts, or start "
+            "the deck nearer to one",
+            NOT_CONVERGED,
+        )
+    if not quiet:
+        echo("\n".join(printable(line) for line in lines(point, found)))
+    if output is not None:
+        _write(output, found)
+
+
+def _write(folder: Path, found: "list[Solution]") -> None:
+    """Write the tables into the ``folder``."""
+    from msahl.analysis.equilibrium_report import tables
+    from msahl.results.write import file_name, write_table
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, (columns, rows) in tables(found).items():
+            write_table(folder / file_name(name), columns, rows)
+    except OSError as error:
+        say(f"{shown_path(error.filename or folder)}: {error.strerror or error}")
+        sys.exit(NOT_WRITTEN)

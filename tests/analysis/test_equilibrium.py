@@ -1,0 +1,179 @@
+"""Equilibria that are known in closed form."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from msahl.algebra.rotation import from_axis_angle
+from msahl.algebra.vector import ZERO
+from msahl.analysis.equilibrium import all_equilibria, solve
+from msahl.analysis.equilibrium_report import lines, stability
+from msahl.analysis.modes import modes
+from msahl.analysis.point import at_start
+from msahl.model import Joint
+from msahl.start.velocities import StartError
+from tests.support.models import GROUND, body, build_model, deck, pendulum
+
+REST = np.zeros(3)
+ABOUT_Y = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+
+
+def row_of_links(points, kind="spherical"):
+    """Slender links of 1 kg/m along x of their own axes, between supports at the ends; z is up."""
+    bodies, lengths = [], []
+    for k, (a, b) in enumerate(pairwise(points)):
+        along = np.subtract(b, a)
+        length = float(np.linalg.norm(along))
+        J = np.diag([1e-3, 1.0 / 12.0, 1.0 / 12.0]) * length**3
+        rotation = from_axis_angle((0.0, 1.0, 0.0), float(-np.arctan2(along[2], along[0])))
+        middle = tuple(float(x) for x in 0.5 * np.add(a, b))
+        bodies.append(body(f"L{k}", length, J, middle, orientation=rotation))
+        lengths.append(length)
+    names = [GROUND.name, *(link.name for link in bodies), GROUND.name]
+    first, last = (tuple(float(x) for x in points[k]) for k in (0, -1))
+    joints = []
+    for k in range(len(points)):
+        here = first if k == 0 else (0.5 * lengths[k - 1], 0.0, 0.0)
+        there = last if k == len(bodies) else (-0.5 * lengths[k], 0.0, 0.0)
+        axes = (ABOUT_Y, ABOUT_Y) if kind == "revolute" else ()
+        joints.append(Joint(f"J{k}", kind, names[k], names[k + 1], here, there, *axes))
+    return build_model(bodies, joints, gravity=(0.0, 0.0, -9.81))
+
+
+def test_two_bars_between_supports_have_both_equilibria():
+    knee = np.sqrt(1.0 - 0.75**2)
+    assert knee == pytest.approx(0.6614378278, abs=6e-11)
+    start = at_start(row_of_links([(0.0, 0.0, 0.0), (0.75, 0.0, knee), (1.5, 0.0, 0.0)]))
+    found = all_equilibria(start, REST, 4)
+    heights = [2.0 * s.place.point.state.x[0, 2] for s in found]
+    assert len(found) == 2
+    for height in (knee, -knee):
+        (at,) = np.flatnonzero(np.abs(np.array(heights) - height) <= 1e-12)
+        # Each bar spins freely about itself.
+        assert found[at].flat == 2
+        assert stability(found[at].place.point).startswith("stable" if height < 0 else "unstable")
+
+
+@pytest.mark.parametrize(
+    ("links", "kind"),
+    [
+        (10, "revolute"),
+        (10, "spherical"),
+        pytest.param(100, "revolute", marks=pytest.mark.slow),
+    ],
+)
+def test_catenary_of_links(links, kind):
+    span = links * 2.0 / 3.0
+    depth = np.sqrt((links / 2) ** 2 - (span / 2) ** 2)
+    part = np.linspace(0.0, 1.0, links // 2 + 1)
+    left = np.column_stack([part * span / 2, 0.0 * part, -depth * part])
+    right = left[-2::-1] * [-1.0, 1.0, 1.0] + [span, 0.0, 0.0]
+    solution = solve(at_start(row_of_links([*left, *right], kind)), REST)
+    assert solution.converged
+    exact = exact_catenary(links, span)
+    found = solution.place.point.state.x[:links][:, [0, 2]]
+    assert np.abs(found - exact).max() <= 1e-10 * links
+
+
+def exact_catenary(n, span):
+    """(n, 2) middles of links of length and mass 1: horizontal tension h and vertical tensions that
+    grow by the weight, tan(slope) = V/h at the middle of each link.
+    """
+    from scipy.optimize import brentq
+
+    V = np.arange(n) - 0.5 * (n - 1)  # of the links' middles, in weights of a link
+
+    def width(h):
+        return np.sum(h / np.hypot(h, V)) - span
+
+    h = brentq(width, 1e-6 * n, 1e3 * n, xtol=1e-15, rtol=1e-15)
+    steps = np.column_stack([np.full(n, h), V]) / np.hypot(h, V)[:, None]
+    ends = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    middles: np.ndarray = 0.5 * (ends[1:] + ends[:-1])
+    return middles
+
+
+def governor(degrees, length=0.5, h=0.2):
+    """A ball on a rod, hinged to a shaft that rotates freely about z; both on one axis."""
+    phi = np.radians(degrees)
+    shaft = body("Shaft", 0.3, (0.01, 0.01, 0.001))
+    place = (length * np.sin(phi), 0.0, h - length * np.cos(phi))
+    rotation = from_axis_angle((0.0, 1.0, 0.0), float(-phi))
+    ball = body("Ball", 2.0, 1e-3, place, orientation=rotation)
+    z = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    joints = [
+        Joint("Bearing", "revolute", GROUND.name, "Shaft", ZERO, ZERO, z, z),
+        Joint(
+            "Hinge",
+            "revolute",
+            "Shaft",
+            "Ball",
+            (0.0, 0.0, h),
+            (0.0, 0.0, length),
+            ABOUT_Y,
+            ABOUT_Y,
+        ),
+    ]
+    return build_model([shaft, ball], joints, gravity=(0.0, 0.0, -9.81))
+
+
+@pytest.mark.parametrize("w", [5.0, 7.0])
+def test_flyball_governor_has_the_angle_of_the_closed_form(w):
+    spin = np.array([0.0, 0.0, w])
+    start = at_start(governor(20.0))
+    solution = solve(start, spin)
+    assert solution.converged
+    cosine = 9.81 / (w**2 * 0.5)
+    drop = 0.2 - solution.place.point.state.x[1, 2]
+    assert drop == pytest.approx(0.5 * cosine, abs=1e-13)
+    found = modes(solution.place.point)
+    assert found.equilibrium.holds
+    assert np.allclose(found.equilibrium.axes, spin)
+    # Below, the ball hangs on the axis, which is unstable at this speed.
+    hanging = solve(at_start(governor(3.0)), spin, stable=False)
+    assert hanging.place.point.state.x[1, 2] == pytest.approx(-0.3, abs=1e-12)
+    assert stability(hanging.place.point).startswith("unstable")
+
+
+def test_a_rotation_that_the_joints_prevent_is_refused():
+    with pytest.raises(StartError, match="rotate steadily"):
+        solve(at_start(governor(20.0)), np.array([1.0, 0.0, 0.0]))
+
+
+@pytest.mark.parametrize("name", ["quarter_car", "actuator_pid", "robot"])
+def test_machines_come_to_rest(name):
+    solution = solve(at_start(deck(name)), REST)
+    assert solution.converged
+    found = modes(solution.place.point)
+    assert found.equilibrium.holds
+    assert stability(solution.place.point) == "stable, all motions are damped"
+
+
+def test_suspension_carries_its_weight():
+    model = deck("suspension")
+    solution = solve(at_start(model), REST)
+    assert solution.converged
+    assert solution.place.balance.residual <= 1e-8
+    # Four equal corners: tyres of 180 kN/m carry a quarter each, so the wheels move alike.
+    state = solution.place.point.state
+    wheels = [state.x[k, 2] for k, b in enumerate(model.bodies) if b.name.endswith("Wheel")]
+    assert len(wheels) == 4
+    assert np.ptp(wheels) <= 1e-12
+    # Tyres are springs under pressure, on which the car is upright only while nothing tips it.
+    assert stability(solution.place.point).startswith("unstable")
+
+
+def test_pendulum_hangs_down_and_stands_up():
+    found = all_equilibria(at_start(pendulum(45.0)), REST, 4)
+    assert sorted(round(float(s.place.point.state.x[0, 2]), 12) for s in found) == [-5.0, 5.0]
+    assert "moved" in "\n".join(lines(at_start(pendulum(45.0)), found))
+
+
+def test_models_without_equilibrium_have_none():
+    model = build_model([body("Free")], gravity=(0.0, 0.0, -9.81))
+    assert not all_equilibria(at_start(model), REST, 2)
+    still = all_equilibria(at_start(replace(model, gravity=ZERO)), REST, 2)
+    assert len(still) == 1
+    assert still[0].flat == 6
