@@ -11,6 +11,8 @@ WORKERS ?= 2
 SECONDS ?= 300
 # Tests that make coverage runs as plain Python: those that take seconds there.
 COVERED ?= $(addprefix tests/,algebra check cli deck elements/test_forces.py joints post/page results start \
+  $(patsubst %,api/test_%.py,models results) \
+  $(patsubst %,sweep/test_%.py,axes cluster measures plan points samples shards store work) \
   $(patsubst %,post/test_%.py,commands damaged_folders document events figures metrics \
     reactions_in_joint_axes) \
   $(patsubst %,run/test_%.py,attempts options unchecked_models) \

@@ -1,5 +1,7 @@
 """The plan that all codes carry out: double pendulums with a mass and an angle of their own."""
 
+import os
+import time
 from pathlib import Path
 from typing import NamedTuple
 
@@ -35,3 +37,20 @@ def model_of(sample: Sample) -> Model:
 def error(found: np.ndarray, true: np.ndarray) -> float:
     """Return the largest distance [m] of any mass centre (samples, rows, 2, 3) from the truth."""
     return float(np.linalg.norm(found - true, axis=-1).max())
+
+
+class Clock:
+    """Seconds since it was made: on the clock, and computed by this process and those that it
+    started and that have ended. The latter do not depend on what else the machine does.
+    """
+
+    def __init__(self) -> None:
+        self._began, self._computed = time.perf_counter(), self._computing()
+
+    def read(self) -> tuple[float, float]:
+        """Return both."""
+        return time.perf_counter() - self._began, self._computing() - self._computed
+
+    def _computing(self) -> float:
+        times = os.times()
+        return times.user + times.system + times.children_user + times.children_system

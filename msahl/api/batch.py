@@ -2,8 +2,8 @@
 
 Models that differ in numbers only share all that follows from their connections, and the memory of
 their runs (``msahl.jit.storage``), so a run costs little beside its time loop. What it costs is
-Python, of which a process runs one thread at a time: for small models processes are nearly twice as
-fast as threads, so each worker is a process.
+Python, of which a process runs one thread at a time: two thirds of a short run of a small model. So
+each worker is a process.
 """
 
 import os
@@ -99,7 +99,7 @@ def batch(
     """
     if errors not in ERRORS:
         raise OptionError([f"errors: it is {errors!r}; choose one of {', '.join(ERRORS)}"])
-    if jobs is not None and jobs < 1:
+    if jobs is not None and (not isinstance(jobs, int) or jobs < 1):
         raise OptionError([f"jobs: it is {jobs!r}; give a number of processes, 1 or more"])
     job = model.job(**options)
     known = [*tables_of_model(job.model), ERROR]
@@ -109,7 +109,18 @@ def batch(
     if hasattr(samples, "to_dict"):
         samples = samples.to_dict("records")
     runs = _Runs(model, job, options, tables)
-    return runs.results(samples, jobs, errors == "return")
+    return runs.results(map(_checked, samples), jobs, errors == "return", _length(samples))
+
+
+def _checked(sample: Sample) -> Sample:
+    """Return a sample; raises ``TypeError`` if it is none."""
+    if not isinstance(sample, Mapping):
+        raise TypeError(f"samples: one is {sample!r}; give a list of {{name: number}}")
+    return sample
+
+
+def _length(samples: Iterable[Sample]) -> int | None:
+    return len(samples) if isinstance(samples, Sized) else None
 
 
 class _Runs:
@@ -122,10 +133,11 @@ class _Runs:
         self.columns = tables_of_model(job.model)
 
     def results(
-        self, samples: Iterable[Sample], jobs: int | None, returned: bool
+        self, samples: Iterator[Sample], jobs: int | None, returned: bool, count: int | None
     ) -> Iterator[Result | Exception]:
-        """Yield the results; with ``returned`` exceptions are yielded as well."""
-        for sample, outcome in self._outcomes(samples, jobs):
+        """Yield the results of ``count`` samples (None: not known); with ``returned`` exceptions
+        are yielded as well."""
+        for sample, outcome in self._outcomes(samples, jobs, count):
             if isinstance(outcome, Exception):
                 if not returned:
                     raise outcome
@@ -137,14 +149,17 @@ class _Runs:
         def job() -> Job:
             return self.model.with_(**sample).job(**self.options)
 
-        return Result(None, *outcome, job, self.columns)
+        result = Result(None, *outcome, job, self.columns)
+        if self.tables is not None:
+            names = (*self.columns, ERROR)
+            result.omitted = tuple(name for name in names if name not in self.tables)
+        return result
 
     def _outcomes(
-        self, samples: Iterable[Sample], jobs: int | None
+        self, source: Iterator[Sample], jobs: int | None, left: int | None
     ) -> Iterator[tuple[Sample, Outcome]]:
         """Yield the samples with their outcomes, in order."""
-        left = len(samples) if isinstance(samples, Sized) else None
-        source, run_time = iter(samples), 0.0
+        run_time = 0.0
         if jobs is None:
             jobs = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
             for tried in range(TRIED) if jobs > 1 else ():

@@ -66,6 +66,8 @@ class Result:
         self.report, self._records, self._columns = report, records, columns
         self._arrays, self._made_by = dict(arrays), origin
         self._frames: dict[str, pd.DataFrame] = {}
+        self.omitted: tuple[str, ...] = ()
+        """Tables of the run that a batch did not keep."""
 
     @cached_property
     def _origin(self) -> Job | Path:
@@ -205,8 +207,14 @@ class Result:
         """Write the files of ``msahl run``: tables, ``run.json`` and ``deck.xml``; return the
         folder.
 
-        Raises ``FolderError`` if it holds anything but a run of the same deck.
+        Raises ``FolderError`` if it holds anything but a run of the same deck, ``ResultError`` if
+        a batch kept some of the tables only.
         """
+        if self.omitted:
+            raise ResultError(
+                f"the batch did not keep {', '.join(self.omitted)}, so the files would not be "
+                "those of a run; omit tables=, or write frame(name)"
+            )
         folder, origin = Path(folder), self._origin
         if isinstance(origin, Job):
             finished = FinishedRun(

@@ -81,6 +81,9 @@ class Source:
             return cls(TEXT, etree.tostring(deck, with_tail=False))
         from xml.etree import ElementTree
 
+        if not ElementTree.iselement(deck):
+            kind = type(deck).__name__
+            raise TypeError(f"a deck is a path, a text, bytes or its root element, not {kind}")
         return cls(TEXT, ElementTree.tostring(deck))
 
     def as_json(self) -> dict[str, Any]:

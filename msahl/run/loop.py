@@ -108,10 +108,10 @@ def _run_to_tolerance(
         setup = build_setup(replace(model, simulation=simulation), settings, attempts)
         loop = TimeLoop(setup, sink, hooks)
         report = loop.run(since)
+        completed = report.status == COMPLETED
+        again = completed and attempts.prepare_next(setup.estimate, loop.record.size)
         setup.release(report)
-        if report.status != COMPLETED:
-            return report
-        if not attempts.prepare_next(setup.estimate, loop.record.size):
+        if not again:
             return report
         since = None
         sink.restart()

@@ -224,6 +224,10 @@ class OptionError(ValueError):
         super().__init__("\n".join(faults))
         self.faults = tuple(faults)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let processes send it to others with the same faults."""
+        return type(self), (self.faults,)
+
 
 def checked_options(given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the options that are not None, numbers as Python's own; raises ``OptionError`` if one

@@ -235,7 +235,9 @@ def _values(text: str, where: str) -> tuple[tuple[str, ...], str]:
             found.append((_range(ranged, where), (ranged["unit"] or "").strip()))
         elif single:
             number = single["number"]
-            number = number if number.startswith("{") else number_text(float(number))
+            if not number.startswith("{"):
+                _require(math.isfinite(float(number)), f"{where}: {number} is too large")
+                number = number_text(float(number))
             found.append(([number], (single["unit"] or "").strip()))
         else:
             raise PlanError(

@@ -1,6 +1,7 @@
 """Measures of a run: one number from its tables or its report, by a text such as ``Tip.z max``.
 
-    Tip.z max              largest value at the output times; also min, absmax, mean, rms, range
+    Tip.z max              largest value at the output times; also min, absmax, range
+    Tip.z mean, Tip.z rms  mean and root mean square over the time, by the trapezoidal rule
     Crank.angle final      value at the last output time; initial: at t = 0
     Tip.z at 0.5           value at t = 0.5 s, interpolated between output times
     Hinge.F absmax         of a vector, the column without its last letter, the norm is taken
@@ -26,17 +27,27 @@ from msahl.run.report import Report, camel_case
 from msahl.run.tables import ERROR, ERROR_COLUMNS, tables_of_model
 from msahl.sweep.faults import PlanError
 
-STATISTICS: Mapping[str, Callable[[np.ndarray], float]] = {
-    "max": np.max,
-    "min": np.min,
-    "absmax": lambda values: np.max(np.abs(values)),
-    "mean": np.mean,
-    "rms": lambda values: math.sqrt(np.mean(np.square(values))),
-    "range": np.ptp,
-    "final": lambda values: values[-1],
-    "initial": lambda values: values[0],
+
+def _mean(times: np.ndarray, values: np.ndarray) -> float:
+    """Return the mean over the time, by the trapezoidal rule: output times may be uneven, as at the
+    end of a run that a condition stops."""
+    duration = times[-1] - times[0]
+    if duration <= 0.0:
+        return float(values[-1])
+    return float(0.5 * np.diff(times) @ (values[1:] + values[:-1]) / duration)
+
+
+STATISTICS: Mapping[str, Callable[[np.ndarray, np.ndarray], float]] = {
+    "max": lambda times, values: np.max(values),
+    "min": lambda times, values: np.min(values),
+    "absmax": lambda times, values: np.max(np.abs(values)),
+    "mean": _mean,
+    "rms": lambda times, values: math.sqrt(_mean(times, np.square(values))),
+    "range": lambda times, values: np.ptp(values),
+    "final": lambda times, values: values[-1],
+    "initial": lambda times, values: values[0],
 }
-"""Statistics of a column over the output times."""
+"""Statistics of a column, of output times and values (m,)."""
 VERDICT, POSITION_ERROR, SECONDS = "verdict", "error", "seconds"
 COUNTS = ("steps", "output_times", "time", "unknowns", "iterations", "factorisations",
           "scipy_steps", "subdivisions")  # fmt: skip
@@ -188,7 +199,7 @@ def _of_series(measure: Measure, times: np.ndarray, series: np.ndarray) -> tuple
         return _at(measure.number, times, series)
     if measure.kind == "time of":
         return _time_of(measure, times, series)
-    return STATISTICS[measure.kind](series), ""
+    return STATISTICS[measure.kind](times, series), ""
 
 
 def _at(t: float, times: np.ndarray, series: np.ndarray) -> tuple[Any, str]:
@@ -197,7 +208,7 @@ def _at(t: float, times: np.ndarray, series: np.ndarray) -> tuple[Any, str]:
     if abs(times[nearest] - t) <= SAME_TIME * abs(times[-1]):
         return series[nearest], ""
     if not times[0] <= t <= times[-1]:
-        return None, f"the run ends at {times[-1]:g} s"
+        return None, f"the run is from {times[0]:g} to {times[-1]:g} s"
     from scipy.interpolate import make_interp_spline
 
     begin = max(0, min(nearest - 5, len(times) - 10))
@@ -208,8 +219,11 @@ def _at(t: float, times: np.ndarray, series: np.ndarray) -> tuple[Any, str]:
 
 def _time_of(measure: Measure, times: np.ndarray, series: np.ndarray) -> tuple[Any, str]:
     """Return the first time at which a column passes a value, as ``msahl-post events`` finds it."""
-    from msahl.post.events import first_crossing
+    from msahl.post.events import DEGREES, first_crossing
 
+    if len(times) <= DEGREES[0]:
+        few = f"{len(times)} output times are too few to interpolate between them"
+        return None, f"{few}; at least {DEGREES[0] + 1} are needed"
     found = first_crossing(times, series, measure.number)
     return found, "" if found is not None else "the column does not pass the value"
 

@@ -164,12 +164,17 @@ def read_plan(path: Path) -> Plan:
         raise PlanError(*faults)
     if not count:
         raise PlanError(f"{shown_path(path)}: there is no point below the head of the table")
-    kept = [k for k, cell in enumerate(head) if cell != POINT]
+    names = [cell for cell in head if cell != POINT]
 
     def rows() -> Iterator[Cells]:
         with _open(path) as file:
             lines = csv.reader(file, strict=True)
-            next(lines)
+            # The file may be plan.csv of this sweep, which has been written anew since: its columns
+            # are numbered ("point") then, and there may be more.
+            now = [cell.strip() for cell in next(lines, [])]
+            if not set(names) <= set(now):
+                raise PlanError(f"{shown_path(path)}: was changed meanwhile; start the sweep again")
+            kept = [now.index(name) for name in names]
             for cells in lines:
                 if cells:
                     yield tuple(cells[k].strip() for k in kept)

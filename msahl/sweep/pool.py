@@ -2,7 +2,8 @@
 
 Each worker is given about a second of points at a time, with the next ones before it has finished,
 and returns each row as soon as it is there. So it is known which point a worker was at when it
-died, or how long that has taken. A point at which three workers have died has failed.
+died, or how long that has taken. Such a point is run again after all others; if three workers have
+died at it, it has failed.
 """
 
 import os
@@ -134,6 +135,9 @@ class Pool:
         self.lasting = lasting
         self.workers: list[Worker] = []
         self.deaths: Counter[int] = Counter()
+        # Points at which a worker has died. They are run again after all others: whoever kills
+        # workers at random then hardly meets the same point often enough to make it fail.
+        self.suspects: deque[Point] = deque()
         self.failed_starts = 0
         self.seconds_per_point = 0.0  # seconds that a point takes, by the last ones; 0: not known
         self.job: Job
@@ -143,6 +147,7 @@ class Pool:
     def run(self, job: Job, work: Supply, stopped: Callable[[], bool]) -> None:
         """See ``work.Scheduler``."""
         self.job, self.work = job, work
+        self.suspects.clear()
         with selectors.DefaultSelector() as self.selector:
             for worker in self.workers:
                 self.selector.register(worker.source, selectors.EVENT_READ, worker)
@@ -175,6 +180,8 @@ class Pool:
             most = self._chunk()
             if worker.ready and len(worker.points) <= most // 2:
                 points = self.work.next(1 if not self.seconds_per_point else most)
+                if not points and self.suspects and not worker.points:
+                    points = [self.suspects.popleft()]
                 if points:
                     worker.give(points)
 
@@ -231,10 +238,13 @@ class Pool:
                 status = worker.process.returncode
                 raise PoolError(f"workers end before they are ready, with exit status {status}")
         if points:
-            self.deaths[points[0].number] += 1
-            if self.deaths[points[0].number] >= MOST_DEATHS:
+            suspect = points.pop(0)
+            self.deaths[suspect.number] += 1
+            if self.deaths[suspect.number] >= MOST_DEATHS:
                 message = f"the process that ran it ended without a result, {MOST_DEATHS} times"
-                self.work.take([crashed_row(points.pop(0), message)])
+                self.work.take([crashed_row(suspect, message)])
+            else:
+                self.suspects.append(suspect)
         self.work.give_back(points)
 
     def _enforce_limit(self) -> None:

@@ -112,7 +112,7 @@ def _saltelli(points: np.ndarray, d: int) -> np.ndarray:
 
 def inverse(distribution: Distribution, u: np.ndarray) -> np.ndarray:
     """Return the values below which the fractions ``u`` of a distribution are."""
-    from scipy.special import ndtr, ndtri
+    from scipy.special import ndtri
 
     numbers = distribution.numbers
     match distribution.kind:
@@ -126,9 +126,11 @@ def inverse(distribution: Distribution, u: np.ndarray) -> np.ndarray:
         case "lognormal":
             return np.exp(numbers[0] + numbers[1] * ndtri(u))
         case "truncnormal":
+            from scipy.stats import truncnorm  # exact as well far from the mean
+
             mean, deviation, least, most = numbers
-            low, high = ndtr((np.array((least, most)) - mean) / deviation)
-            return np.clip(mean + deviation * ndtri(low + (high - low) * u), least, most)
+            low, high = (np.array((least, most)) - mean) / deviation
+            return np.clip(mean + deviation * truncnorm.ppf(u, low, high), least, most)
     low, mode, high = numbers
     split, width = (mode - low) / (high - low), high - low
     rising = low + np.sqrt(u * width * (mode - low))

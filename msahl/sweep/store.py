@@ -309,12 +309,17 @@ class Store:
 
 def runs_head(plan: Plan, measures: Sequence[str]) -> list[str]:
     """The head of ``runs.csv``."""
-    return [*plan.head, *OUTCOME, *measures, "message", "key"]
+    return [*plan.head, *OUTCOME, *_further(measures), "message", "key"]
+
+
+def _further(measures: Sequence[str]) -> list[str]:
+    """The measures that are no columns of every row anyway."""
+    return [text for text in measures if text not in OUTCOME]
 
 
 def runs_row(number: int, cells: Sequence[str], row: Row, measures: Sequence[str]) -> list[str]:
     """One row of ``runs.csv``."""
-    values = [row["measures"].get(text) for text in measures]
+    values = [row["measures"].get(text) for text in _further(measures)]
     outcome = (row[name] for name in OUTCOME)
     last = (row["message"], row["key"][:SHOWN])
     return [str(number), *cells, *map(_cell, (*outcome, *values, *last))]
@@ -353,6 +358,8 @@ def read_info(folder: Path) -> dict[str, Any]:
 
 def claim(folder: Path, deck: str) -> None:
     """Check that a sweep of ``deck`` may be written to ``folder``; raises ``StoreError``."""
+    if folder.exists() and not folder.is_dir():
+        raise StoreError(f"{shown_path(folder)}: is no folder; choose one with -o")
     held = read_info(folder)
     if not held:
         if (folder / JOURNAL).is_file() or not folder.is_dir():

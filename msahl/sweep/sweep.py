@@ -1,6 +1,6 @@
 """A sweep from its plan to its tables: check, lock the folder, run what is missing, write."""
 
-from collections import deque
+from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from msahl.deck import DeckError
+from msahl.results.job import Job as Run
 from msahl.run.report import COMPLETED
+from msahl.sweep.faults import PlanError
 from msahl.sweep.measures import parse_measures, require_columns
 from msahl.sweep.plan import Plan
 from msahl.sweep.points import TIMED_OUT, Job, Resolver, Row, context_digest, is_kept
@@ -21,6 +23,7 @@ from msahl.sweep.store import (
     begin,
     claim,
     remove_left_over,
+    runs_head,
     sweep_lock,
     write_info,
     write_parquet,
@@ -31,6 +34,8 @@ ALL = (1, 1)
 """The share of a sweep that is not divided."""
 RUNNING, COMPLETE, STOPPED = "running", "complete", "stopped"
 """States of a sweep in ``sweep.json``."""
+TRIED = 50
+"""Points of a plan that are tried until the deck is valid at one."""
 
 
 @dataclass(frozen=True)
@@ -79,24 +84,38 @@ class Hooks:
 
 
 def check(sweep: Sweep) -> Sweep:
-    """Check measures and deck at the ends of the plan; returns the sweep with the deck's digest.
+    """Check measures and the deck; returns the sweep with the deck's digest.
 
     Raises ``PlanError`` and ``DeckError``.
 
-    A deck that is faulty at one end only is no fault of the plan: those points fail.
+    A deck that is faulty at some points only is no fault of the plan: those points fail.
     """
     measures = parse_measures(sweep.job.measures)
-    resolver, first = Resolver(sweep.job), next(iter(sweep.plan))
-    try:
-        run = resolver.run_at(first)
-    except DeckError as error:
-        (last,) = deque(sweep.plan, maxlen=1)
-        try:
-            run = resolver.run_at(last)
-        except DeckError:
-            raise error from None
-    require_columns(measures, run.model)
+    resolver = Resolver(sweep.job)
+    require_columns(measures, _valid_run(sweep.plan, resolver).model)
+    head = runs_head(sweep.plan, sweep.job.measures)
+    twice = [name for name, count in Counter(head).items() if count > 1]
+    if twice:
+        raise PlanError(
+            f"'{twice[0]}' would be the head of two columns of runs.csv; rename the parameter of "
+            "the deck, or give its values a unit"
+        )
     return replace(sweep, job=replace(sweep.job, digest=resolver.digest))
+
+
+def _valid_run(plan: Plan, resolver: Resolver) -> Run:
+    """Return the run at the first of some points across the plan at which the deck is valid; raises
+    ``DeckError`` with the faults of the first point if it is so at none of them."""
+    first: DeckError | None = None
+    step = max(1, plan.count // TRIED)
+    for number, cells in enumerate(plan):
+        if number % step == 0 or number == plan.count - 1:
+            try:
+                return resolver.run_at(cells)
+            except DeckError as error:
+                first = first or error
+    assert first
+    raise first
 
 
 def carry_out(sweep: Sweep, scheduler: Scheduler, hooks: Hooks = Hooks()) -> Counts:

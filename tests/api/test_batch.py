@@ -67,6 +67,30 @@ def test_a_sample_that_cannot_be_run_raises(jobs):
     assert [isinstance(result, msahl.DeckError) for result in kept] == [False, True, False]
 
 
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_exceptions_are_the_same_from_every_process(jobs):
+    samples = [{"L": -1}, {"L": None}, {}]
+    first, second, third = msahl.batch(msahl.load(ROD), samples, jobs, errors="return", **SHORT)
+    assert isinstance(first, msahl.DeckError)
+    assert len(first.faults) == 2
+    assert str(second) == "L: it is None; give a finite number, or a text such as '80 cm'"
+    assert second.faults == (str(second),)
+    assert third.completed
+
+
+@pytest.mark.parametrize("samples", [[5], ["L"], {"L": [0.5, 0.6]}])
+def test_samples_that_are_none_are_refused(samples):
+    with pytest.raises(TypeError, match="give a list of"):
+        list(msahl.batch(msahl.load(ROD), samples, 2, **SHORT))
+
+
+def test_a_result_with_some_tables_only_is_not_written_as_a_run(tmp_path):
+    (result,) = msahl.batch(msahl.load(ROD), [{}], 1, tables=["states"], **SHORT)
+    with pytest.raises(msahl.ResultError, match="did not keep reactions, joints, error"):
+        result.write(tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
 def test_wrong_use_is_reported_before_the_first_run():
     model = msahl.load(ROD)
     for wrong in ({"jobs": 0}, {"errors": "skip"}, {"tables": ["stats"]}, {"every": 0}):

@@ -215,3 +215,8 @@ def test_a_run_without_frames_or_pictures_imports_neither_pandas_nor_matplotlib(
         [sys.executable, "-c", code, str(SINGLE)], capture_output=True, text=True, check=True
     )
     assert ran.stdout == "[]\n"
+
+
+def test_anything_but_a_deck_is_refused():
+    with pytest.raises(TypeError, match="a path, a text, bytes or its root element, not int"):
+        msahl.load(5)

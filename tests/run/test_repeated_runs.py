@@ -1,5 +1,6 @@
 """Runs after others in one process: equal to the bit to a run in a process of its own."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -121,6 +122,18 @@ def test_redundancy_is_found_for_each_run(forget):
     expected = [results(model) for model in (redundant, regular)]
     for model, of_first in [*zip((redundant, regular), expected, strict=True)] * 2:
         assert_same(results(model), of_first)
+
+
+def test_runs_in_threads_do_not_disturb_each_other(forget):
+    double, cart = short("thesis/double_pendulum_89", {}), short("machines/cart_pole", {})
+    models = [double, cart, spinning(double), heavier(cart, 1.1), heavier(double, 3.0)]
+    forget()
+    alone = [results(model) for model in models]
+    forget()
+    with ThreadPoolExecutor(4) as threads:
+        found = list(threads.map(results, models * 4))
+    for result, expected in zip(found, alone * 4, strict=True):
+        assert_same(result, expected)
 
 
 def test_a_repeated_run_lays_out_no_arguments(forget, monkeypatch):

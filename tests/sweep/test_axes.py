@@ -61,6 +61,7 @@ def test_options_have_their_types():
         ("L=0:2:3:log", "positive"),
         ("L=1:2:99999999999", "more than"),
         ("L=1:1e999:3", "too large"),
+        ("L=1,1e999", "1e999 is too large"),
         ("L~uniform(1)", "uniform takes 2 numbers: least, most"),
         ("L~uniform(2,1)", "smaller than the most"),
         ("L~normal(0,0)", "standard deviation is positive"),

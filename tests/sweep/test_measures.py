@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 
 from msahl.deck import read_deck
 from msahl.model import Options
@@ -37,8 +38,10 @@ def test_statistics_are_those_of_the_column(ran):
     model, _, sink = ran
     z = sink.table("states")[:, 3]
     values, message = measured(ran, *(f"Rod.z {kind}" for kind in STATISTICS))
-    expected = [z.max(), z.min(), np.abs(z).max(), z.mean(), np.sqrt(np.mean(z**2)), np.ptp(z)]
-    assert list(values.values()) == pytest.approx([*expected, z[-1], z[0]], rel=1e-14)
+    t, duration = sink.table("states")[:, 0], 2.0
+    mean, square = trapezoid(z, t) / duration, trapezoid(z**2, t) / duration
+    expected = [z.max(), z.min(), np.abs(z).max(), mean, np.sqrt(square), np.ptp(z)]
+    assert list(values.values()) == pytest.approx([*expected, z[-1], z[0]], rel=1e-13)
     assert not message
     assert tables_needed(parse_measures(["Rod.z max"]), model) == ["states"]
 
@@ -55,7 +58,29 @@ def test_values_at_a_time(ran):
     # The cubic through four output times; its error, of fourth order, is about 1e-10.
     x = np.polynomial.Polynomial.fit(rows[99:103, 0], rows[99:103, 1], 3)
     assert values["Rod.x at 0.5012"] == pytest.approx(x(0.5012), abs=1e-8)
-    assert measured(ran, "Rod.x at 99")[1] == "Rod.x at 99: the run ends at 2 s"
+    for text in ("Rod.x at 99", "Rod.x at -1"):
+        assert measured(ran, text)[1] == f"{text}: the run is from 0 to 2 s"
+
+
+def test_means_are_over_the_time_whatever_the_output_times(ran):
+    model, report, sink = ran
+    texts = ("Rod.x mean", "Rod.x rms")
+    means, _ = measured(ran, *texts)
+    # Dense output in the first half second only: a mean over rows would be that of this part.
+    uneven = np.r_[0:100, 100:401:4]
+    found, _ = evaluate(parse_measures(texts), model, report, lambda name: sink.table(name)[uneven])
+    assert found == pytest.approx(means, abs=2e-4)
+    assert abs(sink.table("states")[uneven, 1].mean() - means["Rod.x mean"]) > 0.01
+    one, _ = evaluate(parse_measures(texts), model, report, lambda name: sink.table(name)[:1])
+    assert list(one.values()) == pytest.approx([sink.table("states")[0, 1]] * 2)
+
+
+def test_too_few_output_times_are_a_reason_of_their_own(ran):
+    model, report, sink = ran
+    texts = ["time of Hinge.angle = 0"]
+    found = evaluate(parse_measures(texts), model, report, lambda name: sink.table(name)[::100])
+    assert found[0] == {texts[0]: None}
+    assert "5 output times are too few to interpolate between them" in found[1]
 
 
 def test_the_time_of_a_value_is_that_of_msahl_post_events(tmp_path):

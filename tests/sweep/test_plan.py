@@ -29,6 +29,17 @@ def test_zip_goes_side_by_side_and_repeats_single_values():
         make_plan(axes("a=1,2", "b=1,2,3"), zipped=True)
 
 
+def test_a_plan_that_is_written_anew_keeps_its_values(tmp_path):
+    path = tmp_path / "plan.csv"
+    path.write_text("L,Rod.mass\n60,2\n80,3\n")
+    plan = with_constants(read_plan(path), axes("r=5"))
+    write_plan(plan, path)  # as by: msahl sweep --plan DIR/plan.csv -o DIR
+    assert list(plan) == [("60", "2", "5"), ("80", "3", "5")]
+    path.write_text("L\n60\n")
+    with pytest.raises(PlanError, match=r"plan.csv: was changed meanwhile; start the sweep again"):
+        list(plan)
+
+
 def test_samples_are_drawn_for_every_combination_of_lists():
     plan = make_plan(axes("a=1,2", "b~uniform(0,1)"), sample=Sample("lhs", 3, 0))
     rows = list(plan)

@@ -10,6 +10,7 @@ import pytest
 from msahl.sweep import pool as pool_module
 from msahl.sweep.points import NotWrittenError
 from msahl.sweep.pool import MOST_DEATHS, Pool, PoolError
+from msahl.sweep.store import journal_lines
 from msahl.sweep.sweep import carry_out
 from msahl.sweep.work import OnFail
 from tests.sweep.fakes import InProcess, sweep
@@ -90,6 +91,14 @@ def test_points_of_a_worker_that_dies_are_run_again(tmp_path, behave, undisturbe
     counts, lines = ran(tmp_path / "s", Pool(2))
     assert counts.good
     assert lines == undisturbed
+
+
+def test_a_point_at_which_a_worker_died_is_run_after_the_others(tmp_path, behave, undisturbed):
+    behave(2, f"die:{MOST_DEATHS - 1}")
+    _, lines = ran(tmp_path / "s", Pool(1))
+    assert lines == undisturbed
+    order = [row["point"] for _, row in journal_lines(tmp_path / "s" / "journal.jsonl")]
+    assert order == [1, 3, 4, 5, 2]
 
 
 def test_a_point_that_kills_its_workers_has_failed(tmp_path, behave, undisturbed):

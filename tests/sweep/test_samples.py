@@ -26,6 +26,13 @@ def test_quantiles_are_those_of_scipy(kind):
     assert inverse(Distribution(kind, numbers), u) == pytest.approx(reference.ppf(u), rel=1e-9)
 
 
+def test_a_normal_distribution_may_be_truncated_far_from_its_mean():
+    found = inverse(Distribution("truncnormal", (0.0, 1.0, 9.0, 10.0)), np.array([0.1, 0.5, 0.9]))
+    # The tail falls nearly as exp(-9 x): half of it is within ln 2 / 9 of its beginning.
+    assert found == pytest.approx(stats.truncnorm(9.0, 10.0).ppf([0.1, 0.5, 0.9]))
+    assert found[1] == pytest.approx(9.0 + np.log(2.0) / 9.0, rel=1e-3)
+
+
 def test_a_triangle_may_have_its_top_at_an_end():
     u = np.array([0.25, 0.75])
     assert inverse(Distribution("triangular", (0.0, 0.0, 1.0)), u) == pytest.approx(

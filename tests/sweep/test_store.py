@@ -10,12 +10,15 @@ from dataclasses import replace
 
 import pytest
 
+from msahl.deck import DeckError
 from msahl.sweep import store as store_module
+from msahl.sweep.faults import PlanError
 from msahl.sweep.plan import read_plan
 from msahl.sweep.points import Point
 from msahl.sweep.store import StoreError, claim, journal_lines, read_info, sweep_lock
 from msahl.sweep.sweep import Hooks, Sweep, carry_out
 from msahl.sweep.work import OnFail, Work
+from tests.sweep.decks import DECK
 from tests.sweep.fakes import FakeScheduler, InProcess, open_store, row_of, sweep
 
 
@@ -47,6 +50,20 @@ def test_an_unchanged_sweep_computes_nothing_and_changes_no_byte(tmp_path):
     carry_out(made, again)
     assert again.ran == []
     assert ((tmp_path / "s" / "runs.csv").read_bytes(), lines(tmp_path / "s")) == before
+
+
+def test_every_column_of_runs_csv_has_a_head_of_its_own(tmp_path):
+    made = sweep(tmp_path / "s", "L=60,80 cm", measures=("verdict", "error", "steps"))
+    carry_out(made, FakeScheduler())
+    text = (tmp_path / "s" / "runs.csv").read_text().splitlines()
+    assert text[0] == "point,L [cm],status,verdict,error,steps,message,key"
+    assert text[1].startswith("1,60,completed,PASS,0.25,1,,")
+
+    deck = tmp_path / "deck.xml"
+    deck.write_text(DECK.read_text().replace('name="r"', 'name="key"').replace("r^2", "key^2"))
+    made = sweep(tmp_path / "t", "key=5,6")
+    with pytest.raises(PlanError, match="'key' would be the head of two columns"):
+        carry_out(replace(made, job=replace(made.job, deck=str(deck))), FakeScheduler())
 
 
 def test_a_stopped_sweep_goes_on_and_ends_with_the_same_bytes(tmp_path):
@@ -217,6 +234,8 @@ def test_other_folders_are_refused(tmp_path):
     other.write_text("<data/>")
     with pytest.raises(StoreError, match="holds a sweep of another deck"):
         claim(tmp_path / "s", str(other))
+    with pytest.raises(StoreError, match="is no folder"):
+        carry_out(sweep(other, "L=60 cm"), FakeScheduler())
 
 
 def test_shares_of_a_plan_write_their_own_journals(tmp_path):
@@ -293,3 +312,10 @@ def test_a_sweep_without_points_in_its_share_is_complete(tmp_path):
     scheduler = FakeScheduler()
     carry_out(made, scheduler)
     assert scheduler.ran == []
+
+
+def test_a_deck_that_is_valid_within_the_plan_only_is_swept(tmp_path):
+    counts = carry_out(sweep(tmp_path / "s", "L=-1,80,-2 cm"), InProcess())
+    assert counts.statuses == {"not valid": 2, "completed": 1}
+    with pytest.raises(DeckError, match="must be greater than zero"):
+        carry_out(sweep(tmp_path / "t", "L=-1:-99:200 cm"), FakeScheduler())

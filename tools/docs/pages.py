@@ -37,6 +37,7 @@ OUTSIDE = (
     "benchmarks/results/precision.md",
     "benchmarks/results/mechanisms.md",
     "benchmarks/results/startup.md",
+    "benchmarks/results/batch.md",
     "benchmarks/results/scale.md",
     "benchmarks/results/writers.md",
 )

@@ -15,7 +15,7 @@ The data of a viewer, which ``viewer.js`` reads, is
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +56,17 @@ class Shown:
 def show_run(folder: Path, patterns: tuple[str, ...] = ()) -> Shown:
     """Read a run for the viewer, with the columns that match a pattern (all without one)."""
     return show_sample(read_sample(folder, READ_NUMBERS, READ_ROWS), patterns)
+
+
+def show_error(folder: Path, patterns: tuple[str, ...] = ()) -> list[Shown]:
+    """Read a run, and run its model again with smaller steps: both are shown, so that the
+    difference makes the error of the run visible.
+    """
+    from msahl.post.view.companion import companion_of  # a run needs what no view does
+
+    sample = read_sample(folder, READ_NUMBERS, READ_ROWS)
+    own, finer = (show_sample(of, patterns) for of in (sample, companion_of(sample)))
+    return [own, replace(finer, name=f"{own.name}, with smaller steps")]
 
 
 def show_sample(sample: Sample, patterns: tuple[str, ...] = (), columns: bool = True) -> Shown:

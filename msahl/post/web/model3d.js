@@ -6,6 +6,7 @@ import { WIDTH } from "./motion.js";
 import { bar, shapeObject, solid, stretch } from "./shapes.js";
 
 const SPRING = "#6c7683";
+const DOT = 0.004; // radius of a dot divided by its distance from the camera
 const CLOSE = 10; // size of a glyph divided by the distance of joints of a body
 export const GLOW = "#1c7ed6";
 const SAMPLES = 240; // times at which the extent of the motion is looked at
@@ -24,6 +25,7 @@ export class Model3d {
     }
     this.sizes = scene.joints.map((joint) => sizeAt(joint, scene));
     this.surveyMotion();
+    this.dots = this.buildDots();
     scene.joints.forEach((joint, index) => this.joint(joint, index));
     scene.motions.forEach((motion) => this.motionGlyph(motion));
     scene.springs.forEach((spring) => this.spring(spring));
@@ -45,6 +47,28 @@ export class Model3d {
     axes.visible = false;
     made.add(axes);
     return made;
+  }
+
+  // Dots for bodies that are too small to be seen from afar.
+  buildDots() {
+    const geometry = new THREE.SphereGeometry(1, 16, 12);
+    return this.scene.bodies.map((body, index) => {
+      const material = new THREE.MeshBasicMaterial({ color: this.look.tint ?? body.colour });
+      const dot = new THREE.Mesh(geometry, material);
+      dot.userData = this.bodies[index].userData;
+      this.root.add(dot);
+      return dot;
+    });
+  }
+
+  // Gives the dots their size on the screen; larger bodies need none.
+  showDots(camera) {
+    this.dots.forEach((dot, index) => {
+      this.pointOf(index, this.scene.bodies[index].centre, dot.position);
+      const size = DOT * camera.position.distanceTo(dot.position);
+      dot.visible = this.bodies[index].visible && this.radii[index].radius < size;
+      dot.scale.setScalar(size);
+    });
   }
 
   // The object of a body by its number; -1 is the ground.

@@ -114,6 +114,7 @@ export class Viewer {
     const before = this.followed === null ? null : this.centreOf(this.followed);
     for (const part of [...this.models, ...this.arrows, ...this.traces]) part.show(time);
     if (before) this.stage.shift(this.centreOf(this.followed).sub(before));
+    for (const model of this.models) model.showDots(this.stage.camera);
     this.stage.render();
     this.labels.show(this.stage.camera, this.view3d.clientWidth, this.view3d.clientHeight);
     drawGizmo(this.gizmo, this.stage.camera.quaternion);

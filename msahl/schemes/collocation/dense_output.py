@@ -15,6 +15,7 @@ of the step and the output time. Auxiliary states are integrated from the start 
 time, by one Gauss step along the interpolated motion.
 """
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -106,14 +107,8 @@ def new_dense_output(workspace: Workspace, order: int, decays: bool) -> DenseOut
     own = State(*(array.copy() for array in state))
     most = levels(order)
     conditions = ENDS + 2 * most
-    basis = np.zeros((most + 1, conditions, conditions))
-    nodes = np.zeros((most + 1, max(2 * most, 1)))
-    for level in range(most + 1):
-        count = ENDS + 2 * level
-        nodes[level, : 2 * level] = (np.arange(2 * level) + 1.0) / (2 * level + 1.0)
-        basis[level, :count, :count] = _basis(nodes[level, : 2 * level])
-    x, b = legendre.leggauss((order + 1) // 2)
-    gauss, weight = 0.5 * (x + 1.0), 0.5 * b
+    basis, nodes = _polynomials(most)
+    gauss, weight, integral = _gauss((order + 1) // 2)
     return DenseOutput(
         workspace=workspace._replace(state=own, start=new_system_workspace(workspace.system, own)),
         begin=new_step_end(state),
@@ -126,9 +121,7 @@ def new_dense_output(workspace: Workspace, order: int, decays: bool) -> DenseOut
         rate=np.zeros(conditions),
         gauss=gauss,
         weight=weight,
-        signals=signals.new_stages(
-            workspace.system.forces.signals, lagrange(gauss, gauss, -1), weight
-        ),
+        signals=signals.new_stages(workspace.system.forces.signals, integral, weight),
         scheme_work=state.work.size - 1 if decays else -1,
     )
 
@@ -147,6 +140,31 @@ def new_step_end(state: State) -> StepEnd:
         auxiliary=np.zeros_like(state.auxiliary),
         reaction=np.zeros_like(state.reaction),
     )
+
+
+@cache
+def _polynomials(most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the coefficients of the polynomials and the times within the step, by level up to
+    ``most``; all interpolations share them.
+    """
+    conditions = ENDS + 2 * most
+    basis = np.zeros((most + 1, conditions, conditions))
+    nodes = np.zeros((most + 1, max(2 * most, 1)))
+    for level in range(most + 1):
+        count = ENDS + 2 * level
+        nodes[level, : 2 * level] = (np.arange(2 * level) + 1.0) / (2 * level + 1.0)
+        basis[level, :count, :count] = _basis(nodes[level, : 2 * level])
+    return basis, nodes
+
+
+@cache
+def _gauss(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return Gauss nodes (count,) and weights on [0, 1], and the integrals (count, count) from 0 to
+    the nodes of the Lagrange polynomials through them.
+    """
+    x, b = legendre.leggauss(count)
+    gauss, weight = 0.5 * (x + 1.0), 0.5 * b
+    return gauss, weight, lagrange(gauss, gauss, -1)
 
 
 def _basis(nodes: np.ndarray) -> np.ndarray:

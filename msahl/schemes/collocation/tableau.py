@@ -30,6 +30,7 @@ Acta Numerica 10 (2001), for the variational one; E. Hairer, G. Wanner, Solving 
 Differential Equations II (1996), chapters IV and VII, for Radau's.
 """
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -71,8 +72,9 @@ class Tableau(NamedTuple):
     node_basis_rate: np.ndarray  # (m, s) phi_j' there; zero where it is not used
 
 
+@cache
 def new_tableau(scheme: str, s: int) -> Tableau:
-    """Return the tableau of a collocation ``scheme`` of degree ``s`` >= 1."""
+    """Return the tableau of a collocation ``scheme`` of degree ``s`` >= 1; all steps share it."""
     return {"gauss": _gauss, "radau": _radau}[scheme](s)
 
 

@@ -219,3 +219,14 @@ def test_the_policy_stops_a_script_that_were_in_the_markup(browser, tmp_path):  
     page.wait_for_timeout(100)
     assert page.evaluate("window.hostile") is None
     context.close()
+
+
+def test_without_webgl_the_still_picture_is_shown(browser, tmp_path):  # noqa: F811
+    write(tmp_path, info=INFO)
+    context = browser.new_context()
+    page = context.new_page()
+    page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null;")
+    page.goto(page_of(tmp_path, moving_picture).as_uri())
+    page.wait_for_selector(".viewer[data-state=failed]")
+    assert page.locator(".printed svg").is_visible()
+    context.close()

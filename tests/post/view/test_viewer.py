@@ -322,3 +322,17 @@ def test_the_command_writes_a_file(pendulum, tmp_path) -> None:
     assert not tmp_path.with_name(f"{tmp_path.name}.part").exists()
     run = CliRunner().invoke(msahl_post, ["view", str(tmp_path)])
     assert (run.exit_code, "not the folder of a run" in run.output) == (2, True)
+
+
+def test_a_row_of_the_list_selects_an_element(view, pendulum) -> None:
+    page = view(show_run(pendulum))
+    page.evaluate(
+        "document.querySelector('.viewer').addEventListener('msahl-selected',"
+        " (event) => (window.told = event.detail))"
+    )
+    page.locator(".tree .what", has_text="Pivot").click()
+    assert page.evaluate("window.told") == {"kind": "joint", "name": "Pivot"}
+    page.wait_for_selector(".tree li.selected")
+    assert "Pivot" in page.locator(".tree li.selected").text_content()
+    page.keyboard.press("Escape")
+    assert page.evaluate("window.told") is None
