@@ -1,10 +1,13 @@
 """Pages in a real browser: nothing fails, nothing hostile runs, colours, widths and print."""
 
+import inspect
+import re
 from xml.sax.saxutils import escape
 
 import numpy as np
 import pytest
 
+from msahl.post import run_page
 from msahl.post.metrics import compute_metrics
 from msahl.post.page.graphs import Graph, Group, graphs
 from msahl.post.page.markup import element
@@ -12,6 +15,7 @@ from msahl.post.page.page import wrap, write_page
 from msahl.post.report import build_page
 from msahl.post.run_page import moving_picture, still_picture
 from msahl.results.read import read_run
+from msahl.run import verdict
 from tests.support.browser import wait_until
 from tests.support.hostile import PAYLOADS, assert_nothing_ran
 from tests.support.run_folders import DECK, write
@@ -33,6 +37,11 @@ DRAWN = """() => [...document.querySelectorAll('.plot canvas')].map((canvas) => 
   const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
   return new Set(new Uint32Array(pixels.buffer)).size;
 })"""
+
+
+def test_every_check_has_a_name_for_readers():
+    found = re.findall(r'Finding\("(\w+)"', inspect.getsource(verdict))
+    assert {*found, "linearMomentum", "angularMomentum"} == set(run_page.CHECKS)
 
 
 @pytest.fixture(scope="module")
