@@ -122,8 +122,8 @@ def viewer_block(
         "isPage": is_page,
         "graph": list(graph) or (first_columns(columns) if columns else []),
         "runs": [
-            {"name": s.name, "note": s.note, "scene": s.scene, "motion": s.motion}
-            | {"columns": s.columns, "isPartial": s.is_partial}
+            {"name": s.name, "note": s.note, "isPartial": s.is_partial}
+            | {"scene": s.scene, "motion": s.motion, "columns": s.columns}
             for s in shown
         ],
     }
