@@ -67,6 +67,8 @@ def show(
     from msahl.results.write import replace_file
 
     page = show_deck(deck, settings)
+    if not deck.exists():
+        stop("\n".join(map(str, page.faults)))
     path = output or Path("results") / f"{deck.stem}.html"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

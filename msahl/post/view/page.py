@@ -10,6 +10,7 @@ The data of a viewer, which ``viewer.js`` reads, is
         "scene": {...},              # of post/scene
         "motion": {...} or null,     # of ``pack_poses``; null: the scene does not move
         "columns": {...} or null,    # of ``pack_columns``
+        "isPartial": bool,           # whether the run stopped early
       }],
     }
 """
@@ -51,6 +52,7 @@ class Shown:
     note: str = ""
     motion: Mapping[str, Any] | None = None
     columns: Mapping[str, Any] | None = None
+    is_partial: bool = False
 
 
 def show_run(folder: Path, patterns: tuple[str, ...] = ()) -> Shown:
@@ -83,6 +85,7 @@ def show_sample(sample: Sample, patterns: tuple[str, ...] = (), columns: bool = 
         note=_note(sample, poses, len(keys.rows), (keys.position, keys.orientation)),
         motion=pack_poses(poses, keys.rows),
         columns=packed,
+        is_partial=sample.partial,
     )
 
 
@@ -100,9 +103,8 @@ def _note(sample: Sample, poses: Poses, keys: int, errors: tuple[float, float]) 
         if keys < read
         else "Interpolated between them by polynomials of degree 3. "
     )
-    partial = "The run stopped early and is shown up to its last row. " if sample.partial else ""
     return (
-        f"{partial}{told}Poses are rounded to 1e-6 of the size of the motion, columns of the "
+        f"{told}Poses are rounded to 1e-6 of the size of the motion, columns of the "
         "graph and arrows to 1/65535 of their range."
     )
 
@@ -120,8 +122,8 @@ def viewer_block(
         "isPage": is_page,
         "graph": list(graph) or (first_columns(columns) if columns else []),
         "runs": [
-            {"name": s.name, "note": s.note, "scene": s.scene, "motion": s.motion}
-            | {"columns": s.columns}
+            {"name": s.name, "note": s.note, "isPartial": s.is_partial}
+            | {"scene": s.scene, "motion": s.motion, "columns": s.columns}
             for s in shown
         ],
     }

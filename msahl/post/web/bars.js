@@ -3,6 +3,7 @@ import { iconButton, make, setIcon } from "./dom.js";
 import { FASTEST, SLOWEST } from "./player.js";
 
 const SPEEDS = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100];
+const PARTIAL = "The run stopped early and is shown up to its last row.";
 const VIEW_NAMES = [
   ["home", "Whole motion (0)"], ["front", "Front (1)"], ["back", "Back (2)"], ["left", "Left (3)"],
   ["right", "Right (4)"], ["top", "Top (5)"], ["bottom", "Bottom (6)"], ["corner", "Corner (7)"],
@@ -29,6 +30,7 @@ export function buildTop(viewer) {
   const names = runs.map((run, index) => make("span", { class: `run-name run-${index + 1}`, text: run.name ?? "", title: run.note ?? "" }));
   if (runs.length > 1 || (data.isPage && runs[0].name)) title.append(make("p", {}, ...names));
   for (const run of runs) {
+    if (data.isPage && run.isPartial) title.append(make("p", { class: "warning", text: PARTIAL }));
     for (const note of run.scene.notes ?? []) title.append(make("p", { class: "warning", text: note }));
   }
   const views = make("select", { "aria-label": "Standard view", title: "Standard view" });

@@ -177,7 +177,8 @@ def test_the_command(tmp_path, monkeypatch):
     both = CliRunner().invoke(main, ["show", "deck.xml", "-o", "page.html", "--watch"])
     assert both.exit_code == 2
     assert "--watch serves the page and writes no file" in both.stderr
-    missing = CliRunner().invoke(main, ["show", "none.xml", "-o", "page.html"])
+    missing = CliRunner().invoke(main, ["show", "none.xml", "-o", "none.html"])
+    assert not Path("none.html").exists()
     assert missing.exit_code == 2
     assert "none.xml: cannot be read" in missing.stderr
 

@@ -198,6 +198,13 @@ def test_equal_forces_of_two_runs_have_equal_arrows(inside, pendulum, tmp_path) 
     assert second == pytest.approx(3.0 * first, rel=1e-3)
 
 
+def test_a_run_that_stopped_early_says_so(view, pendulum) -> None:
+    (pendulum / "states.csv").rename(pendulum / "states.csv.part")
+    (pendulum / "reactions.csv").rename(pendulum / "reactions.csv.part")
+    page = view(show_run(pendulum))
+    assert "stopped early" in page.locator(".titles .warning").text_content()
+
+
 def test_a_motion_that_is_played_ends_or_begins_again(view, pendulum) -> None:
     page = view(show_run(pendulum))
     page.keyboard.press("l")
