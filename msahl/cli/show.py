@@ -10,6 +10,7 @@ import click
 
 from msahl.cli.console import BAD_INPUT, say, stop
 from msahl.cli.options import DECK, set_option
+from msahl.cli.signals import stoppable
 from msahl.printable import shown_path
 from msahl.terminal import echo
 
@@ -105,17 +106,20 @@ def _monitor(deck: Path, settings: Sequence[str], is_opened: bool) -> None:
     if is_opened:
         click.launch(server.address)
     try:
-        while True:
-            time.sleep(INTERVAL)
-            if (now := _stamp(page.files)) != stamp:
-                time.sleep(SAVING)
-                if now != (now := _stamp(page.files)):
-                    continue  # it is still being written
-                page = show_deck(deck, settings, server.version + 1)
-                stamp = _stamp(page.files, now)
-                server.replace(page.html)
-                _tell(deck, page)
+        with stoppable() as stopped:
+            while not stopped():
+                time.sleep(INTERVAL)
+                if (now := _stamp(page.files)) != stamp:
+                    time.sleep(SAVING)
+                    if now != (now := _stamp(page.files)):
+                        continue  # it is still being written
+                    page = show_deck(deck, settings, server.version + 1)
+                    stamp = _stamp(page.files, now)
+                    server.replace(page.html)
+                    _tell(deck, page)
     except KeyboardInterrupt:
+        pass
+    finally:
         server.close()
 
 

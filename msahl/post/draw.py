@@ -4,6 +4,7 @@ matplotlib is used through its objects on the Agg and SVG canvases; no display i
 global state is changed.
 """
 
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
@@ -171,7 +172,10 @@ def shortened(name: str) -> str:
 def encode(figure: Figure, form: str) -> bytes:
     """Return the bytes of ``figure`` as "png", "svg" or "pdf", without dates."""
     stream = BytesIO()
-    figure.savefig(stream, format=form, dpi=150, metadata=NO_DATES[form])
+    with warnings.catch_warnings():
+        # Letters that the font lacks are drawn as boxes.
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")
+        figure.savefig(stream, format=form, dpi=150, metadata=NO_DATES[form])
     return stream.getvalue()
 
 

@@ -7,6 +7,7 @@ final name is complete. Numbers are the shortest decimals that read back to the 
 import io
 import os
 from collections.abc import Mapping
+from errno import EISDIR
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -171,6 +172,8 @@ def replace_file(path: Path, content: bytes) -> None:
     """Write a file that is never seen half-written, in the disk space of its ``.part`` if there is
     one.
     """
+    if path.is_dir():  # before a part of it is written
+        raise IsADirectoryError(EISDIR, os.strerror(EISDIR), str(path))
     part = path.with_name(path.name + PART)
     reuse = part.is_file() and not part.is_symlink() and part.stat().st_nlink == 1
     with _reopen(part) if reuse else create(part) as file:

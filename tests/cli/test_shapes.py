@@ -52,9 +52,12 @@ def test_check_reads_meshes(tmp_path):
     shutil.copy(DECK, tmp_path)
     result = call("check", tmp_path / "shapes.xml")
     assert result.exit_code == 2
-    assert f"meshes/dish.obj: is not in {tmp_path}; put it there" in result.output
+    assert (
+        f"meshes/dish.obj: body 'Probe', mesh: not found in {tmp_path}; put it there"
+        in result.output
+    )
     (tmp_path / "meshes").mkdir()
     (tmp_path / "meshes" / "dish.obj").write_text("v 0 0 0\nf 1 2 3\n")
     result = call("check", tmp_path / "shapes.xml")
     assert result.exit_code == 2
-    assert "dish.obj:2: there is no vertex 2 before this line" in result.output
+    assert "dish.obj:2: body 'Probe', mesh: there is no vertex 2 before this line" in result.output

@@ -23,6 +23,13 @@ def test_a_name_is_shown_letter_by_letter(name):
         assert all(t.get_parse_math() for t in axes.get_yticklabels())
 
 
+def test_letters_that_the_font_lacks_are_no_warning():
+    with style():
+        figure, (axes,) = new_figure(1, title="\u6f22\u5b57")
+        curves(axes, np.zeros(2), np.zeros((2, 1)), ["\u6f22"])
+        assert encode(figure, "png").startswith(b"\x89PNG")
+
+
 def test_plain_names_are_left_alone():
     assert plain("Crank pin") == "Crank pin"
 

@@ -5,15 +5,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from msahl.post.commands.shared import path_parameter
-from msahl.printable import printable, shown_path
+from msahl.post.commands.shared import path_parameter, tell_notes
+from msahl.printable import shown_path
 from msahl.terminal import echo
 
 if TYPE_CHECKING:
     from msahl.post.glb.run import Exported
 
 
-@click.command()
+@click.command(short_help="Write the motion for other programs (glTF).")
 @path_parameter("run", metavar="RUN")
 @click.option("--glb", is_flag=True, help="Write animated glTF 2.0 in its binary form.")
 @path_parameter("-o", "--output", metavar="FILE", help="Write to FILE (default: RUN/NAME.glb).")
@@ -35,8 +35,7 @@ def export(run: Path, glb: bool, output: Path | None) -> None:
     path = output or run / f"{run.resolve().name}.glb"
     path.parent.mkdir(parents=True, exist_ok=True)
     replace_file(path, made.data)
-    for note in made.notes:
-        echo(f"{shown_path(run)}: {printable(note)}; the shape is omitted", err=True)
+    tell_notes(run, made.notes)
     echo(f"{shown_path(path)}: {_exactness(made)}", err=True)
     echo(str(path))
 

@@ -23,7 +23,7 @@ KINDS = (
 PLANES = ("xy", "xz", "yz", "yx", "zx", "zy")
 
 
-@click.command()
+@click.command(short_help="Draw figures of one run or of several.")
 @click.argument("words", metavar="RUN... [KIND]...", nargs=-1, required=True)
 @click.option(
     "--columns",

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from msahl.printable import shown_path
+from msahl.printable import printable, shown_path
 from msahl.terminal import echo
 
 if TYPE_CHECKING:
@@ -57,6 +57,12 @@ def print_note(run: "Run", text: str) -> None:
     """Print a note on a run to stderr, if the text is not empty."""
     if text:
         echo(f"{shown_path(run.folder)}: {text}", err=True)
+
+
+def tell_notes(run: Path, notes: Sequence[str]) -> None:
+    """Print to stderr what is wrong with files of meshes of a run."""
+    for note in notes:
+        echo(f"{shown_path(run)}: {printable(note)}; the shape is omitted", err=True)
 
 
 def print_table(table: "Table", form: str | None) -> None:

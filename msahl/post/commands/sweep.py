@@ -11,7 +11,7 @@ from msahl.terminal import echo
 GOALS = ("min", "max")
 
 
-@click.command()
+@click.command(short_help="Evaluate a sweep: statistics and pictures.")
 @table_format
 @click.option(
     "--best",

@@ -4,11 +4,12 @@ from pathlib import Path
 
 import click
 
-from msahl.post.commands.shared import path_parameter
+from msahl.post.commands.shared import path_parameter, tell_notes
+from msahl.printable import shown_path
 from msahl.terminal import echo
 
 
-@click.command()
+@click.command(short_help="Write an HTML file that shows the motion.")
 @path_parameter("run", metavar="RUN")
 @path_parameter("other", metavar="[RUN2]", required=False)
 @path_parameter("-o", "--output", metavar="FILE", help="Write to FILE (default: RUN/view.html).")
@@ -52,16 +53,24 @@ def view(
     if other and companion:
         raise click.UsageError("give RUN2 or --companion, not both")
     from msahl.post.view import show_error, show_run, viewer_page
+    from msahl.results.read import ResultError
     from msahl.results.write import replace_file
 
-    patterns = _listed(columns)
+    patterns, first = _listed(columns), _listed(graph)
     if companion:
         shown = show_error(run, patterns)
     else:
         shown = [show_run(folder, patterns) for folder in (run, other) if folder]
+    names = shown[0].columns["names"] if shown[0].columns else ()
+    for name in first:
+        if name not in names:
+            raise ResultError(f"{shown_path(run)}: --graph: no column '{name}' is shown")
     path = output or run / "view.html"
     path.parent.mkdir(parents=True, exist_ok=True)
-    replace_file(path, viewer_page(shown, graph=_listed(graph)).encode())
+    replace_file(path, viewer_page(shown, graph=first).encode())
+    for folder, one in zip((run, other), shown, strict=False):
+        if folder:  # a companion has the meshes of its run
+            tell_notes(folder, one.scene["notes"])
     echo(str(path))
     if is_opened:
         click.launch(str(path))

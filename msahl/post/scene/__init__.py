@@ -114,4 +114,6 @@ def scene_of_run(run: ModelOfRun) -> dict[str, Any]:
         folders.append((run.folder / deck["relative"]).parent)
     if "path" in deck:
         folders.append(Path(deck["path"]).parent)
-    return build_scene(run.model, run.folder.resolve().name, folders)
+    # Usually both are one folder, which messages call by the name that the user gave it.
+    different = {folder.resolve(): folder for folder in folders}
+    return build_scene(run.model, run.folder.resolve().name, list(different.values()))

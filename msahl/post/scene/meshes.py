@@ -57,7 +57,7 @@ def find_mesh(file: str, folders: Iterable[Path]) -> Path:
         except (OSError, RuntimeError, ValueError):
             continue
     where = " or ".join(dict.fromkeys(tried)) or "the folder of the deck"
-    _stop(Path(file), 0, f"is not in {where}; put it there, or correct href")
+    _stop(Path(file), 0, f"not found in {where}; put it there, or correct href")
 
 
 def read_mesh(path: Path) -> Mesh:

@@ -1,6 +1,7 @@
 """Shapes of the deck in the form of a scene; files of meshes are read here."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -31,12 +32,18 @@ def given_shapes(
                     read[record.file] = read_mesh(find_mesh(record.file, folders))
                 except DeckError as error:
                     read[record.file] = None
-                    errors.append(error)
+                    errors.append(_placed(error, model, record.body))
             mesh = read[record.file]
             if mesh is None:
                 continue
         found.setdefault(record.body, []).append(_shape(record, mesh))
     return found, errors
+
+
+def _placed(error: DeckError, model: Model, body: str) -> DeckError:
+    """Return the faults of a file with the body or ground that has the shape."""
+    kind = "body" if any(one.name == body for one in model.bodies) else "ground"
+    return DeckError(tuple(replace(f, where=f"{kind} '{body}', mesh") for f in error.faults))
 
 
 def mesh_faults(model: Model, folders: Sequence[Path]) -> list[str]:

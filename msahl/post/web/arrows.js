@@ -4,6 +4,8 @@
 const ARROW_COLOURS = { force: "#e8590c", moment: "#7048e8", load: "#099268" };
 const SAMPLED = 160; // times at which forces are looked at to choose the scale
 const LONGEST = 1.5; // of an arrow, divided by the size of the model
+const HEAD = 0.035; // of an arrow, likewise
+const HEAD_APART = 0.8; // distance of the two heads of a moment, divided by the length of one
 
 class Arrow {
   constructor(colour, size, heads, parent) {
@@ -12,7 +14,7 @@ class Arrow {
     this.object = new THREE.Group();
     this.shaft = new THREE.Mesh(new THREE.CylinderGeometry(0.004 * size, 0.004 * size, 1, 10), this.material);
     this.heads = Array.from({ length: heads }, () => {
-      return new THREE.Mesh(new THREE.ConeGeometry(0.012 * size, 0.035 * size, 14), this.material);
+      return new THREE.Mesh(new THREE.ConeGeometry(0.012 * size, HEAD * size, 14), this.material);
     });
     this.object.add(this.shaft, ...this.heads);
     parent.add(this.object);
@@ -25,11 +27,16 @@ class Arrow {
     if (!this.object.visible) return;
     this.object.position.copy(point);
     this.object.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), vector.clone().normalize());
-    const head = 0.035 * this.size;
-    const shaft = Math.max(length - head, 1e-9);
-    this.shaft.scale.y = shaft;
+    // Heads of a short arrow are smaller: none begins behind the point.
+    const shrunk = Math.min(1, length / (HEAD * this.size * (1 + HEAD_APART * (this.heads.length - 1))));
+    const head = shrunk * HEAD * this.size;
+    const shaft = Math.max(length - head, 1e-9 * this.size);
+    this.shaft.scale.set(shrunk, shaft, shrunk);
     this.shaft.position.y = 0.5 * shaft;
-    this.heads.forEach((cone, index) => (cone.position.y = length - head * (0.5 + 0.8 * index)));
+    this.heads.forEach((cone, index) => {
+      cone.scale.setScalar(shrunk);
+      cone.position.y = length - head * (0.5 + HEAD_APART * index);
+    });
   }
 }
 
@@ -42,11 +49,22 @@ export class Arrows {
     this.root.visible = false;
     model.root.add(this.root);
     this.scale = 1;
+    this.unit = model.scene.size;
     this.entries = [];
     if (columns) model.scene.joints.forEach((joint) => this.addReaction(joint));
     model.scene.loads.forEach((load) => this.addLoad(load));
     this.lengths = {};
     for (const kind of ["force", "moment"]) this.lengths[kind] = this.usual(kind);
+  }
+
+  // Makes arrows of two runs comparable: equal forces have equal lengths.
+  static share(all) {
+    const [{ model }] = all;
+    for (const arrows of all) arrows.unit = model.scene.size;
+    for (const kind of ["force", "moment"]) {
+      const largest = Math.max(...all.map(({ lengths }) => lengths[kind]));
+      for (const { lengths } of all) lengths[kind] = largest;
+    }
   }
 
   get isEmpty() {
@@ -102,7 +120,7 @@ export class Arrows {
         if (basis >= 0) vector.applyQuaternion(this.model.bodies[basis].quaternion);
       }
       const unit = constant ? 0.15 / (constant.length() || 1) : 0.2 / (this.lengths[kind] || 1);
-      arrow.set(this.model.pointOf(body, at, point), vector, this.scale * unit * this.model.scene.size);
+      arrow.set(this.model.pointOf(body, at, point), vector, this.scale * unit * this.unit);
     }
   }
 }

@@ -1,5 +1,6 @@
 // Small graphs that share cursor and zoom, drawn by uPlot.
 import { loadBundle, readJson } from "./bundles.js";
+import { shortNumber, tickTexts } from "./numbers.js";
 import { colourOf } from "./page.js";
 
 const DASHES = [[], [7, 4], [2, 3], [8, 3, 2, 3]];
@@ -14,14 +15,6 @@ const graphsDrawn = new Map();
 function floatsOf(text) {
   const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   return Array.from(new Float32Array(bytes.buffer), (value) => (Number.isNaN(value) ? null : value));
-}
-
-// Returns a number with as many digits as a graph can show.
-export function shortNumber(value) {
-  if (value == null) return "-";
-  const size = Math.abs(value);
-  if (size !== 0 && (size < 1e-3 || size >= 1e6)) return value.toExponential(3).replace(/\.?0+e/, "e");
-  return String(Number(value.toPrecision(5)));
 }
 
 function rangeOf(largest) {
@@ -63,7 +56,7 @@ function axisOf(label, more) {
     labelSize: label ? 15 : 0,
     labelGap: 0,
     gap: 3,
-    values: (plot, splits) => splits.map((value) => (value == null ? "" : shortNumber(value))),
+    values: tickTexts,
     ...more,
   };
 }

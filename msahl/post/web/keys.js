@@ -18,10 +18,12 @@ function isTyping(target) {
 }
 
 // Does what a key means; returns whether it means anything.
-function act(viewer, { key, shiftKey, target }) {
+function act(viewer, { key: pressed, shiftKey, target }) {
+  // Letters mean the same with Shift and Caps Lock.
+  const key = pressed.length === 1 ? pressed.toLowerCase() : pressed;
   const { player } = viewer;
   const moves = player.end > 0;
-  const on = SWITCHES[key.toLowerCase()];
+  const on = SWITCHES[key];
   if (on) viewer.toggle(on);
   else if (key >= "0" && key <= "7") viewer.setView(VIEWS[Number(key)]);
   else if (key === " " && moves) {

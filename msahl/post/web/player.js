@@ -4,10 +4,22 @@ import { nearestTo, placeOf } from "./motion.js";
 export const SLOWEST = 0.01;
 export const FASTEST = 100;
 
+const SHORT = 0.2; // s: a shorter motion is slowed down at first
+const LONG = 200; // s: a longer one is sped up
+
+// Returns the speed at which a motion of this length [s] is played at first: a power of ten, 1 unless
+// it would be over before it is seen, or take minutes.
+export function firstSpeed(end) {
+  if (end >= SHORT && end <= LONG) return 1;
+  const lasting = end < SHORT ? 1 : 20; // s, at least
+  const speed = 10 ** Math.floor(Math.log10(end / lasting));
+  return Math.min(Math.max(speed, SLOWEST), FASTEST);
+}
+
 export class Player {
   // `steps` are the times to step and scrub to; `changed` is called after every change.
   constructor(end, steps, changed) {
-    Object.assign(this, { end, steps, changed, time: 0, speed: 1, isPlaying: false, isLoop: true });
+    Object.assign(this, { end, steps, changed, time: 0, speed: end > 0 ? firstSpeed(end) : 1, isPlaying: false, isLoop: true });
     this.last = null;
   }
 

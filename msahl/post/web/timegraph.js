@@ -2,6 +2,7 @@
 // A graph of columns over the time, with a cursor that moves with the time and moves it.
 import { colourOf } from "./page.js";
 import { make } from "./dom.js";
+import { tickTexts } from "./numbers.js";
 
 const MOST = 7; // columns at once: the page has as many colours
 
@@ -69,7 +70,7 @@ export class TimeGraph {
       scales,
       legend: { show: false },
       cursor: { show: false },
-      padding: [8, 12, 0, 0],
+      padding: [8, 24, 0, 0],
     };
     this.plot = new uPlot(options, this.joined(series), this.area);
     this.plot.over.append(this.cursor);
@@ -84,7 +85,7 @@ export class TimeGraph {
     const ink = colourOf("muted");
     const grid = { stroke: colourOf("grid"), width: 1 };
     const font = "12px system-ui, sans-serif";
-    const axes = [{ stroke: ink, grid, ticks: grid, font, size: 30 }];
+    const axes = [{ stroke: ink, grid, ticks: grid, font, size: 30, values: tickTexts }];
     const scales = { x: { time: false, range: (_, low, high) => [low, high] } };
     const series = [];
     this.chosen.forEach((name, index) => {
@@ -95,7 +96,7 @@ export class TimeGraph {
         const side = axes.length === 1 ? 3 : 1;
         if (axes.length < 3) {
           const label = unit === "value" ? undefined : unit;
-          axes.push({ scale: unit, side, stroke: ink, font, label, labelFont: font, labelSize: 18, size: 52, ticks: grid, grid: side === 3 ? grid : { show: false } });
+          axes.push({ scale: unit, side, stroke: ink, font, label, labelFont: font, labelSize: 18, size: 60, ticks: grid, values: tickTexts, grid: side === 3 ? grid : { show: false } });
         }
       }
       const stroke = colourOf(`series-${index + 1}`);

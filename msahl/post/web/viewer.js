@@ -33,6 +33,7 @@ export class Viewer {
     this.stage = new Stage(this.canvas, box, runs[0].scene);
     for (const model of this.models) this.stage.scene.add(model.root);
     this.arrows = this.models.map((model, index) => new Arrows(model, runs[index].columns));
+    Arrows.share(this.arrows);
     this.traces = this.models.map((model) => new Traces(model));
     this.labels = new Labels(this.overlay, this.models[0]);
     this.player = new Player(Math.max(...runs.map((run) => run.motion.end)), runs[0].motion.outputs, () => this.invalidate());
@@ -77,6 +78,10 @@ export class Viewer {
     this.canvas.addEventListener("pointerleave", () => this.labels.tipAt(null));
     this.canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     this.canvas.addEventListener("webglcontextrestored", () => this.invalidate());
+    // After a click the keys belong to the viewer again, so Space plays instead of clicking anew.
+    this.element.addEventListener("click", (event) => {
+      if (event.detail > 0 && event.target.closest("button")) this.element.focus({ preventScroll: true });
+    });
     listenToKeys(this);
     if (this.data.isPage) return;
     // In a report the wheel moves the page, until the viewer has been clicked.

@@ -176,7 +176,7 @@ def test_a_missing_mesh_is_reported(tmp_path):
     assert call(msahl, "run", deck, "-q", "-o", tmp_path / "r", "--t-final", 0.1).exit_code == 0
     result = call(post, "export", tmp_path / "r", "--glb")
     assert result.exit_code == 0
-    assert "meshes/dish.obj: is not in" in result.stderr
+    assert "meshes/dish.obj: body 'Probe', mesh: not found in" in result.stderr
     assert "the shape is omitted" in result.stderr
 
 

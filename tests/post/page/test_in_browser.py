@@ -1,10 +1,13 @@
 """Pages in a real browser: nothing fails, nothing hostile runs, colours, widths and print."""
 
+import inspect
+import re
 from xml.sax.saxutils import escape
 
 import numpy as np
 import pytest
 
+from msahl.post import run_page
 from msahl.post.metrics import compute_metrics
 from msahl.post.page.graphs import Graph, Group, graphs
 from msahl.post.page.markup import element
@@ -12,7 +15,8 @@ from msahl.post.page.page import wrap, write_page
 from msahl.post.report import build_page
 from msahl.post.run_page import moving_picture, still_picture
 from msahl.results.read import read_run
-from tests.support.browser import browser, open_page  # noqa: F401
+from msahl.run import verdict
+from tests.support.browser import wait_until
 from tests.support.hostile import PAYLOADS, assert_nothing_ran
 from tests.support.run_folders import DECK, write
 
@@ -35,6 +39,11 @@ DRAWN = """() => [...document.querySelectorAll('.plot canvas')].map((canvas) => 
 })"""
 
 
+def test_every_check_has_a_name_for_readers():
+    found = re.findall(r'Finding\("(\w+)"', inspect.getsource(verdict))
+    assert {*found, "linearMomentum", "angularMomentum"} == set(run_page.CHECKS)
+
+
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
@@ -49,7 +58,7 @@ def page_of(folder, picture):
     return path
 
 
-def test_the_verdict_comes_first_and_three_screens_show_what_is_not_folded(open_page, report):  # noqa: F811
+def test_the_verdict_comes_first_and_three_screens_show_what_is_not_folded(open_page, report):
     page = open_page(report, viewport={"width": 1280, "height": 900})
     page.wait_for_selector(".plot canvas")
     banner, fold = page.locator(".banner"), page.locator("details").first
@@ -66,14 +75,14 @@ def channels(page, selector, what):
     return [float(part) for part in colour.removeprefix("rgb(").removesuffix(")").split(",")]
 
 
-def test_every_graph_is_drawn_those_in_folds_when_they_are_opened(open_page, report):  # noqa: F811
+def test_every_graph_is_drawn_those_in_folds_when_they_are_opened(open_page, report):
     page = open_page(report, viewport={"width": 1280, "height": 900})
     page.wait_for_selector(".plot canvas")
     shown = page.evaluate(DRAWN)
     assert len(shown) == 5  # x and y, force, energy: z is constant and not zero
     page.locator("details").first.locator("summary").click()
-    page.wait_for_function(
-        "[...document.querySelectorAll('.plot')].every((p) => p.querySelector('canvas'))"
+    wait_until(
+        page, "[...document.querySelectorAll('.plot')].every((p) => p.querySelector('canvas'))"
     )
     page.wait_for_timeout(100)
     everything = page.evaluate(DRAWN)
@@ -81,7 +90,7 @@ def test_every_graph_is_drawn_those_in_folds_when_they_are_opened(open_page, rep
     assert min(everything) > 10  # different colours of pixels: axes, grid, a curve
 
 
-def test_a_legend_hides_a_curve_and_the_cursor_reads_values(open_page, report):  # noqa: F811
+def test_a_legend_hides_a_curve_and_the_cursor_reads_values(open_page, report):
     page = open_page(report, viewport={"width": 1280, "height": 900})
     page.wait_for_selector(".plot canvas")
     group = page.locator(".graph-group", has_text="Energies")
@@ -99,13 +108,13 @@ def test_a_legend_hides_a_curve_and_the_cursor_reads_values(open_page, report): 
     assert time == pytest.approx(0.2, abs=0.02)  # the middle of 0 to 0.4 s
 
 
-def test_graphs_and_viewer_share_the_time(open_page, tmp_path):  # noqa: F811
+def test_graphs_and_viewer_share_the_time(open_page, tmp_path):
     write(tmp_path, info=INFO)
     page = open_page(page_of(tmp_path, moving_picture), viewport={"width": 1280, "height": 900})
     page.wait_for_selector(".viewer[data-state=ready]")
     page.wait_for_selector(".plot canvas")
     page.locator(".graph-group", has_text="Energies").locator(".u-over").click()
-    page.wait_for_function("window.msahl.time > 0")
+    wait_until(page, "window.msahl.time > 0")
     assert page.evaluate("msahl.time") == pytest.approx(0.2, abs=0.02)  # the middle of the graph
     places = "[...document.querySelectorAll('.time-mark')].map((m) => m.getBoundingClientRect().x)"
     page.wait_for_timeout(100)
@@ -115,7 +124,7 @@ def test_graphs_and_viewer_share_the_time(open_page, tmp_path):  # noqa: F811
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_colours_follow_the_system_and_the_switch(open_page, report, scheme):  # noqa: F811
+def test_colours_follow_the_system_and_the_switch(open_page, report, scheme):
     page = open_page(report, color_scheme=scheme)
     page.wait_for_selector(".plot canvas")
 
@@ -132,7 +141,7 @@ def test_colours_follow_the_system_and_the_switch(open_page, report, scheme):  #
     assert (luminance() > 128) != (first > 128)
 
 
-def test_on_a_telephone_only_tables_scroll(open_page, report):  # noqa: F811
+def test_on_a_telephone_only_tables_scroll(open_page, report):
     page = open_page(report, viewport={"width": 390, "height": 844}, is_mobile=True)
     page.wait_for_selector(".plot canvas")
     page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
@@ -143,7 +152,7 @@ def test_on_a_telephone_only_tables_scroll(open_page, report):  # noqa: F811
     )
 
 
-def test_print_shows_all_in_light_colours(open_page, report):  # noqa: F811
+def test_print_shows_all_in_light_colours(open_page, report):
     page = open_page(report, **DARK)
     page.wait_for_selector(".plot canvas")
     page.evaluate("dispatchEvent(new Event('beforeprint'))")
@@ -157,7 +166,7 @@ def test_print_shows_all_in_light_colours(open_page, report):  # noqa: F811
     assert page.pdf(format="A4").startswith(b"%PDF")
 
 
-def test_hostile_names_run_no_script(open_page, tmp_path):  # noqa: F811
+def test_hostile_names_run_no_script(open_page, tmp_path):
     listed = list(PAYLOADS)
     # Names of a deck contain no quotation marks.
     name = " ".join(payload for payload in PAYLOADS if not {"'", '"'} & set(payload))
@@ -180,7 +189,7 @@ def test_hostile_names_run_no_script(open_page, tmp_path):  # noqa: F811
     assert_nothing_ran(page)
 
 
-def test_hostile_texts_in_graphs_and_attributes_run_no_script(open_page, tmp_path):  # noqa: F811
+def test_hostile_texts_in_graphs_and_attributes_run_no_script(open_page, tmp_path):
     x = np.linspace(0.0, 1.0, 5)
     groups = [
         Group(p, (Graph(p, x, ((p, x), (f"{p}.", -x)), x_title=p),), note=p) for p in PAYLOADS
@@ -195,7 +204,7 @@ def test_hostile_texts_in_graphs_and_attributes_run_no_script(open_page, tmp_pat
     assert_nothing_ran(page)
 
 
-def test_the_policy_stops_a_script_that_were_in_the_markup(browser, tmp_path):  # noqa: F811
+def test_the_policy_stops_a_script_that_were_in_the_markup(browser, tmp_path):
     """If a text were not escaped, the browser would still not run it."""
     path = tmp_path / "page.html"
     page_text = write_page("t", wrap("main", "here"))
@@ -212,7 +221,7 @@ def test_the_policy_stops_a_script_that_were_in_the_markup(browser, tmp_path):  
     context.close()
 
 
-def test_without_webgl_the_still_picture_is_shown(browser, tmp_path):  # noqa: F811
+def test_without_webgl_the_still_picture_is_shown(browser, tmp_path):
     write(tmp_path, info=INFO)
     context = browser.new_context()
     page = context.new_page()

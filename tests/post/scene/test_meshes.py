@@ -132,10 +132,10 @@ def test_files_outside_the_folder_are_not_read(tmp_path):
     (folder / "link.stl").symlink_to(tmp_path / "secret.stl")
     with pytest.raises(DeckError, match="leads out of the folder"):
         find_mesh("link.stl", [folder])
-    with pytest.raises(DeckError, match=r"missing\.stl: is not in .*deck"):
+    with pytest.raises(DeckError, match=r"missing\.stl: not found in .*deck"):
         find_mesh("missing.stl", [folder])
     (folder / "a").mkdir()
-    with pytest.raises(DeckError, match="is not in"):
+    with pytest.raises(DeckError, match="not found in"):
         find_mesh("a", [folder])
 
 
@@ -159,5 +159,5 @@ def test_shapes_of_a_deck_replace_the_derived_ones():
 def test_a_missing_mesh_is_omitted_with_a_note(tmp_path):
     model = read_deck(ROOT / "decks" / "basics" / "shapes.xml")
     scene = build_scene(model, folders=[tmp_path])
-    assert "meshes/dish.obj: is not in" in scene["notes"][0]
+    assert "meshes/dish.obj: body 'Probe', mesh: not found in" in scene["notes"][0]
     assert "mesh" not in [s["kind"] for s in scene["bodies"][0]["shapes"]]

@@ -151,7 +151,7 @@ def test_a_missing_mesh_is_a_fault(tmp_path):
     deck = tmp_path / "shapes.xml"
     deck.write_text((ROOT / "decks" / "basics" / "shapes.xml").read_text())
     page = show_deck(deck)
-    assert "meshes/dish.obj: is not in" in str(page.faults[0])
+    assert "meshes/dish.obj: body 'Probe', mesh: not found in" in str(page.faults[0])
     assert tmp_path / "meshes" / "dish.obj" in page.files  # so a server sees when it comes
     assert scene_of(page.html)["bodies"]
 

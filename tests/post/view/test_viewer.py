@@ -57,6 +57,27 @@ def view(open_page: Opener, tmp_path) -> Iterator[Any]:
     return opened
 
 
+@pytest.fixture
+def inside(browser: Any, tmp_path) -> Iterator[Any]:
+    """Return a function that opens a viewer of runs, with its objects in ``window.viewer``."""
+    pages = []
+
+    def opened(*shown: Shown, graph: tuple[str, ...] = ()) -> Any:
+        path = tmp_path / "inside.html"
+        path.write_text(viewer_page(shown, graph), encoding="utf-8")
+        pages.append(page := browser.new_page())
+        page.add_init_script(
+            "document.addEventListener('msahl-ready', (e) => (window.viewer = e.detail), true);"
+        )
+        page.goto(path.as_uri())
+        page.wait_for_selector("[data-state=ready]")
+        return page
+
+    yield opened
+    for page in pages:
+        page.close()
+
+
 def pixels(page: Any) -> np.ndarray:
     """What is seen of the three-dimensional view, as (height, width, 3)."""
     from matplotlib.image import imread
@@ -137,6 +158,44 @@ def test_keys(view, pendulum) -> None:
         assert button.get_attribute("aria-pressed") == "true"
     assert page.locator(".overlay .name").first.text_content() == "Bob"
     assert page.locator(".overlay .name").first.is_visible()
+
+
+def test_after_a_click_the_keys_belong_to_the_viewer(view, pendulum) -> None:
+    page = view(show_run(pendulum))
+    names = page.locator(".switches button", has_text="Names")
+    names.click()
+    page.keyboard.press("Space")
+    assert page.evaluate("window.msahl.isPlaying")
+    assert names.get_attribute("aria-pressed") == "true"
+    page.keyboard.press("Space")
+    page.keyboard.press("Shift+L")  # as "l": the motion ends
+    page.keyboard.press("Space")
+    wait_until(page, "!window.msahl.isPlaying")
+
+
+def test_a_short_motion_is_played_slowly(inside, tmp_path) -> None:
+    deck = ROOT / "decks/thesis/single_pendulum_45.xml"
+    options = ("--dt", "1e-5", "--t-final", "2e-3", "--error", "off", "-q")
+    result = CliRunner().invoke(msahl, ["run", str(deck), *options, "-o", str(tmp_path / "run")])
+    assert result.exit_code == 0, result.output
+    page = inside(show_run(tmp_path / "run"))
+    assert page.evaluate("window.msahl.speed") == 0.01
+    ticks = wait_until(page, "viewer.graph.plot?.axes[0]._values")
+    assert len(set(ticks)) == len(ticks) > 3
+
+
+def test_equal_forces_of_two_runs_have_equal_arrows(inside, pendulum, tmp_path) -> None:
+    states, reactions = run_folders.conical_rows()
+    reactions[:, 1:] *= 3.0
+    run_folders.write(tmp_path / "other", states, reactions)
+    page = inside(show_run(pendulum), show_run(tmp_path / "other"))
+    page.keyboard.press("r")
+    tips = "viewer.arrows.map(({ entries }) => entries[0].arrow)"
+    tips += ".map(({ heads: [head] }) => head.position.y + 0.5 * 0.035 * head.scale.x * SIZE)"
+    size = page.evaluate("viewer.models[0].scene.size")
+    wait_until(page, "viewer.arrows[0].entries[0].arrow.shaft.scale.y !== 1")
+    first, second = page.evaluate(tips.replace("SIZE", repr(size)))
+    assert second == pytest.approx(3.0 * first, rel=1e-3)
 
 
 def test_a_motion_that_is_played_ends_or_begins_again(view, pendulum) -> None:
@@ -256,6 +315,11 @@ def test_the_command_writes_a_file(pendulum, tmp_path) -> None:
     run = CliRunner().invoke(msahl_post, ["view", str(pendulum)])
     assert (run.exit_code, run.output.strip()) == (0, str(pendulum / "view.html"))
     assert (pendulum / "view.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    run = CliRunner().invoke(msahl_post, ["view", str(pendulum), "--graph", "Bob.x,Bob.nothing"])
+    assert (run.exit_code, "no column 'Bob.nothing'" in run.output) == (2, True)
+    run = CliRunner().invoke(msahl_post, ["view", str(pendulum), "-o", str(tmp_path)])
+    assert (run.exit_code, f"{tmp_path}: Is a directory" in run.output) == (2, True)
+    assert not tmp_path.with_name(f"{tmp_path.name}.part").exists()
     run = CliRunner().invoke(msahl_post, ["view", str(tmp_path)])
     assert (run.exit_code, "not the folder of a run" in run.output) == (2, True)
 
