@@ -67,7 +67,7 @@ SAME_TIME = 1e-9
 """Largest difference of an output time from a time asked for, relative to the run's end."""
 
 UNCERTAIN = 0.02
-"""Uncertainty of a crossing that is told, as a fraction of the largest output interval."""
+"""Least uncertainty of a crossing that is reported, as a fraction of the output interval."""
 
 
 @dataclass(frozen=True, slots=True)

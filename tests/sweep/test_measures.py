@@ -75,7 +75,7 @@ def test_means_are_over_the_time_whatever_the_output_times(ran):
     assert list(one.values()) == pytest.approx([sink.table("states")[0, 1]] * 2)
 
 
-def test_uncertain_times_are_told(ran):
+def test_uncertain_times_are_reported(ran):
     model, report, sink = ran
     (measure,) = parse_measures(["time of Hinge.angle = 0"])
     rows = sink.table("joints")[::40].copy()
