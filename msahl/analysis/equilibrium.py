@@ -212,7 +212,9 @@ def _descent(place: Place) -> np.ndarray:
     back = np.linalg.inv(R)
     stiffness = back.T @ J[:d, :d] @ back
     values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
-    flat = LEAST_STIFF * float(np.abs(values).max(initial=0.0))
+    # Where nothing has any stiffness, as in a level pendulum, the forces alone say what is little.
+    force = float(np.linalg.norm(back.T @ place.residual[:d])) / _size(place.point)
+    flat = LEAST_STIFF * max(float(np.abs(values).max(initial=0.0)), force)
     # Uphill directions are taken by the size of their stiffness, as if they were downhill.
     lift = np.where(values > -flat, values + np.maximum(np.abs(values), flat), 0.0)
     shifted = J.copy()

@@ -171,6 +171,18 @@ def test_pendulum_hangs_down_and_stands_up():
     assert "moved" in "\n".join(lines(at_start(pendulum(45.0)), found))
 
 
+def test_a_pendulum_that_begins_level_hangs_down():
+    """Level, it has no stiffness at all: only the force says where to go."""
+    bob = body("Bob", 2.0, np.diag([0.01, 0.02, 0.03]), (1.0, 0.0, 0.0))
+    hinge = ("revolute", GROUND.name, "Bob", (0.0, 0.0, 0.0), (-1.0, 0.0, 0.0))
+    model = build_model(
+        [bob], [Joint("Hinge", *hinge, ABOUT_Y, ABOUT_Y)], gravity=(0.0, 0.0, -9.81)
+    )
+    found = solve(at_start(model), REST)
+    assert found.converged
+    assert found.place.point.state.x[0] == pytest.approx((0.0, 0.0, -1.0), abs=1e-12)
+
+
 def test_models_without_equilibrium_have_none():
     model = build_model([body("Free")], gravity=(0.0, 0.0, -9.81))
     assert not all_equilibria(at_start(model), REST, 2)
