@@ -9,7 +9,7 @@ import pytest
 from tests.support.models import ROOT
 
 PACKAGE = ROOT / "msahl"
-LEAVES = ("msahl.terminal", "msahl.printable", "msahl.resources")
+LEAVES = ("msahl.terminal", "msahl.printable", "msahl.resources", "msahl.subprocesses")
 """Modules outside the packages that everything may import."""
 ORDER = (
     "jit",

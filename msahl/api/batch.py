@@ -28,6 +28,7 @@ from msahl.run.options import OptionError
 from msahl.run.setup import build_setup
 from msahl.run.tables import ERROR, tables_of_model
 from msahl.start.velocities import StartError
+from msahl.subprocesses import command_of, environment
 
 Sample = Mapping[str, Value]
 """Numbers of the deck by name, as ``Model.with_`` takes them."""
@@ -237,12 +238,11 @@ class _Worker:
     """A process that runs samples, see ``worker``."""
 
     def __init__(self, begin: Any) -> None:
-        command = [sys.executable, "-m", "msahl.api.worker"]
         self.process = subprocess.Popen(
-            command,
+            command_of("msahl.api.worker"),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            env=environment(),
             start_new_session=True,  # Ctrl-C is for the process that waits
         )
         assert self.process.stdin

@@ -10,7 +10,6 @@ import json
 import os
 import queue
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -24,6 +23,7 @@ from msahl.jit.object_file import Name, ObjectFile, Unit, name_of, types_of
 from msahl.jit.progress import CompileError, Listener, Progress
 from msahl.jit.reach import code_size, resolve
 from msahl.jit.worker import link, translate
+from msahl.subprocesses import command_of, environment
 
 MOST_PROCESSES = 4
 """Number of processes that a model's kernels keep busy."""
@@ -217,10 +217,10 @@ class _Team:
             return
         if k not in self.workers:
             process = subprocess.Popen(
-                [sys.executable, "-m", "msahl.jit.worker"],
+                command_of("msahl.jit.worker"),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
-                env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+                env=environment(),
                 start_new_session=True,  # Ctrl-C is for the process that waits
             )
             thread = threading.Thread(target=self._read, args=(k, process), daemon=True)

@@ -51,14 +51,14 @@ def extrema(run: Run, column: str) -> list[Event]:
     return _events(run, column, lambda curve: curve.derivative())
 
 
-def first_crossing(time: np.ndarray, values: np.ndarray, level: float) -> float | None:
-    """Return the first time [s] at which ``values`` (m,) at the output times ``time`` (m,) pass the
-    ``level``; None if they do not, or if they are too few to interpolate between them.
+def first_crossing(time: np.ndarray, values: np.ndarray, level: float) -> Event | None:
+    """Return where ``values`` (m,) at the output times ``time`` (m,) first pass the ``level``; None
+    if they do not, or if they are too few to interpolate between them.
     """
     if len(time) <= DEGREES[0]:
         return None
     found = _events_of(time, values, lambda curve: _shifted(curve, level), abs(level))
-    return found[0].time if found else None
+    return found[0] if found else None
 
 
 def _events(run: Run, column: str, of: Callable[[PPoly], PPoly], size: float = 0.0) -> list[Event]:
@@ -88,8 +88,9 @@ def _events_of(
     others = _roots(of(coarse), RESOLVED * spacing, extrapolate=True)
     roots = _roots(of(fine), RESOLVED * spacing, extrapolate=False)
     distance = np.abs(roots[:, None] - others).min(axis=1, initial=np.inf)
-    found = _inside(roots, distance, time)
-    found &= _crossed(of(fine), roots, time, ROUND_OFF * max(np.abs(values).max(), size))
+    smallest = ROUND_OFF * max(np.abs(values).max(), size)
+    found = _inside(roots, distance, time) | _enclosed(of(fine), roots, time, smallest)
+    found &= _crossed(of(fine), roots, time, smallest)
     return [
         Event(
             time=float(at),
@@ -125,6 +126,20 @@ def _inside(roots: np.ndarray, distance: np.ndarray, time: np.ndarray) -> np.nda
     spacing = float(np.diff(time).max())
     known = 2.0 * np.where(distance <= spacing, distance, 0.0) + RESOLVED * spacing
     return np.asarray((roots - time[0] > known) & (time[-1] - roots > known))
+
+
+def _enclosed(curve: PPoly, roots: np.ndarray, time: np.ndarray, smallest: float) -> np.ndarray:
+    """Say which roots are in the first or last interval, at whose ends the column itself has
+    different signs: there is a crossing then, however uncertain its time is."""
+    found = np.zeros(len(roots), dtype=bool)
+    if curve.c.shape[0] != DEGREES[0] + 1:
+        return found  # a slope is not known at output times
+    near = RESOLVED * float(np.diff(time).max())
+    for begin, end in (time[:2], time[-2:]):
+        low, high = curve(begin), curve(end)
+        if low * high < 0.0 and min(abs(low), abs(high)) > smallest:
+            found |= (roots > begin) & (roots < end)
+    return np.asarray(found & (roots - time[0] > near) & (time[-1] - roots > near))
 
 
 def _crossed(curve: PPoly, roots: np.ndarray, time: np.ndarray, smallest: float) -> np.ndarray:

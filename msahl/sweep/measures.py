@@ -66,6 +66,9 @@ STATISTIC = re.compile(rf"(?P<column>.+?) (?P<kind>{'|'.join(STATISTICS)})")
 SAME_TIME = 1e-9
 """Largest difference of an output time from a time asked for, relative to the run's end."""
 
+UNCERTAIN = 0.02
+"""Least uncertainty of a crossing that is reported, as a fraction of the output interval."""
+
 
 @dataclass(frozen=True, slots=True)
 class Measure:
@@ -225,7 +228,13 @@ def _time_of(measure: Measure, times: np.ndarray, series: np.ndarray) -> tuple[A
         few = f"{len(times)} output times are too few to interpolate between them"
         return None, f"{few}; at least {DEGREES[0] + 1} are needed"
     found = first_crossing(times, series, measure.number)
-    return found, "" if found is not None else "the column does not pass the value"
+    if found is None:
+        return None, "the column does not pass the value"
+    spread, interval = found.uncertainty, float(np.diff(times).max())
+    if spread is not None and spread <= UNCERTAIN * interval:
+        return found.time, ""
+    known = f"{interval if spread is None else spread:.1g}"
+    return found.time, f"uncertain by {known} s; give more output times"
 
 
 def _figure(kind: str, report: Report) -> Any:

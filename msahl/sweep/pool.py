@@ -9,7 +9,6 @@ died at it, it has failed.
 import os
 import selectors
 import subprocess
-import sys
 import time
 from collections import Counter, deque
 from collections.abc import Callable
@@ -19,6 +18,7 @@ from typing import Any
 import orjson
 
 from msahl.jit.progress import CompileError
+from msahl.subprocesses import command_of, environment
 from msahl.sweep.axes import number_text
 from msahl.sweep.points import (
     TIMED_OUT,
@@ -60,13 +60,13 @@ class Worker:
     """One process, the points it was given in their order, and when it began the first of them."""
 
     def __init__(self, job: Job) -> None:
-        environment = {**dict.fromkeys(THREADS, "1"), **os.environ}
+        variables = {**dict.fromkeys(THREADS, "1"), **environment()}
         try:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "msahl.sweep.worker"],
+                command_of("msahl.sweep.worker"),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
-                env=environment,
+                env=variables,
                 bufsize=0,
                 # An interruption by the terminal is for the sweep alone.
                 process_group=0 if os.name == "posix" else None,

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from msahl.cli.main import main as msahl
 from msahl.deck import read_deck
 from msahl.post.cli import main as post
-from msahl.post.events import crossings, extrema
+from msahl.post.events import crossings, extrema, first_crossing
 from msahl.results.read import ResultError, Run, read_run
 from msahl.study.exact import recognise
 from tests.support.models import THESIS
@@ -97,6 +97,16 @@ def test_what_rests_all_along_has_no_events():
 def test_to_begin_at_a_level_is_not_to_pass_it():
     run = rows_of(np.sin, 7.0)
     assert [e.time for e in crossings(run, "Bob.x", 0.0)] == pytest.approx([np.pi, 2.0 * np.pi])
+
+
+def test_a_passage_is_found_wherever_the_column_changes_its_sign():
+    time = np.arange(0.0, 4.0, 0.2)  # 4 output times a period: the first passage is uncertain
+    event = first_crossing(time, np.sin(8.0 * (time - 0.02)), 0.0)
+    assert event.time == pytest.approx(0.02, abs=0.02)
+    assert event.uncertainty > 0.01
+    # From the end, the same passage is the last one.
+    events = crossings(rows_of(lambda t: np.sin(8.0 * (3.78 - t)), 3.8, 20), "Bob.x", 0.0)
+    assert events[-1].time == pytest.approx(3.78, abs=0.02)
 
 
 def test_the_command_and_what_it_refuses(folder):

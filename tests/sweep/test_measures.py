@@ -75,6 +75,17 @@ def test_means_are_over_the_time_whatever_the_output_times(ran):
     assert list(one.values()) == pytest.approx([sink.table("states")[0, 1]] * 2)
 
 
+def test_uncertain_times_are_reported(ran):
+    model, report, sink = ran
+    (measure,) = parse_measures(["time of Hinge.angle = 0"])
+    rows = sink.table("joints")[::40].copy()
+    rows[:, 1] = np.sin(10.0 * (rows[:, 0] - 0.05))  # three output times a period
+    found, reason = evaluate([measure], model, report, lambda name: rows)
+    assert found[measure.text] == pytest.approx(0.05, abs=0.1)
+    assert "uncertain by 0." in reason
+    assert reason.endswith("s; give more output times")
+
+
 def test_too_few_output_times_are_a_reason_of_their_own(ran):
     model, report, sink = ran
     texts = ["time of Hinge.angle = 0"]

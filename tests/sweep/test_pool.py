@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import pytest
 
-from msahl.sweep import pool as pool_module
 from msahl.sweep.points import NotWrittenError
 from msahl.sweep.pool import MOST_DEATHS, Pool, PoolError
 from msahl.sweep.store import journal_lines
@@ -140,7 +139,7 @@ def test_a_fault_of_ours_is_a_failed_point_and_noise_does_no_harm(tmp_path, beha
 
 
 def test_a_process_that_cannot_be_started_ends_the_sweep(tmp_path, monkeypatch):
-    monkeypatch.setattr(pool_module.sys, "executable", str(tmp_path / "none"))
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "none"))
     with pytest.raises(PoolError, match="no process can be started: No such file"):
         carry_out(five(tmp_path / "s"), Pool(1))
 
@@ -155,7 +154,7 @@ def test_a_worker_that_cannot_write_tables_ends_the_sweep(tmp_path):
 
 
 def test_workers_that_cannot_start_end_the_sweep(tmp_path, monkeypatch):
-    monkeypatch.setattr(pool_module.sys, "executable", "/bin/false")
+    monkeypatch.setattr(sys, "executable", "/bin/false")
     with pytest.raises(PoolError, match="exit status 1"):
         carry_out(five(tmp_path / "s"), Pool(1))
 
@@ -211,3 +210,11 @@ def is_alive(pid):
         return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
     except OSError:
         return False
+
+
+def test_files_of_the_users_folder_are_not_taken_for_modules_of_python(tmp_path, monkeypatch):
+    for name in ("queue", "signal", "decimal"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('not a module of Python')")
+    monkeypatch.chdir(tmp_path)
+    made = sweep(tmp_path / "s", "L=60,70 cm")
+    assert carry_out(made, Pool(1)).good
