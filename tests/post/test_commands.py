@@ -63,7 +63,7 @@ def test_plot_writes_what_it_says(run, tmp_path):
     assert names == {f"{kind}.{form}" for kind in kinds for form in ("png", "svg")}
     first = {path.name: path.read_bytes() for path in (tmp_path / "pictures").iterdir()}
     assert first.keys() == names
-    call("plot", run, *words)
+    call("plot", run, "energy", *words)
     assert {path.name: path.read_bytes() for path in (tmp_path / "pictures").iterdir()} == first
     assert b"<dc:date>" not in first["energy.svg"]
 

@@ -117,6 +117,7 @@ def test_reactions_that_are_not_unique_are_marked(run_of):
     assert "redundant" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("deck", "kinds"),
     [

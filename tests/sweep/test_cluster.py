@@ -363,6 +363,7 @@ def dask(tmp_path):
         process.wait()
 
 
+@pytest.mark.slow
 def test_rows_are_those_of_two_processes_although_a_worker_is_killed(dask, tmp_path, monkeypatch):
     file, workers = dask
     monkeypatch.chdir(DECK.parent)

@@ -96,6 +96,7 @@ def compare(tmp_path, points, kills, seed):
     return killed
 
 
+@pytest.mark.slow
 def test_two_kills_change_no_byte(tmp_path):
     killed = compare(tmp_path, points=40, kills=2, seed=3)
     assert sum(killed.values()) > 0

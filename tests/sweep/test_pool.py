@@ -14,6 +14,9 @@ from msahl.sweep.sweep import carry_out
 from msahl.sweep.work import OnFail
 from tests.sweep.fakes import InProcess, sweep
 
+# Workers are processes that start anew, several for each test.
+pytestmark = pytest.mark.slow
+
 BEHAVIOUR = '''
 """Imported by every Python of the test: some points misbehave."""
 import os, sys, time

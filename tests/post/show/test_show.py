@@ -250,6 +250,7 @@ def test_a_selected_element_is_marked_in_text_list_and_view(opened):
     assert page.evaluate(CHOSEN) == []
 
 
+@pytest.mark.slow
 def test_files_and_faults(opened, tmp_path):
     page = opened(CAR)
     page.click(".tree .what[title='RL.Wheel']")
@@ -264,6 +265,7 @@ def test_files_and_faults(opened, tmp_path):
     assert page.evaluate(faulty) == [7, 11, 13]
 
 
+@pytest.mark.slow
 def test_hostile_names_run_no_script(opened, tmp_path):
     body = FAULTY_DECK[FAULTY_DECK.index("<rigidBody>") :].partition("</rigidBody>")[0]
     bodies = "".join(

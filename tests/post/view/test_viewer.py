@@ -279,6 +279,7 @@ def test_a_scene_without_motion(view, pendulum) -> None:
     assert not page.evaluate("window.msahl.isPlaying")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("payload", PAYLOADS)
 def test_hostile_names_run_no_script(view, pendulum, payload) -> None:
     shown = show_run(pendulum)
@@ -295,6 +296,7 @@ def test_hostile_names_run_no_script(view, pendulum, payload) -> None:
     assert page.locator(".tree li .what").first.text_content() == payload
 
 
+@pytest.mark.slow
 def test_a_picture_and_a_film_are_saved(view, pendulum, tmp_path) -> None:
     page = view(show_run(pendulum))
     with page.expect_download() as waiting:

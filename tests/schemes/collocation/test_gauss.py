@@ -192,6 +192,7 @@ def test_mechanisms_stay_closed(name):
     assert run.report.extremes["constraintViolationRateMax"] <= 1e-13
 
 
+@pytest.mark.slow
 def test_every_element_together_has_order_four():
     model = of_degree(everything(np.random.default_rng(4)), 2)
     best = simulate(of_degree(model, 3), dt=0.0025, t_final=0.1, solver="newton")

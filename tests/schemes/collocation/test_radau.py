@@ -78,6 +78,7 @@ def test_orders_against_closed_forms(name, degree):
     assert np.log2(found[0] / found[1]) == pytest.approx(2.0 * degree - 1.0, abs=0.15)
 
 
+@pytest.mark.slow
 def test_every_element_together_has_order_three():
     model = everything(np.random.default_rng(4))
     best = simulate(model, dt=0.0025, t_final=0.1, scheme="gauss3", solver="newton")
