@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from msahl.post.commands.shared import path_parameter, print_note, read_metrics
+from msahl.post.commands.shared import path_parameter, picture_formats, print_note, read_metrics
 from msahl.printable import printable
 from msahl.terminal import echo
 
@@ -56,15 +56,7 @@ PLANES = ("xy", "xz", "yz", "yx", "zx", "zy")
     metavar="NAME",
     help="Draw only this joint, coupling or motion; may be repeated.",
 )
-@click.option(
-    "--format",
-    "forms",
-    multiple=True,
-    type=click.Choice(["png", "svg", "pdf"]),
-    default=["png"],
-    show_default=True,
-    help="Set the file format; may be repeated.",
-)
+@picture_formats
 @path_parameter(
     "-o", "--output", metavar="DIR", help="Write the figures to DIR (default: RUN/plots)."
 )

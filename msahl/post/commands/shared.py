@@ -36,6 +36,19 @@ def table_format(command: Command) -> Command:
     return command
 
 
+def picture_formats(command: Command) -> Command:
+    """Add the option that chooses the formats of pictures."""
+    return click.option(
+        "--format",
+        "forms",
+        multiple=True,
+        type=click.Choice(["png", "svg", "pdf"]),
+        default=["png"],
+        show_default=True,
+        help="Set the file format of the pictures; may be repeated.",
+    )(command)
+
+
 def table_of_runs(command: Command) -> Command:
     """Add the arguments and options of a command that prints a table of runs."""
     return path_parameter("runs", metavar="RUN...", nargs=-1, required=True)(table_format(command))

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from msahl.post.commands.shared import path_parameter, print_table, table_format
+from msahl.post.commands.shared import path_parameter, picture_formats, print_table, table_format
 from msahl.printable import shown_path
 from msahl.terminal import echo
 
@@ -21,15 +21,7 @@ GOALS = ("min", "max")
     default=None,
     help="Print only the point at which MEASURE is least or largest.",
 )
-@click.option(
-    "--format",
-    "forms",
-    multiple=True,
-    type=click.Choice(["png", "svg", "pdf"]),
-    default=["png"],
-    show_default=True,
-    help="Set the format of the pictures; may be repeated.",
-)
+@picture_formats
 @path_parameter(
     "-o", "--output", metavar="DIR", help="Write the page to DIR (default: FOLDER/report)."
 )
