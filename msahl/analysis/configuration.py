@@ -48,13 +48,20 @@ EPSILON = float(np.finfo(float).eps)
 class Equations(NamedTuple):
     """How the constraint equations of a system stand among its unknowns; c equations, n unknowns.
 
-    ``call`` calls a kernel with its arguments.
+    ``call`` calls a kernel with its arguments, which are always the same arrays: compiled kernels
+    keep those that they have got.
     """
 
     system: System
     call: Callable[..., Any]
     start: SystemWorkspace
-    rest: State  # with velocities that are zero
+    seen: State  # the state that is evaluated
+    rest: State  # the same with velocities that are zero
+    Z: np.ndarray  # (nodes, 3) zeros
+    rows: np.ndarray  # (nodes, 3)
+    values: np.ndarray  # block values of the Jacobian
+    violation: np.ndarray  # (k, 3)
+    rate: np.ndarray  # (k, 3)
     coordinate: np.ndarray  # (n,) numbers of the unknowns among the flat ones of the system
     equation: np.ndarray  # (c,) likewise of the equations
     holonomic: np.ndarray  # (c,) whether an equation constrains positions, not rates alone
@@ -74,7 +81,13 @@ def new_equations(
         system=system,
         call=call or (lambda kernel, *given: by_size(kernel, size)(*given)),
         start=new_system_workspace(system, state),
+        seen=copied(state),
         rest=copied(state)._replace(v=np.zeros_like(state.v), w=np.zeros_like(state.w)),
+        Z=np.zeros((node_count(system), 3)),
+        rows=np.zeros((node_count(system), 3)),
+        values=np.zeros_like(system.constant),
+        violation=np.zeros_like(state.violation),
+        rate=np.zeros_like(state.violation),
         coordinate=coordinate,
         equation=equation,
         holonomic=holonomic(system),
@@ -118,39 +131,41 @@ class Solved(NamedTuple):
 
 def jacobian(of: Equations, state: State) -> np.ndarray:
     """(c, n) derivative G of the equations by the unknowns; of equations between rates by rates."""
-    rest, Z = _at_rest(of, state), np.zeros((node_count(of.system), 3))
-    values = np.zeros_like(of.system.constant)
+    rest, frames = _shown(of.rest, state), of.system.frames
     of.call(evaluate.prepare, of.system, rest, of.start)
     if of.system.scalar:
         group, own = of.system.scalar.coordinates, of.start.scalar.coordinates
-        of.call(coordinates.evaluate, group, own, of.system.frames, Z)
+        of.call(coordinates.evaluate, group, own, frames, of.Z)
     # With h^2 = 2 an acceleration of 1 m/s^2 is a displacement of 1 m over the step.
-    of.call(evaluate.joint_jacobian, of.system, of.start, 2.0**0.5, Z, values)
+    of.call(evaluate.joint_jacobian, of.system, of.start, 2.0**0.5, of.Z, of.values)
     G = np.zeros(of.equation.size * of.coordinate.size)
-    G[of.place] = values[of.taken]
+    G[of.place] = of.values[of.taken]
     return G.reshape(of.equation.size, of.coordinate.size)
 
 
-def _at_rest(of: Equations, state: State) -> State:
-    """Return the state with velocities that are zero, in arrays of the equations."""
-    rest = of.rest
+def _shown(seen: State, state: State) -> State:
+    """Return ``seen`` with the positions of ``state``, and its velocities unless it is at rest."""
     for name in ("time", "x", "p", "angle", "auxiliary", "reaction"):
-        getattr(rest, name)[:] = getattr(state, name)
-    return rest
+        getattr(seen, name)[:] = getattr(state, name)
+    return seen
+
+
+def _moving(of: Equations, state: State) -> State:
+    of.seen.v[:], of.seen.w[:] = state.v, state.w
+    return _shown(of.seen, state)
 
 
 def violations(of: Equations, state: State, at_rest: bool = False) -> tuple[np.ndarray, np.ndarray]:
     """(c,) constraint violations [m], 0 of equations between rates, and their rates [m/s], of the
     state or of the state ``at_rest``; counts angles in ``state.angle``.
     """
-    seen = _at_rest(of, state) if at_rest else state
-    violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
+    seen = _shown(of.rest, state) if at_rest else _moving(of, state)
     of.call(evaluate.prepare, of.system, seen, of.start)
     scalar.count_rotations(of.system.scalar, of.start.scalar, state.angle)
-    of.call(evaluate.observe, of.system, seen, of.start, violation, rate)
-    scalar.in_metres(of.system.scalar, violation, rate)
+    of.call(evaluate.observe, of.system, seen, of.start, of.violation, of.rate)
+    scalar.in_metres(of.system.scalar, of.violation, of.rate)
     chosen = of.equation - 3 * first_multiplier(of.system.frames)
-    return violation.reshape(-1)[chosen], rate.reshape(-1)[chosen]
+    return of.violation.reshape(-1)[chosen], of.rate.reshape(-1)[chosen]
 
 
 def solve(G: np.ndarray, b: np.ndarray, fitted: np.ndarray | None = None) -> Solved:
@@ -286,11 +301,12 @@ def set_accelerations(
     """Set the accelerations of ``state``, whose positions and velocities satisfy the equations;
     ``G`` is the ``jacobian`` of the state, if it is known.
     """
-    system = of.system
-    rows, Z = np.zeros((2, node_count(system), 3))
-    of.call(evaluate.prepare, system, state, of.start)
-    of.call(evaluate.free_acceleration, system, state, of.start, Z, rows)
-    solved = solve(jacobian(of, state) if G is None else G, rows.reshape(-1)[of.equation], fitted)
+    G = jacobian(of, state) if G is None else G
+    seen = _moving(of, state)
+    of.rows[:] = 0.0
+    of.call(evaluate.prepare, of.system, seen, of.start)
+    of.call(evaluate.free_acceleration, of.system, seen, of.start, of.Z, of.rows)
+    solved = solve(G, of.rows.reshape(-1)[of.equation], fitted)
     state.a[:-1], state.alpha[:-1] = _by_frames(of, solved.z)
     return solved
 
