@@ -22,10 +22,10 @@ from msahl.analysis.configuration import (
     Solved,
     close,
     copied,
+    jacobian,
     predict,
     set_accelerations,
     set_velocities,
-    solve,
 )
 from msahl.elements.frames import moving_count
 from msahl.system.arrays import State
@@ -75,7 +75,7 @@ class LostError(Exception):
 class Follower:
     """Positions on one branch, from an instant on, in steps to times that are asked for.
 
-    ``passed`` are the instants of all steps since ``take_passed`` was called.
+    ``passed`` are the instants of the last steps.
     """
 
     def __init__(self, of: Equations, state: State, rank: int, end: float) -> None:
@@ -87,14 +87,11 @@ class Follower:
             raise LostError("the joints and motions cannot be closed")
         self.last = first
         self.h = end
-        self._passed = [first]
+        self.passed = [first]
 
-    def take_passed(self) -> list[Instant]:
-        """Return the instants since the last call, which the next call returns no more, but for the
-        last one.
-        """
-        passed, self._passed = self._passed, [self.last]
-        return passed
+    def forget(self) -> None:
+        """Drop all instants passed but the last three, with which the next ones are compared."""
+        del self.passed[:-3]
 
     def go_to(self, time: float) -> Instant | None:
         """Return the instant at a ``time`` [s] after the last one; None if it is singular, and the
@@ -118,7 +115,7 @@ class Follower:
 
     def _take(self, found: Instant) -> None:
         self.last = found
-        self._passed.append(found)
+        self.passed.append(found)
         self.steps += 1
         self.iterations += found.iterations
 
@@ -173,8 +170,6 @@ def complete(
     of: Equations, state: State, rank: int, iterations: int = 0, violation: float = 0.0
 ) -> Instant | None:
     """Return the instant of positions that satisfy the equations; None if it is not finite."""
-    from msahl.analysis.configuration import jacobian
-
     G = jacobian(of, state)
     solved = set_velocities(of, state, G=G)
     set_accelerations(of, state, G=G)
@@ -183,11 +178,3 @@ def complete(
     speed = float(np.abs(solved.z).max(initial=0.0))
     contradiction = solved.remaining / speed if speed > 0.0 else 0.0
     return Instant(state, G, solved, rank, iterations, violation, contradiction)
-
-
-def rank_of(of: Equations, state: State) -> tuple[int, int]:
-    """Return the rank of all equations in a configuration, and that of the holonomic ones."""
-    from msahl.analysis.configuration import jacobian
-
-    G = jacobian(of, state)
-    return tuple(solve(rows, np.zeros(len(rows))).rank for rows in (G, G[of.holonomic]))  # type: ignore[return-value]
