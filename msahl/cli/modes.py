@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 
 EQUILIBRIUM = "equilibrium"
+"""As in ``msahl.analysis.at``, which takes longer to import than help should."""
 
 
 class TimeType(NumberType):
@@ -66,6 +67,21 @@ class TimeType(NumberType):
     default="auto",
     help="Choose dense or sparse matrices (default: auto, dense up to 100 bodies).",
 )
+@click.option(
+    "--over",
+    metavar="NAME=VALUES",
+    help="Follow the modes over values of a parameter or number of the deck, such as v=0:10:41 "
+    '(first:last:count), "L=60:100:5 cm" or k=1e3:1e6:7:log (a Campbell diagram).',
+)
+@click.option(
+    "--order",
+    "orders",
+    type=NumberType(0.0, min_open=True),
+    multiple=True,
+    metavar="N",
+    help="With --over a speed: find where a frequency is N times the speed; repeat for more "
+    "(default: 1 if the values are angular velocities).",
+)
 @click.option("-q", "--quiet", is_flag=True, help="Print only faults and warnings.")
 def modes(
     deck: Path,
@@ -80,21 +96,31 @@ def modes(
     The model is linearised at t = 0, at another time or at an equilibrium, with all joints (closed
     loops, redundant and non-holonomic ones), damping, gyroscopic terms and auxiliary states. Each
     eigenvalue has an error bar. Warns if the motion is neither an equilibrium nor steady. With -o,
-    writes modes.csv and shapes.csv.
+    writes modes.csv and shapes.csv. With --over, modes are followed over a parameter, and critical
+    values are found; -o writes campbell.csv and critical.csv, which msahl-post modes draws.
 
-    Example: msahl modes decks/mechanisms/bicycle.xml --set v=4
+    \b
+    Examples:
+        msahl modes decks/mechanisms/bicycle.xml --set v=4
+        msahl modes decks/mechanisms/rotor.xml --over speed=0:400:41 -o results/rotor
     """
+    if wanted["over"]:
+        from msahl.cli.modes_over import modes_over
+
+        modes_over(deck, output, settings, at, quiet, wanted)
+        return
+    if wanted["orders"]:
+        raise click.UsageError("--order needs --over")
     model = model_to_run(deck, {}, settings)
+    from msahl.analysis.at import point_at
     from msahl.analysis.modes import modes as modes_of
-    from msahl.analysis.point import at_time
     from msahl.analysis.report import report
     from msahl.jit.progress import CompileError
     from msahl.start.velocities import StartError
 
     try:
         with announced(not quiet):
-            point = at_time(model, 0.0 if at == EQUILIBRIUM else float(at))
-            point = _equilibrium(point) if at == EQUILIBRIUM else point
+            point = point_at(model, at)
             found = modes_of(point, wanted["number"], wanted["near"], wanted["method"])
     except (StartError, CompileError) as error:
         stop(f"{shown_path(deck)}: {printable(str(error))}")
@@ -104,21 +130,6 @@ def modes(
         echo("\n".join(report(point, found)))
     if output is not None:
         _write(output, point, found)
-
-
-def _equilibrium(point: "Point") -> "Point":
-    """Return the first equilibrium that is found from a ``point``; raises ``StartError``."""
-    import numpy as np
-
-    from msahl.analysis.equilibrium import all_equilibria
-    from msahl.start.velocities import StartError
-
-    found = all_equilibria(point, np.zeros(3), 1)
-    if not found:
-        raise StartError(
-            "no equilibrium was found from where the deck starts; search with msahl equilibrium"
-        )
-    return found[0].place.point
 
 
 def _write(folder: Path, point: "Point", found: "Modes") -> None:
