@@ -15,7 +15,7 @@ Along the path, directions gain or lose their stiffness: the matrix
     [  G   0  ]             of c constraint equations
 
 has c negative eigenvalues, and one more for each direction in which the equilibrium is unstable.
-Where their number changes, the load factor turns (a limit point) or the path has branches (a
+Where their number changes, the load factor has an extremum (a limit point) or the path has branches (a
 bifurcation). Such points are refined until the eigenvalue is zero. K is symmetric unless loads
 follow the bodies; of such ones its symmetric part decides, as for the energy.
 
@@ -192,8 +192,8 @@ class Path:
         weight = 6.0 / (step.size * now.size**2)
         if not np.abs(step).max(initial=0.0) <= FARTHEST * now.size:
             raise StartError(
-                f"at the load factor {here.factor:.9g} the loads act in a direction in which nothing "
-                "resists them"
+                f"at the load factor {here.factor:.9g} the loads act in a direction in which "
+                "nothing resists them"
             )
         onwards = forward if before is None else np.sign(before.along(step, 1.0))
         scale = float(onwards) / float(np.sqrt(weight * (step @ step) + 1.0))
@@ -205,7 +205,7 @@ class Path:
         step, multipliers = length * tangent.step, length * tangent.multipliers
         change, now = length * tangent.factor, self.loaded.balance(here.state, factor)[0]
         state, best = here.state, factor
-        for iteration in range(MOST_CORRECTIONS):
+        for _ in range(MOST_CORRECTIONS):
             state, factor = stepped(system, state, now, step, multipliers), factor + change
             now, loads = self.loaded.balance(state, factor)
             ended = search.ends(state, now, step)
@@ -216,10 +216,7 @@ class Path:
             step, multipliers, change = _correction(factors, now, loads, tangent)
             if shortened(now, step) < 1.0:
                 return None
-        if not search.converged:
-            return None
-        assert search.state is not None and search.balance is not None
-        return _path_point(best, Rest(search.state, search.balance, iteration, True))
+        return _path_point(best, search.result(state, now)) if search.converged else None
 
     def _critical(
         self, here: PathPoint, after: PathPoint, reach: float, tangents: tuple[Tangent, Tangent]
@@ -229,14 +226,15 @@ class Path:
         """
         from scipy.optimize import brentq
 
-        assert here.unstable is not None and after.unstable is not None
-        index, found = min(here.unstable, after.unstable), dict[float, PathPoint]()
+        index = min(here.unstable or 0, after.unstable or 0)
+        found = dict[float, PathPoint]()
 
         def stiffness(length: float) -> float:
             point = self._corrected(here, tangents[0], length) if length else here
             found[length] = point or here
-            assert found[length].stiffness is not None
-            return float(found[length].stiffness[index])
+            values = found[length].stiffness
+            assert values is not None
+            return float(values[index])
 
         length = brentq(stiffness, 0.0, reach, xtol=REFINED)
         stiffness(length)

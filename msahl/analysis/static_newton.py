@@ -121,7 +121,7 @@ def newton(
     evaluated = balance_of or (lambda now: balance(system, now))
     state = at_rest(state)
     now, shift, found = evaluated(state), 0.0, Search()
-    for iteration in range(1, most + 1):
+    for _ in range(most):
         step, multipliers = solve(factorise(now, shift), -now.force, -now.violation)
         share = shortened(now, step)
         if share < USEFUL:
@@ -134,7 +134,7 @@ def newton(
         now = evaluated(state)
         if found.ends(state, now, step):
             break
-    return Rest(found.state or state, found.balance or now, iteration, found.converged)
+    return found.result(state, now)
 
 
 class Search:
@@ -143,7 +143,7 @@ class Search:
     def __init__(self) -> None:
         self.state: State | None = None
         self.balance: Balance | None = None
-        self.waited = 0
+        self.iterations = self.waited = 0
         self.small = False
 
     @property
@@ -155,6 +155,7 @@ class Search:
 
     def ends(self, state: State, now: Balance, step: np.ndarray) -> bool:
         """Take note of a state that a ``step`` led to; return whether to stop."""
+        self.iterations += 1
         if not np.isfinite(now.relative):
             return True
         last = np.inf if self.balance is None else self.balance.relative
@@ -164,6 +165,10 @@ class Search:
         self.small = float(np.abs(step).max(initial=0.0)) <= CONVERGED * now.size
         # At round-off the residual stops falling.
         return self.converged and (self.small or self.waited > 1)
+
+    def result(self, state: State, now: Balance) -> Rest:
+        """Return the best state, or the last one given if there is none."""
+        return Rest(self.state or state, self.balance or now, self.iterations, self.converged)
 
 
 def factorise(now: Balance, shift: float = 0.0) -> Factors:

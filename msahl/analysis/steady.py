@@ -118,7 +118,7 @@ def residual_in(found: Coefficients, axes: np.ndarray, constant: bool = True) ->
 
 
 def stiffest(found: Coefficients) -> float:
-    """Largest force [N] by which the model reacts to a small displacement or rotation by a length."""
+    """Largest force [N] by which the model reacts to a small displacement or rotation."""
     typical = float(np.mean(found.length[found.rotational]))
     travel = np.where(found.rotational, 1.0, typical)
     rows = abs(found.by_place) @ travel / found.length
