@@ -42,8 +42,9 @@ def test_snap_through_follows_its_closed_form():
     for point in points:
         z = point.state.x[0, 2]
         assert spring_force(z) == pytest.approx(30.0 * point.factor, abs=30.0 * ROUND_OFF)
-        between = abs(z) < np.sqrt(1.09 ** (1 / 3) - 1.0) * (1.0 - 1e-6)
-        assert point.unstable == (1 if between else 0)
+        between = abs(z) < np.sqrt(1.09 ** (1 / 3) - 1.0)
+        # At a limit point the stiffness is zero but for its round-off.
+        assert point.kind or point.unstable == (1 if between else 0)
     # The load rises, falls and rises through 6 N.
     assert sum(point.factor == 0.2 for point in points) == 3
     assert points[-1].factor == 1.0
