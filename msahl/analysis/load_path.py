@@ -16,8 +16,8 @@ Along the path, directions gain or lose their stiffness: the matrix
 
 has c negative eigenvalues, and one more for each direction in which the equilibrium is unstable.
 Where their number changes, the load factor has an extremum (a limit point) or the path has
-branches (a bifurcation). Such points are refined until the eigenvalue is zero. K is symmetric unless loads
-follow the bodies; of such ones its symmetric part decides, as for the energy.
+branches (a bifurcation). Such points are refined until the eigenvalue is zero. K is symmetric
+unless loads follow the bodies; its symmetric part decides then, as for the energy.
 
 Source: E. Riks, An incremental approach to the solution of snapping and buckling problems, Int. J.
 Solids Struct. 15 (1979); M. A. Crisfield, A fast incremental/iterative solution procedure that
