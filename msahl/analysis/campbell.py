@@ -241,7 +241,7 @@ def _discriminant(track: Track, spectrum: Spectrum, row: int) -> tuple[float, fl
 
 
 def _root(track: Track, function: Function, order: float) -> Iterator[Critical]:
-    """Yield the critical value between two spectra, if the mode is found all the way."""
+    """Yield the critical value between two spectra, if the mode is found in between."""
     from scipy.optimize import brentq
 
     def of(value: float) -> float:

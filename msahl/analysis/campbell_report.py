@@ -71,8 +71,8 @@ def _critical(critical: Critical, parameter: Parameter) -> str:
     hertz = abs(critical.eigenvalue.imag) / (2.0 * np.pi)
     where = f"{parameter.of(critical.value)} +- {critical.error:.1g}: mode {critical.mode}"
     if critical.order:
-        turns = f"{critical.order:g}x the speed"
-        return f"{where}, {hertz:.9g} Hz, is at {turns}{WHIRL[critical.whirl]}"
+        multiple = f"{critical.order:g}x the speed"
+        return f"{where}, {hertz:.9g} Hz, is at {multiple}{WHIRL[critical.whirl]}"
     side = "above" if critical.grows_above else "below"
     kind = (
         f"oscillating at {hertz:.9g} Hz (flutter)" if hertz else "without oscillation (divergence)"

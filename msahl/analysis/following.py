@@ -34,7 +34,7 @@ CLEAR = 0.5
 """Cost of a pair, relative to that of the next best, which is clear."""
 EQUAL = 1e-6
 """Distance of eigenvalues, relative to their size, that are one: their shapes are arbitrary."""
-MOST_HALVINGS = 6
+MOST_BISECTIONS = 6
 """Of the interval between two values."""
 
 
@@ -141,12 +141,12 @@ def follow(sample: Sampler, spectra: Sequence[Spectrum]) -> Followed:
     found.modes = max(int(number.size) - zeros, 0)
     left = [2 * len(spectra) + 20]
     for following in spectra[1:]:
-        _advance(found, sample, following, MOST_HALVINGS, left)
+        _advance(found, sample, following, MOST_BISECTIONS, left)
     return found
 
 
 def _advance(
-    found: Followed, sample: Sampler, following: Spectrum, halvings: int, left: list[int]
+    found: Followed, sample: Sampler, following: Spectrum, bisections: int, left: list[int]
 ) -> None:
     """Follow to the next spectrum, by way of some between if the assignment is not clear."""
     last = found.spectra[-1]
@@ -154,12 +154,12 @@ def _advance(
     columns = np.arange(min(zeros, following.modes.value.size), following.modes.value.size)
     rows = found.rows(len(found.spectra) - 1)
     pairs, is_clear = _assign(found, rows, following, columns)
-    if not is_clear and halvings and left[0] > 0:
+    if not is_clear and bisections and left[0] > 0:
         between = _between(sample, last, following)
         if between is not None:
             left[0] -= 1
-            _advance(found, sample, between, halvings - 1, left)
-            _advance(found, sample, following, halvings - 1, left)
+            _advance(found, sample, between, bisections - 1, left)
+            _advance(found, sample, following, bisections - 1, left)
             return
     number = np.full(following.modes.value.size, -1)
     for i, j in pairs:

@@ -1,6 +1,7 @@
 """The command ``msahl modes``: eigenvalues, frequencies, damping and mode shapes of a deck."""
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -82,6 +83,12 @@ class TimeType(NumberType):
     help="With --over a speed: find where a frequency is N times the speed; repeat for more "
     "(default: 1 if the values are angular velocities).",
 )
+@click.option(
+    "--page",
+    "has_page",
+    is_flag=True,
+    help="Also write modes.html into the folder of -o: the modes in motion, in three dimensions.",
+)
 @click.option("-q", "--quiet", is_flag=True, help="Print only faults and warnings.")
 def modes(
     deck: Path,
@@ -104,32 +111,52 @@ def modes(
         msahl modes decks/mechanisms/bicycle.xml --set v=4
         msahl modes decks/mechanisms/rotor.xml --over speed=0:400:41 -o results/rotor
     """
+    fault = _contradiction(output, wanted)
+    if fault:
+        raise click.UsageError(fault)
     if wanted["over"]:
         from msahl.cli.modes_over import modes_over
 
         modes_over(deck, output, settings, at, quiet, wanted)
         return
-    if wanted["orders"]:
-        raise click.UsageError("--order needs --over")
+    point, found = _modes(deck, settings, at, quiet, wanted)
+    for warning in found.warnings:
+        say(f"WARN: {printable(warning)}")
+    if not quiet:
+        from msahl.analysis.report import report
+
+        echo("\n".join(report(point, found)))
+    if output is not None:
+        _write(output, point, found)
+        if wanted["has_page"]:
+            _write_page(output, point, found, deck)
+
+
+def _contradiction(output: Path | None, wanted: Mapping[str, Any]) -> str:
+    """Return which options do not fit together; empty if all do."""
+    if wanted["orders"] and not wanted["over"]:
+        return "--order needs --over"
+    if wanted["has_page"] and wanted["over"]:
+        return "--page shows the modes at one value; omit --over"
+    return "--page needs a folder: -o DIR" if wanted["has_page"] and output is None else ""
+
+
+def _modes(
+    deck: Path, settings: tuple[str, ...], at: "float | str", quiet: bool, wanted: Mapping[str, Any]
+) -> tuple["Point", "Modes"]:
+    """Return the point at which the model is linearised, and its modes."""
     model = model_to_run(deck, {}, settings)
     from msahl.analysis.at import point_at
     from msahl.analysis.modes import modes as modes_of
-    from msahl.analysis.report import report
     from msahl.jit.progress import CompileError
     from msahl.start.velocities import StartError
 
     try:
         with announced(not quiet):
             point = point_at(model, at)
-            found = modes_of(point, wanted["number"], wanted["near"], wanted["method"])
+            return point, modes_of(point, wanted["number"], wanted["near"], wanted["method"])
     except (StartError, CompileError) as error:
         stop(f"{shown_path(deck)}: {printable(str(error))}")
-    for warning in found.warnings:
-        say(f"WARN: {printable(warning)}")
-    if not quiet:
-        echo("\n".join(report(point, found)))
-    if output is not None:
-        _write(output, point, found)
 
 
 def _write(folder: Path, point: "Point", found: "Modes") -> None:
@@ -144,3 +171,21 @@ def _write(folder: Path, point: "Point", found: "Modes") -> None:
     except OSError as error:
         say(f"{shown_path(error.filename or folder)}: {error.strerror or error}")
         sys.exit(NOT_WRITTEN)
+
+
+def _write_page(folder: Path, point: "Point", found: "Modes", deck: Path) -> None:
+    """Write modes.html into the ``folder``, and print its path."""
+    from msahl.post.view import viewer_page
+    from msahl.post.view.modes import show_modes
+    from msahl.results.write import replace_file
+
+    path = folder / "modes.html"
+    try:
+        replace_file(path, viewer_page([show_modes(point, found, deck)]).encode())
+    except ValueError as error:
+        say(f"{shown_path(deck)}: no page: {error}")
+        return
+    except OSError as error:
+        say(f"{shown_path(error.filename or path)}: {error.strerror or error}")
+        sys.exit(NOT_WRITTEN)
+    echo(shown_path(path))

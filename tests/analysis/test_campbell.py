@@ -121,7 +121,7 @@ def test_threshold_of_the_sleeping_top_to_round_off():
     assert not threshold.grows_above
 
 
-def test_a_hanging_chain_turned_upside_down():
+def test_a_hanging_chain_under_inverted_gravity():
     found = campbell(lambda g: at_start(hanging(2, gravity=g)), [-3.0, -1.0, 0.7, 2.0])
     assert {c.value for c in found.critical} == {0.0}
     assert all(not c.grows_above for c in found.critical)
@@ -153,7 +153,7 @@ TWO_SPRINGS = """<data><parameters><parameter name="k" units="N/m">1</parameter>
 <simulation><deltaT>0.01</deltaT><tFinal>1</tFinal></simulation></data>"""
 
 
-def test_values_without_modes_are_told():
+def test_values_without_modes_are_reported():
     def point_of(value):
         if value == 2.0:
             raise StartError("the joints cannot be closed")
