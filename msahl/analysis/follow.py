@@ -154,16 +154,15 @@ class Follower:
         predict(of, state, h)
         state.time[0] = float(base.time[0]) + h if time is None else time
 
-        def reaches(solved: Solved) -> bool:
-            sigma = float(solved.values[min(rank, solved.values.size) - 1])
-            floor = 16.0 * EPSILON * of.size
-            return float(np.linalg.norm(solved.z)) <= REACH * sigma * self.length + floor
-
         with np.errstate(all="ignore"):
-            closed = close(of, state, reach=reaches if near else None)
+            closed = close(of, state, determined=True)
             if not closed.converged:
                 return None
-            return complete(of, state, rank, closed.iterations, closed.violation)
+            found = complete(of, state, rank, closed.iterations, closed.violation)
+        floor = 16.0 * EPSILON * of.size
+        if near and found and closed.first > REACH * found.sigma * self.length + floor:
+            return None
+        return found
 
 
 def complete(
@@ -172,7 +171,7 @@ def complete(
     """Return the instant of positions that satisfy the equations; None if it is not finite."""
     G = jacobian(of, state)
     solved = set_velocities(of, state, G=G)
-    set_accelerations(of, state, G=G)
+    set_accelerations(of, state, G=G, known=solved)
     if not (np.isfinite(state.a).all() and np.isfinite(state.alpha).all()):
         return None
     speed = float(np.abs(solved.z).max(initial=0.0))

@@ -25,6 +25,11 @@ def require_prescribed(model: Model, of: Equations, state: State) -> int:
     """Return the rank of the constraint equations, which determine the positions at every time;
     raises ``StartError`` if they do not.
     """
+    if model.beams:
+        raise StartError(
+            "the model has beams, which loads deform: positions do not follow from prescribed "
+            "motions alone; run the deck with msahl run"
+        )
     states = [signal.name for signal in model.signals if isinstance(signal, SignalState)]
     if states:
         raise StartError(
