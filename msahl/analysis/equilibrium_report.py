@@ -49,7 +49,7 @@ def lines(start: Point, found: list[Solution]) -> list[str]:
             "",
             head,
             f"  residual {balance.residual:.3g} N ({balance.relative:.1e} of the largest force), "
-            f"{solution.iterations} iterations"
+            f"{solution.iterations} iterations of {solution.method}"
             + (f"; {flat} direction{'s' if flat > 1 else ''} without stiffness" if flat else ""),
             *_places(start, point),
         ]

@@ -87,9 +87,15 @@ def read_tree(
 
 
 def read_what_is_sound(
-    root: Element, path: Path, settings: Sequence[str] | None, faults: Faults, parts: "Parts"
+    root: Element,
+    path: Path,
+    settings: Sequence[str] | None,
+    faults: Faults,
+    parts: "Parts",
+    carried: dict[Element, Vector] | None = None,
 ) -> Model:
-    """Return what can be read of a tree (see ``read_tree``), and add its faults to ``faults``.
+    """Return what can be read of a tree (see ``read_tree``), and add its faults to ``faults``, and
+    to ``carried`` the vectors that were given in the axes of another body, in those of their own.
 
     Elements may refer to others that are missing. Raises ``DeckError`` if a part cannot be read.
     """
@@ -99,7 +105,7 @@ def read_what_is_sound(
 
         parameters = expand(root, path, settings, faults, parts)
     with _without_collector():
-        return _read_model(root, faults, parameters)
+        return _read_model(root, faults, parameters, {} if carried is None else carried)
 
 
 @contextmanager
@@ -116,14 +122,19 @@ def _without_collector() -> Iterator[None]:
             gc.enable()
 
 
-def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Parameter]) -> Model:
+def _read_model(
+    root: Element,
+    faults: Faults,
+    parameters: Mapping[str, Parameter],
+    carried: dict[Element, Vector],
+) -> Model:
     """Return what can be read of the deck; it is complete if ``faults`` stays empty."""
     unit_system = "US" if text(root.find("unitSystem")) == "US" else "SI"
     simulation = root.find("simulation")
     usable = simulation is not None and faults.sound(simulation)
     assembly = read_assembly(root) if usable else Assembly()
     context = Context(project=assembly.position == "project")
-    reader = Reader(unit_system, faults, context, parameters)
+    reader = Reader(unit_system, faults, context, parameters, carried=carried)
     sound = {group: _sound(root.iterfind(f"system/{group}/*"), faults) for group in KINDS}
     for groups in ONE_NAME:
         _check_names(root, groups, faults)
