@@ -110,9 +110,7 @@ def deck_at(data: bytes, path: Path, start: Point, solution: Solution) -> bytes:
     """Return the deck ``data``, whose model at t = 0 is ``start``, with the model at an
     equilibrium. Raises ``StartError`` if it is not in equilibrium there by that deck.
     """
-    point = solution.place.point
-    state = close(point.system, point.state, point.unknowns, closed=ROUND_OFF)
-    text = moved_text(data, path, configuration(start, replace(point, state=state)), NOTE)
+    text = deck_there(data, path, start, solution.place.point)
     balance = balance_at(search_start(Source(path, text).model(())), solution.place.balance.axes)
     if not balance.relative <= SAME_MODEL:
         raise StartError(
@@ -121,6 +119,12 @@ def deck_at(data: bytes, path: Path, start: Point, solution: Solution) -> bytes:
             "as full revolutions of an angle in an expression"
         )
     return text
+
+
+def deck_there(data: bytes, path: Path, start: Point, point: Point) -> bytes:
+    """Return the deck ``data``, whose model at t = 0 is ``start``, with the model at ``point``."""
+    state = close(point.system, point.state, point.unknowns, closed=ROUND_OFF)
+    return moved_text(data, path, configuration(start, replace(point, state=state)), NOTE)
 
 
 def configuration(start: Point, point: Point) -> Configuration:

@@ -138,7 +138,7 @@ def all_equilibria(point: Point, spin: np.ndarray, starts: int) -> list[Solution
     rng, found = np.random.default_rng(0), list[Solution]()
     for number in range(starts):
         try:
-            begin = _displaced(point, spin, rng) if number else point
+            begin = displaced(point, spin, rng) if number else point
         except StartError:
             continue
         for stable in (True, False):
@@ -296,7 +296,7 @@ def _moved(place: Place, step: np.ndarray) -> Point:
     return replace(point, state=close(point.system, state, point.unknowns))
 
 
-def _displaced(point: Point, spin: np.ndarray, rng: np.random.Generator) -> Point:
+def displaced(point: Point, spin: np.ndarray, rng: np.random.Generator) -> Point:
     """A configuration that is reached by random motions of up to half a revolution."""
     centre = _axis_point(point, spin)
     parts = int(rng.integers(2, 9))

@@ -88,7 +88,7 @@ def equilibrium(
 def _write(folder: Path, job: "Job", start: "Point", found: "list[Solution]") -> None:
     """Write the tables and the decks that begin at the equilibria into the ``folder``."""
     from msahl.analysis.begin import deck_at
-    from msahl.analysis.equilibrium_report import tables
+    from msahl.analysis.equilibrium_tables import tables
     from msahl.deck import DeckError
     from msahl.results.write import file_name, write_table
     from msahl.start.velocities import StartError

@@ -41,7 +41,8 @@ from msahl.deck.units import Parameter
 from msahl.deck.values import Reader
 from msahl.joints.registry import KINDS as JOINT_KINDS
 from msahl.model import Ground, Model, RigidBody, Simulation
-from msahl.model.couplings import COORDINATES
+from msahl.model.couplings import COORDINATES, Coupling
+from msahl.model.joints import Joint
 from msahl.model.signals import AnySignal, Stop
 
 if TYPE_CHECKING:
@@ -147,8 +148,7 @@ def _read_model(
         place_by_joints(root, reader)
     bodies = [_read_body(element, reader) for element in sound["bodies"]]
     _check_some_body(root, faults)
-    joints = [read_joint(e, reader) for e in sound["joints"] if e.tag in JOINT_KINDS]
-    couplings = [read_coupling(e, reader) for e in sound["joints"] if e.tag in COORDINATES]
+    joints, couplings = _read_joints(sound["joints"], reader)
     motions = [MOTIONS[str(e.tag)](e, reader) for e in sound["motions"]]
     check_prescribed_once(sound["motions"], reader)
     markers = [read_marker(e, reader) for e in sound["markers"] if e.tag == "marker"]
@@ -173,6 +173,12 @@ def _read_model(
         groups=tuple(read_group(e, reader) for e in sound["groups"]),
         shapes=tuple(shape for e in sound["bodies"] for shape in read_shapes(e, reader)),
     )
+
+
+def _read_joints(sound: list[Element], reader: Reader) -> tuple[list[Joint], list[Coupling]]:
+    """Return the joints, and the couplings of two of them."""
+    joints = [read_joint(element, reader) for element in sound if element.tag in JOINT_KINDS]
+    return joints, [read_coupling(e, reader) for e in sound if e.tag in COORDINATES]
 
 
 def _read_signals(root: Element, reader: Reader) -> tuple[AnySignal, ...]:
