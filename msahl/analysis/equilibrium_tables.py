@@ -8,7 +8,7 @@ of a run (``run.tables``), ``loads`` has what every load exerts:
     NAME.Fx to NAME.Mz     force and moment on the body, of a bushing on its child, at the point of
                            the load, inertial axes [N, N m]
 
-Friction vanishes at rest and is left out.
+Friction vanishes at rest and has no column.
 """
 
 from collections.abc import Callable, Iterator

@@ -115,7 +115,7 @@ def test_a_run_from_an_equilibrium_stays(path):
 
 
 def test_an_unstable_equilibrium_is_left_at_its_rate():
-    """Without lateral stiffness of its tyres, springs under pressure, the car turns about z."""
+    """Without lateral stiffness of its tyres, springs under pressure, the car rotates about z."""
     (path,) = (path for path in DECKS if path.stem == "suspension")
     text, start = read(path)
     solution = find(start, REST)

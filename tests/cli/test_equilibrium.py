@@ -118,14 +118,14 @@ def test_a_run_starts_at_its_equilibrium_and_stays(start, tmp_path):
 
 
 def test_a_run_is_resumed_from_the_equilibrium_at_which_it_began(start, tmp_path, monkeypatch):
-    assert call("run", start, "-o", tmp_path / "whole").exit_code == 0
+    assert call("run", start, "-o", tmp_path / "complete").exit_code == 0
     result = interrupted(monkeypatch, tmp_path / "parts", start)
     assert "resume it with" in result.output
     # Another search might end elsewhere in the last digits.
     monkeypatch.setattr("msahl.analysis.begin.find", lambda *_: pytest.fail("searched again"))
     result = call("run", start, "-o", tmp_path / "parts", "--resume")
     assert result.exit_code == 0, result.output
-    assert tables(tmp_path / "whole") == tables(tmp_path / "parts")
+    assert tables(tmp_path / "complete") == tables(tmp_path / "parts")
 
 
 def test_every_point_of_a_sweep_finds_its_own_equilibrium(start, tmp_path):
