@@ -53,7 +53,7 @@ def slider_crank(settings=(), law=None, joint="Guide"):
 
 
 def test_slider_crank_is_that_of_the_closed_form():
-    found = Computed(slider_crank(), np.linspace(0.0, 0.6, 31))
+    found = Computed(slider_crank(), np.linspace(0.0, 0.6, 21))
     phi, w = np.pi / 6.0 + 10.0 * found["time"], 10.0
     c, s = R * np.cos(phi), R * np.sin(phi)
     b = np.sqrt(L**2 - s**2)
@@ -73,7 +73,7 @@ def test_slider_crank_is_that_of_the_closed_form():
 
 
 def test_four_bar_is_freudensteins():
-    found = Computed(deck("four_bar_by_angle"), np.linspace(0.0, 1.0, 41))
+    found = Computed(deck("four_bar_by_angle"), np.linspace(0.0, 1.0, 21))
     a, b, c, d = 0.3, 0.9, 0.8, 1.0  # crank, coupler, rocker, ground
     phi, w = np.pi / 3.0 + 2.0 * np.pi * found["time"], 2.0 * np.pi
     # The diagonal e from the crank's pin to the rocker's pivot, and its angles there.
@@ -97,7 +97,7 @@ def test_spatial_slider_crank_moved_at_its_crank():
     model = deck("spatial_slider_crank")
     law = Law("polynomial", (0.0, 6.0))
     model = replace(model, motions=(JointMotion("Motor", "Crank pivot", "angle", law),))
-    found = Computed(model, np.linspace(0.0, 1.0, 26))
+    found = Computed(model, np.linspace(0.0, 1.0, 11))
     phi, w = 6.0 * found["time"], 6.0
     y, z = 0.1 - 0.08 * np.sin(phi), 0.12 + 0.08 * np.cos(phi)
     y1, z1 = -0.08 * w * np.cos(phi), -0.08 * w * np.sin(phi)
@@ -112,7 +112,7 @@ def test_spatial_slider_crank_moved_at_its_crank():
 
 def test_stewart_platform_has_the_given_leg_lengths():
     """The inverse geometry of the platform found: the distances of its joints are the laws."""
-    found = Computed(deck("stewart"), np.linspace(0.0, 1.0, 9))
+    found = Computed(deck("stewart"), np.linspace(0.0, 0.5, 5))
     legs = {"A": (10, 50), "B": (110, 70), "C": (130, 170), "D": (230, 190), "E": (250, 290),
             "F": (350, 310)}  # fmt: skip
     x = np.stack([found[f"Platform.{c}"] for c in "xyz"], axis=1)
@@ -153,7 +153,7 @@ def test_error_bars_hold_against_higher_precision():
     """Near a dead point of the slider-crank that is moved at its slider."""
     law = Law("polynomial", (0.0, 0.1))
     x0 = R * np.cos(np.pi / 6.0) + np.sqrt(L**2 - (R * np.sin(np.pi / 6.0)) ** 2)
-    for left in (1e-2, 1e-5, 1e-8):
+    for left in (1e-2, 1e-8):
         end = (R + L - x0) / 0.1 * (1.0 - left)
         found = Computed(slider_crank(law=law), np.array([0.0, end]))
         with localcontext(prec=40):
@@ -241,7 +241,7 @@ def test_a_flattened_parallelogram_keeps_its_branch():
         }[joint.name]
         for joint in model.joints
     )
-    found = Computed(replace(model, bodies=bodies, joints=joints), np.linspace(0.0, 1.0, 26))
+    found = Computed(replace(model, bodies=bodies, joints=joints), np.linspace(0.0, 1.0, 14))
     assert [s.time for s in found.motion.singular] == pytest.approx(
         [1.0 / 3.0, 5.0 / 6.0], abs=1e-12
     )  # at 180 and 360 degrees
