@@ -40,9 +40,9 @@ def describe(found: Motion, position: Singular) -> str:
     others = [name for name in elements if name not in motions]
     cause = f"the motion of {listed(motions)} with " if motions else ""
     joints = f"the joints {listed(others)}" if others else "itself"
-    kind = "limit position, which the motion cannot pass" if position.limit else "singular position"
+    kind = "limit" if position.limit else "singular"
     return (
-        f"{kind} at t = {position.time:.12g} s (+- {position.uncertainty:.1e} s): {bodies} can "
+        f"{kind} position at t = {position.time:.12g} s (+- {position.uncertainty:.1e} s): {bodies} can "
         f"move there though all motions are given, and loads of {cause}{joints} can grow without "
         "bound"
     )
@@ -55,7 +55,7 @@ def message_of(found: Motion, end: float) -> str:
     limits = [s for s in found.singular if s.limit]
     if limits:
         reason = (
-            f"the prescribed motions are possible until t = {limits[-1].time:.12g} s only: "
+            f"the joints cannot follow the prescribed motions any further: "
             f"{describe(found, limits[-1])}; reduce the motion, or end it before"
         )
     else:

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.analysis.configuration import EPSILON
 from msahl.analysis.follow import Follower, Instant
 
 NODES = 8
@@ -72,31 +73,39 @@ Root = Callable[[Instant, np.ndarray, list[Instant]], float]
 
 
 def _refined(follower: Follower, before: Instant, after: Instant, root: Root) -> Singular:
-    """Return the singular position between two instants, by smaller and smaller intervals."""
-    known = [before, after]
+    """Return the singular position between two instants, by smaller and smaller intervals.
+
+    These have smaller errors of interpolation and larger ones of the positions, which are known to
+    machine epsilon over the smallest singular value; it ends where both are alike.
+    """
+    known, seen = [before, after], [before, after]
     half, centre = 0.5 * (after.time - before.time), 0.5 * (before.time + after.time)
-    tried, uncertainty, last = centre, half, centre
-    smallest = 64.0 * np.finfo(float).eps * follower.end
-    best = [before, after]
+    time, uncertainty = centre, half
     for _ in range(MOST_ROUNDS):
         nodes = centre + half * np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)[::-1]
         instants = [_at(follower, known, float(t)) for t in nodes]
         if any(i is None for i in instants):
             break
-        best = [i for i in instants if i is not None]
-        tried = root(before, nodes, best)
-        if not centre - half <= tried <= centre + half:
+        complete = [i for i in instants if i is not None]
+        tried = root(before, nodes, complete)
+        noise = _noise(follower, complete, tried)
+        error = max(abs(tried - time), noise)
+        if not abs(tried - centre) <= half or error > uncertainty:
             break
-        known += best
-        change, last = abs(tried - last), tried
-        if change > uncertainty:
-            break
-        uncertainty = max(change, smallest)
-        if uncertainty <= smallest:
+        seen, known = complete, known + complete
+        time, uncertainty = tried, error
+        if noise > 0.01 * abs(tried - centre):
             break
         centre, half = tried, SHRINK * half
-    motion, loads = _null_vectors(best, last)
-    return Singular(last, uncertainty, False, motion, loads)
+    motion, loads = _null_vectors(seen, time)
+    return Singular(float(time), float(uncertainty), False, motion, loads)
+
+
+def _noise(follower: Follower, instants: Sequence[Instant], time: float) -> float:
+    """Error of a zero [s] by the round-off of the positions."""
+    sigma = np.array([i.sigma for i in instants])
+    slope = float(np.max(sigma / np.abs([i.time - time for i in instants])))
+    return EPSILON / (float(sigma.min()) * slope) + 4.0 * EPSILON * follower.end
 
 
 def _at(follower: Follower, known: Sequence[Instant], time: float) -> Instant | None:
@@ -157,7 +166,7 @@ def limit_position(follower: Follower, passed: Sequence[Instant]) -> Singular | 
     left = b.sigma**2 * (b.time - a.time) / (a.sigma**2 - b.sigma**2)
     motion, loads = b.solved.right[b.rank - 1], b.solved.left[:, b.rank - 1]
     uncertainty = max(left, 64.0 * float(np.finfo(float).eps) * follower.end)
-    return Singular(b.time + left, uncertainty, True, motion, loads)
+    return Singular(b.time + left, float(uncertainty), True, motion, loads)
 
 
 def _null_vectors(instants: Sequence[Instant], time: float) -> tuple[np.ndarray, np.ndarray]:

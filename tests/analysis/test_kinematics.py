@@ -209,7 +209,7 @@ def test_the_end_of_reach_is_named():
     assert found["time"][-1] == pytest.approx(0.18)
     report = report_of(found.motion, 0.5)
     assert report.status == "not converged"
-    assert "until t = 0.184484853432" in report.message
+    assert "limit position at t = 0.184484853432" in report.message
 
 
 def test_a_flattened_parallelogram_keeps_its_branch():

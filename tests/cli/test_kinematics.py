@@ -51,7 +51,7 @@ def test_a_motion_beyond_reach_exits_with_its_status(tmp_path):
     folder = tmp_path / "out"
     result = call(deck, "--every", 10, "-o", folder)
     assert result.exit_code == 3
-    assert "possible until t = 0.184484853432 s only: limit position" in result.output
+    assert "limit position at t = 0.184484853432 s" in result.output
     info = json.loads((folder / "run.json").read_text())
     assert info["status"] == "not converged"
     assert info["verdict"]["word"] == "FAIL"
