@@ -41,10 +41,10 @@ def describe(found: Motion, position: Singular) -> str:
     cause = f"the motion of {listed(motions)} with " if motions else ""
     joints = f"the joints {listed(others)}" if others else "itself"
     kind = "limit" if position.limit else "singular"
+    time = f"t = {position.time:.12g} s (+- {position.uncertainty:.1e} s)"
     return (
-        f"{kind} position at t = {position.time:.12g} s (+- {position.uncertainty:.1e} s): {bodies} can "
-        f"move there though all motions are given, and loads of {cause}{joints} can grow without "
-        "bound"
+        f"{kind} position at {time}: {bodies} can move there though all motions are given, and "
+        f"loads of {cause}{joints} can grow without bound"
     )
 
 

@@ -105,7 +105,7 @@ def _noise(follower: Follower, instants: Sequence[Instant], time: float) -> floa
     """Error of a zero [s] by the round-off of the positions."""
     sigma = np.array([i.sigma for i in instants])
     slope = float(np.max(sigma / np.abs([i.time - time for i in instants])))
-    return EPSILON / (float(sigma.min()) * slope) + 4.0 * EPSILON * follower.end
+    return 4.0 * EPSILON / (float(sigma.min()) * slope) + 4.0 * EPSILON * follower.end
 
 
 def _at(follower: Follower, known: Sequence[Instant], time: float) -> Instant | None:
