@@ -144,8 +144,8 @@ class Columns:
         }
 
     def _rotation(self, name: str, b: int) -> dict[str, Column]:
-        """Rotation vector of a body from its present orientation, along inertial axes, with its
-        rate and acceleration: phi' = W - phi x W/2 + phi x (phi x W)/12.
+        """Rotation vector of a body, along inertial axes, from the orientation that it has in the
+        motion itself, with its rate and acceleration: phi' = dW + W x phi.
         """
         system, state, changes = self.point.system, self.point.state, self.changes
         f = int(system.bodies.frame[b])
@@ -154,12 +154,9 @@ class Columns:
         rows = number[3 * system.frames.rotation[f] + np.arange(3)]
         W, alpha = np.array(matrix(at(state.p, f))) @ state.w[f], state.alpha[f]
         phi, dW, da = (m[rows].T for m in (changes.places, changes.rates, changes.accelerations))
-        spin = np.cross(W, np.cross(phi, W))
-        levels = (
-            (np.zeros(3), phi),
-            (W, dW + 0.5 * np.cross(W, phi)),
-            (alpha, da + 0.5 * np.cross(alpha, phi) - spin / 6.0),
-        )
+        rate = dW + np.cross(W, phi)
+        rise = da + np.cross(alpha, phi) + np.cross(W, rate)
+        levels = ((np.zeros(3), phi), (np.zeros(3), rate), (np.zeros(3), rise))
         return {
             f"{name}.r{'xyz'[i]}{LEVELS[level]}": Column(float(value[i]), slope[:, i])
             for level, (value, slope) in enumerate(levels)
@@ -300,15 +297,14 @@ def step_of(point: Point, changes: Variations, j: int) -> float:
     )
     if size > 0.0:
         return STEP / size
-    # Velocities, accelerations and forces enter at most by squares, so that no step is too large.
+    # All is linear in accelerations and multipliers, and quadratic in velocities.
     state = point.state
-    sizes = ((state.v, changes.rates), (state.a, changes.accelerations))
-    ratios = [1.0]
-    for now, change in (*sizes, (state.force, changes.multipliers)):
+    sizes = ((state.v, changes.rates), (state.force, changes.multipliers))
+    for now, change in (*sizes, (state.a, changes.accelerations)):
         largest = float(np.abs(change[:, j]).max(initial=0.0))
         if largest > 0.0:
-            ratios.append(float(np.abs(now).max(initial=0.0)) / largest)
-    return max(ratios)
+            return max(float(np.abs(now).max(initial=0.0)), 1.0) / largest
+    return 1.0
 
 
 def point_rotational(point: Point) -> np.ndarray:

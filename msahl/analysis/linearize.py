@@ -9,6 +9,8 @@ changes of the states by the columns of ``variations``, Z' those of their rates,
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +22,8 @@ from msahl.analysis.coefficients import (
     depends_on_reactions,
     evaluated,
 )
+from msahl.analysis.equilibrium import all_equilibria
+from msahl.analysis.linear_check import disagreement
 from msahl.analysis.linear_columns import Column, Columns, columns_by_table, shared_reactions
 from msahl.analysis.linear_inputs import INPUT, Input, resolve_inputs, with_signals
 from msahl.analysis.linear_states import (
@@ -31,12 +35,12 @@ from msahl.analysis.linear_states import (
     by_null_space,
     with_others,
 )
-from msahl.analysis.point import Point
+from msahl.analysis.point import Point, at_time
 from msahl.analysis.steady import Equilibrium, equilibrium
 from msahl.analysis.variations import Inputs, Variations, variations
 from msahl.elements.frames import moving_count
 from msahl.expressions.syntax import nearest
-from msahl.model import SignalState
+from msahl.model import Model, SignalState
 from msahl.run.options import OptionError
 from msahl.run.quantities import quantity
 from msahl.start.velocities import StartError
@@ -45,8 +49,11 @@ if TYPE_CHECKING:
     import control
     from scipy.signal import StateSpace
 
+EQUILIBRIUM = "equilibrium"
 LARGEST = 300
 """Most bodies of a model, whose matrices are dense."""
+DISAGREES = 1e-6
+"""Difference from the nonlinear equations, relative to the largest acceleration, that is told."""
 UNSURE = 1e-8
 """Error of the differences of columns, relative to the largest, above which it is told."""
 ILL = 1e8
@@ -76,9 +83,10 @@ class LinearModel:
     rates: np.ndarray  # (m,) rates of the states at the point; 0 in an equilibrium
     time: float  # [s]
     title: str
+    equilibrium: Equilibrium  # how far the point is from one
     condition: float  # of the choice of states
     chosen: str = COORDINATES  # which states: "coordinates" or "nullspace"
-    equilibrium: Equilibrium | None = None  # how far the point is from one
+    disagreement: float = 0.0  # of accelerations with differences of the nonlinear equations
     error: float = 0.0  # of the derivatives of columns, relative to the largest of a table
     redundant: int = 0  # constraint equations that follow from others
     warnings: tuple[str, ...] = ()
@@ -116,6 +124,12 @@ class LinearModel:
             return np.full(self.D.shape, np.nan)
         gains: np.ndarray = self.D - self.C @ np.linalg.solve(self.A, self.B)
         return gains
+
+    def save(self, path: "str | PathLike[str]") -> None:
+        """Write matrices, names, units and values to a file .npz, .mat or .json."""
+        from msahl.analysis.linear_files import save
+
+        save(self, Path(path))
 
     def to_scipy(self) -> "StateSpace":
         """Return a ``scipy.signal.StateSpace``."""
@@ -169,9 +183,14 @@ def linearize(
     chosen = with_others(chosen, point.model, changes, _others(point, resolved, changes, found))
     shown = {name: _output(columns, name) for name in outputs}
     given = tuple(Quantity(each.name, each.unit, each.value) for each in resolved)
-    result = _assembled(point, chosen, (given, place), shown)
+    result = _assembled(point, chosen, (given, place), shown, balance)
     error = max([chosen.error, *(column.error for column in shown.values())])
+    apart = disagreement(point, found, changes)
     warnings = _warnings(point, balance, changes, outputs)
+    if not apart <= DISAGREES:
+        warnings.append(
+            f"differences of the nonlinear equations give accelerations that differ by {apart:.1e}"
+        )
     if error > UNSURE:
         warnings.append(f"derivatives of columns are uncertain by {error:.1e} of the largest")
     if result.condition > ILL:
@@ -182,11 +201,25 @@ def linearize(
     return replace(
         result,
         chosen=states,
-        equilibrium=balance,
+        disagreement=apart,
         error=error,
         redundant=changes.redundant,
         warnings=tuple(warnings),
     )
+
+
+def point_at(model: Model, at: float | str) -> Point:
+    """Return the model after ``at`` [s], or at the first "equilibrium" that is found from where the
+    deck starts it; raises ``StartError``.
+    """
+    if at != EQUILIBRIUM:
+        return at_time(model, float(at))
+    found = all_equilibria(at_time(model, 0.0), np.zeros(3), 1)
+    if not found:
+        raise StartError(
+            "no equilibrium was found from where the deck starts; search with msahl equilibrium"
+        )
+    return found[0].place.point
 
 
 def _check(point: Point, outputs: Sequence[str], states: str) -> None:
@@ -281,6 +314,7 @@ def _assembled(
     chosen: States,
     given: tuple[tuple[Quantity, ...], list[int]],
     shown: dict[str, Column],
+    balance: Equilibrium,
 ) -> LinearModel:
     """Return the matrices of the ``chosen`` states, of the inputs and their columns ``given``, and
     of the outputs ``shown``.
@@ -311,6 +345,7 @@ def _assembled(
         rates=chosen.rate,
         time=point.time,
         title=point.model.simulation.title,
+        equilibrium=balance,
         condition=condition,
     )
 

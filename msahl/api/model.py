@@ -1,7 +1,7 @@
 """Models: decks that were read, with other numbers where wanted, ready to be run."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from numbers import Integral, Real
 from os import PathLike
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element as PlainElement
 
     from lxml.etree import _Element
+
+    from msahl.analysis.linearize import LinearModel
 
 Value = float | str
 """A number, in the unit that the deck has there, or a number with its unit, such as ``"80 cm"``."""
@@ -77,6 +79,25 @@ class Model:
             settings = (*settings, f"{STOP_WHEN}{condition}")
             records = self._deck.model(settings)
         return make_job(self._deck.source, records, checked_options(given), settings)
+
+    def linearize(
+        self,
+        inputs: Sequence[str] = (),
+        outputs: Sequence[str] = (),
+        *,
+        at: float | str = 0.0,
+        states: str = "coordinates",
+    ) -> "LinearModel":
+        """Return the model linearised with ``inputs`` and ``outputs`` by name: ``at`` a time [s],
+        after a run to it, or at an ``"equilibrium"``. The ``states`` are ``"coordinates"`` or those
+        of the ``"nullspace"``.
+
+        Raises ``OptionError`` for names that do not exist, ``StartError`` if the model does not get
+        there.
+        """
+        from msahl.analysis.linearize import linearize, point_at
+
+        return linearize(point_at(self.records, at), tuple(inputs), tuple(outputs), states)
 
     @property
     def title(self) -> str:
