@@ -5,38 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from msahl.analysis.linearize import LinearModel
 from msahl.run.options import OptionError
 
-MATRICES = ("A", "B", "C", "D")
-KINDS = ("states", "inputs", "outputs")
 SUFFIXES = (".npz", ".mat", ".json")
-
-
-def contents(model: LinearModel) -> dict[str, Any]:
-    """Return what a file contains, by name: matrices, names, units, values and how good they are.
-
-    Names: ``stateNames``, ``stateUnits``, ``stateValues`` and likewise of inputs and outputs.
-    """
-    found: dict[str, Any] = {name: getattr(model, name) for name in MATRICES}
-    for kind in KINDS:
-        each = getattr(model, kind)
-        one = kind.removesuffix("s")
-        found[f"{one}Names"] = [of.name for of in each]
-        found[f"{one}Units"] = [of.unit for of in each]
-        found[f"{one}Values"] = np.array([of.value for of in each])
-    found["stateRates"] = model.rates
-    found |= {"title": model.title, "time": model.time, "states": model.chosen}
-    found |= {
-        "residual": model.equilibrium.residual,
-        "relativeResidual": model.equilibrium.relative,
-        "isSteady": model.equilibrium.holds,
-        "condition": model.condition,
-        "disagreement": model.disagreement,
-        "error": model.error,
-        "warnings": list(model.warnings),
-    }
-    return found
 
 
 def check_suffix(path: Path) -> None:
@@ -45,10 +16,9 @@ def check_suffix(path: Path) -> None:
         raise OptionError([f"'{path}' ends in none of {', '.join(SUFFIXES)}; choose one of these"])
 
 
-def save(model: LinearModel, path: Path) -> None:
-    """Write ``model`` to ``path``, in the format of its suffix."""
+def save(found: dict[str, Any], path: Path) -> None:
+    """Write the contents ``found`` to ``path``, in the format of its suffix."""
     check_suffix(path)
-    found = contents(model)
     if path.suffix == ".json":
         import orjson
 

@@ -171,8 +171,8 @@ class _Maker:
         group = self.system.forces.signals
         assert group is not None
         value = float(self.found.start.forces.signals.values.value[group.result[r]])
-        turns = isinstance(load, JointActuator) and is_angle(load.coordinate)
-        unit = "N m" if turns else "N"
+        rotates = isinstance(load, JointActuator) and is_angle(load.coordinate)
+        unit = "N m" if rotates else "N"
         shown = f"{name}.{LOAD_COLUMN}"
         assert isinstance(load, JointActuator | MarkerActuator)
         return Input(name, unit, value, force, np.zeros(self.s), shown=shown)
@@ -216,10 +216,10 @@ class _Maker:
         assert scalar is not None
         r = int(np.flatnonzero(scalar.equations.law >= 0)[k])
         motion = self.point.model.motions[k]
-        turns = isinstance(motion, JointMotion) and is_angle(motion.coordinate)
+        rotates = isinstance(motion, JointMotion) and is_angle(motion.coordinate)
         value = law(self.system.laws, int(scalar.equations.law[r]), self.point.time)[2]
         rows = 3 * self.system.coincide.a.size + r
-        unit = "rad/s^2" if turns else "m/s^2"
+        unit = "rad/s^2" if rotates else "m/s^2"
         return Input(name, unit, value, np.zeros(self.n), np.zeros(self.s), motion=rows)
 
     def auxiliary_state(self, name: str, k: int) -> Input:

@@ -66,9 +66,9 @@ def candidates(model: Model, columns: Columns) -> tuple[list[Coordinate], list[C
     return joints, bodies
 
 
-def _coordinate(table: dict[str, Column], name: str, turns: bool) -> Coordinate:
+def _coordinate(table: dict[str, Column], name: str, rotates: bool) -> Coordinate:
     levels = tuple(table[name + level] for level in LEVELS)
-    return Coordinate(name, "rad" if turns else "m", levels)
+    return Coordinate(name, "rad" if rotates else "m", levels)
 
 
 def by_coordinates(model: Model, columns: Columns, changes: Variations, length: float) -> States:

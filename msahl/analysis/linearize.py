@@ -8,10 +8,6 @@ changes of the states by the columns of ``variations``, Z' those of their rates,
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from os import PathLike
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +22,7 @@ from msahl.analysis.equilibrium import all_equilibria
 from msahl.analysis.linear_check import disagreement
 from msahl.analysis.linear_columns import Column, Columns, columns_by_table, shared_reactions
 from msahl.analysis.linear_inputs import INPUT, Input, resolve_inputs, with_signals
+from msahl.analysis.linear_model import Accuracy, LinearModel, Quantity
 from msahl.analysis.linear_states import (
     CHOICES,
     COORDINATES,
@@ -41,121 +38,19 @@ from msahl.analysis.variations import Inputs, Variations, variations
 from msahl.elements.frames import moving_count
 from msahl.expressions.syntax import nearest
 from msahl.model import Model, SignalState
+from msahl.run.column_units import quantity
 from msahl.run.options import OptionError
-from msahl.run.quantities import quantity
 from msahl.start.velocities import StartError
-
-if TYPE_CHECKING:
-    import control
-    from scipy.signal import StateSpace
 
 EQUILIBRIUM = "equilibrium"
 LARGEST = 300
 """Most bodies of a model, whose matrices are dense."""
 DISAGREES = 1e-6
-"""Difference from the nonlinear equations, relative to the largest acceleration, that is told."""
+"""Difference from the nonlinear equations, relative to the largest acceleration, that a warning states."""
 UNSURE = 1e-8
-"""Error of the differences of columns, relative to the largest, above which it is told."""
+"""Error of the differences of columns, relative to the largest, above which a warning states it."""
 ILL = 1e8
-"""Condition number of the states above which it is told."""
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A state, input or output: its ``name``, ``unit``, and ``value`` at the point."""
-
-    name: str
-    unit: str
-    value: float
-
-
-@dataclass(frozen=True)
-class LinearModel:
-    """x' = A x + B w, y = C x + D w of changes from the values at the point; m states."""
-
-    A: np.ndarray  # (m, m)
-    B: np.ndarray  # (m, inputs)
-    C: np.ndarray  # (outputs, m)
-    D: np.ndarray  # (outputs, inputs)
-    states: tuple[Quantity, ...]
-    inputs: tuple[Quantity, ...]
-    outputs: tuple[Quantity, ...]
-    rates: np.ndarray  # (m,) rates of the states at the point; 0 in an equilibrium
-    time: float  # [s]
-    title: str
-    equilibrium: Equilibrium  # how far the point is from one
-    condition: float  # of the choice of states
-    chosen: str = COORDINATES  # which states: "coordinates" or "nullspace"
-    disagreement: float = 0.0  # of accelerations with differences of the nonlinear equations
-    error: float = 0.0  # of the derivatives of columns, relative to the largest of a table
-    redundant: int = 0  # constraint equations that follow from others
-    warnings: tuple[str, ...] = ()
-
-    @property
-    def state_names(self) -> list[str]:
-        """Names of the states."""
-        return [of.name for of in self.states]
-
-    @property
-    def input_names(self) -> list[str]:
-        """Names of the inputs."""
-        return [of.name for of in self.inputs]
-
-    @property
-    def output_names(self) -> list[str]:
-        """Names of the outputs."""
-        return [of.name for of in self.outputs]
-
-    @property
-    def poles(self) -> np.ndarray:
-        """(m,) eigenvalues of A [1/s], those with the largest real part first."""
-        values = np.linalg.eigvals(self.A) if self.A.size else np.zeros(0, dtype=complex)
-        found: np.ndarray = values[np.lexsort((-values.imag, -values.real))]
-        return found
-
-    def gains(self) -> np.ndarray:
-        """(outputs, inputs) steady outputs by constant inputs, D - C A^-1 B; nan if A is singular:
-        then a constant input moves the model away for ever.
-        """
-        if not self.A.size:
-            return self.D.copy()
-        size = np.linalg.svd(self.A, compute_uv=False)
-        if size[-1] <= 1e-13 * size[0]:
-            return np.full(self.D.shape, np.nan)
-        gains: np.ndarray = self.D - self.C @ np.linalg.solve(self.A, self.B)
-        return gains
-
-    def save(self, path: "str | PathLike[str]") -> None:
-        """Write matrices, names, units and values to a file .npz, .mat or .json."""
-        from msahl.analysis.linear_files import save
-
-        save(self, Path(path))
-
-    def to_scipy(self) -> "StateSpace":
-        """Return a ``scipy.signal.StateSpace``."""
-        from scipy.signal import StateSpace
-
-        return StateSpace(self.A, self.B, self.C, self.D)
-
-    def to_control(self) -> "control.StateSpace":
-        """Return a ``StateSpace`` of python-control (``pip install control``) with the names."""
-        import control
-
-        return control.ss(
-            self.A,
-            self.B,
-            self.C,
-            self.D,
-            states=_labels(self.state_names),
-            inputs=_labels(self.input_names),
-            outputs=_labels(self.output_names),
-            name=_labels([self.title or "model"])[0],
-        )
-
-
-def _labels(names: Sequence[str]) -> list[str]:
-    """Names as python-control accepts them: it splits signals at points."""
-    return [name.replace(".", "_") for name in names]
+"""Condition number of the states above which a warning states it."""
 
 
 def linearize(
@@ -167,45 +62,69 @@ def linearize(
     """
     _check(point, outputs, states)
     point = with_signals(point, inputs)
-    system, state = point.system, point.state
-    own = evaluated(system, state)
-    found = coefficients(system, state, own)
+    own = evaluated(point.system, point.state)
+    found = coefficients(point.system, point.state, own)
     resolved = resolve_inputs(point, own, inputs)
     changes = variations(point, found, _acting(resolved, found))
     place = _input_columns(point, resolved, changes)
     columns = Columns(point, own, changes, _fed(resolved, place, changes))
     balance = equilibrium(point, found)
-    length = float(np.mean(system.frames.length[: moving_count(system.frames)]))
-    if states == COORDINATES:
-        chosen = by_coordinates(point.model, columns, changes, length)
-    else:
-        chosen = by_null_space(point.model, columns, changes, length, balance.axes)
+    chosen = _states(columns, states, balance)
     chosen = with_others(chosen, point.model, changes, _others(point, resolved, changes, found))
     shown = {name: _output(columns, name) for name in outputs}
-    given = tuple(Quantity(each.name, each.unit, each.value) for each in resolved)
-    result = _assembled(point, chosen, (given, place), shown, balance)
-    error = max([chosen.error, *(column.error for column in shown.values())])
-    apart = disagreement(point, found, changes)
-    warnings = _warnings(point, balance, changes, outputs)
-    if not apart <= DISAGREES:
-        warnings.append(
-            f"differences of the nonlinear equations give accelerations that differ by {apart:.1e}"
+    A, B, C, D, condition = _matrices(chosen, place, list(shown.values()))
+    accuracy = Accuracy(
+        condition=condition,
+        disagreement=disagreement(point, found, changes),
+        error=max([chosen.error, *(column.error for column in shown.values())]),
+    )
+    return LinearModel(
+        A=A,
+        B=B,
+        C=C,
+        D=D,
+        states=tuple(map(Quantity, chosen.names, chosen.units, chosen.value.tolist())),
+        inputs=tuple(Quantity(each.name, each.unit, each.value) for each in resolved),
+        outputs=tuple(
+            Quantity(name, quantity(name, point.model).unit, column.value)
+            for name, column in shown.items()
+        ),
+        rates=chosen.rate,
+        time=point.time,
+        title=point.model.simulation.title,
+        equilibrium=balance,
+        chosen=states,
+        accuracy=accuracy,
+        redundant=changes.redundant,
+        warnings=(*_warnings(point, balance, changes, outputs), *_doubts(accuracy)),
+    )
+
+
+def _states(columns: Columns, states: str, balance: Equilibrium) -> States:
+    """Return the states of this choice."""
+    frames, model = columns.point.system.frames, columns.point.model
+    length = float(np.mean(frames.length[: moving_count(frames)]))
+    if states == COORDINATES:
+        return by_coordinates(model, columns, columns.changes, length)
+    return by_null_space(model, columns, columns.changes, length, balance.axes)
+
+
+def _doubts(accuracy: Accuracy) -> list[str]:
+    """Return what is less accurate than it should be."""
+    found = []
+    if not accuracy.disagreement <= DISAGREES:
+        found.append(
+            "differences of the nonlinear equations give accelerations that differ by "
+            f"{accuracy.disagreement:.1e}"
         )
-    if error > UNSURE:
-        warnings.append(f"derivatives of columns are uncertain by {error:.1e} of the largest")
-    if result.condition > ILL:
-        warnings.append(
-            f"the coordinates hardly describe all motions here (condition {result.condition:.1e}); "
+    if accuracy.error > UNSURE:
+        found.append(f"derivatives of columns are uncertain by {accuracy.error:.1e} of the largest")
+    if accuracy.condition > ILL:
+        found.append(
+            f"the coordinates hardly describe all motions (condition {accuracy.condition:.1e}); "
             "choose the states nullspace"
         )
-    return replace(
-        result,
-        chosen=states,
-        disagreement=apart,
-        error=error,
-        redundant=changes.redundant,
-        warnings=tuple(warnings),
-    )
+    return found
 
 
 def point_at(model: Model, at: float | str) -> Point:
@@ -309,45 +228,23 @@ def _output(columns: Columns, name: str) -> Column:
     return columns.table(next(table for table in tables if name in tables[table]))[name]
 
 
-def _assembled(
-    point: Point,
-    chosen: States,
-    given: tuple[tuple[Quantity, ...], list[int]],
-    shown: dict[str, Column],
-    balance: Equilibrium,
-) -> LinearModel:
-    """Return the matrices of the ``chosen`` states, of the inputs and their columns ``given``, and
-    of the outputs ``shown``.
+def _matrices(
+    chosen: States, place: list[int], shown: Sequence[Column]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
+    """Return A, B, C, D of the ``chosen`` states, of the inputs in the columns ``place`` and of the
+    outputs ``shown``, and the condition of the states.
     """
-    inputs, place = given
-    k, m = chosen.slope.shape[1], len(chosen.names)
     own = chosen.own
-    slopes = np.array([column.slope for column in shown.values()]).reshape(len(shown), k)
+    slopes = np.array([column.slope for column in shown]).reshape(len(shown), len(chosen.slope.T))
     Z = chosen.slope[:, own]
     # Rows of a length of 1, so that the condition does not depend on units.
     size = np.linalg.norm(Z, axis=1)
-    condition = float(np.linalg.cond(Z / size[:, None])) if m else 1.0
+    condition = float(np.linalg.cond(Z / size[:, None])) if len(Z) else 1.0
     inverse = np.linalg.inv(Z)
     A, B = chosen.rate_slope[:, own] @ inverse, chosen.rate_slope[:, place]
     for i, j in _rates_among(chosen.names):
         A[i], A[i, j], B[i] = 0.0, 1.0, 0.0  # to the last digit
-    return LinearModel(
-        A=A,
-        B=B,
-        C=slopes[:, own] @ inverse,
-        D=slopes[:, place],
-        states=tuple(map(Quantity, chosen.names, chosen.units, chosen.value.tolist())),
-        inputs=inputs,
-        outputs=tuple(
-            Quantity(name, quantity(name, point.model).unit, column.value)
-            for name, column in shown.items()
-        ),
-        rates=chosen.rate,
-        time=point.time,
-        title=point.model.simulation.title,
-        equilibrium=balance,
-        condition=condition,
-    )
+    return A, B, slopes[:, own] @ inverse, slopes[:, place], condition
 
 
 def _rates_among(names: list[str]) -> list[tuple[int, int]]:

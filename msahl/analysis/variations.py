@@ -1,5 +1,4 @@
-"""Small changes of a motion: what changes of states and inputs do to places, rates, accelerations,
-multipliers and auxiliary states, to first order.
+"""Small changes of a motion by changes of its states and inputs, to first order.
 
     dq = N_h eta + G_h^+ u              G dq = u    of the constraints that are prescribed motions
     dv = N zeta + G^+ (u' - B dq)       G dv + B dq = u'
@@ -188,8 +187,8 @@ def _later(system: System, state: State, travel: float, time: float) -> State:
     for f in range(moving_count(system.frames)):
         W = np.array(matrix(at(p, f))) @ w[f]
         x[f] += travel * v[f]
-        turned = travel * W
-        p[f] = compose(from_increment((turned[0], turned[1], turned[2])), at(p, f))
+        rotated = travel * W
+        p[f] = compose(from_increment((rotated[0], rotated[1], rotated[2])), at(p, f))
         v[f] += time * state.a[f]
         w[f] = np.array(matrix(at(p, f))).T @ (W + time * state.alpha[f])
     return state._replace(x=x, p=p, v=v, w=w, angle=state.angle.copy())

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from lxml.etree import _Element
 
-    from msahl.analysis.linearize import LinearModel
+    from msahl.analysis.linear_model import LinearModel
 
 Value = float | str
 """A number, in the unit that the deck has there, or a number with its unit, such as ``"80 cm"``."""

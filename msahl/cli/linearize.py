@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -15,7 +15,7 @@ from msahl.printable import printable, shown_path
 from msahl.terminal import echo
 
 if TYPE_CHECKING:
-    from msahl.analysis.linearize import LinearModel
+    from msahl.analysis.linear_model import LinearModel
 
 
 @click.command(short_help="Linearise a deck's model for control.")
@@ -63,11 +63,10 @@ def linearize(
     deck: Path,
     inputs: tuple[str, ...],
     outputs: tuple[str, ...],
-    at: "float | str",
-    states: str,
     file: Path | None,
     settings: tuple[str, ...],
     quiet: bool,
+    **wanted: Any,
 ) -> None:
     """Compute the matrices of DECK's model, x' = A x + B w and y = C x + D w, at a point.
 
@@ -91,7 +90,7 @@ def linearize(
         if file is not None:
             check_suffix(file)
         with announced(not quiet):
-            found = linearized(point_at(model, at), inputs, outputs, states)
+            found = linearized(point_at(model, wanted["at"]), inputs, outputs, wanted["states"])
     except OptionError as error:
         stop("\n".join(f"{shown_path(deck)}: {printable(fault)}" for fault in error.faults))
     except (StartError, CompileError) as error:

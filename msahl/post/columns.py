@@ -9,7 +9,7 @@ import pandas as pd
 from msahl.model import Model
 from msahl.printable import shown_path
 from msahl.results.read import ResultError, Run
-from msahl.run.quantities import TIME, Quantity, quantity
+from msahl.run.column_units import TIME, Quantity, quantity
 from msahl.run.tables import ERROR, REACTIONS, STATES, WORK
 
 

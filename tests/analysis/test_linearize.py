@@ -86,8 +86,8 @@ def check_states_and_outputs(model, tolerance=1e-9):
     assert np.abs(linear.A @ z - z_dot).max() <= tolerance * max(np.abs(z_dot).max(), 1.0)
     assert np.abs(linear.C @ z - measured).max() <= tolerance * size
     # Differences of the order 4 with the same step; nothing here is stiff.
-    assert linear.disagreement <= 1e-8
-    assert linear.error <= 1e-8
+    assert linear.accuracy.disagreement <= 1e-8
+    assert linear.accuracy.error <= 1e-8
 
 
 @pytest.mark.parametrize("kind", [PLANAR, SPATIAL])
@@ -204,7 +204,7 @@ def check_inputs(model, inputs, tolerance=1e-9):
 
 def test_inputs_of_a_loop_against_differences():
     model = random_loop(np.random.default_rng(1), SPATIAL)
-    names = ["Motor", "drive", "current", "J0.angle", "J1.slide", "M.Fy", "B0.Mz", "B1.Fx"]
+    names = ["Motor", "command", "current", "J0.angle", "J1.slide", "M.Fy", "B0.Mz", "B1.Fx"]
     check_inputs(model, names)
 
 

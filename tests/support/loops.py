@@ -5,7 +5,7 @@ from msahl.model import JointActuator, JointSpring, Marker, Signal, SignalState,
 from tests.support.element_samples import joint_between, random_frame
 from tests.support.models import GROUND, build_model, random_body, random_vector
 
-FREEDOMS = {"revolute": 1, "prismatic": 1, "cylindrical": 2, "spherical": 3}
+MOTIONS = {"revolute": 1, "prismatic": 1, "cylindrical": 2, "spherical": 3}
 PLANAR, SPATIAL = "planar", "spatial"
 
 
@@ -25,10 +25,10 @@ def random_loop(rng, kind):
         frames = [Frame(tilted @ [*rng.normal(size=2), 0.0], tilted) for _ in kinds]
     else:
         kinds = []
-        while sum(FREEDOMS[k] for k in kinds) < 7 or len(kinds) < 4:
-            kinds.append(str(rng.choice(list(FREEDOMS))))
+        while sum(MOTIONS[k] for k in kinds) < 7 or len(kinds) < 4:
+            kinds.append(str(rng.choice(list(MOTIONS))))
         kinds[0] = "revolute"
-        while sum(FREEDOMS[k] for k in kinds) < 7:
+        while sum(MOTIONS[k] for k in kinds) < 7:
             kinds.append("spherical")
         frames = [random_frame(rng) for _ in kinds]
     bodies = [random_body(rng, f"B{k}") for k in range(len(kinds) - 1)]
@@ -44,11 +44,11 @@ def random_loop(rng, kind):
     loads = (
         *ties,
         JointSpring("Hub", "J0", "angle", 4.0, 0.3, 0.2),
-        JointActuator("Motor", "J0", "angle", parse("2*current + 0.3*drive")),
+        JointActuator("Motor", "J0", "angle", parse("2*current + 0.3*command")),
     )
     control = (
-        Signal("drive", parse("M.x - 0.5*J0.angleRate")),
-        SignalState("current", parse("drive - 2*current - J0.angleRate^2"), 0.4),
+        Signal("command", parse("M.x - 0.5*J0.angleRate")),
+        SignalState("current", parse("command - 2*current - J0.angleRate^2"), 0.4),
     )
     markers = (Marker("M", bodies[-1].name, random_vector(rng)),)
     return build_model(

@@ -14,7 +14,7 @@ import numpy as np
 
 from msahl.printable import printable, shown_path
 from msahl.results.read import ResultError
-from msahl.run.quantities import quantity
+from msahl.run.column_units import quantity
 
 INFO, RUNS, SECONDS, PART = "sweep.json", "runs.csv", "seconds.csv", ".part"
 POINT, STATUS, VERDICT, ERROR, MESSAGE, KEY = (
