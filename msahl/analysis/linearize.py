@@ -18,7 +18,6 @@ from msahl.analysis.coefficients import (
     depends_on_reactions,
     evaluated,
 )
-from msahl.analysis.equilibrium import all_equilibria
 from msahl.analysis.linear_check import disagreement
 from msahl.analysis.linear_columns import Column, Columns, columns_by_table, shared_reactions
 from msahl.analysis.linear_inputs import INPUT, Input, resolve_inputs, with_signals
@@ -32,21 +31,21 @@ from msahl.analysis.linear_states import (
     by_null_space,
     with_others,
 )
-from msahl.analysis.point import Point, at_time
+from msahl.analysis.point import Point
 from msahl.analysis.steady import Equilibrium, equilibrium
 from msahl.analysis.variations import Inputs, Variations, variations
 from msahl.elements.frames import moving_count
 from msahl.expressions.syntax import nearest
-from msahl.model import Model, SignalState
+from msahl.model import SignalState
 from msahl.run.column_units import quantity
 from msahl.run.options import OptionError
 from msahl.start.velocities import StartError
 
-EQUILIBRIUM = "equilibrium"
 LARGEST = 300
 """Most bodies of a model, whose matrices are dense."""
 DISAGREES = 1e-6
-"""Difference from the nonlinear equations, relative to the largest acceleration, that a warning states."""
+"""Difference from the nonlinear equations, relative to the largest acceleration, above which a
+warning states it."""
 UNSURE = 1e-8
 """Error of the differences of columns, relative to the largest, above which a warning states it."""
 ILL = 1e8
@@ -125,20 +124,6 @@ def _doubts(accuracy: Accuracy) -> list[str]:
             "choose the states nullspace"
         )
     return found
-
-
-def point_at(model: Model, at: float | str) -> Point:
-    """Return the model after ``at`` [s], or at the first "equilibrium" that is found from where the
-    deck starts it; raises ``StartError``.
-    """
-    if at != EQUILIBRIUM:
-        return at_time(model, float(at))
-    found = all_equilibria(at_time(model, 0.0), np.zeros(3), 1)
-    if not found:
-        raise StartError(
-            "no equilibrium was found from where the deck starts; search with msahl equilibrium"
-        )
-    return found[0].place.point
 
 
 def _check(point: Point, outputs: Sequence[str], states: str) -> None:

@@ -78,10 +78,10 @@ def linearize(
     Example: msahl linearize decks/machines/cart_pole.xml --input Motor --output Slide.slide
     """
     model = model_to_run(deck, {}, settings)
+    from msahl.analysis.at import point_at
     from msahl.analysis.linear_files import check_suffix
     from msahl.analysis.linear_report import report
     from msahl.analysis.linearize import linearize as linearized
-    from msahl.analysis.linearize import point_at
     from msahl.jit.progress import CompileError
     from msahl.run.options import OptionError
     from msahl.start.velocities import StartError

@@ -10,9 +10,10 @@ from scipy import signal
 from scipy.io import loadmat
 
 from msahl import load
+from msahl.analysis.at import point_at
 from msahl.analysis.coefficients import coefficients, evaluated
 from msahl.analysis.linear_columns import columns_by_table, shared_reactions
-from msahl.analysis.linearize import linearize, point_at
+from msahl.analysis.linearize import linearize
 from msahl.analysis.modes import modes
 from msahl.analysis.point import at_start, complete
 from msahl.analysis.variations import Inputs, variations
