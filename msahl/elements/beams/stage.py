@@ -20,7 +20,7 @@ from msahl.elements.beams.group import (
     Beams,
     BeamsWorkspace,
 )
-from msahl.elements.beams.instant import motion_at, point_at, strain_at, strain_rates
+from msahl.elements.beams.instant import motion_at, point_at, strain_rates
 from msahl.elements.beams.midpoint import node_load
 from msahl.elements.beams.rows import (
     ELASTIC,
@@ -42,6 +42,7 @@ from msahl.elements.beams.strain import (
     nodes_of,
     set_change,
     set_tangents,
+    strain_at,
 )
 from msahl.elements.frames import (
     Frames,
