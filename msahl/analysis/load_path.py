@@ -12,7 +12,7 @@ away. So a load need not grow for the path to go on: it is followed through snap
 Along the path, directions gain or lose their stiffness: the matrix
 
     [ -K  G^T ]
-    [  G   0  ]             of c constraint equations
+    [  G  -C  ]             of c constraint equations and strains
 
 has c negative eigenvalues, and one more for each direction in which the equilibrium is unstable.
 Where their number changes, the load factor has an extremum (a limit point) or the path has
@@ -116,7 +116,7 @@ class Loaded:
             force=none.found.force + factor * loads,
             weight=abs(factor) * max(full.found.weight, float(np.abs(loads / lengths).max())),
         )
-        now = weighed(found, full.rows, state, full.violation)
+        now = weighed(found, state, full.violation)
         return now, loads / lengths
 
 
