@@ -36,6 +36,7 @@ from msahl.analysis.plain_units import (
     coordinate_numbers,
     elastic_equations,
     equation_scale,
+    evaluation_size,
     multiplier_numbers,
     scales,
 )
@@ -143,11 +144,14 @@ class Evaluated(NamedTuple):
     equation_scale: np.ndarray
 
 
-def coefficients(system: System, state: State, resultants: bool = False) -> Coefficients:
-    """Linearise ``system`` at ``state``, whose accelerations and multipliers are consistent; with
-    stress ``resultants`` as multipliers, or without.
+def coefficients(
+    system: System, state: State, found: Evaluated | None = None, resultants: bool = False
+) -> Coefficients:
+    """Linearise ``system`` at ``state``, whose accelerations and multipliers are consistent, with
+    stress ``resultants`` of beams as multipliers, or without; ``found`` is what ``evaluated``
+    returns, if it is at hand.
     """
-    found = _evaluate(system, state)
+    found = found or evaluated(system, state)
     G, B = _constraints(system, found)
     M, T, inertia, velocity, acceleration = _inertia(system, state, found)
     K = _square(system, found, found.by_place) + _square(system, found, found.constraint) - inertia
@@ -229,7 +233,8 @@ def holonomic(system: System) -> np.ndarray:
     return np.concatenate([np.ones(3 * system.coincide.a.size, dtype=bool), scalars, strains])
 
 
-def _evaluate(system: System, state: State) -> Evaluated:
+def evaluated(system: System, state: State) -> Evaluated:
+    """Return all derivatives at ``state`` in the scaled units of a step, for ``coefficients``."""
     state = state._replace(angle=state.angle.copy(), strain=state.strain.copy())
     start, frames = new_system_workspace(system, state), system.frames
     at_rest, rows, unused, still = np.zeros((4, node_count(system), 3))
@@ -246,7 +251,7 @@ def _evaluate(system: System, state: State) -> Evaluated:
         Work(at_rest, rows, unused, constraint),
         Derivatives(by_place, by_rate, scratch, still),
     )
-    by_size(differentiate, moving_count(frames))(system, state, start, work, out)
+    by_size(differentiate, evaluation_size(system))(system, state, start, work, out)
     force_scale, place_scale = scales(system)
     return Evaluated(
         start=start,

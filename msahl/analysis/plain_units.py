@@ -7,7 +7,7 @@ for each Gauss point: rigid ones are constraints, elastic ones determine stress 
 import numpy as np
 
 from msahl.elements.beams.group import COMPONENTS
-from msahl.elements.frames import first_multiplier
+from msahl.elements.frames import first_multiplier, moving_count
 from msahl.system.arrays import System
 from msahl.system.evaluate import _coordinates as coordinate_numbers
 from msahl.system.evaluate import _equation_scale, _equations
@@ -18,9 +18,19 @@ __all__ = [
     "elastic_equations",
     "equation_numbers",
     "equation_scale",
+    "evaluation_size",
     "multiplier_numbers",
     "scales",
 ]
+
+
+def evaluation_size(system: System) -> int:
+    """Number of bodies, or pairs of nodes at Gauss points, that one evaluation takes (``by_size``).
+
+    A search evaluates a system some hundred times, so compiled kernels pay for small beams.
+    """
+    pairs = 0 if system.beams is None else system.beams.value.size * system.beams.value.shape[1]
+    return moving_count(system.frames) + pairs
 
 
 def multiplier_numbers(system: System) -> np.ndarray:

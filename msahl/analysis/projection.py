@@ -8,6 +8,7 @@ import numpy as np
 
 from msahl.algebra.rotation import compose, from_increment, matrix
 from msahl.algebra.vector import at
+from msahl.analysis.plain_units import evaluation_size
 from msahl.elements.beams import instant
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import first_multiplier, moving_count
@@ -28,7 +29,7 @@ ACCEPTED = 1e-10
 def prepared(system: System, state: State) -> SystemWorkspace:
     """Return what the elements need of a state, with angles counted in ``state.angle``."""
     start = new_system_workspace(system, state)
-    by_size(evaluate.prepare, moving_count(system.frames))(system, state, start)
+    by_size(evaluate.prepare, evaluation_size(system))(system, state, start)
     scalar.count_rotations(system.scalar, start.scalar, state.angle)
     return start
 
@@ -73,7 +74,7 @@ def _violations(system: System, state: State) -> np.ndarray:
     """(k, 3) constraint violations [m], those in radians times a length."""
     start = prepared(system, state)
     violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
-    by_size(evaluate.observe, moving_count(system.frames))(system, state, start, violation, rate)
+    by_size(evaluate.observe, evaluation_size(system))(system, state, start, violation, rate)
     scalar.in_metres(system.scalar, violation, rate)
     instant.in_metres(system.beams, violation, rate)
     return violation

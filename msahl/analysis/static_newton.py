@@ -24,10 +24,10 @@ import numpy as np
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import at
 from msahl.analysis.coefficients import Coefficients, coefficients, skews
+from msahl.analysis.plain_units import evaluation_size
 from msahl.analysis.projection import move, prepared
 from msahl.analysis.steady import SMALL_TRAVEL, stiffest
 from msahl.elements.beams.group import Beams
-from msahl.elements.frames import moving_count
 from msahl.jit.by_size import by_size
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, node_count
@@ -118,7 +118,7 @@ def balance(system: System, state: State, spin: Spin = REST) -> Balance:
     found = _rotating(coefficients(system, state, resultants=True), spin)
     start = prepared(system, state)
     violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
-    by_size(evaluate.observe, moving_count(system.frames))(system, state, start, violation, rate)
+    by_size(evaluate.observe, evaluation_size(system))(system, state, start, violation, rate)
     if system.beams is not None:
         own = state._replace(strain=state.strain.copy())
         set_strains(system, own)
