@@ -189,12 +189,17 @@ def coefficients(
 
 def _laws(group: Beams, equations: int) -> tuple["csr_array", "csr_array", np.ndarray]:
     """(c, c) w J C of all equations, its inverse for elastic ones, and (c,) damping times [s]."""
-    from scipy.sparse import block_diag, csr_array
+    from scipy.sparse import csr_array
 
-    first, weight = equations - group.damping.size, group.weight[:, None, None]
-    none = csr_array((first, first))
-    compliance = block_diag([none, *(weight * group.compliance)], format="csr")
-    inverse = block_diag([none, *(group.stiffness / weight)], format="csr")
+    weight, first = group.weight[:, None, None], equations - group.damping.size
+    six = np.arange(6)
+    rows = first + 6 * np.arange(group.weight.size)[:, None, None] + six[:, None]
+    columns = np.swapaxes(rows, 1, 2)
+    at = np.stack(np.broadcast_arrays(rows, columns)).reshape(2, -1)
+    compliance, inverse = (
+        csr_array((blocks.reshape(-1), at), shape=(equations, equations))
+        for blocks in (weight * group.compliance, group.stiffness / weight)
+    )
     return compliance, inverse, np.concatenate([np.zeros(first), group.damping.reshape(-1)])
 
 

@@ -25,12 +25,13 @@ __all__ = [
 
 
 def evaluation_size(system: System) -> int:
-    """Number of bodies, or pairs of nodes at Gauss points, that one evaluation takes (``by_size``).
+    """Number of bodies, or as much work, that one evaluation takes (``by_size``).
 
-    A search evaluates a system some hundred times, so compiled kernels pay for small beams.
+    A pair of nodes at a Gauss point of a beam takes as much as a body, and searches for equilibria
+    of beams evaluate them some ten times as often, so compiled kernels pay for small beams.
     """
     pairs = 0 if system.beams is None else system.beams.value.size * system.beams.value.shape[1]
-    return moving_count(system.frames) + pairs
+    return moving_count(system.frames) + 10 * pairs
 
 
 def multiplier_numbers(system: System) -> np.ndarray:
