@@ -74,6 +74,14 @@ def publish_energy(group: Beams, start: BeamsWorkspace, table: np.ndarray, row: 
         table[row, first + group.beam[g]] += _energy_at(group, start, g)
 
 
+@optional()
+def write_resultants(group: Beams, force: np.ndarray, table: np.ndarray, row: int) -> None:
+    """Set a ``row`` of ``table`` to the stress resultants, of the multipliers ``force`` (k, 3)."""
+    for g in range(group.element.size):
+        for i in range(COMPONENTS):
+            table[row, COMPONENTS * g + i] = force[group.place[g] + i // 3, i % 3]
+
+
 @apart
 def motion_at(
     group: Beams, start: BeamsWorkspace, v: np.ndarray, W: np.ndarray, g: int
