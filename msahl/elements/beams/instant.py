@@ -15,6 +15,7 @@ from msahl.algebra.vector import (
     cross,
     dot,
     matrix_at,
+    sub,
 )
 from msahl.elements.beams.group import (
     BEND_Q,
@@ -112,7 +113,7 @@ def strain_rates(at_point: Point, first: Point) -> tuple[Vector, Vector]:
     d, b, r = at_point
     d1, b1, r1 = first
     gamma = (
-        dot(d1[0], r) + dot(d[0], r1),
+        dot(d1[0], sub(r, d[0])) + dot(d[0], r1),
         dot(d1[1], r) + dot(d[1], r1),
         dot(d1[2], r) + dot(d[2], r1),
     )
@@ -124,7 +125,7 @@ def _strain_accelerations(at_point: Point, first: Point, second: Point) -> tuple
     """Return the second derivatives of Gamma and kappa."""
     gamma, kappa = strain_rates(at_point, second)
     d1, b1, r1 = first
-    twice = (2.0 * dot(d1[0], r1), 2.0 * dot(d1[1], r1), 2.0 * dot(d1[2], r1))
+    twice = (2.0 * dot(d1[0], r1) - dot(d1[0], d1[0]), 2.0 * dot(d1[1], r1), 2.0 * dot(d1[2], r1))
     return add(gamma, twice), axpy(2.0, bending(d1, b1), kappa)
 
 
