@@ -15,6 +15,7 @@ from msahl.algebra.vector import (
     cross,
     dot,
     matrix_at,
+    sub,
 )
 from msahl.elements.beams.group import (
     BEND_Q,
@@ -74,6 +75,14 @@ def publish_energy(group: Beams, start: BeamsWorkspace, table: np.ndarray, row: 
         table[row, first + group.beam[g]] += _energy_at(group, start, g)
 
 
+@optional()
+def write_resultants(group: Beams, force: np.ndarray, table: np.ndarray, row: int) -> None:
+    """Set a ``row`` of ``table`` to the stress resultants, of the multipliers ``force`` (k, 3)."""
+    for g in range(group.element.size):
+        for i in range(COMPONENTS):
+            table[row, COMPONENTS * g + i] = force[group.place[g] + i // 3, i % 3]
+
+
 @apart
 def motion_at(
     group: Beams, start: BeamsWorkspace, v: np.ndarray, W: np.ndarray, g: int
@@ -104,7 +113,7 @@ def strain_rates(at_point: Point, first: Point) -> tuple[Vector, Vector]:
     d, b, r = at_point
     d1, b1, r1 = first
     gamma = (
-        dot(d1[0], r) + dot(d[0], r1),
+        dot(d1[0], sub(r, d[0])) + dot(d[0], r1),
         dot(d1[1], r) + dot(d[1], r1),
         dot(d1[2], r) + dot(d[2], r1),
     )
@@ -116,7 +125,7 @@ def _strain_accelerations(at_point: Point, first: Point, second: Point) -> tuple
     """Return the second derivatives of Gamma and kappa."""
     gamma, kappa = strain_rates(at_point, second)
     d1, b1, r1 = first
-    twice = (2.0 * dot(d1[0], r1), 2.0 * dot(d1[1], r1), 2.0 * dot(d1[2], r1))
+    twice = (2.0 * dot(d1[0], r1) - dot(d1[0], d1[0]), 2.0 * dot(d1[1], r1), 2.0 * dot(d1[2], r1))
     return add(gamma, twice), axpy(2.0, bending(d1, b1), kappa)
 
 

@@ -20,7 +20,6 @@ from msahl.elements.beams.group import COMPONENTS, Beams, BeamsWorkspace
 from msahl.elements.beams.rows import ALL, add_equations, multipliers, own_compliance, row_scale
 from msahl.elements.beams.stiffness import add_loads, add_stiffness
 from msahl.elements.beams.strain import (
-    Point,
     changes,
     director_loads,
     move,
@@ -68,9 +67,8 @@ def residual(
         changed = changes(group, start, g)
         means = set_change(start, g, changed)
         n, m = multipliers(group, frames, Z, g)
-        push_loads(
-            group, start, frames, g, (scale(1.0 / dt2, n), scale(1.0 / dt2, m)), means, dt2, F
-        )
+        loads = director_loads(scale(1.0 / dt2, n), scale(1.0 / dt2, m), means)
+        push_loads(group, start, frames, g, loads, dt2, F)
         _set_equations(group, start, frames, g, step, Z, F)
 
 
@@ -80,13 +78,13 @@ def push_loads(
     start: BeamsWorkspace,
     frames: Frames,
     g: int,
-    lam: tuple[Vector, Vector],
-    means: Point,
+    loads: tuple[Vector, Matrix, Matrix],
     dt2: float,
     F: np.ndarray,
 ) -> None:
-    """Subtract the forces of ``lam`` at Gauss point ``g`` from the equations of its nodes."""
-    loads = director_loads(lam[0], lam[1], means)
+    """Subtract the forces at Gauss point ``g`` from the equations of its nodes; ``loads`` are the
+    derivatives of ``strain.director_loads``.
+    """
     first, count = nodes_of(group, g)
     for a in range(count):
         force, moment = node_load(group, start, g, a, loads)

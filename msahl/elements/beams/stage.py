@@ -238,12 +238,13 @@ def add_elastic_derivatives(
     motion: FramesWorkspace,
     h: float,
     Z: np.ndarray,
-    by_place: np.ndarray,
-    by_rate: np.ndarray,
+    out: tuple[np.ndarray, np.ndarray],
 ) -> None:
     """Add the derivatives of ``add_elastic_forces`` by places and multipliers by mass, and of the
-    equations of elastic strains over h by places and by rates, and by their own multipliers.
+    equations of elastic strains over h by places and by rates, and by their own multipliers, to
+    ``out``: by places and by rates.
     """
+    by_place, by_rate = out
     set_tangents(group, node, frames, Z)
     for g in range(group.element.size):
         here = point_at(node, g)

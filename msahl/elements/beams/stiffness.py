@@ -153,6 +153,8 @@ def _add_pair(
     )
     q_a, q_b = skew(resultants(lam[0], d_a)), skew(scale(-ahead, resultants(lam[0], d_b)))
     by_q = _pair_term(scale(0.5 * (ahead - behind), lam[1]), d_a, d_b)
+    stretch = -c * group.value[g, a] * group.value[g, b] * lam[0][0]
+    by_q = combine(stretch, _double_cross(d_a[0], d_b[0]), by_q)
     by_q = combine(-behind, product(q_a, skew(arm_b)), by_q)
     by_q = combine(1.0, skew_product(arm_a, q_b), by_q)
     places = group.pair_block[e, a, b]
@@ -162,6 +164,13 @@ def _add_pair(
     add_block(values, places[U_BY_Q], of_force, product(q_b, G))
     add_block(values, places[Q_BY_U], of_moment * behind, q_a)
     add_block(values, places[Q_BY_Q], of_moment, product(by_q, G))
+
+
+@kernel
+def _double_cross(a: Vector, b: Vector) -> Matrix:
+    """Return the matrix of a x ((.) x b): (a.b) 1 - b a^T."""
+    M = multiple(dot(a, b), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+    return outer(-1.0, b, a, M)
 
 
 @kernel

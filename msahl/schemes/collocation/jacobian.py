@@ -102,7 +102,7 @@ def _differentiate_forces(system: System, stages: StageArrays, h: float, i: int)
     forces.add_derivatives(system.forces, node.forces, group, frames, stages.reaction[i], out)
     scalar.add_rate_derivatives(group, node.scalar, frames, node.frames, out)
     beams.add_elastic_derivatives(
-        system.beams, node.beams, frames, node.frames, h, stages.at_rest, position, rate
+        system.beams, node.beams, frames, node.frames, h, stages.at_rest, (position, rate)
     )
 
 
