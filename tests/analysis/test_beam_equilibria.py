@@ -89,12 +89,12 @@ def test_the_elastica_without_stretch_and_shear(load, expected):
     assert np.abs(np.array(found) / expected - 1.0).max() <= NINE_DIGITS
 
 
-@pytest.mark.parametrize(("turns", "most"), [(1, 3e-7), (2, 6e-5)])
-def test_a_moment_rolls_a_beam_up_to_circles(turns, most):
+@pytest.mark.parametrize(("circles", "most"), [(1, 3e-7), (2, 6e-5)])
+def test_a_moment_rolls_a_beam_up_to_circles(circles, most):
     """Of degree 4 with 8 elements: a full circle by the moment 2 pi EI/L, two by twice that. The
     error of a circle of 16 elements is that of two circles of 32, and falls with the order 8.
     """
-    moment = (0.0, 0.0, 2.0 * np.pi * turns)
+    moment = (0.0, 0.0, 2.0 * np.pi * circles)
     closed = [
         tip(clamped(straight(4, n), (RIGID, RIGID, RIGID, 1.0, 1.0, 1.0), moment=moment))[0]
         for n in (8, 12)
