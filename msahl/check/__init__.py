@@ -113,6 +113,7 @@ def _name_faults(model: Model) -> Iterator[Fault]:
     others += [("motion", element) for element in model.motions]
     others += [("load", element) for element in model.loads]
     others += [("signal", element) for element in model.signals]
+    others += [("beam", element) for element in model.beams]
     for elements, reserved in ((bodies, ()), (others, RESERVED)):
         names = [element.name for _, element in elements]
         kinds = [kind for kind, _ in elements]

@@ -241,7 +241,9 @@ def _sound(elements: Iterable[Element], faults: Faults) -> list[Element]:
 
 def _check_names(root: Element, groups: Collection[str], faults: Faults) -> None:
     """Add a fault for every name that is taken within its groups or cannot head a column."""
-    records = (record for group in groups for record in root.iterfind(f"system/{group}/*"))
+    records = [record for group in groups for record in root.iterfind(f"system/{group}/*")]
+    if "loads" in groups:  # beams have columns beside those of loads in work.csv
+        records += root.iterfind("system/bodies/beam")
     labels = [label for record in records if (label := _label(record)) is not None]
     names = [text(label) if label.tag == "name" else attribute(label, "name") for label in labels]
     reserved = RESERVED if "loads" in groups else ()
