@@ -36,7 +36,6 @@ from msahl.analysis.static_newton import (
     Factors,
     Rest,
     Search,
-    at_rest,
     balance,
     factorise,
     newton,
@@ -139,8 +138,8 @@ class Path:
 
     def __init__(self, point: Point, begin: float = 0.0) -> None:
         self.loaded = Loaded(point)
-        state = at_rest(point.state)
-        self.last = self._at_factor(state._replace(force=begin * state.force), begin)
+        state = point.state._replace(force=begin * point.state.force)
+        self.last = self._at_factor(state, begin)
 
     def to(self, end: float, wanted: Sequence[float] = ()) -> Iterator[PathPoint]:
         """Yield the equilibria up to the load factor ``end``, also those at the factors ``wanted``.

@@ -1,10 +1,13 @@
-"""Newton's method for an equilibrium at rest, by places and multipliers together.
+"""Newton's method for an equilibrium, by places and multipliers together.
 
-    f(q) + G^T lam = 0                  balance of all forces and moments
-    g(q)           = 0                  constraints
+    f(q) + G^T lam - M a = 0            balance of all forces and moments
+    g(q)                 = 0            constraints
 
-    [ K  G^T ] [ dq   ]     [ f + G^T lam ]
-    [ G   0  ] [ dlam ]  = -[ g           ]         K = d(f + G^T lam)/dq at fixed lam
+    [ K  G^T ] [ dq   ]     [ f + G^T lam - M a ]
+    [ G   0  ] [ dlam ]  = -[ g                 ]       K = d(f + G^T lam - M a)/dq at fixed lam
+
+At rest a = 0. A model that rotates steadily about an axis through c, with the angular velocity w,
+has v = w x (x - c), a = w x v, and W = w; what depends on v is then part of K.
 
 The matrix is sparse. Since multipliers are unknowns of their own, no reaction has to be right
 before the places are: far fewer iterations than by eliminating them, however stiff the directions
@@ -18,7 +21,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from msahl.analysis.coefficients import Coefficients, coefficients
+from msahl.algebra.rotation import matrix
+from msahl.algebra.vector import at
+from msahl.analysis.coefficients import Coefficients, coefficients, skews
 from msahl.analysis.plain_units import equation_numbers
 from msahl.analysis.projection import move, prepared
 from msahl.analysis.steady import stiffest
@@ -82,15 +87,35 @@ class Factors(NamedTuple):
     stiffness: float
 
 
-def at_rest(state: State) -> State:
-    """Return the ``state`` with velocities and accelerations zero, and multipliers of its own."""
-    still = {name: np.zeros_like(getattr(state, name)) for name in ("v", "w", "a", "alpha")}
-    return state._replace(force=state.force.copy(), **still)
+class Spin(NamedTuple):
+    """A steady rotation of the complete model."""
+
+    rate: np.ndarray  # (3,) angular velocity w, inertial axes [rad/s]
+    center: np.ndarray  # (3,) a point of its axis [m]
 
 
-def balance(system: System, state: State) -> Balance:
-    """Return the residual of a ``state`` at rest, whose multipliers are ``state.force``."""
-    found = coefficients(system, state)
+REST = Spin(np.zeros(3), np.zeros(3))
+
+
+def with_rates(state: State, spin: Spin = REST) -> State:
+    """Return the ``state`` with the velocities and accelerations of a ``spin``, and multipliers of
+    its own.
+    """
+    v = np.cross(spin.rate, state.x - spin.center)
+    v[-1] = 0.0
+    w = np.zeros_like(v)
+    for f in range(len(v) - 1):
+        w[f] = np.array(matrix(at(state.p, f))).T @ spin.rate
+    a = np.cross(spin.rate, v)
+    return state._replace(force=state.force.copy(), v=v, w=w, a=a, alpha=np.zeros_like(state.alpha))
+
+
+def balance(system: System, state: State, spin: Spin = REST) -> Balance:
+    """Return the residual of a ``state``, whose multipliers are ``state.force``, at rest or in the
+    rotation ``spin``.
+    """
+    state = with_rates(state, spin)
+    found = _rotating(coefficients(system, state), spin)
     start = prepared(system, state)
     violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
     by_size(evaluate.observe, moving_count(system.frames))(system, state, start, violation, rate)
@@ -111,15 +136,29 @@ def weighed(found: Coefficients, rows: np.ndarray, state: State, violation: np.n
     return Balance(found, rows, force, violation, relative, largest, size)
 
 
+def _rotating(found: Coefficients, spin: Spin) -> Coefficients:
+    """Return the coefficients with inertia among the forces, and with rates that follow places."""
+    from scipy.sparse import block_diag
+
+    if not spin.rate.any():
+        return found
+    rotated_by = skews(spin.rate[None])[0]
+    none = np.zeros((3, 3))
+    nodes = found.rotational.reshape(-1, 3)[:, 0]
+    rates = block_diag([none if rotates else rotated_by for rotates in nodes], format="csr")
+    by_place = found.by_place + found.by_rate @ rates - found.mass @ (rates @ rates)
+    force = found.force - found.mass @ found.acceleration
+    return found._replace(by_place=by_place.tocsr(), force=force)
+
+
 def newton(
     system: System, state: State, balance_of: BalanceOf | None = None, most: int = MOST_ITERATIONS
 ) -> Rest:
     """Return the equilibrium to which Newton's method leads from a ``state``, whose multipliers
     ``state.force`` are the first guess of the reactions; ``balance_of`` a state is by default that
-    of the ``system``.
+    of the ``system`` at rest.
     """
     evaluated = balance_of or (lambda now: balance(system, now))
-    state = at_rest(state)
     now, shift, found = evaluated(state), 0.0, Search()
     for _ in range(most):
         step, multipliers = solve(factorise(now, shift), -now.force, -now.violation)

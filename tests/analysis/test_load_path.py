@@ -6,7 +6,6 @@ import pytest
 from msahl.algebra.vector import IDENTITY, ZERO
 from msahl.analysis.load_path import Path
 from msahl.analysis.point import at_start
-from msahl.analysis.static_newton import newton
 from msahl.model import Bushing, ConcentratedLoad, Joint
 from msahl.start.velocities import StartError
 from tests.support.models import GROUND, body, build_model, deck
@@ -69,14 +68,6 @@ def test_a_column_buckles_at_its_critical_load(sides):
     # P = k / L = 3 N, of the 6 N of the deck; its arc length is found to 1e-10.
     assert critical.factor == pytest.approx(0.5, abs=2e-10)
     assert points[-1].unstable == sides
-
-
-def test_newton_finds_a_hanging_chain_from_a_level_one_in_few_iterations():
-    point = at_start(deck("long_chain"))
-    rest = newton(point.system, point.state)
-    assert rest.converged
-    assert rest.iterations <= 15
-    assert np.abs(rest.state.x[:-1, :2] - rest.state.x[0, :2]).max() <= 10.0 * ROUND_OFF
 
 
 def test_a_load_that_nothing_balances_is_an_error():
