@@ -1,5 +1,8 @@
 """Names of what the flat arrays hold: CSV columns, and rows of the equations for messages."""
 
+import numpy as np
+
+from msahl.elements.beams.shape import gauss_stations
 from msahl.elements.frames import first_multiplier
 from msahl.joints.coordinates import columns
 from msahl.joints.registry import KINDS
@@ -30,6 +33,10 @@ GROUP_COLUMNS = (
 )
 FORCE_COLUMNS = ("Fx", "Fy", "Fz")
 MOMENT_COLUMNS = ("Mx", "My", "Mz")
+BEAM_COLUMNS = (
+    *("stretch", "shear2", "shear3", "twist", "curvature2", "curvature3"),
+    *("n1", "n2", "n3", "m1", "m2", "m3"),
+)
 LOAD_COLUMN, FACTOR_COLUMN, POWER_COLUMN = "load", "factor", "power"
 ENERGY = "energy"
 """Value of a spring in the table of work."""
@@ -83,6 +90,17 @@ def reaction_columns(model: Model) -> list[str]:
 def joint_columns(joint: Joint) -> tuple[str, ...]:
     """What is shown of one joint's reaction."""
     return FORCE_COLUMNS + (MOMENT_COLUMNS if KINDS[joint.kind].moment else ())
+
+
+def beam_columns(model: Model) -> list[str]:
+    """Header of ``beams.csv``: of each Gauss point of each beam, named by its share of the arc
+    length as in ``Blade@0.25``, strains [-, 1/m] and stress resultants [N, N m].
+    """
+    found = ["time"]
+    for beam in model.beams:
+        for s in gauss_stations(beam.degree, np.array(beam.lengths)) / sum(beam.lengths):
+            found += [f"{beam.name}@{s:.6g}.{column}" for column in BEAM_COLUMNS]
+    return found
 
 
 def workers(model: Model) -> tuple[str, ...]:
