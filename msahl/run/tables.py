@@ -95,7 +95,7 @@ def tables_of_model(model: Model) -> dict[str, list[str]]:
     tables = {STATES: state_columns(model)}
     if model.joints or model.couplings or model.motions:
         tables[REACTIONS] = reaction_columns(model)
-    if workers(model):
+    if workers(model) or model.beams:
         tables[WORK] = work_columns(model)
     if model.simulation.accelerations == YES:
         tables[ACCELERATIONS] = acceleration_columns(model)
