@@ -14,7 +14,7 @@ from msahl.beams.lines import Arc, CentreLine, LineError, Spline, Straight, fram
 from msahl.beams.sections import RIGID, SIZES, Geometry, Material
 from msahl.check.beams import beam_findings, geometry_findings
 from msahl.check.context import INERTIAL
-from msahl.check.faults import number_findings
+from msahl.check.faults import LARGEST, number_findings
 from msahl.deck.faults import Element, attribute, text
 from msahl.deck.units import UNITS
 from msahl.deck.values import Reader
@@ -100,6 +100,9 @@ def _read_beam(element: Element, reader: Reader) -> BuiltBeam:
         _damping(tau, attribute(element, "theory", "timoshenko")),
     )
     nodes = tuple(_moving(node, frame) for node in nodes)
+    given = element.find("nodes")
+    if given is not None:
+        nodes = _deformed(nodes, given, reader)
     if not reader.faults.sound(element):
         return NOTHING
     reader.add(element, [*number_findings(beam), *beam_findings(beam, nodes)])
@@ -137,6 +140,33 @@ def _moving(node: RigidBody, frame: _Frame) -> RigidBody:
     R = np.array(matrix(node.orientation))
     v = R.T @ (frame.v + np.cross(frame.w, np.array(node.position) - frame.x))
     return replace(node, velocity=_vector(v), angular_velocity=_vector(R.T @ frame.w))
+
+
+def _deformed(
+    nodes: tuple[RigidBody, ...], given: Element, reader: Reader
+) -> tuple[RigidBody, ...]:
+    """Return the nodes where ``<nodes>`` has them, moving as that says."""
+    numbers = np.array([float(word) for word in text(given).split()])
+    if numbers.size != 12 * len(nodes):
+        message = f"it has {numbers.size} numbers, but {len(nodes)} nodes need 12 each"
+        reader.faults.add(given, f"{message}; correct the number of elements or of numbers")
+        return nodes
+    if not np.abs(numbers).max() <= LARGEST:
+        reader.faults.add(given, f"a number is too large; numbers go up to {LARGEST:g}")
+        return nodes
+    rows = numbers.reshape(-1, 4, 3)
+    moved = []
+    for node, (x, P, v, w) in zip(nodes, rows, strict=True):
+        moved.append(
+            replace(
+                node,
+                position=_vector(x),
+                orientation=_vector(P),
+                velocity=_vector(v),
+                angular_velocity=_vector(w),
+            )
+        )
+    return tuple(moved)
 
 
 def _vector(a: np.ndarray) -> Vector:

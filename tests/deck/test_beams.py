@@ -320,3 +320,18 @@ def test_decks_of_beams_are_sound(path):
     model = read_deck(path, thorough=True)
     assert model.beams
     assert check(model) == []
+
+
+def test_a_beam_may_begin_deformed(read, faults):
+    plain = read()
+    rows = [
+        (*b.position[:2], 0.01 * k, *b.orientation, 1.0, 2.0, 3.0, 0.1 * k, 0.0, 0.0)
+        for k, b in enumerate(plain.bodies)
+    ]
+    numbers = " ".join(str(number) for row in rows for number in row)
+    model = read(more=f"<nodes>{numbers}</nodes>")
+    assert model.beams == plain.beams  # the unstressed beam is the same
+    assert [body.position[2] for body in model.bodies] == [row[2] for row in rows]
+    assert model.bodies[3].velocity == (1.0, 2.0, 3.0)
+    assert model.bodies[3].angular_velocity == pytest.approx((0.3, 0.0, 0.0))
+    assert "13 nodes need 12 each" in faults(more="<nodes>1 2 3</nodes>")
