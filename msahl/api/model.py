@@ -81,6 +81,21 @@ class Model:
             records = self._deck.model(settings)
         return make_job(self._deck.source, records, checked_options(given), settings)
 
+    def kinematics(
+        self, step: float | None = None, t_final: float | None = None, every: int = 1
+    ) -> Result:
+        """Return the motion of a model whose prescribed motions leave no degrees of freedom, as
+        ``msahl kinematics`` computes it: without integrating, with accelerations and reactions.
+
+        ``step`` is the time between output times and ``t_final`` the end [s], of which every
+        ``every``-th is computed. Raises ``StartError`` if degrees of freedom remain. A motion that
+        cannot be followed to its end is returned up to there; its ``status`` says so.
+        """
+        from msahl.analysis.kinematics import options_of
+        from msahl.api.kinematics import kinematics_of
+
+        return kinematics_of(self.job(**options_of(step, t_final)), every)
+
     def linearize(
         self,
         inputs: Sequence[str] = (),
