@@ -1,7 +1,7 @@
 """Models: decks that were read, with other numbers where wanted, ready to be run."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from numbers import Integral, Real
 from os import PathLike
@@ -20,7 +20,10 @@ from msahl.run.options import OptionError, checked_options
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element as PlainElement
 
+    import pandas as pd
     from lxml.etree import _Element
+
+    from msahl.api.inverse import InverseResult
 
 Value = float | str
 """A number, in the unit that the deck has there, or a number with its unit, such as ``"80 cm"``."""
@@ -68,6 +71,24 @@ class Model:
         cannot complete returns the results up to there; its ``status`` says why it ended.
         """
         return run_job(self.job(**options))
+
+    def inverse(
+        self,
+        motion: "str | PathLike[str] | Result | pd.DataFrame | Mapping[str, Any]",
+        loads: Sequence[str] = (),
+        weights: Mapping[str, float] | None = None,
+        smooth: float = 0.0,
+        companion: "str | PathLike[str] | Result | pd.DataFrame | Mapping[str, Any] | None" = None,
+    ) -> "InverseResult":
+        """Return the loads of actuators that produce a ``motion``: a result, a table, or the path of a
+        table or of a run's folder.
+
+        The arguments are the options of ``msahl inverse``. Raises ``InverseError``, a
+        ``ValueError``, if they are wrong or leave degrees of freedom undetermined.
+        """
+        from msahl.api.inverse import loads_of
+
+        return loads_of(self.job(), motion, loads, weights, smooth, companion)
 
     def job(self, **options: Unpack[RunOptions]) -> Job:
         """Return what ``run`` would run, checked; raises ``OptionError`` as ``run`` does."""
