@@ -36,8 +36,8 @@ NEIGHBOURS = 3
 """Rows to each side whose largest difference is the error bar: differences pass through zero."""
 SAFETY = 2.0
 """Factor of the error bar: repetitions differ by about the error, and sometimes by less."""
-LONG = 200
-"""Rows of a table for which compiled functions are used."""
+LONG = 600
+"""Rows of a table times bodies for which compiled functions are used."""
 SAME_TIME = 1e-9
 """Difference of two times that are one, over the last time."""
 SHARED = 1e-6
@@ -94,7 +94,9 @@ def inverse(
     """
     driven, drives = with_drives(model, loads)
     point = at_start(driven)
-    call = (lambda kernel, *given: compiled_once(kernel)(*given)) if _is_long(motion) else None
+    call = (
+        (lambda kernel, *given: compiled_once(kernel)(*given)) if _is_long(model, motion) else None
+    )
     follower = Follower(
         new_equations(point.system, point.state, call),
         Measures(driven, point.system, motion.tracks),
@@ -126,9 +128,9 @@ def compared(solution: Solution, other: Solution) -> Solution:
     return replace(solution, rows=rows, companion=other.motion.source)
 
 
-def _is_long(motion: GivenMotion) -> bool:
+def _is_long(model: Model, motion: GivenMotion) -> bool:
     """Return whether compiled functions save more time than it takes to load them."""
-    return motion.time.size >= LONG
+    return motion.time.size * len(model.bodies) >= LONG
 
 
 def _weights(drives: Sequence[Drive], weights: Mapping[str, float]) -> np.ndarray:

@@ -8,7 +8,6 @@ velocities and accelerations only. N and G^+ are weighted by mass, so that they 
 forces as well: N^T M N = 1.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -29,10 +28,12 @@ SMALL = 1e-13
 """Correction, over the size of the model, that is round-off."""
 SLOW = 1e-11
 """Likewise of one that does not become smaller any more."""
+NEAR = 0.1
+"""First correction, over the size of the model, that is too large for matrices of another time."""
 CLOSED = 1e-10
 """Constraint violation, over the size of the model, that may remain."""
 DETERMINED = 1e-8
-"""Singular value, over the largest, of a motion that the table determines."""
+"""Singular value of H N, over the sizes of both, of a motion that the table determines."""
 MOST_NAMED = 8
 """Bodies that a message names."""
 
@@ -51,12 +52,21 @@ class Frame(NamedTuple):
     bodies: Bodies
 
 
-@dataclass(frozen=True)
+class Chord(NamedTuple):
+    """Matrices of a configuration nearby, by which positions are corrected."""
+
+    N: np.ndarray  # (n, d) null space of the constraints between positions
+    inverse: np.ndarray  # (n, c)
+    H: np.ndarray  # (y, n)
+    fit: np.ndarray  # (d, y) pseudoinverse of H N
+
+
 class Follower:
     """Follows the motion of ``measures`` with the constraint ``equations`` of a system."""
 
-    equations: Equations
-    measures: Measures
+    def __init__(self, equations: Equations, measures: Measures) -> None:
+        self.equations, self.measures = equations, measures
+        self.chord: Chord | None = None
 
     def frame(self, state: State) -> Frame:
         """Evaluate constraints and given coordinates at a ``state``."""
@@ -64,7 +74,10 @@ class Follower:
         L = np.linalg.cholesky(M)
         G, bodies = jacobian(self.equations, state), self.measures.bodies(state)
         N, inverse = _weighted(G, L)
-        return Frame(M, L, G, N, inverse, self.measures.jacobian(bodies), bodies)
+        H = self.measures.jacobian(bodies)
+        if self.equations.holonomic.all():
+            self.chord = self._chord(N, inverse, H, float(state.time[0]))
+        return Frame(M, L, G, N, inverse, H, bodies)
 
     def mass(self, state: State) -> np.ndarray:
         """(n, n) mass matrix of displacements and rotations times lengths [kg]."""
@@ -82,15 +95,23 @@ class Follower:
     def settle(self, state: State, given: np.ndarray, time: float) -> np.ndarray:
         """Change the positions of ``state`` to those of the ``given`` values at ``time`` [s];
         return what remains of these (y,) [m]. Raises ``InverseError``.
+
+        The matrices of the configuration before serve as long as they halve the corrections.
         """
         of, last = self.equations, np.inf
         state.time[0] = time
         for _ in range(MOST_ITERATIONS):
-            z = self._correction(state, given, time)
+            chord = self.chord or self._renew(state)
+            violation = violations(of, state)[0][of.holonomic]
+            difference = self.measures.difference(self.measures.bodies(state), given)
+            closing = -chord.inverse @ violation
+            z = self._limited(closing + chord.N @ (chord.fit @ (difference - chord.H @ closing)))
             size = float(np.linalg.norm(z)) / of.size
             displace(of, state, z)
             if size <= SMALL or (size <= SLOW and size >= 0.5 * last):
                 break
+            if size > 0.5 * last or (last == np.inf and size > NEAR):
+                self.chord = None
             last = size
         violation = violations(of, state)[0][of.holonomic]
         left = float(np.abs(violation).max(initial=0.0))
@@ -101,39 +122,41 @@ class Follower:
             )
         return self.measures.difference(self.measures.bodies(state), given)
 
-    def _correction(self, state: State, given: np.ndarray, time: float) -> np.ndarray:
-        """(n,) the step towards closed joints and given values."""
-        of, measures = self.equations, self.measures
-        violation = violations(of, state)[0][of.holonomic]
-        G = jacobian(of, state)[of.holonomic]
-        bodies = measures.bodies(state)
-        N, inverse = null_space(G)
-        H = measures.jacobian(bodies)
-        self.require_determined(H @ N, N, time)
-        closing = -inverse @ violation
-        wanted = measures.difference(bodies, given) - H @ closing
-        step = closing + N @ np.linalg.lstsq(H @ N, wanted, rcond=None)[0]
-        # Newton's method is not to rotate a body further than its linear equations hold.
+    def _renew(self, state: State) -> Chord:
+        """Return the matrices of the present configuration."""
+        bodies = self.measures.bodies(state)
+        G = jacobian(self.equations, state)[self.equations.holonomic]
+        found = self._chord(*null_space(G), self.measures.jacobian(bodies), float(state.time[0]))
+        self.chord = found
+        return found
+
+    def _chord(self, N: np.ndarray, inverse: np.ndarray, H: np.ndarray, time: float) -> Chord:
+        """Return the matrices for corrections; raises ``InverseError`` if motions in ``N`` (n, d)
+        change none of the given values.
+        """
+        left, values, right = np.linalg.svd(H @ N, full_matrices=False)
+        size = np.linalg.norm(H, axis=1).max() * np.linalg.norm(N, axis=0).max(initial=0.0)
+        rank = int(np.count_nonzero(values > DETERMINED * size))
+        if rank < N.shape[1]:
+            self._refuse(H @ N, N, rank, time)
+        return Chord(N, inverse, H, (right.T / values) @ left.T)
+
+    def _limited(self, step: np.ndarray) -> np.ndarray:
+        """The step (n,), so short that no body rotates further than linear equations reach."""
         largest = float(np.abs(step).max(initial=0.0)) / (0.5 * self._shortest())
-        return np.asarray(step / largest if largest > 1.0 else step)
+        return step / largest if largest > 1.0 else step
 
     def _shortest(self) -> float:
         return float(self.equations.system.frames.length[:-1].min(initial=np.inf))
 
-    def require_determined(self, HN: np.ndarray, N: np.ndarray, time: float) -> None:
-        """Raise ``InverseError`` if motions in ``N`` (n, d) change none of the given values."""
-        if not N.shape[1]:
-            return
-        _, values, right = np.linalg.svd(HN)
-        rank = int(np.count_nonzero(values > DETERMINED * values.max(initial=0.0)))
-        left = N.shape[1] - rank
-        if not left:
-            return
-        free = N @ right[rank:].T
-        names = self.moving_bodies(free)
+    def _refuse(self, HN: np.ndarray, N: np.ndarray, rank: int, time: float) -> None:
+        """Raise ``InverseError``: the given values determine ``rank`` of the motions in ``N``."""
+        free = N @ np.linalg.svd(HN)[2][rank:].T
+        number = N.shape[1]
         raise InverseError(
-            f"at {time:.9g} s, of {N.shape[1]} degrees of freedom {left} are not determined by the "
-            f"given coordinates, in the motion of {', '.join(names)}; give more coordinates"
+            f"at {time:.9g} s, {number - rank} of {number} degrees of freedom are not determined "
+            f"by the given coordinates, in the motion of {', '.join(self.moving_bodies(free))}; "
+            "give more coordinates"
         )
 
     def moving_bodies(self, free: np.ndarray) -> list[str]:

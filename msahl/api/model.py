@@ -80,8 +80,8 @@ class Model:
         smooth: float = 0.0,
         companion: "str | PathLike[str] | Result | pd.DataFrame | Mapping[str, Any] | None" = None,
     ) -> "InverseResult":
-        """Return the loads of actuators that produce a ``motion``: a result, a table, or the path of a
-        table or of a run's folder.
+        """Return the loads of actuators that produce a ``motion``: a result, a table, or the path
+        of a table or of a run's folder.
 
         The arguments are the options of ``msahl inverse``. Raises ``InverseError``, a
         ``ValueError``, if they are wrong or leave degrees of freedom undetermined.
