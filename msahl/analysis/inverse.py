@@ -16,8 +16,8 @@ import numpy as np
 
 from msahl.analysis.configuration import copied, new_equations, predict
 from msahl.analysis.inverse_drives import Drive, InverseError, results_of, with_drives
+from msahl.analysis.inverse_given import Measures
 from msahl.analysis.inverse_loads import Drives, Loads
-from msahl.analysis.inverse_measures import Measures
 from msahl.analysis.inverse_motion import Follower, Frame
 from msahl.analysis.inverse_splines import Smooth, derived
 from msahl.analysis.inverse_states import advance

@@ -15,6 +15,7 @@ no vector of the null space of (G^T B) has one. f contains all forces of the mod
 gravity, inertia's gyroscopic moments, springs, friction, which depends on lam, and expressions.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -30,7 +31,8 @@ from msahl.system import evaluate
 from msahl.system.arrays import State, node_count
 
 INDEPENDENT = 1e-9
-"""Singular value of N^T B, over the largest, below which loads depend on each other."""
+"""Singular value of N^T B W^-1, over the sizes of both, below which loads do not act, or depend on
+each other."""
 
 
 class Loads(NamedTuple):
@@ -103,14 +105,24 @@ class Drives:
 
     def _balance(self, frame: Frame, B: np.ndarray, needed: np.ndarray) -> Loads:
         """Solve (1) for the force ``needed`` (n,)."""
-        A, r = (frame.N.T @ B) / self.weights, frame.N.T @ needed
-        left, values, right = np.linalg.svd(A)
-        rank = int(np.count_nonzero(values > INDEPENDENT * values.max(initial=0.0)))
+        r = frame.N.T @ needed
+        A, left, values, right, rank = self._decomposed(frame, B)
         u = right[:rank].T @ ((left[:, :rank].T @ r) / values[:rank])
         shared = np.linalg.norm(right[rank:], axis=0)
         rho = r - A @ u
         zero = np.zeros_like(u)
         return Loads(u / self.weights, zero, rank, shared, frame.M @ frame.N @ rho, 0.0)
+
+    def _decomposed(
+        self, frame: Frame, B: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, int]:
+        """Return N^T B W^-1, its singular vectors and values, and its rank."""
+        weighted = B / self.weights
+        A = frame.N.T @ weighted
+        left, values, right = np.linalg.svd(A)
+        largest = (np.linalg.norm(part, axis=0).max(initial=0.0) for part in (frame.N, weighted))
+        rank = int(np.count_nonzero(values > INDEPENDENT * math.prod(largest)))
+        return A, left, values, right, rank
 
     def _set_reactions(self, state: State, frame: Frame, carried: np.ndarray) -> None:
         """Set multipliers and reactions by the force (n,) that the constraints carry."""
@@ -124,8 +136,7 @@ class Drives:
     def undriven(self, state: State, frame: Frame) -> np.ndarray:
         """(n, m) motions that no drive can influence in the configuration."""
         self._rows(state)
-        left, values, _ = np.linalg.svd(frame.N.T @ self.unit_forces())
-        rank = int(np.count_nonzero(values > INDEPENDENT * values.max(initial=0.0)))
+        _, left, _, _, rank = self._decomposed(frame, self.unit_forces())
         return frame.N @ left[:, rank:]
 
     def non_unique(self, state: State, frame: Frame) -> dict[int, list[str]]:
@@ -135,8 +146,7 @@ class Drives:
         of = self.follower.equations
         self._rows(state)
         B = self.unit_forces()
-        _, values, right = np.linalg.svd((frame.N.T @ B) / self.weights)
-        rank = int(np.count_nonzero(values > INDEPENDENT * values.max(initial=0.0)))
+        _, _, _, right, rank = self._decomposed(frame, B)
         vectors = []
         for sharing in right[rank:]:
             load = B @ (sharing / self.weights)

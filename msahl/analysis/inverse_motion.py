@@ -17,7 +17,7 @@ from msahl.algebra.vector import at
 from msahl.analysis.configuration import Equations, displace, jacobian, violations
 from msahl.analysis.configuration import _by_frames as by_frames
 from msahl.analysis.inverse_drives import InverseError
-from msahl.analysis.inverse_measures import Bodies, Measures
+from msahl.analysis.inverse_given import Bodies, Measures
 from msahl.analysis.reduced import null_space
 from msahl.elements.frames import moving_count
 from msahl.system import evaluate

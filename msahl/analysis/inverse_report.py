@@ -141,11 +141,11 @@ def _unique(solution: Solution) -> Iterator[Finding]:
         return
     shared = [d.name for d, own in zip(solution.drives, solution.unique, strict=True) if not own]
     more = len(solution.drives) - solution.rank
-    weighted = ", weighted" if np.any(solution.weights != 1.0) else ""
+    weighted = " times their weights" if np.any(solution.weights != 1.0) else ""
     text = (
         f"the loads of {', '.join(shared[:MOST_NAMED])} are not unique: {more} more "
-        f"drive{'s' if more > 1 else ''} than needed; of all loads that produce the motion, those "
-        f"with the least sum of squares{weighted} [N, N m] are given"
+        f"drive{'s' if more > 1 else ''} than needed; of all loads that produce the motion these "
+        f"have the least sum of squares{weighted} [N, N m]"
     )
     yield Finding("uniqueLoads", PASS, text)
 

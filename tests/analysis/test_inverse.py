@@ -6,7 +6,7 @@ import pytest
 import msahl
 from msahl.analysis.inverse import inverse
 from msahl.analysis.inverse_drives import InverseError
-from msahl.analysis.inverse_measures import Measures
+from msahl.analysis.inverse_given import Measures
 from msahl.analysis.inverse_report import verdict
 from msahl.analysis.inverse_splines import derived
 from msahl.analysis.inverse_table import Track, motion_of_table, product, spins
