@@ -27,9 +27,8 @@ MISSING_FAIL = 0.01
 MISFIT, MISFIT_FAIL = 1e-6, 0.01
 """Misfit of given values, over the size of the model, that warns, and fails."""
 ERROR, ERROR_FAIL = 0.01, 0.3
-"""Error bar, over the largest of all loads of the same unit, that warns, and fails."""
-SMALL = 1e-5
-"""Error bar, over the largest force of the balance, that passes in any case."""
+"""Error bar that warns, and fails, over the largest load of the same unit or, if that is larger,
+the largest force of the balance, for torques times the size of the model."""
 MOST_NAMED = 8
 
 
@@ -190,17 +189,17 @@ def _errors(solution: Solution) -> Iterator[Finding]:
         unit = solution.drives[chosen[0]].unit
         error = solution.rows.error[:, chosen].max(axis=1)
         load = float(np.abs(solution.rows.loads[:, chosen]).max())
-        at, share = int(np.argmax(error)), float(error.max() / load) if load else 0.0
+        # Loads that are differences of larger forces are as accurate as these.
+        force = float(solution.rows.largest.max()) * (_size(solution) if rotates else 1.0)
+        at, scale = int(np.argmax(error)), max(load, force)
+        share = float(error[at]) / scale if scale else 0.0
+        by = "the largest load" if load >= force else "the largest force of the balance"
         within = solution.companion and f" and with the table {solution.companion}"
         text = (
-            f"error bars at most {error[at]:.1e} {unit} ({share:.1e} of the largest load), at "
+            f"error bars at most {error[at]:.1e} {unit} ({share:.1e} of {by}), at "
             f"{solution.motion.time[at]:.4g} s; by other splines{within or ''}"
         )
-        # Loads that are zero but for errors are judged by the forces whose difference they are.
-        small = error[at] <= SMALL * solution.rows.largest.max() * (
-            _size(solution) if rotates else 1
-        )
-        word = PASS if small or share <= ERROR else WARN if share <= ERROR_FAIL else FAIL
+        word = PASS if share <= ERROR else WARN if share <= ERROR_FAIL else FAIL
         if word != PASS:
             text += "; give rates, more rows, or --smooth if the table is noisy"
         yield Finding("errorMoments" if rotates else "errorForces", word, text)

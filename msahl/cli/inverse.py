@@ -1,7 +1,9 @@
 """The command ``msahl inverse``: the loads that produce a given motion."""
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -12,6 +14,10 @@ from msahl.cli.options import DECK, NumberType, output_option, set_option
 from msahl.printable import printable, shown_path
 from msahl.terminal import echo
 
+if TYPE_CHECKING:
+    from msahl.api.inverse import InverseResult
+
+FAIL = "FAIL"
 TABLE = click.Path(path_type=Path)
 
 
@@ -61,13 +67,10 @@ TABLE = click.Path(path_type=Path)
 def inverse(
     deck: Path,
     motion: Path,
-    loads: tuple[str, ...],
-    weights: tuple[str, ...],
-    smooth: float | None,
-    companion: Path | None,
     output: Path | None,
     settings: tuple[str, ...],
     quiet: bool,
+    **wanted: Any,
 ) -> None:
     """Compute the loads of drives that produce a given motion of the model of DECK.
 
@@ -78,38 +81,52 @@ def inverse(
 
     Example: msahl inverse decks/machines/robot.xml --motion results/robot
     """
-    job = job_of(deck, {}, settings)
-    from msahl.analysis.inverse_drives import InverseError
-    from msahl.api.inverse import loads_of
-    from msahl.deck import DeckError
-    from msahl.jit.progress import CompileError
-    from msahl.results.folder import FolderError
-    from msahl.results.info import ResultError
-    from msahl.results.lock import FolderInUseError
-    from msahl.start.velocities import StartError
-
-    _require_other_folder(output, motion, companion)
-    names = [name.strip() for text in loads for name in text.split(",") if name.strip()]
-    try:
-        with announced(not quiet):
-            result = loads_of(job, motion, names, _weights(weights), smooth or 0.0, companion)
-    except (InverseError, StartError, ResultError, DeckError, CompileError) as error:
-        stop(f"{shown_path(deck)}: {printable(str(error))}")
+    _require_other_folder(output, motion, wanted["companion"])
+    result = _result(deck, settings, motion, quiet, wanted)
     if not quiet:
         echo("\n".join(printable(line) for line in result.lines))
     elif result.reasons:
         say("\n".join(printable(reason) for reason in result.reasons))
     if output is not None:
-        try:
-            output.mkdir(parents=True, exist_ok=True)
-            result.write(output)
-        except (FolderError, FolderInUseError) as error:
-            stop(printable(str(error)))
-        except OSError as error:
-            say(f"{shown_path(error.filename or output)}: {error.strerror or error}")
-            sys.exit(NOT_WRITTEN)
-    if result.verdict == "FAIL":
+        _write(output, result)
+    if result.verdict == FAIL:
         sys.exit(BAD_VERDICT)
+
+
+def _result(
+    deck: Path, settings: tuple[str, ...], motion: Path, quiet: bool, wanted: Mapping[str, Any]
+) -> "InverseResult":
+    """Return the loads; faults end the program."""
+    job = job_of(deck, {}, settings)
+    from msahl.analysis.inverse_drives import InverseError
+    from msahl.api.inverse import loads_of
+    from msahl.deck import DeckError
+    from msahl.jit.progress import CompileError
+    from msahl.results.info import ResultError
+    from msahl.start.velocities import StartError
+
+    names = [name.strip() for text in wanted["loads"] for name in text.split(",") if name.strip()]
+    weights, noise = _weights(wanted["weights"]), wanted["smooth"] or 0.0
+    try:
+        with announced(not quiet):
+            return loads_of(job, motion, names, weights, noise, wanted["companion"])
+    except (InverseError, StartError, ResultError, DeckError, CompileError) as error:
+        stop(f"{shown_path(deck)}: {printable(str(error))}")
+
+
+def _write(folder: Path, result: "InverseResult") -> None:
+    """Write the tables into the ``folder``; faults end the program."""
+    from msahl.results.folder import FolderError
+    from msahl.results.lock import FolderInUseError
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        result.write(folder)
+    except (FolderError, FolderInUseError) as error:
+        stop(printable(str(error)))
+    except OSError as error:
+        say(f"{shown_path(error.filename or folder)}: {error.strerror or error}")
+        sys.exit(NOT_WRITTEN)
 
 
 def _weights(texts: tuple[str, ...]) -> dict[str, float]:

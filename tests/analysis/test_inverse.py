@@ -58,7 +58,7 @@ def test_loads_of_a_four_bar_at_the_order_of_gauss():
     assert 3.5 < np.log2(coarse / fine) < 7.0
 
 
-# What is left of the ends' errors falls exponentially with the number of rows between, so orders
+# What is left of the ends' errors falls exponentially with their number, so orders
 # of accurate schemes come out larger.
 @pytest.mark.slow
 @pytest.mark.parametrize(
