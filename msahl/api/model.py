@@ -20,9 +20,11 @@ from msahl.run.options import OptionError, checked_options
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element as PlainElement
 
+    import pandas as pd
     from lxml.etree import _Element
 
     from msahl.analysis.linear_model import LinearModel
+    from msahl.api.inverse import InverseResult
     from msahl.api.modes import Modes, ModesOver
 
 Value = float | str
@@ -71,6 +73,24 @@ class Model:
         cannot complete returns the results up to there; its ``status`` says why it ended.
         """
         return run_job(self.job(**options))
+
+    def inverse(
+        self,
+        motion: "str | PathLike[str] | Result | pd.DataFrame | Mapping[str, Any]",
+        loads: Sequence[str] = (),
+        weights: Mapping[str, float] | None = None,
+        smooth: float = 0.0,
+        companion: "str | PathLike[str] | Result | pd.DataFrame | Mapping[str, Any] | None" = None,
+    ) -> "InverseResult":
+        """Return the loads of actuators that produce a ``motion``: a result, a table, or the path
+        of a table or of a run's folder.
+
+        The arguments are the options of ``msahl inverse``. Raises ``InverseError``, a
+        ``ValueError``, if they are wrong or leave degrees of freedom undetermined.
+        """
+        from msahl.api.inverse import loads_of
+
+        return loads_of(self.job(), motion, loads, weights, smooth, companion)
 
     def job(self, **options: Unpack[RunOptions]) -> Job:
         """Return what ``run`` would run, checked; raises ``OptionError`` as ``run`` does."""
