@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from msahl.api.batch import BatchError, batch
+    from msahl.api.gradients import GradientError, Gradients
     from msahl.api.model import Model, load
     from msahl.api.result import Result, read
     from msahl.deck import DeckError
@@ -21,6 +22,8 @@ __version__ = "0.1.0"
 __all__ = [
     "BatchError",
     "DeckError",
+    "GradientError",
+    "Gradients",
     "Model",
     "OptionError",
     "Result",
@@ -34,6 +37,8 @@ __all__ = [
 _PLACES = {
     "BatchError": "msahl.api.batch",
     "DeckError": "msahl.deck",
+    "GradientError": "msahl.api.gradients",
+    "Gradients": "msahl.api.gradients",
     "Model": "msahl.api.model",
     "OptionError": "msahl.run.options",
     "Result": "msahl.api.result",

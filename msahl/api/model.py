@@ -1,7 +1,7 @@
 """Models: decks that were read, with other numbers where wanted, ready to be run."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from numbers import Integral, Real
 from os import PathLike
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element as PlainElement
 
     from lxml.etree import _Element
+
+    from msahl.api.gradients import Gradients
 
 Value = float | str
 """A number, in the unit that the deck has there, or a number with its unit, such as ``"80 cm"``."""
@@ -60,14 +62,43 @@ class Model:
         """
         return Model(self._deck, {**self.changes, **changes})
 
-    def run(self, **options: Unpack[RunOptions]) -> Result:
+    def run(
+        self,
+        *,
+        gradient: str | Sequence[str] = (),
+        wrt: str | Sequence[str] = (),
+        **options: Unpack[RunOptions],
+    ) -> Result:
         """Run the model and return its results, which are kept in memory.
 
         The ``options`` are those of ``msahl run``. Raises ``OptionError``, a ``ValueError``, if
         they are wrong, ``StartError`` if the model has no consistent state at t = 0. A run that
         cannot complete returns the results up to there; its ``status`` says why it ended.
+
+        With measures in ``gradient``, such as ``"Tip.z final"``, and names of numbers in ``wrt``,
+        the ``gradient`` of the results holds the derivatives of the former by the latter; raises
+        ``GradientError``, a ``ValueError``, if there are none.
         """
-        return run_job(self.job(**options))
+        if not gradient and not wrt:
+            return run_job(self.job(**options))
+        from msahl.api.gradients import run_with_gradients
+
+        return run_with_gradients(self.job(**options), gradient, wrt)
+
+    def gradient(
+        self,
+        measures: str | Sequence[str],
+        wrt: str | Sequence[str],
+        **options: Unpack[RunOptions],
+    ) -> "Gradients":
+        """Run the model and return the derivatives of ``measures``, such as ``"Tip.z final"``, by
+        numbers of the deck, named as in ``with_``, with their errors.
+
+        Raises ``GradientError``, a ``ValueError``, if there are none, and what ``run`` raises.
+        """
+        found = self.run(gradient=measures, wrt=wrt, **options).gradient
+        assert found is not None
+        return found
 
     def job(self, **options: Unpack[RunOptions]) -> Job:
         """Return what ``run`` would run, checked; raises ``OptionError`` as ``run`` does."""

@@ -194,3 +194,32 @@ def _unknown(root: Element, path: str) -> str:
         return f"the deck has no such number or parameter{near}"
     first = path.partition(".")[0]
     return f"the deck has no element or parameter '{first}'{nearest(first, [*parameters, *heads])}"
+
+
+class FoundNumber(NamedTuple):
+    """A number of an expanded deck: where it is, its value, and its unit ("" of a plain number)."""
+
+    path: str
+    value: float
+    units: str
+
+
+def find_number(root: Element, path: str) -> FoundNumber:
+    """Return the number of an expanded deck that ``path`` names, as ``--set`` names it.
+
+    Raises ``LookupError`` with what there is instead.
+    """
+    for parameter in root.iterfind("parameters/parameter"):
+        if attribute(parameter, "name") == path:
+            units = attribute(parameter, "units")
+            return FoundNumber(path, float(parameter.text or ""), "" if units == "1" else units)
+    found = list(_found(root, path))
+    if not found:
+        raise LookupError(_unknown(root, path))
+    if len(found) > 1:
+        shown = ", ".join(map(str, found[:MOST_LISTED]))
+        raise LookupError(f"there are {len(found)} such numbers: {shown}; name one of them")
+    place = found[0]
+    value = place.element.get(place.attribute) if place.attribute else place.element.text
+    units = "" if place.attribute else attribute(place.element, "units")
+    return FoundNumber(str(place), float(value or ""), units)
