@@ -83,7 +83,6 @@ TERMS = (
         r"(hold|holds|held) (at|up to)|method holds?|runs? (hold|holds)|that hold|hold with",
         "stable, completes",
     ),
-    Term(r"stations?", "at the output time, instantaneous"),
     Term(r"(leaves?|leaving|left) (\w+ )?out", "omits; default; model reductions"),
     Term(r"islands?", "independent subsystems"),
     Term(
@@ -135,9 +134,7 @@ EXCEPTIONS = (
         r'^    "\w+": "\w+",$',
         "old names in decks, which messages answer with the new ones",
     ),
-    Allowance(
-        "tests/deck/test_faults.py", r"called|turn=|<gap>|drive>|station", "the test of these"
-    ),
+    Allowance("tests/deck/test_faults.py", r"called|turn=|<gap>|drive>", "the test of these"),
     Allowance("tests/test_documentation.py", "", "the test of the list"),
     Allowance("*", r"--watch\b", "the option's name in other programs"),
     Allowance("msahl/post/web/*.css", r"\b(gap|box-shadow): ", "a property of CSS"),

@@ -38,22 +38,28 @@ class Eigenvalues(NamedTuple):
     error: np.ndarray  # (m,) change of the eigenvalue by round-off of the matrix [1/s]
     zeros: int
     null: int  # dimension of the null space: eigenvectors of the eigenvalue zero
+    stages: tuple[int, ...]  # dimensions of the null spaces that were taken out in turn
 
 
-def eigenvalues(A: np.ndarray) -> Eigenvalues:
-    """Return all eigenvalues of ``A`` (n, n)."""
+def eigenvalues(A: np.ndarray, stages: tuple[int, ...] | None = None) -> Eigenvalues:
+    """Return all eigenvalues of ``A`` (n, n).
+
+    With the ``stages`` of a matrix nearby so many are zero as there: what passes through zero then
+    keeps its value, where by rank it would count as zero.
+    """
     from scipy.linalg import eig, matrix_balance
 
     n = len(A)
     if not n:
         none = np.zeros(0)
-        return Eigenvalues(none.astype(complex), np.zeros((0, 0)), none, none, zeros=0, null=0)
+        return Eigenvalues(none.astype(complex), np.zeros((0, 0)), none, none, 0, 0, ())
     if _is_conservative(A):
-        return _vibrations(A[n // 2 :, : n // 2])
+        return _vibrations(A[n // 2 :, : n // 2], stages)
     # Balancing would scale round-off of zeros to the size of the others.
     A = np.where(np.abs(A) > NOTHING * np.abs(A).max(initial=0.0), A, 0.0)
     balanced, (scaling, _) = matrix_balance(A, permute=False, separate=True)
-    basis, zeros, null = _deflate(balanced)
+    basis, taken = _deflate(balanced, stages)
+    zeros = sum(taken)
     rest = basis[:, zeros:].T @ balanced @ basis[:, zeros:]
     value, left, right = eig(rest, left=True)
     condition = 1.0 / np.maximum(np.abs(np.einsum("im,im->m", left.conj(), right)), 1e-300)
@@ -68,7 +74,8 @@ def eigenvalues(A: np.ndarray) -> Eigenvalues:
         condition=np.concatenate([np.full(zeros, np.nan), condition[order]]),
         error=np.concatenate([np.zeros(zeros), error[order]]),
         zeros=zeros,
-        null=null,
+        null=taken[0] if taken else 0,
+        stages=taken,
     )
 
 
@@ -83,7 +90,7 @@ def _is_conservative(A: np.ndarray) -> bool:
     return bool(np.abs(K - K.T).max() <= SYMMETRIC * np.abs(K).max(initial=0.0))
 
 
-def _vibrations(K: np.ndarray) -> Eigenvalues:
+def _vibrations(K: np.ndarray, stages: tuple[int, ...] | None) -> Eigenvalues:
     """Return the eigenvalues +-sqrt(mu) of [[0, 1], [K, 0]], mu those of the symmetric ``K``."""
     d = len(K)
     mu, vectors = np.linalg.eigh(0.5 * (K + K.T))
@@ -91,9 +98,12 @@ def _vibrations(K: np.ndarray) -> Eigenvalues:
     order = np.argsort(np.abs(mu), kind="stable")
     mu, vectors = mu[order], vectors[:, order]
     null = int(np.count_nonzero(np.abs(mu) <= ZERO * np.sqrt(d) * np.abs(mu).max(initial=0.0)))
+    if stages is not None:
+        null = sum(stages) // 2
     rest, moving = np.sqrt(mu[null:].astype(complex)), vectors[:, null:]
     still, zero = vectors[:, :null], np.zeros((d, null))
     value = np.stack([rest, -rest], axis=1).reshape(-1)
+    error = 0.5 * size / np.maximum(np.abs(value), size**0.5 or 1.0)
     shape = np.repeat(moving, 2, axis=1)
     vector = np.concatenate([shape, shape * value])
     rigid = np.concatenate([np.concatenate([still, zero]), np.concatenate([zero, still])], axis=1)
@@ -101,29 +111,33 @@ def _vibrations(K: np.ndarray) -> Eigenvalues:
         value=np.concatenate([np.zeros(2 * null), value]),
         vector=np.concatenate([rigid, vector], axis=1).astype(complex),
         condition=np.concatenate([np.full(2 * null, np.nan), np.ones(value.size)]),
-        error=np.concatenate([np.zeros(2 * null), 0.5 * size / np.abs(value)]),
+        error=np.concatenate([np.zeros(2 * null), error]),
         zeros=2 * null,
         null=null,
+        stages=(null, null) if null else (),
     )
 
 
-def _deflate(A: np.ndarray) -> tuple[np.ndarray, int, int]:
+def _deflate(A: np.ndarray, stages: tuple[int, ...] | None) -> tuple[np.ndarray, tuple[int, ...]]:
     """(n, n) orthonormal basis whose first columns span the invariant subspace of the eigenvalue
-    zero, their number, and how many of them are eigenvectors.
+    zero, and how many of them each stage takes out, by rank unless ``stages`` are given; the first
+    are eigenvectors.
     """
-    n, zeros, null = len(A), 0, 0
+    n, zeros, taken = len(A), 0, list[int]()
     basis, rest = np.eye(n), A
     largest = np.linalg.norm(A, 2)
-    while zeros < n:
+    while zeros < n and (stages is None or len(taken) < len(stages)):
         _, values, right = np.linalg.svd(rest)
         nulls = int(np.count_nonzero(values <= ZERO * np.sqrt(n) * largest))
+        nulls = nulls if stages is None else stages[len(taken)]
         if not nulls:
             break
         rotated = np.concatenate([right[len(right) - nulls :], right[: len(right) - nulls]]).T
         basis[:, zeros:] = basis[:, zeros:] @ rotated
-        zeros, null = zeros + nulls, null or nulls
+        zeros = zeros + nulls
+        taken.append(nulls)
         rest = basis[:, zeros:].T @ A @ basis[:, zeros:]
-    return basis, zeros, null
+    return basis, tuple(taken)
 
 
 def _complete_vectors(

@@ -54,6 +54,7 @@ class Modes(NamedTuple):
     degrees_of_freedom: int
     redundant: int
     warnings: list[str]
+    stages: tuple[int, ...] = ()  # see ``Eigenvalues``
 
     @property
     def frequency(self) -> np.ndarray:
@@ -69,18 +70,29 @@ class Modes(NamedTuple):
 
 
 def modes(
-    point: Point, number: int | None = None, frequency: float = 0.0, method: str = AUTO
+    point: Point,
+    number: int | None = None,
+    frequency: float = 0.0,
+    method: str = AUTO,
+    nearby: Modes | None = None,
 ) -> Modes:
     """Return the modes at a ``point``: zeros and the ``number`` nearest to a ``frequency`` [Hz], by
     default all of a small model. Raises ``StartError`` if a large model has too many zeros.
+
+    With modes ``nearby``, those of nearly the same model, so many eigenvalues are zero as there
+    (dense matrices only), and the motion is as steady as there.
     """
     found = coefficients(point.system, point.state)
-    state = equilibrium(point, found)
+    if nearby is not None and not nearby.equilibrium.axes.any():
+        state = nearby.equilibrium
+    else:
+        state = equilibrium(point, found)
     if method == SPARSE or (method == AUTO and found.coordinate.size > LARGEST_DENSE):
         of = pencil(found, state.axes)
         if is_worthwhile(of, number or FEW):
             return _sparse(point, found, state, of, (number or FEW, frequency))
-    return _nearest(_dense(point, found, state), number, frequency)
+    dense = _dense(point, found, state, None if nearby is None else nearby.stages)
+    return _nearest(dense, number, frequency)
 
 
 def _nearest(found: Modes, number: int | None, frequency: float) -> Modes:
@@ -130,11 +142,13 @@ def _sparse(
     return _nearest(found_modes, number, frequency)
 
 
-def _dense(point: Point, found: Coefficients, state: Equilibrium) -> Modes:
-    """All modes."""
+def _dense(
+    point: Point, found: Coefficients, state: Equilibrium, stages: tuple[int, ...] | None
+) -> Modes:
+    """All modes; see ``eigenvalues`` for ``stages``."""
     rates = rates_by_place(point.system, point.state)
     system = linear_system(found, rates, state.axes)
-    result = eigenvalues(system.A)
+    result = eigenvalues(system.A, stages)
     kept = result.value.imag >= 0.0
     vectors = result.vector[:, kept]
     places, states = _normalised(found, system.places @ vectors, system.states @ vectors)
@@ -150,6 +164,7 @@ def _dense(point: Point, found: Coefficients, state: Equilibrium) -> Modes:
         degrees_of_freedom=system.rate_degrees_of_freedom,
         redundant=system.redundant,
         warnings=warnings(point, state),
+        stages=result.stages,
     )
 
 

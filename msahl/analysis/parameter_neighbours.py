@@ -2,16 +2,20 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 
+from msahl.analysis.begin import beginning
 from msahl.analysis.table_gradients import Neighbours
 from msahl.analysis.tangent_start import NotDifferentiable
 from msahl.deck import DeckError, ParsedDeck
+from msahl.deck.faults import Element
 from msahl.deck.overrides import FoundNumber, find_number
 from msahl.deck.parse import parse_with_comments
 from msahl.model import Model
 from msahl.results.job import Job, make_job
 from msahl.run.options import OptionError
+from msahl.start.velocities import StartError
 
 CENTRAL, ONE_SIDED = ((-1.0, -0.5), (1.0, 0.5)), ((1.0, 2.0), (2.0, -0.5))
 """Shifts and weights of the differences of order 2; the rest of the weights is that of the value
@@ -31,8 +35,8 @@ class DeckNumbers:
         self.job, self._deck = job, ParsedDeck(job.source)
 
     @cached_property
-    def _root(self):  # type: ignore[no-untyped-def]
-        return parse_with_comments(self.job.text)
+    def _root(self) -> Element:
+        return parse_with_comments(replace(self.job, moved=None).text)
 
     def find(self, name: str) -> FoundNumber:
         """Return the number that ``name`` names as ``--set`` does; raises ``LookupError``."""
@@ -58,7 +62,7 @@ class DeckNumbers:
                     (self._model(name, number, number.value + side * node * e), side * weight / e)
                     for node, weight in points
                 ]
-            except (DeckError, OptionError) as error:
+            except (DeckError, OptionError, StartError) as error:
                 refused = refused or str(error).split("\n", 1)[0]
                 continue
             wider = None
@@ -79,10 +83,11 @@ class DeckNumbers:
             for name, of in numbers.items()
         ]
         job, changed = self.job, [*self.job.changed, *changed]
-        return DeckNumbers(make_job(job.source, self._deck.model(changed), job.given, changed))
+        moved = make_job(job.source, self._deck.model(changed), job.given, changed)
+        return DeckNumbers(beginning(moved))
 
     def _model(self, name: str, number: FoundNumber, value: float) -> Model:
         setting = f"{name}={value!r} {number.units}".rstrip()
         changed: Sequence[str] = (*self.job.changed, setting)
         model = self._deck.model(changed)
-        return make_job(self.job.source, model, self.job.given, changed).model
+        return beginning(make_job(self.job.source, model, self.job.given, changed)).model

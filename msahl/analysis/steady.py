@@ -103,7 +103,7 @@ def residual_in(found: Coefficients, axes: np.ndarray, constant: bool = True) ->
         float(np.abs(found.force / found.length).max(initial=0.0)),
         float(np.abs((found.mass @ found.acceleration) / found.length).max(initial=0.0)),
         found.weight,
-        SMALL_TRAVEL * _stiffest(found),
+        stiffest(found),
     )
     where = int(np.argmax(np.abs(force))) if force.size else 0
     residual = float(np.abs(force[where])) if force.size else 0.0
@@ -117,12 +117,12 @@ def residual_in(found: Coefficients, axes: np.ndarray, constant: bool = True) ->
     )
 
 
-def _stiffest(found: Coefficients) -> float:
-    """Largest force [N] by which the model reacts to a displacement or rotation by a length."""
+def stiffest(found: Coefficients) -> float:
+    """Largest force [N] by which the model reacts to a small displacement or rotation."""
     typical = float(np.mean(found.length[found.rotational]))
     travel = np.where(found.rotational, 1.0, typical)
     rows = abs(found.by_place) @ travel / found.length
-    return float(rows.max(initial=0.0))
+    return SMALL_TRAVEL * float(rows.max(initial=0.0))
 
 
 def _is_constant(point: Point, found: Coefficients, axes: np.ndarray) -> bool:

@@ -16,7 +16,7 @@ from msahl.analysis.step_sequence import StepRecord, merged, of_rows
 from msahl.analysis.table_gradients import TableGradients, TangentModel
 from msahl.analysis.tangent_start import NotDifferentiable
 from msahl.api.result import Result
-from msahl.api.running import run_job
+from msahl.api.running import begun, run_job
 from msahl.deck.overrides import FoundNumber
 from msahl.model import Model
 from msahl.model.scheme import COLLOCATION
@@ -186,6 +186,7 @@ def differentiate(
 
 def run_with_gradients(job: Job, measures: str | Sequence[str], wrt: str | Sequence[str]) -> Result:
     """Run a ``job`` and return its results with their gradient; raises ``GradientError``."""
+    job = begun(job)
     texts, tables = texts_of(measures), tables_of_model(job.model)
     columns = [text for text in texts if components(text, tables)]
     texts = [text for text in texts if text not in columns]

@@ -1,6 +1,7 @@
 """The command ``msahl modes``: eigenvalues, frequencies, damping and mode shapes of a deck."""
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 
 EQUILIBRIUM = "equilibrium"
+"""As in ``msahl.analysis.at``, which takes longer to import than help should."""
 
 
 class TimeType(NumberType):
@@ -66,6 +68,27 @@ class TimeType(NumberType):
     default="auto",
     help="Choose dense or sparse matrices (default: auto, dense up to 100 bodies).",
 )
+@click.option(
+    "--over",
+    metavar="NAME=VALUES",
+    help="Follow the modes over values of a parameter or number of the deck, such as v=0:10:41 "
+    '(first:last:count), "L=60:100:5 cm" or k=1e3:1e6:7:log (a Campbell diagram).',
+)
+@click.option(
+    "--order",
+    "orders",
+    type=NumberType(0.0, min_open=True),
+    multiple=True,
+    metavar="N",
+    help="With --over a speed: find where a frequency is N times the speed; repeat for more "
+    "(default: 1 if the values are angular velocities).",
+)
+@click.option(
+    "--page",
+    "has_page",
+    is_flag=True,
+    help="Also write modes.html into the folder of -o: the modes in motion, in three dimensions.",
+)
 @click.option("-q", "--quiet", is_flag=True, help="Print only faults and warnings.")
 def modes(
     deck: Path,
@@ -80,56 +103,86 @@ def modes(
     The model is linearised at t = 0, at another time or at an equilibrium, with all joints (closed
     loops, redundant and non-holonomic ones), damping, gyroscopic terms and auxiliary states. Each
     eigenvalue has an error bar. Warns if the motion is neither an equilibrium nor steady. With -o,
-    writes modes.csv and shapes.csv.
+    writes modes.csv and shapes.csv. With --over, modes are followed over a parameter, and critical
+    values are found; -o writes campbell.csv and critical.csv, which msahl-post modes draws.
 
-    Example: msahl modes decks/mechanisms/bicycle.xml --set v=4
+    \b
+    Examples:
+        msahl modes decks/mechanisms/bicycle.xml --set v=4
+        msahl modes decks/mechanisms/rotor.xml --over speed=0:400:41 -o results/rotor
     """
+    fault = _contradiction(output, wanted)
+    if fault:
+        raise click.UsageError(fault)
+    if wanted["over"]:
+        from msahl.cli.modes_over import modes_over
+
+        modes_over(deck, output, settings, at, quiet, wanted)
+        return
+    point, found = _modes(deck, settings, at, quiet, wanted)
+    for warning in found.warnings:
+        say(f"WARN: {printable(warning)}")
+    if not quiet:
+        from msahl.analysis.report import report
+
+        echo("\n".join(report(point, found)))
+    if output is not None:
+        _write(output, point, found)
+        if wanted["has_page"]:
+            _write_page(output, point, found, deck)
+
+
+def _contradiction(output: Path | None, wanted: Mapping[str, Any]) -> str:
+    """Return which options do not fit together; empty if all do."""
+    if wanted["orders"] and not wanted["over"]:
+        return "--order needs --over"
+    if wanted["has_page"] and wanted["over"]:
+        return "--page shows the modes at one value; omit --over"
+    return "--page needs a folder: -o DIR" if wanted["has_page"] and output is None else ""
+
+
+def _modes(
+    deck: Path, settings: tuple[str, ...], at: "float | str", quiet: bool, wanted: Mapping[str, Any]
+) -> tuple["Point", "Modes"]:
+    """Return the point at which the model is linearised, and its modes."""
     model = model_to_run(deck, {}, settings)
+    from msahl.analysis.at import point_at
     from msahl.analysis.modes import modes as modes_of
-    from msahl.analysis.point import at_time
-    from msahl.analysis.report import report
     from msahl.jit.progress import CompileError
     from msahl.start.velocities import StartError
 
     try:
         with announced(not quiet):
-            point = at_time(model, 0.0 if at == EQUILIBRIUM else float(at))
-            point = _equilibrium(point) if at == EQUILIBRIUM else point
-            found = modes_of(point, wanted["number"], wanted["near"], wanted["method"])
+            point = point_at(model, at)
+            return point, modes_of(point, wanted["number"], wanted["near"], wanted["method"])
     except (StartError, CompileError) as error:
         stop(f"{shown_path(deck)}: {printable(str(error))}")
-    for warning in found.warnings:
-        say(f"WARN: {printable(warning)}")
-    if not quiet:
-        echo("\n".join(report(point, found)))
-    if output is not None:
-        _write(output, point, found)
-
-
-def _equilibrium(point: "Point") -> "Point":
-    """Return the first equilibrium that is found from a ``point``; raises ``StartError``."""
-    import numpy as np
-
-    from msahl.analysis.equilibrium import all_equilibria
-    from msahl.start.velocities import StartError
-
-    found = all_equilibria(point, np.zeros(3), 1)
-    if not found:
-        raise StartError(
-            "no equilibrium was found from where the deck starts; search with msahl equilibrium"
-        )
-    return found[0].place.point
 
 
 def _write(folder: Path, point: "Point", found: "Modes") -> None:
     """Write modes.csv and shapes.csv into the ``folder``."""
-    from msahl.analysis.modes import COLUMNS, mode_rows, shape_columns, shape_rows
-    from msahl.results.write import write_table
+    from msahl.analysis.mode_files import write_modes
 
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        write_table(folder / "modes.csv", list(COLUMNS), mode_rows(found))
-        write_table(folder / "shapes.csv", shape_columns(point), shape_rows(found))
+        write_modes(folder, point, found)
     except OSError as error:
         say(f"{shown_path(error.filename or folder)}: {error.strerror or error}")
         sys.exit(NOT_WRITTEN)
+
+
+def _write_page(folder: Path, point: "Point", found: "Modes", deck: Path) -> None:
+    """Write modes.html into the ``folder``, and print its path."""
+    from msahl.post.view import viewer_page
+    from msahl.post.view.modes import show_modes
+    from msahl.results.write import replace_file
+
+    path = folder / "modes.html"
+    try:
+        replace_file(path, viewer_page([show_modes(point, found, deck)]).encode())
+    except ValueError as error:
+        say(f"{shown_path(deck)}: no page: {error}")
+        return
+    except OSError as error:
+        say(f"{shown_path(error.filename or path)}: {error.strerror or error}")
+        sys.exit(NOT_WRITTEN)
+    echo(shown_path(path))

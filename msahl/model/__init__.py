@@ -1,6 +1,7 @@
 """The model: frozen records of what a deck says, in SI units; a table of them for the importer."""
 
 from msahl.algebra.functions import Law
+from msahl.model.beams import Beam, Section
 from msahl.model.bodies import Ground, RigidBody
 from msahl.model.couplings import Coupling
 from msahl.model.joints import Joint
@@ -35,6 +36,7 @@ __all__ = [
     "INSTANTANEOUS",
     "MEAN",
     "Actuator",
+    "Beam",
     "Bushing",
     "ConcentratedLoad",
     "Coupling",
@@ -58,6 +60,7 @@ __all__ = [
     "PointMotion",
     "RigidBody",
     "RunSettings",
+    "Section",
     "Shape",
     "Signal",
     "SignalState",

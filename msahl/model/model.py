@@ -7,6 +7,7 @@ of every ground; B, a body's own axes at its reference point B.
 from dataclasses import dataclass
 
 from msahl.algebra.vector import Vector
+from msahl.model.beams import Beam
 from msahl.model.bodies import Ground, RigidBody
 from msahl.model.couplings import Coupling
 from msahl.model.joints import Joint
@@ -45,3 +46,4 @@ class Model:
     signals: tuple[AnySignal, ...] = ()
     stops: tuple[Stop, ...] = ()
     shapes: tuple[Shape, ...] = ()  # of bodies and grounds, for views
+    beams: tuple[Beam, ...] = ()  # between bodies that are their nodes

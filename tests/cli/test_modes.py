@@ -58,3 +58,42 @@ def test_a_folder_that_cannot_be_written(tmp_path):
     (tmp_path / "file").write_text("")
     result = call(DECKS / "joints/revolute.xml", "-q", "-o", tmp_path / "file")
     assert result.exit_code == 4
+
+
+def test_modes_over_a_parameter(tmp_path):
+    folder = tmp_path / "out"
+    result = call(DECKS / "mechanisms/rotor.xml", "--over", "speed=0:4000:5 rpm", "-o", folder)
+    assert result.exit_code == 0, result.output
+    assert "5 values from 0 to 4000 rpm" in result.output
+    assert "is at 1x the speed, forward whirl" in result.output
+    rows = np.genfromtxt(folder / "campbell.csv", delimiter=",", names=True)
+    assert set(rows["value"]) == {0.0, 1000.0, 2000.0, 3000.0, 4000.0}
+    assert set(rows["mode"]) == {1.0, 2.0, 3.0, 4.0}
+    critical = np.genfromtxt(folder / "critical.csv", delimiter=",", names=True)
+    # In revolutions per minute, each at its own frequency.
+    assert critical["value"] / 60.0 == pytest.approx(critical["imaginary"] / (2.0 * np.pi))
+    twice = call(DECKS / "mechanisms/rotor.xml", "--over", "speed=0:400:5", "--order", "2")
+    assert "is at 2x the speed" in twice.output
+
+
+@pytest.mark.parametrize(
+    ("over", "expected"),
+    [
+        ("v=0:a", "'0:a' is not a value"),
+        ("v~uniform(0,1)", "give a range or a list of values"),
+        ("v={rR},{rF}", "give numbers with one unit"),
+        ("z=1,2", "did you mean zH, zB"),
+    ],
+)
+def test_faults_of_what_is_varied(over, expected):
+    result = call(DECKS / "mechanisms/bicycle.xml", "--over", over)
+    assert result.exit_code == 2
+    assert expected in result.output
+
+
+def test_an_order_needs_a_speed():
+    bicycle = DECKS / "mechanisms/bicycle.xml"
+    result = call(bicycle, "--over", "v=1,2", "--order", "1")
+    assert result.exit_code == 2
+    assert "unit of angular velocity" in result.output
+    assert call(bicycle, "--order", "1").exit_code == 2

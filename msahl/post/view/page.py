@@ -10,6 +10,7 @@ The data of a viewer, which ``viewer.js`` reads, is
         "scene": {...},              # of post/scene
         "motion": {...} or null,     # of ``pack_poses``; null: the scene does not move
         "columns": {...} or null,    # of ``pack_columns``
+        "modes": {...} or null,      # of ``modes.py``, in place of a motion
         "isPartial": bool,           # whether the run stopped early
       }],
     }
@@ -53,6 +54,7 @@ class Shown:
     motion: Mapping[str, Any] | None = None
     columns: Mapping[str, Any] | None = None
     is_partial: bool = False
+    modes: Mapping[str, Any] | None = None
 
 
 def show_run(folder: Path, patterns: tuple[str, ...] = ()) -> Shown:
@@ -123,7 +125,7 @@ def viewer_block(
         "graph": list(graph) or (first_columns(columns) if columns else []),
         "runs": [
             {"name": s.name, "note": s.note, "isPartial": s.is_partial}
-            | {"scene": s.scene, "motion": s.motion, "columns": s.columns}
+            | {"scene": s.scene, "motion": s.motion, "columns": s.columns, "modes": s.modes}
             for s in shown
         ],
     }

@@ -1,5 +1,6 @@
 // The bars above and below the view, and the list of keys.
 import { iconButton, make, setIcon } from "./dom.js";
+import { phaseText } from "./modes.js";
 import { FASTEST, SLOWEST } from "./player.js";
 
 const SPEEDS = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100];
@@ -83,7 +84,8 @@ export function buildBar(viewer) {
     loop.setAttribute("aria-pressed", String(player.isLoop));
     scrub.value = player.time;
     scrub.style.setProperty("--part", `${(100 * player.time) / player.end}%`);
-    clock.textContent = `${player.time.toFixed(digits)} / ${Number(player.end.toPrecision(6))} s`;
+    const total = `${Number(player.end.toPrecision(6))} s`;
+    clock.textContent = viewer.hasModes ? phaseText(player.time) : `${player.time.toFixed(digits)} / ${total}`;
     if (document.activeElement !== speed) speed.value = String(player.speed);
   });
   return make("div", { class: "bar" },
@@ -103,7 +105,8 @@ function speedMenu(player) {
 
 export function buildHelp(viewer) {
   const list = make("dl");
-  for (const [key, text] of KEYS) list.append(make("dt", { text: key }), make("dd", { text }));
+  const keys = viewer.hasModes ? [...KEYS, ["Page Up, Down", "mode before, after"]] : KEYS;
+  for (const [key, text] of keys) list.append(make("dt", { text: key }), make("dd", { text }));
   const close = iconButton("close", "Close", () => (viewer.help.hidden = true), { class: "plain" });
   const notes = viewer.runs.map((run) => (run.note ? make("p", { class: "note", text: run.note }) : null));
   return make("div", { class: "help", role: "dialog", "aria-label": "Keys and accuracy" },

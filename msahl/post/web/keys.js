@@ -33,6 +33,8 @@ function act(viewer, { key: pressed, shiftKey, target }) {
   else if (key === "ArrowLeft" && moves) player.step(shiftKey ? -10 : -1);
   else if (key === "Home" && moves) player.seek(0);
   else if (key === "End" && moves) player.seek(player.end);
+  else if (key === "PageUp" && viewer.hasModes) viewer.stepMode(-1);
+  else if (key === "PageDown" && viewer.hasModes) viewer.stepMode(1);
   else if (key === "+" || key === "=") setSpeedBy(player, 1);
   else if (key === "-") setSpeedBy(player, -1);
   else if (key === "l") player.isLoop = !player.isLoop;

@@ -9,6 +9,7 @@ import { drawGizmo } from "./gizmo.js";
 import { Labels, pick } from "./labels.js";
 import { listenToKeys } from "./keys.js";
 import { Model3d } from "./model3d.js";
+import { buildModes, readModes } from "./modes.js";
 import { readColumns, readMotion, restingMotion } from "./motion.js";
 import { Player } from "./player.js";
 import { canFilm, filmOf, pictureOf } from "./record.js";
@@ -45,9 +46,10 @@ export class Viewer {
     this.top = buildTop(this);
     this.bar = this.player.end > 0 ? buildBar(this) : null;
     this.help = buildHelp(this);
+    this.modesBar = this.hasModes ? buildModes(this) : null;
     this.graphPanel = this.hasGraph ? make("div", { class: "graph-panel" }) : null;
     const middle = make("div", { class: "middle" }, this.tree, this.view3d);
-    this.element.replaceChildren(...[this.top, middle, this.graphPanel, this.bar, this.help].filter(Boolean));
+    this.element.replaceChildren(...[this.top, this.modesBar, middle, this.graphPanel, this.bar, this.help].filter(Boolean));
     if (this.graphPanel) {
       this.graph = new TimeGraph(this.graphPanel, this.runs, (time) => this.player.scrub(time));
       this.graph.choose(this.data.graph ?? []);
@@ -60,6 +62,7 @@ export class Viewer {
     this.setTheme();
     this.resize();
     this.stage.view("home");
+    if (this.hasModes && !matchMedia("(prefers-reduced-motion: reduce)").matches) this.player.play();
   }
 
   listen() {
@@ -180,6 +183,20 @@ export class Viewer {
   setTheme() {
     this.stage.setTheme(isDark() ? "dark" : "light");
     this.graph?.draw();
+    this.invalidate();
+  }
+
+  get hasModes() {
+    return Boolean(this.runs[0].motion.modes);
+  }
+
+  // Brings what was computed of the motion up to date after it has changed.
+  changeMotion() {
+    this.models[0].scene.bodies.forEach((_, body) => {
+      if (!this.hasTrace(body)) return;
+      this.setTrace(body, false);
+      this.setTrace(body, true);
+    });
     this.invalidate();
   }
 
@@ -332,6 +349,11 @@ export class Viewer {
   }
 }
 
+function motionOf(run) {
+  if (run.modes) return readModes(run.modes, run.scene);
+  return run.motion ? readMotion(run.motion) : restingMotion(run.scene);
+}
+
 async function startViewer(element) {
   const data = readJson(element.dataset.viewer);
   await loadBundle("three");
@@ -339,7 +361,7 @@ async function startViewer(element) {
   const runs = await Promise.all(
     data.runs.map(async (run) => ({
       ...run,
-      motion: run.motion ? await readMotion(run.motion) : restingMotion(run.scene),
+      motion: await motionOf(run),
       columns: run.columns ? await readColumns(run.columns) : null,
     })),
   );
@@ -363,6 +385,10 @@ function probe(viewer) {
     },
     get runs() {
       return viewer.runs.length;
+    },
+    // Number of the mode that is shown, from 0; undefined without modes.
+    get mode() {
+      return viewer.runs[0].motion.chosen;
     },
     get steps() {
       return Array.from(viewer.player.steps);

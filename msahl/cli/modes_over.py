@@ -1,0 +1,114 @@
+"""Modes followed over a parameter: what ``msahl modes --over`` does."""
+
+import re
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import click
+
+from msahl.cli.compiling import announced
+from msahl.cli.console import NOT_WRITTEN, say, stop
+from msahl.cli.decks import model_to_run
+from msahl.printable import printable, shown_path
+from msahl.terminal import echo
+
+if TYPE_CHECKING:
+    from msahl.analysis.campbell import Campbell
+    from msahl.analysis.mode_files import Over
+    from msahl.sweep.axes import Axis
+
+MOST_VALUES = 100_000
+
+
+def modes_over(
+    deck: Path,
+    output: Path | None,
+    settings: tuple[str, ...],
+    at: float | str,
+    quiet: bool,
+    wanted: Mapping[str, Any],
+) -> None:
+    """Follow the modes of ``deck`` over the values of ``wanted["over"]``."""
+    axis, values = _axis(wanted["over"])
+    model = model_to_run(deck, {}, (*settings, axis.column.setting(axis.cells[0])))
+    from msahl.analysis.at import point_at
+    from msahl.analysis.campbell import campbell
+    from msahl.analysis.campbell_report import report, warnings
+    from msahl.analysis.following import Request
+    from msahl.analysis.mode_files import Over, orders_of
+    from msahl.analysis.point import Point
+    from msahl.deck import DeckError, ParsedDeck, Source
+    from msahl.jit.progress import CompileError
+
+    parsed = ParsedDeck(Source.of_file(deck))
+    name, unit = axis.column.name, _unit(deck, settings, axis)
+    over = Over(name, unit, orders_of(unit, wanted["orders"]))
+    if over.speed is None and over.orders:
+        raise click.UsageError(
+            f"--order needs a speed: give {name} a unit of angular velocity, such as "
+            f'"{name}=0:6000:41 rpm"'
+        )
+
+    def point_of(value: float) -> Point:
+        return point_at(parsed.model((*settings, axis.column.setting(repr(value)))), at)
+
+    request = Request(wanted["number"], wanted["near"], wanted["method"])
+    try:
+        with announced(not quiet):
+            found = campbell(point_of, values, request, over.orders, over.speed or 1.0)
+    except (CompileError, DeckError) as error:
+        stop(f"{shown_path(deck)}: {printable(str(error))}")
+    for warning in warnings(found, over):
+        say(f"WARN: {printable(warning)}")
+    if not found.followed.spectra:
+        stop(f"{shown_path(deck)}: no modes at any value of {printable(name)}")
+    title = model.simulation.title
+    if not quiet:
+        echo("\n".join(map(printable, report(found, over, title))))
+    if output is not None:
+        _write(output, found, over, title)
+
+
+def _axis(text: str) -> tuple["Axis", list[float]]:
+    """Return the axis that ``--over`` describes, and its values."""
+    from msahl.sweep.axes import NUMBER, parse_set
+    from msahl.sweep.faults import PlanError
+
+    def fail(message: str) -> NoReturn:
+        raise click.BadParameter(printable(message), param_hint="--over")
+
+    try:
+        axis = parse_set(text)
+    except PlanError as error:
+        fail(str(error).replace("--set", "--over"))
+    if axis.distribution is not None or axis.column.is_condition:
+        fail(f"{text}: give a range or a list of values, such as v=0:10:41")
+    if not all(re.fullmatch(NUMBER, cell) for cell in axis.cells):
+        fail(f"{text}: give numbers with one unit behind the last, such as L=60:100:5 cm")
+    if len(axis.cells) > MOST_VALUES:
+        fail(f"{text}: these are more than {MOST_VALUES} values")
+    return axis, [float(cell) for cell in axis.cells]
+
+
+def _unit(deck: Path, settings: tuple[str, ...], axis: "Axis") -> str:
+    """Return the unit of the values; "" if it is that of a number that is no parameter."""
+    from msahl.deck import Source, listed_parameters
+
+    if axis.column.unit:
+        return axis.column.unit
+    expanded = Source.of_file(deck).text({}, (*settings, axis.column.setting(axis.cells[0])))
+    unit = str(listed_parameters(expanded).get(axis.column.name, {}).get("units", ""))
+    return "" if unit == "1" else unit
+
+
+def _write(folder: Path, found: "Campbell", over: "Over", title: str) -> None:
+    """Write the tables into the ``folder``."""
+    from msahl.analysis.mode_files import write_campbell
+
+    try:
+        write_campbell(folder, found, over, title)
+    except OSError as error:
+        say(f"{shown_path(error.filename or folder)}: {error.strerror or error}")
+        sys.exit(NOT_WRITTEN)

@@ -1,0 +1,1 @@
+"""Beams: elements of any degree with stress resultants as multipliers."""

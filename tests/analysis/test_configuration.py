@@ -1,0 +1,70 @@
+"""Positions, velocities and accelerations by the constraint equations alone."""
+
+import numpy as np
+import pytest
+
+from msahl.analysis.configuration import (
+    close,
+    copied,
+    displace,
+    new_equations,
+    predict,
+    set_accelerations,
+    set_velocities,
+    violations,
+)
+from msahl.analysis.point import at_start
+from tests.support.models import deck
+
+
+def at(name):
+    """The equations of a deck and its state at t = 0."""
+    point = at_start(deck(name))
+    return new_equations(point.system, point.state), point.state
+
+
+def test_motion_of_a_four_bar_is_that_of_the_index_1_problem():
+    of, state = at("four_bar_by_angle")
+    v, w, a, alpha = (x.copy() for x in (state.v, state.w, state.a, state.alpha))
+    assert close(of, state).solved.rank == of.coordinate.size
+    set_velocities(of, state)
+    set_accelerations(of, state)
+    # Condition number 5, velocities up to 6 rad/s, accelerations up to 40 rad/s^2.
+    assert np.abs([state.v - v, state.w - w]).max() <= 1e-13
+    assert np.abs([state.a - a, state.alpha - alpha]).max() <= 1e-12
+
+
+def test_predicted_positions_are_of_order_three():
+    of, state = at("four_bar_by_angle")
+    errors = []
+    for h in (0.004, 0.002):
+        moved = copied(state)
+        predict(of, moved, h)
+        errors.append(close(of, moved).first)
+    assert errors[0] / errors[1] == pytest.approx(8.0, rel=0.05)  # h^4 terms at 2 pi rad/s
+    assert moved.time[0] == 0.002
+
+
+def test_redundant_equations_are_counted_by_rank():
+    of, state = at("four_bar_by_angle")
+    assert of.equation.size == 21  # four revolutes and a motion
+    assert close(of, state).solved.rank == 18
+
+
+def test_fitted_equations_give_way_to_the_others():
+    """The crank's angle and, against it, a displacement: joints close, the motion fits."""
+    of, state = at("four_bar_by_angle")
+    fitted = np.zeros(of.equation.size, dtype=bool)
+    fitted[-1] = True
+    rng = np.random.default_rng(1)
+    displace(of, state, 1e-3 * rng.normal(size=of.coordinate.size))
+    state.time[0] = 0.01
+    found = close(of, state, fitted)
+    assert found.converged
+    assert found.misfit <= 1e-14  # one degree of freedom, one equation: it is satisfied
+    violation, _ = violations(of, state)
+    assert np.abs(violation).max() <= 1e-14
+    # Two equations in radians for one degree of freedom, which cannot both be satisfied: the joint
+    # equations that three revolutes imply are fitted with the motion.
+    fitted[-4:] = True
+    assert close(of, state, fitted).converged
