@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from msahl.api.batch import BatchError, batch
-    from msahl.api.gradients import GradientError, Gradients
+    from msahl.api.derivatives import GradientError, Gradients
     from msahl.api.model import Model, load
     from msahl.api.result import Result, read
     from msahl.deck import DeckError
@@ -37,8 +37,8 @@ __all__ = [
 _PLACES = {
     "BatchError": "msahl.api.batch",
     "DeckError": "msahl.deck",
-    "GradientError": "msahl.api.gradients",
-    "Gradients": "msahl.api.gradients",
+    "GradientError": "msahl.api.derivatives",
+    "Gradients": "msahl.api.derivatives",
     "Model": "msahl.api.model",
     "OptionError": "msahl.run.options",
     "Result": "msahl.api.result",

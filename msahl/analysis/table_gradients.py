@@ -1,4 +1,4 @@
-"""Derivatives of the rows of a run's tables by parameters.
+"""Derivatives of a run's tables by parameters, at output times.
 
 The tables that the steppers fill come from the tangents of the steps (``tangent_run``). Those that
 follow from the motion of bodies are differenced: along the derivatives of the former, and by models
@@ -84,8 +84,8 @@ class TangentModel:
     def along(
         self, steps: Sequence[Step], times: Mapping[int, float], tables: Sequence[str], free: bool
     ) -> TableGradients:
-        """Take the ``steps``; return the ``tables`` at the rows with these ``times`` [s], by the
-        rows' numbers. Where the end of the run is ``free``, it moves with the condition that stops
+        """Take the ``steps``; return the ``tables`` at the output times ``times`` [s], by the
+        numbers of the rows. Where the end of the run is ``free``, it moves with the condition that stops
         the run.
 
         Raises ``NotDifferentiable``.

@@ -140,12 +140,12 @@ def _variation(
     places = places_in_state(part.workspace)
     span = slice(places[FIRST_P], places[FIRST_P] + 3 * places[FRAMES])
     base = start.state[span].reshape(-1, 3)
-    turned = np.zeros_like(base)
+    rotated = np.zeros_like(base)
     for other, weight in others:
         for f, p in enumerate(other.state[span].reshape(-1, 3)):
             change = compose(tuple(p.tolist()), inverse(tuple(base[f].tolist())))
-            turned[f] += weight * np.array(change)
-    state[span] = turned.reshape(-1)
+            rotated[f] += weight * np.array(change)
+    state[span] = rotated.reshape(-1)
     return Variation(numbers, state, rows, _largest_shift(part, numbers, size))
 
 

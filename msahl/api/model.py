@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from lxml.etree import _Element
 
-    from msahl.api.gradients import Gradients
+    from msahl.api.derivatives import Gradients
     from msahl.api.modes import Modes, ModesOver
 
 Value = float | str

@@ -36,7 +36,7 @@ from msahl.run.verdict import describe_verdict
 if TYPE_CHECKING:
     import pandas as pd
 
-    from msahl.api.gradients import Gradients
+    from msahl.api.derivatives import Gradients
     from msahl.api.pictures import Pictures
     from msahl.results.read import Run
 

@@ -10,14 +10,8 @@ from typing import Any
 import numpy as np
 
 from msahl.analysis.step_sequence import StepRecord
-from msahl.api.gradients import (
-    HEADER,
-    GradientError,
-    Gradients,
-    differentiate,
-    make_request,
-    texts_of,
-)
+from msahl.api.derivatives import HEADER, GradientError, Gradients
+from msahl.api.gradients import differentiate, make_request, texts_of
 from msahl.cli.console import say, stop
 from msahl.printable import shown_path
 from msahl.results.job import Job

@@ -1,7 +1,7 @@
-"""Derivatives of measures of a run, from the derivatives of its rows.
+"""Derivatives of measures of a run, from the derivatives of its tables.
 
-    final, initial    those of the row
-    max, min, absmax  those of the row that has it; range: the difference of two rows
+    final, initial    those at the end, at t = 0
+    max, min, absmax  those at the output time that has it; range: the difference of two
     mean, rms         by the trapezoidal rule, the end of the run included
     at T              interpolated as the values are
     time of c = v     -dc/dp over dc/dt at the crossing, of the spline through its neighbours
@@ -33,7 +33,7 @@ class Series(NamedTuple):
 
 
 def rows_needed(measure: Measure, times: np.ndarray, value: float) -> range:
-    """Return the numbers of the rows at ``times`` on which the derivative of a measure with this
+    """Return the numbers of the output times among ``times`` on which the derivative of a measure with this
     ``value`` depends.
     """
     last = len(times) - 1
@@ -51,7 +51,7 @@ def rows_needed(measure: Measure, times: np.ndarray, value: float) -> range:
 
 
 def derivative(measure: Measure, series: Series, value: float) -> np.ndarray:
-    """Return the derivatives (n,) of a measure that has this ``value``, from the rows it needs;
+    """Return the derivatives (n,) of a measure that has this ``value``, from what it needs;
     nan where it has none.
     """
     kind, v, slopes = measure.kind, series.values, series.slopes

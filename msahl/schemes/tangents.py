@@ -42,7 +42,7 @@ ROUNDS = 12
 """Most corrections of dz; with an exact Jacobian there are two."""
 EXACT = 1e-9
 """Correction of dz, relative to dz, that ends the rounds."""
-FLOOR = 1e-12
+FLOOR = 1e-11
 """Change of an unknown by the shift e, relative to that unknown, below which it is rounding error.
 """
 IMPROVEMENTS = 3
@@ -68,7 +68,7 @@ class Tangents(NamedTuple):
     total: np.ndarray  # (s,) sums of (3)
     result: np.ndarray  # (r,) rows of results of the member
     base_result: np.ndarray  # (r,) those of the base
-    result_slope: np.ndarray  # (n, r) derivatives of the rows
+    result_slope: np.ndarray  # (n, r) derivatives of these
     size_slope: np.ndarray  # (n,) derivative of the size of the step
     most: np.ndarray  # (n,) largest e
     places: np.ndarray  # (7,)
@@ -212,9 +212,9 @@ def accept(tangents: Tangents, j: int) -> None:
 
 
 @kernel
-def follow_shadow(table: np.ndarray, base: np.ndarray, row: int, place: int) -> None:
-    """Change three parameters of an orientation in a row to their shadow set if the ``base`` has
-    that; near half a revolution either may be written.
+def match_orientation(table: np.ndarray, base: np.ndarray, row: int, place: int) -> None:
+    """Change three parameters of an orientation in a row to the other set of the same orientation,
+    if the ``base`` has that: near half a revolution either may be written.
     """
     square, apart = 0.0, 0.0
     for i in range(place, place + 3):

@@ -21,7 +21,7 @@ from msahl.schemes.tangents import (
     ends_rounds,
     enter_rows,
     enter_state,
-    follow_shadow,
+    match_orientation,
     restore_numbers,
     shift,
     shift_of,
@@ -100,7 +100,7 @@ def _sum(
             enter_state(tangents, weighted)
             if pair.due[1] > 0:
                 newton.record_step(member, h_k, 0, pair.due, pair.share)
-                _follow_shadows(pair)
+                _match_orientations(pair)
                 enter_rows(tangents, j, weighted)
 
 
@@ -195,9 +195,9 @@ def _improve(member: CollocationWorkspace, h: float) -> None:
 
 
 @kernel
-def _follow_shadows(pair: CollocationPair) -> None:
+def _match_orientations(pair: CollocationPair) -> None:
     base, member = pair.base.workspace, pair.member.workspace
     for row in range(pair.due[1]):
         for b in range(base.system.bodies.frame.size):
             place = base.system.bodies.column[b] + 3
-            follow_shadow(member.tables.states, base.tables.states, row, place)
+            match_orientation(member.tables.states, base.tables.states, row, place)

@@ -21,7 +21,7 @@ from msahl.schemes.tangents import (
     ends_rounds,
     enter_rows,
     enter_state,
-    follow_shadow,
+    match_orientation,
     restore_numbers,
     shift,
     shift_of,
@@ -96,7 +96,7 @@ def _sum(
             enter_state(tangents, weighted)
         if rows > 0:
             _record(member, pair.member_instant, h_k)
-            _follow_shadows(pair)
+            _match_orientations(pair)
             enter_rows(tangents, j, weighted)
 
 
@@ -185,7 +185,9 @@ def _record(workspace: Workspace, instant: Instant, h: float) -> None:
 
 
 @kernel
-def _follow_shadows(pair: Pair) -> None:
+def _match_orientations(pair: Pair) -> None:
     bodies = pair.base.system.bodies
     for b in range(bodies.frame.size):
-        follow_shadow(pair.member.tables.states, pair.base.tables.states, 0, bodies.column[b] + 3)
+        match_orientation(
+            pair.member.tables.states, pair.base.tables.states, 0, bodies.column[b] + 3
+        )
