@@ -85,8 +85,8 @@ class TangentModel:
         self, steps: Sequence[Step], times: Mapping[int, float], tables: Sequence[str], free: bool
     ) -> TableGradients:
         """Take the ``steps``; return the ``tables`` at the output times ``times`` [s], by the
-        numbers of the rows. Where the end of the run is ``free``, it moves with the condition that stops
-        the run.
+        numbers that these have in the tables. Where the end of the run is ``free``, it moves with
+        the condition that stops the run.
 
         Raises ``NotDifferentiable``.
         """

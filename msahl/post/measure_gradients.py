@@ -33,7 +33,7 @@ class Series(NamedTuple):
 
 
 def rows_needed(measure: Measure, times: np.ndarray, value: float) -> range:
-    """Return the numbers of the output times among ``times`` on which the derivative of a measure with this
+    """Return the numbers of the output ``times`` on which the derivative of a measure with this
     ``value`` depends.
     """
     last = len(times) - 1

@@ -11,6 +11,7 @@ from tests.support.models import ROOT
 FLAGS = doctest.ELLIPSIS
 DECKS = {
     "rod.xml": ROOT / "decks" / "basics" / "parameters.xml",
+    "two_rods.xml": ROOT / "decks" / "basics" / "two_rods.xml",
     "quarter_car.xml": ROOT / "decks" / "machines" / "quarter_car.xml",
 }
 
@@ -25,7 +26,9 @@ def examples(page):
     return parsed
 
 
-@pytest.mark.parametrize(("page", "needed"), [("python.md", ()), ("optimise.md", ("optuna",))])
+@pytest.mark.parametrize(
+    ("page", "needed"), [("python.md", ()), ("gradients.md", ()), ("optimise.md", ("optuna",))]
+)
 def test_the_examples_of_a_page_print_what_it_says(page, needed, tmp_path, monkeypatch):
     for package in needed:
         pytest.importorskip(package)
