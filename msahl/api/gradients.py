@@ -21,7 +21,6 @@ from msahl.api.running import begun, run_job
 from msahl.deck.overrides import FoundNumber
 from msahl.model import Model
 from msahl.model.scheme import COLLOCATION
-from msahl.post.columns import QUANTITIES, quantity
 from msahl.post.measure_gradients import Series, derivative, is_tied, rows_needed
 from msahl.post.measures import (
     Measure,
@@ -35,6 +34,7 @@ from msahl.post.measures import (
 )
 from msahl.printable import printable
 from msahl.results.job import Job
+from msahl.run.column_units import quantity
 from msahl.run.companion import SAFETY
 from msahl.run.loop import Hooks
 from msahl.run.report import COMPLETED
@@ -298,7 +298,7 @@ class _Work:
             )
             steadily = third > GROWN * second and last > GROWN * third
             if second > 0.0 and (steadily or 1e9 * first > last > GROWN**4 * first):
-                folding, units = 0.5 * t / math.log(last / second), self.request.numbers[name].units
+                folding, units = 0.5 * t / math.log(last / second), self.request.numbers[name].shown
                 self.remarks.append(
                     f"{name}: the derivatives grow {last / second:.0f}-fold in the second half of "
                     f"the run, by e in {folding:.2g} s, so the motion is unstable or chaotic; they "
@@ -316,15 +316,11 @@ class _Work:
 
 def _unit(measure: Measure, number: FoundNumber, model: Model) -> str:
     """Return the unit of a derivative: of the measure, by that of the number in the deck."""
-    unit = "s"
+    unit, shown = "s", number.shown
     if measure.kind != "time of":
-        of_column = quantity(measure.column, model)
-        suffix = measure.column.rpartition(".")[2] + "x"
-        unit = of_column.unit or (QUANTITIES[suffix].unit if suffix in QUANTITIES else "")
-    if not number.units:
+        alone, of_vector = (quantity(measure.column + end, model).unit for end in ("", "x"))
+        unit = alone or of_vector
+    if not shown:
         return unit
-    return (
-        f"{unit or '1'}/({number.units})"
-        if "/" in number.units or "-" in number.units or " " in number.units
-        else f"{unit or '1'}/{number.units}"
-    )
+    compound = any(mark in shown for mark in "/- ")
+    return f"{unit or '1'}/({shown})" if compound else f"{unit or '1'}/{shown}"

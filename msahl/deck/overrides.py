@@ -197,11 +197,13 @@ def _unknown(root: Element, path: str) -> str:
 
 
 class FoundNumber(NamedTuple):
-    """A number of an expanded deck: where it is, its value, and its unit ("" of a plain number)."""
+    """A number of an expanded deck: where it is, its value, its unit as the deck gives it ("" if it
+    gives none), and as a reader needs it: "SI" if the deck gives none of a number that has one."""
 
     path: str
     value: float
     units: str
+    shown: str
 
 
 def find_number(root: Element, path: str) -> FoundNumber:
@@ -212,7 +214,8 @@ def find_number(root: Element, path: str) -> FoundNumber:
     for parameter in root.iterfind("parameters/parameter"):
         if attribute(parameter, "name") == path:
             units = attribute(parameter, "units")
-            return FoundNumber(path, float(parameter.text or ""), "" if units == "1" else units)
+            units = "" if units == "1" else units
+            return FoundNumber(path, float(parameter.text or ""), units, units)
     found = list(_found(root, path))
     if not found:
         raise LookupError(_unknown(root, path))
@@ -222,4 +225,6 @@ def find_number(root: Element, path: str) -> FoundNumber:
     place = found[0]
     value = place.element.get(place.attribute) if place.attribute else place.element.text
     units = "" if place.attribute else attribute(place.element, "units")
-    return FoundNumber(str(place), float(value or ""), units)
+    has_units = not place.attribute and bool(types().content(place.element).units)
+    shown = units or ("SI" if has_units else "")
+    return FoundNumber(str(place), float(value or ""), units, shown)

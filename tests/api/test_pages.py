@@ -13,6 +13,7 @@ DECKS = {
     "rod.xml": ROOT / "decks" / "basics" / "parameters.xml",
     "two_rods.xml": ROOT / "decks" / "basics" / "two_rods.xml",
     "quarter_car.xml": ROOT / "decks" / "machines" / "quarter_car.xml",
+    "cart_pole.xml": ROOT / "decks" / "machines" / "cart_pole.xml",
 }
 
 
@@ -27,7 +28,13 @@ def examples(page):
 
 
 @pytest.mark.parametrize(
-    ("page", "needed"), [("python.md", ()), ("gradients.md", ()), ("optimise.md", ("optuna",))]
+    ("page", "needed"),
+    [
+        ("python.md", ()),
+        ("gradients.md", ()),
+        ("optimise.md", ("optuna",)),
+        ("linearize.md", ("control",)),
+    ],
 )
 def test_the_examples_of_a_page_print_what_it_says(page, needed, tmp_path, monkeypatch):
     for package in needed:
