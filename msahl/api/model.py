@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from lxml.etree import _Element
 
     from msahl.analysis.linear_model import LinearModel
+    from msahl.api.derivatives import Gradients
     from msahl.api.inverse import InverseResult
     from msahl.api.modes import Modes, ModesOver
 
@@ -65,14 +66,43 @@ class Model:
         """
         return Model(self._deck, {**self.changes, **changes})
 
-    def run(self, **options: Unpack[RunOptions]) -> Result:
+    def run(
+        self,
+        *,
+        gradient: str | Sequence[str] = (),
+        wrt: str | Sequence[str] = (),
+        **options: Unpack[RunOptions],
+    ) -> Result:
         """Run the model and return its results, which are kept in memory.
 
         The ``options`` are those of ``msahl run``. Raises ``OptionError``, a ``ValueError``, if
         they are wrong, ``StartError`` if the model has no consistent state at t = 0. A run that
         cannot complete returns the results up to there; its ``status`` says why it ended.
+
+        With measures in ``gradient``, such as ``"Tip.z final"``, and names of numbers in ``wrt``,
+        the ``gradient`` of the results holds the derivatives of the former by the latter; raises
+        ``GradientError``, a ``ValueError``, if there are none.
         """
-        return run_job(self.job(**options))
+        if not gradient and not wrt:
+            return run_job(self.job(**options))
+        from msahl.api.gradients import run_with_gradients
+
+        return run_with_gradients(self.job(**options), gradient, wrt)
+
+    def gradient(
+        self,
+        measures: str | Sequence[str],
+        wrt: str | Sequence[str],
+        **options: Unpack[RunOptions],
+    ) -> "Gradients":
+        """Run the model and return the derivatives of ``measures``, such as ``"Tip.z final"``, by
+        numbers of the deck, named as in ``with_``, with their errors.
+
+        Raises ``GradientError``, a ``ValueError``, if there are none, and what ``run`` raises.
+        """
+        found = self.run(gradient=measures, wrt=wrt, **options).gradient
+        assert found is not None
+        return found
 
     def inverse(
         self,
