@@ -1,42 +1,34 @@
 """Modes over a parameter in words and numbers: the lines that a command prints."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from msahl.analysis.campbell import Campbell, Critical
 from msahl.analysis.following import Spectrum
+from msahl.analysis.mode_files import Over
 
 MOST_LINES = 40
 """Modes that are listed; the table has all."""
 WHIRL = {1: ", forward whirl", -1: ", backward whirl", 0: ""}
 
 
-class Parameter(NamedTuple):
-    """What is varied: its name, and the unit of its values."""
-
-    name: str
-    unit: str = ""
-
-    def of(self, value: float, digits: int = 15) -> str:
-        """Return a value with name and unit."""
-        return f"{self.name} = {value:.{digits}g}" + (f" {self.unit}" if self.unit else "")
+def _at(over: Over, value: float, digits: int = 15) -> str:
+    """Return a value with name and unit."""
+    return f"{over.name} = {value:.{digits}g}" + (f" {over.unit}" if over.unit else "")
 
 
-def report(found: Campbell, parameter: Parameter, title: str) -> list[str]:
+def report(found: Campbell, over: Over, title: str) -> list[str]:
     """Return what was found: modes with their ranges, then the critical values."""
     spectra = found.followed.spectra
     asked = [s for s in spectra if s.value in set(found.values.tolist())]
     lines = [
-        f"{title or 'model'} over {parameter.name}: {len(asked)} values from "
-        f"{asked[0].value:.9g} to {asked[-1].value:.9g}"
-        + (f" {parameter.unit}" if parameter.unit else "")
+        f"{title or 'model'} over {over.name}: {len(asked)} values from "
+        f"{asked[0].value:.9g} to {asked[-1].value:.9g}" + (f" {over.unit}" if over.unit else "")
     ]
     added = len(spectra) - len(asked)
     if added:
         lines.append(f"{added} more between them to follow the modes")
     lines += ["", *_modes(found)]
-    lines += ["", *(_critical(c, parameter) for c in found.critical)]
+    lines += ["", *(_critical(c, over) for c in found.critical)]
     if not found.critical:
         lines.append("no critical values")
     return lines
@@ -66,10 +58,10 @@ def _real(spectrum: Spectrum, i: int) -> float:
     return value if abs(value) > spectrum.modes.error[i] else 0.0
 
 
-def _critical(critical: Critical, parameter: Parameter) -> str:
+def _critical(critical: Critical, over: Over) -> str:
     """Return a critical value in words."""
     hertz = abs(critical.eigenvalue.imag) / (2.0 * np.pi)
-    where = f"{parameter.of(critical.value)} +- {critical.error:.1g}: mode {critical.mode}"
+    where = f"{_at(over, critical.value)} +- {critical.error:.1g}: mode {critical.mode}"
     if critical.order:
         multiple = f"{critical.order:g}x the speed"
         return f"{where}, {hertz:.9g} Hz, is at {multiple}{WHIRL[critical.whirl]}"
@@ -80,9 +72,9 @@ def _critical(critical: Critical, parameter: Parameter) -> str:
     return f"{where} grows {side}, {kind}"
 
 
-def warnings(found: Campbell, parameter: Parameter) -> list[str]:
+def warnings(found: Campbell, over: Over) -> list[str]:
     """Return what was not computed, and where the modes are not those of an equilibrium."""
-    lines = [f"{parameter.of(value)}: {why}" for value, why in found.failures]
+    lines = [f"{_at(over, value)}: {why}" for value, why in found.failures]
     spectra = found.followed.spectra
     told: dict[str, list[float]] = {}
     for spectrum in spectra:
@@ -90,6 +82,6 @@ def warnings(found: Campbell, parameter: Parameter) -> list[str]:
             kind = text.partition(":")[0] if "no equilibrium" in text else text
             told.setdefault(kind, []).append(spectrum.value)
     for text, values in told.items():
-        where = f"at {len(values)} of {len(spectra)} values, first at {parameter.of(values[0], 9)}"
+        where = f"at {len(values)} of {len(spectra)} values, first at {_at(over, values[0], 9)}"
         lines.append(f"{where}: {text}")
     return lines

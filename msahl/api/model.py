@@ -1,7 +1,7 @@
 """Models: decks that were read, with other numbers where wanted, ready to be run."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from numbers import Integral, Real
 from os import PathLike
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element as PlainElement
 
     from lxml.etree import _Element
+
+    from msahl.analysis.linear_model import LinearModel
+    from msahl.api.modes import Modes, ModesOver
 
 Value = float | str
 """A number, in the unit that the deck has there, or a number with its unit, such as ``"80 cm"``."""
@@ -77,6 +80,68 @@ class Model:
             settings = (*settings, f"{STOP_WHEN}{condition}")
             records = self._deck.model(settings)
         return make_job(self._deck.source, records, checked_options(given), settings)
+
+    def linearize(
+        self,
+        inputs: Sequence[str] = (),
+        outputs: Sequence[str] = (),
+        *,
+        at: float | str = 0.0,
+        states: str = "coordinates",
+    ) -> "LinearModel":
+        """Return the model linearised with ``inputs`` and ``outputs`` by name: ``at`` a time [s],
+        after a run to it, or at an ``"equilibrium"``. The ``states`` are ``"coordinates"`` or those
+        of the ``"nullspace"``.
+
+        Raises ``OptionError`` for names that do not exist, ``StartError`` if the model does not get
+        there.
+        """
+        from msahl.analysis.at import point_at
+        from msahl.analysis.linearize import linearize
+
+        return linearize(point_at(self.records, at), tuple(inputs), tuple(outputs), states)
+
+    def modes(
+        self,
+        at: float | str = 0.0,
+        number: int | None = None,
+        near: float = 0.0,
+        method: str = "auto",
+    ) -> "Modes":
+        """Return eigenvalues, frequencies, damping ratios and mode shapes, linearised at a time
+        [s], after a run to it, or at the ``"equilibrium"``; the options are those of ``msahl
+        modes``. Raises ``StartError`` if there is no such configuration.
+        """
+        from msahl.analysis.following import Request
+        from msahl.api.modes import modes_of
+
+        return modes_of(self.records, at, Request(number, near, method))
+
+    def modes_over(
+        self,
+        name: str,
+        values: Sequence[float],
+        at: float | str = 0.0,
+        number: int | None = None,
+        near: float = 0.0,
+        method: str = "auto",
+        orders: Sequence[float] = (),
+    ) -> "ModesOver":
+        """Return the modes followed over ``values`` of a parameter or number, in its unit of the
+        deck, with the critical values between them; the options are those of ``msahl modes``.
+        """
+        from msahl.analysis.following import Request
+        from msahl.analysis.mode_files import Over
+        from msahl.api.modes import modes_of_many
+
+        unit = self.parameters.get(name, {}).get("units", "")
+        over = Over(name, "" if unit == "1" else unit, tuple(orders))
+        self.with_(**{name: values[0]})  # a wrong name is a fault, not a value without modes
+
+        def records_at(value: float) -> Records:
+            return self._deck.model((*self._settings, f"{name}={float(value)!r}"))
+
+        return modes_of_many(records_at, values, over, at, Request(number, near, method))
 
     @property
     def title(self) -> str:

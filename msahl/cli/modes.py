@@ -161,13 +161,10 @@ def _modes(
 
 def _write(folder: Path, point: "Point", found: "Modes") -> None:
     """Write modes.csv and shapes.csv into the ``folder``."""
-    from msahl.analysis.modes import COLUMNS, mode_rows, shape_columns, shape_rows
-    from msahl.results.write import write_table
+    from msahl.analysis.mode_files import write_modes
 
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        write_table(folder / "modes.csv", list(COLUMNS), mode_rows(found))
-        write_table(folder / "shapes.csv", shape_columns(point), shape_rows(found))
+        write_modes(folder, point, found)
     except OSError as error:
         say(f"{shown_path(error.filename or folder)}: {error.strerror or error}")
         sys.exit(NOT_WRITTEN)

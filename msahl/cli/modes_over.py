@@ -16,7 +16,7 @@ from msahl.terminal import echo
 
 if TYPE_CHECKING:
     from msahl.analysis.campbell import Campbell
-    from msahl.analysis.campbell_report import Parameter
+    from msahl.analysis.mode_files import Over
     from msahl.sweep.axes import Axis
 
 MOST_VALUES = 100_000
@@ -35,20 +35,21 @@ def modes_over(
     model = model_to_run(deck, {}, (*settings, axis.column.setting(axis.cells[0])))
     from msahl.analysis.at import point_at
     from msahl.analysis.campbell import campbell
-    from msahl.analysis.campbell_report import Parameter, report, warnings
+    from msahl.analysis.campbell_report import report, warnings
     from msahl.analysis.following import Request
+    from msahl.analysis.mode_files import Over, orders_of
     from msahl.analysis.point import Point
     from msahl.deck import DeckError, ParsedDeck, Source
     from msahl.jit.progress import CompileError
 
     parsed = ParsedDeck(Source.of_file(deck))
-    unit, speed = _unit(deck, settings, axis)
-    if speed is None and wanted["orders"]:
+    name, unit = axis.column.name, _unit(deck, settings, axis)
+    over = Over(name, unit, orders_of(unit, wanted["orders"]))
+    if over.speed is None and over.orders:
         raise click.UsageError(
-            f"--order needs a speed: give {axis.column.name} a unit of angular velocity, such as "
-            f'"{axis.column.name}=0:6000:41 rpm"'
+            f"--order needs a speed: give {name} a unit of angular velocity, such as "
+            f'"{name}=0:6000:41 rpm"'
         )
-    orders = wanted["orders"] or ((1.0,) if speed is not None else ())
 
     def point_of(value: float) -> Point:
         return point_at(parsed.model((*settings, axis.column.setting(repr(value)))), at)
@@ -56,20 +57,18 @@ def modes_over(
     request = Request(wanted["number"], wanted["near"], wanted["method"])
     try:
         with announced(not quiet):
-            found = campbell(point_of, values, request, orders, speed or 1.0)
+            found = campbell(point_of, values, request, over.orders, over.speed or 1.0)
     except (CompileError, DeckError) as error:
         stop(f"{shown_path(deck)}: {printable(str(error))}")
-    parameter = Parameter(axis.column.name, unit)
-    for warning in warnings(found, parameter):
+    for warning in warnings(found, over):
         say(f"WARN: {printable(warning)}")
     if not found.followed.spectra:
-        stop(f"{shown_path(deck)}: no modes at any value of {printable(parameter.name)}")
+        stop(f"{shown_path(deck)}: no modes at any value of {printable(name)}")
+    title = model.simulation.title
     if not quiet:
-        lines = report(found, parameter, model.simulation.title)
-        echo("\n".join(map(printable, lines)))
+        echo("\n".join(map(printable, report(found, over, title))))
     if output is not None:
-        about = {"title": model.simulation.title, "deck": deck.name, "orders": list(orders)}
-        _write(output, found, parameter, {**about, "speed": speed})
+        _write(output, found, over, title)
 
 
 def _axis(text: str) -> tuple["Axis", list[float]]:
@@ -93,36 +92,23 @@ def _axis(text: str) -> tuple["Axis", list[float]]:
     return axis, [float(cell) for cell in axis.cells]
 
 
-def _unit(deck: Path, settings: tuple[str, ...], axis: "Axis") -> tuple[str, float | None]:
-    """Return the unit of the values, "" if it is that of a number that is no parameter, and what
-    they are times in rad/s, None if they are no angular velocities.
-    """
+def _unit(deck: Path, settings: tuple[str, ...], axis: "Axis") -> str:
+    """Return the unit of the values; "" if it is that of a number that is no parameter."""
     from msahl.deck import Source, listed_parameters
-    from msahl.deck.units import parse_unit
 
-    unit = axis.column.unit
-    if not unit:
-        expanded = Source.of_file(deck).text({}, (*settings, axis.column.setting(axis.cells[0])))
-        unit = listed_parameters(expanded).get(axis.column.name, {}).get("units", "")
-    known, rate = parse_unit(unit) if unit else None, parse_unit("rad/s")
-    assert rate is not None
-    is_speed = known is not None and known.dimension == rate.dimension
-    return ("" if unit == "1" else unit), float(known.factor) if known and is_speed else None
+    if axis.column.unit:
+        return axis.column.unit
+    expanded = Source.of_file(deck).text({}, (*settings, axis.column.setting(axis.cells[0])))
+    unit = str(listed_parameters(expanded).get(axis.column.name, {}).get("units", ""))
+    return "" if unit == "1" else unit
 
 
-def _write(
-    folder: Path, found: "Campbell", parameter: "Parameter", about: Mapping[str, Any]
-) -> None:
-    """Write campbell.csv, critical.csv and campbell.json into the ``folder``."""
-    from msahl.analysis.campbell import COLUMNS, CRITICAL_COLUMNS, campbell_rows, critical_rows
-    from msahl.results.write import write_json, write_table
+def _write(folder: Path, found: "Campbell", over: "Over", title: str) -> None:
+    """Write the tables into the ``folder``."""
+    from msahl.analysis.mode_files import write_campbell
 
-    info = {**about, "name": parameter.name, "unit": parameter.unit}
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        write_table(folder / "campbell.csv", list(COLUMNS), campbell_rows(found))
-        write_table(folder / "critical.csv", list(CRITICAL_COLUMNS), critical_rows(found))
-        write_json(folder / "campbell.json", info)
+        write_campbell(folder, found, over, title)
     except OSError as error:
         say(f"{shown_path(error.filename or folder)}: {error.strerror or error}")
         sys.exit(NOT_WRITTEN)

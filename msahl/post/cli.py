@@ -12,6 +12,7 @@ import click
 import msahl
 from msahl.post.commands.compare import compare
 from msahl.post.commands.export import export
+from msahl.post.commands.modes import modes
 from msahl.post.commands.pictures import plot, report
 from msahl.post.commands.shared import BAD_INPUT
 from msahl.post.commands.sweep import sweep
@@ -66,7 +67,7 @@ def main() -> None:
 
 COMMANDS = (
     *(energy, work, events, constraints, verdict, reactions),
-    *(plot, report, view, export, compare, sweep),
+    *(plot, report, view, export, compare, sweep, modes),
 )
 for command in COMMANDS:
     main.add_command(command)

@@ -119,6 +119,9 @@ def draw_pages(folder: Path) -> None:
     (IMAGES / "four_bar_linkage.png").write_bytes(packed(Image.open(folder / "linkage.png")))
     picture = Image.open(draw_sweep(folder / "sweep"))
     (IMAGES / "sweep_map.png").write_bytes(packed(picture, MAP_COLOURS))
+    for name, over in (("bicycle", "v=0:10:81"), ("rotor", "speed=0:600:61")):
+        picture = Image.open(draw_modes(name, over, folder / f"modes_{name}"))
+        (IMAGES / f"campbell_{name}.png").write_bytes(packed(picture))
     for name in PANELS:
         deck = ROOT / "decks" / "machines" / f"{name}.xml"
         draw_machine(name, run(deck, folder / name))
@@ -134,6 +137,17 @@ def draw_sweep(folder: Path) -> Path:
     post = [sys.executable, "-m", "msahl.post.cli", "sweep", str(folder)]
     subprocess.run(post, check=True, capture_output=True)
     return folder / "report" / "map-1.png"
+
+
+def draw_modes(name: str, over: str, folder: Path) -> Path:
+    """Return the path of the Campbell diagram of a mechanism's deck."""
+    deck = str(ROOT / "decks" / "mechanisms" / f"{name}.xml")
+    msahl = [sys.executable, "-c", "from msahl.cli.main import main; main()"]
+    words = ["modes", deck, "--over", over, "-q", "-o", str(folder)]
+    subprocess.run([*msahl, *words], check=True)
+    post = [sys.executable, "-m", "msahl.post.cli", "modes", str(folder)]
+    subprocess.run(post, check=True, capture_output=True)
+    return folder / "campbell.png"
 
 
 def run(deck: Path, folder: Path) -> Path:
