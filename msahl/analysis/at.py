@@ -6,15 +6,15 @@ from msahl.analysis.equilibrium import search_start
 from msahl.analysis.equilibrium_search import find
 from msahl.analysis.point import Point, at_time
 from msahl.model import Model
+from msahl.model.settings import EQUILIBRIUM
 from msahl.start.velocities import StartError
-
-EQUILIBRIUM = "equilibrium"
-"""The word for the equilibrium that is found from where the deck starts the model."""
 
 
 def point_at(model: Model, at: float | str) -> Point:
-    """Return the model at the time ``at`` [s], or at the ``EQUILIBRIUM``; raises ``StartError``."""
-    if at != EQUILIBRIUM:
+    """Return the model at the time ``at`` [s], or at the ``EQUILIBRIUM``, where a model that starts
+    there is at t = 0; raises ``StartError``.
+    """
+    if at != EQUILIBRIUM and (at or model.simulation.start != EQUILIBRIUM):
         return at_time(model, float(at))
     found = find(search_start(model), np.zeros(3))
     if found is None:

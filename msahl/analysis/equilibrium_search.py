@@ -127,11 +127,11 @@ def by_multipliers(point: Point, spin: np.ndarray) -> Solution:
     """Return where Newton's method on places and multipliers leads; raises ``StartError`` if it
     does not converge.
     """
-    turning = Spin(spin, axis_point(point, spin))
-    rest = newton(point.system, point.state, lambda now: balance(point.system, now, turning))
+    steady = Spin(spin, axis_point(point, spin))
+    rest = newton(point.system, point.state, lambda now: balance(point.system, now, steady))
     if not rest.converged:
         raise StartError("Newton's method does not converge")
-    return _ended(point, rest.state, turning, rest.iterations, MULTIPLIERS)
+    return _ended(point, rest.state, steady, rest.iterations, MULTIPLIERS)
 
 
 def by_continuation(point: Point, each: Follow | None = None) -> Solution:

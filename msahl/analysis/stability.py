@@ -54,13 +54,13 @@ def stability(point: Point) -> str:
 def is_stable(point: Point) -> bool:
     """Return whether an equilibrium is known to be stable, by counting where that is possible."""
     found = coefficients(point.system, point.state)
-    number = growing(found, SLOW * _pace(point, found))
+    number = growing(found, SLOW * _swing_rate(point, found))
     return stability(point).startswith("stable") if number is None else number == 0
 
 
 def _by_counting(point: Point) -> str:
     found = coefficients(point.system, point.state)
-    slow = SLOW * _pace(point, found)
+    slow = SLOW * _swing_rate(point, found)
     number = growing(found, slow)
     if number is None:
         return "stability not examined (more than 100 bodies, stiffness not symmetric)"
@@ -76,7 +76,7 @@ def _by_counting(point: Point) -> str:
     return f"unstable in {number} {many}, fastest growth without damping {high:.6g} 1/s"
 
 
-def _pace(point: Point, found: Coefficients) -> float:
+def _swing_rate(point: Point, found: Coefficients) -> float:
     """sqrt(g/L) [1/s], or what comes nearest to it without gravity."""
     x = point.state.x
     size = max(float(np.linalg.norm(np.ptp(x, axis=0))), float(found.length.max()))

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from lxml.etree import _Element
 
     from msahl.analysis.linear_model import LinearModel
+    from msahl.api.equilibria import Equilibrium
     from msahl.api.modes import Modes, ModesOver
 
 Value = float | str
@@ -80,6 +81,25 @@ class Model:
             settings = (*settings, f"{STOP_WHEN}{condition}")
             records = self._deck.model(settings)
         return make_job(self._deck.source, records, checked_options(given), settings)
+
+    def equilibrium(self, rotation: Sequence[float] = (0.0, 0.0, 0.0)) -> "Equilibrium":
+        """Return the equilibrium to which the forces lead from where the deck has the bodies: at
+        rest, or with the complete model in a steady ``rotation`` [rad/s], inertial axes. Raises
+        ``StartError`` if none is found.
+        """
+        from msahl.api.equilibria import equilibrium_of
+
+        return equilibrium_of(self.job(), rotation)
+
+    def equilibria(
+        self, starts: int = 1, rotation: Sequence[float] = (0.0, 0.0, 0.0)
+    ) -> "list[Equilibrium]":
+        """Return all equilibria that are found from the deck's configuration and ``starts`` - 1
+        others, drawn at random, as ``msahl equilibrium`` does.
+        """
+        from msahl.api.equilibria import equilibria_of
+
+        return equilibria_of(self.job(), starts, rotation)
 
     def linearize(
         self,
