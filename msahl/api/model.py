@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from msahl.analysis.linear_model import LinearModel
     from msahl.api.derivatives import Gradients
+    from msahl.api.equilibria import Equilibrium
     from msahl.api.inverse import InverseResult
     from msahl.api.modes import Modes, ModesOver
 
@@ -145,6 +146,25 @@ class Model:
         from msahl.api.kinematics import kinematics_of
 
         return kinematics_of(self.job(**options_of(step, t_final)), every)
+
+    def equilibrium(self, rotation: Sequence[float] = (0.0, 0.0, 0.0)) -> "Equilibrium":
+        """Return the equilibrium to which the forces lead from where the deck has the bodies: at
+        rest, or with the complete model in a steady ``rotation`` [rad/s], inertial axes. Raises
+        ``StartError`` if none is found.
+        """
+        from msahl.api.equilibria import equilibrium_of
+
+        return equilibrium_of(self.job(), rotation)
+
+    def equilibria(
+        self, starts: int = 1, rotation: Sequence[float] = (0.0, 0.0, 0.0)
+    ) -> "list[Equilibrium]":
+        """Return all equilibria that are found from the deck's configuration and ``starts`` - 1
+        others, drawn at random, as ``msahl equilibrium`` does.
+        """
+        from msahl.api.equilibria import equilibria_of
+
+        return equilibria_of(self.job(), starts, rotation)
 
     def linearize(
         self,
