@@ -116,9 +116,11 @@ class Evaluated(NamedTuple):
     equation_scale: np.ndarray
 
 
-def coefficients(system: System, state: State) -> Coefficients:
-    """Linearise ``system`` at ``state``, whose accelerations and multipliers are consistent."""
-    found = _evaluate(system, state)
+def coefficients(system: System, state: State, found: Evaluated | None = None) -> Coefficients:
+    """Linearise ``system`` at ``state``, whose accelerations and multipliers are consistent;
+    ``found`` is what ``evaluated`` returns, if it is at hand.
+    """
+    found = found or evaluated(system, state)
     G, B = _constraints(system, found)
     M, T, inertia, velocity, acceleration = _inertia(system, state, found)
     K = _square(system, found, found.by_place) + _square(system, found, found.constraint) - inertia
@@ -163,7 +165,8 @@ def holonomic(system: System) -> np.ndarray:
     return np.concatenate([np.ones(3 * system.coincide.a.size, dtype=bool), scalars])
 
 
-def _evaluate(system: System, state: State) -> Evaluated:
+def evaluated(system: System, state: State) -> Evaluated:
+    """Return all derivatives at ``state`` in the scaled units of a step, for ``coefficients``."""
     state = state._replace(angle=state.angle.copy())
     start, frames = new_system_workspace(system, state), system.frames
     at_rest, rows, unused, still = np.zeros((4, node_count(system), 3))

@@ -20,19 +20,22 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msahl.algebra.functions import Law
 from msahl.algebra.rotation import compose, matrix, to_axis_angle
 from msahl.algebra.rotation import inverse as opposite
 from msahl.algebra.vector import at
 from msahl.analysis.coefficients import Coefficients, coefficients, skews
-from msahl.analysis.point import Point, complete
+from msahl.analysis.point import Point, at_start, complete
 from msahl.analysis.projection import close, move
 from msahl.analysis.rate_gradients import rates_by_place
 from msahl.analysis.reduced import LinearSystem, linear_system
 from msahl.analysis.steady import Equilibrium, residual_in
 from msahl.elements.frames import moving_count
+from msahl.model import Model
 from msahl.start.velocities import StartError
 from msahl.system.arrays import State, System, node_count
 
+DESCENT, NEWTON, CONTINUATION = "descent", "Newton", "continuation of the loads"
 MOST_ITERATIONS = 200
 LARGEST_ROTATION = 0.4
 """Of a body in one step [rad]; displacements likewise, over the length of the system."""
@@ -68,6 +71,16 @@ class Solution(NamedTuple):
     iterations: int
     converged: bool
     flat: int  # directions in which it has no stiffness
+    method: str  # DESCENT, NEWTON or CONTINUATION
+
+
+def search_start(model: Model) -> Point:
+    """Return the model where the deck places it, with prescribed motions held where they begin.
+
+    Raises ``StartError`` if there is no consistent state.
+    """
+    held = Law("constant", (0.0,))
+    return at_start(replace(model, motions=tuple(replace(m, law=held) for m in model.motions)))
 
 
 def solve(point: Point, spin: np.ndarray, stable: bool = True) -> Solution:
@@ -92,7 +105,28 @@ def solve(point: Point, spin: np.ndarray, stable: bool = True) -> Solution:
         if np.linalg.norm(place.residual) < np.linalg.norm(smallest.residual):
             smallest = place
     converged = smallest.balance.relative <= BALANCED and _states_rest(smallest)
-    return Solution(smallest, iterations, converged, _flat_directions(smallest))
+    method = DESCENT if stable else NEWTON
+    return Solution(smallest, iterations, converged, _flat_directions(smallest), method)
+
+
+def find(point: Point, spin: np.ndarray) -> Solution | None:
+    """Return the equilibrium to which a ``point`` leads, by the first method that finds one; None
+    if there is none. Raises ``StartError`` if the joints do not let the model rotate with ``spin``.
+    """
+    _axis_point(point, spin)
+    for stable in (True, False):
+        try:
+            solution = solve(point, spin, stable)
+        except (StartError, np.linalg.LinAlgError):
+            continue
+        if solution.converged:
+            return solution
+    return None
+
+
+def balance_at(point: Point, spin: np.ndarray) -> Equilibrium:
+    """Return how far a ``point`` is from an equilibrium, whatever its velocities are."""
+    return _place(point, spin, _axis_point(point, spin)).balance
 
 
 def all_equilibria(point: Point, spin: np.ndarray, starts: int) -> list[Solution]:
@@ -104,7 +138,7 @@ def all_equilibria(point: Point, spin: np.ndarray, starts: int) -> list[Solution
     rng, found = np.random.default_rng(0), list[Solution]()
     for number in range(starts):
         try:
-            begin = _displaced(point, spin, rng) if number else point
+            begin = displaced(point, spin, rng) if number else point
         except StartError:
             continue
         for stable in (True, False):
@@ -262,7 +296,7 @@ def _moved(place: Place, step: np.ndarray) -> Point:
     return replace(point, state=close(point.system, state, point.unknowns))
 
 
-def _displaced(point: Point, spin: np.ndarray, rng: np.random.Generator) -> Point:
+def displaced(point: Point, spin: np.ndarray, rng: np.random.Generator) -> Point:
     """A configuration that is reached by random motions of up to half a revolution."""
     centre = _axis_point(point, spin)
     parts = int(rng.integers(2, 9))

@@ -1,4 +1,4 @@
-"""Equilibria in words, and as tables."""
+"""Equilibria in words."""
 
 import numpy as np
 
@@ -6,13 +6,9 @@ from msahl.algebra.rotation import compose, to_axis_angle
 from msahl.algebra.rotation import inverse as opposite
 from msahl.algebra.vector import at
 from msahl.analysis.equilibrium import Solution
+from msahl.analysis.equilibrium_tables import state_row
 from msahl.analysis.modes import LARGEST_DENSE, modes
 from msahl.analysis.point import Point
-from msahl.analysis.projection import prepared
-from msahl.elements.reactions import write_reactions
-from msahl.elements.rigid_body import write_states
-from msahl.system.arrays import new_tables
-from msahl.system.names import reaction_columns, state_columns
 
 MOST_BODIES = 20
 """Bodies whose places are printed; the table has all."""
@@ -49,7 +45,7 @@ def lines(start: Point, found: list[Solution]) -> list[str]:
             "",
             head,
             f"  residual {balance.residual:.3g} N ({balance.relative:.1e} of the largest force), "
-            f"{solution.iterations} iterations"
+            f"{solution.iterations} iterations of {solution.method}"
             + (f"; {flat} direction{'s' if flat > 1 else ''} without stiffness" if flat else ""),
             *_places(start, point),
         ]
@@ -71,40 +67,3 @@ def _places(start: Point, point: Point) -> list[str]:
     if len(point.model.bodies) > MOST_BODIES:
         shown.append(f"  and {len(point.model.bodies) - MOST_BODIES} more bodies")
     return shown
-
-
-def state_row(point: Point) -> np.ndarray:
-    """(12 n,) the row of states.csv, without the time."""
-    start = prepared(point.system, point.state)
-    table = new_tables(point.system, point.state, 1).states
-    state = point.state
-    write_states(point.system.bodies, state.x, state.p, start.frames, state.w, table, 0)
-    row: np.ndarray = table[0]
-    return row
-
-
-def tables(found: list[Solution]) -> dict[str, tuple[list[str], np.ndarray]]:
-    """Return columns and rows of the tables, one row for each equilibrium, whose first column is
-    its number.
-    """
-    points = [solution.place.point for solution in found]
-    number = np.arange(1, len(points) + 1)
-    model = points[0].model
-    states = np.array([state_row(point) for point in points])
-    result = {
-        "states": (["equilibrium", *state_columns(model)[1:]], np.column_stack([number, states]))
-    }
-    columns = reaction_columns(model)[1:]
-    if columns:
-        rows = np.array([_reaction_row(point) for point in points])
-        result["reactions"] = (["equilibrium", *columns], np.column_stack([number, rows]))
-    return result
-
-
-def _reaction_row(point: Point) -> np.ndarray:
-    """The row of reactions.csv, without the time."""
-    system, state = point.system, point.state
-    table = new_tables(system, state, 1).reactions
-    write_reactions(system.shown, system.scalar, state.reaction, state.force, 0.0, table, 0)
-    row: np.ndarray = table[0]
-    return row

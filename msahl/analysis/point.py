@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from msahl.analysis.projection import close
 from msahl.elements import signals
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import moving_count
@@ -84,7 +85,11 @@ def at_time(model: Model, time: float) -> Point:
         columns = signal_columns(model)
         states = [columns.index(s.name) for s in model.signals if hasattr(s, "initial")]
         state.auxiliary[:] = signal_rows[-1, states]
-    return complete(model, system, state)
+    unknowns = choose(system, all_unknowns(system), node_order(system))
+    # Schemes of order 2 satisfy constraints between places; those between rates to their order.
+    state = close(system, state, unknowns)
+    make_consistent(system, state, unknowns.free, "massWeighted")
+    return complete(model, system, state, unknowns)
 
 
 def _follow(system: System, state: State, states: np.ndarray) -> None:

@@ -44,9 +44,9 @@ def move(system: System, state: State, dq: np.ndarray) -> State:
     return state._replace(x=x, p=p, w=w, angle=state.angle.copy())
 
 
-def close(system: System, state: State, unknowns: Unknowns) -> State:
-    """Return the nearest state, by mass, whose places satisfy all constraints, or raise
-    ``StartError``.
+def close(system: System, state: State, unknowns: Unknowns, closed: float = CLOSED) -> State:
+    """Return the nearest state, by mass, whose places satisfy all constraints to ``closed`` times
+    the largest length, or to round-off; or raise ``StartError``.
     """
     first = first_multiplier(system.frames)
     length = max(float(system.frames.length.max()), float(np.abs(state.x).max()))
@@ -54,7 +54,7 @@ def close(system: System, state: State, unknowns: Unknowns) -> State:
     for _ in range(MOST_ITERATIONS):
         violation = _violations(system, state)
         largest = float(np.abs(violation).max(initial=0.0))
-        if largest <= CLOSED * length or (largest <= ACCEPTED * length and largest >= 0.5 * last):
+        if largest <= closed * length or (largest <= ACCEPTED * length and largest >= 0.5 * last):
             return state
         last = largest
         rows = np.zeros((node_count(system), 3))

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from lxml.etree import _Element
 
+    from msahl.analysis.linear_model import LinearModel
     from msahl.api.modes import Modes, ModesOver
 
 Value = float | str
@@ -79,6 +80,26 @@ class Model:
             settings = (*settings, f"{STOP_WHEN}{condition}")
             records = self._deck.model(settings)
         return make_job(self._deck.source, records, checked_options(given), settings)
+
+    def linearize(
+        self,
+        inputs: Sequence[str] = (),
+        outputs: Sequence[str] = (),
+        *,
+        at: float | str = 0.0,
+        states: str = "coordinates",
+    ) -> "LinearModel":
+        """Return the model linearised with ``inputs`` and ``outputs`` by name: ``at`` a time [s],
+        after a run to it, or at an ``"equilibrium"``. The ``states`` are ``"coordinates"`` or those
+        of the ``"nullspace"``.
+
+        Raises ``OptionError`` for names that do not exist, ``StartError`` if the model does not get
+        there.
+        """
+        from msahl.analysis.at import point_at
+        from msahl.analysis.linearize import linearize
+
+        return linearize(point_at(self.records, at), tuple(inputs), tuple(outputs), states)
 
     def modes(
         self,

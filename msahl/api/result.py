@@ -308,5 +308,6 @@ def result_of(job: Job, report: Report, sink: MemorySink) -> Result:
     """Return the results of a ``job`` whose rows are in the ``sink``."""
     arrays = {name: sink.table(name) for name in (*tables_of_model(job.model), ERROR)}
     kept = {name: array for name, array in arrays.items() if len(array)}
-    told = {"options": recorded_options(job.settings), **report.as_json()}
+    start = {"start": dict(job.start)} if job.start else {}
+    told = {**start, "options": recorded_options(job.settings), **report.as_json()}
     return Result(job.model, told, kept, job)

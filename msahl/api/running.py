@@ -4,6 +4,7 @@ import time
 from collections.abc import Sequence
 
 from msahl.api.result import Result, result_of
+from msahl.model.settings import EQUILIBRIUM
 from msahl.results.job import Job
 from msahl.run import loop
 from msahl.run.report import INTERRUPTED
@@ -16,9 +17,21 @@ def run_job(job: Job, only: Sequence[str] | None = None) -> Result:
     Raises ``StartError`` if the model has no consistent state at t = 0, and KeyboardInterrupt if
     the user stops the run.
     """
+    job = begun(job)
     began, sink = time.perf_counter(), MemorySink(only)
     report = loop.run(job.model, job.options, sink, checked=True)
     report.seconds["total"] = time.perf_counter() - began
     if report.status == INTERRUPTED:
         raise KeyboardInterrupt(report.message)
     return result_of(job, report, sink)
+
+
+def begun(job: Job) -> Job:
+    """Return a run where it starts, at an equilibrium if its deck asks for it; raises
+    ``StartError`` if none is found.
+    """
+    if job.model.simulation.start != EQUILIBRIUM:
+        return job
+    from msahl.analysis.begin import beginning
+
+    return beginning(job)

@@ -119,7 +119,8 @@ def start_findings(load: Any, context: Context) -> Iterator[Finding]:
     """Find a spring of no length, and a bushing whose points do not coincide at t = 0."""
     if isinstance(load, SpringDamper) and is_placed(load, context):
         yield from length_findings(load, context)
-    if isinstance(load, Bushing) and is_placed(load, context) and not context.project:
+    counts = isinstance(load, Bushing) and not load.aligned and not context.project
+    if counts and is_placed(load, context):
         yield from apart(load, context)
 
 

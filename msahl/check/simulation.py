@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterator
 from msahl.check.faults import LARGEST, SMALLEST, Finding
 from msahl.model import INSTANTANEOUS, MEAN, Model, Simulation
 from msahl.model.scheme import AUTO, CAYLEY, COLLOCATION, EXPONENTIAL, ORDER_TWO
-from msahl.model.settings import ACCELERATIONS, JOINT_TABLES
+from msahl.model.settings import ACCELERATIONS, JOINT_TABLES, STARTS
 
 MAX_STEPS = 10**9
 """Largest number of steps of a run. At 10 us a step they take a day, so more are a mistake."""
@@ -57,6 +57,7 @@ def _word_findings(simulation: Simulation) -> Iterator[Finding]:
     yield from _known("reactions", simulation.reactions, (MEAN, INSTANTANEOUS))
     yield from _known("accelerations", simulation.accelerations, ACCELERATIONS)
     yield from _known("jointTable", simulation.joint_table, JOINT_TABLES)
+    yield from _known("start", simulation.start, STARTS)
 
 
 def _number_findings(simulation: Simulation) -> Iterator[Finding]:

@@ -7,7 +7,7 @@ import click
 
 from msahl.cli.compiling import announced
 from msahl.cli.console import say, stop
-from msahl.cli.decks import model_to_run
+from msahl.cli.decks import job_of
 from msahl.cli.options import DECK, run_options
 from msahl.printable import shown_path
 
@@ -35,7 +35,7 @@ def compile_(decks: tuple[Path, ...], everything: bool, **given: Any) -> None:
 
     calls = []
     for deck in decks:
-        calls += calls_of_run(model_to_run(deck, given), options_beside_deck(given))
+        calls += calls_of_run(job_of(deck, given).model, options_beside_deck(given))
     try:
         with announced(True):
             prepare(calls)

@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from msahl.cli.console import stop
+from msahl.cli.console import say, stop
+from msahl.printable import printable, shown_path
 
 if TYPE_CHECKING:
     from msahl.model import Model
@@ -25,9 +26,9 @@ def read(
 
 
 def model_to_run(deck: Path, given: Mapping[str, Any], settings: Sequence[str] = ()) -> "Model":
-    """The model in ``deck`` with the changes ``settings`` of its numbers and the options ``given``;
-    its faults end the program."""
-    return job_of(deck, given, settings).model
+    """The model in ``deck`` with the changes ``settings`` of its numbers and the options ``given``,
+    in equilibrium if the deck asks for it; its faults end the program."""
+    return job_to_run(deck, given, settings).model
 
 
 def job_of(deck: Path, given: Mapping[str, Any], settings: Sequence[str] = ()) -> "Job":
@@ -44,3 +45,34 @@ def job_of(deck: Path, given: Mapping[str, Any], settings: Sequence[str] = ()) -
         stop(str(error))
     except OptionError as error:
         stop("\n".join(f"msahl run: {fault}" for fault in error.faults))
+
+
+def job_to_run(
+    deck: Path,
+    given: Mapping[str, Any],
+    settings: Sequence[str],
+    quiet: bool = False,
+    resumed: Path | None = None,
+) -> "Job":
+    """The run of ``deck`` as ``job_of`` returns it, from an equilibrium if the deck asks for it:
+    that of the run in the folder ``resumed``, if there is one. Faults end the program."""
+    from msahl.model.settings import EQUILIBRIUM
+
+    job = job_of(deck, given, settings)
+    if job.model.simulation.start != EQUILIBRIUM:
+        return job
+    from msahl.analysis.begin import beginning, beginning_of_run, told
+    from msahl.cli.compiling import announced
+    from msahl.deck import DeckError
+    from msahl.jit.progress import CompileError
+    from msahl.start.velocities import StartError
+
+    try:
+        with announced(not quiet):
+            earlier = beginning_of_run(job, resumed) if resumed else None
+            job = earlier or beginning(job)
+    except (DeckError, StartError, CompileError) as error:
+        stop(f"{shown_path(deck)}: {printable(str(error))}")
+    if not quiet and job.start:
+        say(f"{shown_path(deck)}: {told(job.start)}")
+    return job

@@ -8,13 +8,15 @@ import click
 
 from msahl.cli.compiling import announced
 from msahl.cli.console import NOT_CONVERGED, NOT_WRITTEN, say, stop
-from msahl.cli.decks import model_to_run
+from msahl.cli.decks import job_of
 from msahl.cli.options import DECK, NumberType, output_option, set_option
 from msahl.printable import printable, shown_path
 from msahl.terminal import echo
 
 if TYPE_CHECKING:
     from msahl.analysis.equilibrium import Solution
+    from msahl.analysis.point import Point
+    from msahl.results.job import Job
 
 
 @click.command(short_help="Find equilibria of a deck's model.")
@@ -51,22 +53,22 @@ def equilibrium(
     The search begins where the deck starts the model and finds the equilibrium to which the forces
     lead, which is stable, and the nearest of any kind. Reports each with its stability. Velocities
     of the deck do not count. With -o, writes states.csv and reactions.csv, one row for each
-    equilibrium. Exits with status 3 if there is none.
+    equilibrium, and decks that begin there: equilibrium1.xml and so on. Exits with status 3 if
+    there is none.
 
     Example: msahl equilibrium decks/mechanisms/suspension.xml
     """
-    model = model_to_run(deck, {}, settings)
+    job = job_of(deck, {}, settings)
     import numpy as np
 
-    from msahl.analysis.equilibrium import all_equilibria
+    from msahl.analysis.equilibrium import all_equilibria, search_start
     from msahl.analysis.equilibrium_report import lines
-    from msahl.analysis.point import at_start
     from msahl.jit.progress import CompileError
     from msahl.start.velocities import StartError
 
     try:
         with announced(not quiet):
-            point = at_start(model)
+            point = search_start(job.model)
             found = all_equilibria(point, np.array(rotation), starts)
     except (StartError, CompileError) as error:
         stop(f"{shown_path(deck)}: {printable(str(error))}")
@@ -80,18 +82,26 @@ def equilibrium(
     if not quiet:
         echo("\n".join(printable(line) for line in lines(point, found)))
     if output is not None:
-        _write(output, found)
+        _write(output, job, point, found)
 
 
-def _write(folder: Path, found: "list[Solution]") -> None:
-    """Write the tables into the ``folder``."""
-    from msahl.analysis.equilibrium_report import tables
+def _write(folder: Path, job: "Job", start: "Point", found: "list[Solution]") -> None:
+    """Write the tables and the decks that begin at the equilibria into the ``folder``."""
+    from msahl.analysis.begin import deck_at
+    from msahl.analysis.equilibrium_tables import tables
+    from msahl.deck import DeckError
     from msahl.results.write import file_name, write_table
+    from msahl.start.velocities import StartError
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, (columns, rows) in tables(found).items():
             write_table(folder / file_name(name), columns, rows)
+        for number, solution in enumerate(found, start=1):
+            text = deck_at(job.text, job.source.path, start, solution)
+            (folder / f"equilibrium{number}.xml").write_bytes(text)
     except OSError as error:
         say(f"{shown_path(error.filename or folder)}: {error.strerror or error}")
         sys.exit(NOT_WRITTEN)
+    except (DeckError, StartError) as error:
+        stop(f"{shown_path(job.source.path)}: {printable(str(error))}", NOT_CONVERGED)

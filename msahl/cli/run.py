@@ -15,7 +15,7 @@ import click
 from msahl.cli.command_line import typed_command
 from msahl.cli.compiling import announced
 from msahl.cli.console import BAD_VERDICT, NOT_WRITTEN, STATUS, say, stop
-from msahl.cli.decks import job_of
+from msahl.cli.decks import job_to_run
 from msahl.cli.options import DECK, output_option, run_options, set_option
 from msahl.cli.signals import Interruption, set_alarm, stoppable
 from msahl.printable import printable, shown_path
@@ -74,7 +74,8 @@ def run(
         from msahl.deck.overrides import STOP_WHEN
 
         changed = (*changed, f"{STOP_WHEN}{condition}")
-    task = make_task(deck, output or Path("results") / deck.stem, given, changed)
+    folder = output or Path("results") / deck.stem
+    task = make_task(deck, folder, given, changed, resume, quiet)
     from msahl.jit.progress import CompileError
     from msahl.results.folder import FolderError
     from msahl.results.lock import FolderInUseError, locked
@@ -123,10 +124,18 @@ class Task:
         return self.job.about(self.folder)
 
 
-def make_task(deck: Path, folder: Path, given: dict[str, Any], changed: tuple[str, ...]) -> Task:
+def make_task(
+    deck: Path,
+    folder: Path,
+    given: dict[str, Any],
+    changed: tuple[str, ...],
+    resume: bool = False,
+    quiet: bool = False,
+) -> Task:
     """The run of ``deck`` into ``folder`` with the options ``given`` and ``changed`` numbers;
     faults end the program."""
-    task = Task(job_of(deck, given, changed), folder)
+    job = job_to_run(deck, given, changed, quiet, folder if resume else None)
+    task = Task(job, folder)
     from msahl.deck import DeckError
 
     try:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from msahl.cli.console import NOT_CONVERGED, NOT_WRITTEN, say, stop
+from msahl.cli.decks import model_to_run
 from msahl.cli.options import DECK, NumberType, output_option, set_option
 from msahl.cli.signals import Interruption, stoppable
 from msahl.model.scheme import AUTO, choices
@@ -115,11 +116,11 @@ def study(deck: Path, output: Path | None, **given: Any) -> None:
 
 def _plan(request: Request) -> "Plan":
     """The plan of the study; raises ``ResultError`` if the options do not fit together."""
-    from msahl.deck import check_simulation, read_deck
+    from msahl.deck import check_simulation
     from msahl.results.read import ResultError
     from msahl.study.plan import Plan
 
-    model, steps = read_deck(request.deck, settings=request.settings), request.steps
+    model, steps = model_to_run(request.deck, {}, request.settings), request.steps
     model = replace(model, stops=())  # runs that are compared have the same end
     if request.t_final is not None:
         model = replace(model, simulation=replace(model.simulation, t_final=request.t_final))

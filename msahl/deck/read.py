@@ -41,7 +41,8 @@ from msahl.deck.units import Parameter
 from msahl.deck.values import Reader
 from msahl.joints.registry import KINDS as JOINT_KINDS
 from msahl.model import Ground, Model, RigidBody, Simulation
-from msahl.model.couplings import COORDINATES
+from msahl.model.couplings import COORDINATES, Coupling
+from msahl.model.joints import Joint
 from msahl.model.signals import AnySignal, Stop
 
 if TYPE_CHECKING:
@@ -87,9 +88,15 @@ def read_tree(
 
 
 def read_what_is_sound(
-    root: Element, path: Path, settings: Sequence[str] | None, faults: Faults, parts: "Parts"
+    root: Element,
+    path: Path,
+    settings: Sequence[str] | None,
+    faults: Faults,
+    parts: "Parts",
+    carried: dict[Element, Vector] | None = None,
 ) -> Model:
-    """Return what can be read of a tree (see ``read_tree``), and add its faults to ``faults``.
+    """Return what can be read of a tree (see ``read_tree``), and add its faults to ``faults``, and
+    to ``carried`` the vectors that were given in the axes of another body, in those of their own.
 
     Elements may refer to others that are missing. Raises ``DeckError`` if a part cannot be read.
     """
@@ -99,7 +106,7 @@ def read_what_is_sound(
 
         parameters = expand(root, path, settings, faults, parts)
     with _without_collector():
-        return _read_model(root, faults, parameters)
+        return _read_model(root, faults, parameters, {} if carried is None else carried)
 
 
 @contextmanager
@@ -116,14 +123,19 @@ def _without_collector() -> Iterator[None]:
             gc.enable()
 
 
-def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Parameter]) -> Model:
+def _read_model(
+    root: Element,
+    faults: Faults,
+    parameters: Mapping[str, Parameter],
+    carried: dict[Element, Vector],
+) -> Model:
     """Return what can be read of the deck; it is complete if ``faults`` stays empty."""
     unit_system = "US" if text(root.find("unitSystem")) == "US" else "SI"
     simulation = root.find("simulation")
     usable = simulation is not None and faults.sound(simulation)
     assembly = read_assembly(root) if usable else Assembly()
     context = Context(project=assembly.position == "project")
-    reader = Reader(unit_system, faults, context, parameters)
+    reader = Reader(unit_system, faults, context, parameters, carried=carried)
     sound = {group: _sound(root.iterfind(f"system/{group}/*"), faults) for group in KINDS}
     for groups in ONE_NAME:
         _check_names(root, groups, faults)
@@ -136,8 +148,7 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
         place_by_joints(root, reader)
     bodies = [_read_body(element, reader) for element in sound["bodies"]]
     _check_some_body(root, faults)
-    joints = [read_joint(e, reader) for e in sound["joints"] if e.tag in JOINT_KINDS]
-    couplings = [read_coupling(e, reader) for e in sound["joints"] if e.tag in COORDINATES]
+    joints, couplings = _read_joints(sound["joints"], reader)
     motions = [MOTIONS[str(e.tag)](e, reader) for e in sound["motions"]]
     check_prescribed_once(sound["motions"], reader)
     markers = [read_marker(e, reader) for e in sound["markers"] if e.tag == "marker"]
@@ -162,6 +173,12 @@ def _read_model(root: Element, faults: Faults, parameters: Mapping[str, Paramete
         groups=tuple(read_group(e, reader) for e in sound["groups"]),
         shapes=tuple(shape for e in sound["bodies"] for shape in read_shapes(e, reader)),
     )
+
+
+def _read_joints(sound: list[Element], reader: Reader) -> tuple[list[Joint], list[Coupling]]:
+    """Return the joints, and the couplings of two of them."""
+    joints = [read_joint(element, reader) for element in sound if element.tag in JOINT_KINDS]
+    return joints, [read_coupling(e, reader) for e in sound if e.tag in COORDINATES]
 
 
 def _read_signals(root: Element, reader: Reader) -> tuple[AnySignal, ...]:

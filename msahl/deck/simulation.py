@@ -7,7 +7,7 @@ from msahl.deck.faults import Element, attribute, text
 from msahl.deck.values import Reader
 from msahl.model import MEAN, Limits, Simulation
 from msahl.model.scheme import CAYLEY, DAMPING, DEFAULT, DEGREE
-from msahl.model.settings import AUTOMATIC, NO
+from msahl.model.settings import AUTOMATIC, GIVEN, NO
 from msahl.printable import printable
 
 
@@ -28,6 +28,7 @@ def read_simulation(element: Element, reader: Reader) -> Simulation:
         local_tolerance=_number(element.find("localTolerance"), "length", reader),
         accelerations=attribute(element, "accelerations", NO),
         joint_table=attribute(element, "jointTable", AUTOMATIC),
+        start=attribute(element, "start", GIVEN),
     )
     reader.add(element, simulation_findings(simulation))
     return simulation

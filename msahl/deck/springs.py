@@ -3,8 +3,16 @@
 from msahl.algebra.functions import Law
 from msahl.algebra.vector import IDENTITY, Matrix, transpose
 from msahl.check.loads import element_findings, start_findings
-from msahl.deck.ends import Ends, carried, is_placed, read_ends, shared_frame
-from msahl.deck.faults import Element, text
+from msahl.deck.ends import (
+    SIDES,
+    Ends,
+    carried,
+    is_placed,
+    own_frame,
+    read_ends,
+    shared_frame,
+)
+from msahl.deck.faults import Element, attribute, text
 from msahl.deck.laws import read_table
 from msahl.deck.values import Reader
 from msahl.model.loads import Bushing, JointSpring, SpringDamper
@@ -64,27 +72,50 @@ def read_joint_spring(element: Element, reader: Reader) -> JointSpring:
 
 def read_bushing(element: Element, reader: Reader) -> Bushing:
     """Return the record of a ``<bushing>``; its frame is the parent's axes unless an end gives an
-    axis."""
+    axis, or both give their own."""
     ends = read_ends(element, reader)
-    shared = shared_frame(element, reader)
-    if shared is None:
-        shared = _parents_axes(ends, reader)
-        if element.find("*/reference") is not None:
-            message = "<reference> has no effect without <axis>; add an <axis>"
-            reader.faults.add(element, message)
+    aligned = attribute(element, "unloaded") == "aligned"
+    here, there = _own_frames(element, reader) if aligned else _shared_frames(element, ends, reader)
     bushing = Bushing(
         name=text(element.find("name")),
         parent=ends.parent,
         child=ends.child,
         parent_point=ends.parent_point,
         child_point=ends.child_point,
-        parent_axes=carried(shared, ends.parent, reader),
-        child_axes=carried(shared, ends.child, reader),
+        parent_axes=carried(here, ends.parent, reader),
+        child_axes=carried(there, ends.child, reader),
         stiffness=_six(element, ("stiffness", "angularStiffness"), reader),
         damping=_six(element, ("damping", "angularDamping"), reader),
+        aligned=aligned,
     )
     _check(element, bushing, ends, reader)
     return bushing
+
+
+def _shared_frames(element: Element, ends: Ends, reader: Reader) -> tuple[Matrix, Matrix]:
+    """Return the one frame of both sides of a bushing, inertial axes."""
+    shared = shared_frame(element, reader)
+    if shared is None:
+        shared = _parents_axes(ends, reader)
+        if element.find("*/reference") is not None:
+            message = "<reference> has no effect without <axis>; add an <axis>"
+            reader.faults.add(element, message)
+    return shared, shared
+
+
+def _own_frames(element: Element, reader: Reader) -> tuple[Matrix, Matrix]:
+    """Return the frames of both sides of a bushing, which is unloaded where they coincide, inertial
+    axes.
+    """
+    frames = [own_frame(element, side, reader) for side in SIDES]
+    for side, frame in zip(SIDES, frames, strict=True):
+        if frame is None and reader.faults.sound(element):
+            message = (
+                f'<axis> is missing on the {side}; with unloaded="aligned" each side has a frame '
+                "of its own"
+            )
+            reader.faults.add(element, message)
+    return frames[0] or IDENTITY, frames[1] or IDENTITY
 
 
 def _check(element: Element, spring: SpringDamper | Bushing, ends: Ends, reader: Reader) -> None:

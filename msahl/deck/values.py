@@ -74,7 +74,8 @@ class Reader:
     named in laws of the motion. ``bodies`` and ``joints`` hold the records free of faults.
     ``starts`` are of bodies that joints place or move, ``unplaced`` those that they could not place
     for some fault. ``signal_dimensions`` and ``table_dimensions`` are what signals, states and
-    tables say of their units.
+    tables say of their units. ``carried`` are vectors that were given in the axes of another body,
+    in those of their own.
     """
 
     unit_system: str
@@ -87,6 +88,7 @@ class Reader:
     unplaced: set[str] = field(default_factory=set)
     signal_dimensions: dict[str, Dimension | None] = field(default_factory=dict)
     table_dimensions: dict[str, TableDimensions] = field(default_factory=dict)
+    carried: dict[Element, Vector] = field(default_factory=dict)
 
     def add(self, element: Element, findings: Iterable[Finding]) -> None:
         """Add findings about the record of ``element`` to the faults, each at the child that holds
@@ -159,8 +161,10 @@ class Reader:
         unless it names another."""
         if element is None:
             return ZERO
-        basis = self.basis(element) or own
-        return self.context.rotated(self.components(element), basis, wanted)
+        basis, a = self.basis(element) or own, self.components(element)
+        if basis != own:
+            self.carried[element] = self.context.rotated(a, basis, own)
+        return self.context.rotated(a, basis, wanted)
 
     def basis(self, element: Element) -> str:
         """Return the frame that ``basis`` names, "" if it names none or an unknown one."""

@@ -92,10 +92,10 @@ def _with_simulation(
             element.tail = tail
             element.text = number
             element.set("units", unit)
-    return _bytes(root)
+    return document_bytes(root)
 
 
-def _bytes(root: Element) -> bytes:
+def document_bytes(root: Element) -> bytes:
     """Return the document of a tree, in its own encoding."""
     tree = root.getroottree()
     stream = BytesIO()
@@ -132,7 +132,7 @@ def _expanded(
     for includes in document.findall("includes"):
         _add_comment(includes, tostring(includes, with_tail=False).decode())
         document.remove(includes)
-    return _bytes(document)
+    return document_bytes(document)
 
 
 def _with_originals(

@@ -62,7 +62,8 @@ class JointSpring:
 @dataclass(frozen=True, slots=True)
 class Bushing:
     """Stiffness and damping of three displacements of the child's point along the parent's frame
-    and of three small rotations about it, all zero at t = 0: N/m and N m/rad in that order."""
+    and of three small rotations about it: N/m and N m/rad in that order. All are zero at t = 0, or,
+    if it is ``aligned``, where points and frames coincide."""
 
     name: str
     parent: str
@@ -73,6 +74,7 @@ class Bushing:
     child_axes: Matrix
     stiffness: tuple[float, float, float, float, float, float]
     damping: tuple[float, float, float, float, float, float]
+    aligned: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,6 +30,8 @@ JOINT_TABLES = (AUTOMATIC, YES, NO)
 """Whether the coordinates of joints are written; automatic: of models with angles or slides, unless
 they have very many joints."""
 ACCELERATIONS = (NO, YES)
+GIVEN, EQUILIBRIUM = STARTS = ("given", "equilibrium")
+"""Where a run starts: where the deck has the bodies, or at rest in an equilibrium."""
 ESTIMATE, LOCAL, OFF = ERRORS = ("estimate", "local", "off")
 """What a run finds out about its error: the global error, the sum of local errors, nothing."""
 SOLVERS = ("auto", "newton", "root")
@@ -60,7 +62,7 @@ class Simulation:
     are written, ``joint_table`` whether the coordinates of joints are. ``output_interval`` [s] is
     the time between output times, None for the step size. The step size is controlled by
     ``tolerance`` [m] of the global error or by ``local_tolerance`` [m] of the sum of local errors;
-    ``dt`` is then the first step size tried.
+    ``dt`` is then the first step size tried. ``start`` is one of ``STARTS``.
     """
 
     title: str
@@ -77,6 +79,7 @@ class Simulation:
     local_tolerance: float | None = None
     accelerations: str = NO
     joint_table: str = AUTOMATIC
+    start: str = GIVEN
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,10 +13,11 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from msahl.post.columns import ORIENTATION, POSITION, grouped, matching, quantity, series
+from msahl.post.columns import grouped, matching, series
 from msahl.post.draw import COLOURS, LINES, MOST_IN_LEGEND, folded, looks, plain, thinned
 from msahl.printable import shown_path
 from msahl.results.read import ResultError, Run
+from msahl.run.column_units import ORIENTATION, POSITION, quantity
 
 MOST_PANELS = 48
 """Most panels of a figure; more are too small to read."""

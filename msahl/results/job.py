@@ -28,13 +28,19 @@ PACKAGES = ("numba", "numpy", "scipy")
 @dataclass(frozen=True)
 class Job:
     """A run to be made of the deck ``source``: its ``model`` with the options ``given`` by name and
-    the ``changed`` numbers of the deck, such as ``L=80 cm``."""
+    the ``changed`` numbers of the deck, such as ``L=80 cm``.
+
+    ``moved`` is the deck as it runs where the model begins elsewhere than its deck has it, and
+    ``start`` what ``run.json`` says of that.
+    """
 
     source: Source
     model: Model
     options: Options
     given: Mapping[str, Any]
     changed: tuple[str, ...] = ()
+    moved: bytes | None = None
+    start: Mapping[str, Any] | None = None
 
     @cached_property
     def settings(self) -> RunSettings:
@@ -44,6 +50,8 @@ class Job:
     @cached_property
     def text(self) -> bytes:
         """The deck as it runs; raises ``DeckError`` if a part of it cannot be read any more."""
+        if self.moved is not None:
+            return self.moved
         return self.source.text(deck_changes(self.given), self.changed)
 
     def about(self, folder: Path) -> dict[str, Any]:
@@ -58,6 +66,7 @@ class Job:
             },
             **({"parameters": parameters} if parameters else {}),
             **({"set": list(self.changed)} if self.changed else {}),
+            **({"start": dict(self.start)} if self.start else {}),
             "options": recorded_options(self.settings),
         }
 

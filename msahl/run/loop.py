@@ -14,6 +14,7 @@ import numpy as np
 from msahl.check import require_sound
 from msahl.jit.compiled import prepare, trouble
 from msahl.model import Model, Options, resolve
+from msahl.model.settings import EQUILIBRIUM
 from msahl.run.attempts import Attempts
 from msahl.run.companion import Steps
 from msahl.run.conclusion import conclude
@@ -78,10 +79,13 @@ def run(
 
     A step that does not converge, a request to stop (``stopped``, KeyboardInterrupt), and a sink or
     ``save`` that raises OSError end the run, and the report says so. Raises ``StartError`` if there
-    is no consistent start, ``ResumeError`` for a snapshot of another system.
+    is no consistent start, or if the model should begin at an equilibrium, which is found before
+    (``analysis.begin``); ``ResumeError`` for a snapshot of another system.
     """
     if not checked:
         require_sound(model)
+    if model.simulation.start == EQUILIBRIUM:
+        raise StartError("the model is to start at an equilibrium, which has not been found yet")
     settings = resolve(model.simulation, options)
     # An overflow is reported by ``_finite_steps`` and not by numpy.
     with np.errstate(all="ignore"):

@@ -22,6 +22,7 @@ import numpy as np
 import msahl
 from msahl.deck import DeckError, Fault, ParsedDeck, Source
 from msahl.jit.files import version_of
+from msahl.model.settings import EQUILIBRIUM, GIVEN
 from msahl.printable import printable
 from msahl.results.job import Job as Run
 from msahl.results.job import make_job
@@ -214,7 +215,8 @@ def warm_up(job: Job, point: Point) -> None:
         run = Resolver(job).run_at(point.cells)
         simulation = run.model.simulation
         few = min(WARM_STEPS * simulation.dt, simulation.t_final)
-        model = replace(run.model, simulation=replace(simulation, t_final=few))
+        few_steps = replace(simulation, t_final=few, start=GIVEN)
+        model = replace(run.model, simulation=few_steps)
         loop.run(model, run.options, MemorySink(only=()), checked=True)
 
 
@@ -225,7 +227,7 @@ def _run_point(resolver: Resolver, point: Point) -> Row:
     try:
         run = resolver.run_at(point.cells)
         row["key"] = _key(run)
-        report, measures, reason = _simulate(resolver.job, run, row["key"])
+        report, measures, reason = _simulate(resolver.job, _begun(run), row["key"])
     except DeckError as error:
         row["key"] = resolver.faulty_key(point.cells, error)
         report = report_without_steps(NOT_VALID, _fault_text(error))
@@ -242,6 +244,15 @@ def _run_point(resolver: Resolver, point: Point) -> Row:
         "message": printable(message)[:LONGEST_MESSAGE],
         "seconds": {**report.seconds, "total": time.perf_counter() - began},
     }
+
+
+def _begun(run: Run) -> Run:
+    """The run from the equilibrium of its own point, if the deck asks for it."""
+    if run.model.simulation.start != EQUILIBRIUM:
+        return run
+    from msahl.analysis.begin import beginning
+
+    return beginning(run)
 
 
 def _fault_text(error: DeckError) -> str:

@@ -286,10 +286,11 @@ class _Collector:
     def _bushing(self, column: int, load: Bushing) -> None:
         pair = self._pair(load)
         directions = zip(_bushing_coordinates(load), load.stiffness, load.damping, strict=True)
+        free = 0.0 if load.aligned else np.nan
         for coordinate, k, c in directions:
             if k or c:
                 q = self._add(coordinate, pair)
-                self._add_spring(q, (k, c, 0.0, np.nan, 0.0), -1, k, column)
+                self._add_spring(q, (k, c, 0.0, free, 0.0), -1, k, column)
 
     def _add_spring(
         self,

@@ -12,6 +12,7 @@ FLAGS = doctest.ELLIPSIS
 DECKS = {
     "rod.xml": ROOT / "decks" / "basics" / "parameters.xml",
     "quarter_car.xml": ROOT / "decks" / "machines" / "quarter_car.xml",
+    "cart_pole.xml": ROOT / "decks" / "machines" / "cart_pole.xml",
 }
 
 
@@ -25,7 +26,10 @@ def examples(page):
     return parsed
 
 
-@pytest.mark.parametrize(("page", "needed"), [("python.md", ()), ("optimise.md", ("optuna",))])
+@pytest.mark.parametrize(
+    ("page", "needed"),
+    [("python.md", ()), ("optimise.md", ("optuna",)), ("linearize.md", ("control",))],
+)
 def test_the_examples_of_a_page_print_what_it_says(page, needed, tmp_path, monkeypatch):
     for package in needed:
         pytest.importorskip(package)

@@ -1,13 +1,46 @@
 """The command ``msahl equilibrium``, and modes at what it finds."""
 
+import json
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.optimize import brentq
 
+import msahl
 from msahl.cli.main import main
+from tests.run.test_resume import interrupted, tables
 from tests.support.models import ROOT
 
 DECKS = ROOT / "decks"
+START = """<data>
+<parameters><parameter name="m" units="kg">2</parameter></parameters>
+<system>
+<gravity><g3>-9.81</g3></gravity>
+<bodies><ground><name>G</name></ground><rigidBody><name>A</name><mass>{m}</mass>
+<moi><Ixx>0.1</Ixx><Iyy>0.1</Iyy><Izz>0.1</Izz></moi></rigidBody></bodies>
+<joints><revolute><name>H</name><parent><name>G</name><axis><y>1</y></axis></parent>
+<child><name>A</name><position><z>0.5</z></position></child>
+<initialConditions><angle units="deg">30</angle><angleRate>1</angleRate></initialConditions>
+</revolute></joints>
+<loads><torsionalSpringDamper><name>S</name><joint>H</joint><stiffness>10</stiffness>
+<damping>0.1</damping></torsionalSpringDamper></loads>
+</system>
+<simulation start="equilibrium"><deltaT>0.01</deltaT><tFinal>1</tFinal></simulation>
+</data>"""
+"""A pendulum of arm 0.5 m on a spring that is unloaded at 30 deg."""
+
+
+def angle_at_rest(mass):
+    """Angle [rad] of the pendulum: mass g 0.5 sin(angle) = 10 (pi/6 - angle)."""
+    return brentq(lambda a: mass * 9.81 * 0.5 * np.sin(a) - 10.0 * (np.pi / 6 - a), 0, 1)
+
+
+@pytest.fixture
+def start(tmp_path):
+    path = tmp_path / "start.xml"
+    path.write_text(START)
+    return path
 
 
 def call(*words):
@@ -50,3 +83,70 @@ def test_modes_at_an_equilibrium():
     frequency = np.sqrt(9.80665 * 0.4 / (0.64 / 3 + 0.01**2 / 4)) / (2 * np.pi)
     assert f"{frequency:.9g}" in result.output
     assert call("modes", DECKS / "basics/parameters.xml", "--at", "never").exit_code == 2
+
+
+def test_decks_that_are_written_begin_at_the_equilibria(start, tmp_path):
+    result = call("equilibrium", start, "--starts", 3, "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    rows = np.genfromtxt(tmp_path / "out/joints.csv", delimiter=",", names=True, ndmin=1)
+    loads = np.genfromtxt(tmp_path / "out/loads.csv", delimiter=",", names=True, ndmin=1)
+    assert rows["Hangle"][0] == pytest.approx(angle_at_rest(2.0), rel=1e-12)
+    moment = -2.0 * 9.81 * 0.5 * np.sin(rows["Hangle"])
+    assert loads["Sload"] == pytest.approx(moment, abs=1e-9)
+    for number, angle in enumerate(rows["Hangle"].tolist(), start=1):
+        model = msahl.load(tmp_path / f"out/equilibrium{number}.xml")
+        assert model.run(t_final=0.01).frame("joints")["H.angle"][0] == pytest.approx(angle, 1e-14)
+
+
+def test_a_run_starts_at_its_equilibrium_and_stays(start, tmp_path):
+    result = call("run", start, "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    assert "starts at an equilibrium" in result.output
+    told = json.loads((tmp_path / "out/run.json").read_bytes())["start"]
+    assert told["at"] == "equilibrium"
+    assert told["stability"] == "stable, all motions are damped"
+    rows = np.genfromtxt(tmp_path / "out/joints.csv", delimiter=",", names=True)
+    assert rows["Hangle"] == pytest.approx(angle_at_rest(2.0), abs=1e-12)
+    checked = call("check", start)
+    assert checked.exit_code == 0
+    assert "good; starts at an equilibrium" in checked.output
+    # deck.xml begins there, without another search.
+    again = call("run", tmp_path / "out/deck.xml", "-o", tmp_path / "again")
+    assert "starts at" not in again.output
+    files = [tmp_path / folder / "states.csv" for folder in ("out", "again")]
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_a_run_is_resumed_from_the_equilibrium_at_which_it_began(start, tmp_path, monkeypatch):
+    assert call("run", start, "-o", tmp_path / "complete").exit_code == 0
+    result = interrupted(monkeypatch, tmp_path / "parts", start)
+    assert "resume it with" in result.output
+    # Another search might end elsewhere in the last digits.
+    monkeypatch.setattr("msahl.analysis.begin.find", lambda *_: pytest.fail("searched again"))
+    result = call("run", start, "-o", tmp_path / "parts", "--resume")
+    assert result.exit_code == 0, result.output
+    assert tables(tmp_path / "complete") == tables(tmp_path / "parts")
+
+
+def test_every_point_of_a_sweep_finds_its_own_equilibrium(start, tmp_path):
+    result = call("sweep", start, "--set", "m=1,2,3", "--measure", "H.angle initial",
+                  "--keep", "tables", "-o", tmp_path / "out")  # fmt: skip
+    assert result.exit_code == 0, result.output
+    rows = np.genfromtxt(tmp_path / "out/runs.csv", delimiter=",", names=True, dtype=None)
+    expected = [angle_at_rest(mass) for mass in (1.0, 2.0, 3.0)]
+    assert list(rows["Hangle_initial"]) == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_python_api_starts_at_equilibria_too(start):
+    found = list(msahl.batch(msahl.load(start), [{"m": 1.0}, {"m": 3.0}], jobs=1))
+    angles = [result.frame("joints")["H.angle"].iloc[0] for result in found]
+    assert angles == pytest.approx([angle_at_rest(1.0), angle_at_rest(3.0)], rel=1e-12)
+
+
+def test_a_start_without_equilibrium_is_a_fault(start, tmp_path):
+    start.write_text(START.replace("<loads>", "<loads><concentrated><name>T</name><body>A</body>"
+                                   "<moment><yMoment>1e4</yMoment></moment></concentrated>")
+                     .replace("<stiffness>10</stiffness>", "<stiffness>0</stiffness>"))  # fmt: skip
+    result = call("run", start, "-o", tmp_path / "out")
+    assert result.exit_code == 2
+    assert "no equilibrium was found" in result.output

@@ -8,11 +8,12 @@ from click.testing import CliRunner
 
 from msahl.deck import read_deck
 from msahl.post.cli import main
-from msahl.post.columns import UNKNOWN, matching, quantity
+from msahl.post.columns import matching
 from msahl.post.draw import encode, style
 from msahl.post.histories import histories, phase, run_labels
 from msahl.post.paths import paths_in_space, widest_plane
 from msahl.results.read import read_run
+from msahl.run.column_units import UNKNOWN, quantity
 from msahl.run.tables import ERROR_COLUMNS, tables_of_model
 from tests.support.models import ROOT
 from tests.support.run_folders import conical_rows, write

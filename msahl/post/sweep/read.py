@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from msahl.post.columns import quantity
 from msahl.printable import printable, shown_path
 from msahl.results.read import ResultError
+from msahl.run.column_units import quantity
 
 INFO, RUNS, SECONDS, PART = "sweep.json", "runs.csv", "seconds.csv", ".part"
 POINT, STATUS, VERDICT, ERROR, MESSAGE, KEY = (

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from msahl.model import Model
-from msahl.post.columns import quantity
 from msahl.post.view.packing import pack_integers, pack_numbers
 from msahl.printable import printable, shown_path
 from msahl.results.info import ResultError
 from msahl.results.sample import Sample
+from msahl.run.column_units import quantity
 from msahl.run.tables import JOINTS, REACTIONS, SIGNALS
 
 LEVELS = 65535

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from msahl.algebra.rotation_arrays import quaternions
-from msahl.analysis.equilibrium_report import state_row
+from msahl.analysis.equilibrium_tables import state_row
 from msahl.analysis.modes import Modes
 from msahl.analysis.point import Point
 from msahl.analysis.report import largest_parts

@@ -1,0 +1,74 @@
+"""Linearised accelerations against differences of the nonlinear equations, along a random motion.
+
+The model is displaced and given other velocities, its joints are closed, and its accelerations are
+solved for, as at the start of a run; the differences are of order 4.
+"""
+
+import numpy as np
+
+from msahl.algebra.rotation import matrix
+from msahl.algebra.vector import at
+from msahl.analysis.coefficients import Coefficients
+from msahl.analysis.point import Point
+from msahl.analysis.projection import close, move
+from msahl.analysis.variations import FOURTH, Variations
+from msahl.elements.frames import moving_count
+from msahl.start.velocities import StartError, make_consistent, solve_accelerations
+from msahl.system.arrays import State, node_count
+
+STEP = 1e-3
+"""Rotation [rad], displacement over a length, or change of a velocity over one, of a step."""
+
+
+def disagreement(point: Point, found: Coefficients, changes: Variations) -> float:
+    """Return the largest difference of accelerations, rotations times a length, relative to the
+    largest acceleration by the motion; nan if the joints cannot be closed beside the point.
+    """
+    m = len(changes.into)
+    if not m:
+        return 0.0
+    y = np.random.default_rng(0).normal(size=m)
+    dq, dv = changes.places[:, :m] @ y, changes.rates[:, :m] @ y
+    typical = float(np.mean(found.length[found.rotational]))
+    lengths = np.where(found.rotational, typical, 1.0)
+    size = max(float(np.abs(lengths * part).max()) for part in (dq, dv)) / typical
+    share = STEP / size if size > 0.0 else STEP
+    expected = changes.accelerations[:, :m] @ y
+    measured = np.zeros_like(expected)
+    try:
+        for steps, weight in FOURTH:
+            for sign in (1.0, -1.0):
+                other = _beside(point, found, changes, sign * steps * share * y)
+                measured += sign * weight / share * _accelerations(point, found, other)
+    except StartError:
+        return float("nan")
+    largest = max(float(np.abs(lengths * of).max()) for of in (expected, measured))
+    apart = float(np.abs(lengths * (measured - expected)).max())
+    return apart / largest if largest > 0.0 else 0.0
+
+
+def _beside(point: Point, found: Coefficients, changes: Variations, y: np.ndarray) -> State:
+    """Return the consistent state displaced by ``y``, with its accelerations."""
+    system, state, m = point.system, point.state, y.size
+    place, rate = np.zeros((2, node_count(system), 3))
+    place.reshape(-1)[found.coordinate] = changes.places[:, :m] @ y
+    rate.reshape(-1)[found.coordinate] = changes.rates[:, :m] @ y
+    own = {name: getattr(state, name).copy() for name in ("force", "a", "alpha", "reaction")}
+    moved = close(system, move(system, state._replace(**own), place), point.unknowns)
+    v, w = state.v.copy(), moved.w.copy()
+    for f in range(moving_count(system.frames)):
+        v[f] += rate[system.frames.displacement[f]]
+        w[f] += np.array(matrix(at(moved.p, f))).T @ rate[system.frames.rotation[f]]
+    moved = moved._replace(v=v, w=w, auxiliary=state.auxiliary + changes.states[:, :m] @ y)
+    make_consistent(system, moved, point.unknowns.free, "massWeighted")
+    solve_accelerations(system, moved, point.unknowns)
+    return moved
+
+
+def _accelerations(point: Point, found: Coefficients, state: State) -> np.ndarray:
+    """(n,) accelerations of a state."""
+    frames, out = point.system.frames, np.zeros((node_count(point.system), 3))
+    for f in range(moving_count(frames)):
+        out[frames.displacement[f]], out[frames.rotation[f]] = state.a[f], state.alpha[f]
+    accelerations: np.ndarray = out.reshape(-1)[found.coordinate]
+    return accelerations

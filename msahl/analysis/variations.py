@@ -1,0 +1,194 @@
+"""Small changes of a motion by changes of its states and inputs, to first order.
+
+    dq = N_h eta + G_h^+ u              G dq = u    of the constraints that are prescribed motions
+    dv = N zeta + G^+ (u' - B dq)       G dv + B dq = u'
+    dq' = dv + T dq
+    M da = K dq + D dv + S ds + F w + G^T dlam                                              (1)
+    G da = u'' - G' dv - B' dq - B dq'                                                      (2)
+
+with the symbols of ``coefficients`` and ``reduced``. Columns are those of eta, zeta, ds, of the
+displacements u and rates u' of the prescribed motions that are inputs, and of the inputs w; u'' is
+the input of such a motion. (2) is the derivative of the constraints' rates along the motion, G' and
+B' are those of G and B. All are written along inertial axes, relative to the motion itself.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.algebra.rotation import compose, from_increment, matrix
+from msahl.algebra.vector import at
+from msahl.analysis.coefficients import Coefficients, coefficients
+from msahl.analysis.point import Point
+from msahl.analysis.rate_gradients import rates_by_place
+from msahl.analysis.reduced import linear_system, null_space
+from msahl.elements.frames import moving_count
+from msahl.start.velocities import StartError
+from msahl.system.arrays import State, System
+
+FOURTH = ((1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0))
+"""Steps and weights of central differences of the order 4."""
+TRAVEL = 1e-3
+"""Rotation [rad], and displacement over a length, of a step of the differences in time."""
+FOLLOWS = 1e-9
+"""Share of a prescribed motion that other constraints may prevent by round-off."""
+
+
+class Inputs(NamedTuple):
+    """What i inputs act on; n coordinates, s auxiliary states, p of them prescribed motions."""
+
+    force: np.ndarray  # (n, i) forces and moments [N, N m]
+    state_rate: np.ndarray  # (s, i) rates of the auxiliary states
+    motion: np.ndarray  # (i,) number of the constraint equation whose law it is, or -1
+
+
+class Variations(NamedTuple):
+    """Changes in k columns: eta, zeta, ds, u, u', inputs w."""
+
+    places: np.ndarray  # (n, k) dq [m, rad]
+    rates: np.ndarray  # (n, k) dv [m/s, rad/s]
+    states: np.ndarray  # (s, k) ds
+    place_rates: np.ndarray  # (n, k) dq'
+    accelerations: np.ndarray  # (n, k) da [m/s^2, rad/s^2]
+    multipliers: np.ndarray  # (c, k) dlam [N, N m]
+    state_rates: np.ndarray  # (s, k) ds'
+    motion: np.ndarray  # (p, k) u
+    motion_rate: np.ndarray  # (p, k) u'
+    motion_rows: np.ndarray  # (p,) numbers of the constraint equations of these motions
+    into: np.ndarray  # (d + r + s, 2 n + s) eta, zeta, ds of (dq, dv, ds)
+    degrees_of_freedom: int  # d, columns of eta
+    rate_degrees_of_freedom: int  # r, columns of zeta
+    redundant: int  # constraint equations that follow from others
+    idle: np.ndarray  # (c, redundant) multipliers in equilibrium with each other
+
+    @property
+    def inputs(self) -> int:
+        """Number of the first column of an input."""
+        return len(self.into) + 2 * len(self.motion)
+
+
+def variations(point: Point, found: Coefficients, inputs: Inputs) -> Variations:
+    """Return the changes of the motion at a ``point``, whose coefficients are ``found``, by its
+    states and by ``inputs``. Raises ``StartError`` if a prescribed motion cannot change alone.
+    """
+    B = rates_by_place(point.system, point.state)
+    linear = linear_system(found, B)
+    n, own, rows = found.coordinate.size, len(linear.A), inputs.motion[inputs.motion >= 0]
+    p, i = rows.size, inputs.motion.size
+    k = own + 2 * p + i
+    solve = _Constrained(found)
+    u, u_dot, u_ddot = np.zeros((3, p, k))
+    u[:, own : own + p] = u_dot[:, own + p : own + 2 * p] = np.eye(p)
+    u_ddot[np.arange(p), own + 2 * p + np.flatnonzero(inputs.motion >= 0)] = 1.0
+    prescribed = np.zeros((len(found.holonomic), p))
+    prescribed[rows, np.arange(p)] = 1.0
+    solve.check(prescribed)
+    places, rates = np.zeros((2, n, k))
+    states = np.zeros((len(linear.states), k))
+    places[:, :own], rates[:, :own], states[:, :own] = linear.places, linear.rates, linear.states
+    moved = slice(own, own + 2 * p)
+    places[:, moved] = solve.place(prescribed @ u[:, moved])
+    rates[:, moved] = solve.rate(prescribed @ u_dot[:, moved] - B @ places[:, moved])
+    place_rates = rates + found.drift @ places
+    forces = found.by_place @ places + found.by_rate @ rates + found.by_state @ states
+    forces[:, own + 2 * p :] += inputs.force
+    state_rates = (
+        found.state_by_place @ places + found.state_by_rate @ rates + found.state_by_state @ states
+    )
+    state_rates[:, own + 2 * p :] += inputs.state_rate
+    G_dot, B_dot = constraint_trends(point, found, B)
+    right = prescribed @ u_ddot - G_dot @ rates - B_dot @ places - B @ place_rates
+    accelerations, multipliers = solve.accelerations(forces, right)
+    return Variations(
+        places=places,
+        rates=rates,
+        states=states,
+        place_rates=place_rates,
+        accelerations=accelerations,
+        multipliers=multipliers,
+        state_rates=state_rates,
+        motion=u,
+        motion_rate=u_dot,
+        motion_rows=rows,
+        into=linear.into,
+        degrees_of_freedom=linear.degrees_of_freedom,
+        rate_degrees_of_freedom=linear.rate_degrees_of_freedom,
+        redundant=linear.redundant,
+        idle=solve.idle,
+    )
+
+
+class _Constrained:
+    """Solves for motions under the constraints, in coordinates weighted by mass."""
+
+    def __init__(self, found: Coefficients) -> None:
+        self.back = np.linalg.inv(np.linalg.cholesky(found.mass.toarray())).T
+        self.G = found.constraint.toarray() @ self.back
+        self.N, self.inverse = null_space(self.G)
+        self.holonomic = found.holonomic
+        self.idle = null_space(self.G.T)[0] if len(self.G) else np.zeros((0, 0))
+
+    def place(self, right: np.ndarray) -> np.ndarray:
+        """The least dq with G_h dq = ``right``, of the equations between places."""
+        G_h = self.G[self.holonomic]
+        moved: np.ndarray = self.back @ (null_space(G_h)[1] @ right[self.holonomic])
+        return moved
+
+    def rate(self, right: np.ndarray) -> np.ndarray:
+        """The least dv with G dv = ``right``."""
+        moved: np.ndarray = self.back @ (self.inverse @ right)
+        return moved
+
+    def check(self, prescribed: np.ndarray) -> None:
+        """Raise ``StartError`` if the right-hand sides ``prescribed`` (c, p) are impossible."""
+        left = np.abs(self.G @ (self.inverse @ prescribed) - prescribed).max(initial=0.0)
+        if left > FOLLOWS:
+            raise StartError(
+                "a prescribed motion that is an input cannot change alone, since other joints or "
+                "motions determine the same coordinate; choose another input"
+            )
+
+    def accelerations(self, forces: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The da of (1) and (2), and dlam, the least ones where constraints are redundant."""
+        f = self.back.T @ forces
+        a = self.N @ (self.N.T @ f) + self.inverse @ right
+        return self.back @ a, self.inverse.T @ (a - f)
+
+
+def constraint_trends(
+    point: Point, found: Coefficients, B: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(c, n) each: derivatives of G and of ``B`` along the motion [1/s]."""
+    system, state = point.system, point.state
+    if not len(B):
+        return np.zeros_like(B), np.zeros_like(B)
+    if not found.velocity.any():
+        # B is linear in the velocities, and G changes by them only.
+        return np.zeros_like(B), rates_by_place(system, _later(system, state, 0.0, 1.0))
+    speed = float(np.abs(found.velocity * np.where(found.rotational, 1.0, 0.0)).max(initial=0.0))
+    travel = np.abs(found.velocity[~found.rotational]).max(initial=0.0)
+    speed = max(speed, float(travel) / float(system.frames.length.max()))
+    tau = TRAVEL / speed
+    G_dot, B_dot = np.zeros_like(B), np.zeros_like(B)
+    for steps, weight in FOURTH:
+        for sign in (1.0, -1.0):
+            later = _later(system, state, sign * steps * tau, sign * steps * tau)
+            share = sign * weight / tau
+            G_dot += share * coefficients(system, later).constraint.toarray()
+            B_dot += share * rates_by_place(system, later)
+    return G_dot, B_dot
+
+
+def _later(system: System, state: State, travel: float, time: float) -> State:
+    """Return the state displaced by its velocities over the time ``travel`` and accelerated over
+    ``time`` [s], to first order.
+    """
+    x, p, v, w = state.x.copy(), state.p.copy(), state.v.copy(), state.w.copy()
+    for f in range(moving_count(system.frames)):
+        W = np.array(matrix(at(p, f))) @ w[f]
+        x[f] += travel * v[f]
+        rotated = travel * W
+        p[f] = compose(from_increment((rotated[0], rotated[1], rotated[2])), at(p, f))
+        v[f] += time * state.a[f]
+        w[f] = np.array(matrix(at(p, f))).T @ (W + time * state.alpha[f])
+    return state._replace(x=x, p=p, v=v, w=w, angle=state.angle.copy())

@@ -1,0 +1,113 @@
+"""The command ``msahl linearize``: a deck's model as matrices A, B, C, D."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from msahl.cli.compiling import announced
+from msahl.cli.console import NOT_WRITTEN, say, stop
+from msahl.cli.decks import model_to_run
+from msahl.cli.modes import TimeType
+from msahl.cli.options import DECK, set_option
+from msahl.printable import printable, shown_path
+from msahl.terminal import echo
+
+if TYPE_CHECKING:
+    from msahl.analysis.linear_model import LinearModel
+
+
+@click.command(short_help="Linearise a deck's model for control.")
+@click.argument("deck", type=DECK)
+@click.option(
+    "--input",
+    "inputs",
+    multiple=True,
+    metavar="NAME",
+    help="Take as input an actuator, load, motion, signal or auxiliary state of the deck, a load "
+    "along JOINT.COORDINATE, or a force MARKER.Fx; repeat for more.",
+)
+@click.option(
+    "--output",
+    "outputs",
+    multiple=True,
+    metavar="COLUMN",
+    help="Take as output a column of the tables of results, such as Tip.z; repeat for more.",
+)
+@click.option(
+    "--at",
+    type=TimeType(),
+    metavar="T|equilibrium",
+    default=0.0,
+    help="Linearise at the time T in seconds, after a run to it, or at the 'equilibrium' that "
+    "msahl equilibrium finds first (default: 0).",
+)
+@click.option(
+    "--states",
+    type=click.Choice(("coordinates", "nullspace")),
+    default="coordinates",
+    help="Choose as states coordinates of joints and bodies with their rates, or an orthonormal "
+    "basis of all motions (default: coordinates).",
+)
+@click.option(
+    "-o",
+    "file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Write matrices, names, units and values to this file: .npz, .mat or .json.",
+)
+@set_option
+@click.option("-q", "--quiet", is_flag=True, help="Print only faults and warnings.")
+def linearize(
+    deck: Path,
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    file: Path | None,
+    settings: tuple[str, ...],
+    quiet: bool,
+    **wanted: Any,
+) -> None:
+    """Compute the matrices of DECK's model, x' = A x + B w and y = C x + D w, at a point.
+
+    x, w and y are changes of states, inputs and outputs from their values there. The states are as
+    few as the joints allow (closed loops, redundant and non-holonomic joints), with auxiliary ones.
+    Prints poles and steady gains, and how well the matrices agree with differences of the nonlinear
+    equations. Warns if the point is neither an equilibrium nor a steady motion.
+
+    Example: msahl linearize decks/machines/cart_pole.xml --input Motor --output Slide.slide
+    """
+    model = model_to_run(deck, {}, settings)
+    from msahl.analysis.at import point_at
+    from msahl.analysis.linear_files import check_suffix
+    from msahl.analysis.linear_report import report
+    from msahl.analysis.linearize import linearize as linearized
+    from msahl.jit.progress import CompileError
+    from msahl.run.options import OptionError
+    from msahl.start.velocities import StartError
+
+    try:
+        if file is not None:
+            check_suffix(file)
+        with announced(not quiet):
+            found = linearized(point_at(model, wanted["at"]), inputs, outputs, wanted["states"])
+    except OptionError as error:
+        stop("\n".join(f"{shown_path(deck)}: {printable(fault)}" for fault in error.faults))
+    except (StartError, CompileError) as error:
+        stop(f"{shown_path(deck)}: {printable(str(error))}")
+    for warning in found.warnings:
+        say(f"WARN: {printable(warning)}")
+    if not quiet:
+        echo("\n".join(printable(line) for line in report(found)))
+    if file is not None:
+        _write(file, found)
+
+
+def _write(file: Path, found: "LinearModel") -> None:
+    """Write the matrices to the ``file``."""
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        found.save(file)
+    except OSError as error:
+        say(f"{shown_path(error.filename or file)}: {error.strerror or error}")
+        sys.exit(NOT_WRITTEN)
