@@ -17,8 +17,9 @@ from msahl.model.settings import OFF, YES
 from msahl.run.loop import run
 from msahl.run.tables import MemorySink, tables_of_model
 from msahl.start.velocities import StartError
-from tests.support.models import DECKS, deck
+from tests.support.models import ROOT, deck
 
+MECHANISMS = ROOT / "decks" / "mechanisms"
 R, L = 0.1, 0.25
 """Crank and rod of decks/mechanisms/slider_crank.xml [m]."""
 
@@ -44,8 +45,7 @@ class Computed:
 
 def slider_crank(settings=(), law=None, joint="Guide"):
     """The deck with other numbers; with a ``law`` it moves the slider, not the crank."""
-    (path,) = [path for path in DECKS if path.stem == "slider_crank"]
-    model = read_deck(path, settings=settings)
+    model = read_deck(MECHANISMS / "slider_crank.xml", settings=settings)
     if law is None:
         return model
     coordinate = "slide" if joint == "Guide" else "angle"
@@ -293,8 +293,7 @@ def test_incompletely_prescribed_motions_are_refused():
 
 
 def test_motions_that_follow_from_rates_are_refused():
-    (path,) = [path for path in DECKS if path.parts[-2:] == ("mechanisms", "rolling_disk.xml")]
-    model = read_deck(path)
+    model = read_deck(MECHANISMS / "rolling_disk.xml")
     with pytest.raises(StartError, match=r"3 degrees of freedom remain; Disk can move"):
         prepare(model)
     still = Law("constant", (0.0,))
