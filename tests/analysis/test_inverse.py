@@ -111,6 +111,7 @@ def test_loads_of_a_robot_within_their_error_bars():
     assert found.degrees_of_freedom == found.rank == 6
 
 
+@pytest.mark.slow
 def test_the_stewart_platform_ends_where_its_header_says():
     run = msahl.load(STEWART).run(scheme="gauss3", dt=0.02, error="off")
     (place,) = re.findall(r"\(([-\d., ]+)\) m", STEWART.read_text().partition("-->")[0])
@@ -210,6 +211,7 @@ def test_work_and_energy_agree_with_the_run():
     assert checks["energyBalance"]["word"] == "PASS"
 
 
+@pytest.mark.slow
 def test_the_place_of_its_platform_determines_all_legs():
     model = msahl.load(STEWART)
     run = forward(model, 0.02, 0.16, "gauss3")
@@ -218,6 +220,20 @@ def test_the_place_of_its_platform_determines_all_legs():
     found = model.inverse(given).solution
     assert np.abs(found.rows.misfit).max() < 1e-12
     assert found.degrees_of_freedom == 6
+
+
+def test_the_pose_of_its_flange_determines_a_robot():
+    model = msahl.load(ROBOT)
+    run = forward(model, 0.01, 0.07, "gauss3")
+    ends = ("x", "y", "z", "vx", "vy", "vz", "q0", "q1", "q2", "q3", "wx", "wy", "wz")
+    pose = {"time": run.time} | {f"Flange.{end}": run[f"Flange.{end}"] for end in ends}
+    found = model.inverse(pose)
+    assert np.all(
+        np.abs(found.solution.rows.loads - loads(run, [f"Motor {k}" for k in range(1, 7)]))
+        <= found.solution.rows.error
+    )
+    for name in JOINTS:
+        assert found[name] == pytest.approx(run[name], abs=1e-11)
 
 
 def test_noise_is_smoothed():
@@ -285,6 +301,7 @@ def made(**changes):
         ({name: column[:5] for name, column in made().items()}, "5 rows"),
         (made(**{"Shaft.angle": 4.0 * np.arange(10)}), "half a revolution"),
         (made(**{"Shaft.angle": None}), "no column determines"),
+        (made(time=1e-300 * np.arange(10.0), **{"Shaft.angle": np.arange(10.0)}), "infinite"),
         (made(**{"Shaft.angle": None, "Crank.x": np.zeros(10)}), "not determined"),
     ],
 )
