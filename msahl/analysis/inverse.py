@@ -92,7 +92,7 @@ def inverse(
     that produce the ``motion``; ``weights`` of the least norm by the drives' names, ``noise`` the
     standard deviation of the table. Raises ``InverseError`` or ``StartError``.
     """
-    if getattr(model, "beams", ()):
+    if model.beams:
         raise InverseError("the model has beams, whose deformation a table of motion does not give")
     driven, drives = with_drives(model, loads)
     point = at_start(driven)
