@@ -21,8 +21,8 @@ STEP = 1e-3
 
 
 def disagreement(point: Point, found: Coefficients, changes: Variations) -> float:
-    """Return the largest difference of accelerations, rotations times a length, relative to the
-    largest acceleration by the motion; nan if the joints cannot be closed beside the point.
+    """Return the largest difference of accelerations by a random motion, rotations times a length,
+    relative to the largest that there is; nan if the joints cannot be closed beside the point.
     """
     m = len(changes.into)
     if not m:
@@ -32,7 +32,7 @@ def disagreement(point: Point, found: Coefficients, changes: Variations) -> floa
     typical = float(np.mean(found.length[found.rotational]))
     lengths = np.where(found.rotational, typical, 1.0)
     size = max(float(np.abs(lengths * part).max()) for part in (dq, dv)) / typical
-    share = STEP / size if size > 0.0 else STEP
+    share = STEP / size
     expected = changes.accelerations[:, :m] @ y
     measured = np.zeros_like(expected)
     try:
@@ -42,9 +42,11 @@ def disagreement(point: Point, found: Coefficients, changes: Variations) -> floa
                 measured += sign * weight / share * _accelerations(point, found, other)
     except StartError:
         return float("nan")
-    largest = max(float(np.abs(lengths * of).max()) for of in (expected, measured))
+    # The motion itself has accelerations of the size of its rates squared by a length.
+    present = (expected, measured, size * found.acceleration)
+    largest = max(float(np.abs(lengths * of).max()) for of in present)
     apart = float(np.abs(lengths * (measured - expected)).max())
-    return apart / largest if largest > 0.0 else 0.0
+    return apart / max(largest, typical * size**2)
 
 
 def _beside(point: Point, found: Coefficients, changes: Variations, y: np.ndarray) -> State:

@@ -132,7 +132,7 @@ class Columns:
     def _sloped(self, names: list[str], rows: np.ndarray, steps: np.ndarray) -> dict[str, Column]:
         """The columns of a table from its ``rows`` (1 + 8 k, ...), without the time."""
         value, k = rows[0], steps.size
-        sides = rows[1:].reshape(k, 4, 2, -1)
+        sides = rows[1:].reshape(k, 4, 2, len(value))
         odd = (sides[:, :, 0] - sides[:, :, 1]) / steps[:, None, None]
         eighth, sixth = (np.einsum("kio,i->ok", odd, np.array(w)) for w in (EIGHTH, SIXTH))
         size = max(*(float(np.abs(of).max(initial=0.0)) for of in (eighth, rows)), NOTHING)

@@ -39,6 +39,7 @@ class States(NamedTuple):
     slope: np.ndarray  # (m, k)
     rate_slope: np.ndarray  # (m, k)
     own: list[int]  # the m columns of the states
+    inertial: tuple[str, ...] = ()  # names of coordinates of bodies, along inertial axes
     error: float = 0.0  # of the slopes, relative to the largest numbers of their tables
 
 
@@ -79,13 +80,15 @@ def by_coordinates(model: Model, columns: Columns, changes: Variations, length: 
     again = [places, joints, bodies]
     moving = places if d == r else _chosen(again, 1, slice(d, d + r), length)
     rows = [(c, 0) for c in places] + [(c, 1) for c in moving]
-    return _stacked(
+    found = _stacked(
         [c.name + LEVELS[level] for c, level in rows],
         [c.unit + ("/s" if level else "") for c, level in rows],
         [c.levels[level] for c, level in rows],
         [c.levels[level + 1] for c, level in rows],
         changes,
     )
+    names = {c.name for c in (*places, *moving)}
+    return found._replace(inertial=tuple(c.name for c in bodies if c.name in names))
 
 
 def _stacked(
@@ -104,7 +107,7 @@ def _stacked(
         np.array([c.slope for c in values]).reshape(len(values), k),
         np.array([c.slope for c in rates]).reshape(len(rates), k),
         list(range(len(names))),
-        max((c.error for c in (*values, *rates)), default=0.0),
+        error=max((c.error for c in (*values, *rates)), default=0.0),
     )
 
 
@@ -192,6 +195,7 @@ def with_others(states: States, model: Model, changes: Variations, found: "Other
             [states.rate_slope, changes.state_rates[:s], changes.motion_rate, found.driven]
         ),
         [*range(d + r + s), *moved],
+        states.inertial,
         states.error,
     )
 

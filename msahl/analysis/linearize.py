@@ -95,7 +95,11 @@ def linearize(
         chosen=states,
         accuracy=accuracy,
         redundant=changes.redundant,
-        warnings=(*_warnings(point, balance, changes, outputs), *_doubts(accuracy)),
+        warnings=(
+            *_warnings(point, balance, changes, outputs),
+            *_axes(chosen, balance),
+            *_doubts(accuracy),
+        ),
     )
 
 
@@ -106,6 +110,16 @@ def _states(columns: Columns, states: str, balance: Equilibrium) -> States:
     if states == COORDINATES:
         return by_coordinates(model, columns, columns.changes, length)
     return by_null_space(model, columns, columns.changes, length, balance.axes)
+
+
+def _axes(chosen: States, balance: Equilibrium) -> list[str]:
+    """Return that coordinates along inertial axes do not suit a rotating motion, if so."""
+    if not (balance.axes.any() and chosen.inertial):
+        return []
+    return [
+        f"the steady motion rotates, and {chosen.inertial[0]} is along inertial axes, in which its "
+        "coefficients are not constant; choose the states nullspace"
+    ]
 
 
 def _doubts(accuracy: Accuracy) -> list[str]:
