@@ -193,6 +193,8 @@ class Columns:
             place = int(group.shown[k])
             value = float(own.values.value[place])
             slope = self._along(*expression_slopes(point.system, self.found, place))
+            if len(self.changes.shown):
+                slope = slope + self.changes.shown[k]
             table[name] = Column(value, slope + self.fed.get(name, 0.0))
         actuators = [load for load in point.model.loads if isinstance(load, Actuator)]
         for load in actuators:

@@ -15,7 +15,6 @@ from msahl.algebra.functions import evaluate as law
 from msahl.analysis.coefficients import (
     Coefficients,
     coefficients,
-    depends_on_reactions,
     evaluated,
 )
 from msahl.analysis.linear_check import disagreement
@@ -32,6 +31,7 @@ from msahl.analysis.linear_states import (
     with_others,
 )
 from msahl.analysis.point import Point
+from msahl.analysis.reaction_feedback import settle
 from msahl.analysis.steady import Equilibrium, equilibrium
 from msahl.analysis.variations import Inputs, Variations, variations
 from msahl.elements.frames import moving_count
@@ -61,10 +61,11 @@ def linearize(
     """
     _check(point, outputs, states)
     point = with_signals(point, inputs)
+    settle(point.system, point.state, point.unknowns)
     own = evaluated(point.system, point.state)
     found = coefficients(point.system, point.state, own)
     resolved = resolve_inputs(point, own, inputs)
-    changes = variations(point, found, _acting(resolved, found))
+    changes = variations(point, own, found, _acting(resolved, found))
     place = _input_columns(point, resolved, changes)
     columns = Columns(point, own, changes, _fed(resolved, place, changes))
     balance = equilibrium(point, found)
@@ -262,11 +263,6 @@ def _warnings(
             f"this is no equilibrium and no steady motion: {balance.residual:.3g} N are not "
             "balanced; the matrices are those of this moment, and the states change at the rates "
             "given beside them"
-        )
-    if depends_on_reactions(point.system):
-        found.append(
-            "a force depends on reactions of joints, whose changes are omitted (friction has the "
-            "slope of its law at a constant normal force)"
         )
     shared = sorted(set(outputs) & _shared(point, changes))
     if shared:

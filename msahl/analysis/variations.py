@@ -3,10 +3,11 @@
     dq = N_h eta + G_h^+ u              G dq = u    of the constraints that are prescribed motions
     dv = N zeta + G^+ (u' - B dq)       G dv + B dq = u'
     dq' = dv + T dq
-    M da = K dq + D dv + S ds + F w + G^T dlam                                              (1)
+    M da = K dq + D dv + S ds + F w + F_rho drho + G^T dlam                                 (1)
     G da = u'' - G' dv - B' dq - B dq'                                                      (2)
 
-with the symbols of ``coefficients`` and ``reduced``. Columns are those of eta, zeta, ds, of the
+with the symbols of ``coefficients``, ``reduced`` and, for reactions rho on which friction or
+expressions depend, ``reaction_feedback``. Columns are those of eta, zeta, ds, of the
 displacements u and rates u' of the prescribed motions that are inputs, and of the inputs w; u'' is
 the input of such a motion. (2) is the derivative of the constraints' rates along the motion, G' and
 B' are those of G and B. All are written along inertial axes, relative to the motion itself.
@@ -18,11 +19,13 @@ import numpy as np
 
 from msahl.algebra.rotation import compose, from_increment, matrix
 from msahl.algebra.vector import at
-from msahl.analysis.coefficients import Coefficients, coefficients
+from msahl.analysis.coefficients import Coefficients, Evaluated, coefficients
+from msahl.analysis.plain_units import equation_numbers
 from msahl.analysis.point import Point
 from msahl.analysis.rate_gradients import rates_by_place
+from msahl.analysis.reaction_feedback import Feedback, feedback
 from msahl.analysis.reduced import linear_system, null_space
-from msahl.elements.frames import moving_count
+from msahl.elements.frames import first_multiplier, moving_count
 from msahl.start.velocities import StartError
 from msahl.system.arrays import State, System
 
@@ -52,6 +55,7 @@ class Variations(NamedTuple):
     accelerations: np.ndarray  # (n, k) da [m/s^2, rad/s^2]
     multipliers: np.ndarray  # (c, k) dlam [N, N m]
     state_rates: np.ndarray  # (s, k) ds'
+    shown: np.ndarray  # (j, k) of published signals by reactions; (0, k) if nothing depends on them
     motion: np.ndarray  # (p, k) u
     motion_rate: np.ndarray  # (p, k) u'
     motion_rows: np.ndarray  # (p,) numbers of the constraint equations of these motions
@@ -59,7 +63,6 @@ class Variations(NamedTuple):
     degrees_of_freedom: int  # d, columns of eta
     rate_degrees_of_freedom: int  # r, columns of zeta
     redundant: int  # constraint equations that follow from others
-    idle: np.ndarray  # (c, redundant) multipliers in equilibrium with each other
 
     @property
     def inputs(self) -> int:
@@ -67,38 +70,45 @@ class Variations(NamedTuple):
         return len(self.into) + 2 * len(self.motion)
 
 
-def variations(point: Point, found: Coefficients, inputs: Inputs) -> Variations:
-    """Return the changes of the motion at a ``point``, whose coefficients are ``found``, by its
-    states and by ``inputs``. Raises ``StartError`` if a prescribed motion cannot change alone.
+def variations(point: Point, own: Evaluated, found: Coefficients, inputs: Inputs) -> Variations:
+    """Return the changes of the motion at a ``point``, whose derivatives are ``own`` and
+    ``found``, by its states and by ``inputs``. Raises ``StartError`` if a prescribed motion cannot
+    change alone.
     """
     B = rates_by_place(point.system, point.state)
     linear = linear_system(found, B)
-    n, own, rows = found.coordinate.size, len(linear.A), inputs.motion[inputs.motion >= 0]
+    n, m, rows = found.coordinate.size, len(linear.A), inputs.motion[inputs.motion >= 0]
     p, i = rows.size, inputs.motion.size
-    k = own + 2 * p + i
-    solve = _Constrained(found)
+    k = m + 2 * p + i
+    solve = _Constrained(point, found)
     u, u_dot, u_ddot = np.zeros((3, p, k))
-    u[:, own : own + p] = u_dot[:, own + p : own + 2 * p] = np.eye(p)
-    u_ddot[np.arange(p), own + 2 * p + np.flatnonzero(inputs.motion >= 0)] = 1.0
+    u[:, m : m + p] = u_dot[:, m + p : m + 2 * p] = np.eye(p)
+    u_ddot[np.arange(p), m + 2 * p + np.flatnonzero(inputs.motion >= 0)] = 1.0
     prescribed = np.zeros((len(found.holonomic), p))
     prescribed[rows, np.arange(p)] = 1.0
     solve.check(prescribed)
     places, rates = np.zeros((2, n, k))
     states = np.zeros((len(linear.states), k))
-    places[:, :own], rates[:, :own], states[:, :own] = linear.places, linear.rates, linear.states
-    moved = slice(own, own + 2 * p)
+    places[:, :m], rates[:, :m], states[:, :m] = linear.places, linear.rates, linear.states
+    moved = slice(m, m + 2 * p)
     places[:, moved] = solve.place(prescribed @ u[:, moved])
     rates[:, moved] = solve.rate(prescribed @ u_dot[:, moved] - B @ places[:, moved])
     place_rates = rates + found.drift @ places
     forces = found.by_place @ places + found.by_rate @ rates + found.by_state @ states
-    forces[:, own + 2 * p :] += inputs.force
+    forces[:, m + 2 * p :] += inputs.force
     state_rates = (
         found.state_by_place @ places + found.state_by_rate @ rates + found.state_by_state @ states
     )
-    state_rates[:, own + 2 * p :] += inputs.state_rate
+    state_rates[:, m + 2 * p :] += inputs.state_rate
     G_dot, B_dot = constraint_trends(point, found, B)
     right = prescribed @ u_ddot - G_dot @ rates - B_dot @ places - B @ place_rates
-    accelerations, multipliers = solve.accelerations(forces, right)
+    reacting = feedback(point, own, places)
+    accelerations, multipliers = solve.accelerations(forces, right, reacting)
+    shown = np.zeros((0, k))
+    if reacting is not None:
+        reactions = reacting.by_column + reacting.by_multiplier @ multipliers
+        state_rates += reacting.state_rate @ reactions
+        shown = reacting.shown @ reactions
     return Variations(
         places=places,
         rates=rates,
@@ -107,6 +117,7 @@ def variations(point: Point, found: Coefficients, inputs: Inputs) -> Variations:
         accelerations=accelerations,
         multipliers=multipliers,
         state_rates=state_rates,
+        shown=shown,
         motion=u,
         motion_rate=u_dot,
         motion_rows=rows,
@@ -114,19 +125,27 @@ def variations(point: Point, found: Coefficients, inputs: Inputs) -> Variations:
         degrees_of_freedom=linear.degrees_of_freedom,
         rate_degrees_of_freedom=linear.rate_degrees_of_freedom,
         redundant=linear.redundant,
-        idle=solve.idle,
     )
 
 
 class _Constrained:
-    """Solves for motions under the constraints, in coordinates weighted by mass."""
+    """Solves for motions under the constraints, in coordinates weighted by mass.
 
-    def __init__(self, found: Coefficients) -> None:
+    Multipliers are divided by those of a unit acceleration of their bodies; the least ones in this
+    unit are taken where constraints are redundant, as a run takes them.
+    """
+
+    def __init__(self, point: Point, found: Coefficients) -> None:
         self.back = np.linalg.inv(np.linalg.cholesky(found.mass.toarray())).T
         self.G = found.constraint.toarray() @ self.back
-        self.N, self.inverse = null_space(self.G)
         self.holonomic = found.holonomic
-        self.idle = null_space(self.G.T)[0] if len(self.G) else np.zeros((0, 0))
+        self.N, self.inverse = null_space(self.G)
+        system = point.system
+        numbers = equation_numbers(system) - 3 * first_multiplier(system.frames)
+        self.unit = system.unit.reshape(-1)[numbers]
+        rank = len(self.back) - self.N.shape[1]
+        left, size, right = np.linalg.svd(self.G.T * self.unit, full_matrices=False)
+        self.left, self.size, self.right = left[:, :rank], size[:rank], right[:rank]
 
     def place(self, right: np.ndarray) -> np.ndarray:
         """The least dq with G_h dq = ``right``, of the equations between places."""
@@ -148,11 +167,25 @@ class _Constrained:
                 "motions determine the same coordinate; choose another input"
             )
 
-    def accelerations(self, forces: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The da of (1) and (2), and dlam, the least ones where constraints are redundant."""
+    def accelerations(
+        self, forces: np.ndarray, right: np.ndarray, reacting: Feedback | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The da of (1) and (2), and dlam: with G^T unit = U S V^T and a = U b + N c
+
+        (S + U^T P V) mu = S^-1 V^T unit right - U^T f          P   by multipliers, of drho
+        a = f + (U S + P V) mu ,  dlam = unit V mu
+        """
         f = self.back.T @ forces
-        a = self.N @ (self.N.T @ f) + self.inverse @ right
-        return self.back @ a, self.inverse.T @ (a - f)
+        P = np.zeros((len(f), self.unit.size))
+        if reacting is not None:
+            by_reaction = self.back.T @ reacting.force
+            f = f + by_reaction @ reacting.by_column
+            P = (by_reaction @ reacting.by_multiplier) * self.unit
+        U, S, V = self.left, self.size, self.right.T
+        wanted = (V.T @ (self.unit[:, None] * right)) / S[:, None]
+        mu = np.linalg.solve(np.diag(S) + U.T @ P @ V, wanted - U.T @ f)
+        along = U @ wanted + self.N @ (self.N.T @ (f + P @ V @ mu))
+        return self.back @ along, self.unit[:, None] * (V @ mu)
 
 
 def constraint_trends(

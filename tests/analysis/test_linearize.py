@@ -17,13 +17,15 @@ from msahl.analysis.linearize import linearize
 from msahl.analysis.modes import modes
 from msahl.analysis.point import at_start, complete
 from msahl.analysis.variations import Inputs, variations
-from msahl.expressions.syntax import Call, Number
+from msahl.expressions.syntax import Call, Number, parse
 from msahl.model import (
     ConcentratedLoad,
+    Joint,
     JointActuator,
     JointSpring,
     Law,
     PointMotion,
+    Signal,
     SignalState,
     SpringDamper,
 )
@@ -38,16 +40,12 @@ from tests.support.models import GROUND, ROOT, body, build_model, deck, simulate
 
 MACHINES = ROOT / "decks" / "machines"
 STILL = {"kPosition": 0, "kVelocity": 0, "kAngle": 0, "kRate": 0}
-SAMPLES = ("rollingDisk", "actuator, markers")
+SAMPLES = ("rollingDisk", "actuator, markers", "friction")
 PIECEWISE = ("camFollower", "jointMotion, table", "springDamper, table")
 ENERGIES = ("torsionalSpringDamper", "slideSpringDamper")
 """Elements with jumps in a derivative, within the reach of the differences, and those whose elastic
 energy has one."""
-OTHERS = [
-    name
-    for name in ELEMENTS
-    if "friction" not in name and name not in (*PIECEWISE, *ENERGIES, *SAMPLES)
-]
+OTHERS = [name for name in ELEMENTS if name not in (*PIECEWISE, *ENERGIES, *SAMPLES)]
 DECKS = ("bicycle", "satellite", "flyball_governor", "robot", "engine", "spatial_slider_crank")
 
 
@@ -71,10 +69,11 @@ def check_states_and_outputs(model, tolerance=1e-9):
     3e-13 of the largest reaction or acceleration, and more by the condition of the loop.
     """
     point = at_start(model)
-    found = coefficients(point.system, point.state, evaluated(point.system, point.state))
+    own = evaluated(point.system, point.state)
+    found = coefficients(point.system, point.state, own)
     n, s = found.coordinate.size, found.state_rate.size
     none = Inputs(np.zeros((n, 0)), np.zeros((s, 0)), np.zeros(0, dtype=int))
-    changes = variations(point, found, none)
+    changes = variations(point, own, found, none)
     outputs, m = columns(model, point, changes.redundant), len(changes.into)
     linear = linearize(point, [], outputs)
     y = np.random.default_rng(1).normal(size=m)
@@ -113,6 +112,17 @@ def test_an_element_against_differences(name):
 @pytest.mark.parametrize("name", OTHERS)
 def test_every_element_against_differences(name):
     check_states_and_outputs(ELEMENTS[name](np.random.default_rng(7)))
+
+
+def test_expressions_of_reactions_against_differences():
+    """A motor and an auxiliary state by the reactions of two joints of a moving loop."""
+    model = random_loop(np.random.default_rng(1), SPATIAL)
+    motor = JointActuator("Motor", "J0", "angle", parse("0.1*J1.Fx + 0.02*J0.Mz*J0.Fy + 0.3*lag"))
+    lag = SignalState("lag", parse("J2.Fz + command - 3*lag"), 0.1)
+    felt = Signal("felt", parse("J1.Fy^2 - lag"))
+    loads = tuple(load for load in model.loads if load.name != "Motor")
+    signals = (model.signals[0], lag, felt)
+    check_states_and_outputs(replace(model, loads=(*loads, motor), signals=signals))
 
 
 @pytest.mark.slow
@@ -278,9 +288,6 @@ def test_quarter_car_against_its_transfer_function():
 
 def dc_motor():
     """A rotor with an actuator whose current is an auxiliary state."""
-    from msahl.expressions.syntax import parse
-    from msahl.model import Joint, Signal
-
     rotor = body("Rotor", 1.0, 0.02)
     axle = Joint("Axle", "revolute", GROUND.name, "Rotor", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     loads = (
@@ -306,8 +313,6 @@ def test_dc_motor_against_its_transfer_function():
 
 def shaken(k=40.0, c=0.6, m=2.0):
     """A mass on a spring and damper whose other end is moved by a law, along z."""
-    from msahl.model import Joint
-
     z = (0.0, 0.0, 1.0)
     bodies = [body("Table", 1.0), body("Mass", m, position=z)]
     joints = [
