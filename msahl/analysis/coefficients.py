@@ -17,7 +17,7 @@
     B   derivative of the rates of the constraints by the places, at fixed v and W
 
 Derivatives are analytic, from the laws of the elements. They omit that friction's normal force
-and inputs that are reactions of joints change with the motion (``depends_on_reactions``).
+and inputs that are reactions of joints change with the motion, which ``reaction_feedback`` has.
 """
 
 from typing import TYPE_CHECKING, Any, NamedTuple

@@ -9,12 +9,11 @@ import numpy as np
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import at
 from msahl.analysis.coefficients import Coefficients
-from msahl.analysis.point import Point
+from msahl.analysis.point import Point, settle
 from msahl.analysis.projection import close, move
-from msahl.analysis.reaction_feedback import settle
 from msahl.analysis.variations import FOURTH, Variations
 from msahl.elements.frames import moving_count
-from msahl.start.velocities import StartError, make_consistent, solve_accelerations
+from msahl.start.velocities import StartError, make_consistent
 from msahl.system.arrays import State, node_count
 
 STEP = 1e-3
@@ -77,7 +76,6 @@ def _beside(point: Point, found: Coefficients, changes: Variations, y: np.ndarra
         w[f] += np.array(matrix(at(moved.p, f))).T @ rate[system.frames.rotation[f]]
     moved = moved._replace(v=v, w=w, auxiliary=state.auxiliary + changes.states[:, :m] @ y)
     make_consistent(system, moved, point.unknowns.free, "massWeighted")
-    solve_accelerations(system, moved, point.unknowns)
     settle(system, moved, point.unknowns)
     return moved
 

@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.analysis.coefficients import skews
 from msahl.analysis.linear_columns import BODIES, BODY_COORDINATES, LEVELS, Column, Columns
 from msahl.analysis.variations import Variations
 from msahl.joints.coordinates import coordinates, is_angle
@@ -141,15 +140,7 @@ def by_null_space(
     (3,) [rad/s]; names have the largest parts of what they move.
     """
     d, r = changes.degrees_of_freedom, changes.rate_degrees_of_freedom
-    n, k = changes.places.shape
-    rotation = np.kron(np.eye(n // 3), skews(axes[None])[0])
-    rates = np.concatenate(
-        [
-            changes.place_rates - rotation @ changes.places,
-            changes.accelerations - rotation @ changes.rates,
-            changes.state_rates,
-        ]
-    )
+    k = changes.places.shape[1]
     joints, bodies = candidates(model, columns)
     named = [*joints, *bodies]
     names = [f"eta{i + 1}: {_parts(named, 0, i, length)}" for i in range(d)]
@@ -162,7 +153,7 @@ def by_null_space(
         np.zeros(m),
         np.zeros(m),
         slope,
-        (changes.into @ rates)[:m],
+        (changes.into @ changes.relative_rates(axes))[:m],
         list(range(m)),
     )
 

@@ -31,7 +31,6 @@ from msahl.analysis.linear_states import (
     with_others,
 )
 from msahl.analysis.point import Point
-from msahl.analysis.reaction_feedback import settle
 from msahl.analysis.steady import Equilibrium, equilibrium
 from msahl.analysis.variations import Inputs, Variations, variations
 from msahl.elements.frames import moving_count
@@ -61,7 +60,6 @@ def linearize(
     """
     _check(point, outputs, states)
     point = with_signals(point, inputs)
-    settle(point.system, point.state, point.unknowns)
     own = evaluated(point.system, point.state)
     found = coefficients(point.system, point.state, own)
     resolved = resolve_inputs(point, own, inputs)

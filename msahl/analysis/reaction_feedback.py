@@ -17,13 +17,10 @@ from msahl.analysis.coefficients import Evaluated
 from msahl.analysis.plain_units import equation_numbers
 from msahl.analysis.point import Point
 from msahl.analysis.projection import move, prepared
-from msahl.elements import reactions, signals
+from msahl.elements import signals
 from msahl.elements.frames import first_multiplier
-from msahl.elements.reactions import MOST_ROUNDS
-from msahl.start.velocities import solve_accelerations
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, node_count
-from msahl.system.unknowns import Unknowns
 
 EIGHTH = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)
 """Weights of central differences of the order 8, by the number of steps."""
@@ -48,19 +45,6 @@ def joints_used(system: System) -> np.ndarray:
     if group is not None:
         used += group.item[group.kind == signals.REACTION].tolist()
     return np.unique(np.array(used, dtype=int))
-
-
-def settle(system: System, state: State, unknowns: Unknowns) -> None:
-    """Solve for accelerations and reactions again until those that expressions depend on are those
-    that follow.
-    """
-    group = system.forces.signals
-    rounds = MOST_ROUNDS if group is not None and signals.use_reactions(group) else 0
-    for _ in range(rounds):
-        last = state.reaction.copy()
-        solve_accelerations(system, state, unknowns)
-        if reactions.is_unchanged(state.reaction, last):
-            break
 
 
 def feedback(point: Point, found: Evaluated, places: np.ndarray) -> Feedback | None:

@@ -19,12 +19,12 @@ import numpy as np
 
 from msahl.algebra.rotation import compose, from_increment, matrix
 from msahl.algebra.vector import at
-from msahl.analysis.coefficients import Coefficients, Evaluated, coefficients
+from msahl.analysis.coefficients import Coefficients, Evaluated, coefficients, evaluated, skews
 from msahl.analysis.plain_units import equation_numbers
 from msahl.analysis.point import Point
 from msahl.analysis.rate_gradients import rates_by_place
-from msahl.analysis.reaction_feedback import Feedback, feedback
-from msahl.analysis.reduced import linear_system, null_space
+from msahl.analysis.reaction_feedback import Feedback, feedback, joints_used
+from msahl.analysis.reduced import LinearSystem, linear_system, null_space
 from msahl.elements.frames import first_multiplier, moving_count
 from msahl.start.velocities import StartError
 from msahl.system.arrays import State, System
@@ -63,6 +63,17 @@ class Variations(NamedTuple):
     degrees_of_freedom: int  # d, columns of eta
     rate_degrees_of_freedom: int  # r, columns of zeta
     redundant: int  # constraint equations that follow from others
+
+    def relative_rates(self, axes: np.ndarray) -> np.ndarray:
+        """(2 n + s, k) rates of dq, dv, ds in axes that rotate with ``axes`` (3,) [rad/s]."""
+        rotation = np.kron(np.eye(len(self.places) // 3), skews(axes[None])[0])
+        return np.concatenate(
+            [
+                self.place_rates - rotation @ self.places,
+                self.accelerations - rotation @ self.rates,
+                self.state_rates,
+            ]
+        )
 
     @property
     def inputs(self) -> int:
@@ -126,6 +137,20 @@ def variations(point: Point, own: Evaluated, found: Coefficients, inputs: Inputs
         rate_degrees_of_freedom=linear.rate_degrees_of_freedom,
         redundant=linear.redundant,
     )
+
+
+def with_reactions(
+    point: Point, found: Coefficients, linear: LinearSystem, axes: np.ndarray
+) -> LinearSystem:
+    """Return the ``linear`` system, seen in ``axes`` (3,) [rad/s], with what its forces change by
+    reactions of joints.
+    """
+    if not joints_used(point.system).size:
+        return linear
+    n, s = found.coordinate.size, found.state_rate.size
+    none = Inputs(np.zeros((n, 0)), np.zeros((s, 0)), np.zeros(0, dtype=int))
+    changes = variations(point, evaluated(point.system, point.state), found, none)
+    return linear._replace(A=changes.into @ changes.relative_rates(axes))
 
 
 class _Constrained:
