@@ -22,6 +22,7 @@ from msahl.system.names import (
     joint_columns,
     marker_columns,
     reaction_columns,
+    resultant_columns,
     signal_columns,
     state_columns,
     work_columns,
@@ -31,6 +32,8 @@ from msahl.system.names import (
 STATES, REACTIONS, WORK, SIGNALS = "states", "reactions", "work", "signals"
 ERROR = "error"
 ACCELERATIONS = "accelerations"
+RESULTANTS = "resultants"
+"""Of beams at their Gauss points; other tables are made of it."""
 JOINTS, MARKERS, SYSTEM = "joints", "markers", "system"
 MOST_JOINTS = 50
 """Most joints whose coordinates are written without being asked for."""
@@ -40,6 +43,7 @@ COLUMNS: dict[str, Callable[[Model], list[str]]] = {
     WORK: work_columns,
     ACCELERATIONS: acceleration_columns,
     SIGNALS: signal_columns,
+    RESULTANTS: resultant_columns,
 }
 """Tables that the steppers fill, by name, with their columns, of which the first is the time."""
 ERROR_COLUMNS = ["time", "position", "orientation"]
@@ -59,6 +63,7 @@ def column_counts(model: Model) -> dict[str, int]:
         WORK: len(work_columns(model)),
         ACCELERATIONS: len(acceleration_columns(model)) if needs_accelerations(model) else 0,
         SIGNALS: len(signal_columns(model)) if has_signals(model) else 0,
+        RESULTANTS: len(resultant_columns(model)) if model.beams else 0,
     }
 
 
@@ -94,7 +99,7 @@ def tables_of_model(model: Model) -> dict[str, list[str]]:
     tables = {STATES: state_columns(model)}
     if model.joints or model.couplings or model.motions:
         tables[REACTIONS] = reaction_columns(model)
-    if workers(model):
+    if workers(model) or model.beams:
         tables[WORK] = work_columns(model)
     if model.simulation.accelerations == YES:
         tables[ACCELERATIONS] = acceleration_columns(model)
