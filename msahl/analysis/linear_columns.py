@@ -176,9 +176,10 @@ class Columns:
         rows = np.flatnonzero(scalar.equations.law >= 0).tolist() if scalar else []
         changes, points = self.changes, 3 * self.point.system.coincide.a.size
         still = np.zeros(changes.places.shape[1])
-        inputs = {int(row): k for k, row in enumerate(changes.motion_rows.tolist())}
+        inputs = {int(row): k for k, row in enumerate(changes.motion.rows.tolist())}
         return [
-            changes.motion_rate[inputs[points + r]] if points + r in inputs else still for r in rows
+            changes.motion.u_dot[inputs[points + r]] if points + r in inputs else still
+            for r in rows
         ]
 
     def _signals(self) -> dict[str, Column]:

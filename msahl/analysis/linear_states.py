@@ -181,9 +181,9 @@ def with_others(states: States, model: Model, changes: Variations, found: "Other
         [*states.units, *["SI"] * s, *found.units, *(f"{unit}/s" for unit in found.units)],
         np.concatenate([states.value, found.states, found.laws[0], found.laws[1]]),
         np.concatenate([states.rate, found.state_rates, found.laws[1], found.laws[2]]),
-        np.concatenate([states.slope, own, changes.motion, changes.motion_rate]),
+        np.concatenate([states.slope, own, changes.motion.u, changes.motion.u_dot]),
         np.concatenate(
-            [states.rate_slope, changes.state_rates[:s], changes.motion_rate, found.driven]
+            [states.rate_slope, changes.state_rates[:s], changes.motion.u_dot, found.driven]
         ),
         [*range(d + r + s), *moved],
         states.inertial,

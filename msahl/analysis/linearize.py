@@ -93,7 +93,7 @@ def linearize(
         equilibrium=balance,
         chosen=states,
         accuracy=accuracy,
-        redundant=changes.redundant,
+        redundant=changes.linear.redundant,
         warnings=(
             *_warnings(point, balance, changes, outputs),
             *_axes(chosen, balance),
@@ -207,16 +207,13 @@ def _others(
         assert scalar is not None
         number_of_law = int(scalar.equations.law[each.motion - points])
         laws[:, k] = law(point.system.laws, number_of_law, point.time)
-    driven = np.zeros((len(moved), changes.places.shape[1]))
-    acting = [each.motion >= 0 for each in resolved if not each.signal]
-    driven[np.arange(len(moved)), changes.inputs + np.flatnonzero(acting)] = 1.0
     return Others(
         states=point.state.auxiliary[:number],
         state_rates=found.state_rate[:number],
         names=[each.name for each in moved],
         units=[each.unit.removesuffix("/s^2") for each in moved],
         laws=laws,
-        driven=driven,
+        driven=changes.motion.u_ddot,
     )
 
 
@@ -273,4 +270,4 @@ def _warnings(
 
 def _shared(point: Point, changes: Variations) -> set[str]:
     """Return the columns of reactions that redundant constraints leave open."""
-    return shared_reactions(point) if changes.redundant else set()
+    return shared_reactions(point) if changes.linear.redundant else set()

@@ -45,6 +45,16 @@ class Inputs(NamedTuple):
     motion: np.ndarray  # (i,) number of the constraint equation whose law it is, or -1
 
 
+class Motions(NamedTuple):
+    """The p prescribed motions among the inputs, in all k columns."""
+
+    rows: np.ndarray  # (p,) numbers of the constraint equations of these motions
+    columns: slice  # of u and u'
+    u: np.ndarray  # (p, k)
+    u_dot: np.ndarray  # (p, k)
+    u_ddot: np.ndarray  # (p, k)
+
+
 class Variations(NamedTuple):
     """Changes in k columns: eta, zeta, ds, u, u', inputs w."""
 
@@ -56,13 +66,28 @@ class Variations(NamedTuple):
     multipliers: np.ndarray  # (c, k) dlam [N, N m]
     state_rates: np.ndarray  # (s, k) ds'
     shown: np.ndarray  # (j, k) of published signals by reactions; (0, k) if nothing depends on them
-    motion: np.ndarray  # (p, k) u
-    motion_rate: np.ndarray  # (p, k) u'
-    motion_rows: np.ndarray  # (p,) numbers of the constraint equations of these motions
-    into: np.ndarray  # (d + r + s, 2 n + s) eta, zeta, ds of (dq, dv, ds)
-    degrees_of_freedom: int  # d, columns of eta
-    rate_degrees_of_freedom: int  # r, columns of zeta
-    redundant: int  # constraint equations that follow from others
+    motion: Motions
+    linear: LinearSystem  # the system without prescribed motions and inputs
+
+    @property
+    def into(self) -> np.ndarray:
+        """(d + r + s, 2 n + s) eta, zeta, ds of (dq, dv, ds)."""
+        return self.linear.into
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number d of columns of eta."""
+        return self.linear.degrees_of_freedom
+
+    @property
+    def rate_degrees_of_freedom(self) -> int:
+        """Number r of columns of zeta."""
+        return self.linear.rate_degrees_of_freedom
+
+    @property
+    def inputs(self) -> int:
+        """Number of the first column of an input."""
+        return self.motion.columns.stop
 
     def relative_rates(self, axes: np.ndarray) -> np.ndarray:
         """(2 n + s, k) rates of dq, dv, ds in axes that rotate with ``axes`` (3,) [rad/s]."""
@@ -75,11 +100,6 @@ class Variations(NamedTuple):
             ]
         )
 
-    @property
-    def inputs(self) -> int:
-        """Number of the first column of an input."""
-        return len(self.into) + 2 * len(self.motion)
-
 
 def variations(point: Point, own: Evaluated, found: Coefficients, inputs: Inputs) -> Variations:
     """Return the changes of the motion at a ``point``, whose derivatives are ``own`` and
@@ -87,32 +107,27 @@ def variations(point: Point, own: Evaluated, found: Coefficients, inputs: Inputs
     change alone.
     """
     B = rates_by_place(point.system, point.state)
-    linear = linear_system(found, B)
-    n, m, rows = found.coordinate.size, len(linear.A), inputs.motion[inputs.motion >= 0]
-    p, i = rows.size, inputs.motion.size
-    k = m + 2 * p + i
-    solve = _Constrained(point, found)
-    u, u_dot, u_ddot = np.zeros((3, p, k))
-    u[:, m : m + p] = u_dot[:, m + p : m + 2 * p] = np.eye(p)
-    u_ddot[np.arange(p), m + 2 * p + np.flatnonzero(inputs.motion >= 0)] = 1.0
-    prescribed = np.zeros((len(found.holonomic), p))
-    prescribed[rows, np.arange(p)] = 1.0
+    linear, solve = linear_system(found, B), _Constrained(point, found)
+    motion = _motions(inputs, len(linear.A))
+    k, moved, given = motion.u.shape[1], motion.columns, slice(motion.columns.stop, None)
+    prescribed = np.zeros((len(found.holonomic), len(motion.rows)))
+    prescribed[motion.rows, np.arange(len(motion.rows))] = 1.0
     solve.check(prescribed)
-    places, rates = np.zeros((2, n, k))
-    states = np.zeros((len(linear.states), k))
-    places[:, :m], rates[:, :m], states[:, :m] = linear.places, linear.rates, linear.states
-    moved = slice(m, m + 2 * p)
-    places[:, moved] = solve.place(prescribed @ u[:, moved])
-    rates[:, moved] = solve.rate(prescribed @ u_dot[:, moved] - B @ places[:, moved])
+    places, rates, states = (
+        np.concatenate([part, np.zeros((len(part), k - len(linear.A)))], axis=1)
+        for part in (linear.places, linear.rates, linear.states)
+    )
+    places[:, moved] = solve.place(prescribed @ motion.u[:, moved])
+    rates[:, moved] = solve.rate(prescribed @ motion.u_dot[:, moved] - B @ places[:, moved])
     place_rates = rates + found.drift @ places
     forces = found.by_place @ places + found.by_rate @ rates + found.by_state @ states
-    forces[:, m + 2 * p :] += inputs.force
+    forces[:, given] += inputs.force
     state_rates = (
         found.state_by_place @ places + found.state_by_rate @ rates + found.state_by_state @ states
     )
-    state_rates[:, m + 2 * p :] += inputs.state_rate
+    state_rates[:, given] += inputs.state_rate
     G_dot, B_dot = constraint_trends(point, found, B)
-    right = prescribed @ u_ddot - G_dot @ rates - B_dot @ places - B @ place_rates
+    right = prescribed @ motion.u_ddot - G_dot @ rates - B_dot @ places - B @ place_rates
     reacting = feedback(point, own, places)
     accelerations, multipliers = solve.accelerations(forces, right, reacting)
     shown = np.zeros((0, k))
@@ -120,23 +135,18 @@ def variations(point: Point, own: Evaluated, found: Coefficients, inputs: Inputs
         reactions = reacting.by_column + reacting.by_multiplier @ multipliers
         state_rates += reacting.state_rate @ reactions
         shown = reacting.shown @ reactions
-    return Variations(
-        places=places,
-        rates=rates,
-        states=states,
-        place_rates=place_rates,
-        accelerations=accelerations,
-        multipliers=multipliers,
-        state_rates=state_rates,
-        shown=shown,
-        motion=u,
-        motion_rate=u_dot,
-        motion_rows=rows,
-        into=linear.into,
-        degrees_of_freedom=linear.degrees_of_freedom,
-        rate_degrees_of_freedom=linear.rate_degrees_of_freedom,
-        redundant=linear.redundant,
-    )
+    changed = (places, rates, states, place_rates, accelerations, multipliers, state_rates, shown)
+    return Variations(*changed, motion, linear)
+
+
+def _motions(inputs: Inputs, m: int) -> Motions:
+    """Return the motions among the inputs, after ``m`` columns of states."""
+    which = np.flatnonzero(inputs.motion >= 0)
+    p, i = which.size, inputs.motion.size
+    u, u_dot, u_ddot = np.zeros((3, p, m + 2 * p + i))
+    u[:, m : m + p] = u_dot[:, m + p : m + 2 * p] = np.eye(p)
+    u_ddot[np.arange(p), m + 2 * p + which] = 1.0
+    return Motions(inputs.motion[which], slice(m, m + 2 * p), u, u_dot, u_ddot)
 
 
 def with_reactions(

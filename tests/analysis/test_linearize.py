@@ -77,7 +77,7 @@ def check_states_and_outputs(model, tolerance=1e-9):
     n, s = found.coordinate.size, found.state_rate.size
     none = Inputs(np.zeros((n, 0)), np.zeros((s, 0)), np.zeros(0, dtype=int))
     changes = variations(point, own, found, none)
-    outputs, m = columns(model, point, changes.redundant), len(changes.into)
+    outputs, m = columns(model, point, changes.linear.redundant), len(changes.into)
     linear = linearize(point, [], outputs)
     y = np.random.default_rng(1).normal(size=m)
     sizes = (np.abs(part[:, :m] @ y).max() for part in (changes.places, changes.rates))
