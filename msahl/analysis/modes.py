@@ -121,16 +121,16 @@ def _sparse(
     except NotFoundError:
         where = f"{frequency:.9g} Hz" if frequency else "zero"
         raise StartError(
-            f"eigenvalues near {where} cannot be separated: one is exactly there (a rigid-body "
-            "mode, if it is zero), or many are nearly equal; ask for modes near another frequency "
-            "(--near)"
+            f"eigenvalues near {where} cannot be separated: one is there, or many are nearly "
+            "equal; ask for modes near another frequency (--near), or, of a model that is not very "
+            "large, for all (--method dense)"
         ) from None
     found_modes = Modes(
         value=result.value,
         condition=result.condition,
         error=result.error,
         zeros=result.zeros,
-        rigid=result.zeros // 2,
+        rigid=result.rigid,
         shape=np.zeros((0, 0, 0)),
         states=result.states.T,
         equilibrium=state,

@@ -67,9 +67,7 @@ def test_the_45_degree_bend_agrees_to_nine_digits(load, shear, expected):
 def test_the_error_in_space_falls_with_twice_the_degree():
     exact = tip(bend(5, 6, 600.0))[0]
     for degree, elements in ((1, (16, 32)), (2, (8, 16)), (3, (4, 8))):
-        coarse, fine = (
-            np.abs(tip(bend(degree, n, 600.0))[0] - exact).max() for n in elements
-        )
+        coarse, fine = (np.abs(tip(bend(degree, n, 600.0))[0] - exact).max() for n in elements)
         # The slopes of finite elements approach 2 p; the last ones are within 6 % of it.
         assert np.log2(coarse / fine) == pytest.approx(2 * degree, rel=0.06)
 
