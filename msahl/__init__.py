@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from msahl.analysis.inverse_drives import InverseError
     from msahl.api.batch import BatchError, batch
     from msahl.api.model import Model, load
     from msahl.api.result import Result, read
@@ -21,6 +22,7 @@ __version__ = "0.1.0"
 __all__ = [
     "BatchError",
     "DeckError",
+    "InverseError",
     "Model",
     "OptionError",
     "Result",
@@ -34,6 +36,7 @@ __all__ = [
 _PLACES = {
     "BatchError": "msahl.api.batch",
     "DeckError": "msahl.deck",
+    "InverseError": "msahl.analysis.inverse_drives",
     "Model": "msahl.api.model",
     "OptionError": "msahl.run.options",
     "Result": "msahl.api.result",

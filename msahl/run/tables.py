@@ -17,6 +17,7 @@ from msahl.model.settings import AUTOMATIC, YES
 from msahl.system.names import (
     STATE_COLUMNS,
     acceleration_columns,
+    beam_columns,
     coordinate_columns,
     group_columns,
     joint_columns,
@@ -34,7 +35,7 @@ ERROR = "error"
 ACCELERATIONS = "accelerations"
 RESULTANTS = "resultants"
 """Of beams at their Gauss points; other tables are made of it."""
-JOINTS, MARKERS, SYSTEM = "joints", "markers", "system"
+JOINTS, MARKERS, SYSTEM, BEAMS = "joints", "markers", "system", "beams"
 MOST_JOINTS = 50
 """Most joints whose coordinates are written without being asked for."""
 COLUMNS: dict[str, Callable[[Model], list[str]]] = {
@@ -48,7 +49,7 @@ COLUMNS: dict[str, Callable[[Model], list[str]]] = {
 """Tables that the steppers fill, by name, with their columns, of which the first is the time."""
 ERROR_COLUMNS = ["time", "position", "orientation"]
 """Columns of the table of estimated errors [s, m, m]."""
-OBSERVED = (JOINTS, MARKERS, SYSTEM)
+OBSERVED = (JOINTS, MARKERS, SYSTEM, BEAMS)
 """Tables that are computed from others."""
 TABLES = (*COLUMNS, *OBSERVED, ERROR)
 """Names of all tables."""
@@ -109,6 +110,8 @@ def tables_of_model(model: Model) -> dict[str, list[str]]:
         tables[MARKERS] = marker_columns(model)
     if model.groups:
         tables[SYSTEM] = group_columns(model)
+    if model.beams:
+        tables[BEAMS] = beam_columns(model)
     if has_signals(model):
         tables[SIGNALS] = signal_columns(model)
     return tables

@@ -1,5 +1,8 @@
 """Names of what the flat arrays hold: CSV columns, and rows of the equations for messages."""
 
+import numpy as np
+
+from msahl.elements.beams.shape import gauss_stations
 from msahl.elements.frames import first_multiplier
 from msahl.joints.coordinates import columns
 from msahl.joints.registry import KINDS
@@ -31,7 +34,11 @@ GROUP_COLUMNS = (
 )
 FORCE_COLUMNS = ("Fx", "Fy", "Fz")
 MOMENT_COLUMNS = ("Mx", "My", "Mz")
-RESULTANT_COLUMNS = ("N1", "N2", "N3", "M1", "M2", "M3")
+RESULTANT_COLUMNS = ("n1", "n2", "n3", "m1", "m2", "m3")
+BEAM_COLUMNS = (
+    *("stretch", "shear2", "shear3", "twist", "curvature2", "curvature3"),
+    *RESULTANT_COLUMNS,
+)
 LOAD_COLUMN, FACTOR_COLUMN, POWER_COLUMN = "load", "factor", "power"
 STRAINS = (
     *("stretch", "shear along d2", "shear along d3"),
@@ -89,6 +96,17 @@ def reaction_columns(model: Model) -> list[str]:
 def joint_columns(joint: Joint) -> tuple[str, ...]:
     """What is shown of one joint's reaction."""
     return FORCE_COLUMNS + (MOMENT_COLUMNS if KINDS[joint.kind].moment else ())
+
+
+def beam_columns(model: Model) -> list[str]:
+    """Header of ``beams.csv``: of each Gauss point of each beam, named by its share of the arc
+    length as in ``Blade@0.25``, strains [-, 1/m] and stress resultants [N, N m].
+    """
+    found = ["time"]
+    for beam in model.beams:
+        for s in gauss_stations(beam.degree, np.array(beam.lengths)) / sum(beam.lengths):
+            found += [f"{beam.name}@{s:.6g}.{column}" for column in BEAM_COLUMNS]
+    return found
 
 
 def workers(model: Model) -> tuple[str, ...]:

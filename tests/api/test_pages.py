@@ -12,6 +12,7 @@ FLAGS = doctest.ELLIPSIS
 DECKS = {
     "rod.xml": ROOT / "decks" / "basics" / "parameters.xml",
     "quarter_car.xml": ROOT / "decks" / "machines" / "quarter_car.xml",
+    "slider_crank.xml": ROOT / "decks" / "mechanisms" / "slider_crank.xml",
     "cart_pole.xml": ROOT / "decks" / "machines" / "cart_pole.xml",
 }
 
