@@ -23,6 +23,7 @@ from msahl.system.names import (
     joint_columns,
     marker_columns,
     reaction_columns,
+    resultant_columns,
     signal_columns,
     state_columns,
     work_columns,
@@ -32,6 +33,8 @@ from msahl.system.names import (
 STATES, REACTIONS, WORK, SIGNALS = "states", "reactions", "work", "signals"
 ERROR = "error"
 ACCELERATIONS = "accelerations"
+RESULTANTS = "resultants"
+"""Of beams at their Gauss points; other tables are made of it."""
 JOINTS, MARKERS, SYSTEM, BEAMS = "joints", "markers", "system", "beams"
 MOST_JOINTS = 50
 """Most joints whose coordinates are written without being asked for."""
@@ -41,6 +44,7 @@ COLUMNS: dict[str, Callable[[Model], list[str]]] = {
     WORK: work_columns,
     ACCELERATIONS: acceleration_columns,
     SIGNALS: signal_columns,
+    RESULTANTS: resultant_columns,
 }
 """Tables that the steppers fill, by name, with their columns, of which the first is the time."""
 ERROR_COLUMNS = ["time", "position", "orientation"]
@@ -60,6 +64,7 @@ def column_counts(model: Model) -> dict[str, int]:
         WORK: len(work_columns(model)),
         ACCELERATIONS: len(acceleration_columns(model)) if needs_accelerations(model) else 0,
         SIGNALS: len(signal_columns(model)) if has_signals(model) else 0,
+        RESULTANTS: len(resultant_columns(model)) if model.beams else 0,
     }
 
 

@@ -198,6 +198,7 @@ def write_instantaneous_reactions(workspace: Workspace, instant: Instant, row: i
             workspace.tables.reactions,
             row,
         )
+        beams.write_resultants(system.beams, state.force, workspace.tables.resultants, row)
     if workspace.tables.accelerations.shape[1] > 0:
         for f in range(moving_count(system.frames)):
             put(instant.a, f, at(instant.solution, displacement_node(system.frames, f)))

@@ -102,6 +102,7 @@ class Tables(NamedTuple):
     work: np.ndarray  # (rows, ...) [J]
     accelerations: np.ndarray  # (rows, 6 n) or, if they are not wanted, (rows, 0)
     signals: np.ndarray  # (rows, k) signals, auxiliary states, and loads of actuators
+    resultants: np.ndarray  # (rows, 6 g) n and m of beams at their Gauss points [N, N m]
 
 
 class SystemWorkspace(NamedTuple):
@@ -191,5 +192,6 @@ def new_tables(system: System, state: State, rows: int, accelerations: bool = Fa
     work = state.work.size + energy_columns(system.forces) + beams
     moved = ACCELERATION_SIZE * system.bodies.frame.size if accelerations else 0
     shown_signals = signal_values(system.forces)
-    widths = (states, reactions, work, moved, shown_signals)
+    resultants = 6 * system.beams.element.size if system.beams else 0
+    widths = (states, reactions, work, moved, shown_signals, resultants)
     return Tables(*(np.zeros((rows, width)) for width in widths))

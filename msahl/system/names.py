@@ -38,6 +38,7 @@ BEAM_COLUMNS = (
     *("stretch", "shear2", "shear3", "twist", "curvature2", "curvature3"),
     *("n1", "n2", "n3", "m1", "m2", "m3"),
 )
+RESULTANT_COLUMNS = ("N1", "N2", "N3", "M1", "M2", "M3")
 LOAD_COLUMN, FACTOR_COLUMN, POWER_COLUMN = "load", "factor", "power"
 STRAINS = (
     *("stretch", "shear along d2", "shear along d3"),
@@ -120,6 +121,14 @@ def work_columns(model: Model) -> list[str]:
     springs = [load for load in model.loads if isinstance(load, Springy)]
     work = [f"{name}.work" for name in workers(model)]
     return ["time", *work, *(f"{of.name}.{ENERGY}" for of in (*springs, *model.beams))]
+
+
+def resultant_columns(model: Model) -> list[str]:
+    """Columns of the stress resultants of beams: forces along and moments about d_1, d_2, d_3 at
+    every Gauss point, which are counted from 1 along each beam.
+    """
+    points = (f"{beam.name}.{g + 1}" for beam in model.beams for g in range(len(beam.strain)))
+    return ["time", *(f"{point}.{c}" for point in points for c in RESULTANT_COLUMNS)]
 
 
 def signal_columns(model: Model) -> list[str]:

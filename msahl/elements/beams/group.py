@@ -60,9 +60,9 @@ class BeamsWorkspace(NamedTuple):
     moved: np.ndarray  # (m, 3) displacements of the reference line at the nodes [m]
     tangent: np.ndarray  # (m, 3, 3) rotation at the end of the step by the unknown l Q [1/m]
     change: np.ndarray  # (g, 6) changes of the strains over the step
+    factor: np.ndarray  # (g, 6) of the equations in the derivatives
     strain: np.ndarray  # (g, 6) at the start of the step, less the reference
     rise: np.ndarray  # (g, 6) smoothed changes of the strains, of a decaying scheme
-    resultant: np.ndarray  # (g, 6) n and m of the elastic components, by the present strain
 
 
 def new_workspace(group: Beams, strain: np.ndarray, rise: np.ndarray) -> BeamsWorkspace:
@@ -79,7 +79,7 @@ def new_workspace(group: Beams, strain: np.ndarray, rise: np.ndarray) -> BeamsWo
         moved=np.zeros((m, 3)),
         tangent=np.zeros((m, 3, 3)),
         change=np.zeros((g, COMPONENTS)),
+        factor=np.zeros((g, COMPONENTS)),
         strain=strain,
         rise=rise,
-        resultant=np.zeros((g, COMPONENTS)),
     )

@@ -15,6 +15,7 @@ from msahl.algebra.vector import (
     cross,
     dot,
     matrix_at,
+    sub,
 )
 from msahl.elements.beams.group import (
     BEND_Q,
@@ -24,7 +25,7 @@ from msahl.elements.beams.group import (
     Beams,
     BeamsWorkspace,
 )
-from msahl.elements.beams.midpoint import own_compliance, row_scale
+from msahl.elements.beams.rows import own_compliance, row_scale
 from msahl.elements.beams.strain import NONE, Point, bending, nodes_of, set_configuration, strain_at
 from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.jit.kernel import apart, kernel, optional
@@ -74,6 +75,14 @@ def publish_energy(group: Beams, start: BeamsWorkspace, table: np.ndarray, row: 
         table[row, first + group.beam[g]] += _energy_at(group, start, g)
 
 
+@optional()
+def write_resultants(group: Beams, force: np.ndarray, table: np.ndarray, row: int) -> None:
+    """Set a ``row`` of ``table`` to the stress resultants, of the multipliers ``force`` (k, 3)."""
+    for g in range(group.element.size):
+        for i in range(COMPONENTS):
+            table[row, COMPONENTS * g + i] = force[group.place[g] + i // 3, i % 3]
+
+
 @apart
 def motion_at(
     group: Beams, start: BeamsWorkspace, v: np.ndarray, W: np.ndarray, g: int
@@ -99,12 +108,12 @@ def motion_at(
 
 
 @kernel
-def _strain_rates(at_point: Point, first: Point) -> tuple[Vector, Vector]:
+def strain_rates(at_point: Point, first: Point) -> tuple[Vector, Vector]:
     """Return the rates of Gamma and kappa."""
     d, b, r = at_point
     d1, b1, r1 = first
     gamma = (
-        dot(d1[0], r) + dot(d[0], r1),
+        dot(d1[0], sub(r, d[0])) + dot(d[0], r1),
         dot(d1[1], r) + dot(d[1], r1),
         dot(d1[2], r) + dot(d[2], r1),
     )
@@ -114,14 +123,15 @@ def _strain_rates(at_point: Point, first: Point) -> tuple[Vector, Vector]:
 @kernel
 def _strain_accelerations(at_point: Point, first: Point, second: Point) -> tuple[Vector, Vector]:
     """Return the second derivatives of Gamma and kappa."""
-    gamma, kappa = _strain_rates(at_point, second)
+    gamma, kappa = strain_rates(at_point, second)
     d1, b1, r1 = first
-    twice = (2.0 * dot(d1[0], r1), 2.0 * dot(d1[1], r1), 2.0 * dot(d1[2], r1))
+    twice = (2.0 * dot(d1[0], r1) - dot(d1[0], d1[0]), 2.0 * dot(d1[1], r1), 2.0 * dot(d1[2], r1))
     return add(gamma, twice), axpy(2.0, bending(d1, b1), kappa)
 
 
 @kernel
-def _point(start: BeamsWorkspace, g: int) -> Point:
+def point_at(start: BeamsWorkspace, g: int) -> Point:
+    """Return d_i, d_i' and r' of the configuration at Gauss point ``g``."""
     return matrix_at(start.director, g), matrix_at(start.d_slope, g), at(start.r_slope, g)
 
 
@@ -133,9 +143,9 @@ def free_acceleration(
     of rigid ones minus the second derivatives at zero accelerations.
     """
     for g in range(group.element.size):
-        here, node = _point(start, g), first_multiplier(frames) + group.place[g]
+        here, node = point_at(start, g), first_multiplier(frames) + group.place[g]
         first, second = motion_at(group, start, motion.v, motion.W, g)
-        rate, acceleration = _strain_rates(here, first), _strain_accelerations(here, first, second)
+        rate, acceleration = strain_rates(here, first), _strain_accelerations(here, first, second)
         for i in range(COMPONENTS):
             k, c = i % 3, row_scale(group, g, i)
             if group.rigid[g, i]:
@@ -157,9 +167,9 @@ def observe(
     are to be zero, and zeros for elastic ones, whose equations determine resultants.
     """
     for g in range(group.element.size):
-        here, place = _point(start, g), group.place[g]
+        here, place = point_at(start, g), group.place[g]
         first, _ = motion_at(group, start, motion.v, motion.W, g)
-        rate, strain = _strain_rates(here, first), strain_at(group, start, g)
+        rate, strain = strain_rates(here, first), strain_at(group, start, g)
         for i in range(COMPONENTS):
             c = group.weight[g] if group.rigid[g, i] else 0.0
             violation[place + i // 3, i % 3] = c * strain[i // 3][i % 3]
@@ -191,3 +201,20 @@ def determine_resultants(group: Beams | None, values: np.ndarray) -> None:
             place = group.compliance_block[g, i // 3, j // 3] + 3 * (i % 3) + j % 3
             values[place] = own_compliance(group, g, i, j) / own_compliance(group, g, i, i)
     values[:9] = 0.0  # what belongs to the ground
+
+
+@optional()
+def add_power(
+    group: Beams, start: BeamsWorkspace, motion: FramesWorkspace, dt: float, work: np.ndarray
+) -> None:
+    """Add ``dt`` times the power [W] of the damping of each beam to its column of ``work`` [J]."""
+    for g in range(group.element.size):
+        column = group.column[group.beam[g]]
+        if column < 0:
+            continue
+        rate = strain_rates(point_at(start, g), motion_at(group, start, motion.v, motion.W, g)[0])
+        for i in range(COMPONENTS):
+            for j in range(COMPONENTS):
+                lag = group.damping[g, j] * rate[j // 3][j % 3]
+                power = rate[i // 3][i % 3] * group.stiffness[g, i, j] * lag
+                work[column] -= group.weight[g] * power * dt

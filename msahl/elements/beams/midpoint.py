@@ -15,32 +15,14 @@ strain at the start.
 
 import numpy as np
 
-from msahl.algebra.vector import (
-    Vector,
-    add,
-    at,
-    combine,
-    cross,
-    matrix_at,
-    multiple,
-    product,
-    scale,
-)
-from msahl.elements.beams.group import (
-    BEND_Q,
-    COMPONENTS,
-    STRETCH_Q,
-    STRETCH_U,
-    Beams,
-    BeamsWorkspace,
-)
+from msahl.algebra.vector import Matrix, Vector, add, combine, cross, multiple, scale
+from msahl.elements.beams.group import COMPONENTS, Beams, BeamsWorkspace
+from msahl.elements.beams.rows import ALL, add_equations, multipliers, own_compliance, row_scale
 from msahl.elements.beams.stiffness import add_loads, add_stiffness
 from msahl.elements.beams.strain import (
-    Point,
     changes,
     director_loads,
     move,
-    node_gradient,
     node_vectors,
     nodes_of,
     point_vectors,
@@ -52,27 +34,6 @@ from msahl.jit.kernel import kernel, optional
 
 AT_ONCE = 1e-150
 """A dt2 [s^2] below this is no step: the equations are those of one configuration."""
-
-
-@kernel
-def multipliers(group: Beams, frames: Frames, Z: np.ndarray, g: int) -> tuple[Vector, Vector]:
-    """Return lam of Gauss point ``g`` of multipliers by mass ``Z``: forces [N], moments [N m]."""
-    node = first_multiplier(frames) + group.place[g]
-    mass = group.mass[g]
-    return scale(mass, at(Z, node)), scale(mass * group.length[g], at(Z, node + 1))
-
-
-@kernel
-def row_scale(group: Beams, g: int, i: int) -> float:
-    """Return w J [m], times the length that makes an equation of kappa one in metres."""
-    return group.weight[g] * (1.0 if i < 3 else group.length[g])
-
-
-@kernel
-def own_compliance(group: Beams, g: int, i: int, j: int) -> float:
-    """Return w J C mass [s^2] of equation ``i`` and multiplier ``j`` by mass, both scaled."""
-    length = 1.0 if j < 3 else group.length[g]
-    return row_scale(group, g, i) * group.compliance[g, i, j] * group.mass[g] * length
 
 
 @kernel
@@ -106,9 +67,8 @@ def residual(
         changed = changes(group, start, g)
         means = set_change(start, g, changed)
         n, m = multipliers(group, frames, Z, g)
-        push_loads(
-            group, start, frames, g, (scale(1.0 / dt2, n), scale(1.0 / dt2, m)), means, dt2, F
-        )
+        loads = director_loads(scale(1.0 / dt2, n), scale(1.0 / dt2, m), means)
+        push_loads(group, start, frames, g, loads, dt2, F)
         _set_equations(group, start, frames, g, step, Z, F)
 
 
@@ -118,22 +78,32 @@ def push_loads(
     start: BeamsWorkspace,
     frames: Frames,
     g: int,
-    lam: tuple[Vector, Vector],
-    means: Point,
+    loads: tuple[Vector, Matrix, Matrix],
     dt2: float,
     F: np.ndarray,
 ) -> None:
-    """Subtract the forces of ``lam`` at Gauss point ``g`` from the equations of its nodes."""
-    by_r, by_d, by_slope = director_loads(lam[0], lam[1], means)
+    """Subtract the forces at Gauss point ``g`` from the equations of its nodes; ``loads`` are the
+    derivatives of ``strain.director_loads``.
+    """
     first, count = nodes_of(group, g)
     for a in range(count):
-        node = group.node[first + a]
-        d, arm = node_vectors(start, node, 0.5)
-        c, lever = group.weight[g] * group.value[g, a], group.weight[g] * group.slope[g, a]
-        on = combine(c, by_d, multiple(lever, by_slope))
-        force = scale(lever, by_r)
-        moment = add(cross(d[0], on[0]), add(cross(d[1], on[1]), cross(d[2], on[2])))
-        push(frames, dt2, F, group.frame[node], force, add(moment, cross(arm, force)))
+        force, moment = node_load(group, start, g, a, loads)
+        push(frames, dt2, F, group.frame[group.node[first + a]], force, moment)
+
+
+@kernel
+def node_load(
+    group: Beams, start: BeamsWorkspace, g: int, a: int, loads: tuple[Vector, Matrix, Matrix]
+) -> tuple[Vector, Vector]:
+    """Return force and moment of Gauss point ``g`` on node ``a`` of its element; ``loads`` are the
+    derivatives of ``strain.director_loads``, the node's vectors the means over the step.
+    """
+    d, arm = node_vectors(start, group.node[group.first[group.element[g]] + a], 0.5)
+    c, lever = group.weight[g] * group.value[g, a], group.weight[g] * group.slope[g, a]
+    on = combine(c, loads[1], multiple(lever, loads[2]))
+    force = scale(lever, loads[0])
+    moment = add(cross(d[0], on[0]), add(cross(d[1], on[1]), cross(d[2], on[2])))
+    return force, add(moment, cross(arm, force))
 
 
 @kernel
@@ -178,51 +148,26 @@ def jacobian(
     for g in range(group.element.size):
         changed = changes(group, start, g)
         means = point_vectors(start, g, changed, 0.5)
-        add_loads(group, start, frames, g, means, -1.0, values)
+        add_loads(group, start, frames, g, means, (-1.0, ALL), values)
         n, m = multipliers(group, frames, Z, g)
         lam = (scale(1.0 / dt2, n), scale(1.0 / dt2, m))
         add_stiffness(group, start, frames, g, lam, (means, 0.5, -dt2), values)
-        _add_equations(group, start, g, point_vectors(start, g, changed, 1.0), step, values)
+        _set_factors(group, start, g, step)
+        add_equations(group, start, g, point_vectors(start, g, changed, 1.0), values)
         _add_compliance(group, g, step, values)
 
 
 @kernel
-def _add_equations(
-    group: Beams,
-    start: BeamsWorkspace,
-    g: int,
-    ends: Point,
-    step: tuple[float, float, float],
-    values: np.ndarray,
+def _set_factors(
+    group: Beams, start: BeamsWorkspace, g: int, step: tuple[float, float, float]
 ) -> None:
-    """Add the derivatives of the equations at Gauss point ``g`` by the places of its nodes;
-    ``ends`` are the vectors there at the end of the step.
-    """
+    """Set the derivatives of the equations at Gauss point ``g`` by the changes of the strains."""
     h, dt2, decay = step
-    first, count = nodes_of(group, g)
-    for a in range(count):
-        m = group.node[first + a]
-        d, arm = node_vectors(start, m, 1.0)
-        G = matrix_at(start.tangent, m)
-        gamma, kappa = node_gradient(d, arm, ends, group.value[g, a], group.slope[g, a])
-        by_q = (product(gamma, G), product(kappa, G))
-        places = group.load_block[g, a]
-        for i in range(COMPONENTS):
-            c = row_scale(group, g, i)
-            if not group.rigid[g, i]:
-                c *= strain_share(group, g, i, h, decay) * dt2 / divisor(group, g, i, step)
-            if dt2 < AT_ONCE and not group.rigid[g, i]:
-                c = 0.0
-            row = i % 3
-            place = places[STRETCH_Q] if i < 3 else places[BEND_Q]
-            if place > 0:
-                for k in range(3):
-                    values[place + 3 * row + k] += c * by_q[i // 3][row][k]
-            if i < 3 and places[STRETCH_U] > 0:
-                for k in range(3):
-                    values[places[STRETCH_U] + 3 * row + k] += (
-                        c * group.slope[g, a] * ends[0][row][k]
-                    )
+    for i in range(COMPONENTS):
+        start.factor[g, i] = row_scale(group, g, i)
+        if not group.rigid[g, i]:
+            share = dt2 * strain_share(group, g, i, h, decay) / divisor(group, g, i, step)
+            start.factor[g, i] *= share if dt2 > AT_ONCE else 0.0
 
 
 @kernel

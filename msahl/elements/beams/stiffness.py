@@ -34,6 +34,7 @@ from msahl.elements.beams.group import (
     Beams,
     BeamsWorkspace,
 )
+from msahl.elements.beams.rows import chosen
 from msahl.elements.beams.strain import (
     Point,
     director_loads,
@@ -55,12 +56,15 @@ def add_loads(
     frames: Frames,
     g: int,
     means: Point,
-    sign: float,
+    what: tuple[float, int],
     values: np.ndarray,
 ) -> None:
-    """Add ``sign`` times the derivatives of the accelerations by the multipliers by mass at Gauss
-    point ``g``; ``means`` are d_i, d_i' and r' there.
+    """Add a sign times the derivatives of the accelerations by those multipliers by mass at Gauss
+    point ``g`` of which ``what`` (sign, components) speaks; ``means`` are d_i, d_i' and r' there.
     """
+    sign, which = what
+    one = (1.0, 1.0, 1.0)
+    of_n, of_m = chosen(group, g, 0, which, one), chosen(group, g, 3, which, one)
     first, count = nodes_of(group, g)
     for a in range(count):
         m = group.node[first + a]
@@ -70,9 +74,15 @@ def add_loads(
         c = sign * group.weight[g] * group.mass[g] * frames.inverse_mass[f]
         by_q = c / frames.length[f]
         places = group.load_block[g, a]
-        add_block(values, places[U_STRETCH], c * group.slope[g, a], transpose(means[0]))
-        add_block(values, places[Q_STRETCH], by_q, transpose(gamma))
-        add_block(values, places[Q_BEND], by_q * group.length[g], transpose(kappa))
+        add_block(values, places[U_STRETCH], c * group.slope[g, a], _columns(means[0], of_n))
+        add_block(values, places[Q_STRETCH], by_q, _columns(gamma, of_n))
+        add_block(values, places[Q_BEND], by_q * group.length[g], _columns(kappa, of_m))
+
+
+@kernel
+def _columns(rows: Matrix, c: Vector) -> Matrix:
+    """Return the matrix with the columns ``c_i`` times ``rows`` i."""
+    return transpose((scale(c[0], rows[0]), scale(c[1], rows[1]), scale(c[2], rows[2])))
 
 
 @apart
@@ -143,6 +153,8 @@ def _add_pair(
     )
     q_a, q_b = skew(resultants(lam[0], d_a)), skew(scale(-ahead, resultants(lam[0], d_b)))
     by_q = _pair_term(scale(0.5 * (ahead - behind), lam[1]), d_a, d_b)
+    stretch = -c * group.value[g, a] * group.value[g, b] * lam[0][0]
+    by_q = combine(stretch, _double_cross(d_a[0], d_b[0]), by_q)
     by_q = combine(-behind, product(q_a, skew(arm_b)), by_q)
     by_q = combine(1.0, skew_product(arm_a, q_b), by_q)
     places = group.pair_block[e, a, b]
@@ -152,6 +164,13 @@ def _add_pair(
     add_block(values, places[U_BY_Q], of_force, product(q_b, G))
     add_block(values, places[Q_BY_U], of_moment * behind, q_a)
     add_block(values, places[Q_BY_Q], of_moment, product(by_q, G))
+
+
+@kernel
+def _double_cross(a: Vector, b: Vector) -> Matrix:
+    """Return the matrix of a x ((.) x b): (a.b) 1 - b a^T."""
+    M = multiple(dot(a, b), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+    return outer(-1.0, b, a, M)
 
 
 @kernel

@@ -1,11 +1,16 @@
 """Strains of beams: their values, exact changes over a step, and gradients.
 
-    Gamma_i = d_i . r'                                          stretch and shears
+    Gamma_1 = d_1 . r' + (1 - d_1 . d_1)/2                      stretch
+    Gamma_i = d_i . r'                                          shears, i = 2, 3
     kappa_l = (d_k . d_j' - d_j . d_k')/2 ,  (l, j, k) cyclic   torsion and bendings, [1/m]
 
     r(s) = sum_a N_a r_a ,  d_i(s) = sum_a N_a d_i^a            between the nodes a of an element
     r_a    point of the reference line at a node, mass centre + arm
     d_i^a  axes of the node
+
+The directors between nodes that differ by a rotation t are shorter, by the order of t^2, which the
+second term of Gamma_1 makes up for: else tension would let neighbouring nodes rotate to and fro. It
+is zero where directors are unit vectors, and leaves the order of convergence.
 
 They are sums of scalar products of directors and of differences of positions, so they do not change
 in a rigid motion. They are quadratic in (r, d): over a step a product a . b changes by exactly
@@ -87,7 +92,7 @@ def strain_at(group: Beams, start: BeamsWorkspace, g: int) -> tuple[Vector, Vect
     zero = group.reference
     return (
         (
-            dot(d[0], r_slope) - zero[g, 0],
+            dot(d[0], r_slope) + 0.5 * (1.0 - dot(d[0], d[0])) - zero[g, 0],
             dot(d[1], r_slope) - zero[g, 1],
             dot(d[2], r_slope) - zero[g, 2],
         ),
@@ -168,8 +173,10 @@ def set_change(start: BeamsWorkspace, g: int, changed: Point) -> Point:
     dd, db, dr = changed
     d, b, r = point_vectors(start, g, changed, 0.5)
     kappa = add(bending(d, db), bending(dd, b))
-    for i in range(3):
+    start.change[g, 0] = dot(d[0], dr) + dot(dd[0], sub(r, d[0]))
+    for i in range(1, 3):
         start.change[g, i] = dot(d[i], dr) + dot(dd[i], r)
+    for i in range(3):
         start.change[g, 3 + i] = kappa[i]
     return d, b, r
 
@@ -196,7 +203,7 @@ def director_loads(n: Vector, m: Vector, means: Point) -> tuple[Vector, Matrix, 
     d, b, r = means
     half = rotate_rows(scale(0.5, m), b)
     by_d = (
-        sub(scale(n[0], r), half[0]),
+        sub(scale(n[0], sub(r, d[0])), half[0]),
         sub(scale(n[1], r), half[1]),
         sub(scale(n[2], r), half[2]),
     )
@@ -218,7 +225,7 @@ def node_gradient(
     )
     Nr, lever = scale(N, r), scale(slope, arm)
     gamma = (
-        add(cross(d[0], Nr), cross(lever, D[0])),
+        add(cross(d[0], scale(N, sub(r, D[0]))), cross(lever, D[0])),
         add(cross(d[1], Nr), cross(lever, D[1])),
         add(cross(d[2], Nr), cross(lever, D[2])),
     )

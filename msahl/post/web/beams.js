@@ -121,6 +121,7 @@ export class Beam {
     const dot = (a, i, b, j) => a[i] * b[j] + a[i + 1] * b[j + 1] + a[i + 2] * b[j + 2];
     const half = (i, j) => 0.5 * (dot(d, j, rate, i) - dot(d, i, rate, j));
     const strain = [dot(d, 3, rate, 0), dot(d, 6, rate, 0), dot(d, 9, rate, 0), half(6, 9), half(9, 3), half(3, 6)];
+    strain[0] += 0.5 * (1 - dot(d, 3, d, 3));
     const eps = strain.map((value, i) => value - this.entry.strain[point][i]);
     const K = this.entry.stiffness[point];
     return eps.map((_, i) => eps.reduce((sum, value, j) => sum + K[6 * i + j] * value, 0));

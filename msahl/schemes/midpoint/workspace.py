@@ -129,4 +129,5 @@ def write_row(workspace: Workspace, h: float, row: int) -> None:
         loads.signals, loads.actuator, start.forces, system.scalar, tables.signals, row
     )
     forces.publish_energy(system.forces, start.forces, state.work.size, tables.work, row)
+    instant.write_resultants(system.beams, workspace.mean_force, tables.resultants, row)
     instant.publish_energy(system.beams, start.beams, tables.work, row)

@@ -17,12 +17,6 @@ UNDAMPED = (0.0,) * 6
 INEXTENSIBLE = (np.inf, np.inf, np.inf, 10.0, 12.0, 15.0)
 
 
-@pytest.fixture(autouse=True)
-def plain(monkeypatch):
-    """Kernels as plain Python: small beams take less time than compiling does."""
-    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
-
-
 def begun(model, scheme="preserving"):
     """The workspace of a model at t = 0."""
     model = replace(model, simulation=replace(model.simulation, scheme=scheme))
