@@ -34,11 +34,11 @@ GROUP_COLUMNS = (
 )
 FORCE_COLUMNS = ("Fx", "Fy", "Fz")
 MOMENT_COLUMNS = ("Mx", "My", "Mz")
+RESULTANT_COLUMNS = ("n1", "n2", "n3", "m1", "m2", "m3")
 BEAM_COLUMNS = (
     *("stretch", "shear2", "shear3", "twist", "curvature2", "curvature3"),
-    *("n1", "n2", "n3", "m1", "m2", "m3"),
+    *RESULTANT_COLUMNS,
 )
-RESULTANT_COLUMNS = ("N1", "N2", "N3", "M1", "M2", "M3")
 LOAD_COLUMN, FACTOR_COLUMN, POWER_COLUMN = "load", "factor", "power"
 STRAINS = (
     *("stretch", "shear along d2", "shear along d3"),

@@ -261,7 +261,7 @@ def add_elastic_derivatives(
             for i in range(COMPONENTS):
                 node.factor[g, i] *= group.damping[g, i]
             add_equations(group, node, g, here, by_rate)
-            _add_rate_slopes(group, node, motion, g, by_place)
+            add_rate_slopes(group, node, motion, g, by_place)
         _add_compliance(group, g, h, by_place)
 
 
@@ -276,7 +276,7 @@ def _add_compliance(group: Beams, g: int, h: float, values: np.ndarray) -> None:
 
 
 @kernel
-def _add_rate_slopes(
+def add_rate_slopes(
     group: Beams, node: BeamsWorkspace, motion: FramesWorkspace, g: int, values: np.ndarray
 ) -> None:
     """Add ``node.factor`` times the derivatives of the rates of the strains at Gauss point ``g`` by

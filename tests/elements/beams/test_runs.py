@@ -51,7 +51,7 @@ def test_a_static_load_is_carried():
     s = np.concatenate([stations, 0.5 + stations])
     assert found[:, 1] == pytest.approx(P, rel=1e-4)
     assert found[:, 5] == pytest.approx(P * (length - s), rel=1e-3)
-    assert resultant_columns(model)[2] == "Beam.1.N2"
+    assert resultant_columns(model)[2] == "Beam.1.n2"
     energy = result.column("Beam.energy")[-1]
     assert energy == pytest.approx(0.5 * P * (P / (3 * 15.0) + P / 4e3), rel=1e-3)
     work = [result.column(f"{name}.work")[-1] for name in ("P", "Beam", "scheme")]
