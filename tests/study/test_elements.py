@@ -18,10 +18,10 @@ def brief(t_final):
 
 def test_the_order_is_twice_the_degree():
     deck = Source.of_file(ROOT / "decks/elastic/spin_up.xml")
-    settings = ["Arm.elements=1", "simulation.deltaT=0.1"]
-    found = space_error(deck, settings, brief(4.0), lambda words: None)
-    assert found.elements == (1, 2, 4)
-    assert found.order == pytest.approx(6.0, abs=0.5)  # one element is not yet very fine
+    settings = ["Arm.elements=2", "simulation.deltaT=0.1"]
+    found = space_error(deck, settings, brief(6.0), lambda words: None)
+    assert found.elements == (2, 4, 8)
+    assert found.order == pytest.approx(6.0, abs=0.6)  # vibrations change a little from run to run
     # The error is the sum of all changes that follow: the first, and a little more.
     assert found.changes[0] < found.error < 1.1 * found.changes[0]
 
