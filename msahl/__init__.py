@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from msahl.analysis.inverse_drives import InverseError
     from msahl.api.batch import BatchError, batch
+    from msahl.api.derivatives import GradientError, Gradients
     from msahl.api.model import Model, load
     from msahl.api.result import Result, read
     from msahl.deck import DeckError
@@ -22,6 +23,8 @@ __version__ = "0.1.0"
 __all__ = [
     "BatchError",
     "DeckError",
+    "GradientError",
+    "Gradients",
     "InverseError",
     "Model",
     "OptionError",
@@ -37,6 +40,8 @@ _PLACES = {
     "BatchError": "msahl.api.batch",
     "DeckError": "msahl.deck",
     "InverseError": "msahl.analysis.inverse_drives",
+    "GradientError": "msahl.api.derivatives",
+    "Gradients": "msahl.api.derivatives",
     "Model": "msahl.api.model",
     "OptionError": "msahl.run.options",
     "Result": "msahl.api.result",

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from lxml.etree import _Element
 
     from msahl.analysis.linear_model import LinearModel
+    from msahl.api.derivatives import Gradients
+    from msahl.api.equilibria import Equilibrium
     from msahl.api.inverse import InverseResult
     from msahl.api.modes import Modes, ModesOver
 
@@ -65,14 +67,43 @@ class Model:
         """
         return Model(self._deck, {**self.changes, **changes})
 
-    def run(self, **options: Unpack[RunOptions]) -> Result:
+    def run(
+        self,
+        *,
+        gradient: str | Sequence[str] = (),
+        wrt: str | Sequence[str] = (),
+        **options: Unpack[RunOptions],
+    ) -> Result:
         """Run the model and return its results, which are kept in memory.
 
         The ``options`` are those of ``msahl run``. Raises ``OptionError``, a ``ValueError``, if
         they are wrong, ``StartError`` if the model has no consistent state at t = 0. A run that
         cannot complete returns the results up to there; its ``status`` says why it ended.
+
+        With measures in ``gradient``, such as ``"Tip.z final"``, and names of numbers in ``wrt``,
+        the ``gradient`` of the results holds the derivatives of the former by the latter; raises
+        ``GradientError``, a ``ValueError``, if there are none.
         """
-        return run_job(self.job(**options))
+        if not gradient and not wrt:
+            return run_job(self.job(**options))
+        from msahl.api.gradients import run_with_gradients
+
+        return run_with_gradients(self.job(**options), gradient, wrt)
+
+    def gradient(
+        self,
+        measures: str | Sequence[str],
+        wrt: str | Sequence[str],
+        **options: Unpack[RunOptions],
+    ) -> "Gradients":
+        """Run the model and return the derivatives of ``measures``, such as ``"Tip.z final"``, by
+        numbers of the deck, named as in ``with_``, with their errors.
+
+        Raises ``GradientError``, a ``ValueError``, if there are none, and what ``run`` raises.
+        """
+        found = self.run(gradient=measures, wrt=wrt, **options).gradient
+        assert found is not None
+        return found
 
     def inverse(
         self,
@@ -100,6 +131,40 @@ class Model:
             settings = (*settings, f"{STOP_WHEN}{condition}")
             records = self._deck.model(settings)
         return make_job(self._deck.source, records, checked_options(given), settings)
+
+    def kinematics(
+        self, step: float | None = None, t_final: float | None = None, every: int = 1
+    ) -> Result:
+        """Return the motion of a model whose prescribed motions leave no degrees of freedom, as
+        ``msahl kinematics`` computes it: without integrating, with accelerations and reactions.
+
+        ``step`` is the time between output times and ``t_final`` the end [s], of which every
+        ``every``-th is computed. Raises ``StartError`` if degrees of freedom remain. A motion that
+        cannot be followed to its end is returned up to there; its ``status`` says so.
+        """
+        from msahl.analysis.kinematics import options_of
+        from msahl.api.kinematics import kinematics_of
+
+        return kinematics_of(self.job(**options_of(step, t_final)), every)
+
+    def equilibrium(self, rotation: Sequence[float] = (0.0, 0.0, 0.0)) -> "Equilibrium":
+        """Return the equilibrium to which the forces lead from where the deck has the bodies: at
+        rest, or with the complete model in a steady ``rotation`` [rad/s], inertial axes. Raises
+        ``StartError`` if none is found.
+        """
+        from msahl.api.equilibria import equilibrium_of
+
+        return equilibrium_of(self.job(), rotation)
+
+    def equilibria(
+        self, starts: int = 1, rotation: Sequence[float] = (0.0, 0.0, 0.0)
+    ) -> "list[Equilibrium]":
+        """Return all equilibria that are found from the deck's configuration and ``starts`` - 1
+        others, drawn at random, as ``msahl equilibrium`` does.
+        """
+        from msahl.api.equilibria import equilibria_of
+
+        return equilibria_of(self.job(), starts, rotation)
 
     def linearize(
         self,
