@@ -190,7 +190,7 @@ def test_a_drive_beside_all_other_forces_has_nothing_to_do(deck, drive, near):
     assert verdict(found).word == "PASS"
 
 
-def test_torques_that_hold_a_level_arm():
+def test_torques_of_a_level_arm_at_rest():
     """Of five rods of 1 m and 1 kg: each hinge carries the moments of the weights beyond it."""
     rods = 5
     inertia = np.diag([1e-3, 1.0 / 12.0, 1.0 / 12.0])
