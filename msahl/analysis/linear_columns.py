@@ -19,6 +19,7 @@ from msahl.analysis.point import Point
 from msahl.analysis.projection import move, prepared
 from msahl.analysis.variations import Variations
 from msahl.elements import forces, reactions
+from msahl.elements.beams import instant as beams
 from msahl.elements.frames import first_multiplier, moving_count
 from msahl.joints.coordinates import Motion, coordinates, point_motion, rotated
 from msahl.model import Model
@@ -332,6 +333,7 @@ def force_rows(point: Point, states: list[State]) -> dict[str, np.ndarray]:
 
 def _force_row(point: Point, state: State) -> dict[str, np.ndarray]:
     system = point.system
+    state = state._replace(strain=state.strain.copy())  # which the workspace shares
     start, tables = prepared(system, state), new_tables(system, state, 1)
     Z, rows = np.zeros((2, node_count(system), 3))
     evaluate.free_acceleration(system, state, start, Z, rows)
@@ -347,6 +349,8 @@ def _force_row(point: Point, state: State) -> dict[str, np.ndarray]:
     )
     forces.elastic_energy(system.forces, start.forces, system.scalar)
     forces.publish_energy(system.forces, start.forces, state.work.size, tables.work, 0)
+    beams.set_strains(system.beams, start.beams)
+    beams.publish_energy(system.beams, start.beams, tables.work, 0)
     group = system.forces.actuator
     rates = start.scalar.rate[group.coordinate] if group is not None else np.zeros(0)
     return {REACTIONS: tables.reactions[0], WORK: tables.work[0], RATES: rates}
