@@ -27,6 +27,12 @@ SCENES = {
     "suspension, decaying": ("machines/quarter_car", {"t_final": 0.4, "scheme": "decaying"},
                              "spring,damping,vBlow", ["Strut.slide rms", "Body.z min"]),
     "markers": ("machines/robot", {"t_final": 0.1}, "L2", ["Flange.x final", "Flange.z at 0.0523"]),
+    "groups": (
+        "basics/markers",
+        {"t_final": 0.2},
+        "Arm.mass",
+        ["Everything.kinetic final", "Everything.potential mean"],
+    ),
     "control of the step size": ("machines/satellite",
                                  {"t_final": 1.0, "scheme": "auto", "tolerance": 1e-9}, "Kp",
                                  ["Sensor.q1 final", "Axle X.angleRate final"]),
