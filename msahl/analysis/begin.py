@@ -16,7 +16,8 @@ import numpy as np
 
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import Vector, at
-from msahl.analysis.equilibrium import BALANCED, Solution, balance_at, find, search_start
+from msahl.analysis.equilibrium import BALANCED, Solution, balance_at, search_start
+from msahl.analysis.equilibrium_search import find
 from msahl.analysis.point import Point
 from msahl.analysis.projection import close, prepared
 from msahl.deck import Source, deck_digest
@@ -90,7 +91,7 @@ def told(start: Mapping[str, Any]) -> str:
 
 def _record(job: Job, start: Point, solution: Solution) -> dict[str, Any]:
     """Return what ``run.json`` says of the start."""
-    from msahl.analysis.equilibrium_report import stability
+    from msahl.analysis.stability import stability
 
     point, balance = solution.place.point, solution.place.balance
     moved = np.linalg.norm(point.state.x - start.state.x, axis=1)

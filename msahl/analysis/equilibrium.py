@@ -21,8 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Law
-from msahl.algebra.rotation import compose, matrix, to_axis_angle
-from msahl.algebra.rotation import inverse as opposite
+from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import at
 from msahl.analysis.coefficients import Coefficients, coefficients, skews
 from msahl.analysis.point import Point, at_start, complete
@@ -35,18 +34,20 @@ from msahl.model import Model
 from msahl.start.velocities import StartError
 from msahl.system.arrays import State, System, node_count
 
-DESCENT, NEWTON, CONTINUATION = "descent", "Newton", "continuation of the loads"
+DESCENT, NEWTON = "descent", "Newton's method"
 MOST_ITERATIONS = 200
+MOST_WAITING = 60
+"""Iterations without a smaller residual after which a search ends."""
 LARGEST_ROTATION = 0.4
 """Of a body in one step [rad]; displacements likewise, over the length of the system."""
 BALANCED = 1e-9
 """Force that is not balanced, over the largest force, of an equilibrium."""
 ROUND_OFF = 1e-15
 """Step, over the size of the system, that changes nothing."""
-SAME = 1e-6
-"""Distance of two equilibria, over the size of the system, that are one."""
 LEAST_STIFF = 1e-8
 """Stiffness, relative to the largest, that the descent gives to directions without any."""
+IDLE = 1e-9
+"""Force, over all forces, that moves nothing along a direction without stiffness."""
 FLAT = 1e-9
 """Singular value of J, over the largest, of a direction in which nothing changes."""
 SHORTEST = 1.0 / 64.0
@@ -64,14 +65,21 @@ class Place(NamedTuple):
     balance: Equilibrium
 
 
+class Where(NamedTuple):
+    """A configuration of a larger model, without dense matrices."""
+
+    point: Point
+    balance: Equilibrium
+
+
 class Solution(NamedTuple):
     """An equilibrium, if it ``converged``."""
 
-    place: Place
+    place: Place | Where
     iterations: int
     converged: bool
-    flat: int  # directions in which it has no stiffness
-    method: str  # DESCENT, NEWTON or CONTINUATION
+    flat: int | None  # directions in which it has no stiffness; None of a larger model
+    method: str
 
 
 def search_start(model: Model) -> Point:
@@ -88,12 +96,14 @@ def solve(point: Point, spin: np.ndarray, stable: bool = True) -> Solution:
     ``spin`` (3,) [rad/s]: a stable one, or the nearest of any kind. Raises ``StartError`` where
     joints cannot be closed.
     """
-    place = _place(point, spin, _axis_point(point, spin))
-    smallest, waited, iterations = place, 0, 0
+    place = evaluated(point, spin, axis_point(point, spin))
+    smallest, waited, iterations, last = place, 0, 0, 0
     for _ in range(MOST_ITERATIONS):
         step = _descent(place) if stable else _newton(place)
         size = float(np.linalg.norm(_lengths(place, step)))
-        if size <= ROUND_OFF * _size(place.point) or waited > 3:
+        if size <= ROUND_OFF * size_of(place.point) or waited > 3:
+            break
+        if iterations > last + MOST_WAITING:
             break
         following = _line_search(place, step, spin, stable)
         if following is None:
@@ -103,55 +113,20 @@ def solve(point: Point, spin: np.ndarray, stable: bool = True) -> Solution:
         # At round-off the residual stops falling.
         waited = 0 if better or smallest.balance.relative > BALANCED else waited + 1
         if np.linalg.norm(place.residual) < np.linalg.norm(smallest.residual):
-            smallest = place
-    converged = smallest.balance.relative <= BALANCED and _states_rest(smallest)
+            smallest, last = place, iterations
+    converged = smallest.balance.relative <= BALANCED and states_rest(smallest)
     method = DESCENT if stable else NEWTON
     return Solution(smallest, iterations, converged, _flat_directions(smallest), method)
 
 
-def find(point: Point, spin: np.ndarray) -> Solution | None:
-    """Return the equilibrium to which a ``point`` leads, by the first method that finds one; None
-    if there is none. Raises ``StartError`` if the joints do not let the model rotate with ``spin``.
-    """
-    _axis_point(point, spin)
-    for stable in (True, False):
-        try:
-            solution = solve(point, spin, stable)
-        except (StartError, np.linalg.LinAlgError):
-            continue
-        if solution.converged:
-            return solution
-    return None
-
-
 def balance_at(point: Point, spin: np.ndarray) -> Equilibrium:
     """Return how far a ``point`` is from an equilibrium, whatever its velocities are."""
-    return _place(point, spin, _axis_point(point, spin)).balance
+    state = _rotating(point.system, point.state, spin, axis_point(point, spin))
+    there = complete(point.model, point.system, state, point.unknowns)
+    return residual_in(coefficients(there.system, there.state), spin)
 
 
-def all_equilibria(point: Point, spin: np.ndarray, starts: int) -> list[Solution]:
-    """Return the different equilibria reached from the ``point`` by both methods, and from
-    ``starts`` - 1 other configurations, drawn at random; the one that the first leads to is first.
-    Raises ``StartError`` if the joints do not let the model rotate with ``spin``.
-    """
-    _axis_point(point, spin)
-    rng, found = np.random.default_rng(0), list[Solution]()
-    for number in range(starts):
-        try:
-            begin = displaced(point, spin, rng) if number else point
-        except StartError:
-            continue
-        for stable in (True, False):
-            try:
-                solution = solve(begin, spin, stable)
-            except (StartError, np.linalg.LinAlgError):
-                continue
-            if solution.converged and not any(_is_same(solution, other) for other in found):
-                found.append(solution)
-    return found
-
-
-def _place(point: Point, spin: np.ndarray, centre: np.ndarray) -> Place:
+def evaluated(point: Point, spin: np.ndarray, centre: np.ndarray) -> Place:
     """Evaluate a configuration with the velocities of the steady rotation."""
     state = _rotating(point.system, point.state, spin, centre)
     point = complete(point.model, point.system, state, point.unknowns)
@@ -188,7 +163,7 @@ def _rotating(system: System, state: State, spin: np.ndarray, centre: np.ndarray
     return state._replace(v=v, w=w, auxiliary=state.auxiliary.copy(), **own)
 
 
-def _axis_point(point: Point, spin: np.ndarray) -> np.ndarray:
+def axis_point(point: Point, spin: np.ndarray) -> np.ndarray:
     """(3,) a point of the axis about which the constraints let the model rotate with ``spin``."""
     if not spin.any():
         return np.zeros(3)
@@ -231,7 +206,7 @@ def _lengths(place: Place, step: np.ndarray) -> np.ndarray:
 def _newton(place: Place) -> np.ndarray:
     """The step of Newton's method, the least one where J is singular."""
     step: np.ndarray = np.linalg.lstsq(place.jacobian, -place.residual, rcond=FLAT)[0]
-    return _limited(place, step)
+    return limited(place, step)
 
 
 def _descent(place: Place) -> np.ndarray:
@@ -247,22 +222,27 @@ def _descent(place: Place) -> np.ndarray:
     stiffness = back.T @ J[:d, :d] @ back
     values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
     # Where nothing has any stiffness, as in a level pendulum, the forces alone say what is little.
-    force = float(np.linalg.norm(back.T @ place.residual[:d])) / _size(place.point)
-    flat = LEAST_STIFF * max(float(np.abs(values).max(initial=0.0)), force)
+    force = float(np.linalg.norm(back.T @ place.residual[:d])) / size_of(place.point)
+    largest = max(float(np.abs(values).max(initial=0.0)), force)
+    flat = LEAST_STIFF * largest
     # Uphill directions are taken by the size of their stiffness, as if they were downhill.
-    lift = np.where(values > -flat, values + np.maximum(np.abs(values), flat), 0.0)
+    stiff = np.maximum(np.abs(values), flat)
+    # A rod that may spin about itself must not do so by round-off.
+    along = np.abs(vectors.T @ (back.T @ place.residual[:d]))
+    idle = (np.abs(values) <= flat) & (along <= IDLE * np.linalg.norm(along))
+    lift = np.where(values > -flat, values + np.where(idle, largest, stiff), 0.0)
     shifted = J.copy()
     shifted[:d, :d] -= R.T @ (vectors * lift) @ vectors.T @ R
     step: np.ndarray = np.linalg.lstsq(shifted, -place.residual, rcond=FLAT * 1e-6)[0]
-    return _limited(place, step)
+    return limited(place, step)
 
 
-def _limited(place: Place, step: np.ndarray) -> np.ndarray:
+def limited(place: Place, step: np.ndarray) -> np.ndarray:
     """The step, shortened where it rotates or displaces a body too far."""
     d = place.linear.degrees_of_freedom
     dq = place.linear.places[:, :d] @ step[:d]
     rotation = np.abs(dq[place.found.rotational]).max(initial=0.0)
-    travel = np.abs(place.found.length * dq).max(initial=0.0) / _size(place.point)
+    travel = np.abs(place.found.length * dq).max(initial=0.0) / size_of(place.point)
     largest = max(float(rotation), float(travel)) / LARGEST_ROTATION
     return step / largest if largest > 1.0 else step
 
@@ -271,10 +251,10 @@ def _line_search(place: Place, step: np.ndarray, spin: np.ndarray, stable: bool)
     """The configuration after the step, or after a part of it that makes the residual smaller; None
     if there is none. A descent may pass where the residual grows.
     """
-    centre, share = _axis_point(place.point, spin), 1.0
+    centre, share = axis_point(place.point, spin), 1.0
     while share >= SHORTEST:
         try:
-            after = _place(_moved(place, share * step), spin, centre)
+            after = evaluated(moved(place, share * step), spin, centre)
         except StartError:
             share *= 0.5
             continue
@@ -286,7 +266,7 @@ def _line_search(place: Place, step: np.ndarray, spin: np.ndarray, stable: bool)
     return None
 
 
-def _moved(place: Place, step: np.ndarray) -> Point:
+def moved(place: Place, step: np.ndarray) -> Point:
     """The point after a step, with its joints closed."""
     point, d = place.point, place.linear.degrees_of_freedom
     dq = np.zeros((node_count(point.system), 3))
@@ -296,30 +276,14 @@ def _moved(place: Place, step: np.ndarray) -> Point:
     return replace(point, state=close(point.system, state, point.unknowns))
 
 
-def displaced(point: Point, spin: np.ndarray, rng: np.random.Generator) -> Point:
-    """A configuration that is reached by random motions of up to half a revolution."""
-    centre = _axis_point(point, spin)
-    parts = int(rng.integers(2, 9))
-    weight = None
-    for _ in range(parts):
-        place = _place(point, spin, centre)
-        d = place.linear.degrees_of_freedom
-        if weight is None or weight.size != d:
-            weight = rng.normal(size=d)
-        step = np.zeros(place.jacobian.shape[1])
-        step[:d] = 1e6 * weight
-        point = _moved(place, _limited(place, step))
-    return point
-
-
-def _size(point: Point) -> float:
+def size_of(point: Point) -> float:
     """Size of the model [m]: its extent, or the largest length of a body."""
     x = point.state.x[:-1]
     extent = float(np.linalg.norm(x.max(axis=0) - x.min(axis=0))) if len(x) else 0.0
     return max(extent, float(point.system.frames.length.max()))
 
 
-def _states_rest(place: Place) -> bool:
+def states_rest(place: Place) -> bool:
     """Return whether the auxiliary states do not change."""
     rate = place.found.state_rate
     if not rate.size:
@@ -337,29 +301,3 @@ def _flat_directions(place: Place) -> int:
     return int(np.count_nonzero(values <= FLAT * values.max(initial=0.0))) + max(
         d - place.linear.rate_degrees_of_freedom, 0
     )
-
-
-def _is_same(one: Solution, other: Solution) -> bool:
-    """Return whether two equilibria are one configuration or, if they have directions without
-    stiffness, of one family: with equal heights of all mass centres and distances between them.
-    """
-    a, b = one.place.point, other.place.point
-    size = SAME * _size(a)
-    if one.flat or other.flat:
-        return bool(one.flat == other.flat and np.abs(_figures(a) - _figures(b)).max() <= size)
-    lengths = a.system.frames.length[:-1]
-    apart = float(np.abs(a.state.x - b.state.x).max(initial=0.0))
-    for f in range(len(lengths)):
-        angle = to_axis_angle(compose(at(a.state.p, f), opposite(at(b.state.p, f))))[1]
-        apart = max(apart, float(lengths[f]) * angle)
-    return apart <= size
-
-
-def _figures(point: Point) -> np.ndarray:
-    """Heights of mass centres along gravity, and distances between neighbours and from the first
-    [m].
-    """
-    x, g = point.state.x[:-1], np.array(point.model.gravity)
-    down = g / np.linalg.norm(g) if g.any() else np.zeros(3)
-    parts = [x @ down, np.linalg.norm(x - x[:1], axis=1)]
-    return np.concatenate([*parts, np.linalg.norm(np.diff(x, axis=0), axis=1)])

@@ -7,28 +7,11 @@ from msahl.algebra.rotation import inverse as opposite
 from msahl.algebra.vector import at
 from msahl.analysis.equilibrium import Solution
 from msahl.analysis.equilibrium_tables import state_row
-from msahl.analysis.modes import LARGEST_DENSE, modes
 from msahl.analysis.point import Point
+from msahl.analysis.stability import stability
 
 MOST_BODIES = 20
 """Bodies whose places are printed; the table has all."""
-
-
-def stability(point: Point) -> str:
-    """Return whether an equilibrium is stable, by the real parts of its eigenvalues."""
-    if 6 * len(point.model.bodies) > LARGEST_DENSE:
-        return "stability not examined (more than 100 bodies)"
-    found = modes(point)
-    growth = found.value.real
-    unstable = growth > np.maximum(found.error, 1e-9 * np.abs(found.value).max(initial=0.0))
-    if unstable.any():
-        return f"unstable, fastest growth {growth.max():.6g} 1/s"
-    damped = found.value[found.zeros :]
-    if damped.size and np.all(damped.real < -found.error[found.zeros :]):
-        return "stable, all motions are damped"
-    return (
-        "stable, without damping of all motions" if damped.size else "neither stable nor unstable"
-    )
 
 
 def lines(start: Point, found: list[Solution]) -> list[str]:

@@ -20,10 +20,13 @@ from msahl.run.options import OptionError, checked_options
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element as PlainElement
 
+    import pandas as pd
     from lxml.etree import _Element
 
     from msahl.analysis.linear_model import LinearModel
     from msahl.api.derivatives import Gradients
+    from msahl.api.equilibria import Equilibrium
+    from msahl.api.inverse import InverseResult
     from msahl.api.modes import Modes, ModesOver
 
 Value = float | str
@@ -102,6 +105,24 @@ class Model:
         assert found is not None
         return found
 
+    def inverse(
+        self,
+        motion: "str | PathLike[str] | Result | pd.DataFrame | Mapping[str, Any]",
+        loads: Sequence[str] = (),
+        weights: Mapping[str, float] | None = None,
+        smooth: float = 0.0,
+        companion: "str | PathLike[str] | Result | pd.DataFrame | Mapping[str, Any] | None" = None,
+    ) -> "InverseResult":
+        """Return the loads of actuators that produce a ``motion``: a result, a table, or the path
+        of a table or of a run's folder.
+
+        The arguments are the options of ``msahl inverse``. Raises ``InverseError``, a
+        ``ValueError``, if they are wrong or leave degrees of freedom undetermined.
+        """
+        from msahl.api.inverse import loads_of
+
+        return loads_of(self.job(), motion, loads, weights, smooth, companion)
+
     def job(self, **options: Unpack[RunOptions]) -> Job:
         """Return what ``run`` would run, checked; raises ``OptionError`` as ``run`` does."""
         given: dict[str, Any] = dict(options)
@@ -110,6 +131,40 @@ class Model:
             settings = (*settings, f"{STOP_WHEN}{condition}")
             records = self._deck.model(settings)
         return make_job(self._deck.source, records, checked_options(given), settings)
+
+    def kinematics(
+        self, step: float | None = None, t_final: float | None = None, every: int = 1
+    ) -> Result:
+        """Return the motion of a model whose prescribed motions leave no degrees of freedom, as
+        ``msahl kinematics`` computes it: without integrating, with accelerations and reactions.
+
+        ``step`` is the time between output times and ``t_final`` the end [s], of which every
+        ``every``-th is computed. Raises ``StartError`` if degrees of freedom remain. A motion that
+        cannot be followed to its end is returned up to there; its ``status`` says so.
+        """
+        from msahl.analysis.kinematics import options_of
+        from msahl.api.kinematics import kinematics_of
+
+        return kinematics_of(self.job(**options_of(step, t_final)), every)
+
+    def equilibrium(self, rotation: Sequence[float] = (0.0, 0.0, 0.0)) -> "Equilibrium":
+        """Return the equilibrium to which the forces lead from where the deck has the bodies: at
+        rest, or with the complete model in a steady ``rotation`` [rad/s], inertial axes. Raises
+        ``StartError`` if none is found.
+        """
+        from msahl.api.equilibria import equilibrium_of
+
+        return equilibrium_of(self.job(), rotation)
+
+    def equilibria(
+        self, starts: int = 1, rotation: Sequence[float] = (0.0, 0.0, 0.0)
+    ) -> "list[Equilibrium]":
+        """Return all equilibria that are found from the deck's configuration and ``starts`` - 1
+        others, drawn at random, as ``msahl equilibrium`` does.
+        """
+        from msahl.api.equilibria import equilibria_of
+
+        return equilibria_of(self.job(), starts, rotation)
 
     def linearize(
         self,

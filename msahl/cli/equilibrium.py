@@ -61,8 +61,9 @@ def equilibrium(
     job = job_of(deck, {}, settings)
     import numpy as np
 
-    from msahl.analysis.equilibrium import all_equilibria, search_start
+    from msahl.analysis.equilibrium import search_start
     from msahl.analysis.equilibrium_report import lines
+    from msahl.analysis.equilibrium_search import all_equilibria
     from msahl.jit.progress import CompileError
     from msahl.start.velocities import StartError
 

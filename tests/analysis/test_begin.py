@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from msahl.analysis.begin import deck_at, deck_there
-from msahl.analysis.equilibrium import displaced, find, search_start
-from msahl.analysis.equilibrium_report import stability
+from msahl.analysis.equilibrium import search_start
+from msahl.analysis.equilibrium_search import displaced, find
 from msahl.analysis.equilibrium_tables import state_row
 from msahl.analysis.modes import modes
 from msahl.analysis.point import Point, complete
+from msahl.analysis.stability import stability
 from msahl.deck import Source
 from msahl.model import ConcentratedLoad
 from msahl.model.settings import OFF

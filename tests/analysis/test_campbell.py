@@ -5,12 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from msahl.analysis.at import EQUILIBRIUM, point_at
+from msahl.analysis.at import point_at
 from msahl.analysis.campbell import campbell, campbell_rows, critical_rows
 from msahl.analysis.following import Request
 from msahl.analysis.modes import modes
 from msahl.analysis.point import at_start
 from msahl.deck import ParsedDeck, Source
+from msahl.model.settings import EQUILIBRIUM
 from msahl.start.velocities import StartError
 from tests.analysis.test_modes import hanging, sleeping_top
 from tests.support.models import ROOT

@@ -8,11 +8,15 @@ import pytest
 
 from msahl.algebra.rotation import from_axis_angle
 from msahl.algebra.vector import ZERO
-from msahl.analysis.equilibrium import all_equilibria, solve
-from msahl.analysis.equilibrium_report import lines, stability
+from msahl.analysis import equilibrium_search
+from msahl.analysis.coefficients import coefficients
+from msahl.analysis.equilibrium import solve
+from msahl.analysis.equilibrium_report import lines
+from msahl.analysis.equilibrium_search import all_equilibria, by_continuation, find
 from msahl.analysis.modes import modes
 from msahl.analysis.point import at_start
-from msahl.model import Joint
+from msahl.analysis.stability import growing, is_stable, stability
+from msahl.model import Joint, JointSpring
 from msahl.start.velocities import StartError
 from tests.support.models import GROUND, body, build_model, deck, pendulum
 
@@ -56,25 +60,97 @@ def test_two_bars_between_supports_have_both_equilibria():
         assert stability(found[at].place.point).startswith("stable" if height < 0 else "unstable")
 
 
-@pytest.mark.parametrize(
-    ("links", "kind"),
-    [
-        (10, "revolute"),
-        (10, "spherical"),
-        pytest.param(100, "revolute", marks=pytest.mark.slow),
-    ],
-)
-def test_catenary_of_links(links, kind):
+def catenary(links, kind="spherical"):
+    """Links that hang in a triangle between supports two thirds of their length apart."""
     span = links * 2.0 / 3.0
     depth = np.sqrt((links / 2) ** 2 - (span / 2) ** 2)
     part = np.linspace(0.0, 1.0, links // 2 + 1)
     left = np.column_stack([part * span / 2, 0.0 * part, -depth * part])
     right = left[-2::-1] * [-1.0, 1.0, 1.0] + [span, 0.0, 0.0]
-    solution = solve(at_start(row_of_links([*left, *right], kind)), REST)
-    assert solution.converged
+    return row_of_links([*left, *right], kind), span
+
+
+@pytest.mark.parametrize(
+    ("links", "kind", "iterations"),
+    [
+        (10, "revolute", 10),
+        (10, "spherical", 10),
+        (100, "revolute", 15),
+        (100, "spherical", 15),
+        (1000, "spherical", 20),
+    ],
+)
+def test_catenary_of_links(links, kind, iterations):
+    model, span = catenary(links, kind)
+    solution = find(at_start(model), REST)
+    assert solution.iterations <= iterations
     exact = exact_catenary(links, span)
     found = solution.place.point.state.x[:links][:, [0, 2]]
     assert np.abs(found - exact).max() <= 1e-10 * links
+    assert is_stable(solution.place.point)
+
+
+@pytest.mark.parametrize(("links", "kind"), [(4, "revolute"), (10, "spherical")])
+def test_motions_that_grow_are_counted_without_eigenvalues(links, kind):
+    """An arch, the catenary under reversed gravity, against the eigenvalues."""
+    model, _ = catenary(links, kind)
+    state = find(at_start(model), REST).place.point.state
+    bodies = tuple(
+        replace(body, position=tuple(x), orientation=tuple(p))
+        for body, x, p in zip(model.bodies, state.x.tolist(), state.p.tolist(), strict=False)
+    )
+    arch = at_start(replace(model, bodies=bodies, gravity=(0.0, 0.0, 9.81)))
+    growth = modes(arch).value.real
+    found = coefficients(arch.system, arch.state)
+    for rate in (1e-3, 1.0, 0.999 * growth.max(), 1.001 * growth.max()):
+        assert growing(found, rate) == np.count_nonzero(growth > rate)
+
+
+def test_the_stability_of_a_large_model_is_counted():
+    model, _ = catenary(102)
+    point = find(at_start(model), REST).place.point
+    assert stability(point).startswith("stable, no motion grows faster than")
+    bodies = tuple(
+        replace(body, position=tuple(x), orientation=tuple(p))
+        for body, x, p in zip(
+            model.bodies, point.state.x.tolist(), point.state.p.tolist(), strict=False
+        )
+    )
+    arch = at_start(replace(model, bodies=bodies, gravity=(0.0, 0.0, 9.81)))
+    assert "unstable in 2" in stability(arch)
+
+
+def sprung_chain(links=3):
+    """Level bars of 1 m with springs in their hinges, clamped at one end."""
+    points = [(float(k), 0.0, 0.0) for k in range(links + 1)]
+    model = row_of_links(points, "revolute")
+    springs = [JointSpring(f"S{k}", f"J{k}", "angle", 200.0, 1.0) for k in range(links)]
+    return replace(model, joints=model.joints[:-1], loads=tuple(springs))
+
+
+def test_growing_loads_lead_to_the_equilibrium():
+    start, factors = at_start(sprung_chain()), []
+    grown = by_continuation(start, lambda here: factors.append(here.factor))
+    assert factors[0] == 0.0
+    assert factors[-1] == 1.0
+    assert factors == sorted(factors)
+    other = solve(start, REST)
+    assert grown.converged
+    assert other.converged
+    # Both are balanced to 1e-9 of a weight of 30 N, on springs of 200 N m.
+    assert np.abs(grown.place.point.state.x - other.place.point.state.x).max() <= 1e-9
+
+
+def test_growing_loads_help_where_the_other_methods_fail(monkeypatch):
+    def fails(*_):
+        raise StartError("no")
+
+    monkeypatch.setattr(equilibrium_search, "solve", fails)
+    monkeypatch.setattr(equilibrium_search, "by_multipliers", fails)
+    monkeypatch.setattr(equilibrium_search, "QUICK", 0)
+    found = find(at_start(sprung_chain()), REST)
+    assert found.method == equilibrium_search.CONTINUATION
+    assert is_stable(found.place.point)
 
 
 def exact_catenary(n, span):

@@ -13,6 +13,7 @@ DECKS = {
     "rod.xml": ROOT / "decks" / "basics" / "parameters.xml",
     "two_rods.xml": ROOT / "decks" / "basics" / "two_rods.xml",
     "quarter_car.xml": ROOT / "decks" / "machines" / "quarter_car.xml",
+    "slider_crank.xml": ROOT / "decks" / "mechanisms" / "slider_crank.xml",
     "cart_pole.xml": ROOT / "decks" / "machines" / "cart_pole.xml",
 }
 
