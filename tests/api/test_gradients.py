@@ -75,7 +75,7 @@ def test_derivatives_are_those_of_complete_runs(name):
 def test_an_oscillation_depends_on_its_parameters_as_the_closed_form_does():
     model = msahl.load(DECKS / "forces/torsional_spring.xml")
     names = ["Wire.stiffness", "Wire.damping", "Wire.freeAngle", "Wheel.Izz"]
-    found = model.gradient("Axle.angle at 3", names, scheme="gauss3", dt=0.02, error="off")
+    found = model.gradient("Axle.angle at 3", names, scheme="gauss3", dt=0.02)
 
     def angle(k, c, free, inertia, t=3.0):
         decay = 0.5 * c / inertia
@@ -172,8 +172,10 @@ def test_each_step_is_taken_once_and_each_pair_of_steps_once(monkeypatch):
         tangent_run, "_differentiate", lambda *given: (calls.append(given), compiled(*given))
     )
     model = msahl.load(DECKS / "basics/two_rods.xml")
-    model.gradient("Lower.angle final", "L1,L2,m1", t_final=0.1, error="off")
+    model.gradient("Lower.angle final", "L1,L2,m1", t_final=0.1)
     assert len(calls) == 50 + 25
+    model.gradient("Lower.angle final", "L1,L2,m1", t_final=0.1, error="off")
+    assert len(calls) == 50 + 25 + 50
 
 
 def test_compiled_and_plain_derivatives_are_the_same(monkeypatch):
@@ -199,13 +201,16 @@ def test_columns_are_differentiated_at_all_output_times():
 
 def test_the_estimated_error_is_that_of_the_scheme():
     model = msahl.load(DECKS / "basics/parameters.xml")
-    options = {"t_final": 1.0, "error": "off"}
+    options = {"t_final": 1.0}
     found = model.gradient("Hinge.angle final", "L,start", **options)
     exact = model.gradient("Hinge.angle final", "L,start", scheme="gauss3", dt=0.01, **options)
     ratio = found.errors / np.abs(found.jacobian - exact.jacobian)
     # 1.5 is the safety factor; terms of higher order are small at 5 ms.
     assert ratio == pytest.approx(1.5, rel=0.05)
     assert (exact.errors < 1e-8).all()
+    unknown = model.gradient("Hinge.angle final", "L,start", error="off", **options)
+    assert np.isnan(unknown.errors).all()
+    assert (unknown.jacobian == found.jacobian).all()
 
 
 def test_a_chaotic_motion_is_reported():
