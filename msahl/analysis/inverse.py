@@ -92,6 +92,8 @@ def inverse(
     that produce the ``motion``; ``weights`` of the least norm by the drives' names, ``noise`` the
     standard deviation of the table. Raises ``InverseError`` or ``StartError``.
     """
+    if model.beams:
+        raise InverseError("the model has beams, whose deformation a table of motion does not give")
     driven, drives = with_drives(model, loads)
     point = at_start(driven)
     call = (
@@ -102,8 +104,25 @@ def inverse(
         Measures(driven, point.system, motion.tracks),
     )
     balance = Drives(follower, results_of(driven, drives), _weights(drives, weights or {}))
-    work = _Work(follower, balance, motion, noise, copied(point.state))
-    return work.solution(model, driven, drives)
+    try:
+        with np.errstate(all="ignore"):
+            work = _Work(follower, balance, motion, noise, copied(point.state))
+            found = work.solution(model, driven, drives)
+    except InverseError:
+        raise
+    except (np.linalg.LinAlgError, OverflowError, ValueError) as error:  # of nan and infinity
+        raise _too_large(motion) from error
+    if not np.isfinite(found.rows.loads).all():
+        raise _too_large(motion)
+    return found
+
+
+def _too_large(motion: GivenMotion) -> InverseError:
+    """Return the fault of a table whose numbers overflow."""
+    return InverseError(
+        f"{motion.source}: the motion cannot be followed, since numbers become infinite; check the "
+        "sizes of times and values"
+    )
 
 
 def compared(solution: Solution, other: Solution) -> Solution:

@@ -111,7 +111,9 @@ def _of_motion(model: Model, motion: JointMotion | PointMotion) -> tuple[Drive, 
     if isinstance(motion, JointMotion):
         load: Load = JointActuator(motion.name, motion.joint, motion.coordinate, NONE)
         return Drive(motion.name, "motion", is_angle(motion.coordinate)), load
-    basis = model.grounds[0].name if model.grounds else ""
+    if not model.grounds:
+        raise InverseError(f"the load of motion '{motion.name}' needs a <ground> in the deck")
+    basis = model.grounds[0].name
     load = ConcentratedLoad(
         motion.name,
         motion.body,

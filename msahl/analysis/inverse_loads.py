@@ -24,7 +24,7 @@ from msahl.analysis.coefficients import result_row
 from msahl.analysis.inverse_motion import Follower, Frame
 from msahl.analysis.plain_units import equation_scale
 from msahl.elements import forces, signals
-from msahl.elements.frames import first_multiplier, moving_count
+from msahl.elements.frames import first_multiplier
 from msahl.elements.reactions import MOST_ROUNDS, is_unchanged
 from msahl.start.redundancy import PART, non_unique_reactions
 from msahl.system import evaluate
@@ -52,14 +52,9 @@ class Drives:
     def __init__(self, follower: Follower, results: list[int], weights: np.ndarray) -> None:
         of = follower.equations
         self.follower, self.results, self.weights = follower, results, weights
-        frames = of.system.frames
-        moving = slice(moving_count(frames))
-        mass = np.ones((node_count(of.system), 3))
-        for nodes in (frames.displacement[moving], frames.rotation[moving]):
-            mass[nodes] = 1.0 / frames.inverse_mass[moving, None]
-        self.mass = mass.reshape(-1)[of.coordinate]
+        self.mass = follower.masses
         scale = np.concatenate([
-            np.ones(3 * first_multiplier(frames)),
+            np.ones(3 * first_multiplier(of.system.frames)),
             equation_scale(of.system).reshape(-1),
         ])  # fmt: skip
         self.scale = scale[of.equation]

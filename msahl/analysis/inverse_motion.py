@@ -34,6 +34,8 @@ CLOSED = 1e-10
 """Constraint violation, over the size of the model, that may remain."""
 DETERMINED = 1e-8
 """Singular value of H N, over the sizes of both, of a motion that the table determines."""
+LEAST_INERTIA = 1e-13
+"""Inertia over mass times the squared length of a body that is added in weights, not in forces."""
 MOST_NAMED = 8
 """Bodies that a message names."""
 
@@ -66,12 +68,14 @@ class Follower:
 
     def __init__(self, equations: Equations, measures: Measures) -> None:
         self.equations, self.measures = equations, measures
+        self.masses = masses(equations)
         self.chord: Chord | None = None
 
     def frame(self, state: State) -> Frame:
         """Evaluate constraints and given coordinates at a ``state``."""
         M = self.mass(state)
-        L = np.linalg.cholesky(M)
+        # Bodies without inertia have no weight of their own.
+        L = np.linalg.cholesky(M + LEAST_INERTIA * np.diag(self.masses))
         G, bodies = jacobian(self.equations, state), self.measures.bodies(state)
         N, inverse = _weighted(G, L)
         H = self.measures.jacobian(bodies)
@@ -197,6 +201,16 @@ class Follower:
         z = closing + frame.N @ _fitted(frame, changes - drift - frame.H @ closing)
         state.a[:-1], state.alpha[:-1] = by_frames(self.equations, z)
         return z
+
+
+def masses(of: Equations) -> np.ndarray:
+    """(n,) mass of the body that each unknown moves [kg]."""
+    frames = of.system.frames
+    moving = slice(moving_count(frames))
+    mass = np.ones((node_count(of.system), 3))
+    for nodes in (frames.displacement[moving], frames.rotation[moving]):
+        mass[nodes] = 1.0 / frames.inverse_mass[moving, None]
+    return np.asarray(mass.reshape(-1)[of.coordinate])
 
 
 def _weighted(G: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

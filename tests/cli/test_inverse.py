@@ -28,7 +28,7 @@ def folders(tmp_path_factory):
     """A run and the loads of its motion."""
     root = tmp_path_factory.mktemp("inverse")
     model = msahl.load(FOUR_BAR)
-    model.run(scheme="gauss3", dt=0.004, t_final=0.06, error="off").write(root / "run")
+    model.run(scheme="gauss3", dt=0.004, t_final=0.048, error="off").write(root / "run")
     result = call("inverse", FOUR_BAR, "--motion", root / "run", "-o", root / "loads")
     assert result.exit_code == 0, result.output
     return root
@@ -49,7 +49,13 @@ def test_the_folder_has_the_loads_and_the_tables_of_a_run(folders):
     assert read["Motor.load"] == pytest.approx(drives["Motor.load"].to_numpy(), abs=0.0)
 
 
-@pytest.mark.parametrize("kind", ["plot", "report", "view", "energy", "reactions"])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("plot", "report")),
+        *("view", "energy", "reactions"),
+    ],
+)
 def test_the_folder_can_be_evaluated(folders, kind):
     result = call(kind, folders / "loads", of=post)
     assert result.exit_code == 0, result.output
