@@ -136,6 +136,21 @@ def test_an_unstable_equilibrium_is_left_at_its_rate():
     assert np.log(yaw[120] / yaw[80]) / 0.4 == pytest.approx(rate, rel=1e-6)
 
 
+def test_a_steady_rotation_is_written_with_its_velocities():
+    """The governor at 8 rad/s: its balls and its speed stay where they are."""
+    (path,) = (path for path in DECKS if path.stem == "flyball_governor")
+    text, start = read(path)
+    solution = find(start, np.array([0.0, 0.0, 8.0]))
+    assert stability(solution.place.point) == "stable, all motions are damped"
+    model = Source(path, deck_at(text, path, start, solution)).model(())
+    run = simulate(model, dt=0.01, t_final=1.0, scheme="gauss3", error=OFF)
+    for ball in (1, 2):
+        heights, spin = run.of("position", ball)[:, 2], run.of("spin", ball)
+        # Balanced to 1e-9 of forces of 1 kN.
+        assert np.ptp(heights) <= 1e-8
+        assert np.linalg.norm(spin, axis=1) == pytest.approx(8.0, abs=1e-7)
+
+
 HOSTILE = b"""<data>
 <unitSystem>US</unitSystem>
 <parameters><parameter name="k" units="lbf/ft">30</parameter>

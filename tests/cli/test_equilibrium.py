@@ -150,3 +150,9 @@ def test_a_start_without_equilibrium_is_a_fault(start, tmp_path):
     result = call("run", start, "-o", tmp_path / "out")
     assert result.exit_code == 2
     assert "no equilibrium was found" in result.output
+
+
+def test_a_motion_that_moves_at_the_start_is_held_with_a_warning():
+    result = call("equilibrium", DECKS / "mechanisms/four_bar.xml")
+    assert result.exit_code == 0
+    assert "WARN: motion 'Motor' is held where it begins, but moves at t = 0" in result.output
