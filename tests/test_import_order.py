@@ -19,6 +19,7 @@ ORDER = (
     "elements",
     "joints",
     "check",
+    "beams",
     "deck",
     "system",
     "linalg",

@@ -16,6 +16,14 @@
     G   derivative of the constraints by the places, or by the rates of those between rates
     B   derivative of the rates of the constraints by the places, at fixed v and W
 
+Stress resultants of beams are multipliers with a compliance C, and times tau of damping; their
+equations are minus those of the strains, so that forces are G^T lam:
+
+    G_e dq + tau (G_e dv + B_e dq) + C dlam = 0
+
+They are eliminated, which adds -G_e^T C^-1 (G_e + tau B_e) to K and -G_e^T C^-1 tau G_e to D, or
+kept (``resultants``).
+
 Derivatives are analytic, from the laws of the elements. They omit that friction's normal force
 and inputs that are reactions of joints change with the motion (``depends_on_reactions``).
 """
@@ -26,11 +34,16 @@ import numpy as np
 
 from msahl.analysis.plain_units import (
     coordinate_numbers,
-    equation_numbers,
+    elastic_equations,
     equation_scale,
+    evaluation_size,
+    multiplier_numbers,
     scales,
 )
 from msahl.elements import forces, signals
+from msahl.elements.beams import instant
+from msahl.elements.beams import linear as beams
+from msahl.elements.beams.group import Beams
 from msahl.elements.constraints import coincide, scalar
 from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.elements.frames import first_multiplier, moving_count
@@ -51,7 +64,10 @@ if TYPE_CHECKING:
 
 
 class Coefficients(NamedTuple):
-    """A linearised system in plain units; n coordinates, c constraint equations, s states."""
+    """A linearised system in plain units; n coordinates, c constraint equations, s states.
+
+    With ``resultants`` the equations of elastic strains are among those of the constraints.
+    """
 
     coordinate: np.ndarray  # (n,) number of each coordinate among the flat unknowns, 3 node + axis
     length: np.ndarray  # (n,) l of a rotation, 1 of a displacement
@@ -72,6 +88,8 @@ class Coefficients(NamedTuple):
     force: np.ndarray  # (n,) all forces without those of constraints [N, N m]
     state_rate: np.ndarray  # (s,) rates of the auxiliary states
     weight: float  # largest weight of a body [N]
+    equation: np.ndarray  # (c,) number of each multiplier in ``State.force``, 3 node + axis
+    compliance: "csr_array | None" = None  # (c, c) C; None where no strain is elastic
 
 
 class Work(NamedTuple):
@@ -93,12 +111,22 @@ def differentiate(
     group, own, frames = system.scalar, start.scalar, system.frames
     evaluate.prepare(system, state, start)
     scalar.count_rotations(group, own, state.angle)
+    instant.set_strains(system.beams, start.beams)
     evaluate.free_acceleration(system, state, start, out.still, work.rows)
     evaluate.add_force_derivatives(system, state, start, out)
     scalar.add_rate_derivatives(group, own, frames, start.frames, out)
     scalar.add_constraint_forces(group, own, frames, work.at_rest, work.unused)
     coincide.add_derivatives(system.coincide, start.coincide, frames, work.at_rest, work.constraint)
     scalar.add_constraint_derivatives(group, own, frames, work.at_rest, work.constraint)
+    beams.add_derivatives(
+        system.beams,
+        start.beams,
+        frames,
+        start.frames,
+        work.at_rest,
+        work.constraint,
+        out.by_place,
+    )
 
 
 class Evaluated(NamedTuple):
@@ -116,9 +144,12 @@ class Evaluated(NamedTuple):
     equation_scale: np.ndarray
 
 
-def coefficients(system: System, state: State, found: Evaluated | None = None) -> Coefficients:
-    """Linearise ``system`` at ``state``, whose accelerations and multipliers are consistent;
-    ``found`` is what ``evaluated`` returns, if it is at hand.
+def coefficients(
+    system: System, state: State, found: Evaluated | None = None, resultants: bool = False
+) -> Coefficients:
+    """Linearise ``system`` at ``state``, whose accelerations and multipliers are consistent, with
+    stress ``resultants`` of beams as multipliers, or without; ``found`` is what ``evaluated``
+    returns, if it is at hand.
     """
     found = found or evaluated(system, state)
     G, B = _constraints(system, found)
@@ -126,7 +157,7 @@ def coefficients(system: System, state: State, found: Evaluated | None = None) -
     K = _square(system, found, found.by_place) + _square(system, found, found.constraint) - inertia
     S, state_by_place, state_by_rate, state_by_state, rate = _auxiliary(system, found)
     force = (found.rows.reshape(-1) * found.force_scale)[found.coordinate]
-    return Coefficients(
+    linear = Coefficients(
         coordinate=found.coordinate,
         length=found.place_scale[found.coordinate],
         rotational=system.frames.rotates[found.coordinate // 3].astype(bool),
@@ -146,6 +177,47 @@ def coefficients(system: System, state: State, found: Evaluated | None = None) -
         force=force,
         state_rate=rate,
         weight=_largest_weight(system),
+        equation=found.equation - 3 * first_multiplier(system.frames),
+    )
+    if system.beams is None:
+        return linear
+    compliance, stiffness, damping = _laws(system.beams, linear.equation.size)
+    if resultants:
+        return linear._replace(compliance=compliance)
+    return _without_resultants(linear, elastic_equations(system), stiffness, damping)
+
+
+def _laws(group: Beams, equations: int) -> tuple["csr_array", "csr_array", np.ndarray]:
+    """(c, c) w J C of all equations, its inverse for elastic ones, and (c,) damping times [s]."""
+    from scipy.sparse import csr_array
+
+    weight, first = group.weight[:, None, None], equations - group.damping.size
+    six = np.arange(6)
+    rows = first + 6 * np.arange(group.weight.size)[:, None, None] + six[:, None]
+    columns = np.swapaxes(rows, 1, 2)
+    at = np.stack(np.broadcast_arrays(rows, columns)).reshape(2, -1)
+    compliance, inverse = (
+        csr_array((blocks.reshape(-1), at), shape=(equations, equations))
+        for blocks in (weight * group.compliance, group.stiffness / weight)
+    )
+    return compliance, inverse, np.concatenate([np.zeros(first), group.damping.reshape(-1)])
+
+
+def _without_resultants(
+    found: Coefficients, elastic: np.ndarray, stiffness: "csr_array", damping: np.ndarray
+) -> Coefficients:
+    """Return the coefficients with the forces of elastic strains among K and D."""
+    G, B = found.constraint, found.constraint_rate
+    loads, rigid = G.T @ stiffness, np.flatnonzero(~elastic)
+    delayed = _scaled(G, damping, np.ones(G.shape[1]))
+    rates = _scaled(B, damping, np.ones(G.shape[1]))
+    return found._replace(
+        by_place=(found.by_place - loads @ (G + rates)).tocsr(),
+        by_rate=(found.by_rate - loads @ delayed).tocsr(),
+        holonomic=found.holonomic[rigid],
+        constraint=G[rigid],
+        constraint_rate=B[rigid],
+        equation=found.equation[rigid],
     )
 
 
@@ -162,12 +234,13 @@ def depends_on_reactions(system: System) -> bool:
 def holonomic(system: System) -> np.ndarray:
     """(c,) whether each constraint equation constrains places."""
     scalars = system.scalar.equations.holonomic if system.scalar else np.zeros(0, dtype=bool)
-    return np.concatenate([np.ones(3 * system.coincide.a.size, dtype=bool), scalars])
+    strains = np.ones(6 * len(system.beams.weight) if system.beams else 0, dtype=bool)
+    return np.concatenate([np.ones(3 * system.coincide.a.size, dtype=bool), scalars, strains])
 
 
 def evaluated(system: System, state: State) -> Evaluated:
     """Return all derivatives at ``state`` in the scaled units of a step, for ``coefficients``."""
-    state = state._replace(angle=state.angle.copy())
+    state = state._replace(angle=state.angle.copy(), strain=state.strain.copy())
     start, frames = new_system_workspace(system, state), system.frames
     at_rest, rows, unused, still = np.zeros((4, node_count(system), 3))
     first = first_multiplier(frames)
@@ -183,7 +256,7 @@ def evaluated(system: System, state: State) -> Evaluated:
         Work(at_rest, rows, unused, constraint),
         Derivatives(by_place, by_rate, scratch, still),
     )
-    by_size(differentiate, moving_count(frames))(system, state, start, work, out)
+    by_size(differentiate, evaluation_size(system))(system, state, start, work, out)
     force_scale, place_scale = scales(system)
     return Evaluated(
         start=start,
@@ -192,7 +265,7 @@ def evaluated(system: System, state: State) -> Evaluated:
         by_rate=by_rate,
         constraint=constraint,
         coordinate=coordinate_numbers(system),
-        equation=equation_numbers(system),
+        equation=multiplier_numbers(system),
         force_scale=force_scale,
         place_scale=place_scale,
         equation_scale=np.concatenate([np.ones(3 * first), equation_scale(system).reshape(-1)]),

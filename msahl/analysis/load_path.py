@@ -12,7 +12,7 @@ away. So a load need not grow for the path to go on: it is followed through snap
 Along the path, directions gain or lose their stiffness: the matrix
 
     [ -K  G^T ]
-    [  G   0  ]             of c constraint equations
+    [  G  -C  ]             of c constraint equations and strains
 
 has c negative eigenvalues, and one more for each direction in which the equilibrium is unstable.
 Where their number changes, the load factor has an extremum (a limit point) or the path has
@@ -32,10 +32,13 @@ import numpy as np
 
 from msahl.analysis.point import Point
 from msahl.analysis.static_newton import (
+    REST,
     Balance,
+    BalanceOf,
     Factors,
     Rest,
     Search,
+    Spin,
     balance,
     factorise,
     newton,
@@ -59,6 +62,9 @@ FARTHEST = 1e6
 """Displacement by the loads, over the size of the model, that nothing resists."""
 MOST_POINTS = 2000
 MOST_CORRECTIONS = 12
+MOST_IN_A_STEP = 15
+"""Iterations of Newton's method after which a load step is made smaller."""
+SMALLEST_LOAD_STEP = 1.0 / 512.0
 LARGEST_EIGENPROBLEM = 1600
 """Unknowns up to which the directions without stiffness are counted."""
 REFINED = 1e-10
@@ -100,15 +106,20 @@ def _times(factor: float, a: tuple[float, float, float]) -> tuple[float, float, 
 class Loaded:
     """A model whose loads are multiplied by a factor; its numbers are linear in it."""
 
-    def __init__(self, point: Point) -> None:
-        self.full = point.system
+    def __init__(self, point: Point, spin: Spin = REST) -> None:
+        self.full, self.spin = point.system, spin
         places = initial_places(point.model)
         relaxed = point.system.relaxation > 0.0
         self.empty = build_system(scaled_loads(point.model, 0.0), relaxed, places)
 
+    def at(self, factor: float) -> BalanceOf:
+        """Return the function that gives the residual under the loads times ``factor``."""
+        return lambda state: self.balance(state, factor)[0]
+
     def balance(self, state: State, factor: float) -> tuple[Balance, np.ndarray]:
         """Return the residual under the loads times ``factor``, and (n,) the loads [N]."""
-        none, full = balance(self.empty, state), balance(self.full, state)
+        full = balance(self.full, state, self.spin)
+        none = balance(self.empty, state, self.spin)
         loads, lengths = full.found.force - none.found.force, full.found.length
         K = none.found.by_place + factor * (full.found.by_place - none.found.by_place)
         found = full.found._replace(
@@ -116,8 +127,29 @@ class Loaded:
             force=none.found.force + factor * loads,
             weight=abs(factor) * max(full.found.weight, float(np.abs(loads / lengths).max())),
         )
-        now = weighed(found, full.rows, state, full.violation)
+        now = weighed(found, state, full.violation)
         return now, loads / lengths
+
+
+def under_loads(point: Point, spin: Spin = REST) -> Rest:
+    """Return the equilibrium under all loads that load steps lead to from the unloaded model, each
+    as large as Newton's method allows. ``converged`` says whether it was reached.
+    """
+    loaded = Loaded(point, spin)
+    state, reached, step = point.state._replace(force=np.zeros_like(point.state.force)), 0.0, 1.0
+    iterations = 0
+    while True:
+        factor = min(1.0, reached + step)
+        rest = newton(loaded.full, state, loaded.at(factor), MOST_IN_A_STEP)
+        iterations += rest.iterations
+        if not rest.converged:
+            step *= 0.5
+            if step < SMALLEST_LOAD_STEP:
+                return rest._replace(iterations=iterations)
+            continue
+        if factor == 1.0:
+            return rest._replace(iterations=iterations)
+        state, reached, step = rest.state, factor, 2.0 * step
 
 
 class Tangent(NamedTuple):
@@ -179,7 +211,7 @@ class Path:
 
     def _at_factor(self, state: State, factor: float) -> PathPoint:
         """The equilibrium at a load ``factor`` nearest to a ``state``."""
-        rest = newton(self.loaded.full, state, lambda now: self.loaded.balance(now, factor)[0])
+        rest = newton(self.loaded.full, state, self.loaded.at(factor))
         if not rest.converged:
             raise StartError(f"no equilibrium was found at the load factor {factor:.9g}")
         return _path_point(factor, rest)

@@ -8,12 +8,15 @@ import numpy as np
 
 from msahl.algebra.rotation import compose, from_increment, matrix
 from msahl.algebra.vector import at
+from msahl.analysis.plain_units import evaluation_size
+from msahl.elements.beams import instant
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import first_multiplier, moving_count
 from msahl.jit.by_size import by_size
 from msahl.start.velocities import StartError, solve_at_rest
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
+from msahl.system.state import set_strains
 from msahl.system.unknowns import Unknowns
 
 MOST_ITERATIONS = 30
@@ -26,7 +29,7 @@ ACCEPTED = 1e-10
 def prepared(system: System, state: State) -> SystemWorkspace:
     """Return what the elements need of a state, with angles counted in ``state.angle``."""
     start = new_system_workspace(system, state)
-    by_size(evaluate.prepare, moving_count(system.frames))(system, state, start)
+    by_size(evaluate.prepare, evaluation_size(system))(system, state, start)
     scalar.count_rotations(system.scalar, start.scalar, state.angle)
     return start
 
@@ -41,7 +44,9 @@ def move(system: System, state: State, dq: np.ndarray) -> State:
         x[f] += dq[frames.displacement[f]]
         p[f] = compose(from_increment(at(dq, int(frames.rotation[f]))), at(p, f))
         w[f] = np.array(matrix(at(p, f))).T @ W
-    return state._replace(x=x, p=p, w=w, angle=state.angle.copy())
+    moved = state._replace(x=x, p=p, w=w, angle=state.angle.copy(), strain=state.strain.copy())
+    set_strains(system, moved)
+    return moved
 
 
 def close(system: System, state: State, unknowns: Unknowns, closed: float = CLOSED) -> State:
@@ -69,6 +74,7 @@ def _violations(system: System, state: State) -> np.ndarray:
     """(k, 3) constraint violations [m], those in radians times a length."""
     start = prepared(system, state)
     violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
-    by_size(evaluate.observe, moving_count(system.frames))(system, state, start, violation, rate)
+    by_size(evaluate.observe, evaluation_size(system))(system, state, start, violation, rate)
     scalar.in_metres(system.scalar, violation, rate)
+    instant.in_metres(system.beams, violation, rate)
     return violation

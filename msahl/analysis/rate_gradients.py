@@ -11,7 +11,7 @@ Plain Python: a millisecond an equation.
 import numpy as np
 
 from msahl.algebra.functions import evaluate as law
-from msahl.analysis.coefficients import skews
+from msahl.analysis.coefficients import coefficients, skews
 from msahl.analysis.plain_units import coordinate_numbers
 from msahl.elements.constraints import coordinates
 from msahl.elements.constraints.coordinate_jacobians import rate_gradient
@@ -35,7 +35,11 @@ def rates_by_place(system: System, state: State) -> np.ndarray:
     _coinciding(system, start, B.reshape(-1, 3, node_count(system), 3))
     if system.scalar:
         B = np.concatenate([B, _scalar(system, start)])
-    return B.reshape(len(B), 3 * node_count(system))[:, coordinate_numbers(system)]
+    flat: np.ndarray = B.reshape(len(B), 3 * node_count(system))[:, coordinate_numbers(system)]
+    if system.beams is None:
+        return flat
+    strains = coefficients(system, state).constraint_rate[len(B) :]
+    return np.concatenate([flat, strains.toarray()])
 
 
 def _coinciding(system: System, start: SystemWorkspace, B: np.ndarray) -> None:

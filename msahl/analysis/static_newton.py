@@ -1,19 +1,19 @@
 """Newton's method for an equilibrium, by places and multipliers together.
 
     f(q) + G^T lam - M a = 0            balance of all forces and moments
-    g(q)                 = 0            constraints
+    g(q) + C lam         = 0            constraints, C = 0; minus strains of beams
 
     [ K  G^T ] [ dq   ]     [ f + G^T lam - M a ]
-    [ G   0  ] [ dlam ]  = -[ g                 ]       K = d(f + G^T lam - M a)/dq at fixed lam
+    [ G   C  ] [ dlam ]  = -[ g + C lam         ]       K = d(f + G^T lam - M a)/dq at fixed lam
 
 At rest a = 0. A model that rotates steadily about an axis through c, with the angular velocity w,
 has v = w x (x - c), a = w x v, and W = w; what depends on v is then part of K.
 
 The matrix is sparse. Since multipliers are unknowns of their own, no reaction has to be right
 before the places are: far fewer iterations than by eliminating them, however stiff the directions
-in which they act. Where constraints are redundant, or a direction has no stiffness, small numbers
-on the diagonal choose the least multipliers and the least motion; the residual is exact, so they
-change no result.
+in which they act, of joints as of beams. Where constraints are redundant, or a direction has no
+stiffness, small numbers on the diagonal choose the least multipliers and the least motion; the
+residual is exact, so they change no result.
 """
 
 from collections.abc import Callable
@@ -24,13 +24,14 @@ import numpy as np
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import at
 from msahl.analysis.coefficients import Coefficients, coefficients, skews
-from msahl.analysis.plain_units import equation_numbers
+from msahl.analysis.plain_units import evaluation_size
 from msahl.analysis.projection import move, prepared
-from msahl.analysis.steady import stiffest
-from msahl.elements.frames import first_multiplier, moving_count
+from msahl.analysis.steady import SMALL_TRAVEL, stiffest
+from msahl.elements.beams.group import Beams
 from msahl.jit.by_size import by_size
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, node_count
+from msahl.system.state import set_strains
 
 if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
@@ -58,7 +59,6 @@ class Balance(NamedTuple):
     """The equations at one configuration; n coordinates in lengths, c constraint equations."""
 
     found: Coefficients
-    rows: np.ndarray  # (c,) flat numbers of the multipliers in ``State.force``
     force: np.ndarray  # (n,) f + G^T lam over the lengths of rotations [N]
     violation: np.ndarray  # (c,) g
     relative: float  # largest of either, over the largest force and over the size of the system
@@ -115,25 +115,37 @@ def balance(system: System, state: State, spin: Spin = REST) -> Balance:
     rotation ``spin``.
     """
     state = with_rates(state, spin)
-    found = _rotating(coefficients(system, state), spin)
+    found = _rotating(coefficients(system, state, resultants=True), spin)
     start = prepared(system, state)
     violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
-    by_size(evaluate.observe, moving_count(system.frames))(system, state, start, violation, rate)
-    rows = equation_numbers(system) - 3 * first_multiplier(system.frames)
-    return weighed(found, rows, state, violation.reshape(-1)[rows])
+    by_size(evaluate.observe, evaluation_size(system))(system, state, start, violation, rate)
+    if system.beams is not None:
+        own = state._replace(strain=state.strain.copy())
+        set_strains(system, own)
+        _set_equations(system.beams, own, violation)
+    return weighed(found, state, violation.reshape(-1)[found.equation])
 
 
-def weighed(found: Coefficients, rows: np.ndarray, state: State, violation: np.ndarray) -> Balance:
+def _set_equations(group: Beams, state: State, violation: np.ndarray) -> None:
+    """Set the rows of ``violation`` (k, 3) that belong to beams to C lam minus the strains."""
+    lam = np.concatenate([state.force[group.place], state.force[group.place + 1]], axis=1)
+    both = np.einsum("gij,gj->gi", group.compliance, lam) - state.strain
+    both *= group.weight[:, None]
+    violation[group.place], violation[group.place + 1] = both[:, :3], both[:, 3:]
+
+
+def weighed(found: Coefficients, state: State, violation: np.ndarray) -> Balance:
     """Return the residual with the coefficients ``found`` and the ``violation`` (c,)."""
-    lam = state.force.reshape(-1)[rows]
+    lam = state.force.reshape(-1)[found.equation]
     force = (found.force + found.constraint.T @ lam) / found.length
     by_row = _scaled(found.constraint, lam, 1.0 / found.length).data
-    parts = (found.force / found.length, by_row, np.array([found.weight, stiffest(found)]))
+    least = (found.weight, stiffest(found), _stiffest_strain(found))
+    parts = (found.force / found.length, by_row, np.array(least))
     largest = max(float(np.abs(part).max(initial=0.0)) for part in parts)
     size = size_of(found, state)
     relative = float(np.abs(force).max(initial=0.0)) / max(largest, 1e-300)
     relative = max(relative, float(np.abs(violation).max(initial=0.0)) / size)
-    return Balance(found, rows, force, violation, relative, largest, size)
+    return Balance(found, force, violation, relative, largest, size)
 
 
 def _rotating(found: Coefficients, spin: Spin) -> Coefficients:
@@ -149,6 +161,17 @@ def _rotating(found: Coefficients, spin: Spin) -> Coefficients:
     by_place = found.by_place + found.by_rate @ rates - found.mass @ (rates @ rates)
     force = found.force - found.mass @ found.acceleration
     return found._replace(by_place=by_place.tocsr(), force=force)
+
+
+def _stiffest_strain(found: Coefficients) -> float:
+    """Largest force [N] by which elastic strains resist a small displacement."""
+    if found.compliance is None:
+        return 0.0
+    own = found.compliance.diagonal()
+    row = _scaled(found.constraint, np.ones(own.size), 1.0 / found.length)
+    squares = np.asarray((row * row).sum(axis=1)).reshape(-1)
+    stiffness = np.divide(squares, own, out=np.zeros_like(own), where=own > 0.0)
+    return SMALL_TRAVEL * float(np.mean(found.length) * stiffness.max(initial=0.0))
 
 
 def newton(
@@ -221,13 +244,14 @@ def factorise(now: Balance, shift: float = 0.0) -> Factors:
 
 
 def symmetric_eigenvalues(now: Balance) -> np.ndarray:
-    """(n + c,) eigenvalues of the symmetric part of [-K, G^T; G, 0], scaled, by size with sign: c
+    """(n + c,) eigenvalues of the symmetric part of [-K, G^T; G, -C], scaled, in ascending order: c
     of them are negative, and one more for each direction in which the equilibrium is unstable.
     """
     matrix, _, _ = _matrix(now, 0.0)
     dense = matrix.toarray()
     n = now.force.size
     dense[:n, :n] *= -1.0
+    dense[n:, n:] *= -1.0
     values: np.ndarray = np.linalg.eigvalsh(0.5 * (dense + dense.T))
     return values
 
@@ -243,13 +267,19 @@ def _matrix(now: Balance, shift: float) -> tuple[Any, np.ndarray, float]:
     G = found.constraint @ diags_array(inverse)
     row = np.sqrt(np.asarray((G * G).sum(axis=1)).reshape(-1))
     row[row == 0.0] = 1.0
-    stiffness = float(abs(K).max()) if K.nnz else 0.0
-    stiffness = stiffness or max(now.largest / now.size, 1e-300)
     G = diags_array(1.0 / row) @ G
     c, n = G.shape
+    stiffness = float(abs(K).max()) if K.nnz else 0.0
+    C = REDUNDANT * diags_array(np.ones(c))
+    if found.compliance is not None:
+        # An unloaded beam has all its stiffness in its compliance.
+        own = _scaled(found.compliance, 1.0 / row, 1.0 / row)
+        softest = float(abs(own).max())
+        stiffness = max(stiffness, 1.0 / softest if softest else 0.0)
+        C = C + stiffness * own
+    stiffness = stiffness or max(now.largest / now.size, 1e-300)
     K = K / stiffness - (FLAT + shift / stiffness) * diags_array(np.ones(n))
-    blocks = [[K, G.T], [G, -REDUNDANT * diags_array(np.ones(c))]] if c else [[K]]
-    return block_array(blocks), row, stiffness
+    return block_array([[K, G.T], [G, C]] if c else [[K]]), row, stiffness
 
 
 def solve(factors: Factors, force: np.ndarray, change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -276,7 +306,7 @@ def stepped(
     dq = np.zeros((node_count(system), 3))
     dq.reshape(-1)[now.found.coordinate] = step / now.found.length
     force = state.force.copy()
-    force.reshape(-1)[now.rows] += multipliers
+    force.reshape(-1)[now.found.equation] += multipliers
     return move(system, state, dq)._replace(force=force)
 
 

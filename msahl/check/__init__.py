@@ -5,11 +5,12 @@ subject. ``check`` applies the rules to every element of a model; the reader of 
 to each element as it reads it, and adds file and line.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields
 from typing import Any
 
 from msahl.algebra.functions import Law
+from msahl.check.beams import beam_findings
 from msahl.check.bodies import body_findings
 from msahl.check.context import INERTIAL, Context, add_values, context_of
 from msahl.check.ends import is_placed
@@ -24,7 +25,7 @@ from msahl.check.names import RESERVED, name_messages, signal_name_messages, unr
 from msahl.check.shapes import shape_findings
 from msahl.check.signals import circle_findings, expression_findings, signal_findings
 from msahl.check.simulation import check_simulation, simulation_findings, start_findings
-from msahl.model import Joint, JointMotion, Model, RigidBody, Shape
+from msahl.model import Beam, Joint, JointMotion, Model, RigidBody, Shape
 
 __all__ = ["Fault", "ModelError", "check", "check_simulation", "require_sound"]
 
@@ -49,6 +50,9 @@ def check(model: Model) -> list[Fault]:
     found += _faults("", "", _gravity_findings(model))
     for body in model.bodies:
         found += _element_faults("body", body, context, [_body])
+    bodies = {body.name: body for body in model.bodies}
+    for beam in model.beams:
+        found += _faults("beam", beam.name, _beam(beam, bodies))
     for shape in model.shapes:
         found += _faults("body", shape.body, _shape(shape, context))
     for joint in model.joints:
@@ -102,12 +106,14 @@ def _name_faults(model: Model) -> Iterator[Fault]:
     bodies: list[tuple[str, Any]] = [
         ("body", element) for element in (*model.grounds, *model.bodies)
     ]
+    bodies += [("beam", element) for element in model.beams]
     bodies += [("marker", element) for element in (*model.markers, *model.sensors)]
     bodies += [("group", element) for element in model.groups]
     others: list[tuple[str, Any]] = [("joint", e) for e in (*model.joints, *model.couplings)]
     others += [("motion", element) for element in model.motions]
     others += [("load", element) for element in model.loads]
     others += [("signal", element) for element in model.signals]
+    others += [("beam", element) for element in model.beams]
     for elements, reserved in ((bodies, ()), (others, RESERVED)):
         names = [element.name for _, element in elements]
         kinds = [kind for kind, _ in elements]
@@ -161,6 +167,16 @@ def _laws(element: Any, context: Context) -> Iterator[Finding]:
 
 def _body(body: RigidBody, context: Context) -> Iterator[Finding]:
     yield from body_findings(body)
+
+
+def _beam(beam: Beam, bodies: Mapping[str, RigidBody]) -> Iterator[Finding]:
+    """Find what is wrong with the numbers of a beam and the bodies that are its nodes."""
+    yield from number_findings(beam)
+    for name in beam.nodes:
+        if name not in bodies:
+            yield Finding("nodes", unresolved("node", name, "body", bodies))
+            return
+    yield from beam_findings(beam, ())
 
 
 def _shape(shape: Shape, context: Context) -> Iterator[Finding]:

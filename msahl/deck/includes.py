@@ -168,6 +168,7 @@ def _defined(part: Element) -> set[str]:
 def _add_prefix(part: Element, prefix: str) -> None:
     """Put ``prefix`` before all names that the part defines, wherever they stand."""
     defined = _defined(part)
+    beams = {text(name) for name in part.iterfind("system/bodies/beam/name")}
 
     def named(name: str) -> str:
         """Return a name, or the name of a value of an element, as it is in the deck."""
@@ -177,7 +178,9 @@ def _add_prefix(part: Element, prefix: str) -> None:
     def with_prefix(given: str, kind: str) -> str:
         """Return a text of a simple type of the schema."""
         if kind == NAME:
-            return prefix + name if (name := collapsed(given)) in defined else given
+            name = collapsed(given)  # of an element, or of a node of a beam
+            known = name in defined or name.rpartition(".")[0] in beams
+            return prefix + name if known else given
         if kind == EXPRESSION or (kind in NUMBERS and inside_braces(given) is not None):
             inside = inside_braces(given)
             return renamed(given, named) if inside is None else f"{{{renamed(inside, named)}}}"

@@ -24,17 +24,17 @@ def read_concentrated(element: Element, reader: Reader) -> ConcentratedLoad:
         body=body,
         point=_point(element, "position", body, reader),
         force=reader.components(force),
-        force_basis=_basis(force, reader),
+        force_basis=basis_of(force, reader),
         moment=reader.components(moment),
-        moment_basis=_basis(moment, reader),
-        law=_law(element, reader),
-        expression=_expression(element, reader),
+        moment_basis=basis_of(moment, reader),
+        law=law_of(element, reader),
+        expression=expression_of(element, reader),
     )
     reader.add(element, element_findings(load, reader.context))
     return load
 
 
-def _law(element: Element, reader: Reader) -> Law | None:
+def law_of(element: Element, reader: Reader) -> Law | None:
     """Return the law of time that multiplies a load, None without one."""
     return (
         None
@@ -43,7 +43,7 @@ def _law(element: Element, reader: Reader) -> Law | None:
     )
 
 
-def _expression(element: Element, reader: Reader) -> Tree | None:
+def expression_of(element: Element, reader: Reader) -> Tree | None:
     """Return the expression of the motion that multiplies a load, None without one."""
     expression = element.find("law/expression")
     return None if expression is None else read_factor(expression, reader)
@@ -65,6 +65,14 @@ def read_distributed(element: Element, reader: Reader) -> ConcentratedLoad:
     s/L = (p_0 + 2 p_1)/(3 (p_0 + p_1)), exactly, for all p have one direction.
     """
     body = text(element.find("body"))
+    for tag in ("start", "end"):
+        stations = element.find(f"{tag}Station")
+        if element.find(tag) is None:
+            message = f"<{tag}> is missing; add the {tag} of the segment from B of '{body}'"
+            reader.faults.add(element, message)
+        elif stations is not None:
+            message = f"'{body}' is no beam and has no stations; delete <{tag}Station>"
+            reader.faults.add(stations, message)
     start, end = (_point(element, tag, body, reader) for tag in ("start", "end"))
     first = reader.number(element.find("startLoad"), "lineLoad")
     place = element.find("endLoad")
@@ -131,8 +139,8 @@ def _resultant(
 ) -> ConcentratedLoad:
     """Return a force without moment at a point, in the basis that the element ``vector`` names."""
     name, body = text(element.find("name")), text(element.find("body"))
-    basis = _basis(vector, reader)
-    law, expression = _law(element, reader), _expression(element, reader)
+    basis = basis_of(vector, reader)
+    law, expression = law_of(element, reader), expression_of(element, reader)
     load = ConcentratedLoad(name, body, point, force, basis, ZERO, basis, law, expression)
     reader.add(element, element_findings(load, reader.context))
     return load
@@ -145,7 +153,7 @@ def _point(element: Element, tag: str, body: str, reader: Reader) -> Vector:
     return reader.vector(element.find(tag), own=body, wanted=body)
 
 
-def _basis(element: Element | None, reader: Reader) -> str:
+def basis_of(element: Element | None, reader: Reader) -> str:
     """Return the basis that an element names, or else a ground, since every ground has the inertial
     axes. For a missing element, a zero vector, any basis serves."""
     if element is not None and element.get("basis"):

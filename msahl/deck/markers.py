@@ -40,7 +40,10 @@ def read_sensor(element: Element, reader: Reader) -> Sensor:
 
 def read_group(element: Element, reader: Reader) -> Group:
     """Return the record of a ``<group>``."""
-    group = Group(text(element.find("name")), tuple(map(text, element.iterfind("body"))))
+    names: list[str] = []
+    for name in map(text, element.iterfind("body")):
+        names += [node.name for node in reader.beams[name]] if name in reader.beams else [name]
+    group = Group(text(element.find("name")), tuple(names))
     for finding in group_findings(group, reader.context):
         # Names that do not resolve are reported where all references are checked.
         if "is not a body" not in finding.message:

@@ -112,9 +112,21 @@ def _child(parent: Element, tag: str) -> Element:
     return SubElement(parent, tag) if found is None else found
 
 
+def _set_nodes(element: Element, to: Configuration) -> None:
+    """Set the nodes of a beam, whose initial conditions remain: the unstressed beam is there."""
+    name, numbers, k = text(element.find("name")), [], 1
+    while (body := to.bodies.get(f"{name}.{k}")) is not None:
+        parts = (body.position, body.orientation, body.velocity, body.angular_velocity)
+        numbers += [repr(value) for part in parts for value in part]
+        k += 1
+    _child(element, "nodes").text = " ".join(numbers)
+
+
 def _set_bodies(document: Element, to: Configuration) -> None:
     """Set the initial conditions of all bodies."""
     grounds = [text(name) for name in document.iterfind("system/bodies/ground/name")]
+    for element in document.iterfind("system/bodies/beam"):
+        _set_nodes(element, to)
     for element in document.iterfind("system/bodies/rigidBody"):
         body = to.bodies[text(element.find("name"))]
         for old in element.findall("initialConditions"):

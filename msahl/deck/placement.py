@@ -46,6 +46,7 @@ from msahl.joints.placement import (
 )
 from msahl.joints.registry import KINDS
 from msahl.joints.tree import JointStart, spanning_tree
+from msahl.model.bodies import RigidBody
 from msahl.model.joints import Joint
 
 CONSISTENT = 1e-9
@@ -84,10 +85,16 @@ class _Placing:
     own: dict[str, _Own] = field(default_factory=dict)
     places: dict[str, Place] = field(default_factory=dict)
     velocities: dict[str, Rates] = field(default_factory=dict)
+    moving: dict[str, Rates] = field(default_factory=dict)
     is_sound: bool = True
 
     def __post_init__(self) -> None:
+        for nodes in self.reader.beams.values():
+            self._add_beam(nodes)
         for body in self.root.iterfind("system/bodies/*"):
+            if body.tag == "beam":
+                self.is_sound &= self.reader.faults.sound(body)
+                continue
             name, start = text(body.find("name")), body.find("initialConditions")
             tags = [] if start is None else [child.tag for child in start]
             self.start_of[name] = start
@@ -105,6 +112,14 @@ class _Placing:
                 x = self.reader.vector(start.find("position"), own=name, wanted="")
             self.places[name] = place_of(x, P)
         self.starts = self._read_joints() if self.is_sound else []
+
+    def _add_beam(self, nodes: tuple[RigidBody, ...]) -> None:
+        """Add the nodes of a beam, which have places and velocities of their own."""
+        for node in nodes:
+            self.own[node.name], self.start_of[node.name] = _Own(True, True), None
+            place = self.places[node.name] = place_of(node.position, node.orientation)
+            v, w = (place.R @ np.array(a) for a in (node.velocity, node.angular_velocity))
+            self.moving[node.name] = Rates(v[None], w[None])
 
     def _read_joints(self) -> list[tuple[JointStart, Element]]:
         """Return every joint with what is given of it; not sound if one has a fault."""
@@ -279,6 +294,8 @@ class _Placing:
     def _own_rates(self, name: str) -> Rates:
         """Return the velocities that a body gives itself, inertial axes (1, 3)."""
         start = self.start_of[name]
+        if name in self.moving:
+            return self.moving[name]
         if start is None:
             return Rates(*np.zeros((2, 1, 3)))
         R = self.places[name].R

@@ -18,11 +18,13 @@ from msahl.algebra.vector import IDENTITY, ZERO, Vector
 from msahl.check.context import INERTIAL, Context, add_values
 from msahl.check.names import RESERVED, name_messages, signal_name_messages
 from msahl.check.signals import circle_findings
+from msahl.deck.attachments import attach_to_beams
 from msahl.deck.bodies import read_ground, read_rigid_body
 from msahl.deck.couplings import read_coupling
 from msahl.deck.faults import KINDS, Element, Faults, attribute, text
 from msahl.deck.joint_start import gives_starts
 from msahl.deck.joints import read_joint
+from msahl.deck.line_loads import read_beam_force, read_line_load
 from msahl.deck.loads import (
     read_body_force,
     read_concentrated,
@@ -43,9 +45,11 @@ from msahl.joints.registry import KINDS as JOINT_KINDS
 from msahl.model import Ground, Model, RigidBody, Simulation
 from msahl.model.couplings import COORDINATES, Coupling
 from msahl.model.joints import Joint
+from msahl.model.loads import ConcentratedLoad, Load
 from msahl.model.signals import AnySignal, Stop
 
 if TYPE_CHECKING:
+    from msahl.deck.beams import BuiltBeam
     from msahl.deck.includes import Parts
 
 Read = Callable[[Element, Reader], Any]
@@ -64,8 +68,12 @@ LOADS: Mapping[str, Read] = {
     "friction": read_friction,
     "actuator": read_actuator,
 }
+ON_BEAMS: Mapping[str, Callable[[Element, Reader], Iterable[ConcentratedLoad]]] = {
+    "bodyForce": read_beam_force,
+    "distributed": read_line_load,
+}
 MARKERS = ("marker", "distance", "angle")
-TAGS = frozenset((*BODIES, *JOINT_KINDS, *COORDINATES, *MOTIONS, *LOADS, *MARKERS, "group"))
+TAGS = frozenset((*BODIES, "beam", *JOINT_KINDS, *COORDINATES, *MOTIONS, *LOADS, *MARKERS, "group"))
 """Tags of all records."""
 
 ONE_NAME = (("bodies", "markers", "groups"), ("joints", "motions", "loads", "signals"))
@@ -139,14 +147,16 @@ def _read_model(
     sound = {group: _sound(root.iterfind(f"system/{group}/*"), faults) for group in KINDS}
     for groups in ONE_NAME:
         _check_names(root, groups, faults)
+    attach_to_beams(root, reader)
     _read_axes(root, sound["bodies"], reader)
     _read_kinds(root, reader)
+    beams = _read_beams(sound["bodies"], reader)
     check_references(root, TAGS, reader)
     if gives_starts(root):
         from msahl.deck.placement import place_by_joints  # which few decks need
 
         place_by_joints(root, reader)
-    bodies = [_read_body(element, reader) for element in sound["bodies"]]
+    bodies = _read_bodies(sound["bodies"], reader)
     _check_some_body(root, faults)
     joints, couplings = _read_joints(sound["joints"], reader)
     motions = [MOTIONS[str(e.tag)](e, reader) for e in sound["motions"]]
@@ -159,7 +169,7 @@ def _read_model(
         grounds=tuple(body for body in bodies if isinstance(body, Ground)),
         bodies=tuple(body for body in bodies if isinstance(body, RigidBody)),
         joints=tuple(joints),
-        loads=tuple(LOADS[str(e.tag)](e, reader) for e in sound["loads"]),
+        loads=tuple(_read_loads(sound["loads"], reader)),
         simulation=_simulation(root, reader),
         unit_system=reader.unit_system,
         couplings=tuple(couplings),
@@ -172,7 +182,44 @@ def _read_model(
         sensors=tuple(read_sensor(e, reader) for e in sound["markers"] if e.tag != "marker"),
         groups=tuple(read_group(e, reader) for e in sound["groups"]),
         shapes=tuple(shape for e in sound["bodies"] for shape in read_shapes(e, reader)),
+        beams=tuple(built.beam for built in beams if built.beam is not None),
+        beam_shapes=tuple(built.shape for built in beams if built.shape is not None),
     )
+
+
+def _read_beams(sound: list[Element], reader: Reader) -> "list[BuiltBeam]":
+    """Return the beams, whose nodes become known by name, axes and place."""
+    elements = [element for element in sound if element.tag == "beam"]
+    if not elements:
+        return []
+    from msahl.deck.beams import read_beam  # which few decks need
+
+    built = []
+    for element in elements:
+        if text(element.find("name")) in reader.meshes:
+            built.append(read_beam(element, reader))
+            reader.beams[text(element.find("name"))] = built[-1].nodes
+    return built
+
+
+def _read_bodies(sound: list[Element], reader: Reader) -> list[Ground | RigidBody]:
+    """Return the records of grounds and bodies; nodes of beams are bodies."""
+    found: list[Ground | RigidBody] = []
+    for element in sound:
+        if element.tag == "beam":
+            found += reader.beams.get(text(element.find("name")), ())
+        else:
+            found.append(_read_body(element, reader))
+    return found
+
+
+def _read_loads(elements: list[Element], reader: Reader) -> Iterator[Load]:
+    """Yield the loads; one on a beam is one on each node."""
+    for element in elements:
+        if element.tag in ON_BEAMS and text(element.find("body")) in reader.meshes:
+            yield from ON_BEAMS[str(element.tag)](element, reader)
+        else:
+            yield LOADS[str(element.tag)](element, reader)
 
 
 def _read_joints(sound: list[Element], reader: Reader) -> tuple[list[Joint], list[Coupling]]:
@@ -211,7 +258,9 @@ def _sound(elements: Iterable[Element], faults: Faults) -> list[Element]:
 
 def _check_names(root: Element, groups: Collection[str], faults: Faults) -> None:
     """Add a fault for every name that is taken within its groups or cannot head a column."""
-    records = (record for group in groups for record in root.iterfind(f"system/{group}/*"))
+    records = [record for group in groups for record in root.iterfind(f"system/{group}/*")]
+    if "loads" in groups:  # beams have columns beside those of loads in work.csv
+        records += root.iterfind("system/bodies/beam")
     labels = [label for record in records if (label := _label(record)) is not None]
     names = [text(label) if label.tag == "name" else attribute(label, "name") for label in labels]
     reserved = RESERVED if "loads" in groups else ()
@@ -274,8 +323,9 @@ def _check_some_body(root: Element, faults: Faults) -> None:
     bodies = root.find("system/bodies")
     for system in root.iterfind("system") if bodies is None else ():
         faults.add(system, "<bodies> is missing; add it to <system>")
-    if bodies is not None and faults.sound(bodies) and bodies.find("rigidBody") is None:
-        faults.add(bodies, "nothing here moves; add a <rigidBody>")
+    moving = bodies is not None and (bodies.find("rigidBody"), bodies.find("beam")) != (None, None)
+    if bodies is not None and faults.sound(bodies) and not moving:
+        faults.add(bodies, "nothing here moves; add a <rigidBody> or a <beam>")
 
 
 def _gravity(root: Element, reader: Reader) -> Vector:

@@ -100,6 +100,53 @@ UNITS: Mapping[str, Factors] = {
     "angularStiffness": _MOMENT_PER_ANGLE,
     "angularDamping": _times_second(_MOMENT_PER_ANGLE),
     "lineLoad": _FORCE_PER_LENGTH,
+    "stress": {
+        "Pa": Fraction(1),
+        "kPa": Fraction(1000),
+        "MPa": Fraction(10**6),
+        "GPa": Fraction(10**9),
+        "N/m^2": Fraction(1),
+        "N/mm^2": Fraction(10**6),
+        "psi": _LBF / _IN**2,
+        "lbf/in^2": _LBF / _IN**2,
+        "lbf/ft^2": _LBF / _FT**2,
+    },
+    "density": {
+        "kg/m^3": Fraction(1),
+        "g/cm^3": Fraction(1000),
+        "slug/ft^3": _SLUG / _FT**3,
+        "lbm/ft^3": _LBM / _FT**3,
+        "lbm/in^3": _LBM / _IN**3,
+    },
+    "bendingStiffness": {
+        "N-m^2": Fraction(1),
+        "N-mm^2": Fraction(1, 10**6),
+        "kN-m^2": Fraction(1000),
+        "lbf-ft^2": _LBF * _FT**2,
+        "lbf-in^2": _LBF * _IN**2,
+    },
+    "massPerLength": {
+        "kg/m": Fraction(1),
+        "g/mm": Fraction(1),
+        "g/m": Fraction(1, 1000),
+        "slug/ft": _SLUG / _FT,
+        "lbm/ft": _LBM / _FT,
+        "lbm/in": _LBM / _IN,
+    },
+    "inertiaPerLength": {
+        "kg-m": Fraction(1),
+        "g-mm": Fraction(1, 10**6),
+        "slug-ft": _SLUG * _FT,
+        "lbm-ft": _LBM * _FT,
+        "lbm-in": _LBM * _IN,
+    },
+    "areaMoment": {
+        "m^4": Fraction(1),
+        "cm^4": Fraction(1, 10**8),
+        "mm^4": Fraction(1, 10**12),
+        "ft^4": _FT**4,
+        "in^4": _IN**4,
+    },
     "dragCoefficient": _times_second({"N/m^2": Fraction(1), "lbf/ft^2": _LBF / _FT**2}, "^2"),
 }
 """Factor to SI of every unit of every physical quantity."""
@@ -123,6 +170,12 @@ DEFAULTS: Mapping[str, Mapping[str, str]] = {
         "angularStiffness": "lbf-ft/rad",
         "angularDamping": "lbf-ft-sec/rad",
         "lineLoad": "lbf/ft",
+        "stress": "lbf/ft^2",
+        "density": "slug/ft^3",
+        "bendingStiffness": "lbf-ft^2",
+        "massPerLength": "slug/ft",
+        "inertiaPerLength": "slug-ft",
+        "areaMoment": "ft^4",
         "dragCoefficient": "lbf-sec^2/ft^2",
     },
 }
@@ -185,12 +238,12 @@ def symbols() -> Mapping[str, Unit]:
     newton = product((kg, 1), (m, 1), (s, -2))
     joule, volt = newton.times(m), product((kg, 1), (m, 2), (s, -3), (ampere, -1))
     pascal = newton.times(m.power(Fraction(-2)))
-    prefixes = {"": one, "k": one * 1000, "M": one * 10**6, "m": one / 1000}
+    prefixes = {"": one, "k": one * 1000, "M": one * 10**6, "G": one * 10**9, "m": one / 1000}
     derived = {
         "N": (newton, "km"),
         "J": (joule, "km"),
         "W": (product((joule, 1), (s, -1)), "km"),
-        "Pa": (pascal, "kM"),
+        "Pa": (pascal, "kMG"),
         "A": (ampere, "m"),
         "V": (volt, "km"),
         "ohm": (product((volt, 1), (ampere, -1)), "kmM"),

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 from msahl.algebra.rotation import from_axis_angle
 from msahl.algebra.vector import ZERO, Vector
+from msahl.beams.mesh import Mesh
 from msahl.check.context import INERTIAL, Context
 from msahl.check.directions import unit
 from msahl.check.faults import LARGEST, SMALLEST, Finding
@@ -33,6 +34,8 @@ VECTORS: Mapping[str, tuple[str, tuple[str, str, str]]] = {
     "acceleration": ("acceleration", ("a1", "a2", "a3")),
     "start": ("length", ("x", "y", "z")),
     "end": ("length", ("x", "y", "z")),
+    "centre": ("length", ("x", "y", "z")),
+    "point": ("length", ("x", "y", "z")),
     "axis": ("", ("x", "y", "z")),
     "reference": ("", ("x", "y", "z")),
     "direction": ("", ("x", "y", "z")),
@@ -74,8 +77,9 @@ class Reader:
     named in laws of the motion. ``bodies`` and ``joints`` hold the records free of faults.
     ``starts`` are of bodies that joints place or move, ``unplaced`` those that they could not place
     for some fault. ``signal_dimensions`` and ``table_dimensions`` are what signals, states and
-    tables say of their units. ``carried`` are vectors that were given in the axes of another body,
-    in those of their own.
+    tables say of their units. ``meshes`` are of beams by name, ``beams`` their nodes, ``lengths``
+    their lengths [m].
+    ``carried`` are vectors that were given in the axes of another body, in those of their own.
     """
 
     unit_system: str
@@ -84,6 +88,9 @@ class Reader:
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     bodies: dict[str, RigidBody] = field(default_factory=dict)
     joints: dict[str, Joint] = field(default_factory=dict)
+    meshes: dict[str, Mesh] = field(default_factory=dict)
+    beams: dict[str, tuple[RigidBody, ...]] = field(default_factory=dict)
+    lengths: dict[str, float] = field(default_factory=dict)
     starts: dict[str, BodyStart] = field(default_factory=dict)
     unplaced: set[str] = field(default_factory=set)
     signal_dimensions: dict[str, Dimension | None] = field(default_factory=dict)

@@ -29,7 +29,7 @@ from msahl.model.settings import (
     Simulation,
     resolve,
 )
-from msahl.model.shapes import Shape
+from msahl.model.shapes import BeamShape, Shape
 from msahl.model.signals import Signal, SignalState, SignalTable, Stop
 
 __all__ = [
@@ -37,6 +37,7 @@ __all__ = [
     "MEAN",
     "Actuator",
     "Beam",
+    "BeamShape",
     "Bushing",
     "ConcentratedLoad",
     "Coupling",

@@ -44,6 +44,11 @@ class Beam:
     damping: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
+def is_damped(beam: Beam) -> bool:
+    """Return whether a beam takes energy, which a column of the table of work has."""
+    return any(beam.damping)
+
+
 @dataclass(frozen=True, slots=True)
 class Section:
     """A cross-section: its compliance, and its mass by length.

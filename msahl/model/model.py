@@ -15,7 +15,7 @@ from msahl.model.loads import Load
 from msahl.model.markers import Group, Marker, Sensor
 from msahl.model.motions import JointMotion, PointMotion
 from msahl.model.settings import Simulation
-from msahl.model.shapes import Shape
+from msahl.model.shapes import BeamShape, Shape
 from msahl.model.signals import AnySignal, Stop
 
 
@@ -47,3 +47,4 @@ class Model:
     stops: tuple[Stop, ...] = ()
     shapes: tuple[Shape, ...] = ()  # of bodies and grounds, for views
     beams: tuple[Beam, ...] = ()  # between bodies that are their nodes
+    beam_shapes: tuple[BeamShape, ...] = ()  # of beams, for views

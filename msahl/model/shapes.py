@@ -15,6 +15,20 @@ SIZES = {
 """Kinds of shapes, and what their sizes are: a mesh has the unit of its file in metres."""
 
 
+Points = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class BeamShape:
+    """What a ``beam`` looks like, by name: outlines (y, z) [m] of its section at both ends, in the
+    axes d_2, d_3, with equally many corners; ``colour`` is #rrggbb, "" for one of the view's."""
+
+    beam: str
+    start: Points
+    end: Points
+    colour: str = ""
+
+
 @dataclass(frozen=True, slots=True)
 class Shape:
     """A shape of a ``body`` or ground, by name, fixed in its axes.

@@ -23,7 +23,14 @@ from msahl.results.write import PART
 
 SAME_TIME = 1e-9
 TABLES = ("states.csv", "reactions.csv", "work.csv")
-OBSERVED = ("accelerations.csv", "joints.csv", "markers.csv", "system.csv", "signals.csv")
+OBSERVED = (
+    "accelerations.csv",
+    "joints.csv",
+    "markers.csv",
+    "system.csv",
+    "signals.csv",
+    "beams.csv",
+)
 """Tables that are compared if both folders have them; they follow from the states."""
 
 

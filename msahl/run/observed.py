@@ -1,4 +1,4 @@
-"""The tables of a run that follow from the motion of bodies: joints, markers, groups of bodies."""
+"""The tables of a run that follow from the motion of bodies: joints, markers, beams, groups."""
 
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from msahl.model import Model
 from msahl.run.body_rows import TablesOfSteppers
-from msahl.run.tables import JOINTS, MARKERS, SYSTEM, has_joint_table, needs_accelerations
+from msahl.run.tables import BEAMS, JOINTS, MARKERS, SYSTEM, has_joint_table, needs_accelerations
 
 if TYPE_CHECKING:
     from msahl.run.joint_table import JointTable
@@ -35,6 +35,10 @@ class ObservedTables:
             from msahl.run.system_table import SystemTable
 
             self.tables[SYSTEM] = SystemTable(model)
+        if model.beams:
+            from msahl.run.beam_table import BeamTable
+
+            self.tables[BEAMS] = BeamTable(model)
 
     def rows(self, of_steppers: TablesOfSteppers) -> dict[str, np.ndarray]:
         """Return the rows of every table at the times of those ``of_steppers``, which follow."""

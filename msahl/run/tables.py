@@ -17,11 +17,13 @@ from msahl.model.settings import AUTOMATIC, YES
 from msahl.system.names import (
     STATE_COLUMNS,
     acceleration_columns,
+    beam_columns,
     coordinate_columns,
     group_columns,
     joint_columns,
     marker_columns,
     reaction_columns,
+    resultant_columns,
     signal_columns,
     state_columns,
     work_columns,
@@ -31,7 +33,9 @@ from msahl.system.names import (
 STATES, REACTIONS, WORK, SIGNALS = "states", "reactions", "work", "signals"
 ERROR = "error"
 ACCELERATIONS = "accelerations"
-JOINTS, MARKERS, SYSTEM = "joints", "markers", "system"
+RESULTANTS = "resultants"
+"""Of beams at their Gauss points; other tables are made of it."""
+JOINTS, MARKERS, SYSTEM, BEAMS = "joints", "markers", "system", "beams"
 MOST_JOINTS = 50
 """Most joints whose coordinates are written without being asked for."""
 COLUMNS: dict[str, Callable[[Model], list[str]]] = {
@@ -40,11 +44,12 @@ COLUMNS: dict[str, Callable[[Model], list[str]]] = {
     WORK: work_columns,
     ACCELERATIONS: acceleration_columns,
     SIGNALS: signal_columns,
+    RESULTANTS: resultant_columns,
 }
 """Tables that the steppers fill, by name, with their columns, of which the first is the time."""
 ERROR_COLUMNS = ["time", "position", "orientation"]
 """Columns of the table of estimated errors [s, m, m]."""
-OBSERVED = (JOINTS, MARKERS, SYSTEM)
+OBSERVED = (JOINTS, MARKERS, SYSTEM, BEAMS)
 """Tables that are computed from others."""
 TABLES = (*COLUMNS, *OBSERVED, ERROR)
 """Names of all tables."""
@@ -59,6 +64,7 @@ def column_counts(model: Model) -> dict[str, int]:
         WORK: len(work_columns(model)),
         ACCELERATIONS: len(acceleration_columns(model)) if needs_accelerations(model) else 0,
         SIGNALS: len(signal_columns(model)) if has_signals(model) else 0,
+        RESULTANTS: len(resultant_columns(model)) if model.beams else 0,
     }
 
 
@@ -94,7 +100,7 @@ def tables_of_model(model: Model) -> dict[str, list[str]]:
     tables = {STATES: state_columns(model)}
     if model.joints or model.couplings or model.motions:
         tables[REACTIONS] = reaction_columns(model)
-    if workers(model):
+    if workers(model) or model.beams:
         tables[WORK] = work_columns(model)
     if model.simulation.accelerations == YES:
         tables[ACCELERATIONS] = acceleration_columns(model)
@@ -104,6 +110,8 @@ def tables_of_model(model: Model) -> dict[str, list[str]]:
         tables[MARKERS] = marker_columns(model)
     if model.groups:
         tables[SYSTEM] = group_columns(model)
+    if model.beams:
+        tables[BEAMS] = beam_columns(model)
     if has_signals(model):
         tables[SIGNALS] = signal_columns(model)
     return tables

@@ -20,6 +20,7 @@ import numpy as np
 
 from msahl.algebra.vector import add, at, copy, matrix_at, put, scale, times, transpose
 from msahl.elements import forces
+from msahl.elements.beams import instant as beams
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
 from msahl.elements.reactions import MOST_ROUNDS, is_unchanged, write_reactions
@@ -164,6 +165,7 @@ def project_velocities(
     for _ in range(projection_rounds(system)):
         evaluate.observe(system, state, start, violation, rate)
         scalar.in_metres(system.scalar, violation, rate)
+        beams.in_metres(system.beams, violation, rate)
         solve_projection(system, state, start, rate, instant)
         for b in range(moving_count(frames)):
             R = matrix_at(start.frames.R, b)
@@ -196,6 +198,7 @@ def write_instantaneous_reactions(workspace: Workspace, instant: Instant, row: i
             workspace.tables.reactions,
             row,
         )
+        beams.write_resultants(system.beams, state.force, workspace.tables.resultants, row)
     if workspace.tables.accelerations.shape[1] > 0:
         for f in range(moving_count(system.frames)):
             put(instant.a, f, at(instant.solution, displacement_node(system.frames, f)))

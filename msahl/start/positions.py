@@ -11,6 +11,7 @@ import numpy as np
 
 from msahl.algebra.rotation import compose, from_increment
 from msahl.algebra.vector import at, scale
+from msahl.elements.beams import instant
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import first_multiplier, frame_count, moving_count, rotation_node
 from msahl.jit.by_size import by_size
@@ -18,6 +19,7 @@ from msahl.start.velocities import StartError, solve_at_rest
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, new_system_workspace, node_count
 from msahl.system.reductions import all_unknowns
+from msahl.system.state import set_strains
 from msahl.system.unknowns import choose
 
 MAX_ITERATIONS = 50
@@ -59,6 +61,7 @@ def assemble(system: System, state: State) -> Assembled:
             f"the joints cannot be closed: {violation:.3g} m of {given:.3g} m remain; give "
             "positions nearer to closed joints, or check lengths and axes"
         )
+    set_strains(system, state)
     rotations = [_rotation(at(p0, b), at(state.p, b)) for b in range(n)]
     return Assembled(given, np.linalg.norm(state.x - x0, axis=1)[:n], np.array(rotations))
 
@@ -70,6 +73,7 @@ def _violations(system: System, state: State) -> np.ndarray:
     violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
     by_size(evaluate.observe, size)(system, state, start, violation, rate)
     scalar.in_metres(system.scalar, violation, rate)
+    instant.in_metres(system.beams, violation, rate)
     return violation
 
 

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.elements import forces, reactions
+from msahl.elements.beams import instant
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import first_multiplier, moving_count
 from msahl.elements.reactions import MOST_ROUNDS
@@ -149,6 +150,7 @@ def _violation_rate(system: System, state: State, desk: Desk) -> np.ndarray:
     violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
     desk.call(evaluate.observe, system, state, desk.start, violation, rate)
     scalar.in_metres(system.scalar, violation, rate)
+    instant.in_metres(system.beams, violation, rate)
     return rate
 
 

@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Laws
+from msahl.elements.beams.group import Beams, BeamsWorkspace
+from msahl.elements.beams.group import new_workspace as new_beams_workspace
 from msahl.elements.constraints.coincide import Coincide, CoincideWorkspace
 from msahl.elements.constraints.coordinate_kinds import MOST, Coordinates, CoordinatesWorkspace
 from msahl.elements.constraints.products import ProductsWorkspace
@@ -26,6 +28,11 @@ from msahl.elements.rigid_body import (
 )
 from msahl.model.scheme import Decay
 
+APART, FREE, FIRST = range(3)
+"""When the multipliers of an element may be eliminated: after all its bodies, or with one of two;
+those of a beam's element after all its bodies but one, if none of these went with another element
+(FREE), or in any case (FIRST)."""
+
 
 class Multipliers(NamedTuple):
     """The multipliers' nodes, for the order of elimination."""
@@ -33,7 +40,8 @@ class Multipliers(NamedTuple):
     node: np.ndarray  # (k,)
     element: np.ndarray  # (k,) joint, coupling or motion it belongs to
     rotational: np.ndarray  # (k,) whether its equations depend on rotations only
-    bodies: np.ndarray  # (k, 4) frames its equations depend on; the ground fills up
+    bodies: np.ndarray  # (k, 4 or more) frames its equations depend on; the ground fills up
+    shared: np.ndarray  # (k,) APART, or of beams FREE or FIRST
 
 
 class System(NamedTuple):
@@ -43,6 +51,7 @@ class System(NamedTuple):
     bodies: RigidBodies
     coincide: Coincide
     scalar: ScalarConstraints | None
+    beams: Beams | None
     reactions: Reactions
     laws: Laws
     forces: Forces
@@ -81,6 +90,8 @@ class State(NamedTuple):
     w_rise: np.ndarray  # likewise w [rad/s]
     stretch: np.ndarray  # (s,) likewise the springs' coordinates
     auxiliary: np.ndarray  # (n,) auxiliary states of the laws of the motion
+    strain: np.ndarray  # (g, 6) of beams at their Gauss points, by increments [-, 1/m]
+    strain_rise: np.ndarray  # (g, 6) their smoothed changes, of a decaying scheme
 
 
 class Tables(NamedTuple):
@@ -91,6 +102,7 @@ class Tables(NamedTuple):
     work: np.ndarray  # (rows, ...) [J]
     accelerations: np.ndarray  # (rows, 6 n) or, if they are not wanted, (rows, 0)
     signals: np.ndarray  # (rows, k) signals, auxiliary states, and loads of actuators
+    resultants: np.ndarray  # (rows, 6 g) n and m of beams at their Gauss points [N, N m]
 
 
 class SystemWorkspace(NamedTuple):
@@ -100,6 +112,7 @@ class SystemWorkspace(NamedTuple):
     bodies: RigidBodiesWorkspace
     coincide: CoincideWorkspace
     scalar: ScalarWorkspace  # None where the system's is
+    beams: BeamsWorkspace  # likewise
     forces: ForcesWorkspace
     reaction_arms: np.ndarray  # (j, 3) from the children's mass centres to the joints [m]
 
@@ -110,8 +123,9 @@ def node_count(system: System) -> int:
 
 
 def multiplier_count(system: System) -> int:
-    """Number of joint equations."""
-    return 3 * int(system.coincide.a.size) + equation_count(system)
+    """Number of constraint equations: of joints, and of the rigid strains of beams."""
+    rigid = int(np.count_nonzero(system.beams.rigid)) if system.beams else 0
+    return 3 * int(system.coincide.a.size) + equation_count(system) + rigid
 
 
 def coordinate_count(system: System) -> int:
@@ -148,19 +162,21 @@ def new_coordinates_workspace(group: Coordinates, nodes: int = 0) -> Coordinates
 
 
 def new_system_workspace(system: System, state: State) -> SystemWorkspace:
-    """Return the workspace of a system; violation and stretch are the state's own arrays."""
+    """Return the workspace of a system; violation, stretch and strain are the state's own."""
     vectors, matrices = state.x.shape, (*state.x.shape, 3)
     k = system.coincide.a.size
     scalar: Any = system.scalar and ScalarWorkspace(
         coordinates=new_coordinates_workspace(system.scalar.coordinates, node_count(system)),
         rate=np.zeros(system.scalar.coordinates.kind.size),
     )
+    beams: Any = system.beams and new_beams_workspace(system.beams, state.strain, state.strain_rise)
     frames = FramesWorkspace(np.zeros(matrices), *(np.zeros(vectors) for _ in range(6)))
     return SystemWorkspace(
         frames=frames,
         bodies=RigidBodiesWorkspace(np.zeros_like(system.bodies.inertia)),
         coincide=CoincideWorkspace(np.zeros((k, 3)), np.zeros((k, 3)), state.violation),
         scalar=scalar,
+        beams=beams,
         forces=new_forces_workspace(system.forces, frames, scalar, state.reaction, state.stretch),
         reaction_arms=np.zeros((system.reactions.child.size, 3)),
     )
@@ -172,8 +188,10 @@ def new_tables(system: System, state: State, rows: int, accelerations: bool = Fa
     reactions = int(np.where(shown.moment, 6, 3).sum()) + shown.load_equation.size
     if system.scalar:
         reactions += int(np.count_nonzero(system.scalar.equations.law[shown.load_equation] >= 0))
-    work = state.work.size + energy_columns(system.forces)
+    beams = system.beams.column.size if system.beams else 0
+    work = state.work.size + energy_columns(system.forces) + beams
     moved = ACCELERATION_SIZE * system.bodies.frame.size if accelerations else 0
     shown_signals = signal_values(system.forces)
-    widths = (states, reactions, work, moved, shown_signals)
+    resultants = 6 * system.beams.element.size if system.beams else 0
+    widths = (states, reactions, work, moved, shown_signals, resultants)
     return Tables(*(np.zeros((rows, width)) for width in widths))

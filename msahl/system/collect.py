@@ -14,6 +14,7 @@ import numpy as np
 
 from msahl.algebra.functions import Law
 from msahl.algebra.vector import ZERO, Vector, sub
+from msahl.elements.beams.build import node_shares
 from msahl.joints.joint import (
     Coincide,
     Coordinate,
@@ -27,6 +28,7 @@ from msahl.joints.joint import (
 )
 from msahl.joints.registry import KINDS
 from msahl.model import Model, resolve
+from msahl.model.beams import Beam, is_damped
 from msahl.model.couplings import COORDINATES, Coupling
 from msahl.model.joints import Joint
 from msahl.model.loads import Bushing, ConcentratedLoad, Drag, Friction, JointSpring, SpringDamper
@@ -81,6 +83,15 @@ class FrictionEntry(NamedTuple):
     column: int  # of the table of work
 
 
+class BeamEntry(NamedTuple):
+    """A beam, see ``elements.beams``."""
+
+    beam: Beam
+    frames: tuple[int, ...]  # of its nodes
+    element: int  # number of its first element, behind those of joints, couplings and motions
+    column: int  # of the table of work; -1 without damping
+
+
 class ConcentratedEntry(NamedTuple):
     """A force and a moment at a point, see ``elements.forces.concentrated``."""
 
@@ -108,6 +119,7 @@ class Elements:
     laws: list[Law] = field(default_factory=list)
     controlled: list[ConcentratedEntry] = field(default_factory=list)
     signals: SignalEntries | None = None
+    beams: list[BeamEntry] = field(default_factory=list)
 
     @property
     def ground(self) -> int:
@@ -164,6 +176,7 @@ class _Collector:
         first = len(model.joints) + len(model.couplings)
         for i, motion in enumerate(model.motions):
             self._motion(first + i, len(model.loads) + i, motion)
+        self._beams(first + len(model.motions), len(model.loads) + len(model.motions))
         for column, load in enumerate(model.loads):
             self._load(column, load)
         for column, load in enumerate(model.loads):
@@ -242,6 +255,19 @@ class _Collector:
                 column=column,
             )
         )
+
+    def _beams(self, element: int, column: int) -> None:
+        """Add all beams, whose elements are numbered from ``element`` and columns of the table of
+        work from ``column`` on.
+        """
+        for beam in self.model.beams:
+            frames = tuple(self.elements.frame[name] for name in beam.nodes)
+            own = column if is_damped(beam) else -1
+            self.elements.beams.append(BeamEntry(beam, frames, element, own))
+            for frame, share in zip(frames, node_shares(beam.degree, beam.lengths), strict=True):
+                self.elements.arms[frame].append(float(share))
+            element += len(beam.lengths)
+            column += is_damped(beam)
 
     def _as_at_start(self, coordinate: int) -> Equation:
         """The equation by which a coordinate keeps the value it has at t = 0."""

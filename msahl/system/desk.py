@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from msahl.elements.beams import instant
 from msahl.elements.constraints import coordinates
 from msahl.elements.frames import moving_count
 from msahl.jit.by_size import by_size
@@ -45,4 +46,5 @@ def jacobian_at_rest(system: System, state: State, desk: Desk | None = None) -> 
         of_system, of_start = system.scalar.coordinates, start.scalar.coordinates
         call(coordinates.evaluate, of_system, of_start, system.frames, Z)
     call(evaluate.joint_jacobian, system, start, math.sqrt(2.0), Z, values)
+    instant.determine_resultants(system.beams, values)
     return values

@@ -19,6 +19,7 @@ import numpy as np
 
 from msahl.algebra.vector import at, dot, sub
 from msahl.elements import forces
+from msahl.elements.beams import instant
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import moving_count
 from msahl.jit.kernel import apart, kernel, unit
@@ -76,6 +77,7 @@ def record_figures(
         for i in range(3):
             work += abs(state.force[k, i] * monitor.violation[k, i])
     scalar.in_metres(system.scalar, monitor.violation, monitor.rate)
+    instant.in_metres(system.beams, monitor.violation, monitor.rate)
     monitor.rows[row, BALANCE] = balanced(kinetic + potential, state)
     monitor.rows[row, KINETIC] = kinetic
     monitor.rows[row, VIOLATION] = largest_length(monitor.violation)

@@ -32,6 +32,8 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.elements import forces, reactions, rigid_body, signals
+from msahl.elements.beams import instant
+from msahl.elements.beams import midpoint as beams
 from msahl.elements.constraints import coincide, coordinates, scalar
 from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.elements.frames import first_multiplier, moving_count
@@ -64,6 +66,7 @@ def prepare(system: System, state: State, start: SystemWorkspace) -> None:
     R = start.frames.R
     coincide.prepare(system.coincide, R, start.coincide)
     scalar.prepare(system.scalar, state.x, R, state.angle, start.scalar)
+    instant.prepare(system.beams, state.x, R, start.beams)
     reactions.prepare(system.reactions, system.scalar, R, start.reaction_arms)
     forces.prepare(system.forces, start.forces, system.scalar, state.reaction, state.reaction_trend)
     signals.prepare(
@@ -98,6 +101,8 @@ def joint_jacobian(
     rigid_body.jacobian(system.bodies, frames, start.bodies, start.frames, h, h2, Z, values)
     coincide.jacobian(system.coincide, start.coincide, frames, h2, Z, values)
     scalar.joint_jacobian(system.scalar, start.scalar, frames, h2, Z, values)
+    step = (h, h2, 0.5 * system.decay.chi)
+    beams.jacobian(system.beams, start.beams, frames, step, Z, values)
 
 
 @apart
@@ -128,6 +133,7 @@ def free_acceleration(
     coincide.free_acceleration(system.coincide, start.coincide, W, F)
     scalar.rates(system.scalar, start.scalar, frames, start.frames, Z)
     scalar.free_acceleration(system.scalar, start.scalar, frames, v, W, t, F)
+    instant.free_acceleration(system.beams, start.beams, frames, start.frames, F)
     forces.set_time(system.forces, start.forces, t)
     forces.add_forces(system.forces, start.forces, system.scalar, frames, state.reaction, F)
 
@@ -144,7 +150,9 @@ def observe(
     coincide.violation(system.coincide, start.coincide, state.x, violation)
     coincide.violation_rate(system.coincide, start.coincide, start.frames, rate)
     scalar.observe(system.scalar, start.scalar, start.frames, state.time[0], violation, rate)
+    instant.observe(system.beams, start.beams, start.frames, violation, rate)
     elastic = forces.elastic_energy(system.forces, start.forces, system.scalar)
+    elastic += instant.energy(system.beams, start.beams)
     kinetic, potential = rigid_body.energy(system.bodies, state.x, state.v, state.w)
     return kinetic, potential + elastic
 
@@ -178,13 +186,14 @@ class Evaluation(NamedTuple):
 
 def evaluate_at(system: System, state: State) -> Evaluation:
     """Evaluate ``system`` at the configuration of ``state``; matrices are dense."""
-    state = state._replace(angle=state.angle.copy())
+    state = state._replace(angle=state.angle.copy(), strain=state.strain.copy())
     start, Z = new_system_workspace(system, state), np.zeros((node_count(system), 3))
     rows, violation, rate = Z.copy(), np.zeros_like(state.force), np.zeros_like(state.force)
     by_place, by_rate, scratch = (np.zeros_like(system.constant) for _ in range(3))
     out = Derivatives(by_place, by_rate, scratch, Z)
     prepare(system, state, start)
     scalar.count_rotations(system.scalar, start.scalar, state.angle)
+    instant.set_strains(system.beams, start.beams)
     free_acceleration(system, state, start, Z, rows)
     add_force_derivatives(system, state, start, out)
     observe(system, state, start, violation, rate)
@@ -219,6 +228,7 @@ def jacobian_at_rest(system: System, state: State) -> np.ndarray:
         )
     # With h^2 = 2 an acceleration of 1 m/s^2 is a displacement of 1 m over the step.
     by_size(joint_jacobian, size)(system, start, math.sqrt(2.0), Z, values)
+    instant.determine_resultants(system.beams, values)
     return values
 
 

@@ -1,5 +1,8 @@
 """Names of what the flat arrays hold: CSV columns, and rows of the equations for messages."""
 
+import numpy as np
+
+from msahl.elements.beams.shape import gauss_stations
 from msahl.elements.frames import first_multiplier
 from msahl.joints.coordinates import columns
 from msahl.joints.registry import KINDS
@@ -15,6 +18,7 @@ from msahl.model import (
     SpringDamper,
     resolve,
 )
+from msahl.model.beams import is_damped
 from msahl.model.scheme import WORKER
 from msahl.system.arrays import System
 
@@ -30,7 +34,16 @@ GROUP_COLUMNS = (
 )
 FORCE_COLUMNS = ("Fx", "Fy", "Fz")
 MOMENT_COLUMNS = ("Mx", "My", "Mz")
+RESULTANT_COLUMNS = ("n1", "n2", "n3", "m1", "m2", "m3")
+BEAM_COLUMNS = (
+    *("stretch", "shear2", "shear3", "twist", "curvature2", "curvature3"),
+    *RESULTANT_COLUMNS,
+)
 LOAD_COLUMN, FACTOR_COLUMN, POWER_COLUMN = "load", "factor", "power"
+STRAINS = (
+    *("stretch", "shear along d2", "shear along d3"),
+    *("torsion", "bending about d2", "bending about d3"),
+)
 ENERGY = "energy"
 """Value of a spring in the table of work."""
 Springy = SpringDamper | JointSpring | Bushing
@@ -85,9 +98,21 @@ def joint_columns(joint: Joint) -> tuple[str, ...]:
     return FORCE_COLUMNS + (MOMENT_COLUMNS if KINDS[joint.kind].moment else ())
 
 
+def beam_columns(model: Model) -> list[str]:
+    """Header of ``beams.csv``: of each Gauss point of each beam, named by its share of the arc
+    length as in ``Blade@0.25``, strains [-, 1/m] and stress resultants [N, N m].
+    """
+    found = ["time"]
+    for beam in model.beams:
+        for s in gauss_stations(beam.degree, np.array(beam.lengths)) / sum(beam.lengths):
+            found += [f"{beam.name}@{s:.6g}.{column}" for column in BEAM_COLUMNS]
+    return found
+
+
 def workers(model: Model) -> tuple[str, ...]:
-    """Names of all whose work is counted: loads, motions, and a scheme that decays."""
-    names = tuple(element.name for element in (*model.loads, *model.motions))
+    """Names of all whose work is counted: loads, motions, damped beams, a scheme that decays."""
+    damped = filter(is_damped, model.beams)
+    names = tuple(element.name for element in (*model.loads, *model.motions, *damped))
     return (*names, WORKER) if resolve(model.simulation).dissipative else names
 
 
@@ -95,7 +120,15 @@ def work_columns(model: Model) -> list[str]:
     """Header of ``work.csv``: work since t = 0 of all ``workers``, and elastic energies [J]."""
     springs = [load for load in model.loads if isinstance(load, Springy)]
     work = [f"{name}.work" for name in workers(model)]
-    return ["time", *work, *(f"{spring.name}.{ENERGY}" for spring in springs)]
+    return ["time", *work, *(f"{of.name}.{ENERGY}" for of in (*springs, *model.beams))]
+
+
+def resultant_columns(model: Model) -> list[str]:
+    """Columns of the stress resultants of beams: forces along and moments about d_1, d_2, d_3 at
+    every Gauss point, which are counted from 1 along each beam.
+    """
+    points = (f"{beam.name}.{g + 1}" for beam in model.beams for g in range(len(beam.strain)))
+    return ["time", *(f"{point}.{c}" for point in points for c in RESULTANT_COLUMNS)]
 
 
 def signal_columns(model: Model) -> list[str]:
@@ -113,6 +146,16 @@ def signal_columns(model: Model) -> list[str]:
     return ["time", *names, *loads, *factors, *powers]
 
 
+def _describe_strain(model: Model, system: System, element: int, node: int, slot: int) -> str:
+    """A strain of an element of a beam in words; elements of all beams are counted from 0."""
+    for beam in model.beams:
+        if element < len(beam.lengths):
+            break
+        element -= len(beam.lengths)
+    strains = STRAINS[3:] if system.multipliers.rotational[node] else STRAINS[:3]
+    return f"beam '{beam.name}', {strains[slot]} in element {element + 1}"
+
+
 def describe_row(model: Model, system: System, index: int) -> str:
     """Row ``index`` of the flat equations in words."""
     node, axis = index // 3, "xyz"[index % 3]
@@ -122,7 +165,10 @@ def describe_row(model: Model, system: System, index: int) -> str:
         kind = "moment about" if frames.rotates[node] else "force along"
         return f"body '{model.bodies[frames.owner[frames.of_node[node]]].name}', {kind} {axis}"
     elements = [*model.joints, *model.couplings, *model.motions]
-    element = elements[int(system.multipliers.element[k])]
+    number = int(system.multipliers.element[k])
+    if number >= len(elements):
+        return _describe_strain(model, system, number - len(elements), k, index % 3)
+    element = elements[number]
     what = f"violation along {axis}" if k < system.coincide.a.size else f"equation {index % 3 + 1}"
     kind = type(element).__name__.lower()
     return f"{kind} '{element.name}', {what}"

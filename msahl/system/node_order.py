@@ -8,7 +8,9 @@ that act on it, then rotation, then the multipliers that depend on rotations onl
 then 1, the share of the joint's mass, and an inertia about the joint. So a link leaves its
 neighbour only the joint between them, and costs the same on whichever side of it the ground is. A
 body that a force holds to another leaves that one in any case and goes with a joint at once. Joints
-that close loops, and couplings, go after all their bodies.
+that close loops, and couplings, go after all their bodies. An element of a beam goes after all its
+nodes but one, which leaves that one the rest of the beam. In systems with beams what is held by the
+ground goes last: the equations of rigid strains need nodes that are free.
 
 **By elements**, in large systems with many closed loops. All bodies are eliminated first, which
 leaves the matrix G M^-1 G^T of the constraints: positive definite if these are independent, so any
@@ -25,7 +27,7 @@ import numpy as np
 from msahl.elements.frames import first_multiplier, moving_count
 from msahl.jit.by_size import LARGE, by_size
 from msahl.jit.kernel import kernel
-from msahl.system.arrays import System, node_count
+from msahl.system.arrays import APART, FIRST, FREE, System, node_count
 from msahl.system.symbolic import NO_LIMIT, Lists, grouped, product_count
 
 TREE = 2
@@ -41,6 +43,7 @@ class Graph(NamedTuple):
 
     bodies: Lists  # moving frames of each joint, coupling or motion
     elements: Lists  # likewise the elements of each moving frame
+    shared: np.ndarray  # (e,) see ``Multipliers``
     pushing: Lists  # nodes of each element's multipliers that depend on displacements
     rotational: Lists  # those that depend on rotations only
     forced: np.ndarray  # (p, 2) pairs of frames that a force couples
@@ -49,7 +52,8 @@ class Graph(NamedTuple):
 def node_order(system: System) -> np.ndarray:
     """Return the nodes of all multipliers and moving frames in order of elimination."""
     graph = graph_of(system)
-    nodes = by_bodies(system, graph, smallest_degree(*neighbours(system, graph)))
+    bodies = smallest_degree(*neighbours(system, graph), system.beams is None)
+    nodes = by_bodies(system, graph, bodies)
     if moving_count(system.frames) < LARGE or graph.forced.size or not _has_loops(graph):
         return nodes
     other = by_elements(system, graph)
@@ -119,6 +123,7 @@ def graph_of(system: System) -> Graph:
     return Graph(
         bodies=grouped(touched[0], touched[1], count),
         elements=grouped(touched[1], touched[0], ground),
+        shared=multipliers.shared[first],
         pushing=pushing,
         rotational=rotational,
         forced=_forced(system, ground),
@@ -161,11 +166,17 @@ def neighbours(system: System, graph: Graph) -> tuple[list[set[int]], set[int]]:
     return near, set(graph.bodies.items[graph.bodies.first[single]].tolist())
 
 
-def smallest_degree(neighbours: list[set[int]], held: set[int]) -> np.ndarray:
+def smallest_degree(
+    neighbours: list[set[int]], held: set[int], held_first: bool = True
+) -> np.ndarray:
     """Return the vertices of a graph, each of smallest degree among those left, if there are
-    several one that is ``held`` or was near one; consumes both.
+    several one that is ``held`` or was near one, or with ``held_first`` false one that is not;
+    consumes both.
     """
-    heap = [(len(near), vertex not in held, vertex) for vertex, near in enumerate(neighbours)]
+    heap = [
+        (len(near), (vertex in held) != held_first, vertex)
+        for vertex, near in enumerate(neighbours)
+    ]
     heapq.heapify(heap)
     order: list[int] = []
     done = [False] * len(neighbours)
@@ -181,7 +192,8 @@ def smallest_degree(neighbours: list[set[int]], held: set[int]) -> np.ndarray:
         for other in near:
             neighbours[other] |= near
             neighbours[other] -= {vertex, other}
-            heapq.heappush(heap, (len(neighbours[other]), other not in held, other))
+            later = (other in held) != held_first
+            heapq.heappush(heap, (len(neighbours[other]), later, other))
     return np.array(order, dtype=np.int64)
 
 
@@ -192,12 +204,13 @@ def by_bodies(system: System, graph: Graph, bodies: np.ndarray) -> np.ndarray:
     order, forced = np.zeros(size, dtype=np.int64), np.zeros(bodies.size, dtype=bool)
     forced[graph.forced.reshape(-1)] = True
     missing, placed = np.diff(graph.bodies.first), np.zeros(count, dtype=bool)
+    used = np.zeros(count, dtype=bool)
     by_size(_place_nodes, size)(
         graph,
         bodies,
         (frames.displacement, frames.rotation),
         forced,
-        (missing, placed),
+        (missing, placed, used),
         order,
     )
     return order
@@ -209,13 +222,13 @@ def _place_nodes(
     bodies: np.ndarray,
     nodes: tuple[np.ndarray, np.ndarray],
     forced: np.ndarray,
-    progress: tuple[np.ndarray, np.ndarray],
+    progress: tuple[np.ndarray, np.ndarray, np.ndarray],
     order: np.ndarray,
 ) -> None:
-    """Set ``order``; ``progress`` has the bodies that each element still waits for, and whether it
-    has gone.
+    """Set ``order``; ``progress`` has the bodies that each element still waits for, whether it has
+    gone, and whether another one went with one of its bodies.
     """
-    missing, placed = progress
+    missing, placed, used = progress
     end = 0
     for b in bodies:
         first, last = graph.elements.first[b], graph.elements.first[b + 1]
@@ -233,9 +246,14 @@ def _place_nodes(
             placed[tree] = True
         for i in range(first, last):
             e = graph.elements.items[i]
-            if missing[e] == 0 and not placed[e]:
+            used[e] = used[e] or tree >= 0
+            early = graph.shared[e] == FIRST or (graph.shared[e] == FREE and not used[e])
+            if missing[e] <= (1 if early else 0) and not placed[e]:
                 end = _put(graph.rotational, e, order, _put(graph.pushing, e, order, end))
                 placed[e] = True
+                if graph.shared[e] != APART and missing[e] == 0:
+                    for k in range(first, last):
+                        used[graph.elements.items[k]] = True
     # What couples no body that moves comes last.
     for e in range(placed.size):
         if not placed[e]:
@@ -255,7 +273,8 @@ def _element_to_go_with(
         for i in range(graph.elements.first[b], graph.elements.first[b + 1]):
             e = graph.elements.items[i]
             bodies = graph.bodies.first[e + 1] - graph.bodies.first[e]
-            if not placed[e] and bodies <= TREE and (missing[e] == 0) == (waits == 0):
+            goes = not placed[e] and graph.shared[e] == APART and bodies <= TREE
+            if goes and (missing[e] == 0) == (waits == 0):
                 return int(e)
     return -1
 

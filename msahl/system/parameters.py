@@ -7,6 +7,8 @@ import numpy as np
 from msahl.algebra.functions import Laws, build_laws
 from msahl.algebra.rotation_arrays import parameters
 from msahl.algebra.vector import Vector, sub
+from msahl.elements.beams.group import Beams
+from msahl.elements.beams.shape import shape
 from msahl.elements.constraints.coincide import Coincide
 from msahl.elements.constraints.coordinate_kinds import Coordinates
 from msahl.elements.constraints.equations import ConstraintEquations
@@ -25,6 +27,7 @@ from msahl.elements.rigid_body import RigidBodies
 from msahl.elements.signals import Signals
 from msahl.expressions.tape import build_tape
 from msahl.model import resolve
+from msahl.model.beams import Beam
 from msahl.model.bodies import RigidBody
 from msahl.system.arrays import System
 from msahl.system.collect import ConcentratedEntry, Elements
@@ -43,16 +46,18 @@ def build_parameters(elements: Elements, topology: Topology) -> System:
     frames = _frames(elements, topology)
     coincide = _coincide(elements, topology, frames)
     scalar = _scalar(elements, topology, frames, laws) if elements.coordinates else None
+    beams = _beams(elements, topology.beams, frames) if topology.beams else None
     return System(
         frames=frames,
         bodies=_bodies(elements, topology),
         coincide=coincide,
         scalar=scalar,
+        beams=beams,
         reactions=_reactions(elements, topology),
         laws=laws,
         forces=_forces(elements, topology, laws),
         shown=topology.shown,
-        unit=_units(coincide, scalar, topology),
+        unit=_units(coincide, scalar, beams, topology),
         decay=resolve(model.simulation).decay,
         relaxation=RELAXATION if topology.relaxed else 0.0,
         multipliers=topology.multipliers,
@@ -257,12 +262,62 @@ def _reactions(elements: Elements, topology: Topology) -> Reactions:
     return Reactions(**topology.reactions, s=_arms(elements, points))
 
 
-def _units(coincide: Coincide, scalar: ScalarConstraints | None, topology: Topology) -> np.ndarray:
+def _beams(elements: Elements, places: Indices, frames: Frames) -> Beams:
+    entries, most = [entry.beam for entry in elements.beams], places["load_block"].shape[1]
+    values, slopes, weights = (
+        np.concatenate(parts)
+        for parts in zip(*(_interpolation(beam, most) for beam in entries), strict=True)
+    )
+    frame, node, first = places["frame"], places["node"], places["first"]
+    of_point = [node[first[e] : first[e + 1]] for e in places["element"]]
+    compliance = np.concatenate([np.array(beam.compliance) for beam in entries])
+    bodies = [elements.model.bodies[f] for f in frame]
+    return Beams(
+        **places,
+        arm=-_vectors(body.r_BG for body in bodies),
+        value=values,
+        slope=slopes,
+        weight=weights,
+        reference=np.concatenate([np.array(beam.strain) for beam in entries]),
+        compliance=compliance,
+        stiffness=np.array([_inverse(C) for C in compliance]),
+        damping=np.concatenate([np.tile(beam.damping, (len(beam.strain), 1)) for beam in entries]),
+        mass=_numbers(1.0 / frames.inverse_mass[frame[own]].sum() for own in of_point),
+        length=_numbers(frames.length[frame[own]].max() for own in of_point),
+    )
+
+
+def _interpolation(beam: Beam, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return shape functions (g, most), their derivatives by arc length and weights w J (g,) at the
+    Gauss points of a beam; of a node that its elements do not have they are 0.
+    """
+    of, half = shape(beam.degree), 0.5 * np.array(beam.lengths)
+    missing = ((0, 0), (0, most - beam.degree - 1))
+    values = np.pad(np.tile(of.values, (half.size, 1)), missing)
+    slopes = np.pad((of.slopes / half[:, None, None]).reshape(-1, beam.degree + 1), missing)
+    return values, slopes, (half[:, None] * of.weights).reshape(-1)
+
+
+def _inverse(compliance: np.ndarray) -> np.ndarray:
+    """Return the stiffness (6, 6) of the components that are not rigid; zero for these."""
+    elastic = np.flatnonzero(compliance.any(axis=1))
+    stiffness = np.zeros_like(compliance)
+    stiffness[np.ix_(elastic, elastic)] = np.linalg.inv(compliance[np.ix_(elastic, elastic)])
+    return stiffness
+
+
+def _units(
+    coincide: Coincide, scalar: ScalarConstraints | None, beams: Beams | None, topology: Topology
+) -> np.ndarray:
     unit = np.ones((topology.multipliers.node.size, 3))
     unit[: coincide.a.size] = coincide.mass[:, None]
     if scalar is not None:
         place = scalar.equations.place
         unit[place[:, 0], place[:, 1]] = scalar.equations.mass * scalar.equations.scale
+    if beams is not None:
+        # Multipliers are minus the stress resultants, and published as these.
+        unit[beams.place] = -beams.mass[:, None]
+        unit[beams.place + 1] = -(beams.mass * beams.length)[:, None]
     return unit
 
 

@@ -37,6 +37,8 @@ def plane_normal(system: System, start: SystemWorkspace) -> int | None:
 
 
 def _is_planar(system: System, start: SystemWorkspace, axis: int) -> bool:
+    if system.beams is not None:
+        return False  # the reduction does not know their multipliers
     in_plane = [i for i in range(3) if i != axis]
     ground = ground_of(system.frames)
     motion, coincide, J = start.frames, start.coincide, start.bodies.J
@@ -179,6 +181,9 @@ def _all(system: System) -> np.ndarray:
     if system.scalar:
         place = system.scalar.equations.place
         needed[first + place[:, 0], place[:, 1]] = True
+    if system.beams:
+        needed[first + system.beams.place] = True
+        needed[first + system.beams.place + 1] = True
     return needed
 
 

@@ -3,9 +3,15 @@
 import numpy as np
 
 from msahl.algebra.rotation import matrix
+from msahl.algebra.rotation_arrays import rotations
 from msahl.algebra.vector import add, cross, times
 from msahl.elements import forces
+from msahl.elements.beams import instant
+from msahl.elements.beams.group import new_workspace
+from msahl.elements.frames import moving_count
+from msahl.jit.by_size import by_size
 from msahl.model import Model, SignalState, resolve
+from msahl.model.beams import is_damped
 from msahl.system.arrays import State, System, coordinate_count
 from msahl.system.build import initial_places
 
@@ -20,7 +26,8 @@ def build_state(model: Model, system: System) -> State:
         w[i] = body.angular_velocity
     multipliers = (system.multipliers.node.size, 3)
     joints = (system.reactions.child.size, 6)
-    return State(
+    strain = np.zeros((system.beams.element.size if system.beams else 0, 6))
+    state = State(
         time=np.zeros(1),
         x=x,
         x_low=np.zeros_like(x),
@@ -43,9 +50,23 @@ def build_state(model: Model, system: System) -> State:
         w_rise=np.zeros_like(x),
         stretch=forces.new_stretch(system.forces),
         auxiliary=np.array([s.initial for s in model.signals if isinstance(s, SignalState)], float),
+        strain=strain,
+        strain_rise=np.zeros_like(strain),
     )
+    set_strains(system, state)
+    return state
+
+
+def set_strains(system: System, state: State) -> None:
+    """Set the strains of beams to those of the positions and orientations of ``state``."""
+    if system.beams is not None:
+        start = new_workspace(system.beams, state.strain, state.strain_rise)
+        R, size = rotations(state.p), moving_count(system.frames)
+        by_size(instant.prepare, size)(system.beams, state.x, R, start)
+        by_size(instant.set_strains, size)(system.beams, start)
 
 
 def work_count(model: Model) -> int:
-    """Columns of work: one a load, one a motion, and a decaying scheme's own."""
-    return len(model.loads) + len(model.motions) + resolve(model.simulation).dissipative
+    """Columns of work: one a load, a motion and a damped beam, and a decaying scheme's own."""
+    damped = sum(map(is_damped, model.beams))
+    return len(model.loads) + len(model.motions) + damped + resolve(model.simulation).dissipative

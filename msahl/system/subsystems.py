@@ -12,10 +12,10 @@ from functools import cache
 from typing import Any, cast
 
 from msahl.expressions.syntax import Lookup, Name, Tree, postorder
-from msahl.model import Joint, MarkerActuator, Model, Signal, SignalState, SignalTable
+from msahl.model import Beam, Joint, MarkerActuator, Model, Signal, SignalState, SignalTable
 from msahl.model.signals import element_and_value
 
-KINDS = ("joints", "couplings", "motions", "loads", "signals", "stops")
+KINDS = ("joints", "couplings", "motions", "loads", "signals", "stops", "beams")
 """What may couple bodies, as a model holds it."""
 
 
@@ -73,6 +73,8 @@ class _Owners:
     def touched(self, element: Any) -> list[Hashable]:
         """Names of the bodies and grounds, and of the signals, that an element couples."""
         names: set[Hashable] = set(_touched(element, self._joints))
+        if isinstance(element, Beam):
+            names |= set(element.nodes)
         if isinstance(element, MarkerActuator):
             names |= {self._bodies[element.start], self._bodies[element.end]}
         if isinstance(element, Signal | SignalState | SignalTable):

@@ -5,18 +5,21 @@ the index arrays of every group of elements. It is built once for a model; all m
 ``connections`` share it (``build.rebuild_parameters``).
 """
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from msahl.elements.beams.shape import elements_of
 from msahl.elements.constraints.products import DOT, PARTS
 from msahl.elements.frames import NODES
 from msahl.elements.reactions import Shown
 from msahl.elements.rigid_body import STATE_SIZE
 from msahl.joints.joint import CHILD, GROUND, PARENT, Coordinate, Product
 from msahl.joints.registry import KINDS
-from msahl.system.arrays import Multipliers
-from msahl.system.collect import ConcentratedEntry, Elements, Pair
+from msahl.model.beams import Beam
+from msahl.system.arrays import APART, FIRST, FREE, Multipliers
+from msahl.system.collect import BeamEntry, ConcentratedEntry, Elements, Pair
 from msahl.system.pattern import Blocks
 from msahl.system.signal_inputs import ResultEntry, input_parts
 
@@ -43,6 +46,7 @@ class Topology(NamedTuple):
     friction: Indices
     signals: Indices | None
     actuator: Indices | None
+    beams: Indices | None
     reactions: Indices
     shown: Shown
     multipliers: Multipliers
@@ -60,6 +64,8 @@ class _Nodes(NamedTuple):
     rotational: list[bool]
     frames: list[set[int]]
     place: list[tuple[int, int]]  # node and slot of each scalar equation
+    of_beams: list[int]  # first of the two nodes of each Gauss point
+    shared: list[int]  # see ``Multipliers``
 
 
 def build_topology(elements: Elements, relaxed: bool) -> Topology:
@@ -76,6 +82,7 @@ def build_topology(elements: Elements, relaxed: bool) -> Topology:
     coordinates = _coordinates(elements, parts, blocks)
     equations = _equations(elements, nodes, parts, blocks, first)
     signals, actuator = _signals(elements, parts, frames, blocks)
+    beams = _beams(elements, nodes, frames, blocks, first)
     controlled = signals and _concentrated(elements, elements.controlled, frames, blocks)
     multiplier = first + np.arange(len(nodes.element), dtype=np.int64)
     relaxed_blocks = blocks.constant(multiplier, multiplier) if relaxed else indices([])
@@ -96,6 +103,7 @@ def build_topology(elements: Elements, relaxed: bool) -> Topology:
         friction=_columns(elements.frictions, "coordinate", "joint", "column"),
         signals=signals,
         actuator=actuator,
+        beams=beams,
         reactions=_reactions(elements),
         shown=_shown(elements),
         multipliers=_multipliers(nodes, multiplier, elements.ground),
@@ -130,6 +138,9 @@ def connections(elements: Elements) -> tuple[Any, ...]:
         tuple(loads),
         tuple((column, load.body) for column, load in elements.drags),
         tuple((joint.kind, joint.child) for joint in elements.model.joints),
+        tuple(
+            (e.beam.degree, e.frames, e.column, _rigid(e.beam).tobytes()) for e in elements.beams
+        ),
         _signal_connections(elements),
     )
 
@@ -177,12 +188,13 @@ def _place_multipliers(elements: Elements) -> _Nodes:
     The points that coincide come first; then the scalar equations of an element, three to a node,
     those that see displacements apart from those that see rotations only.
     """
-    nodes = _Nodes([], [], [], [])
+    nodes = _Nodes([], [], [], [], [], [])
 
-    def add(element: int, rotational: bool, frames: set[int]) -> int:
+    def add(element: int, rotational: bool, frames: set[int], shared: int = APART) -> int:
         nodes.element.append(element)
         nodes.rotational.append(rotational)
         nodes.frames.append(frames)
+        nodes.shared.append(shared)
         return len(nodes.element) - 1
 
     for element, pair in elements.points:
@@ -198,7 +210,75 @@ def _place_multipliers(elements: Elements) -> _Nodes:
         nodes.frames[node].update(frame for _, pair in sides for frame in (pair.a, pair.b))
         if slot < 2:
             open_nodes[key] = (node, slot + 1)
+    for of_beam, k, own in _beam_elements(elements):
+        shared = _sharing(of_beam.beam)
+        for _ in range(of_beam.beam.degree):
+            nodes.of_beams.append(add(of_beam.element + k, False, set(own), shared))
+            add(of_beam.element + k, True, set(own), shared)
     return nodes
+
+
+def _beam_elements(elements: Elements) -> Iterator[tuple[BeamEntry, int, list[int]]]:
+    """Yield the elements of all beams: the beam, the number in it, the frames of its nodes."""
+    for entry in elements.beams:
+        for k, nodes in enumerate(elements_of(entry.beam.degree, len(entry.frames))):
+            yield entry, k, [entry.frames[m] for m in nodes]
+
+
+def _rigid(beam: Beam) -> np.ndarray:
+    """(g, 6) strains that cannot change, by Gauss point."""
+    return ~np.any(np.array(beam.compliance), axis=2)
+
+
+def _sharing(beam: Beam) -> int:
+    """Return when the multipliers of an element of ``beam`` may be eliminated, see ``Multipliers``.
+
+    Of a rigid stretch, torsion or bending, p equations depend on one unknown of each node, so they
+    are independent in p nodes of which none is clamped. Shears depend on two.
+    """
+    rigid = np.any(_rigid(beam), axis=0)
+    return FREE if beam.degree == 1 or rigid[[0, 3, 4, 5]].any() else FIRST
+
+
+def _beams(
+    elements: Elements, nodes: _Nodes, frames: Indices, blocks: Blocks, first: int
+) -> Indices | None:
+    """Return the indices of beams; arrays by nodes of elements have as many as the largest one."""
+    if not elements.beams:
+        return None
+    own = [of for _, _, of in _beam_elements(elements)]
+    used = sorted({frame for of in own for frame in of})
+    number = {frame: m for m, frame in enumerate(used)}
+    most = max(len(of) for of in own)
+    frame = indices([[*of, *[elements.ground] * (most - len(of))] for of in own])
+    u, theta = frames["displacement"][frame], frames["rotation"][frame]
+    places = [
+        blocks.place(rows[:, :, None], columns[:, None, :])
+        for rows, columns in ((u, theta), (theta, u), (theta, theta))
+    ]
+    counts = [e.beam.degree for e, _, _ in _beam_elements(elements)]
+    of_point = np.repeat(np.arange(len(own), dtype=np.int64), counts)
+    place = indices(nodes.of_beams)
+    stretch, bend = first + place[:, None], first + place[:, None] + 1
+    u, theta = u[of_point], theta[of_point]
+    pairs = ((u, stretch), (theta, stretch), (theta, bend))
+    load = [blocks.place(*pair) for pair in (*pairs, *(pair[::-1] for pair in pairs))]
+    both = np.stack([stretch[:, 0], bend[:, 0]], axis=1)
+    return {
+        "frame": indices(used),
+        "first": np.concatenate([[0], np.cumsum([len(of) for of in own])]).astype(np.int64),
+        "node": indices([number[frame] for of in own for frame in of]),
+        "element": of_point,
+        "rigid": np.concatenate([_rigid(entry.beam) for entry in elements.beams]),
+        "place": place,
+        "load_block": np.ascontiguousarray(np.stack(load, axis=2)),
+        "pair_block": np.ascontiguousarray(np.stack(places, axis=3)),
+        "compliance_block": blocks.place(both[:, :, None], both[:, None, :]),
+        "beam": np.repeat(
+            np.arange(len(elements.beams)), [len(e.beam.strain) for e in elements.beams]
+        ),
+        "column": indices([entry.column for entry in elements.beams]),
+    }
 
 
 def _coincide(
@@ -396,12 +476,14 @@ def _shown(elements: Elements) -> Shown:
 
 
 def _multipliers(nodes: _Nodes, multiplier: np.ndarray, ground: int) -> Multipliers:
-    touched = [[*sorted(frames), *[ground] * 4][:4] for frames in nodes.frames]
+    most = max(4, *(len(frames) for frames in nodes.frames), 4)
+    touched = [[*sorted(frames), *[ground] * most][:most] for frames in nodes.frames]
     return Multipliers(
         node=multiplier,
         element=indices(nodes.element),
         rotational=np.array(nodes.rotational, dtype=bool),
-        bodies=indices(touched).reshape(-1, 4),
+        bodies=indices(touched).reshape(-1, most),
+        shared=indices(nodes.shared),
     )
 
 

@@ -60,6 +60,10 @@ def attributes() -> dict[str, tuple[str, ...]]:
     return {
         "units": (*units, "stone", "M", "", " m ", LONG),
         "basis": WORDS,
+        "node": ("first", "last", "1", "3", "0", "999999", "x", ""),
+        "station": NUMBERS,
+        "theory": ("timoshenko", "eulerBernoulli", "inextensible", "rigid"),
+        "colour": ("#112233", "red"),
         "about": ("G", "B", "b", ""),
         "interpolation": ("linear", "cubic", "periodic", "spline"),
         "scheme": ("preserving", "decaying", "magic"),

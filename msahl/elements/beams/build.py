@@ -4,7 +4,7 @@ The mass of an element is that of Lobatto's quadrature: each node has its weight
 mass and inertia by length, summed over the elements that it belongs to.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -67,9 +67,9 @@ def build_beam(
     return beam, tuple(bodies)
 
 
-def node_shares(degree: int, lengths: np.ndarray) -> np.ndarray:
+def node_shares(degree: int, lengths: Sequence[float] | np.ndarray) -> np.ndarray:
     """Return the length [m] (nodes,) of which each node has the mass."""
-    shares = np.zeros(lengths.size * degree + 1)
+    shares = np.zeros(len(lengths) * degree + 1)
     for e, length in enumerate(lengths):
         shares[e * degree : e * degree + degree + 1] += 0.5 * length * shape(degree).node_weights
     return shares

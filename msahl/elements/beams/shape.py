@@ -87,22 +87,24 @@ def elements_of(degree: int, nodes: int) -> np.ndarray:
 def strains(
     degree: int, lengths: np.ndarray, positions: np.ndarray, axes: np.ndarray
 ) -> np.ndarray:
-    """Return Gamma and kappa (elements * degree, 6) at the Gauss points of a beam through nodes at
-    ``positions`` (k, 3) [m] with the ``axes`` (k, 3, 3), whose columns are d_1, d_2, d_3.
+    """Return Gamma and kappa (..., elements * degree, 6) at the Gauss points of a beam through
+    nodes at ``positions`` (..., k, 3) [m] with the ``axes`` (..., k, 3, 3), columns d_1, d_2, d_3.
 
-        Gamma_i = d_i . r'         kappa_1 = (d_3 . d_2' - d_2 . d_3')/2   and cyclic
+        Gamma_1 = d_1 . r' + (1 - d_1 . d_1)/2         Gamma_i = d_i . r' , i = 2, 3
+        kappa_1 = (d_3 . d_2' - d_2 . d_3')/2          and cyclic
 
     r and d_i are the polynomials through their values at the nodes. Both are invariant to rigid
     motions exactly. The unstressed beam's are to be subtracted.
     """
     of = shape(degree)
-    nodes = elements_of(degree, len(positions))
+    nodes = elements_of(degree, positions.shape[-2])
     slopes = 2.0 * of.slopes / np.asarray(lengths)[:, None, None]
-    r = np.einsum("ega,eai->egi", slopes, positions[nodes])
-    d = np.einsum("ga,eaij->egij", of.values, axes[nodes])
-    d_slope = np.einsum("ega,eaij->egij", slopes, axes[nodes])
-    stretch = np.einsum("egij,egi->egj", d, r)
-    p = np.einsum("egij,egik->egjk", d, d_slope)  # d_j . d_k'
+    r = np.einsum("ega,...eai->...egi", slopes, positions[..., nodes, :])
+    d = np.einsum("ga,...eaij->...egij", of.values, axes[..., nodes, :, :])
+    d_slope = np.einsum("ega,...eaij->...egij", slopes, axes[..., nodes, :, :])
+    stretch = np.einsum("...egij,...egi->...egj", d, r)
+    stretch[..., 0] += 0.5 * (1.0 - (d[..., 0] ** 2).sum(axis=-1))
+    p = np.einsum("...egij,...egik->...egjk", d, d_slope)  # d_j . d_k'
     twice = [p[..., 2, 1] - p[..., 1, 2], p[..., 0, 2] - p[..., 2, 0], p[..., 1, 0] - p[..., 0, 1]]
     both = np.concatenate([stretch, 0.5 * np.stack(twice, axis=-1)], axis=-1)
-    return both.reshape(-1, 6)
+    return both.reshape(*positions.shape[:-2], -1, 6)

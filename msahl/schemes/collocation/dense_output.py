@@ -36,6 +36,7 @@ from msahl.algebra.vector import (
     transpose,
 )
 from msahl.elements import forces, signals
+from msahl.elements.beams import instant as beams
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
 from msahl.elements.signals import Signals
@@ -300,6 +301,7 @@ def _prepare(output: DenseOutput, angle: np.ndarray) -> None:
     for q in range(angle.size):
         workspace.state.angle[q] = angle[q]
     evaluate.prepare(workspace.system, workspace.state, workspace.start)
+    beams.set_strains(workspace.system.beams, workspace.start.beams)
     group, own = workspace.system.forces.signals, workspace.start.forces.signals
     signals.save_reactions(group, own, output.begin.reaction)
     scalar.count_rotations(workspace.system.scalar, workspace.start.scalar, workspace.state.angle)
@@ -413,6 +415,7 @@ def _add_work(output: DenseOutput, instant: Instant, dt: float) -> None:
     frames = system.frames
     forces.add_power(system.forces, start.forces, system.scalar, state.reaction, dt, state.work)
     scalar.motion_work(system.scalar, frames, state.time[0], dt, instant.solution, state.work)
+    beams.add_power(system.beams, start.beams, start.frames, dt, state.work)
 
 
 @kernel
@@ -428,6 +431,7 @@ def _project(output: DenseOutput, instant: Instant) -> None:
     frames = system.frames
     evaluate.observe(system, state, start, monitor.violation, monitor.rate)
     scalar.in_metres(system.scalar, monitor.violation, monitor.rate)
+    beams.in_metres(system.beams, monitor.violation, monitor.rate)
     accelerations.solve_projection(system, state, start, monitor.violation, instant)
     for b in range(moving_count(frames)):
         Q = scale(1.0 / frames.length[b], at(instant.solution, rotation_node(frames, b)))

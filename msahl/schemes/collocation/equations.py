@@ -53,6 +53,8 @@ from msahl.algebra.vector import (
     transpose,
 )
 from msahl.elements import forces, signals
+from msahl.elements.beams import instant
+from msahl.elements.beams import stage as beams
 from msahl.elements.constraints import coincide, scalar
 from msahl.elements.frames import (
     Frames,
@@ -92,6 +94,14 @@ def evaluate(
         row, k, i = tableau.constraint_stage[n], tableau.multiplier_stage[n], tableau.force_stage[n]
         if n == 0 or tableau.node_time[n] != tableau.node_time[n - 1]:
             set_node(system, state, stages, h, n)
+            if not (stages.gravity_only and i >= 0):
+                beams.set_strains(
+                    system.beams,
+                    start.beams,
+                    system.frames,
+                    stages.increments,
+                    stages.state.strain,
+                )
         if i < 0:
             _enter_violations(system, state, start, stages, h, row)
             _set_constraint_accelerations(
@@ -185,9 +195,11 @@ def _enter_violations(
     scalar.set_violations(
         system.scalar, start.scalar, frames, state.violation, (t, dt), stages.increments, violation
     )
+    beams.set_violations(system.beams, stages.start.beams, frames, violation)
     scalar.raise_term_sizes(system.scalar, start.scalar, 1.0, stages.load_scale)
     for node in range(first_multiplier(frames), violation.shape[0]):
         put(stages.F[k], node, at(violation, node))
+    # The equations of elastic strains are at c_i.
 
 
 @kernel
@@ -206,6 +218,7 @@ def _set_constraint_accelerations(
         put(stages.at_rest, n, scale(2.0 / (h * h), at(stages.Z[k], n)))
     coincide.add_force(system.coincide, node.coincide, frames, stages.at_rest, row)
     scalar.add_constraint_forces(system.scalar, node.scalar, frames, stages.at_rest, row)
+    beams.add_rigid_forces(system.beams, node.beams, frames, stages.at_rest, row)
     t = stages.state.time[0]
     scalar.motion_work(system.scalar, frames, t, h * weight, stages.at_rest, stages.work)
 
@@ -228,6 +241,11 @@ def _set_force_accelerations(system: System, stages: StageArrays, h: float, i: i
     forces.add_forces(system.forces, node.forces, group, frames, reaction, row)
     forces.add_power(system.forces, node.forces, group, reaction, dt, stages.work)
     scalar.set_rate_equations(system.scalar, node.scalar, frames, h, stages.F[i])
+    instant.add_power(system.beams, node.beams, node.frames, dt, stages.work)
+    Z, F = stages.Z[i], stages.F[i]
+    beams.set_multipliers(system.beams, frames, h, Z, stages.at_rest)
+    beams.add_elastic_forces(system.beams, node.beams, frames, stages.at_rest, row)
+    beams.set_elastic_equations(system.beams, node.beams, frames, node.frames, h, Z, F)
 
 
 @kernel
@@ -342,6 +360,9 @@ def accept(
             put(stages.last_rates[i], Q_node, at(stages.rate[i], Q_node))
         put(stages.last_rates[s], u_node, at(start.frames.v, f))
         put(stages.last_rates[s], Q_node, at(start.frames.W, f))
+    beams.accept(
+        system.beams, start.beams, frames, stages.Z[s - 1], stages.increments, state.strain
+    )
     _accept_multipliers(system, state, stages, h)
     _set_end_accelerations(system, state, start, stages, h)
     stages.last_step[0], stages.last_step[1] = state.time[0], h

@@ -26,13 +26,21 @@ from msahl.algebra.vector import (
     transpose,
 )
 from msahl.elements import forces, signals
+from msahl.elements.beams import stage as beams
 from msahl.elements.constraints import coincide, scalar
 from msahl.elements.constraints.products import PARTS, Q_A, add_block
 from msahl.elements.frames import first_multiplier, rotation_node
 from msahl.elements.signals import Signals
 from msahl.jit.kernel import apart, kernel, optional, unit
 from msahl.schemes.collocation import local_rotation
-from msahl.schemes.collocation.workspace import BODY, VIOLATION, StageArrays, moment_for_parameters
+from msahl.schemes.collocation.workspace import (
+    BODY,
+    FORCE,
+    MULTIPLIER,
+    VIOLATION,
+    StageArrays,
+    moment_for_parameters,
+)
 from msahl.system.arrays import System, SystemWorkspace
 
 
@@ -63,7 +71,7 @@ def add_forces(
     """Add the rotational inertia and the forces at c_i."""
     _add_rotational_inertia(system, start, stages, h, i)
     if not stages.gravity_only:
-        _differentiate_forces(system, stages, i)
+        _differentiate_forces(system, stages, h, i)
         _convert_to_parameters(system, stages, True)
         _enter_forces(system, stages, h, i)
         _enter_other_stages(system.forces.signals, system, stages, h, i)
@@ -79,10 +87,11 @@ def _differentiate_constraints(system: System, stages: StageArrays) -> None:
         values[e] = stages.linear[e]
     coincide.add_derivatives(system.coincide, node.coincide, frames, stages.at_rest, values)
     scalar.add_constraint_derivatives(system.scalar, node.scalar, frames, stages.at_rest, values)
+    beams.add_rigid_derivatives(system.beams, node.beams, frames, stages.at_rest, values)
 
 
 @kernel
-def _differentiate_forces(system: System, stages: StageArrays, i: int) -> None:
+def _differentiate_forces(system: System, stages: StageArrays, h: float, i: int) -> None:
     """Set ``by_position`` and ``by_rate`` to the derivatives of the accelerations by the forces."""
     position, rate, node, frames = stages.by_position, stages.by_rate, stages.start, system.frames
     for e in range(position.size):
@@ -92,6 +101,9 @@ def _differentiate_forces(system: System, stages: StageArrays, i: int) -> None:
     scalar.differentiate(group, node.scalar, frames, out.still)
     forces.add_derivatives(system.forces, node.forces, group, frames, stages.reaction[i], out)
     scalar.add_rate_derivatives(group, node.scalar, frames, node.frames, out)
+    beams.add_elastic_derivatives(
+        system.beams, node.beams, frames, node.frames, h, stages.at_rest, (position, rate)
+    )
 
 
 @kernel
@@ -185,7 +197,7 @@ def _enter_forces(system: System, stages: StageArrays, h: float, i: int) -> None
         by_place, by_rate, base_position, base_rate = position[entry], rate[entry], 0.0, 0.0
         if (
             tableau.is_variational
-            and stages.block_kind[e] == BODY
+            and (stages.block_kind[e] == BODY or stages.block_kind[e] == FORCE)
             and system.frames.rotates[system.blocks[m, 0]]
         ):
             for r in range(3):
@@ -193,6 +205,9 @@ def _enter_forces(system: System, stages: StageArrays, h: float, i: int) -> None
                 base_position += base_change * position[9 * m + 3 * r + q]
                 base_rate += base_change * rate[9 * m + 3 * r + q]
         if by_place == by_rate == base_position == base_rate == 0.0:
+            continue
+        if stages.block_kind[e] == FORCE or stages.block_kind[e] == MULTIPLIER:
+            _enter_multiplier(stages, e, i, by_place, base_position)
             continue
         for k in range(s):
             phi, slope = h * h * tableau.basis[i, k], h * tableau.basis_rate[i, k]
@@ -208,6 +223,21 @@ def _enter_forces(system: System, stages: StageArrays, h: float, i: int) -> None
                     values[e, k, j] -= (
                         tableau.constraint_time[j] * tableau.force_weight[i] * base_term
                     )
+
+
+@kernel
+def _enter_multiplier(stages: StageArrays, e: int, i: int, value: float, base_term: float) -> None:
+    """Add the derivatives by an elastic multiplier of c_i: of the equations of bodies, or of its
+    own equation, to entry ``e``.
+    """
+    tableau = stages.tableau
+    if stages.block_kind[e] == MULTIPLIER:
+        stages.values[e, i, i] += value
+        return
+    for j in range(tableau.force_weight.size):
+        total = tableau.alpha[j, i] * value
+        total -= tableau.constraint_time[j] * tableau.force_weight[i] * base_term
+        stages.values[e, i, j] += 2.0 * total
 
 
 @optional()

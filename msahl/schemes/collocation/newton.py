@@ -14,6 +14,7 @@ import numpy as np
 
 from msahl.algebra.vector import copy
 from msahl.elements import signals
+from msahl.elements.beams import stage as beams
 from msahl.elements.constraints.scalar import clear_rate_violations
 from msahl.elements.forces import ReactionForces, pressed_by_reactions
 from msahl.elements.frames import first_multiplier
@@ -221,6 +222,7 @@ def accept_step(subsystem: CollocationWorkspace, h: float) -> None:
     for k in range(state.violation.shape[0]):
         for i in range(3):
             state.violation[k, i] += DRIFT_FEEDBACK * (violation[k, i] - state.violation[k, i])
+    beams.correct_strains(system.beams, start.beams, DRIFT_FEEDBACK)
     if stages.tableau.decays:
         lost = stages.first_energy[0] - energy_balance(system, state, start, violation, rate)
         state.work[state.work.size - 1] -= max(0.0, lost)

@@ -393,6 +393,7 @@ def copy_state(state: State, other: State) -> None:
     copy(state.force, other.force)
     copy(state.violation, other.violation)
     copy(state.reaction, other.reaction)
+    copy(state.strain, other.strain)
     for source, target in (
         (state.angle, other.angle),
         (state.work, other.work),

@@ -19,6 +19,7 @@ from msahl.algebra.vector import (
     transpose,
 )
 from msahl.elements import forces, signals
+from msahl.elements.beams import instant
 from msahl.elements.constraints import scalar
 from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.elements.frames import (
@@ -106,6 +107,7 @@ def new_stage_arrays(
     return StageArrays(
         tableau=tableau,
         gravity_only=system.scalar is None
+        and system.beams is None
         and not forces.acts_at_points(system.forces)
         and system.forces.signals is None,
         inverse_inertia=np.linalg.inv(system.bodies.inertia),
@@ -227,6 +229,7 @@ def set_node(system: System, state: State, stages: StageArrays, h: float, n: int
         put(node.p, b, compose(c, at(state.p, b)))
     if not bare:
         evaluate.prepare(system, node, stages.start)
+        instant.set_strains(system.beams, stages.start.beams)
         signals.save_reactions(system.forces.signals, stages.start.forces.signals, state.reaction)
     for b in range(moving_count(frames)):
         put(

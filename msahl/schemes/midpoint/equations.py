@@ -40,6 +40,7 @@ from msahl.algebra.vector import (
     transpose,
 )
 from msahl.elements import forces, rigid_body, signals
+from msahl.elements.beams import midpoint as beams
 from msahl.elements.constraints import coincide, scalar
 from msahl.elements.frames import (
     displacement_node,
@@ -128,6 +129,8 @@ def residual(
     rigid_body.residual(system.bodies, frames, start.bodies, start.frames, h, h2, Z, F)
     coincide.residual(system.coincide, start.coincide, frames, h2, Z, F)
     scalar.residual(system.scalar, start.scalar, frames, state.violation, t, h, h2, Z, F)
+    step = (h, h2, 0.5 * system.decay.chi)
+    beams.residual(system.beams, start.beams, frames, step, Z, F)
     forces.mean_residual(system.forces, start.forces, system.scalar, frames, (h, h2), Z, F)
 
 
@@ -171,6 +174,7 @@ def accept(
     decay, loss, gained = system.decay, 0.0, 0.0
     forces.mean_work(system.forces, start.forces, system.scalar, frames, h, Z, state.work)
     signals.accept(system.forces.signals, start.forces.signals, h, state.auxiliary)
+    beams.accept(system.beams, start.beams, h, state.strain, state.work)
     scalar.accept(system.scalar, start.scalar, frames, t, h, h2, Z, state.angle, state.work)
     for b in range(moving_count(frames)):
         lost, by_a, by_alpha = _accept_frame(system, state, start, h, Z, b)
@@ -183,6 +187,7 @@ def accept(
     state.foresight[0] = 1.0 if gained >= 0.0 else 0.0
     if decay.chi > 0.0:
         loss += forces.smooth(system.forces, start.forces, system.scalar, decay.pole)
+        loss += beams.smooth(system.beams, start.beams, 0.5 * decay.chi, decay.pole)
         state.work[state.work.size - 1] -= loss
     _accept_multipliers(system, state, start, h, Z, F)
     state.time[0] += h

@@ -25,6 +25,7 @@ _take_steps_instantaneous = compiled(accelerations.take_steps)
 def kind_of(system: System) -> str:
     """Name of the kind of system, which decides on the types of arguments."""
     kind = "points" if system.scalar is None else "along"
+    kind += "" if system.beams is None else "-beams"
     return kind if system.forces.signals is None else f"{kind}-signals"
 
 

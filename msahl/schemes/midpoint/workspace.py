@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.elements import forces, reactions, rigid_body
+from msahl.elements.beams import instant
 from msahl.jit.kernel import apart, unit
 from msahl.schemes.midpoint import equations
 from msahl.system import evaluate
@@ -128,3 +129,5 @@ def write_row(workspace: Workspace, h: float, row: int) -> None:
         loads.signals, loads.actuator, start.forces, system.scalar, tables.signals, row
     )
     forces.publish_energy(system.forces, start.forces, state.work.size, tables.work, row)
+    instant.write_resultants(system.beams, workspace.mean_force, tables.resultants, row)
+    instant.publish_energy(system.beams, start.beams, tables.work, row)

@@ -1,0 +1,1 @@
+"""Beams by their centre line, section and material: nodes, compliances, reference strains."""
