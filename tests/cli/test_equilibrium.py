@@ -156,3 +156,24 @@ def test_a_motion_that_moves_at_the_start_is_held_with_a_warning():
     result = call("equilibrium", DECKS / "mechanisms/four_bar.xml")
     assert result.exit_code == 0
     assert "WARN: motion 'Motor' is held where it begins, but moves at t = 0" in result.output
+
+
+def test_equilibria_in_python(start):
+    model = msahl.load(start)
+    rest = model.equilibrium()
+    assert rest["H.angle"] == pytest.approx(angle_at_rest(2.0), rel=1e-12)
+    assert rest.stability == "stable, all motions are damped"
+    assert rest["S.load"] == rest.frame("loads")["S.load"].iloc[0]
+    with pytest.raises(KeyError, match="no table has a column"):
+        rest["H.angel"]
+    found = model.equilibria(starts=4)
+    assert found[0]["H.angle"] == pytest.approx(rest["H.angle"], rel=1e-12)
+    later = rest.model.with_(m=3.0).run(t_final=0.5)
+    assert abs(later["H.angleRate"]).max() > 0.01
+    assert rest.model.modes().frequency == pytest.approx(model.modes().frequency, rel=1e-9)
+
+
+def test_a_deck_with_beams_does_not_begin_deformed(tmp_path):
+    result = call("equilibrium", DECKS / "elastic/bend45.xml", "-q", "-o", tmp_path / "out")
+    assert result.exit_code == 3
+    assert "a deck cannot begin with a deformed beam" in result.output
