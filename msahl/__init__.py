@@ -9,7 +9,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from msahl.analysis.inverse_drives import InverseError
     from msahl.api.batch import BatchError, batch
+    from msahl.api.derivatives import GradientError, Gradients
     from msahl.api.model import Model, load
     from msahl.api.result import Result, read
     from msahl.deck import DeckError
@@ -21,6 +23,9 @@ __version__ = "0.1.0"
 __all__ = [
     "BatchError",
     "DeckError",
+    "GradientError",
+    "Gradients",
+    "InverseError",
     "Model",
     "OptionError",
     "Result",
@@ -34,6 +39,9 @@ __all__ = [
 _PLACES = {
     "BatchError": "msahl.api.batch",
     "DeckError": "msahl.deck",
+    "InverseError": "msahl.analysis.inverse_drives",
+    "GradientError": "msahl.api.derivatives",
+    "Gradients": "msahl.api.derivatives",
     "Model": "msahl.api.model",
     "OptionError": "msahl.run.options",
     "Result": "msahl.api.result",

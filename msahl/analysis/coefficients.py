@@ -25,7 +25,7 @@ They are eliminated, which adds -G_e^T C^-1 (G_e + tau B_e) to K and -G_e^T C^-1
 kept (``resultants``).
 
 Derivatives are analytic, from the laws of the elements. They omit that friction's normal force
-and inputs that are reactions of joints change with the motion (``depends_on_reactions``).
+and inputs that are reactions of joints change with the motion, which ``reaction_feedback`` has.
 """
 
 from typing import TYPE_CHECKING, Any, NamedTuple

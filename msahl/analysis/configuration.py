@@ -37,9 +37,10 @@ from msahl.system.arrays import (
 )
 
 MOST_ITERATIONS = 25
-QUADRATIC = 1e-9
-"""Correction, relative to the size of the model, after which Newton's method, which squares it, has
-reached round-off."""
+DIVERGING = 4.0
+"""Ratio of a correction to the one before above which Newton's method is given up."""
+SLOW = 0.05
+"""Ratio of a correction to the one before above which the derivatives are evaluated again."""
 CLOSED = 1e-11
 """Violation, relative to the size of the model, that may remain."""
 EPSILON = float(np.finfo(float).eps)
@@ -48,13 +49,20 @@ EPSILON = float(np.finfo(float).eps)
 class Equations(NamedTuple):
     """How the constraint equations of a system stand among its unknowns; c equations, n unknowns.
 
-    ``call`` calls a kernel with its arguments.
+    ``call`` calls a kernel with its arguments, which are always the same arrays: compiled kernels
+    keep those that they have got.
     """
 
     system: System
     call: Callable[..., Any]
     start: SystemWorkspace
-    rest: State  # with velocities that are zero
+    seen: State  # the state that is evaluated
+    rest: State  # the same with velocities that are zero
+    Z: np.ndarray  # (nodes, 3) zeros
+    rows: np.ndarray  # (nodes, 3)
+    values: np.ndarray  # block values of the Jacobian
+    violation: np.ndarray  # (k, 3)
+    rate: np.ndarray  # (k, 3)
     coordinate: np.ndarray  # (n,) numbers of the unknowns among the flat ones of the system
     equation: np.ndarray  # (c,) likewise of the equations
     holonomic: np.ndarray  # (c,) whether an equation constrains positions, not rates alone
@@ -74,7 +82,13 @@ def new_equations(
         system=system,
         call=call or (lambda kernel, *given: by_size(kernel, size)(*given)),
         start=new_system_workspace(system, state),
+        seen=copied(state),
         rest=copied(state)._replace(v=np.zeros_like(state.v), w=np.zeros_like(state.w)),
+        Z=np.zeros((node_count(system), 3)),
+        rows=np.zeros((node_count(system), 3)),
+        values=np.zeros_like(system.constant),
+        violation=np.zeros_like(state.violation),
+        rate=np.zeros_like(state.violation),
         coordinate=coordinate,
         equation=equation,
         holonomic=holonomic(system),
@@ -118,39 +132,41 @@ class Solved(NamedTuple):
 
 def jacobian(of: Equations, state: State) -> np.ndarray:
     """(c, n) derivative G of the equations by the unknowns; of equations between rates by rates."""
-    rest, Z = _at_rest(of, state), np.zeros((node_count(of.system), 3))
-    values = np.zeros_like(of.system.constant)
+    rest, frames = _shown(of.rest, state), of.system.frames
     of.call(evaluate.prepare, of.system, rest, of.start)
     if of.system.scalar:
         group, own = of.system.scalar.coordinates, of.start.scalar.coordinates
-        of.call(coordinates.evaluate, group, own, of.system.frames, Z)
+        of.call(coordinates.evaluate, group, own, frames, of.Z)
     # With h^2 = 2 an acceleration of 1 m/s^2 is a displacement of 1 m over the step.
-    of.call(evaluate.joint_jacobian, of.system, of.start, 2.0**0.5, Z, values)
+    of.call(evaluate.joint_jacobian, of.system, of.start, 2.0**0.5, of.Z, of.values)
     G = np.zeros(of.equation.size * of.coordinate.size)
-    G[of.place] = values[of.taken]
+    G[of.place] = of.values[of.taken]
     return G.reshape(of.equation.size, of.coordinate.size)
 
 
-def _at_rest(of: Equations, state: State) -> State:
-    """Return the state with velocities that are zero, in arrays of the equations."""
-    rest = of.rest
+def _shown(seen: State, state: State) -> State:
+    """Return ``seen`` with the positions of ``state``, and its velocities unless it is at rest."""
     for name in ("time", "x", "p", "angle", "auxiliary", "reaction"):
-        getattr(rest, name)[:] = getattr(state, name)
-    return rest
+        getattr(seen, name)[:] = getattr(state, name)
+    return seen
+
+
+def _moving(of: Equations, state: State) -> State:
+    of.seen.v[:], of.seen.w[:] = state.v, state.w
+    return _shown(of.seen, state)
 
 
 def violations(of: Equations, state: State, at_rest: bool = False) -> tuple[np.ndarray, np.ndarray]:
     """(c,) constraint violations [m], 0 of equations between rates, and their rates [m/s], of the
     state or of the state ``at_rest``; counts angles in ``state.angle``.
     """
-    seen = _at_rest(of, state) if at_rest else state
-    violation, rate = np.zeros_like(state.violation), np.zeros_like(state.violation)
+    seen = _shown(of.rest, state) if at_rest else _moving(of, state)
     of.call(evaluate.prepare, of.system, seen, of.start)
     scalar.count_rotations(of.system.scalar, of.start.scalar, state.angle)
-    of.call(evaluate.observe, of.system, seen, of.start, violation, rate)
-    scalar.in_metres(of.system.scalar, violation, rate)
+    of.call(evaluate.observe, of.system, seen, of.start, of.violation, of.rate)
+    scalar.in_metres(of.system.scalar, of.violation, of.rate)
     chosen = of.equation - 3 * first_multiplier(of.system.frames)
-    return violation.reshape(-1)[chosen], rate.reshape(-1)[chosen]
+    return of.violation.reshape(-1)[chosen], of.rate.reshape(-1)[chosen]
 
 
 def solve(G: np.ndarray, b: np.ndarray, fitted: np.ndarray | None = None) -> Solved:
@@ -159,12 +175,24 @@ def solve(G: np.ndarray, b: np.ndarray, fitted: np.ndarray | None = None) -> Sol
     """
     left, values, right = np.linalg.svd(G, full_matrices=False)
     rank = int(np.count_nonzero(values > INDEPENDENT * values.max(initial=0.0)))
+    known = Solved(np.zeros(G.shape[1]), rank, values, left, right, 0.0)
     if fitted is None or not fitted.any():
-        z = right[:rank].T @ ((left[:, :rank].T @ b) / values[:rank])
-    else:
-        z = _fit(G, b, fitted)
-    remaining = float(np.abs(b - G @ z).max(initial=0.0))
-    return Solved(z, rank, values, left, right, remaining)
+        return again(known, G, b)
+    z = _fit(G, b, fitted)
+    return known._replace(z=z, remaining=float(np.abs(b - G @ z).max(initial=0.0)))
+
+
+def again(known: Solved, G: np.ndarray, b: np.ndarray) -> Solved:
+    """Return the least-squares solution of another right-hand side ``b`` (c,), of the matrix G
+    whose solution is ``known``.
+    """
+    z = _by_singular_values(known, b)
+    return known._replace(z=z, remaining=float(np.abs(b - G @ z).max(initial=0.0)))
+
+
+def _by_singular_values(known: Solved, b: np.ndarray) -> np.ndarray:
+    r = known.rank
+    return np.asarray(known.right[:r].T @ ((known.left[:, :r].T @ b) / known.values[:r]))
 
 
 def _fit(G: np.ndarray, b: np.ndarray, fitted: np.ndarray) -> np.ndarray:
@@ -183,7 +211,7 @@ def _fit(G: np.ndarray, b: np.ndarray, fitted: np.ndarray) -> np.ndarray:
 
 
 class Closed(NamedTuple):
-    """How well positions satisfy the equations, and G there."""
+    """How well positions satisfy the equations."""
 
     converged: bool
     iterations: int
@@ -191,41 +219,61 @@ class Closed(NamedTuple):
     last: float  # likewise of the last
     violation: float  # largest violation of equations that are exact [m]
     misfit: float  # likewise of those that are fitted
-    jacobian: np.ndarray
-    solved: Solved
 
 
 def close(
     of: Equations,
     state: State,
     fitted: np.ndarray | None = None,
-    reach: Callable[[Solved], bool] | None = None,
+    determined: bool = False,
 ) -> Closed:
     """Change the positions of ``state`` until they satisfy the equations at its time, by Newton's
-    method from where they are; ends at once where ``reach`` says so of the first correction.
+    method from where they are; equations that leave no degrees of freedom, so that positions are
+    ``determined``, need no singular values, which take most of the time.
     """
     first = last = previous = np.inf
     # Equations between rates do not constrain positions.
-    positions = of.holonomic
-    for iteration in range(1, MOST_ITERATIONS + 1):
-        violation, _ = violations(of, state)
-        G = jacobian(of, state)
-        solved = solve(G[positions], -violation[positions], _part(fitted, positions))
-        last = float(np.linalg.norm(solved.z))
-        first = last if iteration == 1 else first
-        if not np.isfinite(last) or (iteration == 1 and reach is not None and not reach(solved)):
-            return Closed(False, iteration, first, last, np.inf, np.inf, G, solved)
-        displace(of, state, solved.z)
-        stands = last >= 0.5 * previous and last <= CLOSED * of.size
-        if last <= QUADRATIC * of.size * min(1.0, solved.smallest) or stands:
-            break
-        previous = last
+    rows, fit = of.holonomic, _part(fitted, of.holonomic)
     violation, _ = violations(of, state)
+    solution: Callable[[np.ndarray], np.ndarray] | None = None
+    for iteration in range(1, MOST_ITERATIONS + 1):
+        if solution is None or last > SLOW * previous or fit is not None:
+            solution = _solution(jacobian(of, state)[rows], fit, determined)
+        z = solution(-violation[rows])
+        previous, last = last, float(np.linalg.norm(z))
+        first = last if iteration == 1 else first
+        if not np.isfinite(last) or (determined and last > DIVERGING * previous):
+            break
+        displace(of, state, z)
+        violation, _ = violations(of, state)
+        stands = last >= 0.5 * previous and last <= CLOSED * of.size
+        following = last * min(last / previous, 1.0) if iteration > 1 else last**2 / of.size
+        if following <= 0.1 * EPSILON * of.size or stands:
+            break
     exact = np.ones(violation.size, bool) if fitted is None else ~fitted
     largest = float(np.abs(violation[exact]).max(initial=0.0))
     misfit = float(np.abs(violation[~exact]).max(initial=0.0))
-    converged = largest <= CLOSED * of.size
-    return Closed(converged, iteration, first, last, largest, misfit, G, solved)
+    return Closed(largest <= CLOSED * of.size, iteration, first, last, largest, misfit)
+
+
+def _solution(
+    G: np.ndarray, fitted: np.ndarray | None, determined: bool
+) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the function that solves G z = b in the sense of least squares."""
+    if fitted is not None:
+        return lambda b: _fit(G, b, fitted)
+    if not determined:
+        known = solve(G, np.zeros(len(G)))
+        return lambda b: _by_singular_values(known, b)
+    Q, R = np.linalg.qr(G)
+
+    def by_qr(b: np.ndarray) -> np.ndarray:
+        try:
+            return np.asarray(np.linalg.solve(R, Q.T @ b))
+        except np.linalg.LinAlgError:
+            return np.full(len(R), np.nan)
+
+    return by_qr
 
 
 def _part(fitted: np.ndarray | None, rows: np.ndarray) -> np.ndarray | None:
@@ -281,16 +329,23 @@ def set_velocities(
 
 
 def set_accelerations(
-    of: Equations, state: State, fitted: np.ndarray | None = None, G: np.ndarray | None = None
+    of: Equations,
+    state: State,
+    fitted: np.ndarray | None = None,
+    G: np.ndarray | None = None,
+    known: Solved | None = None,
 ) -> Solved:
     """Set the accelerations of ``state``, whose positions and velocities satisfy the equations;
-    ``G`` is the ``jacobian`` of the state, if it is known.
+    ``G`` is the ``jacobian`` of the state, and ``known`` what ``solve`` returned for it, if they
+    are known.
     """
-    system = of.system
-    rows, Z = np.zeros((2, node_count(system), 3))
-    of.call(evaluate.prepare, system, state, of.start)
-    of.call(evaluate.free_acceleration, system, state, of.start, Z, rows)
-    solved = solve(jacobian(of, state) if G is None else G, rows.reshape(-1)[of.equation], fitted)
+    G = jacobian(of, state) if G is None else G
+    seen = _moving(of, state)
+    of.rows[:] = 0.0
+    of.call(evaluate.prepare, of.system, seen, of.start)
+    of.call(evaluate.free_acceleration, of.system, seen, of.start, of.Z, of.rows)
+    b = of.rows.reshape(-1)[of.equation]
+    solved = solve(G, b, fitted) if known is None or fitted is not None else again(known, G, b)
     state.a[:-1], state.alpha[:-1] = _by_frames(of, solved.z)
     return solved
 

@@ -58,7 +58,7 @@ def eigenvalues(A: np.ndarray, stages: tuple[int, ...] | None = None) -> Eigenva
     # Balancing would scale round-off of zeros to the size of the others.
     A = np.where(np.abs(A) > NOTHING * np.abs(A).max(initial=0.0), A, 0.0)
     balanced, (scaling, _) = matrix_balance(A, permute=False, separate=True)
-    basis, taken = _deflate(balanced, stages)
+    basis, taken = deflate(balanced, stages)
     zeros = sum(taken)
     rest = basis[:, zeros:].T @ balanced @ basis[:, zeros:]
     value, left, right = eig(rest, left=True)
@@ -118,17 +118,19 @@ def _vibrations(K: np.ndarray, stages: tuple[int, ...] | None) -> Eigenvalues:
     )
 
 
-def _deflate(A: np.ndarray, stages: tuple[int, ...] | None) -> tuple[np.ndarray, tuple[int, ...]]:
+def deflate(
+    A: np.ndarray, stages: tuple[int, ...] | None = None, least: float | None = None
+) -> tuple[np.ndarray, tuple[int, ...]]:
     """(n, n) orthonormal basis whose first columns span the invariant subspace of the eigenvalue
     zero, and how many of them each stage takes out, by rank unless ``stages`` are given; the first
-    are eigenvectors.
+    are eigenvectors. ``least`` is the singular value up to which one is zero.
     """
     n, zeros, taken = len(A), 0, list[int]()
     basis, rest = np.eye(n), A
-    largest = np.linalg.norm(A, 2)
+    least = ZERO * np.sqrt(n) * float(np.linalg.norm(A, 2)) if least is None else least
     while zeros < n and (stages is None or len(taken) < len(stages)):
         _, values, right = np.linalg.svd(rest)
-        nulls = int(np.count_nonzero(values <= ZERO * np.sqrt(n) * largest))
+        nulls = int(np.count_nonzero(values <= least))
         nulls = nulls if stages is None else stages[len(taken)]
         if not nulls:
             break

@@ -9,42 +9,57 @@ import numpy as np
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import at
 from msahl.analysis.coefficients import Coefficients
-from msahl.analysis.point import Point
+from msahl.analysis.point import Point, settle
 from msahl.analysis.projection import close, move
 from msahl.analysis.variations import FOURTH, Variations
 from msahl.elements.frames import moving_count
-from msahl.start.velocities import StartError, make_consistent, solve_accelerations
+from msahl.start.velocities import StartError, make_consistent
 from msahl.system.arrays import State, node_count
 
 STEP = 1e-3
 """Rotation [rad], displacement over a length, or change of a velocity over one, of a step."""
+SHORT_STEP, CURVED = 1e-5, 1e-8
+"""Step for laws that change much over the first one, as regularised friction does, and the
+disagreement above which it is tried as well."""
 
 
 def disagreement(point: Point, found: Coefficients, changes: Variations) -> float:
-    """Return the largest difference of accelerations, rotations times a length, relative to the
-    largest acceleration by the motion; nan if the joints cannot be closed beside the point.
+    """Return the largest difference of accelerations by a random motion, rotations times a length,
+    relative to the largest that there is; nan if the joints cannot be closed beside the point.
     """
     m = len(changes.into)
     if not m:
         return 0.0
     y = np.random.default_rng(0).normal(size=m)
-    dq, dv = changes.places[:, :m] @ y, changes.rates[:, :m] @ y
-    typical = float(np.mean(found.length[found.rotational]))
-    lengths = np.where(found.rotational, typical, 1.0)
-    size = max(float(np.abs(lengths * part).max()) for part in (dq, dv)) / typical
-    share = STEP / size if size > 0.0 else STEP
-    expected = changes.accelerations[:, :m] @ y
-    measured = np.zeros_like(expected)
     try:
-        for steps, weight in FOURTH:
-            for sign in (1.0, -1.0):
-                other = _beside(point, found, changes, sign * steps * share * y)
-                measured += sign * weight / share * _accelerations(point, found, other)
+        apart = _difference(point, found, changes, y, STEP)
+        if apart > CURVED:
+            apart = min(apart, _difference(point, found, changes, y, SHORT_STEP))
     except StartError:
         return float("nan")
-    largest = max(float(np.abs(lengths * of).max()) for of in (expected, measured))
+    return apart
+
+
+def _difference(
+    point: Point, found: Coefficients, changes: Variations, y: np.ndarray, step: float
+) -> float:
+    """The difference along the motion ``y``, with steps of a length ``step``."""
+    m, typical = y.size, float(np.mean(found.length[found.rotational]))
+    dq, dv = changes.places[:, :m] @ y, changes.rates[:, :m] @ y
+    lengths = np.where(found.rotational, typical, 1.0)
+    size = max(float(np.abs(lengths * part).max()) for part in (dq, dv)) / typical
+    share = step / size
+    expected = changes.accelerations[:, :m] @ y
+    measured = np.zeros_like(expected)
+    for steps, weight in FOURTH:
+        for sign in (1.0, -1.0):
+            other = _beside(point, found, changes, sign * steps * share * y)
+            measured += sign * weight / share * _accelerations(point, found, other)
+    # The motion itself has accelerations of the size of its rates squared by a length.
+    present = (expected, measured, size * found.acceleration)
+    largest = max(float(np.abs(lengths * of).max()) for of in present)
     apart = float(np.abs(lengths * (measured - expected)).max())
-    return apart / largest if largest > 0.0 else 0.0
+    return apart / max(largest, typical * size**2)
 
 
 def _beside(point: Point, found: Coefficients, changes: Variations, y: np.ndarray) -> State:
@@ -61,7 +76,7 @@ def _beside(point: Point, found: Coefficients, changes: Variations, y: np.ndarra
         w[f] += np.array(matrix(at(moved.p, f))).T @ rate[system.frames.rotation[f]]
     moved = moved._replace(v=v, w=w, auxiliary=state.auxiliary + changes.states[:, :m] @ y)
     make_consistent(system, moved, point.unknowns.free, "massWeighted")
-    solve_accelerations(system, moved, point.unknowns)
+    settle(system, moved, point.unknowns)
     return moved
 
 

@@ -132,7 +132,7 @@ class Columns:
     def _sloped(self, names: list[str], rows: np.ndarray, steps: np.ndarray) -> dict[str, Column]:
         """The columns of a table from its ``rows`` (1 + 8 k, ...), without the time."""
         value, k = rows[0], steps.size
-        sides = rows[1:].reshape(k, 4, 2, -1)
+        sides = rows[1:].reshape(k, 4, 2, len(value))
         odd = (sides[:, :, 0] - sides[:, :, 1]) / steps[:, None, None]
         eighth, sixth = (np.einsum("kio,i->ok", odd, np.array(w)) for w in (EIGHTH, SIXTH))
         size = max(*(float(np.abs(of).max(initial=0.0)) for of in (eighth, rows)), NOTHING)
@@ -176,9 +176,10 @@ class Columns:
         rows = np.flatnonzero(scalar.equations.law >= 0).tolist() if scalar else []
         changes, points = self.changes, 3 * self.point.system.coincide.a.size
         still = np.zeros(changes.places.shape[1])
-        inputs = {int(row): k for k, row in enumerate(changes.motion_rows.tolist())}
+        inputs = {int(row): k for k, row in enumerate(changes.motion.rows.tolist())}
         return [
-            changes.motion_rate[inputs[points + r]] if points + r in inputs else still for r in rows
+            changes.motion.u_dot[inputs[points + r]] if points + r in inputs else still
+            for r in rows
         ]
 
     def _signals(self) -> dict[str, Column]:
@@ -193,6 +194,8 @@ class Columns:
             place = int(group.shown[k])
             value = float(own.values.value[place])
             slope = self._along(*expression_slopes(point.system, self.found, place))
+            if len(self.changes.shown):
+                slope = slope + self.changes.shown[k]
             table[name] = Column(value, slope + self.fed.get(name, 0.0))
         actuators = [load for load in point.model.loads if isinstance(load, Actuator)]
         for load in actuators:

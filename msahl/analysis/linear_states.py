@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.analysis.coefficients import skews
 from msahl.analysis.linear_columns import BODIES, BODY_COORDINATES, LEVELS, Column, Columns
 from msahl.analysis.variations import Variations
 from msahl.joints.coordinates import coordinates, is_angle
@@ -39,6 +38,7 @@ class States(NamedTuple):
     slope: np.ndarray  # (m, k)
     rate_slope: np.ndarray  # (m, k)
     own: list[int]  # the m columns of the states
+    inertial: tuple[str, ...] = ()  # names of coordinates of bodies, along inertial axes
     error: float = 0.0  # of the slopes, relative to the largest numbers of their tables
 
 
@@ -79,13 +79,15 @@ def by_coordinates(model: Model, columns: Columns, changes: Variations, length: 
     again = [places, joints, bodies]
     moving = places if d == r else _chosen(again, 1, slice(d, d + r), length)
     rows = [(c, 0) for c in places] + [(c, 1) for c in moving]
-    return _stacked(
+    found = _stacked(
         [c.name + LEVELS[level] for c, level in rows],
         [c.unit + ("/s" if level else "") for c, level in rows],
         [c.levels[level] for c, level in rows],
         [c.levels[level + 1] for c, level in rows],
         changes,
     )
+    names = {c.name for c in (*places, *moving)}
+    return found._replace(inertial=tuple(c.name for c in bodies if c.name in names))
 
 
 def _stacked(
@@ -104,7 +106,7 @@ def _stacked(
         np.array([c.slope for c in values]).reshape(len(values), k),
         np.array([c.slope for c in rates]).reshape(len(rates), k),
         list(range(len(names))),
-        max((c.error for c in (*values, *rates)), default=0.0),
+        error=max((c.error for c in (*values, *rates)), default=0.0),
     )
 
 
@@ -138,15 +140,7 @@ def by_null_space(
     (3,) [rad/s]; names have the largest parts of what they move.
     """
     d, r = changes.degrees_of_freedom, changes.rate_degrees_of_freedom
-    n, k = changes.places.shape
-    rotation = np.kron(np.eye(n // 3), skews(axes[None])[0])
-    rates = np.concatenate(
-        [
-            changes.place_rates - rotation @ changes.places,
-            changes.accelerations - rotation @ changes.rates,
-            changes.state_rates,
-        ]
-    )
+    k = changes.places.shape[1]
     joints, bodies = candidates(model, columns)
     named = [*joints, *bodies]
     names = [f"eta{i + 1}: {_parts(named, 0, i, length)}" for i in range(d)]
@@ -159,7 +153,7 @@ def by_null_space(
         np.zeros(m),
         np.zeros(m),
         slope,
-        (changes.into @ rates)[:m],
+        (changes.into @ changes.relative_rates(axes))[:m],
         list(range(m)),
     )
 
@@ -187,11 +181,12 @@ def with_others(states: States, model: Model, changes: Variations, found: "Other
         [*states.units, *["SI"] * s, *found.units, *(f"{unit}/s" for unit in found.units)],
         np.concatenate([states.value, found.states, found.laws[0], found.laws[1]]),
         np.concatenate([states.rate, found.state_rates, found.laws[1], found.laws[2]]),
-        np.concatenate([states.slope, own, changes.motion, changes.motion_rate]),
+        np.concatenate([states.slope, own, changes.motion.u, changes.motion.u_dot]),
         np.concatenate(
-            [states.rate_slope, changes.state_rates[:s], changes.motion_rate, found.driven]
+            [states.rate_slope, changes.state_rates[:s], changes.motion.u_dot, found.driven]
         ),
         [*range(d + r + s), *moved],
+        states.inertial,
         states.error,
     )
 

@@ -15,7 +15,6 @@ from msahl.algebra.functions import evaluate as law
 from msahl.analysis.coefficients import (
     Coefficients,
     coefficients,
-    depends_on_reactions,
     evaluated,
 )
 from msahl.analysis.linear_check import disagreement
@@ -64,7 +63,7 @@ def linearize(
     own = evaluated(point.system, point.state)
     found = coefficients(point.system, point.state, own)
     resolved = resolve_inputs(point, own, inputs)
-    changes = variations(point, found, _acting(resolved, found))
+    changes = variations(point, own, found, _acting(resolved, found))
     place = _input_columns(point, resolved, changes)
     columns = Columns(point, own, changes, _fed(resolved, place, changes))
     balance = equilibrium(point, found)
@@ -94,8 +93,12 @@ def linearize(
         equilibrium=balance,
         chosen=states,
         accuracy=accuracy,
-        redundant=changes.redundant,
-        warnings=(*_warnings(point, balance, changes, outputs), *_doubts(accuracy)),
+        redundant=changes.linear.redundant,
+        warnings=(
+            *_warnings(point, balance, changes, outputs),
+            *_axes(chosen, balance),
+            *_doubts(accuracy),
+        ),
     )
 
 
@@ -106,6 +109,16 @@ def _states(columns: Columns, states: str, balance: Equilibrium) -> States:
     if states == COORDINATES:
         return by_coordinates(model, columns, columns.changes, length)
     return by_null_space(model, columns, columns.changes, length, balance.axes)
+
+
+def _axes(chosen: States, balance: Equilibrium) -> list[str]:
+    """Return that coordinates along inertial axes do not suit a rotating motion, if so."""
+    if not (balance.axes.any() and chosen.inertial):
+        return []
+    return [
+        f"the steady motion rotates, and {chosen.inertial[0]} is along inertial axes, in which its "
+        "coefficients are not constant; choose the states nullspace"
+    ]
 
 
 def _doubts(accuracy: Accuracy) -> list[str]:
@@ -194,16 +207,13 @@ def _others(
         assert scalar is not None
         number_of_law = int(scalar.equations.law[each.motion - points])
         laws[:, k] = law(point.system.laws, number_of_law, point.time)
-    driven = np.zeros((len(moved), changes.places.shape[1]))
-    acting = [each.motion >= 0 for each in resolved if not each.signal]
-    driven[np.arange(len(moved)), changes.inputs + np.flatnonzero(acting)] = 1.0
     return Others(
         states=point.state.auxiliary[:number],
         state_rates=found.state_rate[:number],
         names=[each.name for each in moved],
         units=[each.unit.removesuffix("/s^2") for each in moved],
         laws=laws,
-        driven=driven,
+        driven=changes.motion.u_ddot,
     )
 
 
@@ -249,11 +259,6 @@ def _warnings(
             "balanced; the matrices are those of this moment, and the states change at the rates "
             "given beside them"
         )
-    if depends_on_reactions(point.system):
-        found.append(
-            "a force depends on reactions of joints, whose changes are omitted (friction has the "
-            "slope of its law at a constant normal force)"
-        )
     shared = sorted(set(outputs) & _shared(point, changes))
     if shared:
         found.append(
@@ -265,4 +270,4 @@ def _warnings(
 
 def _shared(point: Point, changes: Variations) -> set[str]:
     """Return the columns of reactions that redundant constraints leave open."""
-    return shared_reactions(point) if changes.redundant else set()
+    return shared_reactions(point) if changes.linear.redundant else set()

@@ -25,6 +25,7 @@ from msahl.analysis.sparse_eigenvalues import (
     pencil,
 )
 from msahl.analysis.steady import Equilibrium, equilibrium
+from msahl.analysis.variations import with_reactions
 from msahl.model import SignalState
 from msahl.start.velocities import StartError
 from msahl.system.names import describe_row
@@ -120,22 +121,22 @@ def _sparse(
     except NotFoundError:
         where = f"{frequency:.9g} Hz" if frequency else "zero"
         raise StartError(
-            f"eigenvalues near {where} cannot be separated: one is exactly there (a rigid-body "
-            "mode, if it is zero), or many are nearly equal; ask for modes near another frequency "
-            "(--near)"
+            f"eigenvalues near {where} cannot be separated: one is there, or many are nearly "
+            "equal; ask for modes near another frequency (--near), or, of a model that is not very "
+            "large, for all (--method dense)"
         ) from None
     found_modes = Modes(
         value=result.value,
         condition=result.condition,
         error=result.error,
         zeros=result.zeros,
-        rigid=result.zeros // 2,
+        rigid=result.rigid,
         shape=np.zeros((0, 0, 0)),
         states=result.states.T,
         equilibrium=state,
         degrees_of_freedom=of.coordinates - of.independent,
         redundant=of.redundant,
-        warnings=warnings(point, state),
+        warnings=[*warnings(point, state), *_omitted(point)],
     )
     places, states = _normalised(found, result.places, result.states)
     found_modes = found_modes._replace(shape=_shapes(point, found, places), states=states.T)
@@ -147,7 +148,7 @@ def _dense(
 ) -> Modes:
     """All modes; see ``eigenvalues`` for ``stages``."""
     rates = rates_by_place(point.system, point.state)
-    system = linear_system(found, rates, state.axes)
+    system = with_reactions(point, found, linear_system(found, rates, state.axes), state.axes)
     result = eigenvalues(system.A, stages)
     kept = result.value.imag >= 0.0
     vectors = result.vector[:, kept]
@@ -183,12 +184,17 @@ def warnings(point: Point, state: Equilibrium) -> list[str]:
             "this motion is not steady: its coefficients change with time, in every axes tried; "
             "the modes are those of the coefficients at this moment"
         )
-    if depends_on_reactions(point.system):
-        found.append(
-            "forces depend on reactions of joints (friction or expressions); the derivatives "
-            "omit how these change"
-        )
     return found
+
+
+def _omitted(point: Point) -> list[str]:
+    """Return what sparse matrices do not contain."""
+    if not depends_on_reactions(point.system):
+        return []
+    return [
+        "forces depend on reactions of joints (friction or expressions); the derivatives omit how "
+        "these change, which those of dense matrices contain (--method dense)"
+    ]
 
 
 def _flat(point: Point, state: Equilibrium) -> int:

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from msahl.analysis.projection import close
-from msahl.elements import signals
+from msahl.elements import reactions, signals
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import moving_count
+from msahl.elements.reactions import MOST_ROUNDS
 from msahl.elements.rigid_body import read_states
 from msahl.jit.by_size import by_size
 from msahl.model import Model, Options
@@ -59,8 +60,20 @@ def at_start(model: Model) -> Point:
 def complete(model: Model, system: System, state: State, unknowns: Unknowns | None = None) -> Point:
     """Return the point of a consistent ``state``, with its accelerations and multipliers."""
     unknowns = unknowns or choose(system, all_unknowns(system), node_order(system))
-    solve_accelerations(system, state, unknowns)
+    settle(system, state, unknowns)
     return Point(model, system, state, unknowns)
+
+
+def settle(system: System, state: State, unknowns: Unknowns) -> None:
+    """Set accelerations, multipliers and reactions, until the reactions that expressions depend on
+    are those that follow.
+    """
+    group = system.forces.signals
+    for _ in range(MOST_ROUNDS if group is not None and signals.use_reactions(group) else 1):
+        last = state.reaction.copy()
+        solve_accelerations(system, state, unknowns)
+        if reactions.is_unchanged(state.reaction, last):
+            break
 
 
 def at_time(model: Model, time: float) -> Point:

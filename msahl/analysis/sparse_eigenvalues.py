@@ -31,6 +31,8 @@ from msahl.start.redundancy import INDEPENDENT, null_space
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
 
+    from msahl.analysis.zero_eigenvalues import ZeroSpace
+
 EXTRA = 4
 """Eigenvalues computed beyond those that are wanted, as pairs may be cut in half at the end."""
 LEAST = 4
@@ -47,6 +49,11 @@ MOST_RIGID = 200
 """Zeros that are computed to reach eigenvalues behind them."""
 MOST_RESTARTS = 300
 """Of Arnoldi's method; it needs some ten where eigenvalues are not nearly equal."""
+CLEAR = 10.0
+"""Size of an eigenvalue, relative to its error, from which it is not zero."""
+BESIDE = (1e-4, 1e-5, 1e-6, 1e-3, 1e-7)
+"""Shifts beside zero that are tried, relative to the highest frequency: one has to be smaller than
+the lowest by a factor of ten or more, and not by so much that round-off hides that."""
 SINGULAR = 1e13
 """Growth of a solution from which a matrix counts as singular."""
 
@@ -79,6 +86,7 @@ class Found(NamedTuple):
     """Eigenvalues with imaginary part >= 0 by size."""
 
     zeros: int  # eigenvalues that are zero, the first ones
+    rigid: int  # their eigenvectors
     value: np.ndarray  # (k,) complex [1/s]
     places: np.ndarray  # (n, k) dq
     states: np.ndarray  # (s, k) ds
@@ -197,15 +205,70 @@ def _general(of: Pencil, number: int, frequency: float) -> Found:
     """Eigenvalues of a model with damping, gyroscopic terms, auxiliary states or forces that follow
     the motion.
     """
-    from scipy.sparse import diags_array
+    from scipy.sparse.linalg import ArpackError
 
-    shift = 2j * np.pi * frequency if frequency else 0.0
-    factors = _factors((of.A - shift * diags_array(of.E)).tocsc())
     finite = int(np.count_nonzero(of.E))
     wanted = min((number if frequency else 2 * number) + EXTRA, max(finite - 2, 1))
+    if frequency:
+        return _by_both(of, wanted, 2j * np.pi * frequency)
+    try:
+        found = _by_both(of, wanted, 0.0)
+    except (NotFoundError, ArpackError):
+        return _behind_zeros(of, wanted)
+    # What is not larger than its error may be zero.
+    is_clear = np.all(np.abs(found.value) > CLEAR * found.error)
+    return found if is_clear else _behind_zeros(of, wanted)
+
+
+def _by_both(of: Pencil, wanted: int, shift: complex) -> Found:
+    """Eigenvalues by right and left eigenvectors."""
+    from scipy.sparse import diags_array
+
+    factors = _factors((of.A - shift * diags_array(of.E)).tocsc())
     right_values, right = _arnoldi(of, factors, "N", wanted, shift)
     left_values, left = _arnoldi(of, factors, "H", wanted, shift)
     return _refined(of, right_values, right, left_values.conj(), left)
+
+
+def _highest(of: Pencil) -> float:
+    """The size of the largest eigenvalues [1/s], about."""
+    n = of.coordinates
+    K, D = of.A[n : 2 * n, :n], of.A[n : 2 * n, n : 2 * n]
+    stiffest = float(abs(K).max()) ** 0.5 if K.nnz else 0.0
+    return max(stiffest, float(abs(D).max()) if D.nnz else 0.0) or 1.0
+
+
+def _behind_zeros(of: Pencil, wanted: int) -> Found:
+    """Zeros, counted by rank, and the other eigenvalues next to them, whose eigenvectors have
+    nothing of the zeros'.
+    """
+    from scipy.sparse import diags_array
+
+    from msahl.analysis.zero_eigenvalues import zero_space
+
+    highest, zeros = _highest(of), None
+    for beside in BESIDE:
+        shift = beside * highest
+        factors = _factors((of.A - shift * diags_array(of.E)).tocsc())
+        zeros = zero_space(of.A, of.E, of.coordinates, factors, shift)
+        if zeros is not None:
+            break
+    if zeros is None:
+        raise NotFoundError
+    right_values, right = _arnoldi(of, factors, "N", wanted, shift, zeros)
+    left_values, left = _arnoldi(of, factors, "H", wanted, shift, zeros)
+    found = _refined(of, right_values, right, left_values.conj(), left)
+    n, z = of.coordinates, zeros.right.shape[1]
+    states = zeros.right[2 * n : 2 * n + of.states]
+    return Found(
+        zeros=z,
+        rigid=zeros.null,
+        value=np.concatenate([np.zeros(z), found.value]),
+        places=np.concatenate([of.back @ zeros.right[:n], found.places], axis=1),
+        states=np.concatenate([states, found.states], axis=1),
+        condition=np.concatenate([np.full(z, np.nan), found.condition]),
+        error=np.concatenate([np.zeros(z), found.error]),
+    )
 
 
 def _factors(matrix: Any) -> Any:
@@ -219,13 +282,20 @@ def _factors(matrix: Any) -> Any:
 
 
 def _arnoldi(
-    of: Pencil, factors: Any, transposed: str, wanted: int, shift: complex
+    of: Pencil,
+    factors: Any,
+    transposed: str,
+    wanted: int,
+    shift: complex,
+    without: "ZeroSpace | None" = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Eigenvalues and eigenvectors of the pencil, or of its conjugate transpose."""
+    """Eigenvalues and eigenvectors of the pencil, or of its conjugate transpose, ``without`` those
+    that are zero.
+    """
     from scipy.sparse.linalg import LinearOperator, eigs
 
     m, finite = len(of.E), int(np.count_nonzero(of.E))
-    kind = complex if shift else float
+    kind = complex if isinstance(shift, complex) else float
     sigma = np.conj(shift) if transposed == "H" else shift
     rest = np.zeros(m - finite)
 
@@ -233,9 +303,11 @@ def _arnoldi(
         """(A - sigma E)^-1 E x with all unknowns, or the same of the transposed matrices."""
         right = np.concatenate([x.reshape(-1), rest]).astype(kind, copy=False)
         solved: np.ndarray = factors.solve(right, transposed)
-        return solved
+        return solved if without is None else without.removed(solved, of.E, transposed)
 
-    start = _start(lambda x: solve(x)[:finite], finite).astype(kind)
+    # Beside zero, a small shift is meant to let it grow.
+    limit = np.inf if shift and kind is float else SINGULAR
+    start = _start(lambda x: solve(x)[:finite], finite, limit).astype(kind)
     operator = LinearOperator(
         (finite, finite), matvec=lambda x: solve(x)[:finite], dtype=np.dtype(kind)
     )
@@ -251,16 +323,18 @@ def _arnoldi(
     return sigma + 1.0 / values, complete
 
 
-def _start(apply: Callable[[np.ndarray], np.ndarray], m: int) -> np.ndarray:
+def _start(
+    apply: Callable[[np.ndarray], np.ndarray], m: int, limit: float = SINGULAR
+) -> np.ndarray:
     """A vector (m,) that has nothing of infinite eigenvalues but round-off, as the operator was
-    applied to it; raises ``NotFoundError`` if that grows without bounds.
+    applied to it; raises ``NotFoundError`` if that grows beyond the ``limit``.
     """
     start = np.random.default_rng(0).normal(size=m)
     start /= np.linalg.norm(start)
     for _ in range(3):
         start = apply(start)
         size = float(np.linalg.norm(start))
-        if not size < SINGULAR:
+        if not size < limit:
             raise NotFoundError
         start /= size
     return start
@@ -296,6 +370,7 @@ def _refined(
     x = right[:, chosen]
     return Found(
         zeros=0,
+        rigid=0,
         value=np.array([_cleaned(value, error) for value, _, _, error in found]),
         places=of.back @ x[:n],
         states=x[2 * n : 2 * n + of.states],
@@ -378,6 +453,7 @@ def _of_squares(of: Pencil, solutions: list[np.ndarray]) -> Found:
     order = np.argsort(np.abs(value), kind="stable")
     return Found(
         zeros=zeros,
+        rigid=zeros // 2,
         value=np.array(value)[order],
         places=(of.back @ np.array(places)[order].T).astype(complex),
         states=np.zeros((0, len(value)), dtype=complex),

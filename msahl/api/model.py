@@ -20,10 +20,13 @@ from msahl.run.options import OptionError, checked_options
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element as PlainElement
 
+    import pandas as pd
     from lxml.etree import _Element
 
     from msahl.analysis.linear_model import LinearModel
+    from msahl.api.derivatives import Gradients
     from msahl.api.equilibria import Equilibrium
+    from msahl.api.inverse import InverseResult
     from msahl.api.modes import Modes, ModesOver
 
 Value = float | str
@@ -64,14 +67,61 @@ class Model:
         """
         return Model(self._deck, {**self.changes, **changes})
 
-    def run(self, **options: Unpack[RunOptions]) -> Result:
+    def run(
+        self,
+        *,
+        gradient: str | Sequence[str] = (),
+        wrt: str | Sequence[str] = (),
+        **options: Unpack[RunOptions],
+    ) -> Result:
         """Run the model and return its results, which are kept in memory.
 
         The ``options`` are those of ``msahl run``. Raises ``OptionError``, a ``ValueError``, if
         they are wrong, ``StartError`` if the model has no consistent state at t = 0. A run that
         cannot complete returns the results up to there; its ``status`` says why it ended.
+
+        With measures in ``gradient``, such as ``"Tip.z final"``, and names of numbers in ``wrt``,
+        the ``gradient`` of the results holds the derivatives of the former by the latter; raises
+        ``GradientError``, a ``ValueError``, if there are none.
         """
-        return run_job(self.job(**options))
+        if not gradient and not wrt:
+            return run_job(self.job(**options))
+        from msahl.api.gradients import run_with_gradients
+
+        return run_with_gradients(self.job(**options), gradient, wrt)
+
+    def gradient(
+        self,
+        measures: str | Sequence[str],
+        wrt: str | Sequence[str],
+        **options: Unpack[RunOptions],
+    ) -> "Gradients":
+        """Run the model and return the derivatives of ``measures``, such as ``"Tip.z final"``, by
+        numbers of the deck, named as in ``with_``, with their errors.
+
+        Raises ``GradientError``, a ``ValueError``, if there are none, and what ``run`` raises.
+        """
+        found = self.run(gradient=measures, wrt=wrt, **options).gradient
+        assert found is not None
+        return found
+
+    def inverse(
+        self,
+        motion: "str | PathLike[str] | Result | pd.DataFrame | Mapping[str, Any]",
+        loads: Sequence[str] = (),
+        weights: Mapping[str, float] | None = None,
+        smooth: float = 0.0,
+        companion: "str | PathLike[str] | Result | pd.DataFrame | Mapping[str, Any] | None" = None,
+    ) -> "InverseResult":
+        """Return the loads of actuators that produce a ``motion``: a result, a table, or the path
+        of a table or of a run's folder.
+
+        The arguments are the options of ``msahl inverse``. Raises ``InverseError``, a
+        ``ValueError``, if they are wrong or leave degrees of freedom undetermined.
+        """
+        from msahl.api.inverse import loads_of
+
+        return loads_of(self.job(), motion, loads, weights, smooth, companion)
 
     def job(self, **options: Unpack[RunOptions]) -> Job:
         """Return what ``run`` would run, checked; raises ``OptionError`` as ``run`` does."""
@@ -81,6 +131,21 @@ class Model:
             settings = (*settings, f"{STOP_WHEN}{condition}")
             records = self._deck.model(settings)
         return make_job(self._deck.source, records, checked_options(given), settings)
+
+    def kinematics(
+        self, step: float | None = None, t_final: float | None = None, every: int = 1
+    ) -> Result:
+        """Return the motion of a model whose prescribed motions leave no degrees of freedom, as
+        ``msahl kinematics`` computes it: without integrating, with accelerations and reactions.
+
+        ``step`` is the time between output times and ``t_final`` the end [s], of which every
+        ``every``-th is computed. Raises ``StartError`` if degrees of freedom remain. A motion that
+        cannot be followed to its end is returned up to there; its ``status`` says so.
+        """
+        from msahl.analysis.kinematics import options_of
+        from msahl.api.kinematics import kinematics_of
+
+        return kinematics_of(self.job(**options_of(step, t_final)), every)
 
     def equilibrium(self, rotation: Sequence[float] = (0.0, 0.0, 0.0)) -> "Equilibrium":
         """Return the equilibrium to which the forces lead from where the deck has the bodies: at

@@ -36,6 +36,7 @@ from msahl.run.verdict import describe_verdict
 if TYPE_CHECKING:
     import pandas as pd
 
+    from msahl.api.derivatives import Gradients
     from msahl.api.pictures import Pictures
     from msahl.results.read import Run
 
@@ -68,6 +69,8 @@ class Result:
         self._frames: dict[str, pd.DataFrame] = {}
         self.omitted: tuple[str, ...] = ()
         """Tables of the run that a batch did not keep."""
+        self.gradient: Gradients | None = None
+        """Derivatives of measures, if the run was asked for them."""
 
     @cached_property
     def _origin(self) -> Job | Path:

@@ -7,11 +7,12 @@ from msahl.api.result import Result, result_of
 from msahl.model.settings import EQUILIBRIUM
 from msahl.results.job import Job
 from msahl.run import loop
+from msahl.run.loop import Hooks
 from msahl.run.report import INTERRUPTED
 from msahl.run.tables import MemorySink
 
 
-def run_job(job: Job, only: Sequence[str] | None = None) -> Result:
+def run_job(job: Job, only: Sequence[str] | None = None, hooks: Hooks | None = None) -> Result:
     """Run a ``job`` and return its results: all tables, or those whose names are in ``only``.
 
     Raises ``StartError`` if the model has no consistent state at t = 0, and KeyboardInterrupt if
@@ -19,7 +20,7 @@ def run_job(job: Job, only: Sequence[str] | None = None) -> Result:
     """
     job = begun(job)
     began, sink = time.perf_counter(), MemorySink(only)
-    report = loop.run(job.model, job.options, sink, checked=True)
+    report = loop.run(job.model, job.options, sink, hooks or Hooks(), checked=True)
     report.seconds["total"] = time.perf_counter() - began
     if report.status == INTERRUPTED:
         raise KeyboardInterrupt(report.message)

@@ -15,8 +15,8 @@ import msahl
 from msahl.cli.console import INTERRUPTED, open_standard_streams, say
 
 COMMANDS = (
-    "check", "compile", "equilibrium", "explain", "linearize", "modes", "new", "run", "schema",
-    "show", "study", "sweep",
+    "check", "compile", "equilibrium", "explain", "inverse", "kinematics", "linearize", "modes",
+    "new", "run", "schema", "show", "study", "sweep",
 )  # fmt: skip
 """All commands, each in the module ``msahl.cli`` of its name."""
 

@@ -14,13 +14,14 @@ import click
 
 from msahl.cli.command_line import typed_command
 from msahl.cli.compiling import announced
-from msahl.cli.console import BAD_VERDICT, NOT_WRITTEN, STATUS, say, stop
+from msahl.cli.console import BAD_VERDICT, NOT_CONVERGED, NOT_WRITTEN, STATUS, say, stop
 from msahl.cli.decks import job_to_run
 from msahl.cli.options import DECK, output_option, run_options, set_option
 from msahl.cli.signals import Interruption, set_alarm, stoppable
 from msahl.printable import printable, shown_path
 
 if TYPE_CHECKING:
+    from msahl.cli.gradients import GradientsOfRun
     from msahl.model import Model
     from msahl.results.checkpoint import Checkpoint
     from msahl.results.job import Job
@@ -42,6 +43,20 @@ STARTED = time.perf_counter()
     "none).",
 )
 @run_options
+@click.option(
+    "--gradient",
+    multiple=True,
+    metavar="MEASURE",
+    help="Compute the derivatives of a measure, such as 'Tip.z final' (see msahl sweep --measure), "
+    "by the numbers of --wrt; repeat for more.",
+)
+@click.option(
+    "--wrt",
+    multiple=True,
+    metavar="NAMES",
+    help="Numbers of the deck, named as for --set and separated by commas, by which --gradient "
+    "differentiates.",
+)
 @click.option("--resume", is_flag=True, help="Resume the interrupted run in DIR. Give the deck and "
               "the options with which it was started.")  # fmt: skip
 @click.option("--strict", is_flag=True, help="Exit with status 1 on WARN as well as on FAIL.")
@@ -61,21 +76,22 @@ def run(
     Writes states.csv, reactions.csv (if there are joints or motions), joints.csv (coordinates of
     joints that have angles or slides), work.csv (if there are loads or motions), markers.csv,
     system.csv and signals.csv (if the deck has markers, groups or signals), error.csv (estimated
-    errors of positions and orientations), run.json and deck.xml, the deck as it was run. File names
-    of tables end in .part until the run is complete. If DIR holds complete results already, they
-    are kept until then, and the new run is written to DIR/incomplete. Exits with status 1 if the
-    verdict is FAIL.
+    errors of positions and orientations), gradients.csv (with --gradient), run.json and deck.xml,
+    the deck as it was run. File names of tables end in .part until the run is complete. If DIR
+    holds complete results already, they are kept until then, and the new run is written to
+    DIR/incomplete. Exits with status 1 if the verdict is FAIL.
 
     Example: msahl run decks/thesis/double_pendulum_89.xml --dt 0.01 -o results/coarse
     """
     changed = given.pop("settings")
-    condition = given.pop("stop_when")
+    condition, measures, wrt = (given.pop(name) for name in ("stop_when", "gradient", "wrt"))
     if condition is not None:
         from msahl.deck.overrides import STOP_WHEN
 
         changed = (*changed, f"{STOP_WHEN}{condition}")
     folder = output or Path("results") / deck.stem
     task = make_task(deck, folder, given, changed, resume, quiet)
+    gradients = _gradients(task, measures, wrt, resume) if measures or wrt else None
     from msahl.jit.progress import CompileError
     from msahl.results.folder import FolderError
     from msahl.results.lock import FolderInUseError, locked
@@ -86,7 +102,7 @@ def run(
             where = shown_path(task.folder)
             raise ResumeError(f"{where}: no run to resume; omit --resume to start it")
         with locked(task.folder):
-            status = carry_out(task, resume, strict, Talk(quiet, verbose))
+            status = carry_out(task, resume, strict, Talk(quiet, verbose), gradients)
     except OSError as error:
         where = shown_path(error.filename or task.folder)
         stop(f"{where}: {error.strerror or error}; choose another folder with -o")
@@ -145,15 +161,36 @@ def make_task(
     return task
 
 
-def carry_out(task: Task, resume: bool, strict: bool, talk: Talk) -> int:
+def _gradients(
+    task: Task, measures: tuple[str, ...], wrt: tuple[str, ...], resume: bool
+) -> "GradientsOfRun":
+    """The derivatives that are asked for; faults end the program."""
+    if resume:
+        stop("msahl run: --gradient needs the run from its start; omit --resume")
+    from msahl.cli.gradients import GradientsOfRun
+
+    return GradientsOfRun(task.job, measures, wrt)
+
+
+def carry_out(
+    task: Task,
+    resume: bool,
+    strict: bool,
+    talk: Talk,
+    gradients: "GradientsOfRun | None" = None,
+) -> int:
     """Make the run, or resume it, in the locked folder; the exit status."""
     begun = _begin(task, resume)
     if begun is None:
         say(f"{shown_path(task.deck)}: the run in {shown_path(task.folder)} is complete")
         return 0
     with stoppable() as stopped:
-        report = _simulate(task, *begun, stopped, talk)
-        status = _close(task, begun[0], report, stopped, talk)
+        report = _simulate(task, *begun, stopped, talk, gradients)
+        if gradients and report.status == "completed":
+            gradients.compute(report)
+        status = _close(task, begun[0], report, stopped, talk, gradients)
+        if gradients and gradients.found is None:
+            status = status or NOT_CONVERGED
         return status or _status_of_verdict(report, strict)
 
 
@@ -174,7 +211,12 @@ def _begin(task: Task, resume: bool) -> "tuple[Path, Checkpoint | None] | None":
 
 
 def _simulate(
-    task: Task, work: Path, since: "Checkpoint | None", stopped: Callable[[], bool], talk: Talk
+    task: Task,
+    work: Path,
+    since: "Checkpoint | None",
+    stopped: Callable[[], bool],
+    talk: Talk,
+    gradients: "GradientsOfRun | None",
 ) -> "Report":
     """Run into the folder ``work``; the report covers faults of the start and of the disk."""
     from msahl.results.checkpoint import Checkpoint, write_checkpoint
@@ -197,8 +239,10 @@ def _simulate(
     try:
         with results, announced(not talk.quiet), _progress(job.model, not talk.quiet) as progress:
             tell = (lambda message: None) if talk.quiet else say
-            hooks = loop.Hooks(progress, stopped, tell, save)
-            report = loop.run(job.model, job.options, results, hooks, snapshot, checked=True)
+            accepted = gradients.record.add if gradients else None
+            sink = gradients.beside(results) if gradients else results
+            hooks = loop.Hooks(progress, stopped, tell, save, accepted)
+            report = loop.run(job.model, job.options, sink, hooks, snapshot, checked=True)
             set_alarm(0.0)  # what ends the run now must not be interrupted
             results.complete = report.status == COMPLETED
     except StartError as error:
@@ -210,7 +254,14 @@ def _simulate(
     return report
 
 
-def _close(task: Task, work: Path, report: "Report", stopped: Interruption, talk: Talk) -> int:
+def _close(
+    task: Task,
+    work: Path,
+    report: "Report",
+    stopped: Interruption,
+    talk: Talk,
+    gradients: "GradientsOfRun | None",
+) -> int:
     """End a run, however it went: ``run.json``, the last messages, the exit status."""
     from msahl.results.checkpoint import has_checkpoint, remove_checkpoint
     from msahl.results.folder import finish, tables
@@ -224,7 +275,9 @@ def _close(task: Task, work: Path, report: "Report", stopped: Interruption, talk
         report.message += f"; {again} with: {command}"
     status, complete = STATUS[report.status], report.status == "completed"
     try:
-        write_json(work / INFO, {**task.about, "tables": tables(work), **report.as_json()})
+        derivatives = gradients.write(work) if gradients else {}
+        told = {"tables": tables(work), **report.as_json(), **derivatives}
+        write_json(work / INFO, {**task.about, **told})
         if complete:
             remove_checkpoint(work)
             finish(task.folder)
@@ -232,6 +285,8 @@ def _close(task: Task, work: Path, report: "Report", stopped: Interruption, talk
         say(f"{shown_path(error.filename or work / INFO)}: {error.strerror or error}")
         status = NOT_WRITTEN if complete else status
     _tell(task.deck, task.folder if complete else work, report, talk)
+    if gradients:
+        gradients.tell(talk.quiet)
     if not complete and work != task.folder and not talk.quiet:
         earlier = f"the complete results of an earlier run are still in {shown_path(task.folder)}"
         say(f"{shown_path(task.deck)}: {earlier}")

@@ -194,3 +194,37 @@ def _unknown(root: Element, path: str) -> str:
         return f"the deck has no such number or parameter{near}"
     first = path.partition(".")[0]
     return f"the deck has no element or parameter '{first}'{nearest(first, [*parameters, *heads])}"
+
+
+class FoundNumber(NamedTuple):
+    """A number of an expanded deck: where it is, its value, its unit as the deck gives it ("" if it
+    gives none), and as a reader needs it: "SI" if the deck gives none of a number that has one."""
+
+    path: str
+    value: float
+    units: str
+    shown: str
+
+
+def find_number(root: Element, path: str) -> FoundNumber:
+    """Return the number of an expanded deck that ``path`` names, as ``--set`` names it.
+
+    Raises ``LookupError`` with what there is instead.
+    """
+    for parameter in root.iterfind("parameters/parameter"):
+        if attribute(parameter, "name") == path:
+            units = attribute(parameter, "units")
+            units = "" if units == "1" else units
+            return FoundNumber(path, float(parameter.text or ""), units, units)
+    found = list(_found(root, path))
+    if not found:
+        raise LookupError(_unknown(root, path))
+    if len(found) > 1:
+        shown = ", ".join(map(str, found[:MOST_LISTED]))
+        raise LookupError(f"there are {len(found)} such numbers: {shown}; name one of them")
+    place = found[0]
+    value = place.element.get(place.attribute) if place.attribute else place.element.text
+    units = "" if place.attribute else attribute(place.element, "units")
+    has_units = not place.attribute and bool(types().content(place.element).units)
+    shown = units or ("SI" if has_units else "")
+    return FoundNumber(str(place), float(value or ""), units, shown)

@@ -152,7 +152,8 @@ def _title(run: Run) -> str:
 def _status(run: Run) -> str:
     steps = run.info.get("steps")
     extent = f"{steps} steps" if steps else f"{len(run.time)} output times"
-    complete = f"The run is complete: {extent} to t = {run.time[-1]:g} s."
+    subject = f"The motion by msahl {run.info['command']}" if "command" in run.info else "The run"
+    complete = f"{subject} is complete: {extent} to t = {run.time[-1]:g} s."
     note = partial_note(run)
     return f"{note[0].upper()}{note[1:]}." if note else complete
 
@@ -182,7 +183,7 @@ def _sentences(run: Run, metrics: Metrics) -> list[str]:
     sentences = [
         describe_energy(metrics.energy),
         describe_start(metrics.energy),
-        *describe_constraints(metrics.constraints),
+        *describe_constraints(metrics.constraints, "command" not in run.info),
         describe_work(metrics.work, metrics.energy),
     ]
     if run.every > 1:

@@ -72,7 +72,8 @@ def _line(run: Run) -> str:
     deck = run.info.get("deck", {}).get("path", "")
     steps, end = run.info.get("steps"), f"{run.time[-1]:g} s"
     extent = f"{steps} steps to t = {end}" if steps else f"{len(run.time)} output times to {end}"
-    return f"{deck}: {extent}" if deck else extent
+    by = f"msahl {run.info['command']}, " if "command" in run.info else ""
+    return f"{deck}: {by}{extent}" if deck else by + extent
 
 
 def banner(run: Run) -> Part:

@@ -47,8 +47,16 @@ def describe_start(energy: Energy) -> str:
     return ""
 
 
-def describe_constraints(found: Constraints) -> list[str]:
-    """Say how large the constraint violations are at position level and at velocity level."""
+DISCRETISATION = (
+    " It is a discretisation error: with the scheme of order 2 it falls with the square of the "
+    "step size."
+)
+
+
+def describe_constraints(found: Constraints, integrated: bool = True) -> list[str]:
+    """Say how large the constraint violations are at position level and at velocity level, of
+    motions that were ``integrated`` or computed at each time.
+    """
     position = [part for part in (_violation(found, 0, "m"), _violation(found, 1, "rad")) if part]
     velocity = [part for part in (_rate(found, 0, "m/s"), _rate(found, 1, "rad/s")) if part]
     sentences = []
@@ -59,8 +67,7 @@ def describe_constraints(found: Constraints) -> list[str]:
     if velocity:
         sentences.append(
             "The largest constraint violation at velocity level, at the output times, is "
-            f"{' and '.join(velocity)}. It is a discretisation error: with the scheme of order 2 "
-            "it falls with the square of the step size."
+            f"{' and '.join(velocity)}.{DISCRETISATION if integrated else ''}"
         )
     return sentences
 

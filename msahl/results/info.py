@@ -77,7 +77,8 @@ WORD = Leaf(f"one of {', '.join(WORDS)}", lambda value: value in WORDS)
 CHECK = Fields({"word": WORD, "text": TEXT}, ("word", "text"))
 
 SHAPE = Fields({
-    **dict.fromkeys(("msahl", "python", "numba", "numpy", "scipy", "status", "message"), TEXT),
+    **dict.fromkeys(("msahl", "python", "numba", "numpy", "scipy"), TEXT),
+    **dict.fromkeys(("status", "message", "command"), TEXT),
     **dict.fromkeys(("outputTimes", "steps", "joints", "unknowns"), COUNT),
     **dict.fromkeys(("subsystems", "planarSubsystems"), COUNT),
     **dict.fromkeys(("iterations", "factorisations", "scipySteps", "subdivisions"), COUNT),

@@ -29,7 +29,9 @@ def file_name(table: str) -> str:
     return f"{table}.csv"
 
 
-TABLE_FILES = tuple(map(file_name, TABLES))
+GRADIENTS = "gradients.csv"
+"""Derivatives of measures by numbers of the deck, if they were asked for."""
+TABLE_FILES = (*map(file_name, TABLES), GRADIENTS)
 """Names of the files of all tables."""
 
 

@@ -54,13 +54,15 @@ class Hooks:
 
     ``progress`` receives the steps done and the time [s], ``tell`` messages about what takes long.
     ``stopped`` says whether to stop. ``save`` is given a snapshot every few seconds, and when the
-    run is stopped.
+    run is stopped. ``accepted`` receives the steps that were handed over, the rows in them with
+    their times, and the degree of the steps.
     """
 
     progress: Callable[[int, float], Any] = lambda steps, t: None
     stopped: Callable[[], bool] = lambda: False
     tell: Callable[[str], Any] = lambda message: None
     save: Callable[[Snapshot], Any] | None = None
+    accepted: Callable[[Steps, OutputSchedule, np.ndarray, int], Any] | None = None
 
 
 def run(
@@ -338,6 +340,9 @@ class TimeLoop:
         if self._publish(times, self._follow(steps, advance.schedule, times)):
             self.setup.plan.accept(advance)
             self.record.add(advance.steps)
+            if self.hooks.accepted:
+                degree = self.setup.integrators[0].stepper.counters.get("degree", 0)
+                self.hooks.accepted(steps, advance.schedule, times, degree)
             if not self.setup.plan.ended:  # nothing follows from which to go back
                 self.accepted.update(self.setup.integrators)
         else:

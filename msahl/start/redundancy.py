@@ -7,6 +7,7 @@ rigid body mechanisms with dependent constraints, Mech. Mach. Theory 44 (2009), 
 joint; the functions are those by which the reactions are published.
 """
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -87,11 +88,14 @@ def is_regular(
     return solve_sparse(values, probe, unknowns) is not None
 
 
-def non_unique_reactions(system: System, state: State) -> dict[int, list[str]]:
+def non_unique_reactions(
+    system: System, state: State, others: Sequence[np.ndarray] = ()
+) -> dict[int, list[str]]:
     """By number of the joint, coupling or motion, the columns of its reaction that are not unique
-    in the state's configuration; those that are unique throughout have no entry.
+    in the state's configuration; those that are unique throughout have no entry. ``others`` (k, 3)
+    are further unit vectors of multipliers, by their nodes, of which any amount may be added.
     """
-    null = _null_space(system, state)
+    null = np.concatenate([_null_space(system, state), *(other[None] for other in others)])
     joints = _components(system, state, null)
     columns = (*FORCE_COLUMNS, *MOMENT_COLUMNS)
     shared = {
@@ -115,7 +119,7 @@ def _null_space(system: System, state: State) -> np.ndarray:
     idle = null_space(G[equations])
     null = np.zeros((idle.shape[1], G.shape[0]))
     null[:, equations] = idle.T
-    return null.reshape(len(null), -1, 3)
+    return null.reshape(len(null), G.shape[0] // 3, 3)
 
 
 def _components(system: System, state: State, null: np.ndarray) -> np.ndarray:

@@ -1,263 +1,28 @@
-"""Measures of a run: one number from its tables or its report, by a text such as ``Tip.z max``.
+"""Measures of the runs of a sweep: those of ``post.measures``; faults are faults of the plan."""
 
-    Tip.z max              largest value at the output times; also min, absmax, range
-    Tip.z mean, Tip.z rms  mean and root mean square over the time, by the trapezoidal rule
-    Crank.angle final      value at the last output time; initial: at t = 0
-    Tip.z at 0.5           value at t = 0.5 s, interpolated between output times
-    Hinge.F absmax         of a vector, the column without its last letter, the norm is taken
-    time of Crank.angle = 1.57   first time [s] at which the column passes the value
-    energyErrorMax         a figure of run.json: those of extremes, steps, iterations, ...
-    verdict, error         are in every row anyway
-    seconds                time of the loop [s], which differs from run to run
-
-Columns are those of all tables of ``msahl run``.
-"""
-
-import math
-import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 from msahl.model import Model
-from msahl.printable import printable
-from msahl.run.report import Report, camel_case
-from msahl.run.tables import ERROR, ERROR_COLUMNS, tables_of_model
+from msahl.post import measures
+from msahl.post.measures import Measure, MeasureError
 from msahl.sweep.faults import PlanError
 
-
-def _mean(times: np.ndarray, values: np.ndarray) -> float:
-    """Return the mean over the time, by the trapezoidal rule: output times may be uneven, as at the
-    end of a run that a condition stops."""
-    duration = times[-1] - times[0]
-    if duration <= 0.0:
-        return float(values[-1])
-    return float(0.5 * np.diff(times) @ (values[1:] + values[:-1]) / duration)
-
-
-STATISTICS: Mapping[str, Callable[[np.ndarray, np.ndarray], float]] = {
-    "max": lambda times, values: np.max(values),
-    "min": lambda times, values: np.min(values),
-    "absmax": lambda times, values: np.max(np.abs(values)),
-    "mean": _mean,
-    "rms": lambda times, values: math.sqrt(_mean(times, np.square(values))),
-    "range": lambda times, values: np.ptp(values),
-    "final": lambda times, values: values[-1],
-    "initial": lambda times, values: values[0],
-}
-"""Statistics of a column, of output times and values (m,)."""
-VERDICT, POSITION_ERROR, SECONDS = "verdict", "error", "seconds"
-COUNTS = ("steps", "output_times", "time", "unknowns", "iterations", "factorisations",
-          "scipy_steps", "subdivisions")  # fmt: skip
-"""Numbers of a report."""
-EXTREMES = ("energyAtStart", "largestKineticEnergy", "energyErrorMax", "energyErrorMaxRelative",
-            "energyErrorRms", "constraintViolationMax", "constraintViolationRateMax",
-            "constraintWorkMax", "speedMax", "rotationPerStepMax", "distanceMax",
-            "displacementMax", "localErrorMax", "localErrorSum")  # fmt: skip
-"""Figures of ``extremes`` in a report."""
-FIGURES = (VERDICT, POSITION_ERROR, SECONDS, *map(camel_case, COUNTS), *EXTREMES)
-"""Measures that need no table."""
-_NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
-TIME_OF = re.compile(rf"time of (?P<column>.+?)\s*=\s*(?P<number>{_NUMBER})")
-AT = re.compile(rf"(?P<column>.+?) at (?P<number>{_NUMBER})( s)?")
-STATISTIC = re.compile(rf"(?P<column>.+?) (?P<kind>{'|'.join(STATISTICS)})")
-SAME_TIME = 1e-9
-"""Largest difference of an output time from a time asked for, relative to the run's end."""
-
-UNCERTAIN = 0.02
-"""Least uncertainty of a crossing that is reported, as a fraction of the output interval."""
-
-
-@dataclass(frozen=True, slots=True)
-class Measure:
-    """A measure: its ``text``, its ``kind`` (a statistic, "at", "time of", or a figure), its column
-    and the number that belongs to "at" [s] and "time of"."""
-
-    text: str
-    kind: str
-    column: str = ""
-    number: float = 0.0
-
-
-def parse_measure(text: str) -> Measure:
-    """Return the measure that a text describes; raises ``PlanError``."""
-    words = " ".join(text.split())
-    if words in FIGURES:
-        return Measure(words, words)
-    for kind, form in (("time of", TIME_OF), ("at", AT), ("", STATISTIC)):
-        match = form.fullmatch(words)
-        if match:
-            found = match.groupdict()
-            number = float(found.get("number") or 0.0)
-            return Measure(words, kind or found["kind"], found["column"], number)
-    raise PlanError(
-        f"--measure '{printable(words)}': write a column and one of {', '.join(STATISTICS)} or "
-        "'at TIME', such as 'Tip.z max'; or 'time of COLUMN = VALUE'; or one of "
-        f"{', '.join(FIGURES)}"
-    )
+Result = TypeVar("Result")
 
 
 def parse_measures(texts: Sequence[str]) -> tuple[Measure, ...]:
     """Return the measures of some texts, each once; raises ``PlanError`` with all faults."""
-    faults: list[str] = []
-    found: dict[str, Measure] = {}
-    for text in texts:
-        try:
-            measure = parse_measure(text)
-            found[measure.text] = measure
-        except PlanError as error:
-            faults += error.faults
-    if faults:
-        raise PlanError(*faults)
-    return tuple(found.values())
+    return _planned(lambda: measures.parse_measures(texts))
 
 
-def require_columns(measures: Sequence[Measure], model: Model) -> None:
+def require_columns(wanted: Sequence[Measure], model: Model) -> None:
     """Raise ``PlanError`` unless a run of the ``model`` has the columns of all measures."""
-    tables = _tables(model)
-    faults = [
-        f"--measure '{measure.text}': {_no_column(measure.column, tables)}"
-        for measure in measures
-        if measure.column and not _components(measure.column, tables)
-    ]
-    if faults:
-        raise PlanError(*faults)
+    _planned(lambda: measures.require_columns(wanted, model))
 
 
-def tables_needed(measures: Sequence[Measure], model: Model) -> list[str]:
-    """Return the names of the tables with the columns of the measures."""
-    tables = _tables(model)
-    places = (_components(measure.column, tables) for measure in measures if measure.column)
-    return list(dict.fromkeys(table for found in places for table, _ in found))
-
-
-def evaluate(
-    measures: Sequence[Measure],
-    model: Model,
-    report: Report,
-    table: Callable[[str], np.ndarray],
-) -> tuple[dict[str, Any], str]:
-    """Return the values of the measures of a completed run by their texts, None where there is
-    none, and why there is none in words; ``table`` returns the rows of a table by its name.
-    """
-    tables, values, reasons = _tables(model), {}, []
-    for measure in measures:
-        value: Any = None
-        if not measure.column:
-            value = _figure(measure.kind, report)
-        elif not _components(measure.column, tables):
-            reasons.append(f"{measure.text}: {_no_column(measure.column, tables)}")
-        else:
-            times, series = _series(_components(measure.column, tables), table)
-            value, reason = _of_series(measure, times, series)
-            reasons += [f"{measure.text}: {reason}"] if reason else []
-        values[measure.text] = _finite(value)
-    return values, "; ".join(reasons)
-
-
-def _tables(model: Model) -> dict[str, list[str]]:
-    return {**tables_of_model(model), ERROR: list(ERROR_COLUMNS)}
-
-
-def _components(column: str, tables: Mapping[str, list[str]]) -> list[tuple[str, int]]:
-    """Return table and index of a column, or of the three components of a vector."""
-    for name, columns in tables.items():
-        if column in columns:
-            return [(name, columns.index(column))]
-        parts = [column + axis for axis in "xyz"]
-        if "." in column and not column.endswith(".") and all(part in columns for part in parts):
-            return [(name, columns.index(part)) for part in parts]
-    return []
-
-
-def _no_column(column: str, tables: Mapping[str, list[str]]) -> str:
-    """Say that there is no such column, and which ones are near."""
-    from msahl.expressions.syntax import nearest
-
-    columns = [name for of in tables.values() for name in of if name != "time"]
-    head = column.partition(".")[0]
-    same = [name for name in columns if name.startswith(f"{head}.")]
-    return f"no table has a column '{printable(column)}'{nearest(column, same or columns)}"
-
-
-def _series(
-    places: list[tuple[str, int]], table: Callable[[str], np.ndarray]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return times and values of a column, or the norms of a vector, each (m,)."""
-    rows = table(places[0][0])
-    if not len(rows):
-        return np.zeros(0), np.zeros(0)
-    if len(places) == 1:
-        return rows[:, 0], rows[:, places[0][1]]
-    return rows[:, 0], np.linalg.norm(rows[:, [index for _, index in places]], axis=1)
-
-
-def _of_series(measure: Measure, times: np.ndarray, series: np.ndarray) -> tuple[Any, str]:
-    """Return the value of a measure of a column, or None and why there is none."""
-    if not len(series):
-        return None, "the table has no rows"
-    if measure.kind == "at":
-        return _at(measure.number, times, series)
-    if measure.kind == "time of":
-        return _time_of(measure, times, series)
-    return STATISTICS[measure.kind](times, series), ""
-
-
-def _at(t: float, times: np.ndarray, series: np.ndarray) -> tuple[Any, str]:
-    """Return the value at ``t``: that of an output time, or of a spline of degree 5 at most."""
-    nearest = int(np.argmin(np.abs(times - t)))
-    if abs(times[nearest] - t) <= SAME_TIME * abs(times[-1]):
-        return series[nearest], ""
-    if not times[0] <= t <= times[-1]:
-        return None, f"the run is from {times[0]:g} to {times[-1]:g} s"
-    from scipy.interpolate import make_interp_spline
-
-    begin = max(0, min(nearest - 5, len(times) - 10))
-    part = slice(begin, begin + 10)
-    degree = min(5, len(times[part]) - 1)
-    return make_interp_spline(times[part], series[part], k=degree)(t), ""
-
-
-def _time_of(measure: Measure, times: np.ndarray, series: np.ndarray) -> tuple[Any, str]:
-    """Return the first time at which a column passes a value, as ``msahl-post events`` finds it."""
-    from msahl.post.events import DEGREES, first_crossing
-
-    if len(times) <= DEGREES[0]:
-        few = f"{len(times)} output times are too few to interpolate between them"
-        return None, f"{few}; at least {DEGREES[0] + 1} are needed"
-    found = first_crossing(times, series, measure.number)
-    if found is None:
-        return None, "the column does not pass the value"
-    spread, interval = found.uncertainty, float(np.diff(times).max())
-    if spread is not None and spread <= UNCERTAIN * interval:
-        return found.time, ""
-    known = f"{interval if spread is None else spread:.1g}"
-    return found.time, f"uncertain by {known} s; give more output times"
-
-
-def _figure(kind: str, report: Report) -> Any:
-    """Return a figure of the report."""
-    if kind == VERDICT:
-        return report.verdict.get("word")
-    if kind == POSITION_ERROR:
-        return position_error(report)
-    if kind == SECONDS:
-        return report.seconds.get("loop")
-    if kind in EXTREMES:
-        return report.extremes.get(kind)
-    return next(getattr(report, name) for name in COUNTS if camel_case(name) == kind)
-
-
-def position_error(report: Report) -> float | None:
-    """Return the estimated global error of the positions [m]; None if it is not known."""
-    return _finite((report.error or {}).get("position"))
-
-
-def _finite(value: Any) -> Any:
-    """Return a number as Python's own; None instead of NaN and infinity."""
-    if value is None or isinstance(value, str | int):
-        return value
-    number = float(value)
-    return number if math.isfinite(number) else None
+def _planned(call: Callable[[], Result]) -> Result:
+    try:
+        return call()
+    except MeasureError as error:
+        raise PlanError(*(f"--measure {fault}" for fault in error.faults)) from None

@@ -23,6 +23,7 @@ import msahl
 from msahl.deck import DeckError, Fault, ParsedDeck, Source
 from msahl.jit.files import version_of
 from msahl.model.settings import EQUILIBRIUM, GIVEN
+from msahl.post.measures import evaluate, position_error, tables_needed
 from msahl.printable import printable
 from msahl.results.job import Job as Run
 from msahl.results.job import make_job
@@ -34,7 +35,7 @@ from msahl.run.tables import STATES, MemorySink
 from msahl.run.verdict import FAIL
 from msahl.start.velocities import StartError
 from msahl.sweep.axes import Column
-from msahl.sweep.measures import evaluate, parse_measures, position_error, tables_needed
+from msahl.sweep.measures import parse_measures
 
 SUMMARY, TABLES, ALL = KEEP = ("summary", "tables", "all")
 """What is kept of a point: its row; its tables as well; the complete folder of a run."""

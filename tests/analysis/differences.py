@@ -13,7 +13,7 @@ from msahl.analysis.coefficients import coefficients
 from msahl.analysis.linear_columns import BODIES, RATES, columns_by_table, headers, rows_of
 from msahl.analysis.point import Point
 from msahl.analysis.projection import close, move, prepared
-from msahl.elements import forces
+from msahl.elements import forces, signals
 from msahl.model import SignalState
 from msahl.start.velocities import make_consistent, solve_accelerations
 from msahl.system.arrays import new_tables, node_count
@@ -38,7 +38,10 @@ def beside(point, dq, dv, ds):
         w[f] += np.array(matrix(at(moved.p, f))).T @ rate[system.frames.rotation[f]]
     moved = moved._replace(v=v, w=w, auxiliary=state.auxiliary + ds)
     make_consistent(system, moved, unknowns.free, "massWeighted")
-    solve_accelerations(system, moved, unknowns)
+    group = system.forces.signals
+    # Until reactions that expressions depend on are those that follow.
+    for _ in range(30 if group is not None and signals.use_reactions(group) else 1):
+        solve_accelerations(system, moved, unknowns)
     return Point(point.model, system, moved, unknowns)
 
 

@@ -17,13 +17,17 @@ from msahl.analysis.linearize import linearize
 from msahl.analysis.modes import modes
 from msahl.analysis.point import at_start, complete
 from msahl.analysis.variations import Inputs, variations
-from msahl.expressions.syntax import Call, Number
+from msahl.deck import read_deck
+from msahl.expressions.syntax import Call, Number, parse
 from msahl.model import (
     ConcentratedLoad,
+    Friction,
+    Joint,
     JointActuator,
     JointSpring,
     Law,
     PointMotion,
+    Signal,
     SignalState,
     SpringDamper,
 )
@@ -34,20 +38,17 @@ from msahl.system.state import build_state
 from tests.analysis.differences import slopes, values
 from tests.support.element_samples import ELEMENTS
 from tests.support.loops import PLANAR, SPATIAL, random_loop
+from tests.support.models import DECKS as DECKS_OF_ALL
 from tests.support.models import GROUND, ROOT, body, build_model, deck, simulate
 
 MACHINES = ROOT / "decks" / "machines"
 STILL = {"kPosition": 0, "kVelocity": 0, "kAngle": 0, "kRate": 0}
-SAMPLES = ("rollingDisk", "actuator, markers")
+SAMPLES = ("rollingDisk", "actuator, markers", "friction")
 PIECEWISE = ("camFollower", "jointMotion, table", "springDamper, table")
 ENERGIES = ("torsionalSpringDamper", "slideSpringDamper")
 """Elements with jumps in a derivative, within the reach of the differences, and those whose elastic
 energy has one."""
-OTHERS = [
-    name
-    for name in ELEMENTS
-    if "friction" not in name and name not in (*PIECEWISE, *ENERGIES, *SAMPLES)
-]
+OTHERS = [name for name in ELEMENTS if name not in (*PIECEWISE, *ENERGIES, *SAMPLES)]
 DECKS = ("bicycle", "satellite", "flyball_governor", "robot", "engine", "spatial_slider_crank")
 
 
@@ -71,11 +72,12 @@ def check_states_and_outputs(model, tolerance=1e-9):
     3e-13 of the largest reaction or acceleration, and more by the condition of the loop.
     """
     point = at_start(model)
-    found = coefficients(point.system, point.state, evaluated(point.system, point.state))
+    own = evaluated(point.system, point.state)
+    found = coefficients(point.system, point.state, own)
     n, s = found.coordinate.size, found.state_rate.size
     none = Inputs(np.zeros((n, 0)), np.zeros((s, 0)), np.zeros(0, dtype=int))
-    changes = variations(point, found, none)
-    outputs, m = columns(model, point, changes.redundant), len(changes.into)
+    changes = variations(point, own, found, none)
+    outputs, m = columns(model, point, changes.linear.redundant), len(changes.into)
     linear = linearize(point, [], outputs)
     y = np.random.default_rng(1).normal(size=m)
     sizes = (np.abs(part[:, :m] @ y).max() for part in (changes.places, changes.rates))
@@ -115,10 +117,31 @@ def test_every_element_against_differences(name):
     check_states_and_outputs(ELEMENTS[name](np.random.default_rng(7)))
 
 
+def test_expressions_of_reactions_against_differences():
+    """A motor and an auxiliary state by the reactions of two joints of a moving loop."""
+    model = random_loop(np.random.default_rng(1), SPATIAL)
+    motor = JointActuator("Motor", "J0", "angle", parse("0.1*J1.Fx + 0.02*J0.Mz*J0.Fy + 0.3*lag"))
+    lag = SignalState("lag", parse("J2.Fz + command - 3*lag"), 0.1)
+    felt = Signal("felt", parse("J1.Fy^2 - lag"))
+    loads = tuple(load for load in model.loads if load.name != "Motor")
+    signals = (model.signals[0], lag, felt)
+    check_states_and_outputs(replace(model, loads=(*loads, motor), signals=signals))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", DECKS)
 def test_decks_against_differences(name):
     check_states_and_outputs(deck(name))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", DECKS_OF_ALL, ids=lambda path: path.stem)
+def test_every_deck_agrees_with_its_nonlinear_equations(path):
+    try:
+        point = at_start(read_deck(path))
+    except StartError:
+        pytest.skip("no consistent state at t = 0")
+    assert linearize(point, [], []).accuracy.disagreement <= 1e-8
 
 
 # Inputs -------------------------------------------------------------------------------------------
@@ -230,6 +253,8 @@ def test_inputs_against_differences(name):
 
 # Closed forms -------------------------------------------------------------------------------------
 
+AXES = ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+"""Rows of a joint's frame whose z is along x."""
 OMEGA = np.array([0.3, 2.0, 9.0, 40.0])
 
 
@@ -278,9 +303,6 @@ def test_quarter_car_against_its_transfer_function():
 
 def dc_motor():
     """A rotor with an actuator whose current is an auxiliary state."""
-    from msahl.expressions.syntax import parse
-    from msahl.model import Joint, Signal
-
     rotor = body("Rotor", 1.0, 0.02)
     axle = Joint("Axle", "revolute", GROUND.name, "Rotor", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     loads = (
@@ -306,8 +328,6 @@ def test_dc_motor_against_its_transfer_function():
 
 def shaken(k=40.0, c=0.6, m=2.0):
     """A mass on a spring and damper whose other end is moved by a law, along z."""
-    from msahl.model import Joint
-
     z = (0.0, 0.0, 1.0)
     bodies = [body("Table", 1.0), body("Mass", m, position=z)]
     joints = [
@@ -331,6 +351,36 @@ def test_a_prescribed_motion_as_input():
     load_ = s**2 * (1.0 + m * mass)
     expected = np.array([mass, load_, s**2 * mass]) / s**2
     assert response(linear)[:, 0] == pytest.approx(expected, rel=1e-10)
+
+
+def test_friction_on_a_belt_against_its_equation():
+    """A block that a spring holds on a moving belt, and presses to it less as it moves on.
+
+    m x'' = -T/sqrt(2) + mu N tanh((v - x')/w) ,  N = m g - T/sqrt(2) ,  T = T_0 + k x/sqrt(2)
+    """
+    m, g, k, mu, v, w = 2.0, 9.81, 60.0, 0.3, 1.0, 0.4
+    share, zero = np.tanh(v / w), (0.0, 0.0, 0.0)
+    pull = mu * share * m * g / (1.0 + mu * share)  # T_0/sqrt(2), in equilibrium
+    bodies = [body("Belt", 1.0, velocity=(v, 0.0, 0.0)), body("Block", m)]
+    joints = [
+        Joint(name, "prismatic", *ends, zero, zero, parent_axes=AXES, child_axes=AXES)
+        for name, ends in (("Rollers", (GROUND.name, "Belt")), ("Contact", ("Belt", "Block")))
+    ]
+    motion = PointMotion("Motor", "Belt", zero, (1.0, 0.0, 0.0), Law("polynomial", (0.0, v)))
+    far = -1e7 * np.sqrt(0.5)  # so that the spring's direction changes by 1e-7 a metre
+    numbers = (k, 0.0, None, pull * np.sqrt(2.0))
+    spring = SpringDamper("Spring", GROUND.name, "Block", (far, 0.0, far), zero, *numbers)
+    loads = [spring, Friction("Rub", "Contact", "slide", mu, 1.0, w)]
+    model = build_model(bodies, joints, loads, gravity=(0.0, 0.0, g), motions=[motion])
+    point = at_start(model)
+    linear = linearize(point, ["Block.Fx", "Block.Fz"], ["Contact.Fz", "Block.x"])
+    pressed, slope = m * g - pull, (1.0 - share**2) / w
+    expected = [[0.0, 1.0], [-0.5 * k * (1.0 + mu * share) / m, -mu * pressed * slope / m]]
+    assert np.allclose(linear.A, expected, rtol=1e-6, atol=1e-6)
+    # A force along gravity presses, and friction carries the block along.
+    assert np.allclose(linear.B[1], [1.0 / m, mu * share / m], rtol=1e-6)
+    assert np.allclose(linear.D, [[0.0, -1.0], [0.0, 0.0]], atol=1e-6)
+    assert np.allclose(np.sort_complex(modes(point).value)[-1:], linear.poles[:1], rtol=1e-9)
 
 
 def test_a_step_response_against_a_run():

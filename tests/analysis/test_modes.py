@@ -82,6 +82,33 @@ def test_hanging_chain_of_rods_has_its_frequencies(n):
     assert np.abs(found.damping).max() <= 1e-12
 
 
+@pytest.mark.parametrize(
+    ("n", "printed"),
+    [(2, (0.76536686, 1.84775907)), (3, (0.64480583, 1.51468821, 2.50797629))],
+)
+def test_hanging_chain_of_point_masses_has_its_frequencies(n, printed):
+    # Distances between mass centres: the bodies' rotations are rigid-body modes.
+    balls = [body(f"P{k}", 1.0, (0.4, 0.4, 0.4), (0.0, 0.0, k + 1.0)) for k in range(n)]
+    names = [GROUND.name, *(ball.name for ball in balls)]
+    lengths = [
+        Joint(
+            f"D{k}", "distance", names[k], names[k + 1], ZERO, ZERO, parameters=(("length", 1.0),)
+        )
+        for k in range(n)
+    ]
+    found = modes(at_start(build_model(balls, lengths, gravity=(0.0, 0.0, 9.81))))
+    assert (found.zeros, found.rigid) == (6 * n, 3 * n)
+    # Tension over length: k times the weight of one, above the k lowest masses.
+    tension = np.arange(n, 0, -1.0)
+    K = np.diag(tension + np.append(tension[1:], 0.0))
+    K -= np.diag(tension[1:], 1) + np.diag(tension[1:], -1)
+    exact = np.sqrt(np.linalg.eigvalsh(K))
+    assert np.abs(exact - printed).max() <= 6e-9
+    # Along x and along y.
+    frequencies = found.value[found.zeros :].imag / np.sqrt(9.81)
+    assert np.abs(frequencies - np.repeat(exact, 2)).max() <= 1e-12 * exact.max()
+
+
 def chain_frequencies(n):
     """Of the angles of n rods of length and mass 1 at g = 1: K - w^2 M in closed form."""
     from scipy.linalg import eigh

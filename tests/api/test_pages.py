@@ -11,7 +11,9 @@ from tests.support.models import ROOT
 FLAGS = doctest.ELLIPSIS
 DECKS = {
     "rod.xml": ROOT / "decks" / "basics" / "parameters.xml",
+    "two_rods.xml": ROOT / "decks" / "basics" / "two_rods.xml",
     "quarter_car.xml": ROOT / "decks" / "machines" / "quarter_car.xml",
+    "slider_crank.xml": ROOT / "decks" / "mechanisms" / "slider_crank.xml",
     "cart_pole.xml": ROOT / "decks" / "machines" / "cart_pole.xml",
 }
 
@@ -28,7 +30,12 @@ def examples(page):
 
 @pytest.mark.parametrize(
     ("page", "needed"),
-    [("python.md", ()), ("optimise.md", ("optuna",)), ("linearize.md", ("control",))],
+    [
+        ("python.md", ()),
+        ("gradients.md", ()),
+        ("optimise.md", ("optuna",)),
+        ("linearize.md", ("control",)),
+    ],
 )
 def test_the_examples_of_a_page_print_what_it_says(page, needed, tmp_path, monkeypatch):
     for package in needed:

@@ -7,18 +7,12 @@ from scipy.integrate import trapezoid
 from msahl.deck import read_deck
 from msahl.model import Options
 from msahl.post.events import crossings
+from msahl.post.measures import FIGURES, STATISTICS, evaluate, tables_needed
 from msahl.results.read import read_run
 from msahl.run import loop
 from msahl.run.tables import MemorySink
 from msahl.sweep.faults import PlanError
-from msahl.sweep.measures import (
-    FIGURES,
-    STATISTICS,
-    evaluate,
-    parse_measures,
-    require_columns,
-    tables_needed,
-)
+from msahl.sweep.measures import parse_measures, require_columns
 from msahl.sweep.points import Job, Point, run_points
 from tests.sweep.decks import DECK
 

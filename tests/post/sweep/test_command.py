@@ -13,11 +13,11 @@ from click.testing import CliRunner
 
 from msahl.cli.main import main as msahl
 from msahl.post.cli import main
+from msahl.post.measures import STATISTICS
 from msahl.post.sweep import read as reading
 from msahl.post.sweep.read import read_sweep, unit_of
 from msahl.post.sweep.statistics import indices_of
 from msahl.sweep import store
-from msahl.sweep.measures import STATISTICS
 from tests.support.hostile import PAYLOADS as HOSTILE
 from tests.support.hostile import assert_nothing_ran
 from tests.support.models import ROOT

@@ -1,0 +1,83 @@
+"""The steps that a run took, with the output times in each of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.run.companion import Steps
+from msahl.schemes.output_schedule import OutputSchedule
+
+SAME_SIZE = 1e-6
+"""Relative difference of the sizes of two steps that count as equal."""
+
+
+class Step(NamedTuple):
+    """A step of ``size`` [s], by polynomials of a ``degree`` (0 of order 2), with the numbers of
+    the output ``rows`` in it and their times as fractions of the step, ``shares``."""
+
+    size: float
+    degree: int
+    rows: tuple[int, ...]
+    shares: tuple[float, ...]
+
+
+@dataclass
+class StepRecord:
+    """Receives the accepted steps of a run; the row at t = 0 has the number 0."""
+
+    steps: list[Step] = field(default_factory=list)
+    times: list[float] = field(default_factory=lambda: [0.0])
+    complete: bool = True  # whether the run began at t = 0
+
+    def add(self, steps: Steps, schedule: OutputSchedule, times: np.ndarray, degree: int) -> None:
+        """Add the ``steps`` of a chunk; one that begins at t = 0 begins the run anew."""
+        if steps.begin == 0.0:
+            self.steps, self.times, self.complete = [], [0.0], True
+        elif not self.steps:
+            self.complete = False
+        first = len(self.times)
+        for k, size in enumerate(steps.sizes):
+            due = range(int(schedule.due[k]), int(schedule.due[k + 1]))
+            shares = tuple(float(schedule.share[row]) for row in due)
+            rows = tuple(first + row for row in due)
+            self.steps.append(Step(float(size), degree, rows, shares))
+        self.times += times.tolist()
+
+
+def of_rows(steps: Sequence[Step], wanted: set[int]) -> list[Step]:
+    """Return the steps with the ``wanted`` rows only."""
+    found = []
+    for step in steps:
+        kept = [(row, s) for row, s in zip(step.rows, step.shares, strict=True) if row in wanted]
+        rows, shares = tuple(row for row, _ in kept), tuple(share for _, share in kept)
+        found.append(step._replace(rows=rows, shares=shares))
+    return found
+
+
+def merged(steps: Sequence[Step]) -> list[Step]:
+    """Return steps of twice the size, where two of equal size and degree follow each other; of
+    order 2 they have the rows at their ends only.
+    """
+    found: list[Step] = []
+    k = 0
+    while k < len(steps):
+        pair = steps[k : k + 2]
+        same = len(pair) == 2 and abs(pair[1].size - pair[0].size) <= SAME_SIZE * pair[0].size
+        if same and pair[0].degree == pair[1].degree:
+            found.append(_merged(*pair))
+            k += 2
+        else:
+            found.append(pair[0])
+            k += 1
+    return found
+
+
+def _merged(first: Step, second: Step) -> Step:
+    rows = (*first.rows, *second.rows)
+    shares = (*(0.5 * s for s in first.shares), *(0.5 + 0.5 * s for s in second.shares))
+    if not first.degree:
+        kept = [k for k, share in enumerate(shares) if share == 1.0]
+        rows, shares = tuple(rows[k] for k in kept), tuple(shares[k] for k in kept)
+    return Step(first.size + second.size, first.degree, rows, shares)

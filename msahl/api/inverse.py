@@ -1,0 +1,137 @@
+"""Inverse dynamics: the drive loads of a given motion as an object, with the tables of a run."""
+
+import time
+from collections.abc import Mapping, Sequence
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from msahl.analysis.inverse import Solution, compared, inverse
+from msahl.analysis.inverse_report import (
+    about,
+    drive_columns,
+    drive_rows,
+    lines,
+    report,
+    tables,
+    verdict,
+)
+from msahl.analysis.inverse_table import GivenMotion, motion_of_table, read_motion
+from msahl.api.result import Result
+from msahl.model import Model
+from msahl.results.job import Job, make_job
+from msahl.results.write import write_table
+from msahl.run.options import OptionError, recorded_options
+from msahl.run.tables import ACCELERATIONS, STATES
+from msahl.run.verdict import Verdict
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Motion = "str | PathLike[str] | Result | pd.DataFrame | Mapping[str, Any]"
+DRIVES = "drives.csv"
+EVEN = 1e-9
+"""Difference of steps between rows, relative to them, of rows at equal distances."""
+
+
+class InverseResult(Result):
+    """The loads of a given motion, with states, reactions and the other tables of a run.
+
+    ``drives`` is the table of loads; ``solution`` has all that was found, ``lines`` what
+    ``msahl inverse`` prints.
+    """
+
+    def __init__(self, job: Job, solution: Solution, seconds: float) -> None:
+        found = verdict(solution)
+        told = {
+            "options": recorded_options(job.settings),
+            **report(solution, found, seconds).as_json(),
+            "inverse": about(solution),
+        }
+        super().__init__(job.model, told, tables(solution, job.model), job)
+        self.solution, self.found = solution, found
+
+    @property
+    def drives(self) -> "pd.DataFrame":
+        """Loads of the drives with error bars, power and work: NAME.load, NAME.error, ..."""
+        import pandas as pd
+
+        return pd.DataFrame(drive_rows(self.solution), columns=drive_columns(self.solution))
+
+    @property
+    def unique(self) -> dict[str, bool]:
+        """Whether the load of each drive is unique."""
+        drives = self.solution.drives
+        return {d.name: bool(own) for d, own in zip(drives, self.solution.unique, strict=True)}
+
+    @property
+    def lines(self) -> list[str]:
+        """The report in words."""
+        return lines(self.solution, self.found)
+
+    @property
+    def judged(self) -> Verdict:
+        """The verdict, check by check."""
+        return self.found
+
+    def write(self, folder: str | PathLike[str]) -> Path:
+        """Write the files of a run, and ``drives.csv``; return the folder."""
+        written = super().write(folder)
+        write_table(written / DRIVES, drive_columns(self.solution), drive_rows(self.solution))
+        return written
+
+
+def loads_of(
+    job: Job,
+    motion: Any,
+    loads: Sequence[str] = (),
+    weights: Mapping[str, float] | None = None,
+    smooth: float = 0.0,
+    companion: Any = None,
+) -> InverseResult:
+    """Return the loads of the ``motion`` of the model that a ``job`` would run: a path, a result, a
+    pandas frame or columns by name. Raises ``InverseError``, ``StartError`` or ``ResultError``.
+    """
+    began, model = time.perf_counter(), job.model
+    given = read(motion, model, "motion")
+    solution = inverse(model, given, loads, weights, smooth)
+    if companion is not None:
+        other = inverse(model, read(companion, model, "companion"), loads, weights, smooth)
+        solution = compared(solution, other)
+    return InverseResult(_job(job, given), solution, time.perf_counter() - began)
+
+
+def read(motion: Any, model: Model, name: str) -> GivenMotion:
+    """Return the motion in a file, folder, result or table."""
+    if isinstance(motion, str | PathLike):
+        return read_motion(Path(fspath(motion)), model)
+    if isinstance(motion, Result):
+        columns, parts = motion.columns(STATES), [motion.array(STATES)]
+        if ACCELERATIONS in motion.tables:
+            columns = [*columns, *motion.columns(ACCELERATIONS)[1:]]
+            parts.append(motion.array(ACCELERATIONS)[:, 1:])
+        return motion_of_table(columns, np.concatenate(parts, axis=1), model, name)
+    columns = [str(column) for column in motion]
+    numbers = np.stack([np.asarray(motion[column], dtype=float) for column in motion], axis=1)
+    return motion_of_table(columns, numbers, model, name)
+
+
+def _job(job: Job, motion: GivenMotion) -> Job:
+    """Return the job that has the times of the table, as far as a deck can have them."""
+    times = motion.time
+    steps = np.diff(times)
+    h = float(times[-1]) / steps.size
+    changes: dict[str, Any] = {
+        "t_final": float(times[-1]),
+        "reactions": "instantaneous",
+        "accelerations": "yes",
+    }
+    try:
+        given = {**job.given, **changes}
+        if np.all(np.abs(steps - h) <= EVEN * times[-1]):
+            given |= {"dt": h, "output_interval": h}
+        return make_job(job.source, job.model, given, job.changed)
+    except OptionError:
+        return make_job(job.source, job.model, {**job.given, **changes}, job.changed)

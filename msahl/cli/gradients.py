@@ -1,0 +1,122 @@
+"""Derivatives of measures by numbers of the deck, asked for by ``msahl run --gradient``."""
+
+import csv
+import io
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from msahl.analysis.step_sequence import StepRecord
+from msahl.api.derivatives import HEADER, GradientError, Gradients
+from msahl.api.gradients import differentiate, make_request, texts_of
+from msahl.cli.console import say, stop
+from msahl.printable import shown_path
+from msahl.results.job import Job
+from msahl.results.write import GRADIENTS, replace_file
+from msahl.run.report import Report
+from msahl.run.tables import MemorySink, Sink
+from msahl.terminal import echo
+
+
+class GradientsOfRun:
+    """Records what the derivatives need of a run, and computes them at its end."""
+
+    def __init__(self, job: Job, measures: Sequence[str], wrt: Sequence[str]) -> None:
+        """Faults of what is asked for end the program."""
+        if not measures or not wrt:
+            stop("msahl run: --gradient and --wrt belong together, as in --gradient 'Tip.z final' "
+                 "--wrt L,m")  # fmt: skip
+        try:
+            self.request = make_request(job, measures, texts_of(wrt))
+        except GradientError as error:
+            stop("\n".join(f"msahl run: --{line}" for line in str(error).split("\n")))
+        self.deck, self.record = job.source.path, StepRecord()
+        self.memory = MemorySink(self.request.tables)
+        self.found: Gradients | None = None
+
+    def beside(self, sink: Sink) -> Sink:
+        """Return a sink that keeps the rows of the measures as well."""
+        return _Both(sink, self.memory)
+
+    def compute(self, report: Report) -> None:
+        """Compute the derivatives of a run that has ended; say why if there are none."""
+        try:
+            told = report.as_json()
+            self.found = differentiate(self.request, self.record, told, self.memory.table)
+        except GradientError as error:
+            report.warnings += str(error).split("\n")
+        except KeyboardInterrupt:
+            report.warnings.append("gradient: stopped before it was complete")
+
+    def write(self, folder: Path) -> dict[str, Any]:
+        """Write ``gradients.csv``; return what ``run.json`` has of it."""
+        if self.found is None:
+            return {}
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(HEADER)
+        for row in self.found.rows():
+            writer.writerow([_cell(of) for of in row])
+        replace_file(folder / GRADIENTS, text.getvalue().encode())
+        return {"gradients": self.found.as_json()}
+
+    def tell(self, quiet: bool) -> None:
+        """Print the derivatives, and what to mind."""
+        if self.found is None:
+            return
+        for remark in self.found.remarks:
+            say(f"{shown_path(self.deck)}: WARN: {remark}")
+        if not quiet:
+            echo("\n".join(lines_of(self.found)))
+
+
+class _Both:
+    """Two sinks that get the same rows."""
+
+    def __init__(self, first: Sink, second: MemorySink) -> None:
+        self.first, self.second = first, second
+        self.takes_observed = first.takes_observed or second.takes_observed
+
+    def write(self, tables: Mapping[str, np.ndarray]) -> None:
+        """See ``Sink``."""
+        self.first.write(tables)
+        self.second.write(tables)
+
+    def restart(self) -> None:
+        """See ``Sink``."""
+        self.first.restart()
+        self.second.restart()
+
+
+def lines_of(found: Gradients) -> list[str]:
+    """Return a table of the derivatives, in lines."""
+    rows = [("measure", "by", "value", "derivative", "error", "unit")]
+    for measure, name, value, slope, unit, error in found.rows():
+        rows.append(
+            (measure, name, *(_shown(of, n) for of, n in _digits(value, slope, error)), unit)
+        )
+    widths = [max(len(row[k]) for row in rows) for k in range(6)]
+    return [
+        "  ".join(
+            cell.rjust(width) if 2 <= k <= 4 else cell.ljust(width)
+            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+
+
+def _digits(value: float, slope: float, error: float) -> tuple[tuple[float, int], ...]:
+    return (value, 8), (slope, 8), (error, 1)
+
+
+def _shown(number: float, digits: int) -> str:
+    return f"{number:.{digits}g}" if math.isfinite(number) else "-"
+
+
+def _cell(of: Any) -> str:
+    if isinstance(of, float):
+        return repr(of) if math.isfinite(of) else ""
+    return str(of)

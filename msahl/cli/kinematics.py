@@ -1,0 +1,169 @@
+"""The command ``msahl kinematics``: a completely prescribed motion, without integrating."""
+
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from msahl.cli.console import INTERRUPTED, NOT_WRITTEN, STATUS, say, stop
+from msahl.cli.decks import job_of
+from msahl.cli.options import DECK, NumberType, output_option, set_option
+from msahl.printable import printable, shown_path
+
+if TYPE_CHECKING:
+    from msahl.analysis.kinematics import Motion
+    from msahl.results.job import Job
+    from msahl.run.report import Report
+
+
+@click.command(short_help="Compute a completely prescribed motion.")
+@click.argument("deck", type=DECK)
+@output_option("results/<deck's name>_kinematics")
+@set_option
+@click.option(
+    "--step",
+    type=NumberType(0.0, min_open=True),
+    metavar="S",
+    help="Set the time between output times in seconds (default: the deck's).",
+)
+@click.option(
+    "--t-final",
+    type=NumberType(0.0, min_open=True),
+    metavar="S",
+    help="Set the end in seconds (default: tFinal of the deck).",
+)
+@click.option(
+    "--every",
+    type=click.IntRange(1),
+    metavar="N",
+    default=1,
+    help="Compute only every Nth output time, and the last one (default: 1).",
+)
+@click.option("-q", "--quiet", is_flag=True, help="Print only faults and warnings.")
+def kinematics(
+    deck: Path,
+    output: Path | None,
+    settings: tuple[str, ...],
+    step: float | None,
+    t_final: float | None,
+    every: int,
+    quiet: bool,
+) -> None:
+    """Compute positions, velocities, accelerations and reactions of DECK, whose prescribed motions
+    leave no degrees of freedom.
+
+    The constraint equations are solved at each output time to round-off, without integrating.
+    Singular positions (dead points) are found between output times as well and reported with their
+    time, the bodies that can move there and the loads that can grow without bound. Writes the
+    tables of a run, always with accelerations and with the reactions at the output times, so that
+    msahl-post reads the folder as that of a run; run.json names this command. Exits with status 3
+    if the motion cannot be followed to its end.
+
+    Example: msahl kinematics decks/mechanisms/stewart.xml
+    """
+    from msahl.analysis.kinematics import options_of
+    from msahl.results.folder import FolderError
+    from msahl.results.lock import FolderInUseError, locked
+    from msahl.start.velocities import StartError
+
+    job = job_of(deck, options_of(step, t_final), settings)
+    folder = output or Path("results") / f"{deck.stem}_kinematics"
+    try:
+        with locked(folder):
+            status = _carry_out(job, folder, every, quiet)
+    except OSError as error:
+        where = shown_path(error.filename or folder)
+        stop(f"{where}: {error.strerror or error}; choose another folder with -o", NOT_WRITTEN)
+    except (FolderError, FolderInUseError) as error:
+        stop(printable(str(error)))
+    except StartError as error:
+        stop(f"{shown_path(deck)}: {printable(str(error))}")
+    sys.exit(status)
+
+
+def _carry_out(job: "Job", folder: Path, every: int, quiet: bool) -> int:
+    """Compute the motion into the locked folder; returns the exit status."""
+    from msahl.analysis.kinematics import output_times, prepare
+    from msahl.results.folder import claim
+    from msahl.results.write import RunFolder, write_beginning
+
+    began = time.perf_counter()
+    prepared = prepare(job.model)  # what cannot be computed leaves the folder as it is
+    about = _about(job, folder, every)
+    work = claim(folder, job.source.path, about)
+    write_beginning(work, {"status": "running", "pid": os.getpid(), **about})
+    results = RunFolder(work, job.model, job.text)
+    times = output_times(job.model, every)
+    try:
+        with results, _progress(float(times[-1]), not quiet) as progress:
+            from msahl.analysis.kinematics import follow
+
+            found = follow(prepared, times, results, progress)
+            results.complete = found.complete
+    except KeyboardInterrupt:
+        say(f"{shown_path(job.source.path)}: interrupted; the tables are not complete")
+        return INTERRUPTED
+    return _close(job, folder, work, about, found, time.perf_counter() - began, quiet)
+
+
+def _about(job: "Job", folder: Path, every: int) -> dict[str, Any]:
+    """Return the head of ``run.json``, with what the command did in place of a scheme."""
+    from msahl.analysis.kinematics_report import COMMAND, SCHEME, SOLVER
+
+    about = job.about(folder)
+    options = {**about["options"], "scheme": SCHEME, "solver": SOLVER, "every": every}
+    options |= dict.fromkeys(("tolerance", "localTolerance", "damping", "rotationUpdate", "degree"))
+    return {**about, "command": COMMAND, "options": options}
+
+
+def _close(
+    job: "Job",
+    folder: Path,
+    work: Path,
+    about: dict[str, Any],
+    found: "Motion",
+    seconds: float,
+    quiet: bool,
+) -> int:
+    """Write ``run.json`` and the last messages; returns the exit status."""
+    from msahl.analysis.kinematics_report import kinematics_as_json, report_of
+    from msahl.results.folder import finish, tables
+    from msahl.results.write import INFO, write_json
+
+    report = report_of(found, job.model.simulation.t_final)
+    report.seconds["total"] = seconds
+    content = {**about, "tables": tables(work), **report.as_json()}
+    write_json(work / INFO, {**content, "kinematics": kinematics_as_json(found)})
+    if found.complete:
+        finish(folder)
+    _tell(job.source.path, folder if found.complete else work, report, quiet)
+    return STATUS[report.status]
+
+
+def _tell(deck: Path, folder: Path, report: "Report", quiet: bool) -> None:
+    """Print warnings, why the motion ends early, and the verdict."""
+    lines = [f"WARN: {text}" for text in report.warnings]
+    lines += [report.message] if report.message else []
+    if not quiet:
+        checks = report.verdict["checks"]
+        names = ("completion", "accuracy", "constraintViolation", "energy", "reactions")
+        texts = [checks[name]["text"] for name in names if name in checks]
+        lines.append(f"{report.verdict['word']}: {'; '.join(texts)} -> {shown_path(folder)}")
+    for line in lines:
+        say(f"{shown_path(deck)}: {printable(line)}")
+
+
+@contextmanager
+def _progress(end: float, shown: bool) -> Iterator[Callable[[float], Any]]:
+    """A progress bar of the time on a terminal, nothing elsewhere."""
+    if not shown or not sys.stderr.isatty():
+        yield lambda t: None
+        return
+    bar: Any = click.progressbar(length=1000, label="kinematics", file=sys.stderr)
+    with bar:
+        yield lambda t: bar.update(int(1000.0 * t / end) - bar.pos)

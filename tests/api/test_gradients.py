@@ -1,0 +1,175 @@
+"""Derivatives of measures by numbers of a deck: against complete runs, and against closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.special import ellipk
+
+import msahl
+from msahl.api import gradients
+from tests.support.models import ROOT
+
+DECKS = ROOT / "decks"
+
+DIFFERENCE = ((-2, 1 / 12), (-1, -8 / 12), (1, 8 / 12), (2, -1 / 12))
+"""Shifts and weights of the difference of order 4."""
+SCENES = {
+    "control": ("machines/cart_pole", {"t_final": 0.5}, "length,kAngle,poleMass",
+                ["Hinge.angle final", "Slide.slide max", "Motor.work final"]),
+    "control, gauss": ("machines/cart_pole", {"t_final": 0.3, "scheme": "gauss2"}, "length,kAngle",
+                       ["Hinge.angle final", "Slide.slideRate mean"]),
+    "auxiliary states, radau": ("machines/motor_four_bar", {"t_final": 0.1, "scheme": "radau2"},
+                                "crank,inductance,rise",
+                                ["Rocker pivot.angle final", "current final"]),
+    "suspension, decaying": ("machines/quarter_car", {"t_final": 0.4, "scheme": "decaying"},
+                             "spring,damping,vBlow", ["Strut.slide rms", "Body.z min"]),
+    "markers": ("machines/robot", {"t_final": 0.1}, "L2", ["Flange.x final", "Flange.z at 0.0523"]),
+    "control of the step size": ("machines/satellite",
+                                 {"t_final": 1.0, "scheme": "auto", "tolerance": 1e-9}, "Kp",
+                                 ["Sensor.q1 final", "Axle X.angleRate final"]),
+    "condition at the end": ("basics/stop", {}, "Stick.velocity.v3,gravity.g3",
+                             ["End.x final", "End.z mean"]),
+    "friction": ("forces/friction_hinge", {"t_final": 0.3}, "Rub.coefficient,Flywheel.mass",
+                 ["Axle.angle final"]),
+    "law of time": ("forces/concentrated_law", {"t_final": 0.5}, "Push.sine.frequency",
+                    ["Body.x final"]),
+    "free length": ("forces/spring_damper", {"t_final": 0.5, "scheme": "decaying"},
+                    "Spring.freeLength,Spring.damping,Body.mass", ["Body.x final"]),
+    "prescribed motion": ("mechanisms/four_bar", {"t_final": 0.2}, "Coupler.mass",
+                          ["Rocker pivot.F final"]),
+    "redundant joints": ("mechanisms/bricard", {"t_final": 0.3}, "Bar 1.mass,Bar 3.Ixx",
+                         ["P1.angle final"]),
+    "rates constrained": ("joints/knife_edge", {"t_final": 0.3}, "Skate.omega3",
+                          ["Ice.slide1 final"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_derivatives_are_those_of_complete_runs(name):
+    deck, options, wrt, measures = SCENES[name]
+    options = {"error": "off", **options} if "tolerance" not in options else options
+    model = msahl.load(DECKS / f"{deck}.xml")
+    found = model.gradient(measures, wrt, **options)
+    request = gradients.make_request(model.job(**options), measures, wrt.split(","))
+    for j, (name, number) in enumerate(request.numbers.items()):
+        # Of order 4 with a shift of 1e-3; a run with step-size control is smooth to its tolerance.
+        e, slopes = 1e-3 * abs(number.value), np.zeros(len(measures))
+        for node, weight in DIFFERENCE:
+            moved = f"{number.value + node * e!r} {number.units}".strip()
+            run = model.with_(**{name: moved}).run(**options)
+            values, _ = gradients.evaluate_columns(request.measures, run.records, run.array)
+            slopes += weight / e * np.array([values[measure] for measure in measures])
+        assert found.jacobian[:, j] == pytest.approx(slopes, rel=1e-6)
+        assert (slopes != 0.0).all()
+
+
+def test_an_oscillation_depends_on_its_parameters_as_the_closed_form_does():
+    model = msahl.load(DECKS / "forces/torsional_spring.xml")
+    names = ["Wire.stiffness", "Wire.damping", "Wire.freeAngle", "Wheel.Izz"]
+    found = model.gradient("Axle.angle at 3", names, scheme="gauss3", dt=0.02, error="off")
+
+    def angle(k, c, free, inertia, t=3.0):
+        decay = 0.5 * c / inertia
+        w = np.sqrt(k / inertia - decay**2)
+        most = free * math.pi / 180.0
+        return most * (1.0 - np.exp(-decay * t) * (np.cos(w * t) + decay / w * np.sin(w * t)))
+
+    given = np.array([0.05, 0.004, 400.0, 0.02], dtype=complex)
+    exact = [angle(*(given + 1e-30j * np.eye(4)[i])).imag / 1e-30 for i in range(4)]
+    assert found.values[0] == pytest.approx(angle(*given).real, rel=1e-8)
+    # Of order 6, with w h = 0.03; the differences are good to about 1e-9.
+    assert found.jacobian[0] == pytest.approx(exact, rel=1e-7)
+    assert (np.abs(found.jacobian[0] - exact) <= found.errors[0] + 1e-8 * np.abs(exact)).all()
+    assert found.units[0][2] == "rad/deg"
+
+
+def test_the_period_of_a_pendulum_by_its_length():
+    model = msahl.load(DECKS / "basics/parameters.xml")
+    options = {"scheme": "gauss3", "dt": 0.01, "t_final": 0.5, "error": "off"}
+    found = model.gradient("time of Hinge.angle = 0", "L,rho,start", **options)
+    length, r, g = 0.8, 0.01, 9.80665
+    reduced = (length**2 / 3.0 + r**2 / 4.0) / (0.5 * length)
+    by_length = 2.0 / 3.0 - 2.0 * (r**2 / 4.0) / length**2
+    quarter = math.sqrt(reduced / g) * ellipk(math.sin(math.radians(30.0)) ** 2)
+    assert found.values[0] == pytest.approx(quarter, rel=1e-9)
+    exact = 0.5 * quarter / reduced * by_length * 1e-2  # by cm
+    # The crossing is that of a spline of degree 5 through the output times.
+    assert found.jacobian[0, 0] == pytest.approx(exact, rel=1e-7)
+    assert found.jacobian[0, 1] == pytest.approx(0.0, abs=1e-10)  # by g/cm^3
+
+
+def test_the_end_of_a_run_moves_with_the_parameters():
+    model = msahl.load(DECKS / "basics/parameters.xml")
+    options = {"stop_when": "Hinge.angle > 0", "error": "off", "dt": 0.02}
+    found = model.gradient(["Rod.x final", "Rod.z final"], "L", **options)
+    # The run ends where the rod is vertical: its mass centre is L/2 below the hinge.
+    assert found.jacobian[:, 0] == pytest.approx([0.0, -0.005], abs=1e-11)
+
+
+def test_columns_are_differentiated_at_all_output_times():
+    model = msahl.load(DECKS / "forces/spring_damper.xml")
+    options = {"t_final": 0.5, "error": "off"}
+    run = model.run(gradient=["Body.x", "Body.x final", "Body.x at 0.2"], wrt="Spring.stiffness",
+                    **options)  # fmt: skip
+    slopes = run.gradient.columns["Body.x"]
+    assert slopes.shape == (len(run.time), 1)
+    assert slopes[0] == 0.0
+    row = int(np.argmin(np.abs(run.time - 0.2)))
+    assert [slopes[-1, 0], slopes[row, 0]] == pytest.approx(run.gradient.jacobian[:, 0], rel=1e-9)
+
+
+def test_the_estimated_error_is_that_of_the_scheme():
+    model = msahl.load(DECKS / "basics/parameters.xml")
+    options = {"t_final": 1.0, "error": "off"}
+    found = model.gradient("Hinge.angle final", "L,start", **options)
+    exact = model.gradient("Hinge.angle final", "L,start", scheme="gauss3", dt=0.01, **options)
+    ratio = found.errors / np.abs(found.jacobian - exact.jacobian)
+    # 1.5 is the safety factor; terms of higher order are small at 5 ms.
+    assert ratio == pytest.approx(1.5, rel=0.05)
+    assert (exact.errors < 1e-8).all()
+
+
+def test_a_chaotic_motion_is_reported():
+    model = msahl.load(DECKS / "basics/two_rods.xml", start=120.0, c1=0.0, c2=0.0)
+    options = {"t_final": 20.0, "dt": 0.01, "error": "off", "every": 100}
+    remarks = model.gradient("Lower.angle final", "L1", **options).remarks
+    assert "unstable or chaotic" in remarks[0]
+    calm = model.with_(start=5.0).gradient("Lower.angle final", "L1", **options).remarks
+    assert not calm
+
+
+def test_a_parameter_at_the_edge_of_what_is_allowed_is_differenced_to_one_side():
+    model = msahl.load(DECKS / "basics/two_rods.xml", c1=0.0)
+    at_edge, inside = (
+        of.gradient("Lower.angle final", "c1", t_final=0.5, error="off").jacobian[0, 0]
+        for of in (model, model.with_(c1=1e-6))
+    )
+    assert at_edge == pytest.approx(inside, rel=1e-4)
+
+
+def test_constants_that_are_equal_by_chance_are_distinguished():
+    model = msahl.load(DECKS / "machines/cart_pole.xml")
+    equal = model.with_(kRate=model.parameters["kVelocity"]["value"])
+    near = model.with_(kRate=model.parameters["kVelocity"]["value"] * (1.0 + 1e-7))
+    one, other = (
+        of.gradient("Hinge.angle final", "kRate", t_final=0.2, error="off").jacobian[0, 0]
+        for of in (equal, near)
+    )
+    assert one == pytest.approx(other, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("measure", "wrt", "said"),
+    [
+        ("Hinge.angl final", "L", "did you mean Hinge.angle"),
+        ("steps", "L", "name a column"),
+        ("Hinge.angle final", "LL", "did you mean L"),
+        ("Hinge.angle final", "simulation.deltaT", "held fixed"),
+        ("Hinge.angle final", "Rod.position.z", "the deck allows no values near"),
+    ],
+)
+def test_faults_name_what_there_is(measure, wrt, said):
+    model = msahl.load(DECKS / "basics/parameters.xml")
+    with pytest.raises(msahl.GradientError, match=said):
+        model.gradient(measure, wrt, t_final=0.1)
