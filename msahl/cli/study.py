@@ -84,6 +84,9 @@ class Request:
               show_default=True, help="Choose the error that the target limits.")  # fmt: skip
 @click.option("--t-final", type=NumberType(), metavar="S",
               help="Set the end of the runs in seconds (default: tFinal of the deck).")  # fmt: skip
+@click.option("--over", type=click.Choice(["elements"]),
+              help="Study the error in space instead: run with once, twice and four times the "
+              "elements of each beam, at the deck's step size, and extrapolate.")  # fmt: skip
 @set_option
 def study(deck: Path, output: Path | None, **given: Any) -> None:
     """Run DECK with many schemes and step sizes, and recommend the fastest run for a given error.
@@ -98,6 +101,10 @@ def study(deck: Path, output: Path | None, **given: Any) -> None:
     from msahl.results.read import ResultError
     from msahl.start.velocities import StartError
 
+    over = given.pop("over")
+    if over:
+        _study_elements(deck, given, output)
+        return
     folder, request = output or Path("studies") / deck.stem, Request(deck, **given)
     try:
         plan = _plan(request)
@@ -112,6 +119,38 @@ def study(deck: Path, output: Path | None, **given: Any) -> None:
     except OSError as error:
         stop(_not_written(error, folder))
     _write(result, stopped, deck, folder)
+
+
+def _study_elements(deck: Path, given: dict[str, Any], output: Path | None) -> None:
+    """Print the error in space of a deck's beams; end the program with its status."""
+    from msahl.deck import DeckError
+    from msahl.deck.source import Source
+    from msahl.model import Model
+    from msahl.results.read import ResultError
+    from msahl.start.velocities import StartError
+    from msahl.study.elements import space_error
+
+    unused = [name for name in ("steps", "schemes", "repeat") if given[name]]
+    if unused or output is not None:
+        stop("--over elements runs the deck as it is: omit -o, --dt, --scheme and --repeat")
+
+    def prepared(model: Model) -> Model:
+        end = given["t_final"]
+        simulation = model.simulation
+        simulation = simulation if end is None else replace(simulation, t_final=end)
+        return replace(model, simulation=simulation, stops=())
+
+    def tell(words: str) -> None:
+        echo(f"{shown_path(deck)}: {words}", err=True)
+
+    try:
+        found = space_error(Source.of_file(deck), given["settings"], prepared, tell)
+    except DeckError as error:
+        stop("\n".join(map(str, error.faults)))
+    except (ResultError, StartError) as error:
+        stop(f"msahl study: {error}")
+    for line in found.lines():
+        echo(line)
 
 
 def _plan(request: Request) -> "Plan":

@@ -114,6 +114,8 @@ def _sizes(system: System, values: np.ndarray, kept: np.ndarray, elements: int) 
     total, seen = np.zeros((len(values), elements, 2)), np.zeros((elements, 2), dtype=bool)
     places = zip(system.multipliers.element, system.multipliers.rotational.astype(int), strict=True)
     for k, place in enumerate(places):
+        if place[0] >= elements:
+            continue  # a strain of a beam
         total[:, *place] += squares[:, k]
         seen[place] |= kept[k].any()
     total[:, ~seen] = np.nan

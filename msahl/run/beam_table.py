@@ -4,7 +4,7 @@
 
 in the section's axes d_1, d_2, d_3, at the output time. Where a strain cannot change (shears of
 Euler and Bernoulli, the stretch of an inextensible beam) its resultant does not follow from the
-motion: it is the multiplier that keeps it, in its last step's mean.
+motion: it is the multiplier that keeps it, of order 2 schemes the mean over the last step.
 """
 
 from typing import NamedTuple
@@ -15,6 +15,7 @@ from msahl.elements.beams.shape import strains
 from msahl.joints.coordinates import Motion, cross
 from msahl.model import Beam, Model
 from msahl.run.body_rows import TablesOfSteppers, of_bodies, read_motions, select
+from msahl.run.tables import RESULTANTS
 
 TINY = 1e-30
 """Imaginary part of the increment of a complex difference, which is exact at any size."""
@@ -48,9 +49,14 @@ class BeamTable:
         states = tables["states"]
         motion = read_motions({"states": states}, self.bodies)
         found = [states[:, :1]]
+        mean, first = tables[RESULTANTS][:, 1:].reshape(len(states), -1, 6), 0
         for law in self.laws:
-            both = _of_beam(law, of_bodies(motion, law.nodes))
+            both, points = _of_beam(law, of_bodies(motion, law.nodes)), len(law.strain)
+            kept = np.diagonal(law.stiffness, axis1=1, axis2=2) == 0.0
+            resultants = both[..., 6:]
+            np.copyto(resultants, mean[:, first : first + points], where=kept)
             found.append(both.reshape(len(states), -1))
+            first += points
         return np.concatenate(found, axis=1)
 
 

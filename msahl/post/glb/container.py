@@ -9,6 +9,8 @@ import numpy as np
 FLOAT, SHORT, INT = 5126, 5123, 5125
 """glTF's numbers of the types of components: float32, uint16, uint32."""
 VERTICES, INDICES = 34962, 34963
+JOINTS = -1
+"""Stands for vertices whose numbers are those of joints of a skin, as unsigned integers."""
 """glTF's numbers of what a view of the buffer is for."""
 TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 MAGIC, VERSION, JSON_CHUNK, BINARY_CHUNK = 0x46546C67, 2, 0x4E4F534A, 0x004E4942
@@ -28,6 +30,8 @@ class Numbers:
         the index of its accessor. ``bounds`` states the least and greatest values."""
         if target == INDICES:
             kind, form = (SHORT, "<u2") if values.max() < 0xFFFF else (INT, "<u4")
+        elif target == JOINTS:
+            kind, form, target = SHORT, "<u2", VERTICES
         else:
             kind, form = FLOAT, "<f4"
         data = np.ascontiguousarray(values, form)

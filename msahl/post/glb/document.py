@@ -7,7 +7,8 @@ import numpy as np
 
 import msahl
 from msahl.post.glb.animation import Keys
-from msahl.post.glb.container import INDICES, VERTICES, Numbers, glb
+from msahl.post.glb.container import INDICES, JOINTS, VERTICES, Numbers, glb
+from msahl.post.scene.beams import rings_at_nodes
 from msahl.post.scene.geometry import Shape, along, quaternion
 from msahl.post.scene.triangles import triangles
 
@@ -24,10 +25,14 @@ def write_glb(
     (rows,) [s]: positions [m] and unit quaternions, scalar first. ``keys`` are those of each body.
     """
     file = _File(scene)
+    nodes = []
     for index, (body, key) in enumerate(zip(scene["bodies"], keys, strict=True)):
         node = file.add_body(body["name"], body["shapes"], body["colour"], poses[0, index])
+        nodes.append(node)
         if len(key.rows) > 1:
             file.animate(node, time[key.rows], poses[key.rows, index])
+    for beam in scene["beams"]:
+        file.add_beam(beam, nodes)
     ground = scene["ground"]
     if ground["shapes"]:
         file.add_body(", ".join(ground["names"]) or "ground", ground["shapes"], GREY, None)
@@ -46,6 +51,7 @@ class _File:
         self.mesh_list: list[dict[str, Any]] = []
         self.materials: dict[str, int] = {}
         self.material_list: list[dict[str, Any]] = []
+        self.skins: list[dict[str, Any]] = []
         self.channels: list[dict[str, Any]] = []
         self.samplers: list[dict[str, Any]] = []
 
@@ -66,6 +72,32 @@ class _File:
             self.nodes.append(child)
             node.setdefault("children", []).append(len(self.nodes) - 1)
         return place
+
+    def add_beam(self, beam: Mapping[str, Any], nodes: Sequence[int]) -> None:
+        """Add the surface of a beam as a skin: each outline moves with one of the ``nodes`` of the
+        document, which are those of all bodies."""
+        rings, faces = rings_at_nodes(dict(beam))
+        count, corners = rings.shape[:2]
+        carriers = np.zeros((count * corners, 4))
+        weights = np.zeros((count * corners, 4))
+        carriers[:, 0], weights[:, 0] = np.repeat(np.arange(count), corners), 1.0
+        attributes = {
+            # Outlines are given in the axes of their nodes.
+            "POSITION": self.numbers.add(rings.reshape(-1, 3), VERTICES, bounds=True),
+            "JOINTS_0": self.numbers.add(carriers, JOINTS),
+            "WEIGHTS_0": self.numbers.add(weights, VERTICES),
+        }
+        primitive = {
+            "attributes": attributes,
+            "indices": self.numbers.add(faces.ravel(), INDICES),
+            "material": self._material(beam["colour"]),
+        }
+        self.mesh_list.append({"name": beam["name"], "primitives": [primitive]})
+        self.skins.append({"joints": [nodes[body] for body in beam["nodes"]]})
+        place = len(self.nodes)
+        drawn = {"mesh": len(self.mesh_list) - 1, "skin": len(self.skins) - 1}
+        self.nodes.append({"name": beam["name"], **drawn})
+        self.nodes[0]["children"].append(place)
 
     def _mesh(self, shape: Shape, colour: str) -> int:
         """Return the index of the mesh of a shape; equal ones are stored once."""
@@ -121,6 +153,8 @@ class _File:
             "meshes": self.mesh_list,
             "materials": self.material_list,
         }
+        if self.skins:
+            document["skins"] = self.skins
         if self.channels:
             animation = {"name": title or "motion", "channels": self.channels}
             document["animations"] = [animation | {"samplers": self.samplers}]

@@ -13,7 +13,7 @@ from matplotlib.patheffects import withStroke
 
 from msahl.post.draw import COLOURS, folded, plain, shortened
 from msahl.post.linkage.motion import Motion, instants, moves, view
-from msahl.post.linkage.parts import GROUND, Parts, outline
+from msahl.post.linkage.parts import GROUND, Parts, Scene, outline
 from msahl.post.scene import build_scene
 from msahl.results.read import Run
 
@@ -100,6 +100,7 @@ def draw_linkage(
             if look.draws(index):
                 # Later instants lie above earlier ones.
                 _draw_body(axes, _in_picture(motion, index, part, k, frame), index, pen, look)
+        _draw_beams(axes, motion, frame, int(k), pen, look)
     _draw_springs(axes, motion, frame, int(chosen[-1]), look)
     if len(motion.ground):
         points = motion.ground @ frame.T
@@ -175,7 +176,7 @@ def _draw_paths(
 ) -> None:
     """Draw the paths of the bodies' mass centres."""
     for index, body in enumerate(motion.scene["bodies"]):
-        if not look.draws(index):
+        if not look.draws(index) or _is_inner(motion.scene, index):
             continue
         track = motion.paths(index, np.array([body["centre"]]))[:, 0] @ frame.T
         length = np.sqrt((np.diff(track, axis=0) ** 2).sum(axis=1)).sum()
@@ -183,6 +184,12 @@ def _draw_paths(
             track = track[: chosen[-1] + 1]
         colour = COLOURS[index % len(COLOURS)]
         axes.plot(*track.T, color=colour, lw=0.3 * look.width, alpha=0.6, zorder=2)
+
+
+def _is_inner(scene: Scene, index: int) -> bool:
+    """Return whether a body is a node of a beam other than its last."""
+    beam = scene["bodies"][index]["beam"]
+    return beam is not None and scene["beams"][beam]["nodes"][-1] != index
 
 
 def _draw_guides(axes: Axes, motion: Motion, frame: np.ndarray, k: int, look: Look) -> None:
@@ -204,6 +211,27 @@ def _draw_guides(axes: Axes, motion: Motion, frame: np.ndarray, k: int, look: Lo
         along = np.array([slides.min() - margin, slides.max() + margin])[:, None] * axis
         line = (ends + along) @ frame.T
         axes.plot(*line.T, color="0.45", lw=0.4 * look.width, ls=(0, (8, 3, 2, 3)), zorder=3)
+
+
+def _draw_beams(
+    axes: Axes, motion: Motion, frame: np.ndarray, k: int, pen: "Pen", look: Look
+) -> None:
+    """Draw beams as the lines through their nodes, smooth within each element."""
+    for beam in motion.scene["beams"]:
+        if not all(look.draws(body) for body in beam["nodes"]):
+            continue
+        origin = np.zeros((1, 3))
+        nodes = np.concatenate([motion.placed(body, origin, k) for body in beam["nodes"]])
+        p = beam["degree"]
+        parts = [
+            np.array(beam["rings"]) @ nodes[e * p : e * p + p + 1]
+            for e in range(len(beam["lengths"]))
+        ]
+        line = np.concatenate(parts) @ frame.T
+        axes.plot(
+            *line.T, color=beam["colour"], lw=look.width, alpha=pen.shade,
+            solid_capstyle="round", zorder=10 + pen.order,
+        )  # fmt: skip
 
 
 def _draw_springs(axes: Axes, motion: Motion, frame: np.ndarray, k: int, look: Look) -> None:

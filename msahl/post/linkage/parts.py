@@ -76,7 +76,10 @@ def parts_of(scene: Scene) -> list[Parts]:
         parts = Parts(
             pins=distinct(pins[index], scene["size"]), places=distinct(places[index], scene["size"])
         )
-        _fill(parts, body, _slides(scene, index), scene["size"], index in rolling)
+        if body["beam"] is None:
+            _fill(parts, body, _slides(scene, index), scene["size"], index in rolling)
+        elif not len(parts.places):
+            parts.places = np.zeros((1, 3))  # so that the picture is large enough for the beam
         found.append(parts)
     return found
 

@@ -15,6 +15,22 @@ its axes.
         "mass": float,
         "colour": "#rrggbb",                 # of its name, path and shapes without a colour
         "shapes": [Shape],
+        "beam": int or null,                 # of a node of a beam: its place in ``beams``
+      }],
+      "beams": [{                            # outlines swept along their nodes
+        "name": str,
+        "nodes": [int, ...],                 # bodies, in order; axes d_1 along the beam, d_2, d_3
+        "colour": "#rrggbb",
+        "degree": int,                       # p of elements with p + 1 nodes, p Gauss points
+        "lengths": [float, ...],             # of the elements
+        "outlines": [[y, z, y, ...], [y, z, y, ...]],  # of both ends, along d_2 and d_3
+        "rings": [[float, ...], ...],        # weights of the nodes at equally spaced places of an
+                                             # element: of positions and of directions d_2, d_3
+        "values": [[float, ...], ...],       # likewise at its Gauss points, and
+        "slopes": [[float, ...], ...],       # derivatives by a coordinate from -1 to 1
+        "fromPoints": [[float, ...], ...],   # weights of the Gauss points at the places of rings
+        "strain": [[6], ...],                # of the unstressed beam, at every Gauss point
+        "stiffness": [[36], ...],            # K, row by row; zero for strains that cannot change
       }],
       "ground": {"names": [str], "shapes": [Shape]},
       "joints": [{                           # joints, then couplings, in the deck's order

@@ -9,6 +9,7 @@ import numpy as np
 
 from msahl.algebra.rotation_arrays import quaternions
 from msahl.model import Model, RigidBody
+from msahl.post.scene.beams import beam_entries, node_beams
 from msahl.post.scene.derived import (
     ROD_RADIUS,
     WIDE,
@@ -75,6 +76,7 @@ def build_scene(model: Model, title: str = "", folders: Sequence[Path] = ()) -> 
     shapes |= {body[name]: own for name, own in given.items()}
     around = [points, *(_placed(corners(s), poses, b) for b in shapes for s in shapes[b])]
     corner = np.concatenate(around)
+    beam_of = node_beams(model)
     return {
         "title": model.simulation.title or title,
         "bodies": [
@@ -85,9 +87,11 @@ def build_scene(model: Model, title: str = "", folders: Sequence[Path] = ()) -> 
                 "mass": record.mass,
                 "colour": _colour(shapes[index], index),
                 "shapes": shapes[index],
+                "beam": beam_of.get(record.name),
             }
             for index, record in enumerate(model.bodies)
         ],
+        "beams": beam_entries(model, body, PALETTE),
         "ground": {"names": [g.name for g in model.grounds], "shapes": shapes[GROUND]},
         "joints": joints,
         "motions": motion_entries(model, body, place),
@@ -131,9 +135,10 @@ def derived_shapes(
                 shapes[body[name]].append(round_part)
     for b, wheel in _wheels(model, joints, poses):
         shapes[b].append(wheel)
+    beam_of = node_beams(model)
     for index, record_of_body in enumerate(model.bodies):
         rods = links(record_of_body.r_BG, ends[index], ROD_RADIUS * size)
-        if not shapes[index]:
+        if not shapes[index] and record_of_body.name not in beam_of:
             reach = max((math.dist(record_of_body.r_BG, end) for end in ends[index]), default=0.0)
             solid = visible(marker_of_mass(equivalent_solid(record_of_body), reach), size)
             shapes[index].append(solid)

@@ -7,7 +7,12 @@ export class Labels {
     this.holder = holder;
     this.model = model;
     this.isShown = false;
-    this.texts = model.scene.bodies.map((body) => make("span", { class: "name", text: body.name }));
+    const { bodies, beams } = model.scene;
+    const middles = new Map(beams.map(({ name, nodes }) => [nodes[nodes.length >> 1], name]));
+    this.texts = bodies.map((body, index) => {
+      const text = body.beam === null ? body.name : middles.get(index); // of a beam at its middle
+      return make("span", { class: "name", text: text ?? "" });
+    });
     this.tip = make("span", { class: "name tip" });
     this.tip.hidden = true;
     holder.append(...this.texts, this.tip);
@@ -18,7 +23,7 @@ export class Labels {
   show(camera, width, height) {
     this.texts.forEach((text, index) => {
       const body = this.model.scene.bodies[index];
-      text.hidden = !this.isShown || !this.model.bodies[index].visible;
+      text.hidden = !this.isShown || !text.textContent || !this.model.bodies[index].visible;
       if (text.hidden) return;
       this.model.pointOf(index, body.centre, this.point).project(camera);
       text.hidden = Math.abs(this.point.z) > 1;

@@ -1,5 +1,6 @@
 /* global THREE */
 // One run in three dimensions: its bodies, joints, springs and arrows, moved to the poses of a time.
+import { Beam } from "./beams.js";
 import { axesObject, jointObjects, markerObject, motionObject, turnTo } from "./glyphs.js";
 import { Coil } from "./coil.js";
 import { WIDTH } from "./motion.js";
@@ -9,6 +10,7 @@ const SPRING = "#6c7683";
 const DOT = 0.004; // radius of a dot divided by its distance from the camera
 const CLOSE = 10; // size of a glyph divided by the distance of joints of a body
 export const GLOW = "#1c7ed6";
+const PAINTED = 120; // times at which resultants of beams are looked at
 const SAMPLES = 240; // times at which the extent of the motion is looked at
 
 export class Model3d {
@@ -20,6 +22,8 @@ export class Model3d {
     this.movers = []; // functions of the poses' groups, called after these have moved
     this.ground = group(this.root);
     this.bodies = scene.bodies.map((body, index) => this.body(body, index));
+    this.beams = scene.beams.map((entry) => new Beam(entry, look));
+    for (const beam of this.beams) this.root.add(beam.object);
     for (const shape of scene.ground.shapes) {
       this.ground.add(shapeObject(shape, "#9aa3ad", look));
     }
@@ -35,14 +39,14 @@ export class Model3d {
 
   body(body, index) {
     const made = group(this.root);
-    made.userData = { kind: "body", name: body.name };
+    made.userData = { kind: "body", name: body.beam === null ? body.name : this.scene.beams[body.beam].name };
     for (const shape of body.shapes) {
       const colour = this.look.tint ?? shape.colour ?? body.colour;
       const drawn = shapeObject({ ...shape, colour: null }, colour, this.look);
       drawn.userData = made.userData;
       made.add(drawn);
     }
-    const axes = axesObject(0.09 * this.scene.size, this.look);
+    const axes = axesObject((body.beam === null ? 0.09 : 0.03) * this.scene.size, this.look);
     axes.userData.isFrame = true;
     axes.visible = false;
     made.add(axes);
@@ -66,7 +70,8 @@ export class Model3d {
     this.dots.forEach((dot, index) => {
       this.pointOf(index, this.scene.bodies[index].centre, dot.position);
       const size = DOT * camera.position.distanceTo(dot.position);
-      dot.visible = this.bodies[index].visible && this.radii[index].radius < size;
+      const isNode = this.scene.bodies[index].beam !== null; // whose beam is drawn
+      dot.visible = !isNode && this.bodies[index].visible && this.radii[index].radius < size;
       dot.scale.setScalar(size);
     });
   }
@@ -80,8 +85,35 @@ export class Model3d {
   show(time) {
     const poses = this.motion.at(time);
     this.bodies.forEach((body, index) => setPose(body, poses, index * WIDTH));
+    for (const beam of this.beams) beam.show(poses);
     this.root.updateMatrixWorld();
     for (const move of this.movers) move(time);
+  }
+
+  // Colours all beams by a resultant (see beams.js), null: by none. Returns its least and greatest
+  // value during the motion.
+  colourBeams(resultant) {
+    const range = [Infinity, -Infinity];
+    for (const beam of this.beams) beam.setResultant(resultant, [0, 0]);
+    if (resultant) {
+      for (const time of this.times(PAINTED)) {
+        const poses = this.motion.at(time);
+        for (const beam of this.beams) {
+          for (const value of beam.values(beam.nodes(poses))) {
+            range[0] = Math.min(range[0], value);
+            range[1] = Math.max(range[1], value);
+          }
+        }
+      }
+    }
+    for (const beam of this.beams) beam.setResultant(resultant, range);
+    return range;
+  }
+
+  // Evenly spaced times of the motion.
+  times(count) {
+    const { motion } = this;
+    return Array.from({ length: motion.isStill ? 1 : count }, (_, i) => (motion.end * i) / (count - 1));
   }
 
   // A point of a body in inertial axes, as it stands now.
@@ -92,13 +124,12 @@ export class Model3d {
   // Finds the box of the whole motion, and the travel of sliding joints.
   surveyMotion() {
     const { motion, scene } = this;
-    const times = Array.from({ length: motion.isStill ? 1 : SAMPLES }, (_, i) => (motion.end * i) / (SAMPLES - 1));
     this.box = new THREE.Box3();
     this.travel = scene.joints.map(() => [0, 0]);
-    this.radii = this.bodies.map((body) => radiusOf(body));
+    this.radii = this.bodies.map((body, index) => radiusOf(body, scene.beams[scene.bodies[index].beam]));
     const poses = new THREE.Vector3();
     const sphere = new THREE.Sphere();
-    for (const time of times) {
+    for (const time of this.times(SAMPLES)) {
       const now = motion.at(time);
       this.bodies.forEach((body, index) => setPose(body, now, index * WIDTH));
       this.root.updateMatrixWorld();
@@ -213,7 +244,7 @@ export class Model3d {
 
   // Makes bodies translucent, so that what is inside them is seen.
   setSeeThrough(isOn) {
-    for (const body of this.bodies) {
+    for (const body of [...this.bodies, ...this.beams.map((beam) => beam.object)]) {
       body.traverse((child) => {
         if (!child.material?.isMeshStandardMaterial) return;
         child.material.transparent = isOn || this.look.opacity < 1;
@@ -242,7 +273,7 @@ export class Model3d {
 
   // Objects that the pointer can be over.
   targets() {
-    const all = [...this.bodies, this.parts.joints, this.parts.springs, this.parts.frames, this.ground];
+    const all = [...this.bodies, ...this.beams.map((beam) => beam.object), this.parts.joints, this.parts.springs, this.parts.frames, this.ground];
     return all.filter((part) => part.visible);
   }
 }
@@ -276,13 +307,16 @@ function group(parent) {
 }
 
 // The sphere around a body's shapes, in its axes.
-function radiusOf(body) {
+function radiusOf(body, beam) {
   const box = new THREE.Box3();
   for (const child of body.children) {
     if (child.userData.isFrame) continue;
     child.updateMatrix();
     child.geometry.computeBoundingBox();
     box.union(child.geometry.boundingBox.clone().applyMatrix4(child.matrix));
+  }
+  for (const outline of beam?.outlines ?? []) {
+    for (let i = 0; i < outline.length; i += 2) box.expandByPoint(new THREE.Vector3(0, outline[i], outline[i + 1]));
   }
   if (box.isEmpty()) box.setFromCenterAndSize(new THREE.Vector3(), new THREE.Vector3());
   return box.getBoundingSphere(new THREE.Sphere());

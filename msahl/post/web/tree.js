@@ -1,4 +1,5 @@
 // The panel of what the model consists of, and of what is shown.
+import { RESULTANTS } from "./beams.js";
 import { iconButton, make } from "./dom.js";
 
 // `viewer` is the Viewer whose parts are shown and hidden.
@@ -9,7 +10,9 @@ export function buildTree(viewer) {
     make("div", { class: "panel-head" }, make("h2", { text: "Model" }),
       iconButton("close", "Close", () => viewer.setPanel("tree", false), { class: "plain" })),
     switches(viewer),
-    section("Bodies", scene.bodies.map((body, index) => bodyRow(viewer, body, index))),
+    section("Bodies", scene.bodies.map((body, index) => body.beam === null && bodyRow(viewer, body, index)).filter(Boolean)),
+    section("Beams", scene.beams.map((beam) => row(viewer, "body", beam.name, `${beam.nodes.length} nodes`))),
+    colouring(viewer),
     section("Joints", scene.joints.map((joint) => row(viewer, "joint", joint.name, joint.kind))),
     section("Motions", scene.motions.map((motion) => row(viewer, "motion", motion.name, motion.coordinate ?? "point"))),
     section("Springs", scene.springs.map((spring) => row(viewer, "spring", spring.name, spring.glyph))),
@@ -18,6 +21,22 @@ export function buildTree(viewer) {
   ];
   panel.append(...parts.filter(Boolean));
   return panel;
+}
+
+// The choice of what beams are coloured by, with its range.
+function colouring(viewer) {
+  if (!viewer.models[0].beams.length) return null;
+  const range = make("small", { class: "range" });
+  const select = make("select", { title: "Colour beams by a stress resultant" },
+    make("option", { value: "", text: "Beams in their own colours" }),
+    ...Object.entries(RESULTANTS).map(([key, [name]]) => make("option", { value: key, text: `Colour: ${name}` })));
+  select.onchange = () => {
+    const [low, high] = viewer.colourBeams(select.value || null);
+    const shown = (value) => Number(value.toPrecision(3)).toLocaleString("en", { maximumSignificantDigits: 3 });
+    range.textContent = select.value ? `${shown(low)} to ${shown(high)} ${RESULTANTS[select.value][1]}` : "";
+    range.classList.toggle("scale", Boolean(select.value));
+  };
+  return make("div", { class: "colouring" }, select, range);
 }
 
 function section(title, rows) {

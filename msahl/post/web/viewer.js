@@ -248,7 +248,7 @@ export class Viewer {
     const isOn = !this.isOn(key);
     if (key === "names") this.labels.isShown = isOn;
     else if (key === "axes") this.setAxes(isOn);
-    else if (key === "traces") this.models[0].scene.bodies.forEach((_, body) => this.setTrace(body, isOn));
+    else if (key === "traces") this.models[0].scene.bodies.forEach((of, body) => this.hasPath(of, body) && this.setTrace(body, isOn));
     else if (key === "arrows") for (const arrows of this.arrows) arrows.root.visible = isOn;
     else if (key === "through") this.setSeeThrough(isOn);
     else if (key === "floor") this.stage.floor.visible = isOn;
@@ -268,6 +268,11 @@ export class Viewer {
     }
   }
 
+  // Whether a body's path is among those that are shown together: of a beam that of its last node.
+  hasPath(of, body) {
+    return of.beam === null || body === this.models[0].scene.beams[of.beam].nodes.at(-1);
+  }
+
   hasTrace(body) {
     return this.traces[0].has(body);
   }
@@ -280,6 +285,14 @@ export class Viewer {
   setBody(body, isVisible) {
     for (const model of this.models) if (model.bodies[body]) model.bodies[body].visible = isVisible;
     this.invalidate();
+  }
+
+  // Colours the beams of all runs by a resultant, in the range of the first; returns that.
+  colourBeams(resultant) {
+    const [range] = this.models.map((model) => model.colourBeams(resultant));
+    for (const model of this.models) for (const beam of model.beams) beam.setResultant(resultant, range);
+    this.invalidate();
+    return range;
   }
 
   setArrowScale(scale) {

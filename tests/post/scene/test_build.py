@@ -45,7 +45,8 @@ def test_scene_of_every_deck_is_complete_json(deck):
     names = [j.name for j in model.joints] + [c.name for c in model.couplings]
     assert [j["name"] for j in scene["joints"]] == names
     assert len(scene["springs"]) + len(scene["loads"]) == len(model.loads)
-    assert all(body["shapes"] for body in scene["bodies"])
+    assert all(body["shapes"] or body["beam"] is not None for body in scene["bodies"])
+    assert [beam["name"] for beam in scene["beams"]] == [beam.name for beam in model.beams]
     assert scene["size"] > 0
     low, high = np.array(scene["extent"])
     for index, record in enumerate(model.bodies):
