@@ -131,3 +131,19 @@ def test_positions_are_projected_onto_rigid_strains():
     state = integrator.workspace.state
     assert np.abs(state.strain[:, :3]).max() < 1e-12
     assert state.x[0] == pytest.approx(0.0, abs=1e-13)
+
+
+def test_growing_shear_stiffness_leads_to_euler_and_bernoulli_at_the_same_cost():
+    def run(stiffness):
+        given = (1e4, stiffness, stiffness, 10.0, 12.0, 15.0)
+        model = cantilever(3, 2, given, gravity=DOWN, dt=0.01, t_final=0.3)
+        result = simulate(model, scheme="decaying", solver="newton")
+        return result.of("position")[-1], result.report.iterations
+
+    limit, iterations = run(np.inf)
+    near, nearer, nearest = (run(stiffness) for stiffness in (1e6, 1e9, 1e15))
+    error = np.abs(near[0] - limit).max()
+    assert 1e-7 < error < 1e-4
+    assert np.abs(nearer[0] - limit).max() == pytest.approx(1e-3 * error, rel=0.1)
+    assert np.abs(nearest[0] - limit).max() < 1e-13
+    assert nearest[1] <= 1.1 * iterations
