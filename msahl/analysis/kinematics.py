@@ -21,14 +21,18 @@ from msahl.analysis.configuration import EPSILON, Equations, new_equations
 from msahl.analysis.follow import Follower, Instant, LostError
 from msahl.analysis.kinematics_tables import Recorder, element_names
 from msahl.analysis.point import Point, at_start
-from msahl.analysis.prescribed import require_prescribed
+from msahl.analysis.prescribed import require_compatible, require_prescribed
 from msahl.analysis.singular import CLOSE, Singular, limit_position, singular_positions
+from msahl.jit.by_size import compiled_once
 from msahl.model import INSTANTANEOUS, Model
 from msahl.model.settings import YES
 from msahl.run.tables import Sink
 from msahl.run.time_grid import TimeGrid
 from msahl.start.velocities import StartError
 
+MANY = 5000
+"""Output times times bodies from which kernels are compiled, or loaded: plain Python takes some 4
+ms for each, compiling some ten seconds."""
 REVIEWS = 16
 """Output times at which it is found which reactions are unique."""
 
@@ -105,7 +109,9 @@ def prepare(model: Model) -> Prepared:
     # Velocities of the deck at t = 0 do not count: all follow from the motions.
     point = at_start(replace(model, velocity="asGiven"))
     of = new_equations(point.system, point.state)
-    return Prepared(model, point, of, require_prescribed(model, of, point.state))
+    rank = require_prescribed(model, of, point.state)
+    require_compatible(model, of, point.state)
+    return Prepared(model, point, of, rank)
 
 
 def follow(
@@ -120,13 +126,15 @@ def follow(
     to the last time is not ``complete``.
     """
     point, of = prepared.point, prepared.equations
+    if len(times) * len(prepared.model.bodies) >= MANY:
+        of = new_equations(point.system, point.state, lambda k, *given: compiled_once(k)(*given))
     found = Motion(point, of, redundant=of.equation.size - prepared.rank)
     try:
         follower = Follower(of, point.state, prepared.rank, float(times[-1]))
     except LostError as error:
         raise StartError(f"{error} at t = 0: look for motions that contradict each other") from None
     _require_regular(follower.last)
-    recorder = Recorder(prepared.model, point.system, point.state, point.unknowns, sink)
+    recorder = Recorder(prepared.model, of, point.unknowns, sink)
     try:
         _record_all(found, follower, recorder, [float(t) for t in times], progress)
         found.complete = True

@@ -9,19 +9,21 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from msahl.analysis.configuration import Equations, copied
 from msahl.analysis.follow import Instant
-from msahl.elements import forces, signals
+from msahl.elements import forces
 from msahl.elements.constraints import scalar
 from msahl.elements.rigid_body import write_accelerations
 from msahl.model import Model
 from msahl.run.observed import ObservedTables
 from msahl.run.output import CHUNK_NUMBERS
 from msahl.run.tables import WORK, Sink, column_counts
+from msahl.schemes.accelerations import accelerate, new_instant
 from msahl.schemes.midpoint.workspace import new_workspace, record_step
-from msahl.start.redundancy import non_unique_reactions
+from msahl.start.redundancy import is_regular, non_unique_reactions
 from msahl.start.velocities import solve_accelerations
 from msahl.system import evaluate
-from msahl.system.arrays import State, System
+from msahl.system.arrays import State
 from msahl.system.diagnostics import BALANCE, KINETIC
 from msahl.system.unknowns import Unknowns
 
@@ -39,15 +41,18 @@ class Recorder:
     are not unique, by the numbers of joints, couplings and motions.
     """
 
-    def __init__(
-        self, model: Model, system: System, state: State, unknowns: Unknowns, sink: Sink
-    ) -> None:
-        self.sink, self.unknowns = sink, unknowns
+    def __init__(self, model: Model, of: Equations, unknowns: Unknowns, sink: Sink) -> None:
+        """``of`` calls kernels in its own manner: plain, or compiled for many rows."""
+        self.sink, self.unknowns, self.call = sink, unknowns, of.call
+        system, state = of.system, copied(of.seen)
         widths = column_counts(model)
         self.widths = {name: width for name, width in widths.items() if width}
         self.rows = max(1, min(MOST_ROWS, CHUNK_NUMBERS // sum(widths.values())))
         accelerations = "accelerations" in self.widths
         self.workspace = new_workspace(system, unknowns, state, self.rows, accelerations)
+        # A matrix that is regular once is so but for singular positions, which have no rows.
+        regular = is_regular(system, state, unknowns)
+        self.instant = new_instant(system, unknowns) if regular else None
         self.observed = ObservedTables(model)
         self.times: list[float] = []
         self.powers: list[np.ndarray] = []
@@ -62,10 +67,11 @@ class Recorder:
         workspace, state = self.workspace, self.workspace.state
         self._set_state(instant.state)
         workspace.mean_force[:], workspace.mean_reaction[:] = state.force, state.reaction
-        record_step(workspace, 0.0, 0, self.pending)
+        self.call(record_step, workspace, 0.0, 0, self.pending)
         tables = workspace.tables
         if tables.accelerations.shape[1]:
-            write_accelerations(
+            self.call(
+                write_accelerations,
                 workspace.system.bodies,
                 workspace.start.frames,
                 state.w,
@@ -90,20 +96,22 @@ class Recorder:
         for name in ("time", "x", "p", "v", "w", "angle"):
             getattr(state, name)[:] = getattr(source, name)
         system, start = workspace.system, workspace.start
-        evaluate.prepare(system, state, start)
-        if signals.begin_angles(system.forces.signals, system.scalar, start.scalar, state.angle):
-            evaluate.prepare(system, state, start)
-        solve_accelerations(system, state, self.unknowns)
+        self.call(evaluate.prepare, system, state, start)
+        if self.instant is None:
+            solve_accelerations(system, state, self.unknowns)
+        else:
+            self.call(accelerate, system, state, start, self.instant)
         # From the constraint equations alone, without the round-off of masses and forces.
         state.a[:], state.alpha[:] = source.a, source.alpha
-        evaluate.prepare(system, state, start)
+        self.call(evaluate.prepare, system, state, start)
 
     def _powers(self) -> np.ndarray:
         """(w,) power of each load and motion [W]."""
         workspace, power = self.workspace, np.zeros_like(self.workspace.state.work)
         system, state, start = workspace.system, workspace.state, workspace.start
-        Z, rows = np.zeros((2, *workspace.Z.shape))
-        evaluate.free_acceleration(system, state, start, Z, rows)
+        Z, rows = workspace.Z, workspace.F
+        Z[:] = rows[:] = 0.0
+        self.call(evaluate.free_acceleration, system, state, start, Z, rows)
         forces.add_power(system.forces, start.forces, system.scalar, state.reaction, 1.0, power)
         Z[len(Z) - len(state.force) :] = np.divide(
             state.force, system.unit, out=np.zeros_like(state.force), where=system.unit != 0.0

@@ -4,7 +4,7 @@ import numpy as np
 
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import at
-from msahl.analysis.configuration import Equations, jacobian, solve
+from msahl.analysis.configuration import Equations, jacobian, solve, violations
 from msahl.elements.frames import first_multiplier, moving_count
 from msahl.joints.coordinates import columns, coordinates
 from msahl.model import JointMotion, Model, SignalState
@@ -14,9 +14,14 @@ from msahl.start.velocities import StartError
 from msahl.system.arrays import State, node_count
 from msahl.system.names import STATE_COLUMNS
 
+CONTRADICTION = 1e-8
+"""Velocity that no solution satisfies, relative to the largest prescribed one, that is not
+round-off."""
 PART = 0.05
 """Part of a motion or of loads, relative to the largest, below which it is not named."""
 MOST_NAMED = 6
+STILL = 1e-9
+"""Rate of a coordinate, relative to the largest, that is none."""
 MOVABLE = ("angle", "slide")
 """Coordinates of joints that can have a prescribed motion."""
 
@@ -72,6 +77,21 @@ def _free(model: Model, of: Equations, state: State, G: np.ndarray) -> str:
     return text
 
 
+def require_compatible(model: Model, of: Equations, state: State) -> None:
+    """Raise ``StartError`` if motions contradict each other or the joints in their velocities."""
+    _, rate = violations(of, state, at_rest=True)
+    G = jacobian(of, state)
+    remaining = -rate - G @ solve(G, -rate).z
+    largest = float(np.abs(remaining).max(initial=0.0))
+    if largest > CONTRADICTION * float(np.abs(rate).max(initial=0.0)):
+        names = loaded_elements(model, of, remaining)
+        raise StartError(
+            f"the prescribed motions contradict each other or the joints: at t = {state.time[0]:g} "
+            f"s, velocities of {largest:.3g} m/s are left over in {listed(names)}; omit a motion, "
+            "or give motions that fit"
+        )
+
+
 def _proposals(model: Model, of: Equations, state: State, free: np.ndarray) -> list[str]:
     """Coordinates of joints, one for each of the motions ``free`` (d, n), that determine them."""
     joints = [joint for joint in model.joints if coordinates(joint)]
@@ -93,7 +113,8 @@ def _proposals(model: Model, of: Equations, state: State, free: np.ndarray) -> l
 
     rates = table[:, chosen]
     size = np.linalg.norm(rates, axis=0)
-    rates = np.where(size > PART * size.max(initial=1e-300), rates / np.maximum(size, 1e-300), 0.0)
+    # Rates of angles and slides have different units.
+    rates = np.where(size > STILL * size.max(initial=1e-300), rates / np.maximum(size, 1e-300), 0.0)
     _, R, order = qr(rates, mode="economic", pivoting=True)
     pivots = np.abs(np.diag(R))
     return [names[order[k]] for k in range(len(pivots)) if pivots[k] > 1e-6]

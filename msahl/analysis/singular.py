@@ -30,6 +30,8 @@ MOST_ROUNDS = 5
 TOUCHING = 1e-5
 """Smallest singular value in a minimum, relative to that at the ends of the interval, that is
 zero."""
+ALIKE = 10.0
+"""Ratio of singular values near a singular position that pass through zero together."""
 CLOSE = 1e-6
 """Smallest singular value, relative to the largest, of a position that cannot be told from a
 singular one: positions are known to the root of machine epsilons there."""
@@ -41,8 +43,8 @@ class Singular(NamedTuple):
     time: float  # [s]
     uncertainty: float  # of the time [s]
     limit: bool  # whether the motion ends there
-    motion: np.ndarray  # (n,) unit vector of displacements and rotations that remain possible
-    loads: np.ndarray  # (c,) unit vector of multipliers in equilibrium
+    motion: np.ndarray  # (n,) sizes of displacements and rotations that remain possible
+    loads: np.ndarray  # (c,) sizes of multipliers in equilibrium
 
 
 def singular_positions(follower: Follower, passed: Sequence[Instant]) -> list[Singular]:
@@ -164,20 +166,17 @@ def limit_position(follower: Follower, passed: Sequence[Instant]) -> Singular | 
     if b.sigma > 1e-3 * largest or b.sigma >= a.sigma:
         return None
     left = b.sigma**2 * (b.time - a.time) / (a.sigma**2 - b.sigma**2)
-    motion, loads = b.solved.right[b.rank - 1], b.solved.left[:, b.rank - 1]
+    motion, loads = _null_vectors([b], b.time)
     uncertainty = max(left, 64.0 * float(np.finfo(float).eps) * follower.end)
     return Singular(b.time + left, float(uncertainty), True, motion, loads)
 
 
 def _null_vectors(instants: Sequence[Instant], time: float) -> tuple[np.ndarray, np.ndarray]:
-    """Singular vectors of the smallest singular value, mean of those on both sides of ``time``."""
-    ordered = sorted(instants, key=lambda i: abs(i.time - time))
-    first = ordered[0]
-    on_other_side = [i for i in ordered if (i.time - time) * (first.time - time) < 0.0]
-    k = first.rank - 1
-    motion, loads = first.solved.right[k].copy(), first.solved.left[:, k].copy()
-    for other in on_other_side[:1]:
-        right, left = other.solved.right[k], other.solved.left[:, k]
-        motion += np.sign(right @ motion) * right
-        loads += np.sign(left @ loads) * left
-    return motion / np.linalg.norm(motion), loads / np.linalg.norm(loads)
+    """Sizes (n,) and (c,) of what the singular vectors of values near to zero contain, at the
+    instant nearest to ``time``.
+    """
+    nearest = min(instants, key=lambda i: abs(i.time - time))
+    r, solved = nearest.rank, nearest.solved
+    zero = np.flatnonzero(solved.values[:r] <= ALIKE * solved.values[r - 1])
+    motion = np.linalg.norm(solved.right[zero], axis=0)
+    return motion, np.linalg.norm(solved.left[:, zero], axis=1)

@@ -117,7 +117,7 @@ def _set_nodes(element: Element, to: Configuration) -> None:
     name, numbers, k = text(element.find("name")), [], 1
     while (body := to.bodies.get(f"{name}.{k}")) is not None:
         parts = (body.position, body.orientation, body.velocity, body.angular_velocity)
-        numbers += [repr(value) for part in parts for value in part]
+        numbers += [repr(float(value)) for part in parts for value in part]
         k += 1
     _child(element, "nodes").text = " ".join(numbers)
 

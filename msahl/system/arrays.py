@@ -28,11 +28,6 @@ from msahl.elements.rigid_body import (
 )
 from msahl.model.scheme import Decay
 
-APART, FREE, FIRST = range(3)
-"""When the multipliers of an element may be eliminated: after all its bodies, or with one of two;
-those of a beam's element after all its bodies but one, if none of these went with another element
-(FREE), or in any case (FIRST)."""
-
 
 class Multipliers(NamedTuple):
     """The multipliers' nodes, for the order of elimination."""
@@ -41,7 +36,7 @@ class Multipliers(NamedTuple):
     element: np.ndarray  # (k,) joint, coupling or motion it belongs to
     rotational: np.ndarray  # (k,) whether its equations depend on rotations only
     bodies: np.ndarray  # (k, 4 or more) frames its equations depend on; the ground fills up
-    shared: np.ndarray  # (k,) APART, or of beams FREE or FIRST
+    of_beam: np.ndarray  # (k,) whether the element is one of a beam
 
 
 class System(NamedTuple):

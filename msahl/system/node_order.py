@@ -9,8 +9,9 @@ then 1, the share of the joint's mass, and an inertia about the joint. So a link
 neighbour only the joint between them, and costs the same on whichever side of it the ground is. A
 body that a force holds to another leaves that one in any case and goes with a joint at once. Joints
 that close loops, and couplings, go after all their bodies. An element of a beam goes after all its
-nodes but one, which leaves that one the rest of the beam. In systems with beams what is held by the
-ground goes last: the equations of rigid strains need nodes that are free.
+nodes but one, which leaves that one the rest of the beam, or after all where other elements have
+gone with some of them: equations of rigid strains are independent in nodes that are free. So in
+systems with beams all that the ground holds goes last.
 
 **By elements**, in large systems with many closed loops. All bodies are eliminated first, which
 leaves the matrix G M^-1 G^T of the constraints: positive definite if these are independent, so any
@@ -27,7 +28,7 @@ import numpy as np
 from msahl.elements.frames import first_multiplier, moving_count
 from msahl.jit.by_size import LARGE, by_size
 from msahl.jit.kernel import kernel
-from msahl.system.arrays import APART, FIRST, FREE, System, node_count
+from msahl.system.arrays import System, node_count
 from msahl.system.symbolic import NO_LIMIT, Lists, grouped, product_count
 
 TREE = 2
@@ -43,7 +44,7 @@ class Graph(NamedTuple):
 
     bodies: Lists  # moving frames of each joint, coupling or motion
     elements: Lists  # likewise the elements of each moving frame
-    shared: np.ndarray  # (e,) see ``Multipliers``
+    of_beam: np.ndarray  # (e,) whether it is one of a beam
     pushing: Lists  # nodes of each element's multipliers that depend on displacements
     rotational: Lists  # those that depend on rotations only
     forced: np.ndarray  # (p, 2) pairs of frames that a force couples
@@ -123,7 +124,7 @@ def graph_of(system: System) -> Graph:
     return Graph(
         bodies=grouped(touched[0], touched[1], count),
         elements=grouped(touched[1], touched[0], ground),
-        shared=multipliers.shared[first],
+        of_beam=multipliers.of_beam[first],
         pushing=pushing,
         rotational=rotational,
         forced=_forced(system, ground),
@@ -170,19 +171,22 @@ def smallest_degree(
     neighbours: list[set[int]], held: set[int], held_first: bool = True
 ) -> np.ndarray:
     """Return the vertices of a graph, each of smallest degree among those left, if there are
-    several one that is ``held`` or was near one, or with ``held_first`` false one that is not;
-    consumes both.
+    several one that is ``held`` or was near one; with ``held_first`` false all of these come last.
+    Consumes both.
     """
-    heap = [
-        (len(near), (vertex in held) != held_first, vertex)
-        for vertex, near in enumerate(neighbours)
-    ]
+
+    def key(vertex: int) -> tuple[bool, int, bool, int]:
+        later = vertex in held
+        return later and not held_first, len(neighbours[vertex]), not later, vertex
+
+    heap = [key(vertex) for vertex in range(len(neighbours))]
     heapq.heapify(heap)
     order: list[int] = []
     done = [False] * len(neighbours)
     while heap:
-        degree, _, vertex = heapq.heappop(heap)
-        if done[vertex] or degree != len(neighbours[vertex]):
+        given = heapq.heappop(heap)
+        vertex = given[-1]
+        if done[vertex] or given[:2] != key(vertex)[:2]:
             continue
         done[vertex] = True
         order.append(vertex)
@@ -192,8 +196,7 @@ def smallest_degree(
         for other in near:
             neighbours[other] |= near
             neighbours[other] -= {vertex, other}
-            later = (other in held) != held_first
-            heapq.heappush(heap, (len(neighbours[other]), later, other))
+            heapq.heappush(heap, key(other))
     return np.array(order, dtype=np.int64)
 
 
@@ -204,13 +207,15 @@ def by_bodies(system: System, graph: Graph, bodies: np.ndarray) -> np.ndarray:
     order, forced = np.zeros(size, dtype=np.int64), np.zeros(bodies.size, dtype=bool)
     forced[graph.forced.reshape(-1)] = True
     missing, placed = np.diff(graph.bodies.first), np.zeros(count, dtype=bool)
-    used = np.zeros(count, dtype=bool)
+    # What couples nodes of a beam is an element, which they wait for.
+    forced[graph.bodies.items[np.repeat(graph.of_beam, missing)]] = False
+    used, gone = np.zeros(count, dtype=bool), np.zeros(bodies.size, dtype=bool)
     by_size(_place_nodes, size)(
         graph,
         bodies,
         (frames.displacement, frames.rotation),
         forced,
-        (missing, placed, used),
+        (missing, placed, used, gone),
         order,
     )
     return order
@@ -222,16 +227,17 @@ def _place_nodes(
     bodies: np.ndarray,
     nodes: tuple[np.ndarray, np.ndarray],
     forced: np.ndarray,
-    progress: tuple[np.ndarray, np.ndarray, np.ndarray],
+    progress: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
     order: np.ndarray,
 ) -> None:
     """Set ``order``; ``progress`` has the bodies that each element still waits for, whether it has
-    gone, and whether another one went with one of its bodies.
+    gone, whether another one went with one of its bodies, and whether each body has gone.
     """
-    missing, placed, used = progress
+    missing, placed, used, gone = progress
     end = 0
     for b in bodies:
         first, last = graph.elements.first[b], graph.elements.first[b + 1]
+        gone[b] = True
         for i in range(first, last):
             missing[graph.elements.items[i]] -= 1
         tree = _element_to_go_with(graph, b, forced[b], missing, placed)
@@ -247,17 +253,25 @@ def _place_nodes(
         for i in range(first, last):
             e = graph.elements.items[i]
             used[e] = used[e] or tree >= 0
-            early = graph.shared[e] == FIRST or (graph.shared[e] == FREE and not used[e])
+            early = graph.of_beam[e] and not used[e]
             if missing[e] <= (1 if early else 0) and not placed[e]:
                 end = _put(graph.rotational, e, order, _put(graph.pushing, e, order, end))
                 placed[e] = True
-                if graph.shared[e] != APART and missing[e] == 0:
-                    for k in range(first, last):
-                        used[graph.elements.items[k]] = True
+                if graph.of_beam[e]:
+                    _mark_used(graph, e, gone, used)
     # What couples no body that moves comes last.
     for e in range(placed.size):
         if not placed[e]:
             end = _put(graph.rotational, e, order, _put(graph.pushing, e, order, end))
+
+
+@kernel
+def _mark_used(graph: Graph, e: int, gone: np.ndarray, used: np.ndarray) -> None:
+    """Mark as ``used`` all elements of those bodies of element ``e`` that have ``gone``."""
+    for i in range(graph.bodies.first[e], graph.bodies.first[e + 1]):
+        b = graph.bodies.items[i]
+        for j in range(graph.elements.first[b], graph.elements.first[b + 1] if gone[b] else 0):
+            used[graph.elements.items[j]] = True
 
 
 @kernel
@@ -273,7 +287,7 @@ def _element_to_go_with(
         for i in range(graph.elements.first[b], graph.elements.first[b + 1]):
             e = graph.elements.items[i]
             bodies = graph.bodies.first[e + 1] - graph.bodies.first[e]
-            goes = not placed[e] and graph.shared[e] == APART and bodies <= TREE
+            goes = not placed[e] and not graph.of_beam[e] and bodies <= TREE
             if goes and (missing[e] == 0) == (waits == 0):
                 return int(e)
     return -1

@@ -18,7 +18,7 @@ from msahl.elements.rigid_body import STATE_SIZE
 from msahl.joints.joint import CHILD, GROUND, PARENT, Coordinate, Product
 from msahl.joints.registry import KINDS
 from msahl.model.beams import Beam
-from msahl.system.arrays import APART, FIRST, FREE, Multipliers
+from msahl.system.arrays import Multipliers
 from msahl.system.collect import BeamEntry, ConcentratedEntry, Elements, Pair
 from msahl.system.pattern import Blocks
 from msahl.system.signal_inputs import ResultEntry, input_parts
@@ -64,8 +64,8 @@ class _Nodes(NamedTuple):
     rotational: list[bool]
     frames: list[set[int]]
     place: list[tuple[int, int]]  # node and slot of each scalar equation
-    of_beams: list[int]  # first of the two nodes of each Gauss point
-    shared: list[int]  # see ``Multipliers``
+    points: list[int]  # first of the two nodes of each Gauss point of beams
+    of_beam: list[bool]
 
 
 def build_topology(elements: Elements, relaxed: bool) -> Topology:
@@ -190,11 +190,11 @@ def _place_multipliers(elements: Elements) -> _Nodes:
     """
     nodes = _Nodes([], [], [], [], [], [])
 
-    def add(element: int, rotational: bool, frames: set[int], shared: int = APART) -> int:
+    def add(element: int, rotational: bool, frames: set[int], of_beam: bool = False) -> int:
         nodes.element.append(element)
         nodes.rotational.append(rotational)
         nodes.frames.append(frames)
-        nodes.shared.append(shared)
+        nodes.of_beam.append(of_beam)
         return len(nodes.element) - 1
 
     for element, pair in elements.points:
@@ -211,10 +211,9 @@ def _place_multipliers(elements: Elements) -> _Nodes:
         if slot < 2:
             open_nodes[key] = (node, slot + 1)
     for of_beam, k, own in _beam_elements(elements):
-        shared = _sharing(of_beam.beam)
         for _ in range(of_beam.beam.degree):
-            nodes.of_beams.append(add(of_beam.element + k, False, set(own), shared))
-            add(of_beam.element + k, True, set(own), shared)
+            nodes.points.append(add(of_beam.element + k, False, set(own), True))
+            add(of_beam.element + k, True, set(own), True)
     return nodes
 
 
@@ -228,16 +227,6 @@ def _beam_elements(elements: Elements) -> Iterator[tuple[BeamEntry, int, list[in
 def _rigid(beam: Beam) -> np.ndarray:
     """(g, 6) strains that cannot change, by Gauss point."""
     return ~np.any(np.array(beam.compliance), axis=2)
-
-
-def _sharing(beam: Beam) -> int:
-    """Return when the multipliers of an element of ``beam`` may be eliminated, see ``Multipliers``.
-
-    Of a rigid stretch, torsion or bending, p equations depend on one unknown of each node, so they
-    are independent in p nodes of which none is clamped. Shears depend on two.
-    """
-    rigid = np.any(_rigid(beam), axis=0)
-    return FREE if beam.degree == 1 or rigid[[0, 3, 4, 5]].any() else FIRST
 
 
 def _beams(
@@ -258,7 +247,7 @@ def _beams(
     ]
     counts = [e.beam.degree for e, _, _ in _beam_elements(elements)]
     of_point = np.repeat(np.arange(len(own), dtype=np.int64), counts)
-    place = indices(nodes.of_beams)
+    place = indices(nodes.points)
     stretch, bend = first + place[:, None], first + place[:, None] + 1
     u, theta = u[of_point], theta[of_point]
     pairs = ((u, stretch), (theta, stretch), (theta, bend))
@@ -483,7 +472,7 @@ def _multipliers(nodes: _Nodes, multiplier: np.ndarray, ground: int) -> Multipli
         element=indices(nodes.element),
         rotational=np.array(nodes.rotational, dtype=bool),
         bodies=indices(touched).reshape(-1, most),
-        shared=indices(nodes.shared),
+        of_beam=np.array(nodes.of_beam, dtype=bool),
     )
 
 

@@ -17,8 +17,9 @@ from msahl.model.settings import OFF, YES
 from msahl.run.loop import run
 from msahl.run.tables import MemorySink, tables_of_model
 from msahl.start.velocities import StartError
-from tests.support.models import DECKS, deck
+from tests.support.models import ROOT, deck
 
+MECHANISMS = ROOT / "decks" / "mechanisms"
 R, L = 0.1, 0.25
 """Crank and rod of decks/mechanisms/slider_crank.xml [m]."""
 
@@ -44,8 +45,7 @@ class Computed:
 
 def slider_crank(settings=(), law=None, joint="Guide"):
     """The deck with other numbers; with a ``law`` it moves the slider, not the crank."""
-    (path,) = [path for path in DECKS if path.stem == "slider_crank"]
-    model = read_deck(path, settings=settings)
+    model = read_deck(MECHANISMS / "slider_crank.xml", settings=settings)
     if law is None:
         return model
     coordinate = "slide" if joint == "Guide" else "angle"
@@ -191,6 +191,43 @@ def test_dead_points_are_found_between_output_times():
     assert report_of(found.motion, 1.0).verdict["word"] == "WARN"
 
 
+def test_dead_points_of_two_mechanisms_at_once_are_found():
+    """Two singular values pass through zero together, so the determinant keeps its sign."""
+    law = Law("sine", (2.0 * R, 3.0, np.pi / 2.0 + np.pi / 6.0, 0.0))
+    model = slider_crank(("l=0.1 m",), law)
+
+    def second(name):
+        return name if name == "Base" else f"{name} 2"
+
+    twice = replace(
+        model,
+        bodies=(*model.bodies, *(replace(b, name=second(b.name)) for b in model.bodies)),
+        joints=(
+            *model.joints,
+            *(
+                replace(j, name=second(j.name), parent=second(j.parent), child=second(j.child))
+                for j in model.joints
+            ),
+        ),
+        motions=(
+            *model.motions,
+            *(replace(m, name=second(m.name), joint=second(m.joint)) for m in model.motions),
+        ),
+    )
+    found = Computed(twice, np.linspace(0.0, 0.5, 6))
+    (folded,) = found.motion.singular
+    assert folded.time == pytest.approx(np.pi / 9.0, abs=1e-11)
+    (text,) = report_of(found.motion, 0.5).warnings
+    assert all(name in text for name in ("Crank", "Crank 2", "Rod", "Rod 2"))
+
+
+def test_motions_that_contradict_each_other_are_named():
+    model = slider_crank()
+    pushed = JointMotion("Pusher", "Guide", "slide", Law("polynomial", (0.0, 0.1)))
+    with pytest.raises(StartError, match=r"contradict .* Motor, .*Pusher"):
+        prepare(replace(model, motions=(*model.motions, pushed)))
+
+
 def test_an_output_time_at_a_dead_point_has_no_row():
     law = Law("sine", (2.0 * R, np.pi / 3.0, np.pi / 2.0 + np.pi / 6.0, 0.0))
     found = Computed(slider_crank(("l=0.1 m",), law), np.linspace(0.0, 2.0, 21))
@@ -256,8 +293,7 @@ def test_incompletely_prescribed_motions_are_refused():
 
 
 def test_motions_that_follow_from_rates_are_refused():
-    (path,) = [path for path in DECKS if path.parts[-2:] == ("mechanisms", "rolling_disk.xml")]
-    model = read_deck(path)
+    model = read_deck(MECHANISMS / "rolling_disk.xml")
     with pytest.raises(StartError, match=r"3 degrees of freedom remain; Disk can move"):
         prepare(model)
     still = Law("constant", (0.0,))
