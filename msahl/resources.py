@@ -13,9 +13,8 @@ def folder(name: str) -> Path:
 
 def example_decks() -> list[Path]:
     """Return the decks that are installed with the package."""
-    return sorted(
-        path for part in ("forces", "joints") for path in (folder("decks") / part).glob("*.xml")
-    )
+    parts = ("elastic", "forces", "joints")
+    return sorted(path for part in parts for path in (folder("decks") / part).glob("*.xml"))
 
 
 def example_deck(name: str) -> Path:

@@ -147,12 +147,7 @@ def _read_model(
     sound = {group: _sound(root.iterfind(f"system/{group}/*"), faults) for group in KINDS}
     for groups in ONE_NAME:
         _check_names(root, groups, faults)
-    attach_to_beams(root, reader)
-    _read_axes(root, sound["bodies"], reader)
-    _read_kinds(root, reader)
-    beams = _read_beams(sound["bodies"], reader)
-    check_references(root, TAGS, reader)
-    _place_by_joints(root, reader)
+    beams = _place_all(root, sound["bodies"], reader)
     bodies = _read_bodies(sound["bodies"], reader)
     _check_some_body(root, faults)
     joints, couplings = _read_joints(sound["joints"], reader)
@@ -183,12 +178,18 @@ def _read_model(
     )
 
 
-def _place_by_joints(root: Element, reader: Reader) -> None:
-    """Place the bodies of a deck that gives coordinates of joints."""
+def _place_all(root: Element, bodies: list[Element], reader: Reader) -> "list[BuiltBeam]":
+    """Make the axes of all bodies known and check all references; return the beams."""
+    attach_to_beams(root, reader)
+    _read_axes(root, bodies, reader)
+    _read_kinds(root, reader)
+    beams = _read_beams(bodies, reader)
+    check_references(root, TAGS, reader)
     if gives_starts(root):
         from msahl.deck.placement import place_by_joints  # which few decks need
 
         place_by_joints(root, reader)
+    return beams
 
 
 def _read_beams(sound: list[Element], reader: Reader) -> "list[BuiltBeam]":

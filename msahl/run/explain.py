@@ -15,6 +15,7 @@ from msahl.run.tables import STATES
 from msahl.run.time_grid import TimeGrid
 from msahl.run.verdict import describe_reactions
 from msahl.system.arrays import multiplier_count
+from msahl.system.names import STRAINS
 from msahl.system.reductions import all_unknowns
 from msahl.system.subsystems import split
 
@@ -34,11 +35,12 @@ def explain(model: Model) -> list[str]:
     alone = len(integrators) == 1
     return [
         model.simulation.title or "(no title)",
-        f"  {_count(len(model.bodies), 'body', 'bodies')}, {_count(len(model.joints), 'joint')}, "
+        f"  {_bodies(model)}, {_count(len(model.joints), 'joint')}, "
         f"{_count(len(model.couplings), 'coupling')}, {_count(len(model.motions), 'motion')}, "
         f"{_count(len(model.loads), 'load')}, {_count(len(model.grounds), 'ground')}; "
         f"{grid.n} steps of {grid.h:g} s",
         f"scheme: {_scheme(resolve(model.simulation))}",
+        *_beams(model),
         *_degrees_of_freedom(model, integrators),
         *(line for integrator in integrators for line in _coordinates(integrator)),
         *_unknowns(model, integrators),
@@ -46,6 +48,30 @@ def explain(model: Model) -> list[str]:
         *_omitted_terms(model, integrators),
         *_loaded(integrators),
     ]
+
+
+def _own_bodies(model: Model) -> list[str]:
+    """Return the names of the bodies that are no nodes of beams."""
+    nodes = {name for beam in model.beams for name in beam.nodes}
+    return [body.name for body in model.bodies if body.name not in nodes]
+
+
+def _bodies(model: Model) -> str:
+    bodies = _count(len(_own_bodies(model)), "body", "bodies")
+    return f"{bodies}, {_count(len(model.beams), 'beam')}" if model.beams else bodies
+
+
+def _beams(model: Model) -> Iterator[str]:
+    """Beams: their size, and the strains that cannot change."""
+    mass = {body.name: body.mass for body in model.bodies}
+    for beam in model.beams[:MOST_LISTED]:
+        kilograms = sum(mass[name] for name in beam.nodes)
+        zero = [STRAINS[i] for i in range(6) if beam.compliance[0][i][i] == 0.0]
+        yield (
+            f"beam {beam.name}: {sum(beam.lengths):.6g} m, {kilograms:.6g} kg, "
+            f"{_count(len(beam.lengths), 'element')} of degree {beam.degree} between the nodes "
+            f"{beam.nodes[0]} to {beam.nodes[-1]}" + (f"; no {', '.join(zero)}" if zero else "")
+        )
 
 
 def _count(n: int, one: str, many: str = "") -> str:
@@ -147,7 +173,7 @@ def _reductions(integrator: SubsystemIntegrator, alone: bool) -> Iterator[str]:
 
 
 def _members(subsystem: Model) -> str:
-    names = [body.name for body in subsystem.bodies]
+    names = [*_own_bodies(subsystem), *(beam.name for beam in subsystem.beams)]
     return ", ".join(names if len(names) <= 4 else [*names[:3], f"... ({len(names)} bodies)"])
 
 

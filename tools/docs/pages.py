@@ -24,6 +24,7 @@ FAMILIES = {
     "joints": ("Joints", "One deck for every kind of joint and coupling."),
     "forces": ("Forces and motions", "One deck for every kind of load and prescribed motion."),
     "mechanisms": ("Mechanisms", "Linkages, gyroscopes, cams and regulators."),
+    "elastic": ("Elastic bodies", "Beams: large displacements, vibrations, rotors, a cable."),
     "machines": ("Machines", "Motors, sensors and controllers: actuators, signals and states."),
     "thesis": ("Thesis", "The models of A. D. Hainge's thesis (2010)."),
     "extreme": ("Extreme models", "Models that make integrators fail: stiff, light, long, fast."),
