@@ -22,12 +22,20 @@ from msahl.analysis.equilibrium import Solution
 from msahl.analysis.point import Point
 from msahl.analysis.projection import prepared
 from msahl.elements import forces
+from msahl.elements.beams import instant
 from msahl.elements.forces import drag, spring
 from msahl.elements.reactions import write_reactions
 from msahl.elements.rigid_body import write_states
 from msahl.model import Actuator, Bushing, ConcentratedLoad, Drag, JointSpring, Model, SpringDamper
 from msahl.run.observed import ObservedTables
-from msahl.run.tables import ACCELERATIONS, REACTIONS, SIGNALS, STATES, tables_of_model
+from msahl.run.tables import (
+    ACCELERATIONS,
+    REACTIONS,
+    RESULTANTS,
+    SIGNALS,
+    STATES,
+    tables_of_model,
+)
 from msahl.system.arrays import SystemWorkspace, Tables, new_tables
 from msahl.system.collect import collect
 from msahl.system.names import (
@@ -75,6 +83,7 @@ def _rows(point: Point) -> dict[str, np.ndarray]:
         STATES: np.concatenate([time, written.states[0]]),
         REACTIONS: np.concatenate([time, written.reactions[0]]),
         SIGNALS: np.concatenate([time, written.signals[0]]),
+        RESULTANTS: np.concatenate([time, written.resultants[0]]),
         LOADS: np.concatenate([time, *_loads(point, start, written.signals[0])]),
         ACCELERATIONS: np.zeros(len(acceleration_columns(point.model))),
     }
@@ -90,6 +99,7 @@ def _written(point: Point) -> tuple[SystemWorkspace, Tables]:
     write_reactions(
         system.shown, system.scalar, state.reaction, state.force, 0.0, written.reactions, 0
     )
+    instant.write_resultants(system.beams, state.force, written.resultants, 0)
     of = system.forces
     forces.publish_signals(of.signals, of.actuator, start.forces, system.scalar, written.signals, 0)
     return start, written
