@@ -22,12 +22,20 @@ from msahl.analysis.equilibrium import Solution
 from msahl.analysis.point import Point
 from msahl.analysis.projection import prepared
 from msahl.elements import forces
+from msahl.elements.beams.instant import write_resultants
 from msahl.elements.forces import drag, spring
 from msahl.elements.reactions import write_reactions
 from msahl.elements.rigid_body import write_states
 from msahl.model import Actuator, Bushing, ConcentratedLoad, Drag, JointSpring, Model, SpringDamper
 from msahl.run.observed import ObservedTables
-from msahl.run.tables import ACCELERATIONS, REACTIONS, SIGNALS, STATES, tables_of_model
+from msahl.run.tables import (
+    ACCELERATIONS,
+    REACTIONS,
+    RESULTANTS,
+    SIGNALS,
+    STATES,
+    tables_of_model,
+)
 from msahl.system.arrays import SystemWorkspace, Tables, new_tables
 from msahl.system.collect import collect
 from msahl.system.names import (
@@ -78,6 +86,11 @@ def _rows(point: Point) -> dict[str, np.ndarray]:
         LOADS: np.concatenate([time, *_loads(point, start, written.signals[0])]),
         ACCELERATIONS: np.zeros(len(acceleration_columns(point.model))),
     }
+    beams = point.system.beams
+    if beams is not None:
+        resultants = np.zeros((1, 6 * beams.element.size))
+        write_resultants(beams, point.state.force, resultants, 0)
+        rows[RESULTANTS] = np.concatenate([time, resultants[0]])
     observed = ObservedTables(point.model).rows({name: row[None] for name, row in rows.items()})
     return rows | {name: table[0] for name, table in observed.items()}
 
