@@ -16,7 +16,7 @@ import numpy as np
 
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import Vector, at
-from msahl.analysis.equilibrium import BALANCED, Solution, balance_at, search_start
+from msahl.analysis.equilibrium import BALANCED, Solution, balance_at, held_motions, search_start
 from msahl.analysis.equilibrium_search import find
 from msahl.analysis.point import Point
 from msahl.analysis.projection import close, prepared
@@ -82,10 +82,13 @@ def _begun(job: Job, text: bytes, start: Mapping[str, Any]) -> Job:
 
 def told(start: Mapping[str, Any]) -> str:
     """Return in words where a run starts, as ``Job.start`` has it."""
+    held = "; ".join(
+        f"motion '{name}' is held for it, but moves at t = 0" for name in start.get("held", ())
+    )
     return (
         f"starts at an equilibrium, up to {start['moved']:.3g} m from where the deck has the "
         "bodies: "
-        f"{start['stability']}; residual {start['residual']:.2g} N"
+        f"{start['stability']}; residual {start['residual']:.2g} N" + (f"; {held}" if held else "")
     )
 
 
@@ -103,6 +106,7 @@ def _record(job: Job, start: Point, solution: Solution) -> dict[str, Any]:
         "relative": balance.relative,
         "moved": float(moved.max()),
         "stability": stability(point),
+        "held": held_motions(job.model),
         "given": deck_digest(job.text),
     }
 
@@ -123,7 +127,15 @@ def deck_at(data: bytes, path: Path, start: Point, solution: Solution) -> bytes:
 
 
 def deck_there(data: bytes, path: Path, start: Point, point: Point) -> bytes:
-    """Return the deck ``data``, whose model at t = 0 is ``start``, with the model at ``point``."""
+    """Return the deck ``data``, whose model at t = 0 is ``start``, with the model at ``point``;
+    raises ``StartError`` for a model with beams.
+    """
+    if start.model.beams:
+        name = start.model.beams[0].name
+        raise StartError(
+            f"a deck cannot begin with a deformed beam ('{name}'): its nodes begin where its "
+            "geometry places them"
+        )
     state = close(point.system, point.state, point.unknowns, closed=ROUND_OFF)
     return moved_text(data, path, configuration(start, replace(point, state=state)), NOTE)
 

@@ -6,12 +6,9 @@
 
 The unknowns are displacements u [m] and rotations times a length of the body, l theta [m], along
 inertial axes; equations in radians count by a length. So G is dimensionless (``Equations``). Where
-equations remove all degrees of freedom the solution is unique and needs no masses; else it is the
-least one. Redundant equations do no harm: ranks are counted by singular values.
-
-Equations that are ``fitted`` are satisfied as well as the others let them be, in the sense of least
-squares: the others are satisfied exactly. Without any, all equations are exact, and those that
-contradict each other leave a violation, which is reported.
+equations remove all degrees of freedom the solution is unique and needs no masses. Redundant
+equations do no harm: ranks are counted by singular values. Equations that contradict each other
+leave a violation, which is reported.
 """
 
 from collections.abc import Callable
@@ -124,11 +121,6 @@ class Solved(NamedTuple):
     right: np.ndarray  # (k, n)
     remaining: float  # largest entry of b - G z
 
-    @property
-    def smallest(self) -> float:
-        """Smallest singular value of those that the rank counts, 0 without any."""
-        return float(self.values[self.rank - 1]) if self.rank else 0.0
-
 
 def jacobian(of: Equations, state: State) -> np.ndarray:
     """(c, n) derivative G of the equations by the unknowns; of equations between rates by rates."""
@@ -169,45 +161,20 @@ def violations(of: Equations, state: State, at_rest: bool = False) -> tuple[np.n
     return of.violation.reshape(-1)[chosen], of.rate.reshape(-1)[chosen]
 
 
-def solve(G: np.ndarray, b: np.ndarray, fitted: np.ndarray | None = None) -> Solved:
-    """Return the least z (n,) with G z = b (c,), or nearest to it; equations ``fitted`` (c,) are
-    satisfied as well as the others let them be.
-    """
+def solve(G: np.ndarray, b: np.ndarray) -> Solved:
+    """Return the least z (n,) with G z = b (c,), or nearest to it."""
     left, values, right = np.linalg.svd(G, full_matrices=False)
     rank = int(np.count_nonzero(values > INDEPENDENT * values.max(initial=0.0)))
-    known = Solved(np.zeros(G.shape[1]), rank, values, left, right, 0.0)
-    if fitted is None or not fitted.any():
-        return again(known, G, b)
-    z = _fit(G, b, fitted)
-    return known._replace(z=z, remaining=float(np.abs(b - G @ z).max(initial=0.0)))
+    return again(Solved(np.zeros(G.shape[1]), rank, values, left, right, 0.0), G, b)
 
 
 def again(known: Solved, G: np.ndarray, b: np.ndarray) -> Solved:
     """Return the least-squares solution of another right-hand side ``b`` (c,), of the matrix G
     whose solution is ``known``.
     """
-    z = _by_singular_values(known, b)
-    return known._replace(z=z, remaining=float(np.abs(b - G @ z).max(initial=0.0)))
-
-
-def _by_singular_values(known: Solved, b: np.ndarray) -> np.ndarray:
     r = known.rank
-    return np.asarray(known.right[:r].T @ ((known.left[:, :r].T @ b) / known.values[:r]))
-
-
-def _fit(G: np.ndarray, b: np.ndarray, fitted: np.ndarray) -> np.ndarray:
-    """(n,) the least z that satisfies the equations that are not ``fitted``, and nearly the
-    others.
-    """
-    exact, n = ~fitted, G.shape[1]
-    z, N = np.zeros(n), np.eye(n)
-    if exact.any():
-        left, values, right = np.linalg.svd(G[exact])
-        rank = int(np.count_nonzero(values > INDEPENDENT * values.max(initial=0.0)))
-        z = right[:rank].T @ ((left[:, :rank].T @ b[exact]) / values[:rank])
-        N = right[rank:].T
-    free = np.linalg.lstsq(G[fitted] @ N, b[fitted] - G[fitted] @ z, rcond=INDEPENDENT)[0]
-    return np.asarray(z + N @ free)
+    z = known.right[:r].T @ ((known.left[:, :r].T @ b) / known.values[:r])
+    return known._replace(z=z, remaining=float(np.abs(b - G @ z).max(initial=0.0)))
 
 
 class Closed(NamedTuple):
@@ -217,32 +184,25 @@ class Closed(NamedTuple):
     iterations: int
     first: float  # length of the first correction [m]
     last: float  # likewise of the last
-    violation: float  # largest violation of equations that are exact [m]
-    misfit: float  # likewise of those that are fitted
+    violation: float  # largest violation [m]
 
 
-def close(
-    of: Equations,
-    state: State,
-    fitted: np.ndarray | None = None,
-    determined: bool = False,
-) -> Closed:
-    """Change the positions of ``state`` until they satisfy the equations at its time, by Newton's
-    method from where they are; equations that leave no degrees of freedom, so that positions are
-    ``determined``, need no singular values, which take most of the time.
+def close(of: Equations, state: State) -> Closed:
+    """Change the positions of ``state`` until they satisfy the equations at its time, which have to
+    determine them, by Newton's method from where they are.
     """
     first = last = previous = np.inf
     # Equations between rates do not constrain positions.
-    rows, fit = of.holonomic, _part(fitted, of.holonomic)
+    rows = of.holonomic
     violation, _ = violations(of, state)
     solution: Callable[[np.ndarray], np.ndarray] | None = None
     for iteration in range(1, MOST_ITERATIONS + 1):
-        if solution is None or last > SLOW * previous or fit is not None:
-            solution = _solution(jacobian(of, state)[rows], fit, determined)
+        if solution is None or last > SLOW * previous:
+            solution = _solution(jacobian(of, state)[rows])
         z = solution(-violation[rows])
         previous, last = last, float(np.linalg.norm(z))
         first = last if iteration == 1 else first
-        if not np.isfinite(last) or (determined and last > DIVERGING * previous):
+        if not np.isfinite(last) or last > DIVERGING * previous:
             break
         displace(of, state, z)
         violation, _ = violations(of, state)
@@ -250,34 +210,23 @@ def close(
         following = last * min(last / previous, 1.0) if iteration > 1 else last**2 / of.size
         if following <= 0.1 * EPSILON * of.size or stands:
             break
-    exact = np.ones(violation.size, bool) if fitted is None else ~fitted
-    largest = float(np.abs(violation[exact]).max(initial=0.0))
-    misfit = float(np.abs(violation[~exact]).max(initial=0.0))
-    return Closed(largest <= CLOSED * of.size, iteration, first, last, largest, misfit)
+    largest = float(np.abs(violation).max(initial=0.0))
+    return Closed(largest <= CLOSED * of.size, iteration, first, last, largest)
 
 
-def _solution(
-    G: np.ndarray, fitted: np.ndarray | None, determined: bool
-) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the function that solves G z = b in the sense of least squares."""
-    if fitted is not None:
-        return lambda b: _fit(G, b, fitted)
-    if not determined:
-        known = solve(G, np.zeros(len(G)))
-        return lambda b: _by_singular_values(known, b)
+def _solution(G: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the function that solves G z = b in the sense of least squares, of independent
+    columns; by orthogonal factors, since singular values would take most of the time.
+    """
     Q, R = np.linalg.qr(G)
 
-    def by_qr(b: np.ndarray) -> np.ndarray:
+    def by_factors(b: np.ndarray) -> np.ndarray:
         try:
             return np.asarray(np.linalg.solve(R, Q.T @ b))
         except np.linalg.LinAlgError:
             return np.full(len(R), np.nan)
 
-    return by_qr
-
-
-def _part(fitted: np.ndarray | None, rows: np.ndarray) -> np.ndarray | None:
-    return None if fitted is None else fitted[rows]
+    return by_factors
 
 
 def displace(of: Equations, state: State, z: np.ndarray) -> None:
@@ -314,38 +263,27 @@ def _move(of: Equations, state: State, z: np.ndarray, rotation: Callable[..., An
         state.p[f] = compose(rotation((x, y, c)), at(state.p, f))
 
 
-def set_velocities(
-    of: Equations, state: State, fitted: np.ndarray | None = None, G: np.ndarray | None = None
-) -> Solved:
+def set_velocities(of: Equations, state: State, G: np.ndarray) -> Solved:
     """Set the velocities of ``state``, whose positions satisfy the equations, by G v = -g_t; ``G``
-    is the ``jacobian`` of the state, if it is known.
+    is its ``jacobian``.
     """
     _, rate = violations(of, state, at_rest=True)
-    solved = solve(jacobian(of, state) if G is None else G, -rate, fitted)
+    solved = solve(G, -rate)
     v, W = _by_frames(of, solved.z)
     for f in range(moving_count(of.system.frames)):
         state.v[f], state.w[f] = v[f], np.array(matrix(at(state.p, f))).T @ W[f]
     return solved
 
 
-def set_accelerations(
-    of: Equations,
-    state: State,
-    fitted: np.ndarray | None = None,
-    G: np.ndarray | None = None,
-    known: Solved | None = None,
-) -> Solved:
+def set_accelerations(of: Equations, state: State, G: np.ndarray, known: Solved) -> Solved:
     """Set the accelerations of ``state``, whose positions and velocities satisfy the equations;
-    ``G`` is the ``jacobian`` of the state, and ``known`` what ``solve`` returned for it, if they
-    are known.
+    ``G`` is its ``jacobian``, ``known`` what ``set_velocities`` returned.
     """
-    G = jacobian(of, state) if G is None else G
     seen = _moving(of, state)
     of.rows[:] = 0.0
     of.call(evaluate.prepare, of.system, seen, of.start)
     of.call(evaluate.free_acceleration, of.system, seen, of.start, of.Z, of.rows)
-    b = of.rows.reshape(-1)[of.equation]
-    solved = solve(G, b, fitted) if known is None or fitted is not None else again(known, G, b)
+    solved = again(known, G, of.rows.reshape(-1)[of.equation])
     state.a[:-1], state.alpha[:-1] = _by_frames(of, solved.z)
     return solved
 

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.algebra.functions import Law
+from msahl.algebra.functions import Law, build_laws, evaluate
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import at
 from msahl.analysis.coefficients import Coefficients, coefficients, skews
@@ -89,6 +89,12 @@ def search_start(model: Model) -> Point:
     """
     held = Law("constant", (0.0,))
     return at_start(replace(model, motions=tuple(replace(m, law=held) for m in model.motions)))
+
+
+def held_motions(model: Model) -> list[str]:
+    """Return the names of prescribed motions that move at t = 0, although the search holds them."""
+    rates = [evaluate(build_laws([motion.law]), 0, 0.0)[1] for motion in model.motions]
+    return [motion.name for motion, rate in zip(model.motions, rates, strict=True) if rate]
 
 
 def solve(point: Point, spin: np.ndarray, stable: bool = True) -> Solution:

@@ -30,7 +30,7 @@ from msahl.analysis.equilibrium import (
     size_of,
     solve,
 )
-from msahl.analysis.load_path import Path, PathPoint
+from msahl.analysis.load_path import Path, PathPoint, under_loads
 from msahl.analysis.modes import LARGEST_DENSE
 from msahl.analysis.point import Point, complete
 from msahl.analysis.projection import close, move
@@ -117,7 +117,9 @@ def _methods(point: Point, spin: np.ndarray) -> list[list[Callable[[], Solution]
     """The groups of methods by which a model is searched."""
     dense = [lambda: solve(point, spin, True), lambda: solve(point, spin, False)]
     sparse = [lambda: by_multipliers(point, spin)]
-    last = [] if spin.any() else [lambda: by_continuation(point)]
+    last = [lambda: by_continuation(point, spin)]
+    if point.model.beams:
+        return [last, sparse]
     if is_large(point):
         return [sparse, last]
     return [sparse, dense, last] if coordinate_count(point) > QUICK else [dense, sparse, last]
@@ -134,18 +136,22 @@ def by_multipliers(point: Point, spin: np.ndarray) -> Solution:
     return _ended(point, rest.state, steady, rest.iterations, MULTIPLIERS)
 
 
-def by_continuation(point: Point, each: Follow | None = None) -> Solution:
-    """Return the equilibrium at rest to which those under growing loads lead, ``each`` of which is
-    handed over with its load factor; raises ``StartError`` where they end.
+def by_continuation(point: Point, spin: np.ndarray, each: Follow | None = None) -> Solution:
+    """Return the equilibrium to which those under growing loads lead; raises ``StartError`` where
+    they end. ``each`` is called with the equilibria, at rest, and their load factors.
     """
+    steady = Spin(spin, axis_point(point, spin))
+    if each is None:
+        rest = under_loads(point, steady)
+        if not rest.converged:
+            raise StartError("the loads cannot grow to their size")
+        return _ended(point, rest.state, steady, rest.iterations, CONTINUATION)
     iterations, last = 0, None
     for last in Path(point).to(1.0):
         iterations += last.iterations
-        if each is not None:
-            each(last)
+        each(last)
     assert last is not None  # the first one, or a StartError
-    spin = Spin(np.zeros(3), np.zeros(3))
-    return _ended(point, last.state, spin, iterations, CONTINUATION)
+    return _ended(point, last.state, steady, iterations, CONTINUATION)
 
 
 def _ended(point: Point, state: State, spin: Spin, iterations: int, method: str) -> Solution:

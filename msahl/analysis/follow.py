@@ -155,7 +155,7 @@ class Follower:
         state.time[0] = float(base.time[0]) + h if time is None else time
 
         with np.errstate(all="ignore"):
-            closed = close(of, state, determined=True)
+            closed = close(of, state)
             if not closed.converged:
                 return None
             found = complete(of, state, rank, closed.iterations, closed.violation)
@@ -170,8 +170,8 @@ def complete(
 ) -> Instant | None:
     """Return the instant of positions that satisfy the equations; None if it is not finite."""
     G = jacobian(of, state)
-    solved = set_velocities(of, state, G=G)
-    set_accelerations(of, state, G=G, known=solved)
+    solved = set_velocities(of, state, G)
+    set_accelerations(of, state, G, solved)
     if not (np.isfinite(state.a).all() and np.isfinite(state.alpha).all()):
         return None
     speed = float(np.abs(solved.z).max(initial=0.0))

@@ -82,7 +82,7 @@ def _vectors(point: Point, found: Modes) -> np.ndarray:
     moved = found.shape.copy().reshape(m, len(lengths), 6)
     moved[:, :, 3:] *= lengths[:, None]
     states = found.states / np.maximum(np.abs(found.states).max(axis=0, initial=0.0), 1e-300)
-    vectors = np.concatenate([moved.reshape(m, -1), states.reshape(m, -1)], axis=1)
+    vectors = np.concatenate([moved.reshape(m, 6 * len(lengths)), states], axis=1)
     size = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.divide(vectors, size, out=np.zeros_like(vectors), where=size > 0.0)
 

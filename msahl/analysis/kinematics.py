@@ -33,6 +33,8 @@ from msahl.start.velocities import StartError
 MANY = 5000
 """Output times times bodies from which kernels are compiled, or loaded: plain Python takes some 4
 ms for each, compiling some ten seconds."""
+MOST_BODIES = 500
+"""Bodies up to which matrices are decomposed as dense ones, in some seconds each."""
 REVIEWS = 16
 """Output times at which it is found which reactions are unique."""
 
@@ -106,6 +108,11 @@ def prepare(model: Model) -> Prepared:
     """Return a ``model`` ready to be followed; raises ``StartError`` if its motion is not
     prescribed completely, or if there are no consistent positions at t = 0.
     """
+    if len(model.bodies) > MOST_BODIES:
+        raise StartError(
+            f"the model has {len(model.bodies)} bodies; motions of up to {MOST_BODIES} are "
+            "computed, by dense matrices: run the deck with msahl run"
+        )
     # Velocities of the deck at t = 0 do not count: all follow from the motions.
     point = at_start(replace(model, velocity="asGiven"))
     of = new_equations(point.system, point.state)

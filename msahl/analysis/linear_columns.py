@@ -11,17 +11,19 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.rotation import matrix
+from msahl.algebra.rotation_arrays import parameters, rotations
 from msahl.algebra.vector import at
 from msahl.analysis.coefficients import Evaluated, expression_slopes
+from msahl.analysis.plain_units import coordinate_numbers, equation_numbers
 from msahl.analysis.point import Point
 from msahl.analysis.projection import move, prepared
 from msahl.analysis.variations import Variations
-from msahl.elements import forces, reactions, rigid_body
+from msahl.elements import forces, reactions
+from msahl.elements.beams import instant as beams
 from msahl.elements.frames import first_multiplier, moving_count
-from msahl.joints.coordinates import coordinates
+from msahl.joints.coordinates import Motion, coordinates, point_motion, rotated
 from msahl.model import Model
 from msahl.model.loads import Actuator
-from msahl.run.body_rows import body_motions
 from msahl.run.joint_table import JointTable
 from msahl.run.marker_table import MarkerTable
 from msahl.run.system_table import SystemTable
@@ -113,17 +115,20 @@ class Columns:
 
     def _differences(self, by_forces: bool) -> dict[str, dict[str, Column]]:
         """Return the tables that follow from the motion, with those ``by_forces`` if wanted."""
-        k = self.changes.places.shape[1]
+        model, k = self.point.model, self.changes.places.shape[1]
         steps = np.array([step_of(self.point, self.changes, j) for j in range(k)])
-        states = [self.point.state]
-        for j in range(k):
-            states += [displaced(self.point, self.changes, j, side * steps[j]) for side in SIDES]
-        rows = rows_of(self.point, states, by_forces)
-        tables = {
-            name: self._sloped(names, rows[name], steps)
-            for name, names in headers(self.point.model, by_forces).items()
-        }
-        for b, body in enumerate(self.point.model.bodies):
+        shares = np.array([side * steps for side in (0.0, *SIDES)])
+        rows: dict[str, np.ndarray] = {}
+        if by_forces:
+            states = [self.point.state]
+            for j in range(k):
+                states += [displaced(self.point, self.changes, j, x) for x in shares[1:, j]]
+            rows = force_rows(self.point, states)
+        motion = displaced_motions(self.point, self.changes, shares)
+        rows |= motion_rows(self.point, motion, rows.get(WORK))
+        heads = headers(model)
+        tables = {name: self._sloped(heads[name], rows[name], steps) for name in rows}
+        for b, body in enumerate(model.bodies):
             tables[BODIES] |= self._rotation(body.name, b)
         if by_forces:
             self._add_motion_rates(tables[REACTIONS])
@@ -212,63 +217,124 @@ class Columns:
         return slope
 
 
-def headers(model: Model, by_forces: bool) -> dict[str, list[str]]:
-    """Return the columns of the tables of ``rows_of``; "" for what is not shown."""
+def headers(model: Model) -> dict[str, list[str]]:
+    """Return the columns of all tables of ``motion_rows`` and ``force_rows``; "" for what is not
+    shown.
+    """
     found = columns_by_table(model)
     bodies = [body.name for body in model.bodies]
     found[BODIES] = [
         f"{name}.{c}{level}" for level in LEVELS for name in bodies for c in BODY_COORDINATES[:3]
     ]
-    del found[SIGNALS]
-    if not by_forces:
-        del found[REACTIONS], found[WORK]
-        if columns_by_table(model)[WORK]:
-            del found[SYSTEM]
-        return found
     found[WORK] = [c if c.endswith(f".{ENERGY}") else "" for c in work_columns(model)[1:]]
     found[RATES] = [load.name for load in model.loads if isinstance(load, Actuator)]
+    del found[SIGNALS]
     return found
 
 
-def rows_of(point: Point, states: list[State], by_forces: bool) -> dict[str, np.ndarray]:
-    """Return the rows (m, ...) of all tables at m ``states``, without the time: those that follow
-    from the motion, and those ``by_forces`` if wanted.
+def rows_of(point: Point, states: list[State]) -> dict[str, np.ndarray]:
+    """Return the rows (m, ...) of all tables but signals at m ``states``, without the time."""
+    found = force_rows(point, states)
+    return found | motion_rows(point, motions_of(point, states), found[WORK])
+
+
+def motion_rows(point: Point, motion: Motion, elastic: np.ndarray | None) -> dict[str, np.ndarray]:
+    """Return the rows (m, ...) of the tables that follow from the ``motion`` of all bodies (m, b),
+    without the time; the table of groups needs the energies ``elastic``, if there are springs.
     """
-    each = [_row(point, state, by_forces) for state in states]
-    tables = {name: np.array([row[name] for row in each]) for name in each[0]}
-    time = np.full((len(states), 1), point.time)
+    model, m = point.model, len(motion.x)
+    tables = state_rows(motion)
+    time = np.full((m, 1), point.time)
     given = {name: np.concatenate([time, table], axis=1) for name, table in tables.items()}
-    model = point.model
-    all_bodies = np.arange(len(model.bodies))
-    motion = body_motions(given[STATES], given[ACCELERATIONS], all_bodies)
     assert motion.a is not None
-    parts = [part[:, :-1].reshape(len(states), -1) for part in (motion.x, motion.v, motion.a)]
+    parts = [part.reshape(m, -1) for part in (motion.x, motion.v, motion.a)]
     tables[BODIES] = np.concatenate(parts, axis=1)
-    tables[JOINTS] = tables[MARKERS] = tables[SYSTEM] = np.zeros((len(states), 0))
+    tables[JOINTS] = tables[MARKERS] = np.zeros((m, 0))
     if any(map(coordinates, model.joints)):
         joints = JointTable(model, 3)
         joints.last_time = point.time
         tables[JOINTS] = joints.rows(given)[:, 1:]
     if model.markers:
         tables[MARKERS] = MarkerTable(model).rows(given)[:, 1:]
-    if model.groups and (by_forces or not columns_by_table(model)[WORK]):
+    if elastic is not None:
+        given[WORK] = np.concatenate([time, elastic], axis=1)
+    if not model.groups:
+        tables[SYSTEM] = np.zeros((m, 0))
+    elif elastic is not None or not columns_by_table(model)[WORK]:
         tables[SYSTEM] = SystemTable(model).rows(given)[:, 1:]
     return tables
 
 
-def _row(point: Point, state: State, by_forces: bool) -> dict[str, np.ndarray]:
-    """The row of one state in each table that a step fills, as a step fills it."""
+def state_rows(motion: Motion) -> dict[str, np.ndarray]:
+    """Return the rows of the tables of states and accelerations, without the time."""
+    assert motion.a is not None
+    assert motion.alpha is not None
+    back, m = np.swapaxes(motion.R, -1, -2), len(motion.x)
+    v, w, a, alpha = (rotated(back, part) for part in (motion.v, motion.w, motion.a, motion.alpha))
+    states = np.concatenate([motion.x, parameters(motion.R), v, w], axis=-1)
+    accelerations = np.concatenate([a, alpha], axis=-1)
+    return {STATES: states.reshape(m, -1), ACCELERATIONS: accelerations.reshape(m, -1)}
+
+
+def motions_of(point: Point, states: list[State]) -> Motion:
+    """Return the motion (m, b) of the reference points of all bodies at m ``states``."""
+    frame = point.system.bodies.frame
+    R = rotations(np.array([state.p[frame] for state in states]))
+    W = rotated(R, np.array([state.w[frame] for state in states]))
+    x, v, a, alpha = (
+        np.array([getattr(state, name)[frame] for state in states])
+        for name in ("x", "v", "a", "alpha")
+    )
+    return point_motion(Motion(x, R, v, W, a, alpha), -point.system.bodies.r_BG)
+
+
+def displaced_motions(point: Point, changes: Variations, shares: np.ndarray) -> Motion:
+    """Return the motion of the reference points of all bodies in all columns, changed by ``shares``
+    (9, k), of which the first are 0: (1 + 8 k, b), the unchanged one first.
+    """
+    system, frame = point.system, point.system.bodies.frame
+    now = motions_of(point, [point.state])
+    now = point_motion(now, system.bodies.r_BG)
+    numbers = np.full(3 * node_count(system), -1)
+    numbers[coordinate_numbers(system)] = np.arange(len(changes.places))
+    share = np.concatenate([[0.0], shares[1:].T.reshape(-1)])[:, None, None]
+    column = np.concatenate([[0], np.repeat(np.arange(shares.shape[1]), len(SIDES))])
+
+    def part(of: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+        """(1 + 8 k, b, 3) the changes of three coordinates of each body."""
+        if not of.shape[1]:
+            return np.zeros((1, len(frame), 3))
+        rows = numbers[3 * nodes[frame][:, None] + np.arange(3)]
+        return np.asarray(share * np.moveaxis(of[rows][..., column], -1, 0))
+
+    u, theta = system.frames.displacement, system.frames.rotation
+    Q = part(changes.places, theta)
+    P = 2.0 * Q / (1.0 + np.sqrt(1.0 + 0.25 * (Q * Q).sum(axis=-1, keepdims=True)))
+    assert now.a is not None
+    assert now.alpha is not None
+    moved = Motion(
+        x=now.x + part(changes.places, u),
+        R=rotations(P) @ now.R,
+        v=now.v + part(changes.rates, u),
+        w=now.w + part(changes.rates, theta),
+        a=now.a + part(changes.accelerations, u),
+        alpha=now.alpha + part(changes.accelerations, theta),
+    )
+    return point_motion(moved, -system.bodies.r_BG)
+
+
+def force_rows(point: Point, states: list[State]) -> dict[str, np.ndarray]:
+    """Return the rows (m, ...) of the tables that follow from multipliers and springs at m
+    ``states``, without the time, as a step fills them.
+    """
+    each = [_force_row(point, state) for state in states]
+    return {name: np.array([row[name] for row in each]) for name in each[0]}
+
+
+def _force_row(point: Point, state: State) -> dict[str, np.ndarray]:
     system = point.system
-    start, tables = prepared(system, state), new_tables(system, state, 1, accelerations=True)
-    rigid_body.write_states(
-        system.bodies, state.x, state.p, start.frames, state.w, tables.states, 0
-    )
-    rigid_body.write_accelerations(
-        system.bodies, start.frames, state.w, state.a, state.alpha, tables.accelerations, 0
-    )
-    found = {STATES: tables.states[0], ACCELERATIONS: tables.accelerations[0]}
-    if not by_forces:
-        return found
+    state = state._replace(strain=state.strain.copy())  # which the workspace shares
+    start, tables = prepared(system, state), new_tables(system, state, 1)
     Z, rows = np.zeros((2, node_count(system), 3))
     evaluate.free_acceleration(system, state, start, Z, rows)
     evaluate.set_reactions(system, state, start, Z)
@@ -283,15 +349,17 @@ def _row(point: Point, state: State, by_forces: bool) -> dict[str, np.ndarray]:
     )
     forces.elastic_energy(system.forces, start.forces, system.scalar)
     forces.publish_energy(system.forces, start.forces, state.work.size, tables.work, 0)
+    beams.set_strains(system.beams, start.beams)
+    beams.publish_energy(system.beams, start.beams, tables.work, 0)
     group = system.forces.actuator
     rates = start.scalar.rate[group.coordinate] if group is not None else np.zeros(0)
-    return found | {REACTIONS: tables.reactions[0], WORK: tables.work[0], RATES: rates}
+    return {REACTIONS: tables.reactions[0], WORK: tables.work[0], RATES: rates}
 
 
 def step_of(point: Point, changes: Variations, j: int) -> float:
     """Return by how much column ``j`` is multiplied in one step of the differences."""
     system = point.system
-    rotational = point_rotational(point)
+    rotational = system.frames.rotates[coordinate_numbers(system) // 3].astype(bool)
     length = float(system.frames.length.max())
     dq = changes.places[:, j]
     size = max(
@@ -310,19 +378,8 @@ def step_of(point: Point, changes: Variations, j: int) -> float:
     return 1.0
 
 
-def point_rotational(point: Point) -> np.ndarray:
-    """(n,) whether each coordinate of the model is one of a rotation."""
-    from msahl.analysis.plain_units import coordinate_numbers
-
-    numbers = coordinate_numbers(point.system)
-    rotational: np.ndarray = point.system.frames.rotates[numbers // 3].astype(bool)
-    return rotational
-
-
 def displaced(point: Point, changes: Variations, j: int, share: float) -> State:
     """Return the state changed by ``share`` times column ``j``, to first order."""
-    from msahl.analysis.plain_units import coordinate_numbers, equation_numbers
-
     system, state = point.system, point.state
     frames, numbers = system.frames, coordinate_numbers(system)
     dq, dv, da = np.zeros((3, node_count(system), 3))

@@ -40,7 +40,7 @@ from msahl.run.column_units import quantity
 from msahl.run.options import OptionError
 from msahl.start.velocities import StartError
 
-LARGEST = 300
+LARGEST = 150
 """Most bodies of a model, whose matrices are dense."""
 DISAGREES = 1e-6
 """Difference from the nonlinear equations, relative to the largest acceleration, above which a

@@ -261,6 +261,7 @@ def shape_columns(point: Point) -> list[str]:
 def shape_rows(found: Modes) -> np.ndarray:
     """(m, ...) the rows of shapes.csv."""
     m = found.value.size
-    values = np.concatenate([found.shape.reshape(m, -1), found.states.reshape(m, -1)], axis=1)
-    parts = np.stack([values.real, values.imag], axis=2).reshape(m, -1)
+    _, n, width = found.shape.shape
+    values = np.concatenate([found.shape.reshape(m, n * width), found.states], axis=1)
+    parts = np.stack([values.real, values.imag], axis=2).reshape(m, 2 * values.shape[1])
     return np.column_stack([np.arange(1, m + 1), parts])

@@ -22,11 +22,13 @@ from msahl.analysis.steady import stiffest
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-SLOW = 1e-3
-"""Growth over sqrt(g/L) of a large model below which a motion counts as one that does not grow."""
+SLOW = (1e-3, 1e-2, 1e-1)
+"""Growth over sqrt(g/L) of a large model below which a motion counts as one that does not grow; the
+least at which round-off does not hide whether light bodies grow.
+"""
 SYMMETRIC = 1e-7
 """Difference of K and its transpose, over the largest stiffness."""
-REDUNDANT = 1e-8
+REDUNDANT = 1e-6
 """On the diagonal of the multipliers, over the largest compliance."""
 FOUND = 1e-7
 """Relative width of the interval in which the fastest growth is found."""
@@ -39,6 +41,8 @@ def stability(point: Point) -> str:
     if 6 * len(point.model.bodies) > LARGEST_DENSE:
         return _by_counting(point)
     found = modes(point)
+    if not found.degrees_of_freedom:
+        return "stable, nothing can move"
     growth = found.value.real
     unstable = growth > np.maximum(found.error, 1e-9 * np.abs(found.value).max(initial=0.0))
     if unstable.any():
@@ -54,16 +58,15 @@ def stability(point: Point) -> str:
 def is_stable(point: Point) -> bool:
     """Return whether an equilibrium is known to be stable, by counting where that is possible."""
     found = coefficients(point.system, point.state)
-    number = growing(found, SLOW * _swing_rate(point, found))
+    _, number = _slowest(point, found)
     return stability(point).startswith("stable") if number is None else number == 0
 
 
 def _by_counting(point: Point) -> str:
     found = coefficients(point.system, point.state)
-    slow = SLOW * _swing_rate(point, found)
-    number = growing(found, slow)
+    slow, number = _slowest(point, found)
     if number is None:
-        return "stability not examined (more than 100 bodies, stiffness not symmetric)"
+        return "stability not examined (more than 100 bodies; motions that grow cannot be counted)"
     if number == 0:
         return f"stable, no motion grows faster than {slow:.2g} 1/s"
     low, high = slow, 2.0 * slow
@@ -74,6 +77,17 @@ def _by_counting(point: Point) -> str:
         low, high = (middle, high) if growing(found, middle) else (low, middle)
     many = "direction" if number == 1 else "directions"
     return f"unstable in {number} {many}, fastest growth without damping {high:.6g} 1/s"
+
+
+def _slowest(point: Point, found: Coefficients) -> tuple[float, int | None]:
+    """The least growth [1/s] at which motions that grow faster can be counted, and their number."""
+    rate, number = 0.0, None
+    for slow in SLOW:
+        rate = slow * _swing_rate(point, found)
+        number = growing(found, rate)
+        if number is not None:
+            break
+    return rate, number
 
 
 def _swing_rate(point: Point, found: Coefficients) -> float:

@@ -129,7 +129,7 @@ class TangentModel:
             TangentRun(part, [of[k] for of in of_parts], shape, free)
             for k, part in enumerate(parts)
         ]
-        found = _Assembly(self.model, parts, runs, times)
+        found = _Assembly(TableAssembly(self.model, parts), len(runs[0].slope), times, tables)
         if 0 in found.place:
             for k, run in enumerate(runs):
                 found.enter_start(k, run, [of[k].rows for of in of_parts])
@@ -201,16 +201,14 @@ class _Assembly:
     """Rows and derivatives of all subsystems, in the tables of the complete model."""
 
     def __init__(
-        self,
-        model: Model,
-        parts: Sequence[SubsystemIntegrator],
-        runs: Sequence[TangentRun],
-        times: Mapping[int, float],
+        self, assembly: TableAssembly, n: int, times: Mapping[int, float], tables: Sequence[str]
     ) -> None:
-        assembly = TableAssembly(model, parts)
+        """``n`` is the number of derivatives; only the ``tables``, and what they follow from, are
+        kept.
+        """
+        kept = {*tables, *(assembly.widths if set(tables) & set(OBSERVED) else ())}
         self.places, self.place = assembly.places, {row: i for i, row in enumerate(times)}
-        n, m = len(runs[0].slope), len(times)
-        widths = {name: width for name, width in assembly.widths.items() if width}
+        m, widths = len(times), {k: w for k, w in assembly.widths.items() if w and k in kept}
         self.rows = {name: np.zeros((m, width)) for name, width in widths.items()}
         self.slopes = {name: np.zeros((n, m, width)) for name, width in widths.items()}
         for table in self.rows.values():

@@ -184,6 +184,8 @@ class _Constrained:
 
     def place(self, right: np.ndarray) -> np.ndarray:
         """The least dq with G_h dq = ``right``, of the equations between places."""
+        if not right.shape[1]:
+            return np.zeros((len(self.back), 0))
         G_h = self.G[self.holonomic]
         moved: np.ndarray = self.back @ (null_space(G_h)[1] @ right[self.holonomic])
         return moved

@@ -1,6 +1,6 @@
 """Equilibria of models for Python."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,8 @@ from msahl.start.velocities import StartError
 if TYPE_CHECKING:
     import pandas as pd
 
-    from msahl.api.model import Model
+Load = Callable[[ParsedDeck], Any]
+"""What makes a ``Model`` of a deck."""
 
 
 class Equilibrium:
@@ -30,9 +31,9 @@ class Equilibrium:
     force; ``method`` and ``iterations`` say how it was found.
     """
 
-    def __init__(self, job: Job, start: Point, solution: Solution) -> None:
-        """``solution`` was found from the ``start`` of a ``job``'s model."""
-        self._job, self._start, self._solution = job, start, solution
+    def __init__(self, job: Job, start: Point, solution: Solution, load: Load) -> None:
+        """``solution`` was found from the ``start`` of a ``job``'s model; ``load`` makes models."""
+        self._job, self._start, self._solution, self._load = job, start, solution, load
         self.residual = solution.place.balance.residual
         self.relative = solution.place.balance.relative
         self.method, self.iterations = solution.method, solution.iterations
@@ -75,11 +76,9 @@ class Equilibrium:
         return deck_at(self._job.text, self._job.source.path, self._start, self._solution)
 
     @property
-    def model(self) -> "Model":
-        """The model that begins here."""
-        from msahl.api.model import Model
-
-        return Model(ParsedDeck(Source(self._job.source.path, self.xml)), {})
+    def model(self) -> Any:
+        """The model that begins here, a ``Model``."""
+        return self._load(ParsedDeck(Source(self._job.source.path, self.xml)))
 
     def __repr__(self) -> str:
         return f"<Equilibrium: {self.stability}; residual {self.residual:.2g} N>"
@@ -95,7 +94,7 @@ class Equilibrium:
         return html_table(self._job.model.simulation.title or "equilibrium", found)
 
 
-def equilibrium_of(job: Job, rotation: Sequence[float]) -> Equilibrium:
+def equilibrium_of(job: Job, rotation: Sequence[float], load: Load) -> Equilibrium:
     """Return the equilibrium to which the model of a ``job`` leads; raises ``StartError``."""
     start = search_start(job.model)
     found = find(start, np.array(rotation, dtype=float))
@@ -104,11 +103,13 @@ def equilibrium_of(job: Job, rotation: Sequence[float]) -> Equilibrium:
             "no equilibrium was found from where the deck has the bodies; place them nearer to "
             "one, or search from more configurations by equilibria(starts=...)"
         )
-    return Equilibrium(job, start, found)
+    return Equilibrium(job, start, found, load)
 
 
-def equilibria_of(job: Job, starts: int, rotation: Sequence[float]) -> list[Equilibrium]:
+def equilibria_of(
+    job: Job, starts: int, rotation: Sequence[float], load: Load
+) -> list[Equilibrium]:
     """Return all equilibria that are found from ``starts`` configurations."""
     start = search_start(job.model)
     found = all_equilibria(start, np.array(rotation, dtype=float), starts)
-    return [Equilibrium(job, start, solution) for solution in found]
+    return [Equilibrium(job, start, solution, load) for solution in found]

@@ -21,6 +21,7 @@ from msahl.api.running import begun, run_job
 from msahl.deck.overrides import FoundNumber
 from msahl.model import Model
 from msahl.model.scheme import COLLOCATION
+from msahl.model.settings import OFF
 from msahl.post.measure_gradients import Series, derivative, is_tied, rows_needed
 from msahl.post.measures import (
     Measure,
@@ -266,10 +267,10 @@ class _Work:
         jacobian: np.ndarray,
     ) -> np.ndarray:
         """Return the estimated errors (m, n): by Richardson's extrapolation from steps of twice the
-        size, with the measures of those rows that both have.
+        size, with the measures of those rows that both have; nan if no errors are wanted.
         """
-        if not len(self.values):
-            return np.zeros_like(jacobian)
+        if not len(self.values) or self.model.settings.error == OFF:
+            return np.full_like(jacobian, math.nan)
         try:
             coarse = self._along(merged(steps))
         except NotDifferentiable:

@@ -25,12 +25,10 @@ from msahl.results.job import Job, make_job
 from msahl.results.write import write_table
 from msahl.run.options import OptionError, recorded_options
 from msahl.run.tables import ACCELERATIONS, STATES
-from msahl.run.verdict import Verdict
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Motion = "str | PathLike[str] | Result | pd.DataFrame | Mapping[str, Any]"
 DRIVES = "drives.csv"
 EVEN = 1e-9
 """Difference of steps between rows, relative to them, of rows at equal distances."""
@@ -51,7 +49,7 @@ class InverseResult(Result):
             "inverse": about(solution),
         }
         super().__init__(job.model, told, tables(solution, job.model), job)
-        self.solution, self.found = solution, found
+        self.solution, self._verdict = solution, found
 
     @property
     def drives(self) -> "pd.DataFrame":
@@ -69,12 +67,7 @@ class InverseResult(Result):
     @property
     def lines(self) -> list[str]:
         """The report in words."""
-        return lines(self.solution, self.found)
-
-    @property
-    def judged(self) -> Verdict:
-        """The verdict, check by check."""
-        return self.found
+        return lines(self.solution, self._verdict)
 
     def write(self, folder: str | PathLike[str]) -> Path:
         """Write the files of a run, and ``drives.csv``; return the folder."""

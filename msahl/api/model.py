@@ -154,7 +154,7 @@ class Model:
         """
         from msahl.api.equilibria import equilibrium_of
 
-        return equilibrium_of(self.job(), rotation)
+        return equilibrium_of(self.job(), rotation, lambda deck: Model(deck, {}))
 
     def equilibria(
         self, starts: int = 1, rotation: Sequence[float] = (0.0, 0.0, 0.0)
@@ -164,7 +164,7 @@ class Model:
         """
         from msahl.api.equilibria import equilibria_of
 
-        return equilibria_of(self.job(), starts, rotation)
+        return equilibria_of(self.job(), starts, rotation, lambda deck: Model(deck, {}))
 
     def linearize(
         self,

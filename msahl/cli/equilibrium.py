@@ -61,7 +61,7 @@ def equilibrium(
     job = job_of(deck, {}, settings)
     import numpy as np
 
-    from msahl.analysis.equilibrium import search_start
+    from msahl.analysis.equilibrium import held_motions, search_start
     from msahl.analysis.equilibrium_report import lines
     from msahl.analysis.equilibrium_search import all_equilibria
     from msahl.jit.progress import CompileError
@@ -80,6 +80,8 @@ def equilibrium(
             "the deck nearer to one",
             NOT_CONVERGED,
         )
+    for name in held_motions(job.model):
+        say(f"WARN: motion '{printable(name)}' is held where it begins, but moves at t = 0")
     if not quiet:
         echo("\n".join(printable(line) for line in lines(point, found)))
     if output is not None:

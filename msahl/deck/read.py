@@ -151,8 +151,7 @@ def _read_model(
     bodies = _read_bodies(sound["bodies"], reader)
     _check_some_body(root, faults)
     joints, couplings = _read_joints(sound["joints"], reader)
-    motions = [MOTIONS[str(e.tag)](e, reader) for e in sound["motions"]]
-    check_prescribed_once(sound["motions"], reader)
+    motions = _read_motions(sound["motions"], reader)
     markers = [read_marker(e, reader) for e in sound["markers"] if e.tag == "marker"]
     reader.context.markers.update({marker.name: marker.body for marker in markers})
     signals = _read_signals(root, reader)
@@ -232,6 +231,13 @@ def _read_joints(sound: list[Element], reader: Reader) -> tuple[list[Joint], lis
     """Return the joints, and the couplings of two of them."""
     joints = [read_joint(element, reader) for element in sound if element.tag in JOINT_KINDS]
     return joints, [read_coupling(e, reader) for e in sound if e.tag in COORDINATES]
+
+
+def _read_motions(sound: list[Element], reader: Reader) -> list[Any]:
+    """Return the prescribed motions, of which no two are of one coordinate."""
+    motions = [MOTIONS[str(element.tag)](element, reader) for element in sound]
+    check_prescribed_once(sound, reader)
+    return motions
 
 
 def _read_signals(root: Element, reader: Reader) -> tuple[AnySignal, ...]:

@@ -39,6 +39,12 @@ CHECKS = {
     "solver": "Solver",
     "pivotRatio": "Conditioning",
     "reactions": "Reactions",
+    "produced": "Loads of a given motion",
+    "uniqueLoads": "Loads that are not unique",
+    "misfit": "Given values",
+    "errorForces": "Error bars of forces",
+    "errorMoments": "Error bars of torques",
+    "energyBalance": "Work and energy",
 }
 """Names of the checks for a reader; another is shown by its own name."""
 

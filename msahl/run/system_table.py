@@ -44,19 +44,30 @@ class SystemTable:
         w = rotated(np.swapaxes(R, -1, -2), bodies.w)
         spin = rotated(R, rotated(self.inertia, w))
         total = self.mass.sum(axis=1)[:, None]
-        x, p = (np.einsum("gn,mni->mgi", self.mass, part) for part in (motion.x, motion.v))
+        x, p = (_summed(self.mass, part[:, None]) for part in (motion.x, motion.v))
         x, v = x / total, p / total
         arms = motion.x[:, None] - x[:, :, None]  # (m, g, n, 3)
         moments = cross(arms, np.broadcast_to(motion.v[:, None], arms.shape))
-        L = np.einsum("gn,mgni->mgi", self.mass, moments)
-        L += np.einsum("gn,mni->mgi", self.member.astype(float), spin)
-        rotation = self.member @ dot(bodies.w, spin)[..., None]
-        translation = self.mass @ dot(motion.v, motion.v)[..., None]
+        L = _summed(self.mass, moments) + _summed(self.member, spin[:, None])
+        rotation = _summed(self.member, dot(bodies.w, spin)[:, None, :, None])
+        translation = _summed(self.mass, dot(motion.v, motion.v)[:, None, :, None])
         kinetic = 0.5 * (translation + rotation)
-        potential = -(self.mass @ (motion.x @ self.gravity)[..., None])
+        potential = -_summed(self.mass, dot(motion.x, self.gravity)[:, None, :, None])
         if self.springs:
             elastic = tables["work"][:, self.springs].sum(axis=1)
             potential += self.is_complete[:, None] * elastic[:, None, None]
         found = np.concatenate([x, v, p, L, kinetic, potential], axis=-1)
         assert found.shape[-1] == len(GROUP_COLUMNS)
         return np.concatenate([tables["states"][:, :1], found.reshape(len(x), -1)], axis=1)
+
+
+def _summed(weights: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return the sums (m, g, k) of ``values`` (m, g or 1, n, k) over bodies, by ``weights`` (g, n).
+
+    They are added in one order whatever the number m of rows, so that the digits do not depend on
+    where a run was interrupted; those of ``einsum`` and ``@`` do.
+    """
+    total = np.zeros((len(values), len(weights), values.shape[-1]))
+    for n in range(weights.shape[1]):
+        total += weights[:, n, None] * values[:, :, n]
+    return total

@@ -53,7 +53,8 @@ class Graph(NamedTuple):
 def node_order(system: System) -> np.ndarray:
     """Return the nodes of all multipliers and moving frames in order of elimination."""
     graph = graph_of(system)
-    bodies = smallest_degree(*neighbours(system, graph), system.beams is None)
+    near, held = neighbours(system, graph)
+    bodies = smallest_degree(near, held) if system.beams is None else along_beams(graph, near, held)
     nodes = by_bodies(system, graph, bodies)
     if moving_count(system.frames) < LARGE or graph.forced.size or not _has_loops(graph):
         return nodes
@@ -200,25 +201,61 @@ def smallest_degree(
     return np.array(order, dtype=np.int64)
 
 
+def along_beams(graph: Graph, near: list[set[int]], held: set[int]) -> np.ndarray:
+    """Return the bodies of a system with beams in order of smallest degree, as ``smallest_degree``
+    with what is ``held`` last. Nodes that couple with nothing but their element go before the first
+    of its others.
+    """
+    bodies, elements = graph.bodies, graph.elements
+    inner: dict[int, list[int]] = {}  # by element
+    for e in np.flatnonzero(graph.of_beam).tolist():
+        own = set(bodies.items[bodies.first[e] : bodies.first[e + 1]].tolist())
+        alone = [b for b in sorted(own) if elements.first[b + 1] - elements.first[b] == 1]
+        inner[e] = [b for b in alone if near[b] | {b} == own]
+    inside = {b for own in inner.values() for b in own}
+    order: list[int] = []
+    left = [set() if b in inside else others - inside for b, others in enumerate(near)]
+    for b in smallest_degree(left, held - inside, held_first=False).tolist():
+        for e in elements.items[elements.first[b] : elements.first[b + 1]].tolist():
+            order += inner.pop(e, [])
+        if b not in inside:
+            order.append(b)
+    return np.array(order, dtype=np.int64)
+
+
 def by_bodies(system: System, graph: Graph, bodies: np.ndarray) -> np.ndarray:
     """Return the nodes in the order of their ``bodies``."""
     frames = system.frames
     count, size = graph.bodies.first.size - 1, 2 * bodies.size + system.multipliers.node.size
     order, forced = np.zeros(size, dtype=np.int64), np.zeros(bodies.size, dtype=bool)
     forced[graph.forced.reshape(-1)] = True
-    missing, placed = np.diff(graph.bodies.first), np.zeros(count, dtype=bool)
+    missing = np.diff(graph.bodies.first)
     # What couples nodes of a beam is an element, which they wait for.
     forced[graph.bodies.items[np.repeat(graph.of_beam, missing)]] = False
-    used, gone = np.zeros(count, dtype=bool), np.zeros(bodies.size, dtype=bool)
+    of_elements, of_bodies = (
+        np.zeros((2, count), dtype=bool),
+        np.zeros((2, bodies.size), dtype=bool),
+    )
+    progress = Progress(missing, *of_elements, *of_bodies)
     by_size(_place_nodes, size)(
         graph,
         bodies,
         (frames.displacement, frames.rotation),
         forced,
-        (missing, placed, used, gone),
+        progress,
         order,
     )
     return order
+
+
+class Progress(NamedTuple):
+    """How far the elimination is."""
+
+    missing: np.ndarray  # (e,) bodies that each element still waits for
+    placed: np.ndarray  # (e,) whether it has gone
+    used: np.ndarray  # (e,) whether another one went with one of its bodies
+    gone: np.ndarray  # (n,) whether the displacement of each body has gone
+    rotates: np.ndarray  # (n,) whether its rotation waits for an element of a beam
 
 
 @kernel
@@ -227,13 +264,12 @@ def _place_nodes(
     bodies: np.ndarray,
     nodes: tuple[np.ndarray, np.ndarray],
     forced: np.ndarray,
-    progress: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    progress: Progress,
     order: np.ndarray,
 ) -> None:
-    """Set ``order``; ``progress`` has the bodies that each element still waits for, whether it has
-    gone, whether another one went with one of its bodies, and whether each body has gone.
-    """
-    missing, placed, used, gone = progress
+    """Set ``order``; ``nodes`` are those of the displacements and rotations of the bodies."""
+    missing, placed, used = progress.missing, progress.placed, progress.used
+    gone, rotates = progress.gone, progress.rotates
     end = 0
     for b in bodies:
         first, last = graph.elements.first[b], graph.elements.first[b + 1]
@@ -245,8 +281,10 @@ def _place_nodes(
         end += 1
         if tree >= 0:
             end = _put(graph.pushing, tree, order, end)
-        order[end] = nodes[1][b]
-        end += 1
+        rotates[b] = tree < 0 and _is_in_beam(graph, b, placed)
+        if not rotates[b]:
+            order[end] = nodes[1][b]
+            end += 1
         if tree >= 0:
             end = _put(graph.rotational, tree, order, end)
             placed[tree] = True
@@ -255,14 +293,45 @@ def _place_nodes(
             used[e] = used[e] or tree >= 0
             early = graph.of_beam[e] and not used[e]
             if missing[e] <= (1 if early else 0) and not placed[e]:
-                end = _put(graph.rotational, e, order, _put(graph.pushing, e, order, end))
-                placed[e] = True
-                if graph.of_beam[e]:
-                    _mark_used(graph, e, gone, used)
+                end = _put_element(graph, e, nodes[1], progress, order, end)
     # What couples no body that moves comes last.
     for e in range(placed.size):
         if not placed[e]:
             end = _put(graph.rotational, e, order, _put(graph.pushing, e, order, end))
+
+
+@kernel
+def _is_in_beam(graph: Graph, b: int, placed: np.ndarray) -> bool:
+    """Return whether body ``b`` is a node of a beam's element that has not gone."""
+    for i in range(graph.elements.first[b], graph.elements.first[b + 1]):
+        e = graph.elements.items[i]
+        if graph.of_beam[e] and not placed[e]:
+            return True
+    return False
+
+
+@kernel
+def _put_element(
+    graph: Graph, e: int, rotation: np.ndarray, progress: Progress, order: np.ndarray, end: int
+) -> int:
+    """Append the multipliers of element ``e`` that act on displacements, the rotations that have
+    waited for it, and its other multipliers; the new end. Of a beam's element the first need only
+    displacements, which leaves rotations and bendings with fewer unknowns.
+    """
+    progress.placed[e] = True
+    if graph.of_beam[e]:
+        end = _put(graph.pushing, e, order, end)
+    for i in range(graph.bodies.first[e], graph.bodies.first[e + 1]):
+        b = graph.bodies.items[i]
+        if progress.rotates[b]:
+            progress.rotates[b] = False
+            order[end] = rotation[b]
+            end += 1
+    if graph.of_beam[e]:
+        _mark_used(graph, e, progress.gone, progress.used)
+    else:
+        end = _put(graph.pushing, e, order, end)
+    return _put(graph.rotational, e, order, end)
 
 
 @kernel

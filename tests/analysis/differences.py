@@ -51,7 +51,7 @@ def values(point, origin):
     """
     model, system, state = point.model, point.system, point.state
     found = {}
-    tables, heads = rows_of(point, [state], True), headers(model, True)
+    tables, heads = rows_of(point, [state]), headers(model)
     # Of two columns of one name that of the first table is meant.
     for name in reversed([*columns_by_table(model), BODIES, RATES]):
         if name in tables:

@@ -13,9 +13,12 @@ from msahl.analysis.inverse_report import verdict
 from msahl.analysis.inverse_splines import derived
 from msahl.analysis.inverse_table import Track, motion_of_table, product, spins
 from msahl.analysis.point import at_start
-from tests.support.models import ROOT
+from msahl.model import Joint
+from tests.support.models import GROUND, ROOT, body, build_model
 
 DECKS = ROOT / "decks"
+ABOUT_Y = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+"""x, y and z of a joint about the axis y."""
 FOUR_BAR = DECKS / "machines/motor_four_bar.xml"
 ROBOT = DECKS / "machines/robot.xml"
 STEWART = DECKS / "mechanisms/stewart_actuators.xml"
@@ -185,6 +188,37 @@ def test_a_drive_beside_all_other_forces_has_nothing_to_do(deck, drive, near):
     found = model.inverse(table(run, [drive]), [drive]).solution
     assert np.abs(found.rows.loads[3:-3]).max() < near
     assert verdict(found).word == "PASS"
+
+
+def test_torques_of_a_level_arm_at_rest():
+    """Of five rods of 1 m and 1 kg: each hinge carries the moments of the weights beyond it."""
+    rods = 5
+    inertia = np.diag([1e-3, 1.0 / 12.0, 1.0 / 12.0])
+    bodies = [body(f"L{k}", 1.0, inertia, (k + 0.5, 0.0, 0.0)) for k in range(rods)]
+    names = [GROUND.name, *(rod.name for rod in bodies)]
+    ends = [((0.5 if k else 0.0, 0.0, 0.0), (-0.5, 0.0, 0.0)) for k in range(rods)]
+    joints = [
+        Joint(f"J{k}", "revolute", names[k], names[k + 1], *ends[k], ABOUT_Y, ABOUT_Y)
+        for k in range(rods)
+    ]
+    model = build_model(bodies, joints, gravity=(0.0, 0.0, -9.81))
+    angles = [f"J{k}.angle" for k in range(rods)]
+    still = np.zeros((8, rods + 1))
+    still[:, 0] = 0.1 * np.arange(8)
+    found = inverse(model, motion_of_table(["time", *angles], still, model, "table"), angles)
+    expected = [-9.81 * sum(j - k + 0.5 for j in range(k, rods)) for k in range(rods)]
+    assert found.rows.loads[4] == pytest.approx(expected, rel=1e-13)
+    assert np.all(found.rows.power == 0.0)
+
+
+def test_actuators_that_are_not_named_keep_their_laws():
+    """The motor's current is an auxiliary state; a motor at the rocker has nothing to add."""
+    model = msahl.load(FOUR_BAR)
+    run = model.run(scheme="gauss3", dt=0.002, t_final=0.04, accelerations="yes", error="off")
+    found = model.inverse(run, ["Rocker pivot.angle"])
+    # But for the step of order 5 of the current, which is 1e-6 A off.
+    assert np.abs(found.solution.rows.loads[3:]).max() < 1e-5
+    assert found["Motor.load"] == pytest.approx(run["Motor.load"], abs=1e-5)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import pytest
 
 from msahl.algebra.functions import Law
 from msahl.algebra.rotation import matrix
+from msahl.analysis import kinematics
 from msahl.analysis.kinematics import follow, output_times, prepare
 from msahl.analysis.kinematics_report import report_of
 from msahl.analysis.kinematics_tables import integrals
@@ -128,6 +129,23 @@ def test_stewart_platform_has_the_given_leg_lengths():
         wanted = start + amplitude * (np.sin(omega * found["time"] + phase) - np.sin(phase))
         assert np.abs(lengths - wanted).max() <= 4e-15
     assert found.motion.redundant == 0
+
+
+def test_tables_of_markers_and_groups_are_those_of_a_run():
+    found = Computed(deck("markers"), np.linspace(0.0, 0.1, 6))
+    simulation = replace(
+        found.model.simulation, scheme="gauss", degree=3, dt=2e-3, t_final=0.1, output_interval=0.02
+    )
+    sink = MemorySink()
+    run(replace(found.model, simulation=simulation), Options(error=OFF), sink)
+    for name in ("markers", "system", "joints"):
+        assert np.abs(found.tables[name] - sink.table(name)).max() <= 1e-11
+
+
+def test_too_many_bodies_are_refused(monkeypatch):
+    monkeypatch.setattr(kinematics, "MOST_BODIES", 12)
+    with pytest.raises(StartError, match=r"13 bodies; motions of up to 12"):
+        prepare(deck("stewart"))
 
 
 def test_motion_and_reactions_are_those_of_a_run_with_small_steps():

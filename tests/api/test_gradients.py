@@ -7,7 +7,9 @@ import pytest
 from scipy.special import ellipk
 
 import msahl
+from msahl.analysis import tangent_run
 from msahl.api import gradients
+from msahl.schemes.midpoint import tangent as midpoint_tangent
 from tests.support.models import ROOT
 
 DECKS = ROOT / "decks"
@@ -25,6 +27,12 @@ SCENES = {
     "suspension, decaying": ("machines/quarter_car", {"t_final": 0.4, "scheme": "decaying"},
                              "spring,damping,vBlow", ["Strut.slide rms", "Body.z min"]),
     "markers": ("machines/robot", {"t_final": 0.1}, "L2", ["Flange.x final", "Flange.z at 0.0523"]),
+    "groups": (
+        "basics/markers",
+        {"t_final": 0.2},
+        "Arm.mass",
+        ["Everything.kinetic final", "Everything.potential mean"],
+    ),
     "control of the step size": ("machines/satellite",
                                  {"t_final": 1.0, "scheme": "auto", "tolerance": 1e-9}, "Kp",
                                  ["Sensor.q1 final", "Axle X.angleRate final"]),
@@ -67,7 +75,7 @@ def test_derivatives_are_those_of_complete_runs(name):
 def test_an_oscillation_depends_on_its_parameters_as_the_closed_form_does():
     model = msahl.load(DECKS / "forces/torsional_spring.xml")
     names = ["Wire.stiffness", "Wire.damping", "Wire.freeAngle", "Wheel.Izz"]
-    found = model.gradient("Axle.angle at 3", names, scheme="gauss3", dt=0.02, error="off")
+    found = model.gradient("Axle.angle at 3", names, scheme="gauss3", dt=0.02)
 
     def angle(k, c, free, inertia, t=3.0):
         decay = 0.5 * c / inertia
@@ -82,6 +90,23 @@ def test_an_oscillation_depends_on_its_parameters_as_the_closed_form_does():
     assert found.jacobian[0] == pytest.approx(exact, rel=1e-7)
     assert (np.abs(found.jacobian[0] - exact) <= found.errors[0] + 1e-8 * np.abs(exact)).all()
     assert found.units[0][2] == "rad/deg"
+
+
+def test_derivatives_are_those_of_the_steps_to_nine_digits():
+    model = msahl.load(DECKS / "forces/torsional_spring.xml", **{"Wire.damping": 0.0})
+    options = {"dt": 0.05, "t_final": 3.0, "error": "off", "rotation_update": "exponential"}
+    found = model.gradient("Axle.angle final", ["Wire.stiffness", "Wheel.Izz"], **options)
+
+    def angle(k, inertia):
+        # The midpoint rule for a linear oscillator: each step is a rotation of the phase.
+        phase = 2.0 * np.arctan(0.5 * 0.05 * np.sqrt(k / inertia))
+        return math.radians(400.0) * (1.0 - np.cos(60 * phase))
+
+    given = np.array([0.05, 0.02], dtype=complex)
+    exact = [angle(*(given + 1e-30j * np.eye(2)[i])).imag / 1e-30 for i in range(2)]
+    assert found.values[0] == pytest.approx(angle(*given).real, rel=1e-12)
+    # Differences of order 4 with shifts of 3e-4, those of the parameter of order 2 with 1e-5.
+    assert found.jacobian[0] == pytest.approx(exact, rel=1e-9)
 
 
 def test_the_period_of_a_pendulum_by_its_length():
@@ -107,6 +132,61 @@ def test_the_end_of_a_run_moves_with_the_parameters():
     assert found.jacobian[:, 0] == pytest.approx([0.0, -0.005], abs=1e-11)
 
 
+def test_the_equilibrium_from_which_a_run_starts_moves_with_the_parameters(tmp_path):
+    deck = (DECKS / "machines/quarter_car.xml").read_text()
+    deck = deck.replace("<simulation>", '<simulation start="equilibrium">')
+    (tmp_path / "deck.xml").write_text(deck)
+    model, options = msahl.load(tmp_path / "deck.xml"), {"t_final": 0.1, "error": "off"}
+    found = model.gradient("Body.z final", "spring", **options)
+    e = 1e-3 * 20000.0
+    assert model.parameters["spring"]["value"] == 20000.0
+    slope = sum(
+        weight / e * model.with_(spring=20000.0 + node * e).run(**options)["Body.z"][-1]
+        for node, weight in DIFFERENCE
+    )
+    assert found.jacobian[0, 0] == pytest.approx(slope, rel=1e-6)
+
+
+def test_a_parameter_that_leaves_the_plane_of_a_model(tmp_path):
+    deck = (DECKS / "basics/two_rods.xml").read_text()
+    deck = deck.replace("<child><name>Rod 2</name><position>", "<child><name>Rod 2</name>"
+                        '<position><y units="m">{aside}</y>')  # fmt: skip
+    deck = deck.replace(
+        "</parameters>", '<parameter name="aside" units="m">0</parameter></parameters>'
+    )
+    (tmp_path / "deck.xml").write_text(deck)
+    model = msahl.load(tmp_path / "deck.xml")
+    # The lower rod is moved aside: its mass centre by -1, and the moments about x and z follow.
+    options = {"t_final": 0.1, "error": "off"}
+    found = model.gradient(["Rod 2.y final", "Lower.Mx mean"], "aside", **options)
+    e = 1e-3
+    runs = [model.with_(aside=s * e).run(**options) for s in (-1.0, 1.0)]
+    mean = [np.trapezoid(run["Lower.Mx"], run.time) / run.time[-1] for run in runs]
+    assert found.jacobian[0, 0] == pytest.approx(-1.0, rel=1e-9)
+    assert found.jacobian[1, 0] == pytest.approx((mean[1] - mean[0]) / (2.0 * e), rel=1e-5)
+
+
+def test_each_step_is_taken_once_and_each_pair_of_steps_once(monkeypatch):
+    calls, compiled = [], tangent_run._differentiate
+    monkeypatch.setattr(
+        tangent_run, "_differentiate", lambda *given: (calls.append(given), compiled(*given))
+    )
+    model = msahl.load(DECKS / "basics/two_rods.xml")
+    model.gradient("Lower.angle final", "L1,L2,m1", t_final=0.1)
+    assert len(calls) == 50 + 25
+    model.gradient("Lower.angle final", "L1,L2,m1", t_final=0.1, error="off")
+    assert len(calls) == 50 + 25 + 50
+
+
+def test_compiled_and_plain_derivatives_are_the_same(monkeypatch):
+    model = msahl.load(DECKS / "basics/two_rods.xml")
+    fast, plain = [], midpoint_tangent.differentiate
+    for found in (fast, fast):
+        found.append(model.gradient("Lower.angle max", "L1,c1", t_final=0.01, error="off"))
+        monkeypatch.setattr(tangent_run, "_differentiate", plain)
+    assert (fast[0].jacobian == fast[1].jacobian).all()
+
+
 def test_columns_are_differentiated_at_all_output_times():
     model = msahl.load(DECKS / "forces/spring_damper.xml")
     options = {"t_final": 0.5, "error": "off"}
@@ -121,13 +201,16 @@ def test_columns_are_differentiated_at_all_output_times():
 
 def test_the_estimated_error_is_that_of_the_scheme():
     model = msahl.load(DECKS / "basics/parameters.xml")
-    options = {"t_final": 1.0, "error": "off"}
+    options = {"t_final": 1.0}
     found = model.gradient("Hinge.angle final", "L,start", **options)
     exact = model.gradient("Hinge.angle final", "L,start", scheme="gauss3", dt=0.01, **options)
     ratio = found.errors / np.abs(found.jacobian - exact.jacobian)
     # 1.5 is the safety factor; terms of higher order are small at 5 ms.
     assert ratio == pytest.approx(1.5, rel=0.05)
     assert (exact.errors < 1e-8).all()
+    unknown = model.gradient("Hinge.angle final", "L,start", error="off", **options)
+    assert np.isnan(unknown.errors).all()
+    assert (unknown.jacobian == found.jacobian).all()
 
 
 def test_a_chaotic_motion_is_reported():

@@ -143,10 +143,30 @@ def test_the_python_api_starts_at_equilibria_too(start):
     assert angles == pytest.approx([angle_at_rest(1.0), angle_at_rest(3.0)], rel=1e-12)
 
 
-def test_a_start_without_equilibrium_is_a_fault(start, tmp_path):
-    start.write_text(START.replace("<loads>", "<loads><concentrated><name>T</name><body>A</body>"
-                                   "<moment><yMoment>1e4</yMoment></moment></concentrated>")
-                     .replace("<stiffness>10</stiffness>", "<stiffness>0</stiffness>"))  # fmt: skip
-    result = call("run", start, "-o", tmp_path / "out")
-    assert result.exit_code == 2
-    assert "no equilibrium was found" in result.output
+def test_a_start_without_equilibrium_is_a_fault(start, tmp_path, monkeypatch):
+    monkeypatch.setattr("msahl.analysis.begin.find", lambda *_: None)
+    for command in (("run", start, "-o", tmp_path / "out"), ("check", start), ("explain", start)):
+        result = call(*command)
+        assert result.exit_code == 2
+        assert "no equilibrium was found" in result.output
+
+
+def test_a_motion_that_moves_at_the_start_is_held_with_a_warning():
+    result = call("equilibrium", DECKS / "mechanisms/four_bar.xml")
+    assert result.exit_code == 0
+    assert "WARN: motion 'Motor' is held where it begins, but moves at t = 0" in result.output
+
+
+def test_equilibria_in_python(start):
+    model = msahl.load(start)
+    rest = model.equilibrium()
+    assert rest["H.angle"] == pytest.approx(angle_at_rest(2.0), rel=1e-12)
+    assert rest.stability == "stable, all motions are damped"
+    assert rest["S.load"] == rest.frame("loads")["S.load"].iloc[0]
+    with pytest.raises(KeyError, match="no table has a column"):
+        rest["H.angel"]
+    found = model.equilibria(starts=4)
+    assert found[0]["H.angle"] == pytest.approx(rest["H.angle"], rel=1e-12)
+    later = rest.model.with_(**{"A.mass": 3.0}).run(t_final=0.5)
+    assert abs(later["H.angleRate"]).max() > 0.01
+    assert rest.model.modes().frequency == pytest.approx(model.modes().frequency, rel=1e-9)

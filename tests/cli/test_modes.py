@@ -97,3 +97,15 @@ def test_an_order_needs_a_speed():
     assert result.exit_code == 2
     assert "unit of angular velocity" in result.output
     assert call(bicycle, "--order", "1").exit_code == 2
+
+
+def test_a_model_that_cannot_move_has_no_modes(tmp_path):
+    four_bar = DECKS / "mechanisms/four_bar.xml"
+    result = call(four_bar, "--page", "-o", tmp_path)
+    assert result.exit_code == 0, result.output
+    assert "0 degrees of freedom" in result.output
+    assert "no mode moves a body" in result.output
+    assert len((tmp_path / "modes.csv").read_text().splitlines()) == 1
+    over = call(four_bar, "--over", "Crank.mass=1,2", "-o", tmp_path)
+    assert over.exit_code == 0, over.output
+    assert "no critical values" in over.output

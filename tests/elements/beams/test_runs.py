@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from msahl.model import ConcentratedLoad
+from msahl.model import ConcentratedLoad, Options
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.midpoint import newton
 from msahl.system.build import build_system
@@ -13,6 +13,7 @@ from msahl.system.names import describe_row, resultant_columns
 from msahl.system.ordering import eliminate
 from msahl.system.reductions import all_unknowns
 from msahl.system.subsystems import split
+from tests.run.test_resume import same_run
 from tests.support.beams import ELASTIC, FLEXIBLE, cantilever
 from tests.support.models import GROUND, simulate
 
@@ -99,3 +100,50 @@ def test_rows_of_beams_have_names():
     system = build_system(model)
     last = 3 * (2 * system.frames.length.size + system.multipliers.node.size) - 1
     assert describe_row(model, system, last) == "beam 'Beam', bending about d3 in element 2"
+
+
+@pytest.mark.parametrize("word", ["gauss", "radau"])
+def test_a_run_goes_on_bit_for_bit(monkeypatch, word):
+    model = cantilever(2, 2, FLEXIBLE, (0.001,) * 6, gravity=DOWN, dt=0.005, t_final=0.25)
+    simulation = replace(model.simulation, scheme=word, degree=2)
+    same_run(monkeypatch, replace(model, simulation=simulation), Options(every=3), 20)
+
+
+def test_redundant_joints_at_a_beam_are_found_and_carried():
+    """Two joints hold the same node: the motion is that with one of them."""
+    one = cantilever(2, 1, FLEXIBLE, gravity=DOWN, dt=0.005, t_final=0.05)
+    both = replace(one, joints=(*one.joints, replace(one.joints[0], name="Other")))
+    first, second = simulate(one), simulate(both)
+    assert len(second.report.non_unique_reactions) == 2
+    # The relaxation of redundant equations leaves 1e-12 of the motion.
+    assert second.states == pytest.approx(first.states, abs=1e-10)
+
+
+def test_positions_are_projected_onto_rigid_strains():
+    """A node moved by 1 mm along an inextensible beam is moved back, and the joints stay closed."""
+    model = cantilever(2, 1, FLEXIBLE)
+    node = model.bodies[1]
+    moved = replace(node, position=(node.position[0] + 1e-3, 0.0, 0.0))
+    bodies = (model.bodies[0], moved, model.bodies[2])
+    integrator = SubsystemIntegrator(
+        replace(model, bodies=bodies, position="project"), "newton", False, 2
+    )
+    state = integrator.workspace.state
+    assert np.abs(state.strain[:, :3]).max() < 1e-12
+    assert state.x[0] == pytest.approx(0.0, abs=1e-13)
+
+
+def test_growing_shear_stiffness_leads_to_euler_and_bernoulli_at_the_same_cost():
+    def run(stiffness):
+        given = (1e4, stiffness, stiffness, 10.0, 12.0, 15.0)
+        model = cantilever(3, 2, given, gravity=DOWN, dt=0.01, t_final=0.3)
+        result = simulate(model, scheme="decaying", solver="newton")
+        return result.of("position")[-1], result.report.iterations
+
+    limit, iterations = run(np.inf)
+    near, nearer, nearest = (run(stiffness) for stiffness in (1e6, 1e9, 1e15))
+    error = np.abs(near[0] - limit).max()
+    assert 1e-7 < error < 1e-4
+    assert np.abs(nearer[0] - limit).max() == pytest.approx(1e-3 * error, rel=0.1)
+    assert np.abs(nearest[0] - limit).max() < 1e-13
+    assert nearest[1] <= 1.1 * iterations

@@ -7,6 +7,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 import pytest
 
+from msahl.analysis import inverse_report
 from msahl.post import run_page
 from msahl.post.metrics import compute_metrics
 from msahl.post.page.graphs import Graph, Group, graphs
@@ -40,8 +41,10 @@ DRAWN = """() => [...document.querySelectorAll('.plot canvas')].map((canvas) => 
 
 
 def test_every_check_has_a_name_for_readers():
-    found = re.findall(r'Finding\("(\w+)"', inspect.getsource(verdict))
-    assert {*found, "linearMomentum", "angularMomentum"} == set(run_page.CHECKS)
+    sources = inspect.getsource(verdict) + inspect.getsource(inverse_report)
+    found = re.findall(r'Finding\("(\w+)"', sources)
+    others = {"linearMomentum", "angularMomentum", "errorForces"}
+    assert {*found, *others} == set(run_page.CHECKS)
 
 
 @pytest.fixture(scope="module")
