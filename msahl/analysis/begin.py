@@ -127,15 +127,7 @@ def deck_at(data: bytes, path: Path, start: Point, solution: Solution) -> bytes:
 
 
 def deck_there(data: bytes, path: Path, start: Point, point: Point) -> bytes:
-    """Return the deck ``data``, whose model at t = 0 is ``start``, with the model at ``point``;
-    raises ``StartError`` for a model with beams.
-    """
-    if start.model.beams:
-        name = start.model.beams[0].name
-        raise StartError(
-            f"a deck cannot begin with a deformed beam ('{name}'): its nodes begin where its "
-            "geometry places them"
-        )
+    """Return the deck ``data``, whose model at t = 0 is ``start``, with the model at ``point``."""
     state = close(point.system, point.state, point.unknowns, closed=ROUND_OFF)
     return moved_text(data, path, configuration(start, replace(point, state=state)), NOTE)
 
