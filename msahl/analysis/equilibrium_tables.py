@@ -22,7 +22,7 @@ from msahl.analysis.equilibrium import Solution
 from msahl.analysis.point import Point
 from msahl.analysis.projection import prepared
 from msahl.elements import forces
-from msahl.elements.beams.instant import write_resultants
+from msahl.elements.beams import instant
 from msahl.elements.forces import drag, spring
 from msahl.elements.reactions import write_reactions
 from msahl.elements.rigid_body import write_states
@@ -83,14 +83,10 @@ def _rows(point: Point) -> dict[str, np.ndarray]:
         STATES: np.concatenate([time, written.states[0]]),
         REACTIONS: np.concatenate([time, written.reactions[0]]),
         SIGNALS: np.concatenate([time, written.signals[0]]),
+        RESULTANTS: np.concatenate([time, written.resultants[0]]),
         LOADS: np.concatenate([time, *_loads(point, start, written.signals[0])]),
         ACCELERATIONS: np.zeros(len(acceleration_columns(point.model))),
     }
-    beams = point.system.beams
-    if beams is not None:
-        resultants = np.zeros((1, 6 * beams.element.size))
-        write_resultants(beams, point.state.force, resultants, 0)
-        rows[RESULTANTS] = np.concatenate([time, resultants[0]])
     observed = ObservedTables(point.model).rows({name: row[None] for name, row in rows.items()})
     return rows | {name: table[0] for name, table in observed.items()}
 
@@ -103,6 +99,7 @@ def _written(point: Point) -> tuple[SystemWorkspace, Tables]:
     write_reactions(
         system.shown, system.scalar, state.reaction, state.force, 0.0, written.reactions, 0
     )
+    instant.write_resultants(system.beams, state.force, written.resultants, 0)
     of = system.forces
     forces.publish_signals(of.signals, of.actuator, start.forces, system.scalar, written.signals, 0)
     return start, written

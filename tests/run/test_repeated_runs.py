@@ -35,6 +35,8 @@ CASES = [
     ("forces/friction_hinge", {"scheme": "gauss3"}),
     ("basics/ballistic_cylinder", {}),
     ("basics/stop", {}),
+    ("elastic/cable", {}),  # rigid strains
+    ("elastic/spin_up", {"scheme": "gauss2"}),
 ]
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from msahl.jit.compiled import compiled
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.midpoint import equations, newton
 from msahl.system import evaluate
@@ -120,3 +121,25 @@ def test_internal_forces_are_in_equilibrium_and_do_the_work_of_the_strains():
     assert size > 0.1
     assert np.abs(forces.sum(axis=0)).max() < 1e-14 * size
     assert np.abs(moments.sum(axis=0)).max() < 1e-14 * size
+
+
+@pytest.mark.slow
+def test_energy_and_momenta_stay_over_ten_thousand_steps():
+    workspace = begun(free_beam(np.random.default_rng(1), 3, 4, ELASTIC))
+    system, state, start, monitor = (
+        workspace.system,
+        workspace.state,
+        workspace.start,
+        workspace.monitor,
+    )
+    energy = energy_balance(system, state, start, monitor.violation, monitor.rate)
+    before, take_step = momentum(system, state, start), compiled(newton.take_step)
+    for _ in range(10_000):
+        residual, _ = take_step(workspace, 0.02, 1.0)
+        assert residual < 1e-12
+    now = momentum(system, state, start)
+    drift = energy_balance(system, state, start, monitor.violation, monitor.rate) - energy
+    # Rounding errors of 1e-15 at random add up to 1e-13, those of one sign to 1e-11.
+    assert abs(drift) < 1e-10 * energy
+    assert np.abs(now.P - before.P).max() < 1e-10 * before.P_size
+    assert np.abs(now.L - before.L).max() < 1e-10 * before.L_size
