@@ -126,8 +126,8 @@ def test_a_rotating_blade_flaps_at_the_frequencies_of_ritz(speed):
     found = modes(rotating(4, 4, speed, inertia=ROTARY))
     assert found.equilibrium.holds
     assert found.equilibrium.axes == pytest.approx((0.0, 0.0, speed), abs=1e-12)
-    # As of the cantilever at rest: up to 7e-9, 1.3e-7 and 8.4e-6; six elements leave 4e-10, 5e-9 and
-    # 3e-7.
+    # As of the cantilever at rest: up to 7e-9, 1.3e-7 and 8.4e-6; six elements leave 4e-10, 5e-9
+    # and 3e-7.
     difference = np.abs(across(found)[0] / ritz(J, speed) - 1.0)
     assert (difference < (1e-8, 2e-7, 1e-5)).all()
 
@@ -143,17 +143,21 @@ def test_a_blade_stretches_by_the_closed_form():
     assert extension == pytest.approx(5.143174e-4, abs=1e-10)
 
 
-def test_the_right_angle_converges_in_time():
-    """Its tip at 2 s, when the load ends. Slopes lie between those of neighbouring steps."""
+@pytest.mark.parametrize(("scheme", "steps", "order"), [("preserving", 40, 2), ("gauss2", 20, 4)])
+def test_the_right_angle_converges_in_time(scheme, steps, order):
+    """Its tip at 1 s, until when the load grows evenly. Stretching vibrations of 2 ms, which no
+    step resolves, leave 1e-8.
+    """
     model = deck("right_angle")
 
     def tip(scheme, steps):
-        return simulate(model, dt=2.0 / steps, t_final=2.0, scheme=scheme).of("position")[-1]
+        return simulate(model, dt=1.0 / steps, t_final=1.0, scheme=scheme).of("position")[-1]
 
-    exact = tip("gauss3", 160)
-    few, many = (np.abs(tip("preserving", n) - exact).max() for n in (80, 160))
-    assert np.log2(few / many) == pytest.approx(2.0, abs=0.1)
-    assert many < 7e-5
+    exact = tip("gauss3", 100)
+    few, many = (np.abs(tip(scheme, n) - exact).max() for n in (steps, 2 * steps))
+    # Measured: 2.05 and 3.9.
+    assert np.log2(few / many) == pytest.approx(order, abs=0.4)
+    assert many < 1e-5
 
 
 @pytest.mark.slow
@@ -168,13 +172,16 @@ def test_energy_and_momenta_stay_after_the_loads_for_ten_thousand_steps(name, dt
 
     def advance(steps):
         for _ in range(steps):
-            take_step(work, dt, 1.0)
+            residual, _ = take_step(work, dt, 1.0)
+            assert residual < 1e-11
         of = energy_balance(work.system, work.state, work.start, monitor.violation, monitor.rate)
-        return of, momentum(work.system, work.state, work.start)
+        # The balance is the energy less the work of the loads.
+        return of + work.state.work.sum(), momentum(work.system, work.state, work.start)
 
     energy, before = advance(round(free / dt))
     later, now = advance(10_000)
-    assert abs(later - energy) < 1e-10 * max(abs(energy), 1.0)
+    assert energy > 1.0
+    assert abs(later - energy) < 1e-10 * energy
     if name == "spaghetti":
         assert np.abs(now.P - before.P).max() < 1e-10 * before.P_size
         assert np.abs(now.L - before.L).max() < 1e-10 * before.L_size
