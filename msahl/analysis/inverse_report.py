@@ -165,6 +165,8 @@ def _misfit(solution: Solution) -> Finding:
             f", worst {names[column]} at {solution.motion.time[row]:.4g} s: they contradict the "
             "joints or each other"
         )
+        kept = ", ".join(motion.name for motion in solution.driven.motions[:MOST_NAMED])
+        text += f", or the prescribed motions that --loads does not name: {kept}" if kept else ""
     word = PASS if share <= MISFIT else WARN if share <= MISFIT_FAIL else FAIL
     return Finding("misfit", word, text)
 

@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from msahl.cli.console import say, stop
 from msahl.printable import printable, shown_path
 
@@ -44,7 +46,9 @@ def job_of(deck: Path, given: Mapping[str, Any], settings: Sequence[str] = ()) -
     except DeckError as error:
         stop(str(error))
     except OptionError as error:
-        stop("\n".join(f"msahl run: {fault}" for fault in error.faults))
+        context = click.get_current_context(silent=True)
+        command = f"msahl {context.info_name}" if context else "msahl run"
+        stop("\n".join(f"{command}: {fault}" for fault in error.faults))
 
 
 def job_to_run(

@@ -13,7 +13,7 @@ from msahl.analysis.step_sequence import StepRecord
 from msahl.api.derivatives import HEADER, GradientError, Gradients
 from msahl.api.gradients import differentiate, make_request, texts_of
 from msahl.cli.console import say, stop
-from msahl.printable import shown_path
+from msahl.printable import printable, shown_path
 from msahl.results.job import Job
 from msahl.results.write import GRADIENTS, replace_file
 from msahl.run.report import Report
@@ -36,6 +36,7 @@ class GradientsOfRun:
         self.deck, self.record = job.source.path, StepRecord()
         self.memory = MemorySink(self.request.tables)
         self.found: Gradients | None = None
+        self.faults: list[str] = []
 
     def beside(self, sink: Sink) -> Sink:
         """Return a sink that keeps the rows of the measures as well."""
@@ -47,9 +48,10 @@ class GradientsOfRun:
             told = report.as_json()
             self.found = differentiate(self.request, self.record, told, self.memory.table)
         except GradientError as error:
-            report.warnings += str(error).split("\n")
+            self.faults = str(error).split("\n")
         except KeyboardInterrupt:
-            report.warnings.append("gradient: stopped before it was complete")
+            self.faults = ["gradient: stopped before it was complete"]
+        report.warnings += self.faults
 
     def write(self, folder: Path) -> dict[str, Any]:
         """Write ``gradients.csv``; return what ``run.json`` has of it."""
@@ -64,8 +66,10 @@ class GradientsOfRun:
         return {"gradients": self.found.as_json()}
 
     def tell(self, quiet: bool) -> None:
-        """Print the derivatives, and what to mind."""
+        """Print the derivatives and warnings; faults are warnings of the run unless ``quiet``."""
         if self.found is None:
+            for fault in self.faults if quiet else ():
+                say(f"{shown_path(self.deck)}: {printable(fault)}")
             return
         for remark in self.found.remarks:
             say(f"{shown_path(self.deck)}: WARN: {remark}")

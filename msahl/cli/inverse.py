@@ -126,8 +126,8 @@ def _write(folder: Path, result: "InverseResult") -> None:
     except (FolderError, FolderInUseError) as error:
         stop(printable(str(error)))
     except OSError as error:
-        say(f"{shown_path(error.filename or folder)}: {error.strerror or error}")
-        sys.exit(NOT_WRITTEN)
+        where = shown_path(error.filename or folder)
+        stop(f"{where}: {error.strerror or error}; choose another folder with -o", NOT_WRITTEN)
 
 
 def _weights(texts: tuple[str, ...]) -> dict[str, float]:

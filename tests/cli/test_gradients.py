@@ -61,6 +61,10 @@ def test_wrong_use(words, said, tmp_path):
 def test_a_run_whose_derivatives_cannot_be_computed_is_kept(tmp_path):
     words = ("--gradient", "Hinge.angle final", "--wrt", "Rod.position.z")
     result = call(ROD, *SHORT, *words, "-o", tmp_path / "out")
+    quiet = call(ROD, *SHORT, *words, "-q", "-o", tmp_path / "quiet")
+    assert quiet.exit_code == result.exit_code
+    assert quiet.output.strip() in result.output
+    assert quiet.output.strip()
     assert result.exit_code == 3
     assert "the deck allows no values near" in result.output
     assert (tmp_path / "out/states.csv").exists()
