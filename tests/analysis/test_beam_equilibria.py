@@ -158,8 +158,8 @@ def test_a_cantilever_buckles_sideways():
 
 @pytest.mark.parametrize(("kind", "flat"), [("rigid", 0), ("revolute", 1)])
 def test_a_slender_beam_has_stiffness_in_all_directions_but_that_of_its_joint(kind, flat):
-    """A steel strip of 1 m by 30 mm by 3 mm: with a rotary inertia per mass of 7.5e-7 m^2 the squares
-    of its frequencies spread by more than 1e9.
+    """A steel strip of 1 m by 30 mm by 3 mm: with its rotary inertia per mass of 7.5e-7 m^2 the
+    squares of its frequencies spread by more than 1e9.
     """
     stiffness = (1.89e7, 6e6, 6e6, 21.0, 14.175, 1417.5)
     of = section(stiffness, mass=0.7065, inertia=(5.4e-5, 5.3e-7, 5.3e-5))
