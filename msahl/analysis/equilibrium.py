@@ -303,7 +303,27 @@ def _flat_directions(place: Place) -> int:
     d = place.linear.degrees_of_freedom
     if not d:
         return 0
-    values = np.linalg.svd(place.jacobian, compute_uv=False)
-    return int(np.count_nonzero(values <= FLAT * values.max(initial=0.0))) + max(
+    return min(_least_stiff(place.jacobian), _least_stiff(_by_lengths(place))) + max(
         d - place.linear.rate_degrees_of_freedom, 0
     )
+
+
+def _least_stiff(jacobian: np.ndarray) -> int:
+    """Number of directions with a stiffness of at most ``FLAT`` of the largest."""
+    values = np.linalg.svd(jacobian, compute_uv=False)
+    return int(np.count_nonzero(values <= FLAT * values.max(initial=0.0)))
+
+
+def _by_lengths(place: Place) -> np.ndarray:
+    """The Jacobian by displacements instead of the coordinates weighted by mass: nodes of slender
+    beams have so little rotary inertia that bending seems to have no stiffness.
+    """
+    J, d = place.jacobian.copy(), place.linear.degrees_of_freedom
+    r = place.linear.rate_degrees_of_freedom
+    if d != r:
+        return J
+    R = np.linalg.qr(place.found.length[:, None] * place.linear.places[:, :d], mode="r")
+    back = np.linalg.inv(np.asarray(R))
+    J[:d] = back.T @ J[:d]
+    J[:, :d] = J[:, :d] @ back
+    return J

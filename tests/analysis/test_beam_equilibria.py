@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from msahl.algebra.vector import ZERO
+from msahl.analysis.equilibrium import solve
 from msahl.analysis.load_path import Path, under_loads
 from msahl.analysis.point import at_start
 from msahl.elements.beams.build import build_beam
@@ -153,3 +154,16 @@ def test_a_cantilever_buckles_sideways():
     model = clamped(straight(4, 4), (RIGID, RIGID, RIGID, 1.0, RIGID, 1.0), (0.0, 0.0, -5.0))
     critical = [point for point in Path(at_start(model)).to(1.0) if point.kind]
     assert 5.0 * critical[0].factor == pytest.approx(4.012599344, rel=1e-6)
+
+
+@pytest.mark.parametrize(("kind", "flat"), [("rigid", 0), ("revolute", 1)])
+def test_a_slender_beam_has_stiffness_in_all_directions_but_that_of_its_joint(kind, flat):
+    """A steel strip of 1 m by 30 mm by 3 mm: with its rotary inertia per mass of 7.5e-7 m^2 the
+    squares of its frequencies spread by more than 1e9.
+    """
+    stiffness = (1.89e7, 6e6, 6e6, 21.0, 14.175, 1417.5)
+    of = section(stiffness, mass=0.7065, inertia=(5.4e-5, 5.3e-7, 5.3e-5))
+    beam, nodes = build_beam("Beam", straight(3, 4), of)
+    joint = Joint("Clamp", kind, GROUND.name, nodes[0].name, ZERO, ZERO)
+    model = build_model(nodes, [joint], beams=(beam,))
+    assert solve(at_start(model), np.zeros(3)).flat == flat
