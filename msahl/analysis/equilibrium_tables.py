@@ -49,14 +49,20 @@ from msahl.system.names import (
 
 LOADS = "loads"
 NUMBER = "equilibrium"
-"""First column of every table."""
+"""First column of every table of equilibria."""
 PAIRS = ((2, 1), (0, 2), (1, 0))
 """Axes of parent and child whose product is a bushing's rotation about x, y and z."""
 
 
 def tables(found: list[Solution]) -> dict[str, tuple[list[str], np.ndarray]]:
     """Return columns and rows of the tables, one row for each equilibrium."""
-    points = [solution.place.point for solution in found]
+    return tables_of([solution.place.point for solution in found])
+
+
+def tables_of(points: list[Point], number: str = NUMBER) -> dict[str, tuple[list[str], np.ndarray]]:
+    """Return columns and rows of the tables, one row for each of the ``points``, whose ``number``
+    is in the first column.
+    """
     model = points[0].model
     known = {**tables_of_model(model), LOADS: load_columns(model)}
     rows = [_rows(point) for point in points]
@@ -65,7 +71,7 @@ def tables(found: list[Solution]) -> dict[str, tuple[list[str], np.ndarray]]:
         if name in rows[0] and len(columns) > 1:
             table = np.array([row[name] for row in rows])
             table[:, 0] = np.arange(1, len(points) + 1)
-            result[name] = ([NUMBER, *columns[1:]], table + 0.0)  # no minus before a zero
+            result[name] = ([number, *columns[1:]], table + 0.0)  # no minus before a zero
     return result
 
 

@@ -39,6 +39,13 @@ if TYPE_CHECKING:
     help="Let the complete model rotate steadily with this angular velocity in rad/s, inertial "
     "axes (default: 0 0 0, at rest).",
 )
+@click.option(
+    "--load-path",
+    type=NumberType(),
+    metavar="END",
+    help="Follow the equilibria at rest while gravity and loads grow from zero to END times those "
+    "of the deck, through limit points and bifurcations (default: not; only the deck's loads).",
+)
 @click.option("-q", "--quiet", is_flag=True, help="Print only faults and warnings.")
 def equilibrium(
     deck: Path,
@@ -46,6 +53,7 @@ def equilibrium(
     settings: tuple[str, ...],
     starts: int,
     rotation: tuple[float, float, float],
+    load_path: float | None,
     quiet: bool,
 ) -> None:
     """Find the places at which all forces on the model of DECK are balanced.
@@ -54,11 +62,16 @@ def equilibrium(
     lead, which is stable, and the nearest of any kind. Reports each with its stability. Velocities
     of the deck do not count. With -o, writes states.csv and reactions.csv, one row for each
     equilibrium, and decks that begin there: equilibrium1.xml and so on. Exits with status 3 if
-    there is none.
+    there is none. With --load-path, reports the path of equilibria under growing loads instead.
 
     Example: msahl equilibrium decks/mechanisms/suspension.xml
     """
     job = job_of(deck, {}, settings)
+    if load_path is not None:
+        if starts != 1 or any(rotation):
+            raise click.UsageError("--load-path goes with neither --starts nor --rotation")
+        _follow_loads(job, load_path, output, quiet)
+        return
     import numpy as np
 
     from msahl.analysis.equilibrium import held_motions, search_start
@@ -86,6 +99,39 @@ def equilibrium(
         echo("\n".join(printable(line) for line in lines(point, found)))
     if output is not None:
         _write(output, job, point, found)
+
+
+def _follow_loads(job: "Job", end: float, output: Path | None, quiet: bool) -> None:
+    """Report the path of equilibria up to a load factor ``end``, and write its tables; a path that
+    cannot be followed to its end, as far as it goes.
+    """
+    from msahl.analysis.equilibrium import search_start
+    from msahl.analysis.load_path import Path as LoadPath
+    from msahl.analysis.load_path_tables import lines, tables
+    from msahl.jit.progress import CompileError
+    from msahl.results.write import file_name, write_table
+    from msahl.start.velocities import StartError
+
+    points, fault = [], ""
+    try:
+        with announced(not quiet):
+            start = search_start(job.model)
+            for point in LoadPath(start).to(end):
+                points.append(point)
+    except (StartError, CompileError) as error:
+        fault = f"{shown_path(job.source.path)}: {printable(str(error))}"
+    if points and not quiet:
+        echo("\n".join(lines(points)))
+    if points and output is not None:
+        try:
+            output.mkdir(parents=True, exist_ok=True)
+            for name, (columns, rows) in tables(start, points).items():
+                write_table(output / file_name(name), columns, rows)
+        except OSError as error:
+            say(f"{shown_path(error.filename or output)}: {error.strerror or error}")
+            sys.exit(NOT_WRITTEN)
+    if fault:
+        stop(fault, NOT_CONVERGED)
 
 
 def _write(folder: Path, job: "Job", start: "Point", found: "list[Solution]") -> None:

@@ -49,7 +49,12 @@ class BeamTable:
         states = tables["states"]
         motion = read_motions({"states": states}, self.bodies)
         found = [states[:, :1]]
-        mean, first = tables[RESULTANTS][:, 1:].reshape(len(states), -1, 6), 0
+        given, first = tables.get(RESULTANTS), 0
+        if given is None:  # they do not follow from the motion alone
+            given = np.full(
+                (len(states), 1 + 6 * sum(len(law.strain) for law in self.laws)), np.nan
+            )
+        mean = given[:, 1:].reshape(len(states), -1, 6)
         for law in self.laws:
             both, points = _of_beam(law, of_bodies(motion, law.nodes)), len(law.strain)
             kept = np.diagonal(law.stiffness, axis1=1, axis2=2) == 0.0

@@ -170,3 +170,16 @@ def test_equilibria_in_python(start):
     later = rest.model.with_(**{"A.mass": 3.0}).run(t_final=0.5)
     assert abs(later["H.angleRate"]).max() > 0.01
     assert rest.model.modes().frequency == pytest.approx(model.modes().frequency, rel=1e-9)
+
+
+def test_a_path_under_growing_loads(tmp_path):
+    deck = str(ROOT / "decks" / "mechanisms" / "snap_through.xml")
+    result = call("equilibrium", deck, "--load-path", "1", "-o", tmp_path)
+    assert result.output.count("limit point") == 2
+    path = np.genfromtxt(tmp_path / "path.csv", delimiter=",", names=True)
+    limits = path["loadFactor"][path["critical"] == 1.0]
+    # 2 k z (l0/l - 1) where l^3 = l0, over 30 N; they are found to 1e-10 of the path.
+    assert np.allclose(limits, (0.331663898591, -0.331663898591), rtol=1e-9)
+    states = np.genfromtxt(tmp_path / "states.csv", delimiter=",", names=True, deletechars="")
+    assert states["point"][-1] == len(path)
+    assert states["Block.z"][-1] == pytest.approx(-0.416014680898, abs=1e-10)
