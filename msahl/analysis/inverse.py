@@ -19,6 +19,7 @@ from msahl.analysis.inverse_drives import Drive, InverseError, results_of, with_
 from msahl.analysis.inverse_given import Measures
 from msahl.analysis.inverse_loads import Drives, Loads
 from msahl.analysis.inverse_motion import Follower, Frame
+from msahl.analysis.inverse_run_error import raised_by
 from msahl.analysis.inverse_splines import Smooth, derived
 from msahl.analysis.inverse_states import advance
 from msahl.analysis.inverse_table import LEAST_ROWS, GivenMotion, Track, spins
@@ -79,6 +80,13 @@ class Solution:
     noise: float
     weights: np.ndarray  # (k,) of the least norm
     companion: str = ""  # source of the table whose loads are part of the error bars
+
+    @property
+    def size(self) -> float:
+        """Size of the model [m]: its extent, or the largest distance of a body from the origin."""
+        x = self.tables.states.reshape(len(self.tables.states), -1, 12)[..., :3]
+        extent = float(np.abs(x).max(initial=0.0))
+        return extent if extent > 0.0 else 1.0
 
 
 def inverse(
@@ -145,6 +153,23 @@ def compared(solution: Solution, other: Solution) -> Solution:
     )
     rows = solution.rows._replace(error=solution.rows.error + SAFETY * spread)
     return replace(solution, rows=rows, companion=other.motion.source)
+
+
+def with_run_error(solution: Solution) -> Solution:
+    """Return the ``solution`` with the error that the run estimated, whose motion is given, added
+    to the error bars of the loads.
+    """
+    error, rows = solution.motion.error, solution.rows
+    if error is None or not error.is_known:
+        return solution
+    used = _ways(solution.motion, solution.measures, solution.noise)[0]
+    more = raised_by(
+        error,
+        *(used.rates, used.accelerations, solution.motion.time),
+        *(float(rows.largest.max()), solution.size),
+        [drive.rotates for drive in solution.drives],
+    )
+    return replace(solution, rows=rows._replace(error=rows.error + more))
 
 
 def _is_long(model: Model, motion: GivenMotion) -> bool:

@@ -62,7 +62,7 @@ def _given(solution: Solution) -> str:
     shown += f" and {more} more" if more > 0 else ""
     if solution.noise > 0.0:
         return f"{shown}; smoothed by splines of degree 5, noise {solution.noise:g} m or rad"
-    second = all(track.accelerations is not None for track in tracks)
+    second = solution.motion.has_accelerations
     first = all(track.rates is not None for track in tracks)
     with_them = "rates and accelerations" if second else "rates" if first else ""
     text = f"{shown}, with {with_them}" if with_them else shown
@@ -153,7 +153,7 @@ def _misfit(solution: Solution) -> Finding:
     """How far given values contradict the joints or each other."""
     misfit = np.abs(solution.rows.misfit)
     row, column = np.unravel_index(int(np.argmax(misfit)), misfit.shape)
-    largest, size = float(misfit[row, column]), _size(solution)
+    largest, size = float(misfit[row, column]), solution.size
     share = largest / size
     names = [t.name for t in solution.motion.tracks for _ in range(_width(t.coordinate))]
     redundant = misfit.shape[1] - solution.degrees_of_freedom
@@ -173,13 +173,6 @@ def _width(coordinate: str) -> int:
     return 3 if coordinate == ORIENTATION else 1
 
 
-def _size(solution: Solution) -> float:
-    """Size of the model [m]: its extent, or the largest distance of a body from the origin."""
-    x = solution.tables.states.reshape(len(solution.tables.states), -1, 12)[..., :3]
-    extent = float(np.abs(x).max(initial=0.0))
-    return extent if extent > 0.0 else 1.0
-
-
 def _errors(solution: Solution) -> Iterator[Finding]:
     """How large the error bars are, by the unit of the load."""
     for rotates in (False, True):
@@ -190,23 +183,42 @@ def _errors(solution: Solution) -> Iterator[Finding]:
         error = solution.rows.error[:, chosen].max(axis=1)
         load = float(np.abs(solution.rows.loads[:, chosen]).max())
         # Loads that are differences of larger forces are as accurate as these.
-        force = float(solution.rows.largest.max()) * (_size(solution) if rotates else 1.0)
+        force = float(solution.rows.largest.max()) * (solution.size if rotates else 1.0)
         at, scale = int(np.argmax(error)), max(load, force)
         share = float(error[at]) / scale if scale else 0.0
         by = "the largest load" if load >= force else "the largest force of the balance"
-        within = (
-            f" and the table {solution.companion}"
-            if solution.companion
-            else "; smooth errors of the table itself are not in them (--companion)"
-        )
         text = (
             f"error bars at most {error[at]:.1e} {unit} ({share:.1e} of {by}), at "
-            f"{solution.motion.time[at]:.4g} s; by other splines{within}"
+            f"{solution.motion.time[at]:.4g} s; by other splines{_other_errors(solution)}"
         )
         word = PASS if share <= ERROR else WARN if share <= ERROR_FAIL else FAIL
         if word != PASS:
             text += "; give rates, more rows, or --smooth if the table is noisy"
+            if solution.motion.error is not None:
+                text += ", or run the deck with smaller steps"
+        elif _lacks_run_error(solution):
+            word = WARN
         yield Finding("errorMoments" if rotates else "errorForces", word, text)
+
+
+def _lacks_run_error(solution: Solution) -> bool:
+    """Return whether the motion is that of a run, whose error is unknown, by splines."""
+    motion = solution.motion
+    unknown = motion.error is not None and not motion.error.is_known
+    return unknown and not solution.companion and not motion.has_accelerations
+
+
+def _other_errors(solution: Solution) -> str:
+    """Return which errors the error bars contain besides those of splines, and which not."""
+    error = solution.motion.error
+    if solution.companion:
+        return f" and the table {solution.companion}"
+    if error is None:
+        return "; smooth errors of the table itself are not in them (--companion)"
+    if error.is_known:
+        return " and the estimated error of the run"
+    remedy = "run it with --error, or with --accelerations yes, or give a --companion"
+    return f"; the error of the run was not estimated and is not in them: {remedy}"
 
 
 def _energy(solution: Solution) -> Iterator[Finding]:

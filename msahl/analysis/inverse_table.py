@@ -8,19 +8,23 @@ them. Orientations become quaternions of one sign, which are smooth functions of
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from msahl.algebra.rotation_arrays import quaternions, rotations
 from msahl.analysis.inverse_drives import InverseError
+from msahl.analysis.inverse_run_error import RunError, run_error
 from msahl.expressions.syntax import nearest
 from msahl.joints.coordinates import ORIENTATION, SPATIAL, SUFFIXES, coordinates, is_angle, rotated
 from msahl.model import Joint, Model
 from msahl.printable import printable, shown_path
+from msahl.results.folder import find
+from msahl.results.info import read_info
 from msahl.results.read import read_run, unreadable
-from msahl.run.tables import ACCELERATIONS
+from msahl.results.write import INFO, file_name
+from msahl.run.tables import ACCELERATIONS, JOINTS, MARKERS, STATES
 from msahl.system.names import (
     acceleration_columns,
     coordinate_columns,
@@ -58,12 +62,20 @@ class Track:
 
 @dataclass(frozen=True, eq=False)
 class GivenMotion:
-    """A table of motion; ``unused`` are columns that the model has, but that determine nothing."""
+    """A table of motion; ``unused`` are columns that the model has, but that determine nothing,
+    ``error`` that of the run that computed the motion (None: no run did).
+    """
 
     source: str
     time: np.ndarray  # (m,) [s]
     tracks: tuple[Track, ...]
     unused: tuple[str, ...] = field(default=())
+    error: RunError | None = None
+
+    @property
+    def has_accelerations(self) -> bool:
+        """Whether all coordinates have accelerations."""
+        return all(track.accelerations is not None for track in self.tracks)
 
 
 def read_motion(path: Path, model: Model) -> GivenMotion:
@@ -71,7 +83,8 @@ def read_motion(path: Path, model: Model) -> GivenMotion:
     ``read_run``.
     """
     if not path.is_dir():
-        return motion_of_table(*_read_table(path), model, shown_path(path))
+        motion = motion_of_table(*_read_table(path), model, shown_path(path))
+        return replace(motion, error=_error_of_folder(path))
     run = read_run(path)
     columns, table = state_columns(model), run.states
     lacks = [name for name in columns if name not in table.columns]
@@ -85,7 +98,16 @@ def read_motion(path: Path, model: Model) -> GivenMotion:
     if more is not None:
         columns = [*columns, *acceleration_columns(model)[1:]]
         parts.append(more[acceleration_columns(model)[1:]].to_numpy())
-    return motion_of_table(columns, np.concatenate(parts, axis=1), model, shown_path(path))
+    motion = motion_of_table(columns, np.concatenate(parts, axis=1), model, shown_path(path))
+    return replace(motion, error=run_error(run.info))
+
+
+def _error_of_folder(path: Path) -> RunError | None:
+    """Return the errors of the run in whose folder the table at ``path`` is; None if it is none."""
+    folder = path.parent
+    if path.name not in map(file_name, (STATES, JOINTS, MARKERS)) or find(folder, INFO) is None:
+        return None
+    return run_error(read_info(folder))
 
 
 def motion_of_table(

@@ -2,13 +2,14 @@
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from msahl.analysis.inverse import Solution, compared, inverse
+from msahl.analysis.inverse import Solution, compared, inverse, with_run_error
 from msahl.analysis.inverse_report import (
     about,
     drive_columns,
@@ -18,6 +19,7 @@ from msahl.analysis.inverse_report import (
     tables,
     verdict,
 )
+from msahl.analysis.inverse_run_error import run_error
 from msahl.analysis.inverse_table import GivenMotion, motion_of_table, read_motion
 from msahl.api.result import Result
 from msahl.model import Model
@@ -90,7 +92,9 @@ def loads_of(
     began, model = time.perf_counter(), job.model
     given = read(motion, model, "motion")
     solution = inverse(model, given, loads, weights, smooth)
-    if companion is not None:
+    if companion is None:
+        solution = with_run_error(solution)
+    else:
         other = inverse(model, read(companion, model, "companion"), loads, weights, smooth)
         solution = compared(solution, other)
     return InverseResult(_job(job, given), solution, time.perf_counter() - began)
@@ -105,7 +109,8 @@ def read(motion: Any, model: Model, name: str) -> GivenMotion:
         if ACCELERATIONS in motion.tables:
             columns = [*columns, *motion.columns(ACCELERATIONS)[1:]]
             parts.append(motion.array(ACCELERATIONS)[:, 1:])
-        return motion_of_table(columns, np.concatenate(parts, axis=1), model, name)
+        given = motion_of_table(columns, np.concatenate(parts, axis=1), model, name)
+        return replace(given, error=run_error(motion.report))
     columns = [str(column) for column in motion]
     numbers = np.stack([np.asarray(motion[column], dtype=float) for column in motion], axis=1)
     return motion_of_table(columns, numbers, model, name)

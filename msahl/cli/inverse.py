@@ -59,7 +59,8 @@ TABLE = click.Path(path_type=Path)
     type=TABLE,
     metavar="TABLE",
     help="Add to the error bars how far the loads of this table differ, which has the same motion "
-    "with other errors: of a run with another step, or of another measurement (default: none).",
+    "with other errors: of a run with another step, or of another measurement (default: none, "
+    "or the error that the run in --motion estimated).",
 )
 @output_option("none; nothing is written")
 @set_option

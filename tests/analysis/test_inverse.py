@@ -102,6 +102,31 @@ def test_error_bars_with_a_companion_contain_the_error_of_the_run(deck, names, m
     assert np.all(wrong <= found.rows.error)
 
 
+def test_error_bars_contain_the_error_that_a_run_estimated(tmp_path):
+    model = msahl.load(FOUR_BAR)
+    run = model.run(dt=0.002, output_interval=0.002, t_final=0.05)
+    exact = forward(model, 0.002, 0.05, "gauss5")
+    run.write(tmp_path / "run")
+    for motion in (run, tmp_path / "run", tmp_path / "run/joints.csv"):
+        rows = model.inverse(motion).solution.rows
+        for other in (run, exact):
+            assert np.all(np.abs(rows.loads - loads(other, ["Motor"])) <= rows.error)
+    # The table alone shows nothing of this error.
+    alone = model.inverse({"time": run.time, "Shaft.angle": run["Shaft.angle"]}).solution
+    assert not np.all(np.abs(alone.rows.loads - loads(exact, ["Motor"])) <= alone.rows.error)
+
+
+def test_a_run_without_an_estimated_error_warns_unless_it_has_accelerations():
+    model = msahl.load(FOUR_BAR)
+    run = forward(model, 0.001, 0.03, "gauss3")
+    assert "the error of the run was not estimated" in model.inverse(run).reasons[0]
+    full = model.run(
+        scheme="gauss3", dt=0.001, output_interval=0.001, t_final=0.03, accelerations="yes",
+        error="off",
+    )  # fmt: skip
+    assert model.inverse(full).verdict == "PASS"
+
+
 @pytest.mark.slow
 def test_loads_of_a_robot_within_their_error_bars():
     motors = [f"Motor {k}" for k in range(1, 7)]

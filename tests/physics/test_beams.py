@@ -1,0 +1,187 @@
+"""Frequencies, steady rotation and long motions of beams against independent solutions."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.polynomial import Legendre
+from scipy.linalg import eigh
+
+from msahl.algebra.vector import ZERO
+from msahl.analysis.load_path import under_loads
+from msahl.analysis.modes import modes
+from msahl.analysis.point import at_start, complete
+from msahl.analysis.static_newton import Spin, with_rates
+from msahl.elements.beams.build import build_beam
+from msahl.jit.compiled import compiled
+from msahl.model import Joint
+from msahl.run.subsystem import SubsystemIntegrator
+from msahl.schemes.midpoint import newton
+from msahl.system.diagnostics import energy_balance
+from msahl.system.momentum import momentum
+from tests.support.beams import cantilever, section, straight
+from tests.support.models import GROUND, build_model, deck, simulate
+
+RIGID = np.inf
+BENDING = (RIGID, RIGID, RIGID, RIGID, 1.0, 20.0)
+"""Stiffnesses of a beam without stretch, shear and torsion, of EI = 1 in its soft plane x, z."""
+J = 1e-4
+"""Rotary inertia per length about d_2 and d_3, of length and mass per length 1."""
+ROTARY = (2.0 * J, J, J)
+CLAMPED = np.array([1.875104068711961, 4.694091132974175, 7.854757438237613])
+FREE = np.array([4.730040744862704, 7.853204624095838, 10.99560783800167])
+"""beta L of uniform Euler-Bernoulli beams without rotary inertia."""
+
+
+def ritz(rotary, speed=0.0, free=False):
+    """(3,) lowest angular frequencies of bending, by 16 polynomials in Ritz's method.
+
+    V = 1/2 int [w''^2 + speed^2 ((1 - x^2)/2 - rotary) w'^2] dx : bending, centrifugal tension and
+    rotary inertia; T = 1/2 int [w_dot^2 + rotary w'_dot^2] dx.
+    """
+    x, weight = np.polynomial.legendre.leggauss(40)
+    x, weight = (x + 1.0) / 2.0, weight / 2.0
+    shapes = [Legendre.basis(k, domain=[0.0, 1.0]) for k in range(16)]
+    if not free:
+        square = Legendre.fit([0.0, 0.5, 1.0], [0.0, 0.25, 1.0], 2, domain=[0.0, 1.0])
+        shapes = [square * shape for shape in shapes]
+    w, slope, curvature = (np.array([s.deriv(n)(x) for s in shapes]) for n in range(3))
+    tension = speed**2 * ((1.0 - x**2) / 2.0 - rotary)
+    stiffness = (curvature * weight) @ curvature.T + (slope * (tension * weight)) @ slope.T
+    mass = (w * weight) @ w.T + rotary * (slope * weight) @ slope.T
+    values = eigh(stiffness, mass, eigvals_only=True)
+    return np.sqrt(values[2:5] if free else values[:3])
+
+
+def across(found):
+    """(3,) lowest angular frequencies, and their errors, of the modes that move along z."""
+    moves = np.abs(found.shape[:, :, 2]).max(axis=1) > 1e-3
+    moves[: found.zeros] = False
+    return 2.0 * np.pi * found.frequency[moves][:3], found.error[moves][:3]
+
+
+def bending(degree, elements, free=False):
+    """Modes of a cantilever or of a free beam."""
+    if not free:
+        return modes(at_start(cantilever(degree, elements, BENDING, inertia=ROTARY)))
+    line = straight(degree, elements)
+    beam, nodes = build_beam("Beam", line, section(BENDING, inertia=ROTARY))
+    return modes(at_start(build_model(nodes, beams=(beam,))))
+
+
+def test_ritz_has_the_frequencies_of_closed_forms_and_of_published_blades():
+    """Wright, Smith, Thresher and Wang 1982: five digits."""
+    assert ritz(0.0) == pytest.approx(CLAMPED**2, rel=1e-10)
+    assert ritz(0.0, free=True) == pytest.approx(FREE**2, rel=3e-10)
+    published = {
+        1.0: (3.6816, 22.181, 61.842),
+        3.0: (4.7973, 23.320, 62.985),
+        6.0: (7.3604, 26.809, 66.684),
+    }
+    for speed, values in published.items():
+        assert ritz(0.0, speed) == pytest.approx(values, rel=1.5e-5)
+
+
+@pytest.mark.parametrize("free", [False, True])
+def test_frequencies_of_bending_and_their_order_in_space(free):
+    exact = ritz(J, free=free)
+    for degree, elements, tolerance in ((1, 8, 0.5), (2, 6, 0.2), (3, 3, 1.3)):
+        few, many = (
+            np.abs(across(bending(degree, n, free))[0][0] / exact[0] - 1.0)
+            for n in (elements, 2 * elements)
+        )
+        # The first mode, of which so few elements have the slope already.
+        assert np.log2(few / many) == pytest.approx(2 * degree, abs=tolerance)
+    found, error = across(bending(4, 4, free))
+    # Measured: 1e-10, 1.3e-7, 8.4e-6 of a cantilever and 1.6e-7, 9.8e-6, 1.8e-4 of a free beam.
+    most = np.array([2e-7, 1.1e-5, 2e-4]) if free else np.array([2e-9, 1.5e-7, 9e-6])
+    assert (np.abs(found / exact - 1.0) < most).all()
+    assert (error < 1e-5).all()
+
+
+def test_without_rotary_inertia_the_closed_forms_follow():
+    """A beam of degree 3 with J = 1e-9 lacks less than 1e-7 of the lowest frequency."""
+    inertia = (2e-9, 1e-9, 1e-9)
+    found, _ = across(modes(at_start(cantilever(3, 6, BENDING, inertia=inertia))))
+    assert found == pytest.approx(CLAMPED**2, rel=3e-5)
+    assert found[0] == pytest.approx(CLAMPED[0] ** 2, rel=1e-7)
+
+
+def rotating(degree, elements, speed, stiffness=BENDING, **others):
+    """A beam on a revolute joint in steady rotation about z: the state is an equilibrium in
+    rotating axes. ``others``: length, mass and inertia.
+    """
+    line = straight(degree, elements, others.pop("length", 1.0))
+    beam, nodes = build_beam("Beam", line, section(stiffness, **others))
+    hub = Joint("Hub", "revolute", GROUND.name, nodes[0].name, ZERO, ZERO)
+    model = build_model(nodes, [hub], beams=(beam,))
+    start, spin = at_start(model), Spin(np.array([0.0, 0.0, speed]), np.zeros(3))
+    rest = under_loads(start, spin)
+    assert rest.converged
+    return complete(model, start.system, with_rates(rest.state, spin))
+
+
+@pytest.mark.parametrize("speed", [1.0, 6.0])
+def test_a_rotating_blade_flaps_at_the_frequencies_of_ritz(speed):
+    found = modes(rotating(4, 4, speed, inertia=ROTARY))
+    assert found.equilibrium.holds
+    assert found.equilibrium.axes == pytest.approx((0.0, 0.0, speed), abs=1e-12)
+    # As of the cantilever at rest: up to 7e-9, 1.3e-7 and 8.4e-6; six elements leave 4e-10, 5e-9
+    # and 3e-7.
+    difference = np.abs(across(found)[0] / ritz(J, speed) - 1.0)
+    assert (difference < (1e-8, 2e-7, 1e-5)).all()
+
+
+def test_a_blade_stretches_by_the_closed_form():
+    """EA u'' + mu w^2 (x + u) = 0: u(L) = tan(kL)/k - L with k = w sqrt(mu/EA)."""
+    stiffness = (2.8e7, 1e7, 1e7, 1.4e4, 1.4e4, 1.4e4)
+    point = rotating(3, 2, 6.0, stiffness, length=10.0, mass=1.2)
+    k = 6.0 * np.sqrt(1.2 / 2.8e7)
+    extension = np.linalg.norm(point.state.x[len(point.model.bodies) - 1]) - 10.0
+    # Positions of 10 m are known to 2e-15.
+    assert extension == pytest.approx(np.tan(10.0 * k) / k - 10.0, abs=2e-14)
+    assert extension == pytest.approx(5.143174e-4, abs=1e-10)
+
+
+@pytest.mark.parametrize(("scheme", "steps", "order"), [("preserving", 40, 2), ("gauss2", 20, 4)])
+def test_the_right_angle_converges_in_time(scheme, steps, order):
+    """Its tip at 1 s, until when the load grows evenly. Stretching vibrations of 2 ms, which no
+    step resolves, leave 1e-8.
+    """
+    model = deck("right_angle")
+
+    def tip(scheme, steps):
+        return simulate(model, dt=1.0 / steps, t_final=1.0, scheme=scheme).of("position")[-1]
+
+    exact = tip("gauss3", 100)
+    few, many = (np.abs(tip(scheme, n) - exact).max() for n in (steps, 2 * steps))
+    # Measured: 2.05 and 3.9.
+    assert np.log2(few / many) == pytest.approx(order, abs=0.4)
+    assert many < 1e-5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "dt", "free"), [("spaghetti", 0.1, 5.0), ("right_angle", 0.25, 2.0)]
+)
+def test_energy_and_momenta_stay_after_the_loads_for_ten_thousand_steps(name, dt, free):
+    model = deck(name)
+    model = replace(model, simulation=replace(model.simulation, dt=dt, scheme="preserving"))
+    work = SubsystemIntegrator(model, "newton", True, 10).workspace
+    monitor, take_step = work.monitor, compiled(newton.take_step)
+
+    def advance(steps):
+        for _ in range(steps):
+            residual, _ = take_step(work, dt, 1.0)
+            assert residual < 1e-11
+        of = energy_balance(work.system, work.state, work.start, monitor.violation, monitor.rate)
+        # The balance is the energy less the work of the loads.
+        return of + work.state.work.sum(), momentum(work.system, work.state, work.start)
+
+    energy, before = advance(round(free / dt))
+    later, now = advance(10_000)
+    assert energy > 1.0
+    assert abs(later - energy) < 1e-10 * energy
+    if name == "spaghetti":
+        assert np.abs(now.P - before.P).max() < 1e-10 * before.P_size
+        assert np.abs(now.L - before.L).max() < 1e-10 * before.L_size
