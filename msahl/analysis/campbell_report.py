@@ -5,6 +5,7 @@ import numpy as np
 from msahl.analysis.campbell import Campbell, Critical
 from msahl.analysis.following import Spectrum
 from msahl.analysis.mode_files import Over
+from msahl.analysis.report import counted
 
 MOST_LINES = 40
 """Modes that are listed; the table has all."""
@@ -21,7 +22,7 @@ def report(found: Campbell, over: Over, title: str) -> list[str]:
     spectra = found.followed.spectra
     asked = [s for s in spectra if s.value in set(found.values.tolist())]
     lines = [
-        f"{title or 'model'} over {over.name}: {len(asked)} values from "
+        f"{title or 'model'} over {over.name}: {counted(len(asked), 'value')} from "
         f"{asked[0].value:.9g} to {asked[-1].value:.9g}" + (f" {over.unit}" if over.unit else "")
     ]
     added = len(spectra) - len(asked)

@@ -28,6 +28,9 @@ ROUND_OFF = 8.0
 """Machine epsilons of the norm by which round-off is taken to change a matrix, for each root of its
 size."""
 
+CANCELLED = 100.0
+"""Machine epsilons of the terms of a stiffness that may remain where they cancel each other."""
+
 
 class Eigenvalues(NamedTuple):
     """Eigenvalues by size, those that are zero first; m of a matrix (n, n)."""
@@ -41,8 +44,11 @@ class Eigenvalues(NamedTuple):
     stages: tuple[int, ...]  # dimensions of the null spaces that were taken out in turn
 
 
-def eigenvalues(A: np.ndarray, stages: tuple[int, ...] | None = None) -> Eigenvalues:
-    """Return all eigenvalues of ``A`` (n, n).
+def eigenvalues(
+    A: np.ndarray, stages: tuple[int, ...] | None = None, weight: np.ndarray | None = None
+) -> Eigenvalues:
+    """Return all eigenvalues of ``A`` (n, n); the ``weight`` W, see ``stiffness_weight``, bounds
+    round-off of a stiffness, 0 without one.
 
     With the ``stages`` of a matrix nearby so many are zero as there: what passes through zero then
     keeps its value, where by rank it would count as zero.
@@ -54,7 +60,7 @@ def eigenvalues(A: np.ndarray, stages: tuple[int, ...] | None = None) -> Eigenva
         none = np.zeros(0)
         return Eigenvalues(none.astype(complex), np.zeros((0, 0)), none, none, 0, 0, ())
     if _is_conservative(A):
-        return _vibrations(A[n // 2 :, : n // 2], stages)
+        return _vibrations(A[n // 2 :, : n // 2], stages, weight)
     # Balancing would scale round-off of zeros to the size of the others.
     A = np.where(np.abs(A) > NOTHING * np.abs(A).max(initial=0.0), A, 0.0)
     balanced, (scaling, _) = matrix_balance(A, permute=False, separate=True)
@@ -90,20 +96,25 @@ def _is_conservative(A: np.ndarray) -> bool:
     return bool(np.abs(K - K.T).max() <= SYMMETRIC * np.abs(K).max(initial=0.0))
 
 
-def _vibrations(K: np.ndarray, stages: tuple[int, ...] | None) -> Eigenvalues:
+def _vibrations(
+    K: np.ndarray, stages: tuple[int, ...] | None, weight: np.ndarray | None
+) -> Eigenvalues:
     """Return the eigenvalues +-sqrt(mu) of [[0, 1], [K, 0]], mu those of the symmetric ``K``."""
     d = len(K)
     mu, vectors = np.linalg.eigh(0.5 * (K + K.T))
-    size = ROUND_OFF * np.sqrt(d) * np.finfo(float).eps * np.abs(mu).max(initial=0.0)
     order = np.argsort(np.abs(mu), kind="stable")
     mu, vectors = mu[order], vectors[:, order]
-    null = int(np.count_nonzero(np.abs(mu) <= ZERO * np.sqrt(d) * np.abs(mu).max(initial=0.0)))
+    eps, largest = float(np.finfo(float).eps), float(np.abs(mu).max(initial=0.0))
+    terms = np.zeros(d) if weight is None else np.sum((weight @ vectors) ** 2, axis=0)
+    least = np.maximum(ZERO * np.sqrt(d) * largest, CANCELLED * eps * terms)
+    null = int(np.count_nonzero(np.abs(mu) <= least))
     if stages is not None:
         null = sum(stages) // 2
     rest, moving = np.sqrt(mu[null:].astype(complex)), vectors[:, null:]
     still, zero = vectors[:, :null], np.zeros((d, null))
     value = np.stack([rest, -rest], axis=1).reshape(-1)
-    error = 0.5 * size / np.maximum(np.abs(value), size**0.5 or 1.0)
+    size = ROUND_OFF * np.sqrt(d) * eps * np.repeat(np.maximum(largest, terms[null:]), 2)
+    error = 0.5 * size / np.maximum(np.abs(value), np.sqrt(np.maximum(size, 1e-300)))
     shape = np.repeat(moving, 2, axis=1)
     vector = np.concatenate([shape, shape * value])
     rigid = np.concatenate([np.concatenate([still, zero]), np.concatenate([zero, still])], axis=1)

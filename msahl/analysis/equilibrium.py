@@ -27,7 +27,7 @@ from msahl.analysis.coefficients import Coefficients, coefficients, skews
 from msahl.analysis.point import Point, at_start, complete
 from msahl.analysis.projection import close, move
 from msahl.analysis.rate_gradients import rates_by_place
-from msahl.analysis.reduced import LinearSystem, linear_system
+from msahl.analysis.reduced import LinearSystem, linear_system, stiffness_weight
 from msahl.analysis.steady import Equilibrium, residual_in
 from msahl.elements.frames import moving_count
 from msahl.model import Model
@@ -50,6 +50,8 @@ IDLE = 1e-9
 """Force, over all forces, that moves nothing along a direction without stiffness."""
 FLAT = 1e-9
 """Singular value of J, over the largest, of a direction in which nothing changes."""
+CANCELLED = 100.0 * float(np.finfo(float).eps)
+"""Part of the terms of a stiffness or force that may remain where they cancel each other."""
 SHORTEST = 1.0 / 64.0
 """Part of a Newton step that is tried last."""
 
@@ -227,16 +229,18 @@ def _descent(place: Place) -> np.ndarray:
     back = np.linalg.inv(R)
     stiffness = back.T @ J[:d, :d] @ back
     values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
+    terms = float(np.linalg.norm(stiffness_weight(place.found, place.linear) @ back, 2)) ** 2
     # Where nothing has any stiffness, as in a level pendulum, the forces alone say what is little.
     force = float(np.linalg.norm(back.T @ place.residual[:d])) / size_of(place.point)
     largest = max(float(np.abs(values).max(initial=0.0)), force)
-    flat = LEAST_STIFF * largest
+    flat = max(LEAST_STIFF * largest, CANCELLED * terms)
     # Uphill directions are taken by the size of their stiffness, as if they were downhill.
     stiff = np.maximum(np.abs(values), flat)
-    # A rod that may spin about itself must not do so by round-off.
+    # A rod that may spin about itself, or a door under its weight, must not move by round-off.
     along = np.abs(vectors.T @ (back.T @ place.residual[:d]))
-    idle = (np.abs(values) <= flat) & (along <= IDLE * np.linalg.norm(along))
-    lift = np.where(values > -flat, values + np.where(idle, largest, stiff), 0.0)
+    least = max(IDLE * float(np.linalg.norm(along)), CANCELLED * size_of(place.point) * terms)
+    idle = (np.abs(values) <= flat) & (along <= least)
+    lift = np.where(values > -flat, values + np.where(idle, max(largest, terms), stiff), 0.0)
     shifted = J.copy()
     shifted[:d, :d] -= R.T @ (vectors * lift) @ vectors.T @ R
     step: np.ndarray = np.linalg.lstsq(shifted, -place.residual, rcond=FLAT * 1e-6)[0]
@@ -303,15 +307,14 @@ def _flat_directions(place: Place) -> int:
     d = place.linear.degrees_of_freedom
     if not d:
         return 0
-    return min(_least_stiff(place.jacobian), _least_stiff(_by_lengths(place))) + max(
-        d - place.linear.rate_degrees_of_freedom, 0
-    )
-
-
-def _least_stiff(jacobian: np.ndarray) -> int:
-    """Number of directions with a stiffness of at most ``FLAT`` of the largest."""
-    values = np.linalg.svd(jacobian, compute_uv=False)
-    return int(np.count_nonzero(values <= FLAT * values.max(initial=0.0)))
+    _, values, right = np.linalg.svd(place.jacobian, full_matrices=False)
+    weight = stiffness_weight(place.found, place.linear)
+    terms = np.sum((weight @ right[:, :d].T) ** 2, axis=0)
+    least = np.maximum(FLAT * values.max(initial=0.0), CANCELLED * terms)
+    by_mass = int(np.count_nonzero(values <= least))
+    by_lengths = np.linalg.svd(_by_lengths(place), compute_uv=False)
+    flat = int(np.count_nonzero(by_lengths <= FLAT * by_lengths.max(initial=0.0)))
+    return min(by_mass, flat) + max(d - place.linear.rate_degrees_of_freedom, 0)
 
 
 def _by_lengths(place: Place) -> np.ndarray:

@@ -8,6 +8,7 @@ from msahl.algebra.vector import at
 from msahl.analysis.equilibrium import Solution
 from msahl.analysis.equilibrium_tables import state_row
 from msahl.analysis.point import Point
+from msahl.analysis.report import counted
 from msahl.analysis.stability import stability
 
 MOST_BODIES = 20
@@ -28,8 +29,8 @@ def lines(start: Point, found: list[Solution]) -> list[str]:
             "",
             head,
             f"  residual {balance.residual:.3g} N ({balance.relative:.1e} of the largest force), "
-            f"{solution.iterations} iterations of {solution.method}"
-            + (f"; {flat} direction{'s' if flat > 1 else ''} without stiffness" if flat else ""),
+            f"{counted(solution.iterations, 'iteration')} of {solution.method}"
+            + (f"; {counted(flat, 'direction')} without stiffness" if flat else ""),
             *_places(start, point),
         ]
     return shown

@@ -3,6 +3,7 @@
 import numpy as np
 
 from msahl.analysis.linear_model import LinearModel, Quantity
+from msahl.analysis.report import counted
 
 MOST = 12
 """States, inputs, outputs and poles that are printed; a file has all."""
@@ -17,9 +18,9 @@ def report(model: LinearModel) -> list[str]:
     lines = [
         f"{model.title or 'model'} at t = {model.time:.9g} s: {kind}, residual "
         f"{state.residual:.3g} N ({state.relative:.1e} of the largest force)",
-        f"{m} states ({model.chosen}, condition {model.accuracy.condition:.1f}), "
-        f"{len(model.inputs)} inputs, {len(model.outputs)} outputs; {model.redundant} redundant "
-        "constraint equations",
+        f"{counted(m, 'state')} ({model.chosen}, condition {model.accuracy.condition:.1f}), "
+        f"{counted(len(model.inputs), 'input')}, {counted(len(model.outputs), 'output')}; "
+        f"{counted(model.redundant, 'redundant constraint equation')}",
         f"agrees with differences of the nonlinear equations to {model.accuracy.disagreement:.1e}",
         "",
         *_table("state", model.states),

@@ -16,7 +16,7 @@ from msahl.analysis.coefficients import Coefficients, coefficients, depends_on_r
 from msahl.analysis.eigenvalues import eigenvalues
 from msahl.analysis.point import Point
 from msahl.analysis.rate_gradients import rates_by_place
-from msahl.analysis.reduced import linear_system
+from msahl.analysis.reduced import linear_system, stiffness_weight
 from msahl.analysis.sparse_eigenvalues import (
     NotFoundError,
     Pencil,
@@ -149,7 +149,7 @@ def _dense(
     """All modes; see ``eigenvalues`` for ``stages``."""
     rates = rates_by_place(point.system, point.state)
     system = with_reactions(point, found, linear_system(found, rates, state.axes), state.axes)
-    result = eigenvalues(system.A, stages)
+    result = eigenvalues(system.A, stages, stiffness_weight(found, system))
     kept = result.value.imag >= 0.0
     vectors = result.vector[:, kept]
     places, states = _normalised(found, system.places @ vectors, system.states @ vectors)
@@ -175,7 +175,7 @@ def warnings(point: Point, state: Equilibrium) -> list[str]:
     if state.relative > 0.0 and not state.holds and state.residual > 0.0:
         where = describe_row(point.model, point.system, _flat(point, state))
         found.append(
-            f"this is no equilibrium and no steady motion: {state.residual:.3g} N is not balanced "
+            f"this is no equilibrium and no steady motion: {state.residual:.3g} N are not balanced "
             f"({where}); the modes are those of the coefficients at this moment. Find an "
             "equilibrium first, or choose another time"
         )

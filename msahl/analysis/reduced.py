@@ -89,3 +89,16 @@ def linear_system(
     forced[d : d + r] = N.T @ back.T
     redundant = len(G) - (n - r)
     return LinearSystem(A, places, rates, w, into, forced, d, r, redundant)
+
+
+def stiffness_weight(found: Coefficients, system: LinearSystem) -> np.ndarray:
+    """(n, d) matrix W: the stiffness along eta is a sum of terms of the size |W eta|^2.
+
+    They may cancel each other completely, as those of a door's two hinges under its weight do.
+    """
+    rows = abs(found.by_place) @ (1.0 / found.length) / found.length
+    of_body = np.repeat(rows.reshape(-1, 6).max(axis=1), 6)
+    W: np.ndarray = (found.length * np.sqrt(of_body))[:, None] * system.places[
+        :, : system.degrees_of_freedom
+    ]
+    return W

@@ -19,9 +19,11 @@ def report(point: Point, found: Modes, most: int = MOST_LINES) -> list[str]:
     lines = [*_head(point, found), ""]
     if found.zeros:
         lines.append(
-            f"{_count(found.zeros, 'eigenvalue')} zero, with "
-            f"{_count(found.rigid, 'independent shape')} (rigid-body modes, counted by rank)"
+            f"{counted(found.zeros, 'eigenvalue')} zero, with "
+            f"{counted(found.rigid, 'independent shape')} (rigid-body modes, counted by rank)"
         )
+    if found.zeros == found.value.size:
+        return lines if found.zeros else [*lines, "nothing can move"]
     lines.append(
         f"{'mode':>4} {'frequency [Hz]':>15} {'damping':>9} {'eigenvalue [1/s]':>31} "
         f"{'error':>8}  largest parts"
@@ -32,7 +34,7 @@ def report(point: Point, found: Modes, most: int = MOST_LINES) -> list[str]:
         lines.append(f"and {len(shown) - most} more")
     unstable = int(np.count_nonzero(found.value.real > np.maximum(found.error, 1e-9)))
     if unstable:
-        lines.append(f"unstable: {_count(unstable, 'mode')} with a positive real part")
+        lines.append(f"unstable: {counted(unstable, 'mode')} with a positive real part")
     return lines
 
 
@@ -44,8 +46,8 @@ def _head(point: Point, found: Modes) -> list[str]:
     lines = [
         f"{point.model.simulation.title or 'model'} at t = {point.time:.9g} s: {kind}, residual "
         f"{state.residual:.3g} N ({state.relative:.1e} of the largest force)",
-        f"{_count(found.degrees_of_freedom, 'degree', 'degrees')} of freedom, "
-        f"{_count(found.redundant, 'redundant constraint equation')}",
+        f"{counted(found.degrees_of_freedom, 'degree', 'degrees')} of freedom, "
+        f"{counted(found.redundant, 'redundant constraint equation')}",
     ]
     if np.any(state.axes):
         axes = ", ".join(f"{w:.9g}" for w in state.axes)
@@ -54,10 +56,12 @@ def _head(point: Point, found: Modes) -> list[str]:
 
 
 def _line(point: Point, found: Modes, m: int) -> str:
-    value = complex(found.value[m])
+    value, ratio = complex(found.value[m]), found.damping[m]
+    if value.imag and abs(value.real) <= found.error[m]:
+        value, ratio = complex(0.0, value.imag), 0.0  # not known to be another
     number = f"{value.real:.9g}" + (f" +- {value.imag:.9g} i" if value.imag else "")
     return (
-        f"{m + 1:>4} {found.frequency[m]:>15.9g} {found.damping[m]:>9.5f} {number:>31} "
+        f"{m + 1:>4} {found.frequency[m]:>15.9g} {ratio:>9.5f} {number:>31} "
         f"{found.error[m]:>8.1e}  {largest_parts(point, found, m)}"
     )
 
@@ -78,5 +82,6 @@ def largest_parts(point: Point, found: Modes, m: int) -> str:
     return ", ".join(f"{name} {size:.2f}" for name, size in named)
 
 
-def _count(n: int, word: str, several: str = "") -> str:
+def counted(n: int, word: str, several: str = "") -> str:
+    """Return a number with its noun, in the plural if there is need."""
     return f"{n} {word if n == 1 else several or word + 's'}"

@@ -267,3 +267,22 @@ def test_models_without_equilibrium_have_none():
     still = all_equilibria(at_start(replace(model, gravity=ZERO)), REST, 2)
     assert len(still) == 1
     assert still[0].flat == 6
+
+
+def test_a_door_on_two_hinges_stays_where_it_is():
+    """Its stiffness is round-off of terms of its weight that cancel: no mode grows by it."""
+    s, c = np.sin(0.38), np.cos(0.38)
+    axes = 2 * (((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),)
+    rotation = from_axis_angle((0.0, 0.0, 1.0), 0.38)
+    door = body("Door", 20.0, np.eye(3), (0.5 * c, 0.5 * s, 1.0), orientation=rotation)
+    joints = [
+        Joint(f"{z}", "revolute", GROUND.name, "Door", (0.0, 0.0, z), (-0.5, 0.0, z - 1.0), *axes)
+        for z in (0.5, 1.5)
+    ]
+    start = at_start(build_model([door], joints, gravity=(0.0, 0.0, -9.81)))
+    found = all_equilibria(start, REST, 2)
+    assert len(found) == 1
+    assert found[0].flat == 1
+    assert np.abs(found[0].place.point.state.x - start.state.x).max() <= 1e-12
+    assert modes(start).zeros == 2
+    assert stability(start) == "neither stable nor unstable"
