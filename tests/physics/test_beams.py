@@ -145,7 +145,7 @@ def test_a_blade_stretches_by_the_closed_form():
 
 @pytest.mark.parametrize(("scheme", "steps", "order"), [("preserving", 40, 2), ("gauss2", 20, 4)])
 def test_the_right_angle_converges_in_time(scheme, steps, order):
-    """Its tip at 1 s, until when the load grows evenly. Stretching vibrations of 2 ms, which no
+    """Its tip at 1 s, until when the load grows evenly. Fast vibrations, which no
     step resolves, leave 1e-8.
     """
     model = deck("right_angle")
@@ -155,7 +155,7 @@ def test_the_right_angle_converges_in_time(scheme, steps, order):
 
     exact = tip("gauss3", 100)
     few, many = (np.abs(tip(scheme, n) - exact).max() for n in (steps, 2 * steps))
-    # Measured: 2.05 and 3.9.
+    # Measured: 2.05 and 3.8.
     assert np.log2(few / many) == pytest.approx(order, abs=0.4)
     assert many < 1e-5
 
