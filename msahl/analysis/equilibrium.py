@@ -310,11 +310,13 @@ def _flat_directions(place: Place) -> int:
     _, values, right = np.linalg.svd(place.jacobian, full_matrices=False)
     weight = stiffness_weight(place.found, place.linear)
     terms = np.sum((weight @ right[:, :d].T) ** 2, axis=0)
-    least = np.maximum(FLAT * values.max(initial=0.0), CANCELLED * terms)
-    by_mass = int(np.count_nonzero(values <= least))
+    cancelled = int(np.count_nonzero(values <= CANCELLED * terms))
     by_lengths = np.linalg.svd(_by_lengths(place), compute_uv=False)
-    flat = int(np.count_nonzero(by_lengths <= FLAT * by_lengths.max(initial=0.0)))
-    return min(by_mass, flat) + max(d - place.linear.rate_degrees_of_freedom, 0)
+    small = min(
+        int(np.count_nonzero(sizes <= FLAT * sizes.max(initial=0.0)))
+        for sizes in (values, by_lengths)
+    )
+    return max(cancelled, small) + max(d - place.linear.rate_degrees_of_freedom, 0)
 
 
 def _by_lengths(place: Place) -> np.ndarray:
