@@ -65,6 +65,7 @@ def test_the_45_degree_bend_agrees_to_nine_digits(load, shear, expected):
     assert iterations <= 40
 
 
+@pytest.mark.slow
 def test_the_error_in_space_falls_with_twice_the_degree():
     exact = tip(bend(5, 6, 600.0))[0]
     for degree, elements in ((1, (16, 32)), (2, (8, 16)), (3, (4, 8))):
@@ -88,6 +89,7 @@ def test_the_elastica_without_stretch_and_shear(load, expected):
     assert np.abs(np.array(found) / expected - 1.0).max() <= NINE_DIGITS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("circles", "most"), [(1, 3e-7), (2, 6e-5)])
 def test_a_moment_rolls_a_beam_up_to_circles(circles, most):
     """Of degree 4 with 8 elements: a full circle by the moment 2 pi EI/L, two by twice that. The
@@ -147,6 +149,7 @@ def test_eulers_column_buckles_at_its_load():
     assert critical[0].factor == pytest.approx(0.5, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_a_cantilever_buckles_sideways():
     """Under a force at its tip in the stiff plane: P = 4.0126 sqrt(EI GJ)/L^2 (Timoshenko) where
     the stiff bending is rigid: 4.012599344.

@@ -94,6 +94,7 @@ def test_vectors_in_axes_of_other_bodies_keep_their_meaning():
         require_same(text, path, start, there)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", decks(RUN))
 def test_a_run_from_an_equilibrium_stays(path):
     """Of decks whose equilibrium is stable and which nothing moves but forces of the motion."""

@@ -82,6 +82,7 @@ def test_ritz_has_the_frequencies_of_closed_forms_and_of_published_blades():
         assert ritz(0.0, speed) == pytest.approx(values, rel=1.5e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("free", [False, True])
 def test_frequencies_of_bending_and_their_order_in_space(free):
     exact = ritz(J, free=free)
@@ -143,6 +144,7 @@ def test_a_blade_stretches_by_the_closed_form():
     assert extension == pytest.approx(5.143174e-4, abs=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scheme", "steps", "order"), [("preserving", 40, 2), ("gauss2", 20, 4)])
 def test_the_right_angle_converges_in_time(scheme, steps, order):
     """Its tip at 1 s, until when the load grows evenly. Fast vibrations, which no

@@ -21,6 +21,7 @@ from tests.schemes.midpoint.test_decaying import oscillator
 from tests.support.models import (
     DECKS,
     DOWN,
+    ELASTIC,
     ROOT,
     body,
     build_model,
@@ -354,7 +355,7 @@ def test_momentum_is_looked_at_where_it_is_kept():
 TEMPLATES = sorted((ROOT / "msahl" / "deck" / "templates").glob("*.xml"))
 
 
-@pytest.mark.parametrize("path", [*DECKS, *TEMPLATES], ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [*DECKS, *ELASTIC, *TEMPLATES], ids=lambda path: path.stem)
 def test_a_deck_passes_or_says_why_not(path):
     """In its header, as in "Verdict: WARN: ..."."""
     said = re.search("Verdict: (WARN|FAIL): ", path.read_text().split("-->")[0])
