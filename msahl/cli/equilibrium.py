@@ -72,6 +72,17 @@ def equilibrium(
             raise click.UsageError("--load-path goes with neither --starts nor --rotation")
         _follow_loads(job, load_path, output, quiet)
         return
+    _find(job, starts, rotation, output, quiet)
+
+
+def _find(
+    job: "Job",
+    starts: int,
+    rotation: tuple[float, float, float],
+    output: Path | None,
+    quiet: bool,
+) -> None:
+    """Report the equilibria found from ``starts`` configurations, and write them."""
     import numpy as np
 
     from msahl.analysis.equilibrium import held_motions, search_start
@@ -85,10 +96,10 @@ def equilibrium(
             point = search_start(job.model)
             found = all_equilibria(point, np.array(rotation), starts)
     except (StartError, CompileError) as error:
-        stop(f"{shown_path(deck)}: {printable(str(error))}")
+        stop(f"{shown_path(job.source.path)}: {printable(str(error))}")
     if not found:
         stop(
-            f"{shown_path(deck)}: no equilibrium was found from {starts} "
+            f"{shown_path(job.source.path)}: no equilibrium was found from {starts} "
             f"configuration{'s' if starts > 1 else ''}; search from more with --starts, or start "
             "the deck nearer to one",
             NOT_CONVERGED,

@@ -176,7 +176,8 @@ def is_run(data, options, pictures) -> str:
         end = min(STEPS * model.simulation.dt, 1e100)
         run = example.folder / "run"
         ran = call(main, "run", example.deck, "-o", run, "--t-final", end, *options)
-        assert ran.exit_code in (0, 2, 3)
+        # Large steps of a changed deck may be so wrong that the verdict says it.
+        assert ran.exit_code in (0, 2, 3) or "FAIL: " in ran.output
         if ran.exit_code:
             assert str(example.deck) in ran.stderr
         if ran.exit_code == 2:  # no start, and nothing was written: explain says so, too
