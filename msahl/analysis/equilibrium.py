@@ -21,13 +21,12 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Law, build_laws, evaluate
-from msahl.algebra.rotation import matrix
-from msahl.algebra.vector import at
 from msahl.analysis.coefficients import Coefficients, coefficients, skews
 from msahl.analysis.point import Point, at_start, complete
 from msahl.analysis.projection import close, move
 from msahl.analysis.rate_gradients import rates_by_place
 from msahl.analysis.reduced import LinearSystem, linear_system, stiffness_weight
+from msahl.analysis.static_newton import Spin, with_rates
 from msahl.analysis.steady import Equilibrium, residual_in
 from msahl.elements.frames import moving_count
 from msahl.model import Model
@@ -129,14 +128,14 @@ def solve(point: Point, spin: np.ndarray, stable: bool = True) -> Solution:
 
 def balance_at(point: Point, spin: np.ndarray) -> Equilibrium:
     """Return how far a ``point`` is from an equilibrium, whatever its velocities are."""
-    state = _rotating(point.system, point.state, spin, axis_point(point, spin))
+    state = _rotating(point.state, spin, axis_point(point, spin))
     there = complete(point.model, point.system, state, point.unknowns)
     return residual_in(coefficients(there.system, there.state), spin)
 
 
 def evaluated(point: Point, spin: np.ndarray, centre: np.ndarray) -> Place:
     """Evaluate a configuration with the velocities of the steady rotation."""
-    state = _rotating(point.system, point.state, spin, centre)
+    state = _rotating(point.state, spin, centre)
     point = complete(point.model, point.system, state, point.unknowns)
     found = coefficients(point.system, point.state)
     moving = bool(spin.any())
@@ -160,15 +159,12 @@ def evaluated(point: Point, spin: np.ndarray, centre: np.ndarray) -> Place:
     return Place(point, found, linear, residual, jacobian, balance)
 
 
-def _rotating(system: System, state: State, spin: np.ndarray, centre: np.ndarray) -> State:
+def _rotating(state: State, spin: np.ndarray, centre: np.ndarray) -> State:
     """Return the state with the velocities of a steady rotation, and zero accelerations."""
-    v, w = np.zeros_like(state.v), np.zeros_like(state.w)
-    for f in range(moving_count(system.frames)):
-        v[f] = np.cross(spin, state.x[f] - centre)
-        w[f] = np.array(matrix(at(state.p, f))).T @ spin
     changed = ("a", "alpha", "force", "reaction")
     own = {name: np.zeros_like(getattr(state, name)) for name in changed}
-    return state._replace(v=v, w=w, auxiliary=state.auxiliary.copy(), **own)
+    moving = with_rates(state, Spin(spin, centre))
+    return moving._replace(auxiliary=state.auxiliary.copy(), **own)
 
 
 def axis_point(point: Point, spin: np.ndarray) -> np.ndarray:
@@ -176,7 +172,7 @@ def axis_point(point: Point, spin: np.ndarray) -> np.ndarray:
     if not spin.any():
         return np.zeros(3)
     system, state = point.system, point.state
-    found = coefficients(system, _rotating(system, state, spin, np.zeros(3)))
+    found = coefficients(system, _rotating(state, spin, np.zeros(3)))
     G = found.constraint.toarray()
     is_place = _place_columns(system, found)
     moved = np.zeros((found.coordinate.size, 3))
@@ -223,9 +219,7 @@ def _descent(place: Place) -> np.ndarray:
     r = place.linear.rate_degrees_of_freedom
     if d != r:
         return _newton(place)
-    # By lengths, not by mass: a slender rod has hardly any inertia about its axis.
-    lengths = place.found.length[:, None] * place.linear.places[:, :d]
-    R = np.asarray(np.linalg.qr(lengths, mode="r"))
+    R = _lengths_by_coordinates(place)
     back = np.linalg.inv(R)
     stiffness = back.T @ J[:d, :d] @ back
     values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
@@ -245,6 +239,15 @@ def _descent(place: Place) -> np.ndarray:
     shifted[:d, :d] -= R.T @ (vectors * lift) @ vectors.T @ R
     step: np.ndarray = np.linalg.lstsq(shifted, -place.residual, rcond=FLAT * 1e-6)[0]
     return limited(place, step)
+
+
+def _lengths_by_coordinates(place: Place) -> np.ndarray:
+    """(d, d) R that makes coordinates weighted by mass lengths: a slender rod, or a node of a
+    slender beam, has so little inertia that some of its stiffness seems none by mass.
+    """
+    d = place.linear.degrees_of_freedom
+    lengths = place.found.length[:, None] * place.linear.places[:, :d]
+    return np.asarray(np.linalg.qr(lengths, mode="r"))
 
 
 def limited(place: Place, step: np.ndarray) -> np.ndarray:
@@ -320,15 +323,12 @@ def _flat_directions(place: Place) -> int:
 
 
 def _by_lengths(place: Place) -> np.ndarray:
-    """The Jacobian by displacements instead of the coordinates weighted by mass: nodes of slender
-    beams have so little rotary inertia that bending seems to have no stiffness.
-    """
+    """The Jacobian by lengths instead of the coordinates weighted by mass."""
     J, d = place.jacobian.copy(), place.linear.degrees_of_freedom
     r = place.linear.rate_degrees_of_freedom
     if d != r:
         return J
-    R = np.linalg.qr(place.found.length[:, None] * place.linear.places[:, :d], mode="r")
-    back = np.linalg.inv(np.asarray(R))
+    back = np.linalg.inv(_lengths_by_coordinates(place))
     J[:d] = back.T @ J[:d]
     J[:, :d] = J[:, :d] @ back
     return J

@@ -166,12 +166,12 @@ class Tangent(NamedTuple):
 
 
 class Path:
-    """The path of equilibria of a model, from the load factor ``begin`` on."""
+    """The path of equilibria of a model, from the unloaded one on."""
 
-    def __init__(self, point: Point, begin: float = 0.0) -> None:
+    def __init__(self, point: Point) -> None:
         self.loaded = Loaded(point)
-        state = point.state._replace(force=begin * point.state.force)
-        self.last = self._at_factor(state, begin)
+        unloaded = point.state._replace(force=np.zeros_like(point.state.force))
+        self.last = self._at_factor(unloaded, 0.0)
 
     def to(self, end: float, wanted: Sequence[float] = ()) -> Iterator[PathPoint]:
         """Yield the equilibria up to the load factor ``end``, also those at the factors ``wanted``.

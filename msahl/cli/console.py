@@ -2,10 +2,12 @@
 
 import os
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NoReturn
 
+from msahl.printable import shown_path
 from msahl.terminal import echo
 
 BAD_VERDICT, BAD_INPUT, NOT_CONVERGED, NOT_WRITTEN, INTERRUPTED = 1, 2, 3, 4, 130
@@ -17,6 +19,9 @@ STATUS = {
     "interrupted": INTERRUPTED,
 }
 """Exit status of a run by how it ended; 143 instead of 130 if it was terminated."""
+
+
+OTHER_FOLDER = "choose another folder with -o"
 
 
 def say(message: str) -> None:
@@ -33,6 +38,18 @@ def stop(message: str, status: int = BAD_INPUT) -> NoReturn:
     """Write to stderr, and end the program with this exit ``status``."""
     say(message)
     sys.exit(status)
+
+
+@contextmanager
+def writing(path: Path, remedy: str = "") -> Iterator[None]:
+    """Report files of the results at ``path`` that cannot be written, with a ``remedy``, and end
+    the program.
+    """
+    try:
+        yield
+    except OSError as error:
+        fault = f"{shown_path(error.filename or path)}: {error.strerror or error}"
+        stop(f"{fault}; {remedy}" if remedy else fault, NOT_WRITTEN)
 
 
 def open_standard_streams() -> None:

@@ -1,19 +1,22 @@
 """The command ``msahl equilibrium``: where a deck's model is in equilibrium."""
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from msahl.cli.compiling import announced
-from msahl.cli.console import NOT_CONVERGED, NOT_WRITTEN, say, stop
+from msahl.cli.console import NOT_CONVERGED, say, stop, writing
 from msahl.cli.decks import job_of
 from msahl.cli.options import DECK, NumberType, output_option, set_option
 from msahl.printable import printable, shown_path
 from msahl.terminal import echo
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import numpy as np
+
     from msahl.analysis.equilibrium import Solution
     from msahl.analysis.point import Point
     from msahl.results.job import Job
@@ -120,7 +123,6 @@ def _follow_loads(job: "Job", end: float, output: Path | None, quiet: bool) -> N
     from msahl.analysis.load_path import Path as LoadPath
     from msahl.analysis.load_path_tables import lines, tables
     from msahl.jit.progress import CompileError
-    from msahl.results.write import file_name, write_table
     from msahl.start.velocities import StartError
 
     points, fault = [], ""
@@ -134,13 +136,8 @@ def _follow_loads(job: "Job", end: float, output: Path | None, quiet: bool) -> N
     if points and not quiet:
         echo("\n".join(lines(points)))
     if points and output is not None:
-        try:
-            output.mkdir(parents=True, exist_ok=True)
-            for name, (columns, rows) in tables(start, points).items():
-                write_table(output / file_name(name), columns, rows)
-        except OSError as error:
-            say(f"{shown_path(error.filename or output)}: {error.strerror or error}")
-            sys.exit(NOT_WRITTEN)
+        with writing(output):
+            _write_tables(output, tables(start, points))
     if fault:
         stop(fault, NOT_CONVERGED)
 
@@ -150,18 +147,22 @@ def _write(folder: Path, job: "Job", start: "Point", found: "list[Solution]") ->
     from msahl.analysis.begin import deck_at
     from msahl.analysis.equilibrium_tables import tables
     from msahl.deck import DeckError
-    from msahl.results.write import file_name, write_table
     from msahl.start.velocities import StartError
 
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, (columns, rows) in tables(found).items():
-            write_table(folder / file_name(name), columns, rows)
-        for number, solution in enumerate(found, start=1):
-            text = deck_at(job.text, job.source.path, start, solution)
-            (folder / f"equilibrium{number}.xml").write_bytes(text)
-    except OSError as error:
-        say(f"{shown_path(error.filename or folder)}: {error.strerror or error}")
-        sys.exit(NOT_WRITTEN)
+        with writing(folder):
+            _write_tables(folder, tables(found))
+            for number, solution in enumerate(found, start=1):
+                text = deck_at(job.text, job.source.path, start, solution)
+                (folder / f"equilibrium{number}.xml").write_bytes(text)
     except (DeckError, StartError) as error:
         stop(f"{shown_path(job.source.path)}: {printable(str(error))}", NOT_CONVERGED)
+
+
+def _write_tables(folder: Path, tables: "Mapping[str, tuple[list[str], np.ndarray]]") -> None:
+    """Write columns and rows of ``tables`` into the ``folder``, which is made."""
+    from msahl.results.write import file_name, write_table
+
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, (columns, rows) in tables.items():
+        write_table(folder / file_name(name), columns, rows)

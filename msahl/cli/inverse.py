@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from msahl.cli.compiling import announced
-from msahl.cli.console import BAD_VERDICT, NOT_WRITTEN, say, stop
+from msahl.cli.console import BAD_VERDICT, OTHER_FOLDER, say, stop, writing
 from msahl.cli.decks import job_of
 from msahl.cli.options import DECK, NumberType, output_option, set_option
 from msahl.printable import printable, shown_path
@@ -121,13 +121,11 @@ def _write(folder: Path, result: "InverseResult") -> None:
     from msahl.results.lock import FolderInUseError
 
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        result.write(folder)
+        with writing(folder, OTHER_FOLDER):
+            folder.mkdir(parents=True, exist_ok=True)
+            result.write(folder)
     except (FolderError, FolderInUseError) as error:
         stop(printable(str(error)))
-    except OSError as error:
-        where = shown_path(error.filename or folder)
-        stop(f"{where}: {error.strerror or error}; choose another folder with -o", NOT_WRITTEN)
 
 
 def _weights(texts: tuple[str, ...]) -> dict[str, float]:

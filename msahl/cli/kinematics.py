@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from msahl.cli.console import INTERRUPTED, NOT_WRITTEN, STATUS, say, stop
+from msahl.cli.console import INTERRUPTED, OTHER_FOLDER, STATUS, say, stop, writing
 from msahl.cli.decks import job_of
 from msahl.cli.options import DECK, NumberType, output_option, set_option
 from msahl.printable import printable, shown_path
@@ -74,11 +74,8 @@ def kinematics(
     job = job_of(deck, options_of(step, t_final), settings)
     folder = output or Path("results") / f"{deck.stem}_kinematics"
     try:
-        with locked(folder):
+        with writing(folder, OTHER_FOLDER), locked(folder):
             status = _carry_out(job, folder, every, quiet)
-    except OSError as error:
-        where = shown_path(error.filename or folder)
-        stop(f"{where}: {error.strerror or error}; choose another folder with -o", NOT_WRITTEN)
     except (FolderError, FolderInUseError) as error:
         stop(printable(str(error)))
     except StartError as error:

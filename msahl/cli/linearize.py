@@ -1,16 +1,14 @@
 """The command ``msahl linearize``: a deck's model as matrices A, B, C, D."""
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from msahl.cli.compiling import announced
-from msahl.cli.console import NOT_WRITTEN, say, stop
+from msahl.cli.console import say, stop, writing
 from msahl.cli.decks import model_to_run
-from msahl.cli.modes import TimeType
-from msahl.cli.options import DECK, set_option
+from msahl.cli.options import DECK, at_option, set_option
 from msahl.printable import printable, shown_path
 from msahl.terminal import echo
 
@@ -35,14 +33,7 @@ if TYPE_CHECKING:
     metavar="COLUMN",
     help="Take as output a column of the tables of results, such as Tip.z; repeat for more.",
 )
-@click.option(
-    "--at",
-    type=TimeType(),
-    metavar="T|equilibrium",
-    default=0.0,
-    help="Linearise at the time T in seconds, after a run to it, or at the 'equilibrium' that "
-    "msahl equilibrium finds first (default: 0).",
-)
+@at_option
 @click.option(
     "--states",
     type=click.Choice(("coordinates", "nullspace")),
@@ -105,9 +96,6 @@ def linearize(
 
 def _write(file: Path, found: "LinearModel") -> None:
     """Write the matrices to the ``file``."""
-    try:
+    with writing(file):
         file.parent.mkdir(parents=True, exist_ok=True)
         found.save(file)
-    except OSError as error:
-        say(f"{shown_path(error.filename or file)}: {error.strerror or error}")
-        sys.exit(NOT_WRITTEN)

@@ -1,6 +1,5 @@
 """The command ``msahl modes``: eigenvalues, frequencies, damping and mode shapes of a deck."""
 
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from msahl.cli.compiling import announced
-from msahl.cli.console import NOT_WRITTEN, say, stop
+from msahl.cli.console import say, stop, writing
 from msahl.cli.decks import model_to_run
-from msahl.cli.options import DECK, NumberType, output_option, set_option
+from msahl.cli.options import DECK, NumberType, at_option, output_option, set_option
 from msahl.printable import printable, shown_path
 from msahl.terminal import echo
 
@@ -19,35 +18,11 @@ if TYPE_CHECKING:
     from msahl.analysis.point import Point
 
 
-EQUILIBRIUM = "equilibrium"
-"""As in ``msahl.analysis.at``, which takes longer to import than help should."""
-
-
-class TimeType(NumberType):
-    """A time [s] of at least zero, or the word for an equilibrium."""
-
-    name = "time"
-
-    def __init__(self) -> None:
-        super().__init__(0.0)
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the number or the word."""
-        return value if value == EQUILIBRIUM else super().convert(value, param, ctx)
-
-
 @click.command(short_help="Compute the modes of a deck's model.")
 @click.argument("deck", type=DECK)
 @output_option("none; nothing is written")
 @set_option
-@click.option(
-    "--at",
-    type=TimeType(),
-    metavar="T|equilibrium",
-    default=0.0,
-    help="Linearise at the time T in seconds, after a run to it, or at the 'equilibrium' that "
-    "msahl equilibrium finds first (default: 0).",
-)
+@at_option
 @click.option(
     "--number",
     type=click.IntRange(1),
@@ -163,11 +138,8 @@ def _write(folder: Path, point: "Point", found: "Modes") -> None:
     """Write modes.csv and shapes.csv into the ``folder``."""
     from msahl.analysis.mode_files import write_modes
 
-    try:
+    with writing(folder):
         write_modes(folder, point, found)
-    except OSError as error:
-        say(f"{shown_path(error.filename or folder)}: {error.strerror or error}")
-        sys.exit(NOT_WRITTEN)
 
 
 def _write_page(folder: Path, point: "Point", found: "Modes", deck: Path) -> None:
@@ -178,11 +150,9 @@ def _write_page(folder: Path, point: "Point", found: "Modes", deck: Path) -> Non
 
     path = folder / "modes.html"
     try:
-        replace_file(path, viewer_page([show_modes(point, found, deck)]).encode())
+        with writing(path):
+            replace_file(path, viewer_page([show_modes(point, found, deck)]).encode())
     except ValueError as error:
         say(f"{shown_path(deck)}: no page: {error}")
         return
-    except OSError as error:
-        say(f"{shown_path(error.filename or path)}: {error.strerror or error}")
-        sys.exit(NOT_WRITTEN)
     echo(shown_path(path))

@@ -1,7 +1,6 @@
 """Modes followed over a parameter: what ``msahl modes --over`` does."""
 
 import re
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -9,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 from msahl.cli.compiling import announced
-from msahl.cli.console import NOT_WRITTEN, say, stop
+from msahl.cli.console import say, stop, writing
 from msahl.cli.decks import model_to_run
 from msahl.printable import printable, shown_path
 from msahl.terminal import echo
@@ -107,8 +106,5 @@ def _write(folder: Path, found: "Campbell", over: "Over", title: str) -> None:
     """Write the tables into the ``folder``."""
     from msahl.analysis.mode_files import write_campbell
 
-    try:
+    with writing(folder):
         write_campbell(folder, found, over, title)
-    except OSError as error:
-        say(f"{shown_path(error.filename or folder)}: {error.strerror or error}")
-        sys.exit(NOT_WRITTEN)

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 import click
 
+from msahl.model.settings import EQUILIBRIUM
 from msahl.run.options import OPTIONS, Choice, Flag, Integer, Number, Option
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -40,6 +41,31 @@ class NumberType(click.FloatRange):
     def _describe_range(self) -> str:
         """The range as the help shows it: nothing if there is none."""
         return "" if self.min is None and self.max is None else super()._describe_range()
+
+
+class TimeType(NumberType):
+    """A time [s] of at least zero, or the word for an equilibrium."""
+
+    name = "time"
+
+    def __init__(self) -> None:
+        super().__init__(0.0)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number or the word."""
+        return value if value == EQUILIBRIUM else super().convert(value, param, ctx)
+
+
+def at_option(command: Command) -> Command:
+    """Add the option of the configuration at which a model is linearised."""
+    return click.option(
+        "--at",
+        type=TimeType(),
+        metavar="T|equilibrium",
+        default=0.0,
+        help="Linearise at the time T in seconds, after a run to it, or at the 'equilibrium' that "
+        "msahl equilibrium finds first (default: 0).",
+    )(command)
 
 
 def output_option(default: str) -> Callable[[Command], Command]:
