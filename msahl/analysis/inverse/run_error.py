@@ -11,8 +11,8 @@ forces are raised by
 and those of torques by max(2 max(e_M, l e_F), 10 l F ...), with the size l of the model. The second
 is the relative error of the motion: that of an oscillation of amplitude X, or in a run shorter than
 a period of the displacement A T^2 / 2. Both factors are by experiment: without them, the loads of
-``preserving`` on the models of ``tests/analysis/inverse/test_inverse.py`` are off by up to 4 times the
-second and 0.4 times the first.
+``preserving`` on the models of ``tests/analysis/inverse/test_inverse.py`` are off by up to 4 times
+the second and 0.4 times the first.
 """
 
 from collections.abc import Mapping, Sequence
