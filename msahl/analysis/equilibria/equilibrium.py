@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Law, build_laws, evaluate
-from msahl.analysis.equilibria.static_newton import Spin, with_rates
+from msahl.analysis.equilibria.static_equations import Spin, with_rates
 from msahl.analysis.linearised.coefficients import Coefficients, coefficients, skews
 from msahl.analysis.linearised.point import Point, at_start, complete
 from msahl.analysis.linearised.projection import close, move

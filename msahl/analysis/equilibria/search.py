@@ -31,7 +31,8 @@ from msahl.analysis.equilibria.equilibrium import (
 )
 from msahl.analysis.equilibria.load_path import Path, PathPoint, under_loads
 from msahl.analysis.equilibria.stability import is_stable
-from msahl.analysis.equilibria.static_newton import Spin, balance, newton, with_rates
+from msahl.analysis.equilibria.static_equations import Spin, Statics, with_rates
+from msahl.analysis.equilibria.static_newton import newton
 from msahl.analysis.linearised.coefficients import coefficients
 from msahl.analysis.linearised.point import Point, complete
 from msahl.analysis.linearised.projection import close, move
@@ -130,7 +131,7 @@ def by_multipliers(point: Point, spin: np.ndarray) -> Solution:
     does not converge.
     """
     steady = Spin(spin, axis_point(point, spin))
-    rest = newton(point.system, point.state, lambda now: balance(point.system, now, steady))
+    rest = newton(Statics(point.system, point.state, steady), point.state)
     if not rest.converged:
         raise StartError("Newton's method does not converge")
     return _ended(point, rest.state, steady, rest.iterations, MULTIPLIERS)
