@@ -39,8 +39,8 @@ def factor(A: np.ndarray, b: int, pivot: np.ndarray, end: np.ndarray) -> None:
 
 @kernel
 def _subtract(A: np.ndarray, b: int, rows: tuple[int, int], end: np.ndarray) -> None:
-    """Make the entry of column k in row i, of the ``rows`` k and i, the multiple of row k that is
-    taken from the rest of row i.
+    """Subtract the multiple of row k from row i, with ``rows`` k and i, that makes its entry in
+    column k zero, and keep the multiple there.
     """
     k, i = rows
     own, shift = b - k, b - i

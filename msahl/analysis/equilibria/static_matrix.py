@@ -30,7 +30,7 @@ REDUNDANT = 1e-10
 FLAT = 1e-12
 """Likewise on the diagonal of the places."""
 FEW = 1e4
-"""Products of a factorisation up to which plain Python is quicker than loading its code."""
+"""Products of a factorisation up to which plain Python is faster than loading its code."""
 MANY = 3e8
 """Products of a band's factorisation above which SuperLU takes over."""
 
