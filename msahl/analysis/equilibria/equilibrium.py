@@ -23,7 +23,7 @@ import numpy as np
 from msahl.algebra.functions import Law, build_laws, evaluate
 from msahl.analysis.equilibria.static_equations import Spin, with_rates
 from msahl.analysis.linearised.coefficients import Coefficients, coefficients, skews
-from msahl.analysis.linearised.point import Point, at_start, complete
+from msahl.analysis.linearised.point import Point, at_start, complete, placed
 from msahl.analysis.linearised.projection import close, move
 from msahl.analysis.linearised.rate_gradients import rates_by_place
 from msahl.analysis.linearised.reduced import LinearSystem, linear_system, stiffness_weight
@@ -86,10 +86,12 @@ class Solution(NamedTuple):
 def search_start(model: Model) -> Point:
     """Return the model where the deck places it, with prescribed motions held where they begin.
 
-    Raises ``StartError`` if there is no consistent state.
+    Models with beams, whose equilibria are those of the unloaded model with growing loads, need no
+    accelerations. Raises ``StartError`` if there is no consistent state.
     """
     held = Law("constant", (0.0,))
-    return at_start(replace(model, motions=tuple(replace(m, law=held) for m in model.motions)))
+    model = replace(model, motions=tuple(replace(m, law=held) for m in model.motions))
+    return placed(model) if model.beams else at_start(model)
 
 
 def held_motions(model: Model) -> list[str]:

@@ -125,8 +125,8 @@ def under_loads(point: Point, spin: Spin = REST) -> Rest:
 
 def _growing(statics: Statics, state: State) -> Rest:
     """Return where Newton's method leads from an unloaded ``state`` while the loads grow."""
-    factor, now, search = 0.0, statics.balance(state, 0.0), Search()
-    for _ in range(MOST_WHILE_GROWING):
+    factor, now, search, iterations = 0.0, statics.balance(state, 0.0), Search(), 0
+    while iterations < MOST_WHILE_GROWING:
         factors = factorise(now)
         step, multipliers = solve(factors, -now.force, -now.violation)
         if factor < 1.0:
@@ -139,10 +139,10 @@ def _growing(statics: Statics, state: State) -> Rest:
             break
         share = shortened(now, step, LARGEST_INCREMENT)
         state = stepped(statics.system, state, now, share * step, share * multipliers)
-        now = statics.balance(state, factor)
+        now, iterations = statics.balance(state, factor), iterations + 1
         if factor == 1.0 and search.ends(state, now, step):
             break
-    return search.result(state, now)
+    return search.result(state, now)._replace(iterations=iterations)
 
 
 def _largest_growth(now: Balance, step: np.ndarray, by_load: np.ndarray, most: float) -> float:

@@ -25,6 +25,7 @@ from msahl.algebra.vector import at
 from msahl.analysis.equilibria.static_layout import Layout, layout_of
 from msahl.analysis.linearised.coefficients import Work, differentiate, skews
 from msahl.analysis.linearised.plain_units import evaluation_size
+from msahl.analysis.linearised.projection import prepared
 from msahl.analysis.linearised.steady import SMALL_TRAVEL
 from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.elements.frames import first_multiplier
@@ -69,6 +70,16 @@ def with_rates(state: State, spin: Spin = REST) -> State:
     return state._replace(force=state.force.copy(), v=v, w=w, a=a, alpha=np.zeros_like(state.alpha))
 
 
+def reactions_of(system: System, state: State) -> np.ndarray:
+    """(j, 6) reactions of the joints by the multipliers of a ``state``, inertial axes [N, N m]."""
+    own = state._replace(reaction=np.zeros_like(state.reaction))
+    start, size = prepared(system, own), evaluation_size(system)
+    Z, rows = np.zeros((2, node_count(system), 3))
+    by_size(evaluate.free_acceleration, size)(system, own, start, Z, rows)
+    by_size(evaluate.set_reactions, size)(system, own, start, Z)
+    return own.reaction
+
+
 class Statics:
     """Evaluates the equations of a system at rest, or in a steady rotation."""
 
@@ -107,6 +118,12 @@ class Statics:
             rows[self.system.frames.displacement[:-1]] -= self._state.a[:-1]
         forces: np.ndarray = rows.reshape(-1)[layout.coordinate] * layout.force
         return forces
+
+    def is_damped(self) -> bool:
+        """Return whether forces depended on rates at the last evaluation."""
+        layout, group = self.layout, self.system.beams
+        damped = self._out.by_rate[layout.taken[: layout.stiff]].any()
+        return bool(damped) or (group is not None and bool(group.damping.any()))
 
     def balance(self, state: State, factor: float = 1.0) -> Balance:
         """Return the equations at a ``state``, whose multipliers are ``state.force``, with gravity

@@ -21,6 +21,7 @@ from msahl.analysis.equilibria.static_layout import Pattern
 from msahl.jit.by_size import compiled_once
 from msahl.jit.compiled import DISABLED
 from msahl.linalg import band_lu
+from msahl.system.arrays import System
 
 if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
@@ -127,3 +128,22 @@ def symmetric_eigenvalues(now: Balance) -> np.ndarray:
     dense[n:, n:] *= -1.0
     values: np.ndarray = np.linalg.eigvalsh(0.5 * (dense + dense.T))
     return values
+
+
+def stiffness(now: Balance, system: System) -> tuple[np.ndarray, np.ndarray]:
+    """(n, n) minus the derivative of all forces, with those of elastic strains [N/m], and (k, n)
+    that of the constraints and rigid strains, by lengths.
+    """
+    layout, c = now.layout, now.violation.size
+    k, n, group = layout.stiff, now.force.size, system.beams
+    K, G = np.zeros((n, n)), np.zeros((c, n))
+    np.add.at(K, (layout.row[:k], layout.column[:k]), -now.values[:k])
+    np.add.at(G, (layout.row[k:], layout.column[k:]), now.values[k:])
+    if group is None:
+        return K, G
+    rigid = np.ones(c, dtype=bool)
+    rigid[c - group.rigid.size :] = group.rigid.reshape(-1)
+    strains = G[c - group.rigid.size :]
+    resisted = (group.stiffness / group.weight[:, None, None]) @ strains.reshape(-1, 6, n)
+    K += strains.T @ resisted.reshape(strains.shape)
+    return K, G[rigid]
