@@ -19,6 +19,7 @@ from msahl.algebra.rotation import inverse as opposite
 from msahl.algebra.vector import at
 from msahl.analysis.equilibria.equilibrium import (
     BALANCED,
+    FLAT,
     LARGEST_ROTATION,
     Solution,
     Where,
@@ -41,6 +42,7 @@ from msahl.analysis.modes.solution import LARGEST_DENSE
 from msahl.elements.frames import first_multiplier
 from msahl.start.velocities import StartError, solve_at_rest
 from msahl.system.arrays import State, node_count
+from msahl.system.names import describe_row
 
 MULTIPLIERS = "Newton's method with multipliers"
 CONTINUATION = "continuation of the loads"
@@ -48,6 +50,9 @@ QUICK = 120
 """Most coordinates (six a body) of a model that is searched by dense matrices first."""
 SAME = 1e-6
 """Distance of two equilibria, over the size of the system, that are one."""
+
+UNRESISTED = 1e-3
+"""Share of the forces that nothing resists, of a model that has no equilibrium."""
 
 Follow = Callable[[PathPoint], None]
 """What is called at each equilibrium of a continuation."""
@@ -76,6 +81,26 @@ def find(point: Point, spin: np.ndarray) -> Solution | None:
             return solution
         first = first or solution
     return first
+
+
+def unresisted(point: Point, spin: np.ndarray) -> str:
+    """Return the body on which a force acts along a motion that nothing resists, in words; empty if
+    there is none, or the model is large.
+    """
+    if is_large(point):
+        return ""
+    place = evaluated(point, spin, axis_point(point, spin))
+    if not place.jacobian.size:
+        return ""
+    left, values, _ = np.linalg.svd(place.jacobian)
+    rank = int(np.count_nonzero(values > FLAT * values.max()))
+    force = left[:, rank:].T @ place.residual
+    if not np.linalg.norm(force) > UNRESISTED * np.linalg.norm(place.residual):
+        return ""
+    d = place.linear.degrees_of_freedom
+    motion = place.linear.places[:, :d] @ (left[:, rank:] @ force)[:d]
+    worst = int(np.argmax(np.abs(place.found.length * motion)))
+    return describe_row(point.model, point.system, int(place.found.coordinate[worst]))
 
 
 def all_equilibria(point: Point, spin: np.ndarray, starts: int) -> list[Solution]:
