@@ -90,7 +90,7 @@ def _find(
 
     from msahl.analysis.equilibria.equilibrium import held_motions, search_start
     from msahl.analysis.equilibria.report import lines
-    from msahl.analysis.equilibria.search import all_equilibria
+    from msahl.analysis.equilibria.search import all_equilibria, unresisted
     from msahl.jit.progress import CompileError
     from msahl.start.velocities import StartError
 
@@ -101,10 +101,15 @@ def _find(
     except (StartError, CompileError) as error:
         stop(f"{shown_path(job.source.path)}: {printable(str(error))}")
     if not found:
+        where, many = unresisted(point, np.array(rotation)), f"{starts} configurations"
+        remedy = (
+            f"nothing resists what acts on {where}; attach the body, or omit the load"
+            if where
+            else "search from more with --starts, or start the deck nearer to one"
+        )
         stop(
-            f"{shown_path(job.source.path)}: no equilibrium was found from {starts} "
-            f"configuration{'s' if starts > 1 else ''}; search from more with --starts, or start "
-            "the deck nearer to one",
+            f"{shown_path(job.source.path)}: no equilibrium was found from "
+            f"{many if starts > 1 else 'one configuration'}; {printable(remedy)}",
             NOT_CONVERGED,
         )
     for name in held_motions(job.model):
