@@ -1,5 +1,6 @@
 """Beams by Exudyn: geometrically exact ones of two nodes, and cables of ANCF in the plane."""
 
+import itertools
 import math
 import os
 import time
@@ -12,7 +13,7 @@ import numpy as np
 os.environ.setdefault("EXUDYN_MODULE", "fast")
 
 import exudyn as exu
-from exudyn import itemInterface as items
+import exudyn.itemInterface
 from exudyn.rigidBodyUtilities import (
     RotationMatrix2EulerParameters,
     RotationMatrix2RotationVector,
@@ -22,16 +23,13 @@ from exudyn.rigidBodyUtilities import (
 from benchmarks.beams.problems import (
     ALONG,
     ANGLE,
-    BEND,
     FORCE,
     GRAVITY,
     HANGING,
     RADIUS,
-    ROD,
     ROPE,
     SPAN,
     START,
-    SWINGING,
     THROW,
     TWIST,
     Problem,
@@ -46,11 +44,23 @@ VERSION = exu.__version__
 SPARSE_FROM = 16
 """Elements from which the sparse solver is the faster one (measured: 8 no, 16 yes)."""
 NODES: dict[str, tuple[Any, Callable[[np.ndarray], Any]]] = {
-    "Euler parameters": (items.NodeRigidBodyEP, RotationMatrix2EulerParameters),
-    "Tait-Bryan angles": (items.NodeRigidBodyRxyz, RotationMatrix2RotXYZ),
-    "rotation vector": (items.NodeRigidBodyRotVecLG, RotationMatrix2RotationVector),
+    "Euler parameters": (exu.itemInterface.NodeRigidBodyEP, RotationMatrix2EulerParameters),
+    "Tait-Bryan angles": (exu.itemInterface.NodeRigidBodyRxyz, RotationMatrix2RotXYZ),
+    "rotation vector": (exu.itemInterface.NodeRigidBodyRotVecLG, RotationMatrix2RotationVector),
 }
-_T = exu.DynamicSolverType
+ELEMENTS = {
+    "bend": (4, 6, 8, 12, 16, 24, 32, 48, 64, 128, 256),
+    "rod": (12, 16, 24, 32, 48, 64, 96),
+    "hanging": (2, 4, 8, 16, 32),
+    "swinging": (2, 4, 6, 8, 12, 16, 24, 32),
+}
+PARTS = {
+    "rod": (6, 8, 10, 14, 20, 28, 40, 80),
+    "swinging": (4, 6, 8, 12, 16, 24, 32, 48, 64, 128, 256),
+}
+"""Steps in an interval of output times."""
+EXPLICIT = (exu.DynamicSolverType.RK44,)
+"""Solvers that the sparse one is not made for."""
 
 
 class _Variant(NamedTuple):
@@ -63,8 +73,15 @@ class _Variant(NamedTuple):
     integration: int = 0  # of cables: order of quadrature
 
 
-VARIANTS: dict[str, dict[str, _Variant]] = {}
-"""By problem and family; filled below."""
+def settings(problem: Problem) -> Iterator[Setting]:
+    """Yield all runs that are tried, coarse ones first."""
+    for family in VARIANTS[problem.name]:
+        for elements in ELEMENTS[problem.name]:
+            if not problem.end:
+                yield Setting(family, elements)
+                continue
+            for part in PARTS[problem.name]:
+                yield Setting(family, elements, problem.interval / part)
 
 
 def solve(problem: Problem, setting: Setting) -> Outcome:
@@ -88,8 +105,10 @@ def run(problem: Problem, variant: _Variant, elements: int, step: float | None) 
     except Exception as failure:  # Exudyn raises SystemError, ValueError and others
         raise FailedRunError(str(failure).strip().split("\n")[0][:80]) from failure
     ended = time.process_time()
-    stored = [np.atleast_2d(mbs.GetSensorStoredData(s)) for s in sensors]
-    points = np.stack([table[-1:, 1:] if variant.solver is None else table[:, 1:] for table in stored], axis=1)
+    stored = [np.atleast_2d(mbs.GetSensorStoredData(s))[:, 1:] for s in sensors]
+    points = np.stack(stored, axis=1)[-problem.outputs - 1 :]
+    if problem.section is ROPE:  # in the plane of x and y
+        points = points[..., [0, 2, 1]]
     if len(points) != problem.outputs + 1:
         raise FailedRunError("it did not reach the end")
     name = "staticSolver" if variant.solver is None else "dynamicSolver"
@@ -100,7 +119,7 @@ def run(problem: Problem, variant: _Variant, elements: int, step: float | None) 
 def _settings(problem: Problem, variant: _Variant, elements: int, step: float | None) -> Any:
     settings = exu.SimulationSettings()
     settings.solution.file.write = False
-    if elements >= SPARSE_FROM:
+    if elements >= SPARSE_FROM and variant.solver not in EXPLICIT:
         settings.linearSolver.solverType = exu.LinearSolverType.EigenSparse
     static, motion = settings.staticSolver, settings.timeIntegration
     if step is None:
@@ -122,11 +141,17 @@ def build_bend(problem: Problem, variant: _Variant, elements: int) -> tuple[Any,
     points = RADIUS * np.stack([np.sin(angles), 1.0 - np.cos(angles), 0.0 * angles], axis=-1)
     axes = [_about_z(angle) for angle in angles]
     mbs, nodes = _beam(problem, variant.node, points, axes)
-    ground = mbs.AddMarker(items.MarkerBodyRigid(bodyNumber=mbs.AddObject(items.ObjectGround())))
-    first = mbs.AddMarker(items.MarkerNodeRigid(nodeNumber=nodes[0]))
-    mbs.AddObject(items.GenericJoint(markerNumbers=[ground, first], constrainedAxes=[1] * 6))
-    last = mbs.AddMarker(items.MarkerNodeRigid(nodeNumber=nodes[-1]))
-    mbs.AddLoad(items.Force(markerNumber=last, loadVector=[0.0, 0.0, FORCE]))
+    ground = mbs.AddMarker(
+        exu.itemInterface.MarkerBodyRigid(
+            bodyNumber=mbs.AddObject(exu.itemInterface.ObjectGround())
+        )
+    )
+    first = mbs.AddMarker(exu.itemInterface.MarkerNodeRigid(nodeNumber=nodes[0]))
+    mbs.AddObject(
+        exu.itemInterface.GenericJoint(markerNumbers=[ground, first], constrainedAxes=[1] * 6)
+    )
+    last = mbs.AddMarker(exu.itemInterface.MarkerNodeRigid(nodeNumber=nodes[-1]))
+    mbs.AddLoad(exu.itemInterface.Force(markerNumber=last, loadVector=[0.0, 0.0, FORCE]))
     return mbs, [_sensor(mbs, nodes[-1])]
 
 
@@ -136,16 +161,14 @@ def build_rod(problem: Problem, variant: _Variant, elements: int) -> tuple[Any, 
     axes = np.stack([ALONG, across, np.cross(ALONG, across)], axis=-1)
     points = START + problem.length * shares[:, None] * ALONG
     mbs, nodes = _beam(problem, variant.node, points, [axes] * (elements + 1))
-    first = mbs.AddMarker(items.MarkerNodeRigid(nodeNumber=nodes[0]))
+    first = mbs.AddMarker(exu.itemInterface.MarkerNodeRigid(nodeNumber=nodes[0]))
 
     def grown(mbs: Any, t: float, load: Any) -> list[float]:
         factor = load_factor(t)
         return [factor * load[0], factor * load[1], factor * load[2]]
 
-    for load, vector in ((items.Force, THROW), (items.Torque, TWIST)):
-        mbs.AddLoad(
-            load(markerNumber=first, loadVector=list(vector), loadVectorUserFunction=grown)
-        )
+    for load, vector in ((exu.itemInterface.Force, THROW), (exu.itemInterface.Torque, TWIST)):
+        mbs.AddLoad(load(markerNumber=first, loadVector=list(vector), loadVectorUserFunction=grown))
     return mbs, [_sensor(mbs, nodes[0]), _sensor(mbs, nodes[-1])]
 
 
@@ -162,16 +185,16 @@ def build_cable(problem: Problem, variant: _Variant, elements: int) -> tuple[Any
         ]
     nodes = [
         mbs.AddNode(
-            items.NodePoint2DSlope1(
+            exu.itemInterface.NodePoint2DSlope1(
                 referenceCoordinates=[problem.length * s, 0.0, 1.0, 0.0],
                 initialCoordinates=list(first),
             )
         )
         for s, first in zip(shares, start, strict=True)
     ]
-    for pair in zip(nodes, nodes[1:], strict=False):
+    for pair in itertools.pairwise(nodes):
         cable = mbs.AddObject(
-            items.ObjectANCFCable2D(
+            exu.itemInterface.ObjectANCFCable2D(
                 nodeNumbers=list(pair),
                 length=problem.length / elements,
                 massPerLength=problem.section.mass,
@@ -180,8 +203,8 @@ def build_cable(problem: Problem, variant: _Variant, elements: int) -> tuple[Any
                 useReducedOrderIntegration=variant.integration,
             )
         )
-        mass = mbs.AddMarker(items.MarkerBodyMass(bodyNumber=cable))
-        mbs.AddLoad(items.Gravity(markerNumber=mass, loadVector=[0.0, -GRAVITY, 0.0]))
+        mass = mbs.AddMarker(exu.itemInterface.MarkerBodyMass(bodyNumber=cable))
+        mbs.AddLoad(exu.itemInterface.Gravity(markerNumber=mass, loadVector=[0.0, -GRAVITY, 0.0]))
     _hold(mbs, nodes[0], 0.0)
     if problem is HANGING:
         _hold(mbs, nodes[-1], SPAN - problem.length)
@@ -190,11 +213,15 @@ def build_cable(problem: Problem, variant: _Variant, elements: int) -> tuple[Any
 
 def _hold(mbs: Any, node: int, x: float) -> None:
     """Hold a node of a cable at a displacement along x."""
-    ground = mbs.AddNode(items.NodePointGround())
-    fixed = mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=ground, coordinate=0))
+    ground = mbs.AddNode(exu.itemInterface.NodePointGround())
+    fixed = mbs.AddMarker(exu.itemInterface.MarkerNodeCoordinate(nodeNumber=ground, coordinate=0))
     for coordinate, offset in enumerate((x, 0.0)):
-        own = mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=coordinate))
-        mbs.AddObject(items.CoordinateConstraint(markerNumbers=[fixed, own], offset=offset))
+        own = mbs.AddMarker(
+            exu.itemInterface.MarkerNodeCoordinate(nodeNumber=node, coordinate=coordinate)
+        )
+        mbs.AddObject(
+            exu.itemInterface.CoordinateConstraint(markerNumbers=[fixed, own], offset=offset)
+        )
 
 
 def _beam(
@@ -208,9 +235,9 @@ def _beam(
     ]
     section = _section(problem.section)
     length = problem.length / (len(points) - 1)
-    for pair in zip(nodes, nodes[1:], strict=False):
+    for pair in itertools.pairwise(nodes):
         mbs.AddObject(
-            items.ObjectBeamGeometricallyExact(
+            exu.itemInterface.ObjectBeamGeometricallyExact(
                 nodeNumbers=list(pair), length=length, sectionData=section
             )
         )
@@ -221,14 +248,14 @@ def _section(given: Section) -> Any:
     section = exu.BeamSection()
     section.massPerLength = given.mass
     section.inertia = np.diag(given.inertia).tolist()
-    stiffness = [given.stretch, given.shear, given.shear, given.torsion, given.bending, given.bending]
-    section.stiffnessMatrix = np.diag(stiffness).tolist()
+    forces, moments = [given.stretch, given.shear, given.shear], [given.torsion, given.bending]
+    section.stiffnessMatrix = np.diag([*forces, *moments, given.bending]).tolist()
     return section
 
 
 def _sensor(mbs: Any, node: int) -> int:
     return mbs.AddSensor(
-        items.SensorNode(
+        exu.itemInterface.SensorNode(
             nodeNumber=node, storeInternal=True, outputVariableType=exu.OutputVariableType.Position
         )
     )
@@ -237,3 +264,34 @@ def _sensor(mbs: Any, node: int) -> int:
 def _about_z(angle: float) -> np.ndarray:
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _variants() -> dict[str, dict[str, _Variant]]:
+    """The settings that were the best of those tried, by problem and family."""
+    bend = {
+        f"{node}, {steps} load steps": _Variant(build_bend, node, None, 1.0, 1e-5, steps)
+        for node in ("Euler parameters", "Tait-Bryan angles")
+        for steps in (1, 2, 4)
+    }
+    alpha, index2 = exu.DynamicSolverType.GeneralizedAlpha, exu.DynamicSolverType.TrapezoidalIndex2
+    rod = {
+        "generalised alpha, Tait-Bryan angles": _Variant(
+            build_rod, "Tait-Bryan angles", alpha, 0.9, 1e-4
+        ),
+        "generalised alpha, rotation vector": _Variant(
+            build_rod, "rotation vector", alpha, 0.9, 1e-4
+        ),
+        "RK44, rotation vector": _Variant(build_rod, "rotation vector", exu.DynamicSolverType.RK44),
+    }
+    hanging = {
+        f"ANCF, quadrature {k}": _Variant(build_cable, "", None, integration=k) for k in (0, 2)
+    }
+    swinging = {
+        "ANCF, generalised alpha": _Variant(build_cable, "", alpha, 0.9, 1e-4, integration=2),
+        "ANCF, trapezoidal": _Variant(build_cable, "", index2, 1.0, 1e-4, integration=2),
+        "ANCF, quadrature 0, trapezoidal": _Variant(build_cable, "", index2, 1.0, 1e-4),
+    }
+    return {"bend": bend, "rod": rod, "hanging": hanging, "swinging": swinging}
+
+
+VARIANTS = _variants()

@@ -15,7 +15,7 @@ from msahl.analysis.equilibria.search import find
 from msahl.model import Model, Options
 from msahl.model.scheme import split
 from msahl.model.settings import OFF
-from msahl.run.loop import run
+from msahl.run.loop import Hooks, run
 from msahl.run.report import COMPLETED
 from msahl.run.tables import STATES, MemorySink
 from msahl.start.velocities import StartError
@@ -24,19 +24,16 @@ NAME = "msahl"
 VERSION = msahl.__version__
 DEGREES = (2, 3, 4)
 SCHEMES = ("preserving", "gauss2", "gauss3")
+LONGEST = 1.5
+"""Seconds after which a run is stopped."""
 STEPS = (0.5, 0.25, 0.125, 0.1, 0.0625, 0.05, 0.025, 0.0125)
 """Of the rod [s]; those of the cable are shorter as the interval of its output times is."""
-REMARKS = (
-    "preserving: the default scheme of order 2; gauss2, gauss3: order 4 and 6",
-    "static: the search of an equilibrium as `msahl equilibrium` makes it, without the test of "
-    "stability",
-)
 
 
 def settings(problem: Problem) -> Iterator[Setting]:
     """Yield all runs that are tried, coarse ones first."""
     for degree in DEGREES:
-        counts = [n for n in (2, 4, 8, 16, 32) if n * degree <= 64]
+        counts = [n for n in (2, 4, 8, 16) if n * degree <= 32]
         if not problem.end:
             yield from (Setting(f"degree {degree}", n) for n in counts)
             continue
@@ -83,7 +80,8 @@ def _motion(problem: Problem, model: Model, scheme: str, step: float) -> Outcome
     every = round(problem.interval / step)
     rows, options = MemorySink(only=(STATES,)), Options(solver="newton", error=OFF, every=every)
     began = time.process_time()
-    report = run(replace(model, simulation=simulation), options, rows, checked=True)
+    limit = Hooks(stopped=lambda: time.process_time() - began > LONGEST)
+    report = run(replace(model, simulation=simulation), options, rows, limit, checked=True)
     total = time.process_time() - began
     if report.status != COMPLETED:
         raise FailedRunError(report.message)

@@ -1,6 +1,6 @@
 """Converged positions by methods that neither program uses.
 
-    python -m benchmarks.beams.references      writes references.csv, and what it changes by refining
+    python -m benchmarks.beams.references    writes references.csv
 
 Bodies at rest: shooting with the differential equations of the rod along its arc length. Rod in
 motion: spectral elements with Gauss-Lobatto-Legendre points, quaternions at the points, strains
@@ -21,7 +21,6 @@ from scipy.optimize import fsolve
 
 from benchmarks.beams.problems import (
     ALONG,
-    ANGLE,
     BEND,
     CEASED,
     FORCE,
@@ -63,15 +62,15 @@ def bend(tolerance: float) -> np.ndarray:
     """Shooting: the moment (3,) at the clamp is sought that leaves none at the tip."""
     section = BEND.section
     stiff = np.array([section.stretch, section.shear, section.shear])
-    turning = np.array([section.torsion, section.bending, section.bending])
+    resist = np.array([section.torsion, section.bending, section.bending])
     force = np.array([0.0, 0.0, FORCE])
 
     def rates(s: float, y: np.ndarray) -> np.ndarray:
         R = y[3:12].reshape(3, 3)
         along = R @ (np.array([1.0, 0.0, 0.0]) + (R.T @ force) / stiff)
-        k = np.array([0.0, 0.0, 1.0 / RADIUS]) + (R.T @ y[12:]) / turning
-        turned = np.cross(R, k)  # rows of R [k]^ are k x them, with the sign changed
-        return np.concatenate([along, turned.reshape(-1), -np.cross(along, force)])
+        k = np.array([0.0, 0.0, 1.0 / RADIUS]) + (R.T @ y[12:]) / resist
+        R_s = np.cross(R, k)  # R [k]^ has the rows of R times k
+        return np.concatenate([along, R_s.reshape(-1), -np.cross(along, force)])
 
     def at_tip(moment: np.ndarray) -> np.ndarray:
         start = np.concatenate([np.zeros(3), np.eye(3).reshape(-1), moment])
@@ -160,16 +159,16 @@ def rod(size: tuple[int, int]) -> np.ndarray:
     start = np.concatenate([(START + s[:, None] * ALONG).reshape(-1), q, np.zeros(6 * count)])
     given = ROD.section
     stiff = np.array([given.stretch, given.shear, given.shear])
-    turning = np.array([given.torsion, given.bending, given.bending])
+    resist = np.array([given.torsion, given.bending, given.bending])
     inertia = np.array(given.inertia)
     load = np.array([*THROW, *TWIST])
-    numbers = (D * 2.0 / h, 0.5 * h * weight, w, stiff, turning, given.mass, inertia, load)
+    numbers = (D * 2.0 / h, 0.5 * h * weight, w, stiff, resist, given.mass, inertia, load)
     y = _integrated(ROD, lambda t, y: _rod_rates(t, y, *numbers), start)
     return y[:, : 3 * count].reshape(-1, count, 3)[:, [0, -1]]
 
 
 @numba.njit  # type: ignore[untyped-decorator]
-def _rod_rates(t, y, D, weight, w, stiff, turning, mass, inertia, load):  # type: ignore[no-untyped-def]
+def _rod_rates(t, y, D, weight, w, stiff, resist, mass, inertia, load):  # type: ignore[no-untyped-def]
     """Rates of positions, quaternions, velocities and angular velocities in body axes."""
     nodes, count = len(D), len(w)
     x, q = y[: 3 * count].reshape(count, 3), y[3 * count : 7 * count].reshape(count, 4).copy()
@@ -186,15 +185,17 @@ def _rod_rates(t, y, D, weight, w, stiff, turning, mass, inertia, load):  # type
     for e in range((count - 1) // (nodes - 1)):
         first = e * (nodes - 1)
         for k in range(nodes):
-            along, turned = np.zeros(3), np.zeros(4)
+            along, along_q = np.zeros(3), np.zeros(4)
             for j in range(nodes):
                 _add(along, D[k, j], x[first + j])
-                _add(turned, D[k, j], q[first + j])
+                _add(along_q, D[k, j], q[first + j])
             own, here = q[first + k], R[first + k]
-            bent = 2.0 * (own[0] * turned[1:] - turned[0] * own[1:] - _cross(own[1:], turned[1:]))
+            bent = 2.0 * (
+                own[0] * along_q[1:] - along_q[0] * own[1:] - _cross(own[1:], along_q[1:])
+            )
             strain = _times(here.T, along)
             strain[0] -= 1.0
-            n, m = weight[k] * _times(here, stiff * strain), weight[k] * turning * bent
+            n, m = weight[k] * _times(here, stiff * strain), weight[k] * resist * bent
             for j in range(nodes):
                 _add(force[first + j], -D[k, j], n)
                 _add(moment[first + j], -D[k, j], m)
@@ -254,7 +255,7 @@ def _lobatto(degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _integrated(problem: Problem, rates: Callable[..., np.ndarray], y: np.ndarray) -> np.ndarray:
-    """Return the states (outputs + 1, n); steps end where the loads of the rod have kinks."""
+    """Return the states (outputs + 1, n); steps end where the load of the rod changes its law."""
     found = [y]
     for k in range(problem.outputs):
         span = (k * problem.interval, (k + 1) * problem.interval)
