@@ -52,6 +52,7 @@ def build_state(model: Model, system: System) -> State:
         auxiliary=np.array([s.initial for s in model.signals if isinstance(s, SignalState)], float),
         strain=strain,
         strain_rise=np.zeros_like(strain),
+        elongation=forces.new_elongation(system.forces),
     )
     set_strains(system, state)
     return state
