@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from msahl.analysis.inverse_drives import InverseError
+    from msahl.analysis.inverse.drives import InverseError
     from msahl.api.batch import BatchError, batch
     from msahl.api.derivatives import GradientError, Gradients
     from msahl.api.model import Model, load
@@ -39,7 +39,7 @@ __all__ = [
 _PLACES = {
     "BatchError": "msahl.api.batch",
     "DeckError": "msahl.deck",
-    "InverseError": "msahl.analysis.inverse_drives",
+    "InverseError": "msahl.analysis.inverse.drives",
     "GradientError": "msahl.api.derivatives",
     "Gradients": "msahl.api.derivatives",
     "Model": "msahl.api.model",

@@ -138,7 +138,7 @@ EXCEPTIONS = (
     Allowance("tests/test_documentation.py", "", "the test of the list"),
     Allowance("*inverse*", r"[Dd]rive", "the unknown loads of inverse dynamics"),
     Allowance(
-        "*", r"drives\.csv|inverse_drives|\.drives\b|`drives`", "the table and the module of these"
+        "*", r"drives\.csv|inverse\.drives|\.drives\b|`drives`", "the table and the module of these"
     ),
     Allowance("*", r"--watch\b", "the option's name in other programs"),
     Allowance("msahl/post/web/*.css", r"\b(gap|box-shadow): ", "a property of CSS"),

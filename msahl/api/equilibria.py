@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from msahl.analysis.begin import deck_at
-from msahl.analysis.equilibrium import Solution, search_start
-from msahl.analysis.equilibrium_search import all_equilibria, find
-from msahl.analysis.equilibrium_tables import tables
-from msahl.analysis.point import Point
-from msahl.analysis.stability import stability
+from msahl.analysis.equilibria.begin import deck_at
+from msahl.analysis.equilibria.equilibrium import Solution, search_start
+from msahl.analysis.equilibria.search import all_equilibria, find
+from msahl.analysis.equilibria.stability import stability
+from msahl.analysis.equilibria.tables import tables
+from msahl.analysis.linearised.point import Point
 from msahl.api.html import html_table
 from msahl.deck import ParsedDeck, Source
 from msahl.results.job import Job

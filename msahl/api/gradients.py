@@ -1,6 +1,6 @@
 """Derivatives of measures of a run by numbers of its deck, with their errors.
 
-The steps of the run are taken once more with their tangents (``analysis.tangent_run``); a second
+The steps of the run are taken once more with their tangents (``analysis.gradients.run``); a second
 time with pairs of them joined, and the difference is the error of the scheme.
 """
 
@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from msahl.analysis.parameter_neighbours import DeckNumbers
-from msahl.analysis.step_sequence import StepRecord, merged, of_rows
-from msahl.analysis.table_gradients import TableGradients, TangentModel
-from msahl.analysis.tangent_start import NotDifferentiable
+from msahl.analysis.gradients.parameter_neighbours import DeckNumbers
+from msahl.analysis.gradients.start import NotDifferentiable
+from msahl.analysis.gradients.step_sequence import StepRecord, merged, of_rows
+from msahl.analysis.gradients.tables import TableGradients, TangentModel
 from msahl.api.derivatives import GradientError, Gradients
 from msahl.api.result import Result
 from msahl.api.running import begun, run_job

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from msahl.analysis.inverse import Solution, compared, inverse, with_run_error
-from msahl.analysis.inverse_report import (
+from msahl.analysis.inverse.report import (
     about,
     drive_columns,
     drive_rows,
@@ -19,8 +18,9 @@ from msahl.analysis.inverse_report import (
     tables,
     verdict,
 )
-from msahl.analysis.inverse_run_error import run_error
-from msahl.analysis.inverse_table import GivenMotion, motion_of_table, read_motion
+from msahl.analysis.inverse.run_error import run_error
+from msahl.analysis.inverse.solution import Solution, compared, inverse, with_run_error
+from msahl.analysis.inverse.table import GivenMotion, motion_of_table, read_motion
 from msahl.api.result import Result
 from msahl.model import Model
 from msahl.results.job import Job, make_job

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from lxml.etree import _Element
 
-    from msahl.analysis.linear_model import LinearModel
+    from msahl.analysis.linear_models.model import LinearModel
     from msahl.api.derivatives import Gradients
     from msahl.api.equilibria import Equilibrium
     from msahl.api.inverse import InverseResult
@@ -142,7 +142,7 @@ class Model:
         ``every``-th is computed. Raises ``StartError`` if degrees of freedom remain. A motion that
         cannot be followed to its end is returned up to there; its ``status`` says so.
         """
-        from msahl.analysis.kinematics import options_of
+        from msahl.analysis.kinematics.solution import options_of
         from msahl.api.kinematics import kinematics_of
 
         return kinematics_of(self.job(**options_of(step, t_final)), every)
@@ -181,8 +181,8 @@ class Model:
         Raises ``OptionError`` for names that do not exist, ``StartError`` if the model does not get
         there.
         """
-        from msahl.analysis.at import point_at
-        from msahl.analysis.linearize import linearize
+        from msahl.analysis.equilibria.at import point_at
+        from msahl.analysis.linear_models.linearize import linearize
 
         return linearize(point_at(self.records, at), tuple(inputs), tuple(outputs), states)
 
@@ -197,7 +197,7 @@ class Model:
         [s], after a run to it, or at the ``"equilibrium"``; the options are those of ``msahl
         modes``. Raises ``StartError`` if there is no such configuration.
         """
-        from msahl.analysis.following import Request
+        from msahl.analysis.modes.following import Request
         from msahl.api.modes import modes_of
 
         return modes_of(self.records, at, Request(number, near, method))
@@ -215,8 +215,8 @@ class Model:
         """Return the modes followed over ``values`` of a parameter or number, in its unit of the
         deck, with the critical values between them; the options are those of ``msahl modes``.
         """
-        from msahl.analysis.following import Request
-        from msahl.analysis.mode_files import Over
+        from msahl.analysis.modes.files import Over
+        from msahl.analysis.modes.following import Request
         from msahl.api.modes import modes_of_many
 
         unit = self.parameters.get(name, {}).get("units", "")

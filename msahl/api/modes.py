@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from msahl.analysis.at import point_at
-from msahl.analysis.campbell import (
+from msahl.analysis.equilibria.at import point_at
+from msahl.analysis.linearised.point import Point
+from msahl.analysis.modes.campbell import (
     COLUMNS,
     CRITICAL_COLUMNS,
     Campbell,
     campbell_rows,
     critical_rows,
 )
-from msahl.analysis.campbell import campbell as modes_over
-from msahl.analysis.following import Request
-from msahl.analysis.mode_files import Over, orders_of, write_campbell, write_modes
-from msahl.analysis.modes import COLUMNS as MODE_COLUMNS
-from msahl.analysis.modes import Modes as Found
-from msahl.analysis.modes import mode_rows, shape_columns
-from msahl.analysis.modes import modes as modes_at
-from msahl.analysis.point import Point
-from msahl.analysis.report import report
+from msahl.analysis.modes.campbell import campbell as modes_over
+from msahl.analysis.modes.files import Over, orders_of, write_campbell, write_modes
+from msahl.analysis.modes.following import Request
+from msahl.analysis.modes.report import report
+from msahl.analysis.modes.solution import COLUMNS as MODE_COLUMNS
+from msahl.analysis.modes.solution import Modes as Found
+from msahl.analysis.modes.solution import mode_rows, shape_columns
+from msahl.analysis.modes.solution import modes as modes_at
 from msahl.api.html import html_table
 from msahl.model import Model as Records
 

@@ -33,6 +33,6 @@ def begun(job: Job) -> Job:
     """
     if job.model.simulation.start != EQUILIBRIUM:
         return job
-    from msahl.analysis.begin import beginning
+    from msahl.analysis.equilibria.begin import beginning
 
     return beginning(job)

@@ -42,7 +42,7 @@ def check(decks: tuple[Path, ...], settings: tuple[str, ...]) -> None:
 
 def _start(deck: Path, settings: Sequence[str]) -> tuple[str, list[str]]:
     """The equilibrium at which a deck starts, in words, and why it is not found."""
-    from msahl.analysis.begin import beginning, told
+    from msahl.analysis.equilibria.begin import beginning, told
     from msahl.cli.decks import job_of
     from msahl.start.velocities import StartError
 

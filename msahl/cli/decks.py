@@ -65,7 +65,7 @@ def job_to_run(
     job = job_of(deck, given, settings)
     if job.model.simulation.start != EQUILIBRIUM:
         return job
-    from msahl.analysis.begin import beginning, beginning_of_run, told
+    from msahl.analysis.equilibria.begin import beginning, beginning_of_run, told
     from msahl.cli.compiling import announced
     from msahl.deck import DeckError
     from msahl.jit.progress import CompileError

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
     import numpy as np
 
-    from msahl.analysis.equilibrium import Solution
-    from msahl.analysis.point import Point
+    from msahl.analysis.equilibria.equilibrium import Solution
+    from msahl.analysis.linearised.point import Point
     from msahl.results.job import Job
 
 
@@ -88,9 +88,9 @@ def _find(
     """Report the equilibria found from ``starts`` configurations, and write them."""
     import numpy as np
 
-    from msahl.analysis.equilibrium import held_motions, search_start
-    from msahl.analysis.equilibrium_report import lines
-    from msahl.analysis.equilibrium_search import all_equilibria
+    from msahl.analysis.equilibria.equilibrium import held_motions, search_start
+    from msahl.analysis.equilibria.report import lines
+    from msahl.analysis.equilibria.search import all_equilibria
     from msahl.jit.progress import CompileError
     from msahl.start.velocities import StartError
 
@@ -119,9 +119,9 @@ def _follow_loads(job: "Job", end: float, output: Path | None, quiet: bool) -> N
     """Report the path of equilibria up to a load factor ``end``, and write its tables; a path that
     cannot be followed to its end, as far as it goes.
     """
-    from msahl.analysis.equilibrium import search_start
-    from msahl.analysis.load_path import Path as LoadPath
-    from msahl.analysis.load_path_tables import lines, tables
+    from msahl.analysis.equilibria.equilibrium import search_start
+    from msahl.analysis.equilibria.load_path import Path as LoadPath
+    from msahl.analysis.equilibria.load_path_tables import lines, tables
     from msahl.jit.progress import CompileError
     from msahl.start.velocities import StartError
 
@@ -144,8 +144,8 @@ def _follow_loads(job: "Job", end: float, output: Path | None, quiet: bool) -> N
 
 def _write(folder: Path, job: "Job", start: "Point", found: "list[Solution]") -> None:
     """Write the tables and the decks that begin at the equilibria into the ``folder``."""
-    from msahl.analysis.begin import deck_at
-    from msahl.analysis.equilibrium_tables import tables
+    from msahl.analysis.equilibria.begin import deck_at
+    from msahl.analysis.equilibria.tables import tables
     from msahl.deck import DeckError
     from msahl.start.velocities import StartError
 

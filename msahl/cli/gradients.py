@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from msahl.analysis.step_sequence import StepRecord
+from msahl.analysis.gradients.step_sequence import StepRecord
 from msahl.api.derivatives import HEADER, GradientError, Gradients
 from msahl.api.gradients import differentiate, make_request, texts_of
 from msahl.cli.console import say, stop

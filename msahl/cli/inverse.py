@@ -99,7 +99,7 @@ def _result(
 ) -> "InverseResult":
     """Return the loads; faults end the program."""
     job = job_of(deck, {}, settings)
-    from msahl.analysis.inverse_drives import InverseError
+    from msahl.analysis.inverse.drives import InverseError
     from msahl.api.inverse import loads_of
     from msahl.deck import DeckError
     from msahl.jit.progress import CompileError

@@ -10,8 +10,8 @@ from typing import Any
 
 import click
 
-from msahl.analysis.coefficients import coefficients
-from msahl.analysis.point import at_start
+from msahl.analysis.linearised.coefficients import coefficients
+from msahl.analysis.linearised.point import at_start
 from msahl.deck import DeckError, read_deck
 from msahl.jit import by_size
 from msahl.jit.compiled import Call, prepare

@@ -16,7 +16,7 @@ from msahl.cli.options import DECK, NumberType, output_option, set_option
 from msahl.printable import printable, shown_path
 
 if TYPE_CHECKING:
-    from msahl.analysis.kinematics import Motion
+    from msahl.analysis.kinematics.solution import Motion
     from msahl.results.job import Job
     from msahl.run.report import Report
 
@@ -66,7 +66,7 @@ def kinematics(
 
     Example: msahl kinematics decks/mechanisms/stewart.xml
     """
-    from msahl.analysis.kinematics import options_of
+    from msahl.analysis.kinematics.solution import options_of
     from msahl.results.folder import FolderError
     from msahl.results.lock import FolderInUseError, locked
     from msahl.start.velocities import StartError
@@ -85,7 +85,7 @@ def kinematics(
 
 def _carry_out(job: "Job", folder: Path, every: int, quiet: bool) -> int:
     """Compute the motion into the locked folder; returns the exit status."""
-    from msahl.analysis.kinematics import output_times, prepare
+    from msahl.analysis.kinematics.solution import output_times, prepare
     from msahl.results.folder import claim
     from msahl.results.write import RunFolder, write_beginning
 
@@ -98,7 +98,7 @@ def _carry_out(job: "Job", folder: Path, every: int, quiet: bool) -> int:
     times = output_times(job.model, every)
     try:
         with results, _progress(float(times[-1]), not quiet) as progress:
-            from msahl.analysis.kinematics import follow
+            from msahl.analysis.kinematics.solution import follow
 
             found = follow(prepared, times, results, progress)
             results.complete = found.complete
@@ -110,7 +110,7 @@ def _carry_out(job: "Job", folder: Path, every: int, quiet: bool) -> int:
 
 def _about(job: "Job", folder: Path, every: int) -> dict[str, Any]:
     """Return the head of ``run.json``, with what the command did in place of a scheme."""
-    from msahl.analysis.kinematics_report import COMMAND, SCHEME, SOLVER
+    from msahl.analysis.kinematics.report import COMMAND, SCHEME, SOLVER
 
     about = job.about(folder)
     options = {**about["options"], "scheme": SCHEME, "solver": SOLVER, "every": every}
@@ -128,7 +128,7 @@ def _close(
     quiet: bool,
 ) -> int:
     """Write ``run.json`` and the last messages; returns the exit status."""
-    from msahl.analysis.kinematics_report import kinematics_as_json, report_of
+    from msahl.analysis.kinematics.report import kinematics_as_json, report_of
     from msahl.results.folder import finish, tables
     from msahl.results.write import INFO, write_json
 

@@ -13,7 +13,7 @@ from msahl.printable import printable, shown_path
 from msahl.terminal import echo
 
 if TYPE_CHECKING:
-    from msahl.analysis.linear_model import LinearModel
+    from msahl.analysis.linear_models.model import LinearModel
 
 
 @click.command(short_help="Linearise a deck's model for control.")
@@ -69,10 +69,10 @@ def linearize(
     Example: msahl linearize decks/machines/cart_pole.xml --input Motor --output Slide.slide
     """
     model = model_to_run(deck, {}, settings)
-    from msahl.analysis.at import point_at
-    from msahl.analysis.linear_files import check_suffix
-    from msahl.analysis.linear_report import report
-    from msahl.analysis.linearize import linearize as linearized
+    from msahl.analysis.equilibria.at import point_at
+    from msahl.analysis.linear_models.files import check_suffix
+    from msahl.analysis.linear_models.linearize import linearize as linearized
+    from msahl.analysis.linear_models.report import report
     from msahl.jit.progress import CompileError
     from msahl.run.options import OptionError
     from msahl.start.velocities import StartError

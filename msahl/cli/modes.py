@@ -14,8 +14,8 @@ from msahl.printable import printable, shown_path
 from msahl.terminal import echo
 
 if TYPE_CHECKING:
-    from msahl.analysis.modes import Modes
-    from msahl.analysis.point import Point
+    from msahl.analysis.linearised.point import Point
+    from msahl.analysis.modes.solution import Modes
 
 
 @click.command(short_help="Compute the modes of a deck's model.")
@@ -98,7 +98,7 @@ def modes(
     for warning in found.warnings:
         say(f"WARN: {printable(warning)}")
     if not quiet:
-        from msahl.analysis.report import report
+        from msahl.analysis.modes.report import report
 
         echo("\n".join(report(point, found)))
     if output is not None:
@@ -121,8 +121,8 @@ def _modes(
 ) -> tuple["Point", "Modes"]:
     """Return the point at which the model is linearised, and its modes."""
     model = model_to_run(deck, {}, settings)
-    from msahl.analysis.at import point_at
-    from msahl.analysis.modes import modes as modes_of
+    from msahl.analysis.equilibria.at import point_at
+    from msahl.analysis.modes.solution import modes as modes_of
     from msahl.jit.progress import CompileError
     from msahl.start.velocities import StartError
 
@@ -136,7 +136,7 @@ def _modes(
 
 def _write(folder: Path, point: "Point", found: "Modes") -> None:
     """Write modes.csv and shapes.csv into the ``folder``."""
-    from msahl.analysis.mode_files import write_modes
+    from msahl.analysis.modes.files import write_modes
 
     with writing(folder):
         write_modes(folder, point, found)

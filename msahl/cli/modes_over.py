@@ -14,8 +14,8 @@ from msahl.printable import printable, shown_path
 from msahl.terminal import echo
 
 if TYPE_CHECKING:
-    from msahl.analysis.campbell import Campbell
-    from msahl.analysis.mode_files import Over
+    from msahl.analysis.modes.campbell import Campbell
+    from msahl.analysis.modes.files import Over
     from msahl.sweep.axes import Axis
 
 MOST_VALUES = 100_000
@@ -32,12 +32,12 @@ def modes_over(
     """Follow the modes of ``deck`` over the values of ``wanted["over"]``."""
     axis, values = _axis(wanted["over"])
     model = model_to_run(deck, {}, (*settings, axis.column.setting(axis.cells[0])))
-    from msahl.analysis.at import point_at
-    from msahl.analysis.campbell import campbell
-    from msahl.analysis.campbell_report import report, warnings
-    from msahl.analysis.following import Request
-    from msahl.analysis.mode_files import Over, orders_of
-    from msahl.analysis.point import Point
+    from msahl.analysis.equilibria.at import point_at
+    from msahl.analysis.linearised.point import Point
+    from msahl.analysis.modes.campbell import campbell
+    from msahl.analysis.modes.campbell_report import report, warnings
+    from msahl.analysis.modes.files import Over, orders_of
+    from msahl.analysis.modes.following import Request
     from msahl.deck import DeckError, ParsedDeck, Source
     from msahl.jit.progress import CompileError
 
@@ -104,7 +104,7 @@ def _unit(deck: Path, settings: tuple[str, ...], axis: "Axis") -> str:
 
 def _write(folder: Path, found: "Campbell", over: "Over", title: str) -> None:
     """Write the tables into the ``folder``."""
-    from msahl.analysis.mode_files import write_campbell
+    from msahl.analysis.modes.files import write_campbell
 
     with writing(folder):
         write_campbell(folder, found, over, title)

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from msahl.analysis.campbell import COLUMNS, CRITICAL_COLUMNS
+from msahl.analysis.modes.campbell import COLUMNS, CRITICAL_COLUMNS
 from msahl.post.document import Block, Paragraph, Picture
 from msahl.post.draw import COLOURS, LINES, encode, folded, plain, style
 from msahl.post.page.blocks import as_html, fold

@@ -251,7 +251,7 @@ def _begun(run: Run) -> Run:
     """The run from the equilibrium of its own point, if the deck asks for it."""
     if run.model.simulation.start != EQUILIBRIUM:
         return run
-    from msahl.analysis.begin import beginning
+    from msahl.analysis.equilibria.begin import beginning
 
     return beginning(run)
 

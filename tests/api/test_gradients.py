@@ -7,7 +7,7 @@ import pytest
 from scipy.special import ellipk
 
 import msahl
-from msahl.analysis import tangent_run
+from msahl.analysis.gradients import run as tangent_run
 from msahl.api import gradients
 from msahl.schemes.midpoint import tangent as midpoint_tangent
 from tests.support.models import ROOT

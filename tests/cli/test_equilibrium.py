@@ -122,7 +122,9 @@ def test_a_run_is_resumed_from_the_equilibrium_at_which_it_began(start, tmp_path
     result = interrupted(monkeypatch, tmp_path / "parts", start)
     assert "resume it with" in result.output
     # Another search might end elsewhere in the last digits.
-    monkeypatch.setattr("msahl.analysis.begin.find", lambda *_: pytest.fail("searched again"))
+    monkeypatch.setattr(
+        "msahl.analysis.equilibria.begin.find", lambda *_: pytest.fail("searched again")
+    )
     result = call("run", start, "-o", tmp_path / "parts", "--resume")
     assert result.exit_code == 0, result.output
     assert tables(tmp_path / "complete") == tables(tmp_path / "parts")
@@ -144,7 +146,7 @@ def test_the_python_api_starts_at_equilibria_too(start):
 
 
 def test_a_start_without_equilibrium_is_a_fault(start, tmp_path, monkeypatch):
-    monkeypatch.setattr("msahl.analysis.begin.find", lambda *_: None)
+    monkeypatch.setattr("msahl.analysis.equilibria.begin.find", lambda *_: None)
     for command in (("run", start, "-o", tmp_path / "out"), ("check", start), ("explain", start)):
         result = call(*command)
         assert result.exit_code == 2

@@ -8,10 +8,10 @@ from numpy.polynomial import Legendre
 from scipy.linalg import eigh
 
 from msahl.algebra.vector import ZERO
-from msahl.analysis.load_path import under_loads
-from msahl.analysis.modes import modes
-from msahl.analysis.point import at_start, complete
-from msahl.analysis.static_newton import Spin, with_rates
+from msahl.analysis.equilibria.load_path import under_loads
+from msahl.analysis.equilibria.static_newton import Spin, with_rates
+from msahl.analysis.linearised.point import at_start, complete
+from msahl.analysis.modes.solution import modes
 from msahl.elements.beams.build import build_beam
 from msahl.jit.compiled import compiled
 from msahl.model import Joint

@@ -22,10 +22,10 @@ from typing import Any
 import numpy as np
 
 from msahl.algebra.rotation_arrays import quaternions
-from msahl.analysis.equilibrium_tables import state_row
-from msahl.analysis.modes import Modes
-from msahl.analysis.point import Point
-from msahl.analysis.report import largest_parts
+from msahl.analysis.equilibria.tables import state_row
+from msahl.analysis.linearised.point import Point
+from msahl.analysis.modes.report import largest_parts
+from msahl.analysis.modes.solution import Modes
 from msahl.post.scene import build_scene
 from msahl.post.view.packing import pack_integers
 from msahl.post.view.page import Shown

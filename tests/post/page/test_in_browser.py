@@ -7,7 +7,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 import pytest
 
-from msahl.analysis import inverse_report
+from msahl.analysis.inverse import report as inverse_report
 from msahl.post import run_page
 from msahl.post.metrics import compute_metrics
 from msahl.post.page.graphs import Graph, Group, graphs

@@ -5,12 +5,12 @@ import pytest
 from click.testing import CliRunner
 
 from msahl.algebra.rotation import from_axis_angle, matrix
-from msahl.analysis.modes import modes
-from msahl.analysis.point import at_start
+from msahl.analysis.linearised.point import at_start
+from msahl.analysis.modes.solution import modes
 from msahl.cli.main import main as msahl
 from msahl.post.view import viewer_page
 from msahl.post.view.modes import show_modes
-from tests.analysis.test_modes import free_bodies_at_rest, hanging
+from tests.analysis.modes.test_modes import free_bodies_at_rest, hanging
 from tests.support.browser import wait_until
 from tests.support.models import ROOT
 

@@ -1,0 +1,1 @@
+"""Equilibria: searches, paths under growing loads, stability, decks that begin there."""

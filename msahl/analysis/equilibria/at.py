@@ -1,0 +1,24 @@
+"""The configuration at which a model is linearised: a time, or an equilibrium."""
+
+import numpy as np
+
+from msahl.analysis.equilibria.equilibrium import search_start
+from msahl.analysis.equilibria.search import find
+from msahl.analysis.linearised.point import Point, at_time
+from msahl.model import Model
+from msahl.model.settings import EQUILIBRIUM
+from msahl.start.velocities import StartError
+
+
+def point_at(model: Model, at: float | str) -> Point:
+    """Return the model at the time ``at`` [s], or at the ``EQUILIBRIUM``, where a model that starts
+    there is at t = 0; raises ``StartError``.
+    """
+    if at != EQUILIBRIUM and (at or model.simulation.start != EQUILIBRIUM):
+        return at_time(model, float(at))
+    found = find(search_start(model), np.zeros(3))
+    if found is None:
+        raise StartError(
+            "no equilibrium was found from where the deck starts; search with msahl equilibrium"
+        )
+    return found.place.point

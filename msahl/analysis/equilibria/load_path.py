@@ -1,0 +1,299 @@
+"""Follows equilibria at rest while the loads grow, also through points where they must fall.
+
+Gravity and the concentrated loads of the deck are multiplied by the load factor mu; preloads,
+springs, actuators and prescribed motions are not. With z = (q, lam) of ``static_newton``
+
+    F(z, mu) = F_0(z) + mu p(z) = 0             p  gravity and loads as the deck has them
+    t . (q - q_p) / L + t_mu (mu - mu_p) = 0    L  size of the model
+
+where t is the tangent of the path at the last point and (q_p, mu_p) lies on it, an arc length
+away. So a load need not grow for the path to go on: it is followed through snap-through.
+
+Along the path, directions gain or lose their stiffness: the matrix
+
+    [ -K  G^T ]
+    [  G  -C  ]             of c constraint equations and strains
+
+has c negative eigenvalues, and one more for each direction in which the equilibrium is unstable.
+Where their number changes, the load factor has an extremum (a limit point) or the path has
+branches (a bifurcation). Such points are refined until the eigenvalue is zero. K is symmetric
+unless loads follow the bodies; its symmetric part decides then, as for the energy.
+
+Source: E. Riks, An incremental approach to the solution of snapping and buckling problems, Int. J.
+Solids Struct. 15 (1979); M. A. Crisfield, A fast incremental/iterative solution procedure that
+handles "snap-through", Comput. Struct. 13 (1981).
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.analysis.equilibria.static_newton import (
+    REST,
+    Balance,
+    BalanceOf,
+    Factors,
+    Rest,
+    Search,
+    Spin,
+    balance,
+    factorise,
+    newton,
+    shortened,
+    solve,
+    stepped,
+    symmetric_eigenvalues,
+    weighed,
+)
+from msahl.analysis.linearised.point import Point
+from msahl.model import ConcentratedLoad, Model
+from msahl.start.velocities import StartError
+from msahl.system.arrays import State
+from msahl.system.build import build_system, initial_places
+
+LONGEST = 0.2
+"""Arc length of a step: displacement over the size of the model, and change of the load factor."""
+SHORTEST = 1e-6
+USUAL = 5
+"""Iterations after which the next step is as long as the last one."""
+FARTHEST = 1e6
+"""Displacement by the loads, over the size of the model, that nothing resists."""
+MOST_POINTS = 2000
+MOST_CORRECTIONS = 12
+MOST_IN_A_STEP = 15
+"""Iterations of Newton's method after which a load step is made smaller."""
+SMALLEST_LOAD_STEP = 1.0 / 512.0
+LARGEST_EIGENPROBLEM = 1600
+"""Unknowns up to which the directions without stiffness are counted."""
+REFINED = 1e-10
+"""Arc length to which limit points and bifurcations are found."""
+
+
+class PathPoint(NamedTuple):
+    """An equilibrium under the loads times ``factor``."""
+
+    factor: float
+    state: State
+    residual: float  # over the largest force
+    iterations: int
+    stiffness: np.ndarray | None  # eigenvalues beyond c of the matrix; None if they are too many
+    kind: str = ""  # "limit point" or "bifurcation"
+
+    @property
+    def unstable(self) -> int | None:
+        """Number of directions in which it is not stable; None if they were not counted."""
+        return None if self.stiffness is None else int(np.count_nonzero(self.stiffness < 0.0))
+
+
+def scaled_loads(model: Model, factor: float) -> Model:
+    """Return the ``model`` with gravity and concentrated loads times ``factor``."""
+    g = model.gravity
+    loads = [
+        replace(load, force=_times(factor, load.force), moment=_times(factor, load.moment))
+        if isinstance(load, ConcentratedLoad)
+        else load
+        for load in model.loads
+    ]
+    return replace(model, gravity=_times(factor, g), loads=tuple(loads))
+
+
+def _times(factor: float, a: tuple[float, float, float]) -> tuple[float, float, float]:
+    return (factor * a[0], factor * a[1], factor * a[2])
+
+
+class Loaded:
+    """A model whose loads are multiplied by a factor; its numbers are linear in it."""
+
+    def __init__(self, point: Point, spin: Spin = REST) -> None:
+        self.full, self.spin = point.system, spin
+        places = initial_places(point.model)
+        relaxed = point.system.relaxation > 0.0
+        self.empty = build_system(scaled_loads(point.model, 0.0), relaxed, places)
+
+    def at(self, factor: float) -> BalanceOf:
+        """Return the function that gives the residual under the loads times ``factor``."""
+        return lambda state: self.balance(state, factor)[0]
+
+    def balance(self, state: State, factor: float) -> tuple[Balance, np.ndarray]:
+        """Return the residual under the loads times ``factor``, and (n,) the loads [N]."""
+        full = balance(self.full, state, self.spin)
+        none = balance(self.empty, state, self.spin)
+        loads, lengths = full.found.force - none.found.force, full.found.length
+        K = none.found.by_place + factor * (full.found.by_place - none.found.by_place)
+        found = full.found._replace(
+            by_place=K.tocsr(),
+            force=none.found.force + factor * loads,
+            weight=abs(factor) * max(full.found.weight, float(np.abs(loads / lengths).max())),
+        )
+        now = weighed(found, state, full.violation)
+        return now, loads / lengths
+
+
+def under_loads(point: Point, spin: Spin = REST) -> Rest:
+    """Return the equilibrium under all loads that load steps lead to from the unloaded model, each
+    as large as Newton's method allows. ``converged`` says whether it was reached.
+    """
+    loaded = Loaded(point, spin)
+    state, reached, step = point.state._replace(force=np.zeros_like(point.state.force)), 0.0, 1.0
+    iterations = 0
+    while True:
+        factor = min(1.0, reached + step)
+        rest = newton(loaded.full, state, loaded.at(factor), MOST_IN_A_STEP)
+        iterations += rest.iterations
+        if not rest.converged:
+            step *= 0.5
+            if step < SMALLEST_LOAD_STEP:
+                return rest._replace(iterations=iterations)
+            continue
+        if factor == 1.0:
+            return rest._replace(iterations=iterations)
+        state, reached, step = rest.state, factor, 2.0 * step
+
+
+class Tangent(NamedTuple):
+    """Direction of the path, by its arc length."""
+
+    step: np.ndarray  # (n,) displacements, rotations times lengths [m]
+    multipliers: np.ndarray  # (c,)
+    factor: float
+    weight: float  # of squared displacements [1/m^2]
+
+    def along(self, step: np.ndarray, factor: float) -> float:
+        """Arc length of a change."""
+        return float(self.weight * (self.step @ step) + self.factor * factor)
+
+
+class Path:
+    """The path of equilibria of a model, from the unloaded one on."""
+
+    def __init__(self, point: Point) -> None:
+        self.loaded = Loaded(point)
+        unloaded = point.state._replace(force=np.zeros_like(point.state.force))
+        self.last = self._at_factor(unloaded, 0.0)
+
+    def to(self, end: float, wanted: Sequence[float] = ()) -> Iterator[PathPoint]:
+        """Yield the equilibria up to the load factor ``end``, also those at the factors ``wanted``.
+
+        Raises ``StartError`` where the path cannot be followed.
+        """
+        here, forward, length = self.last, float(np.sign(end - self.last.factor)), LONGEST / 4.0
+        yield here
+        tangent = self._tangent(here, None, forward) if forward else None
+        for _ in range(MOST_POINTS):
+            if tangent is None:
+                return
+            after, length = self._next(here, tangent, length)
+            following = self._tangent(after, tangent, forward)
+            if here.unstable != after.unstable:
+                yield self._critical(here, after, length, (tangent, following))
+            for factor in _between(here.factor, after.factor, (*wanted, end)):
+                self.last = self._at_factor(after.state, factor)
+                yield self.last
+                if factor == end:
+                    return
+            yield after
+            here, self.last, tangent = after, after, following
+            length = min(LONGEST, length * min(2.0, max(0.5, USUAL / max(after.iterations, 1))))
+        raise StartError(f"the load factor {end:.9g} is not reached in {MOST_POINTS} steps")
+
+    def _next(self, here: PathPoint, tangent: Tangent, length: float) -> tuple[PathPoint, float]:
+        """The next equilibrium, at the arc ``length`` or a shorter one, and this length."""
+        while length >= SHORTEST:
+            after = self._corrected(here, tangent, length)
+            if after is not None:
+                return after, length
+            length *= 0.25
+        raise StartError(
+            f"the equilibria cannot be followed beyond the load factor {here.factor:.9g}"
+        )
+
+    def _at_factor(self, state: State, factor: float) -> PathPoint:
+        """The equilibrium at a load ``factor`` nearest to a ``state``."""
+        rest = newton(self.loaded.full, state, self.loaded.at(factor))
+        if not rest.converged:
+            raise StartError(f"no equilibrium was found at the load factor {factor:.9g}")
+        return _path_point(factor, rest)
+
+    def _tangent(self, here: PathPoint, before: Tangent | None, forward: float) -> Tangent:
+        """The direction in which the path goes on; at the first point ``forward``."""
+        now, loads = self.loaded.balance(here.state, here.factor)
+        step, multipliers = solve(factorise(now), -loads, np.zeros(now.violation.size))
+        weight = 6.0 / (step.size * now.size**2)
+        if not np.abs(step).max(initial=0.0) <= FARTHEST * now.size:
+            raise StartError(
+                f"at the load factor {here.factor:.9g} the loads act in a direction in which "
+                "nothing resists them"
+            )
+        onwards = forward if before is None else np.sign(before.along(step, 1.0))
+        scale = float(onwards) / float(np.sqrt(weight * (step @ step) + 1.0))
+        return Tangent(scale * step, scale * multipliers, scale, weight)
+
+    def _corrected(self, here: PathPoint, tangent: Tangent, length: float) -> PathPoint | None:
+        """The equilibrium an arc ``length`` further on; None if the iteration does not find it."""
+        system, factor, search = self.loaded.full, here.factor, Search()
+        step, multipliers = length * tangent.step, length * tangent.multipliers
+        change, now = length * tangent.factor, self.loaded.balance(here.state, factor)[0]
+        state, best = here.state, factor
+        for _ in range(MOST_CORRECTIONS):
+            state, factor = stepped(system, state, now, step, multipliers), factor + change
+            now, loads = self.loaded.balance(state, factor)
+            ended = search.ends(state, now, step)
+            best = factor if search.state is state else best
+            if ended:
+                break
+            factors = factorise(now)
+            step, multipliers, change = _correction(factors, now, loads, tangent)
+            if shortened(now, step) < 1.0:
+                return None
+        return _path_point(best, search.result(state, now)) if search.converged else None
+
+    def _critical(
+        self, here: PathPoint, after: PathPoint, reach: float, tangents: tuple[Tangent, Tangent]
+    ) -> PathPoint:
+        """The limit point or bifurcation between two points of the path, an arc length ``reach``
+        apart, with their ``tangents``: where the eigenvalue that changes its sign is zero.
+        """
+        from scipy.optimize import brentq
+
+        index = min(here.unstable or 0, after.unstable or 0)
+        found = dict[float, PathPoint]()
+
+        def stiffness(length: float) -> float:
+            point = self._corrected(here, tangents[0], length) if length else here
+            found[length] = point or here
+            values = found[length].stiffness
+            assert values is not None
+            return float(values[index])
+
+        length = brentq(stiffness, 0.0, reach, xtol=REFINED)
+        stiffness(length)
+        kind = "limit point" if tangents[0].factor * tangents[1].factor < 0.0 else "bifurcation"
+        return found[length]._replace(kind=kind)
+
+
+def _correction(
+    factors: Factors, now: Balance, loads: np.ndarray, tangent: Tangent
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Newton's step at right angles to the ``tangent``: displacements (n,), multipliers (c,) and
+    the change of the load factor.
+    """
+    own, own_multipliers = solve(factors, -now.force, -now.violation)
+    by_load, by_load_multipliers = solve(factors, -loads, np.zeros(now.violation.size))
+    change = -tangent.along(own, 0.0) / tangent.along(by_load, 1.0)
+    return own + change * by_load, own_multipliers + change * by_load_multipliers, change
+
+
+def _path_point(factor: float, rest: Rest) -> PathPoint:
+    now, stiffness = rest.balance, None
+    if now.force.size + now.violation.size <= LARGEST_EIGENPROBLEM:
+        stiffness = symmetric_eigenvalues(now)[now.violation.size :]
+    return PathPoint(factor, rest.state, now.relative, rest.iterations, stiffness)
+
+
+def _between(first: float, last: float, wanted: Sequence[float]) -> list[float]:
+    """The ``wanted`` load factors beyond ``first`` and up to ``last``, in the order of the path."""
+    low, high = min(first, last), max(first, last)
+    inside = {factor for factor in wanted if low <= factor <= high and factor != first}
+    return sorted(inside, reverse=last < first)

@@ -1,0 +1,60 @@
+"""Equilibria in words."""
+
+import numpy as np
+
+from msahl.algebra.rotation import compose, to_axis_angle
+from msahl.algebra.rotation import inverse as opposite
+from msahl.algebra.vector import at
+from msahl.analysis.equilibria.equilibrium import Solution
+from msahl.analysis.equilibria.stability import stability
+from msahl.analysis.equilibria.tables import state_row
+from msahl.analysis.linearised.point import Point
+from msahl.analysis.modes.report import counted
+
+MOST_BODIES = 20
+"""Bodies whose places are printed; the table has all."""
+
+
+def lines(start: Point, found: list[Solution]) -> list[str]:
+    """Return a paragraph for each equilibrium."""
+    title = start.model.simulation.title or "model"
+    if len(found) != 1:
+        title += f": {len(found)} equilibria"
+    shown = [title]
+    for number, solution in enumerate(found, start=1):
+        point, balance = solution.place.point, solution.place.balance
+        head = f"equilibrium {number}: {stability(point)}"
+        flat = solution.flat
+        shown += [
+            "",
+            head,
+            f"  residual {balance.residual:.3g} N ({balance.relative:.1e} of the largest force), "
+            f"{counted(solution.iterations, 'iteration')} of {solution.method}"
+            + (f"; {counted(flat, 'direction')} without stiffness" if flat else ""),
+            *_places(start, point),
+        ]
+    return shown
+
+
+def _places(start: Point, point: Point) -> list[str]:
+    """Return lines with the reference points of bodies, and how far they moved from the start; of
+    each beam those of its last node.
+    """
+    states, first, model = state_row(point), state_row(start), point.model
+    nodes = {name for beam in model.beams for name in beam.nodes}
+    own = [b for b, body in enumerate(model.bodies) if body.name not in nodes]
+    ends = {beam.nodes[-1]: beam.name for beam in model.beams}
+    shown = []
+    for b in own[:MOST_BODIES] + [b for b, body in enumerate(model.bodies) if body.name in ends]:
+        row, before = states[12 * b : 12 * b + 3], first[12 * b : 12 * b + 3]
+        place = ", ".join(f"{x:.9g}" for x in row)
+        angle = to_axis_angle(compose(at(point.state.p, b), opposite(at(start.state.p, b))))[1]
+        moved = float(np.linalg.norm(row - before))
+        name = model.bodies[b].name
+        shown.append(
+            f"  {f'last node of {ends[name]}' if name in ends else name}: ({place}) m, moved "
+            f"{moved:.4g} m, rotated {np.degrees(angle):.4g} deg"
+        )
+    if len(own) > MOST_BODIES:
+        shown.append(f"  and {len(own) - MOST_BODIES} more bodies")
+    return shown

@@ -1,0 +1,233 @@
+"""Searches for equilibria: several methods, from one configuration or from many.
+
+    descent        follows the forces, down to a stable equilibrium           ``equilibrium``
+    Newton         the nearest one of any kind                                ``equilibrium``
+    multipliers    Newton's method on places and multipliers, sparse          ``static_newton``
+    continuation   gravity and loads grow from zero to their size             ``load_path``
+
+Small models are searched by the first two, others by the third; the rest come in where these fail.
+Of small models the last two end as Newton's method by the configuration alone.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from msahl.algebra.rotation import compose, to_axis_angle
+from msahl.algebra.rotation import inverse as opposite
+from msahl.algebra.vector import at
+from msahl.analysis.equilibria.equilibrium import (
+    BALANCED,
+    LARGEST_ROTATION,
+    Solution,
+    Where,
+    axis_point,
+    evaluated,
+    limited,
+    moved,
+    size_of,
+    solve,
+)
+from msahl.analysis.equilibria.load_path import Path, PathPoint, under_loads
+from msahl.analysis.equilibria.stability import is_stable
+from msahl.analysis.equilibria.static_newton import Spin, balance, newton, with_rates
+from msahl.analysis.linearised.coefficients import coefficients
+from msahl.analysis.linearised.point import Point, complete
+from msahl.analysis.linearised.projection import close, move
+from msahl.analysis.linearised.steady import residual_in
+from msahl.analysis.modes.solution import LARGEST_DENSE
+from msahl.elements.frames import first_multiplier
+from msahl.start.velocities import StartError, solve_at_rest
+from msahl.system.arrays import State, node_count
+
+MULTIPLIERS = "Newton's method with multipliers"
+CONTINUATION = "continuation of the loads"
+QUICK = 120
+"""Most coordinates (six a body) of a model that is searched by dense matrices first."""
+SAME = 1e-6
+"""Distance of two equilibria, over the size of the system, that are one."""
+
+Follow = Callable[[PathPoint], None]
+"""What is called at each equilibrium of a continuation."""
+
+
+def coordinate_count(point: Point) -> int:
+    """Number of coordinates, six a body."""
+    return 6 * len(point.model.bodies)
+
+
+def is_large(point: Point) -> bool:
+    """Return whether a model is too large for dense matrices."""
+    return coordinate_count(point) > LARGEST_DENSE
+
+
+def find(point: Point, spin: np.ndarray) -> Solution | None:
+    """Return the equilibrium to which a ``point`` leads, by the first method that finds one, of a
+    larger model a stable one if there is one; None if there is none.
+
+    Raises ``StartError`` if the joints do not let the model rotate with ``spin``.
+    """
+    axis_point(point, spin)
+    first = None
+    for solution in _reached(point, spin):
+        if coordinate_count(point) <= QUICK or is_stable(solution.place.point):
+            return solution
+        first = first or solution
+    return first
+
+
+def all_equilibria(point: Point, spin: np.ndarray, starts: int) -> list[Solution]:
+    """Return the different equilibria reached from the ``point`` by all methods, and from
+    ``starts`` - 1 other configurations, drawn at random; the one that the first leads to is first.
+    Raises ``StartError`` if the joints do not let the model rotate with ``spin``.
+    """
+    axis_point(point, spin)
+    rng, found = np.random.default_rng(0), list[Solution]()
+    for number in range(starts):
+        try:
+            begin = displaced(point, spin, rng) if number else point
+        except StartError:
+            continue
+        for solution in _reached(begin, spin):
+            if not any(_is_same(solution, other) for other in found):
+                found.append(solution)
+    return found
+
+
+def _reached(point: Point, spin: np.ndarray) -> Iterator[Solution]:
+    """Yield the equilibria that are reached from a ``point``, by one group of methods after the
+    other until one finds an equilibrium, of a larger model a stable one.
+    """
+    for group in _methods(point, spin):
+        enough = False
+        for method in group:
+            try:
+                solution = method()
+            except (StartError, np.linalg.LinAlgError):
+                continue
+            if solution.converged:
+                enough |= coordinate_count(point) <= QUICK or is_stable(solution.place.point)
+                yield solution
+        if enough:
+            return
+
+
+def _methods(point: Point, spin: np.ndarray) -> list[list[Callable[[], Solution]]]:
+    """The groups of methods by which a model is searched."""
+    dense = [lambda: solve(point, spin, True), lambda: solve(point, spin, False)]
+    sparse = [lambda: by_multipliers(point, spin)]
+    last = [lambda: by_continuation(point, spin)]
+    if point.model.beams:
+        return [last, sparse]
+    if is_large(point):
+        return [sparse, last]
+    return [sparse, dense, last] if coordinate_count(point) > QUICK else [dense, sparse, last]
+
+
+def by_multipliers(point: Point, spin: np.ndarray) -> Solution:
+    """Return where Newton's method on places and multipliers leads; raises ``StartError`` if it
+    does not converge.
+    """
+    steady = Spin(spin, axis_point(point, spin))
+    rest = newton(point.system, point.state, lambda now: balance(point.system, now, steady))
+    if not rest.converged:
+        raise StartError("Newton's method does not converge")
+    return _ended(point, rest.state, steady, rest.iterations, MULTIPLIERS)
+
+
+def by_continuation(point: Point, spin: np.ndarray, each: Follow | None = None) -> Solution:
+    """Return the equilibrium to which those under growing loads lead; raises ``StartError`` where
+    they end. ``each`` is called with the equilibria, at rest, and their load factors.
+    """
+    steady = Spin(spin, axis_point(point, spin))
+    if each is None:
+        rest = under_loads(point, steady)
+        if not rest.converged:
+            raise StartError("the loads cannot grow to their size")
+        return _ended(point, rest.state, steady, rest.iterations, CONTINUATION)
+    iterations, last = 0, None
+    for last in Path(point).to(1.0):
+        iterations += last.iterations
+        each(last)
+    assert last is not None  # the first one, or a StartError
+    return _ended(point, last.state, steady, iterations, CONTINUATION)
+
+
+def _ended(point: Point, state: State, spin: Spin, iterations: int, method: str) -> Solution:
+    """The equilibrium at a ``state`` with its joints closed, of a small model improved to the last
+    digits.
+    """
+    state = close(point.system, with_rates(state, spin), point.unknowns)
+    there = complete(point.model, point.system, state, point.unknowns)
+    if coordinate_count(point) <= QUICK:
+        solution = solve(there, spin.rate, stable=False)
+        return solution._replace(iterations=iterations + solution.iterations, method=method)
+    found = coefficients(there.system, there.state)
+    left = residual_in(found, spin.rate)
+    converged = left.relative <= BALANCED and not found.state_rate.any()
+    return Solution(Where(there, left), iterations, converged, None, method)
+
+
+def displaced(point: Point, spin: np.ndarray, rng: np.random.Generator) -> Point:
+    """A configuration that is reached by random motions of up to half a revolution."""
+    if is_large(point):
+        return _displaced_large(point, rng)
+    centre = axis_point(point, spin)
+    parts = int(rng.integers(2, 9))
+    weight = None
+    for _ in range(parts):
+        place = evaluated(point, spin, centre)
+        d = place.linear.degrees_of_freedom
+        if weight is None or weight.size != d:
+            weight = rng.normal(size=d)
+        step = np.zeros(place.jacobian.shape[1])
+        step[:d] = 1e6 * weight
+        point = moved(place, limited(place, step))
+    return point
+
+
+def _displaced_large(point: Point, rng: np.random.Generator) -> Point:
+    """Likewise of a model too large for dense matrices, by one random motion of its bodies that
+    the joints leave.
+    """
+    system, frames = point.system, point.system.frames
+    first = first_multiplier(frames)
+    rows = np.zeros((node_count(system), 3))
+    rows[:first] = rng.normal(size=(first, 3))
+    for _ in range(int(rng.integers(2, 9))):
+        step = solve_at_rest(system, point.state, rows, point.unknowns)
+        step[frames.rotation] /= frames.length[:, None]
+        largest = max(
+            float(np.abs(step[frames.rotation]).max()),
+            float(np.abs(step[frames.displacement]).max()) / size_of(point),
+        )
+        state = move(system, point.state, LARGEST_ROTATION / largest * step)
+        point = replace(point, state=close(system, state, point.unknowns))
+    return point
+
+
+def _is_same(one: Solution, other: Solution) -> bool:
+    """Return whether two equilibria are one configuration or, if they have directions without
+    stiffness, of one family: with equal heights of all mass centres and distances between them.
+    """
+    a, b = one.place.point, other.place.point
+    size = SAME * size_of(a)
+    if one.flat != 0 or other.flat != 0:
+        return bool(one.flat == other.flat and np.abs(_figures(a) - _figures(b)).max() <= size)
+    lengths = a.system.frames.length[:-1]
+    apart = float(np.abs(a.state.x - b.state.x).max(initial=0.0))
+    for f in range(len(lengths)):
+        angle = to_axis_angle(compose(at(a.state.p, f), opposite(at(b.state.p, f))))[1]
+        apart = max(apart, float(lengths[f]) * angle)
+    return apart <= size
+
+
+def _figures(point: Point) -> np.ndarray:
+    """Heights of mass centres along gravity, and distances between neighbours and from the first
+    [m].
+    """
+    x, g = point.state.x[:-1], np.array(point.model.gravity)
+    down = g / np.linalg.norm(g) if g.any() else np.zeros(3)
+    parts = [x @ down, np.linalg.norm(x - x[:1], axis=1)]
+    return np.concatenate([*parts, np.linalg.norm(np.diff(x, axis=0), axis=1)])

@@ -1,0 +1,1 @@
+"""Derivatives of a run by numbers of its deck."""

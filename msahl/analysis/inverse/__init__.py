@@ -1,0 +1,1 @@
+"""Inverse dynamics: the loads of drives that produce a given motion."""

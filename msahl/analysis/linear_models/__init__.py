@@ -1,0 +1,1 @@
+"""Linear models with named inputs, outputs and states."""

@@ -1,0 +1,1 @@
+"""The equations of motion linearised at one configuration; their reduction to minimal states."""

@@ -1,0 +1,140 @@
+"""A model at one configuration: at t = 0, or after a run to some time.
+
+Positions and velocities are made consistent as for a run; accelerations and multipliers follow.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from msahl.analysis.linearised.projection import close
+from msahl.elements import reactions, signals
+from msahl.elements.constraints import scalar
+from msahl.elements.frames import moving_count
+from msahl.elements.reactions import MOST_ROUNDS
+from msahl.elements.rigid_body import read_states
+from msahl.jit.by_size import by_size
+from msahl.model import Model, Options
+from msahl.model.settings import OFF
+from msahl.run.loop import Hooks, run
+from msahl.run.tables import SIGNALS, STATES, MemorySink
+from msahl.start.positions import assemble
+from msahl.start.velocities import StartError, make_consistent, solve_accelerations
+from msahl.system import evaluate
+from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace
+from msahl.system.build import build_system
+from msahl.system.names import signal_columns
+from msahl.system.node_order import node_order
+from msahl.system.reductions import all_unknowns
+from msahl.system.state import build_state
+from msahl.system.unknowns import Unknowns, choose
+
+
+@dataclass(frozen=True)
+class Point:
+    """A system in a consistent state with its accelerations and multipliers."""
+
+    model: Model
+    system: System
+    state: State
+    unknowns: Unknowns
+
+    @property
+    def time(self) -> float:
+        """The time of the state [s]."""
+        return float(self.state.time[0])
+
+
+def at_start(model: Model) -> Point:
+    """Return the model at t = 0; raises ``StartError`` if there is no consistent state."""
+    system = build_system(model)
+    state = build_state(model, system)
+    if model.position == "project":
+        assemble(system, state)
+    _begin_angles(system, state)
+    unknowns = choose(system, all_unknowns(system), node_order(system))
+    make_consistent(system, state, unknowns.free, model.velocity)
+    return complete(model, system, state, unknowns)
+
+
+def complete(model: Model, system: System, state: State, unknowns: Unknowns | None = None) -> Point:
+    """Return the point of a consistent ``state``, with its accelerations and multipliers."""
+    unknowns = unknowns or choose(system, all_unknowns(system), node_order(system))
+    settle(system, state, unknowns)
+    return Point(model, system, state, unknowns)
+
+
+def settle(system: System, state: State, unknowns: Unknowns) -> None:
+    """Set accelerations, multipliers and reactions, until the reactions that expressions depend on
+    are those that follow.
+    """
+    group = system.forces.signals
+    for _ in range(MOST_ROUNDS if group is not None and signals.use_reactions(group) else 1):
+        last = state.reaction.copy()
+        solve_accelerations(system, state, unknowns)
+        if reactions.is_unchanged(state.reaction, last):
+            break
+
+
+def at_time(model: Model, time: float) -> Point:
+    """Return the model after a run to the ``time`` [s]; raises ``StartError`` if it does not get
+    there.
+    """
+    if time == 0.0:
+        return at_start(model)
+    changed = replace(model, simulation=replace(model.simulation, t_final=time))
+    sink = MemorySink((STATES, SIGNALS))
+    report = run(changed, Options(error=OFF), sink, Hooks(), checked=True)
+    rows, signal_rows = sink.table(STATES), sink.table(SIGNALS)
+    if not len(rows) or not np.isclose(rows[-1, 0], time, rtol=1e-9):
+        raise StartError(
+            f"the run did not reach {time:.9g} s: {report.message or report.status}; choose an "
+            "earlier time"
+        )
+    system = build_system(model)
+    state = build_state(model, system)
+    _follow(system, state, rows)
+    if state.auxiliary.size:
+        columns = signal_columns(model)
+        states = [columns.index(s.name) for s in model.signals if hasattr(s, "initial")]
+        state.auxiliary[:] = signal_rows[-1, states]
+    unknowns = choose(system, all_unknowns(system), node_order(system))
+    # Schemes of order 2 satisfy constraints between places; those between rates to their order.
+    state = close(system, state, unknowns)
+    make_consistent(system, state, unknowns.free, "massWeighted")
+    return complete(model, system, state, unknowns)
+
+
+def _follow(system: System, state: State, states: np.ndarray) -> None:
+    """Set ``state`` to the last row of a table of states, (m, ...) with the time, and count angles;
+    from one output time to the next they change by the mean of their rates, to less than half a
+    revolution.
+    """
+    table = np.ascontiguousarray(states[:, 1:])
+    _begin_angles(system, state)
+    last = None
+    for row, time in enumerate(states[:, 0].tolist()):
+        read_states(system.bodies, table, row, state.x, state.p, state.v, state.w)
+        state.time[0], before = time, float(state.time[0])
+        if system.scalar is None:
+            continue
+        start = _prepared(system, state)
+        value, rate = np.zeros((2, state.angle.size))
+        scalar.values(system.scalar, start.scalar, start.frames, value, rate)
+        if last is not None:
+            state.angle[:] += 0.5 * (time - before) * (last + rate)
+        scalar.count_rotations(system.scalar, start.scalar, state.angle)
+        last = rate
+
+
+def _prepared(system: System, state: State) -> SystemWorkspace:
+    start = new_system_workspace(system, state)
+    by_size(evaluate.prepare, moving_count(system.frames))(system, state, start)
+    return start
+
+
+def _begin_angles(system: System, state: State) -> None:
+    """Set the counted angles that begin with their own value."""
+    if system.forces.signals is not None and system.scalar is not None:
+        start = _prepared(system, state)
+        signals.begin_angles(system.forces.signals, system.scalar, start.scalar, state.angle)

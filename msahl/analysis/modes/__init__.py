@@ -1,0 +1,1 @@
+"""Eigenvalues and modes at one configuration and over a parameter."""

@@ -1,0 +1,87 @@
+"""Modes in words and numbers: the lines that a command prints."""
+
+import numpy as np
+
+from msahl.analysis.linearised.point import Point
+from msahl.analysis.modes.solution import SHAPE_COLUMNS, Modes
+from msahl.model import SignalState
+
+PARTS = 3
+"""Largest parts of a shape that are named."""
+SMALL_PART = 0.05
+"""Part of a shape, relative to the largest, below which it is not named."""
+MOST_LINES = 40
+"""Modes that are printed; the table has all."""
+
+
+def report(point: Point, found: Modes, most: int = MOST_LINES) -> list[str]:
+    """Return what was found, a line for each mode."""
+    lines = [*_head(point, found), ""]
+    if found.zeros:
+        lines.append(
+            f"{counted(found.zeros, 'eigenvalue')} zero, with "
+            f"{counted(found.rigid, 'independent shape')} (rigid-body modes, counted by rank)"
+        )
+    if found.zeros == found.value.size:
+        return lines if found.zeros else [*lines, "nothing can move"]
+    lines.append(
+        f"{'mode':>4} {'frequency [Hz]':>15} {'damping':>9} {'eigenvalue [1/s]':>31} "
+        f"{'error':>8}  largest parts"
+    )
+    shown = range(found.zeros, found.value.size)
+    lines += [_line(point, found, m) for m in shown[:most]]
+    if len(shown) > most:
+        lines.append(f"and {len(shown) - most} more")
+    unstable = int(np.count_nonzero(found.value.real > np.maximum(found.error, 1e-9)))
+    if unstable:
+        lines.append(f"unstable: {counted(unstable, 'mode')} with a positive real part")
+    return lines
+
+
+def _head(point: Point, found: Modes) -> list[str]:
+    """Return what is linearised, and how far it is from an equilibrium."""
+    state = found.equilibrium
+    kind = "equilibrium" if state.at_rest else "steady motion"
+    kind = kind if state.holds else "no equilibrium"
+    lines = [
+        f"{point.model.simulation.title or 'model'} at t = {point.time:.9g} s: {kind}, residual "
+        f"{state.residual:.3g} N ({state.relative:.1e} of the largest force)",
+        f"{counted(found.degrees_of_freedom, 'degree', 'degrees')} of freedom, "
+        f"{counted(found.redundant, 'redundant constraint equation')}",
+    ]
+    if np.any(state.axes):
+        axes = ", ".join(f"{w:.9g}" for w in state.axes)
+        lines.append(f"seen in axes that rotate with ({axes}) rad/s")
+    return lines
+
+
+def _line(point: Point, found: Modes, m: int) -> str:
+    value, ratio = complex(found.value[m]), found.damping[m]
+    if value.imag and abs(value.real) <= found.error[m]:
+        value, ratio = complex(0.0, value.imag), 0.0  # not known to be another
+    number = f"{value.real:.9g}" + (f" +- {value.imag:.9g} i" if value.imag else "")
+    return (
+        f"{m + 1:>4} {found.frequency[m]:>15.9g} {ratio:>9.5f} {number:>31} "
+        f"{found.error[m]:>8.1e}  {largest_parts(point, found, m)}"
+    )
+
+
+def largest_parts(point: Point, found: Modes, m: int) -> str:
+    """Return the largest parts of a shape by name, with their size relative to the largest."""
+    lengths = point.system.frames.length[point.system.bodies.frame]
+    weight = np.repeat([[1.0, 1.0, 1.0, 0.0, 0.0, 0.0]], len(lengths), axis=0)
+    weight[:, 3:] = lengths[:, None]
+    sizes = np.abs(found.shape[m] * weight).reshape(-1)
+    names = [f"{body.name}.{c}" for body in point.model.bodies for c in SHAPE_COLUMNS]
+    if not sizes.max(initial=0.0) > 0.0:
+        sizes = np.abs(found.states[m])
+        names = [s.name for s in point.model.signals if isinstance(s, SignalState)]
+    largest = float(sizes.max(initial=0.0)) or 1.0
+    order = np.argsort(-sizes, kind="stable")[:PARTS]
+    named = [(names[k], sizes[k] / largest) for k in order if sizes[k] > SMALL_PART * largest]
+    return ", ".join(f"{name} {size:.2f}" for name, size in named)
+
+
+def counted(n: int, word: str, several: str = "") -> str:
+    """Return a number with its noun, in the plural if there is need."""
+    return f"{n} {word if n == 1 else several or word + 's'}"

@@ -1,0 +1,150 @@
+"""Sparse matrices give the eigenvalues that dense ones give, and those known in closed form."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from msahl.analysis.linearised.coefficients import coefficients
+from msahl.analysis.linearised.point import at_start, at_time
+from msahl.analysis.modes.solution import DENSE, SPARSE, modes
+from msahl.analysis.modes.sparse_eigenvalues import pencil
+from msahl.model import Joint, SpringDamper
+from tests.analysis.modes.test_modes import (
+    chain_frequencies,
+    free_bodies_at_rest,
+    hanging,
+)
+from tests.support.models import build_model, deck, random_vector, tensor
+
+
+def agree(point, tolerance=1e-9, **wanted):
+    """Dense and sparse eigenvalues of the same modes."""
+    dense, sparse = (modes(point, method=name, **wanted) for name in (DENSE, SPARSE))
+    assert sparse.degrees_of_freedom == dense.degrees_of_freedom
+    assert sparse.redundant == dense.redundant
+    compared = min(len(dense.value), len(sparse.value))
+    assert compared > 0
+    for value, error in zip(sparse.value, sparse.error, strict=True):
+        distance = np.abs(dense.value - value)
+        nearest = int(np.argmin(distance))
+        allowed = max(tolerance * abs(value), dense.error[nearest] + error)
+        assert distance[nearest] <= allowed
+    return dense, sparse
+
+
+def damped_chain(n=40):
+    """Hanging rods with dampers and springs from rod to rod, not symmetric about the vertical."""
+    model = hanging(n)
+    springs = [
+        SpringDamper(
+            name=f"S{k}",
+            parent=f"R{k}",
+            child=f"R{k + 2}",
+            parent_point=(0.2, 0.0, 0.0),
+            child_point=(0.1, 0.0, 0.1),
+            stiffness=3.0,
+            damping=0.4,
+            free_length=None,
+        )
+        for k in range(0, n - 2, 3)
+    ]
+    return replace(model, loads=tuple(springs))
+
+
+def spinning_chain(n=30):
+    """Symmetric rotors on ball joints, one below the other, which spin about the vertical."""
+    model = hanging(n)
+    bodies = [
+        replace(b, inertia=tensor(np.diag([0.1, 0.1, 0.05])), angular_velocity=(0.0, 0.0, 8.0))
+        for b in model.bodies
+    ]
+    joints = [replace(joint, kind="universal") for joint in model.joints]
+    balls = [
+        Joint(j.name, "spherical", j.parent, j.child, j.parent_point, j.child_point) for j in joints
+    ]
+    return replace(model, bodies=tuple(bodies), joints=tuple(balls))
+
+
+def test_sparse_and_dense_agree_with_damping():
+    dense, sparse = agree(at_start(damped_chain()), number=4)
+    assert len(sparse.value) == 4
+    assert np.abs(np.sort(np.abs(sparse.value)) - np.abs(dense.value)).max() <= 1e-9
+    assert sparse.damping.min() > 0.0
+
+
+def test_sparse_and_dense_agree_with_gyroscopic_terms():
+    point = at_start(spinning_chain())
+    found = agree(point, number=4, frequency=1.0)[1]
+    assert found.equilibrium.holds
+    # Each rotor may spin faster: as many zeros with one eigenvector for two of them.
+    dense, sparse = agree(point, number=4)
+    assert (sparse.zeros, sparse.rigid) == (dense.zeros, dense.rigid) == (60, 30)
+    assert np.abs(sparse.value[60:] - dense.value[60:]).max() <= 1e-12
+
+
+def test_redundant_equations_are_removed_from_sparse_matrices():
+    model = hanging(30)
+    first = model.joints[2]
+    second = replace(
+        first, name="Again", parent_point=(0.0, 0.7, 0.5), child_point=(0.0, 0.7, -0.5)
+    )
+    found = agree(at_start(replace(model, joints=(*model.joints, second))), 1e-11, number=2)
+    assert found[1].redundant == 5
+    exact = chain_frequencies(30)[:2] * np.sqrt(9.81)
+    assert np.abs(found[1].value.imag - exact).max() <= 1e-12
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.1, 3.0])
+def test_zeros_of_a_large_model_are_counted(damping):
+    # Twelve bodies on springs between neighbours in a row, which nothing holds.
+    rng = np.random.default_rng(5)
+    bodies = [replace(free_bodies_at_rest().bodies[0], name=f"B{k}") for k in range(12)]
+    springs = [
+        SpringDamper(
+            name=f"S{k}{i}",
+            parent=f"B{k}",
+            child=f"B{k + 1}",
+            parent_point=random_vector(rng),
+            child_point=random_vector(rng),
+            stiffness=3.0 + i,
+            damping=damping,
+            free_length=None,
+        )
+        for k in range(11)
+        for i in range(7)
+    ]
+    point = at_start(build_model(bodies, loads=springs))
+    dense, sparse = agree(point, number=3)
+    assert (sparse.zeros, sparse.rigid) == (dense.zeros, dense.rigid) == (12, 6)
+    others = sparse.value[12:]
+    assert np.abs(others - dense.value[12 : 12 + len(others)]).max() <= 1e-12
+    # Shapes of zeros are motions without force: springs keep their lengths.
+    found = coefficients(point.system, point.state)
+    moved = sparse.shape[: sparse.rigid].reshape(sparse.rigid, -1).real
+    assert np.abs(found.by_place @ moved.T).max() <= 1e-10 * abs(found.by_place).max()
+
+
+def test_long_chain_has_its_lowest_modes():
+    n = 300
+    found = modes(at_start(hanging(n)))
+    exact = chain_frequencies(n)[:10] * np.sqrt(9.81)
+    assert len(found.value) == 10
+    assert np.abs(found.value.imag - exact).max() <= 1e-11 * exact[0]
+    assert np.all(np.abs(found.value.imag - exact) <= found.error + 1e-11 * exact)
+    assert found.equilibrium.holds
+
+
+def test_upside_down_chain_grows():
+    model = replace(hanging(40), gravity=(0.0, 0.0, -9.81))
+    _, sparse = agree(at_start(model), 1e-12, number=4)
+    assert np.count_nonzero(sparse.value.real > 0.0) == 2
+
+
+def test_pencil_is_made_of_the_mass_normalised_coefficients():
+    point = at_time(deck("triple_pendulum_45"), 0.1)
+    found = coefficients(point.system, point.state)
+    of = pencil(found, np.zeros(3))
+    back = of.back.toarray()
+    assert np.abs(back.T @ found.mass.toarray() @ back - np.eye(of.coordinates)).max() <= 1e-14
+    assert of.E.sum() == 2 * of.coordinates
