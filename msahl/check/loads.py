@@ -60,14 +60,14 @@ def compliance_findings(spring: SpringDamper | JointSpring) -> Iterator[Finding]
         return
     if spring.table is not None:
         message = (
-            'form="compliance" is for a linear spring, and <table> is not one; give a <stiffness>, or '
-            "delete form"
+            'form="compliance" is for a linear spring, and <table> is not one; give a <stiffness>, '
+            "or delete form"
         )
         yield Finding("table", message)
     elif not spring.stiffness > 0.0:
         message = (
-            f'it is {spring.stiffness:g}, and form="compliance" needs its inverse; give a stiffness '
-            "greater than zero, or delete form"
+            f'it is {spring.stiffness:g}, and form="compliance" needs its inverse; give a '
+            "stiffness greater than zero, or delete form"
         )
         yield Finding("stiffness", message)
 

@@ -49,8 +49,8 @@ class SpringDamper:
 @dataclass(frozen=True, slots=True)
 class JointSpring:
     """Spring-damper along the ``coordinate`` of ``joint``: units of N, m or N m, rad. The spring is
-    unloaded at ``free``, counted from t = 0. With ``compliance`` its load is an unknown of each step.
-    """
+    unloaded at ``free``, counted from t = 0. With ``compliance`` its load is an unknown of
+    each step."""
 
     name: str
     joint: str

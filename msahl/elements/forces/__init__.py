@@ -19,7 +19,8 @@ decaying scheme, more.
 
 In a system without coordinates ``scalar`` is None, and the kernels compiled for it hold no code of
 springs and friction; likewise ``compliance`` in a system without springs in the compliance form,
-``signals`` and ``actuator`` in a system without expressions of the motion. Signals are evaluated before the forces that depend on them.
+``signals`` and ``actuator`` in a system without expressions of the motion. Signals are evaluated
+before the forces that depend on them.
 """
 
 from collections.abc import Iterator
@@ -172,8 +173,8 @@ def add_forces(
     F: np.ndarray,
 ) -> None:
     """Add all forces at one configuration by mass to the rows ``F`` (nodes, 3) [m/s^2], after
-    ``scalar.rates``, and ``set_compliant_loads`` or ``set_stage_loads``; ``reaction`` (j, 6) are the
-    joints' reactions.
+    ``scalar.rates``, and ``set_compliant_loads`` or ``set_stage_loads``; ``reaction`` (j, 6) are
+    the joints' reactions.
     """
     _evaluate_signals(forces.signals, start, scalar)
     if scalar is not None:
@@ -199,8 +200,8 @@ def add_derivatives(
     reaction: np.ndarray,
     out: Derivatives,
 ) -> None:
-    """Add the derivatives of ``add_forces`` at the loads of springs in the compliance form, after it
-    and after ``scalar.differentiate``.
+    """Add the derivatives of ``add_forces`` at the loads of springs in the compliance form, after
+    it and after ``scalar.differentiate``.
     """
     motion = start.motion
     concentrated.add_derivatives(forces.concentrated, start.concentrated, frames, out.by_place)
@@ -277,8 +278,8 @@ def add_compliant_derivatives(
 
 @kernel
 def isolate_multipliers(forces: Forces, values: np.ndarray) -> None:
-    """Set the derivatives in the block ``values`` by which the unknowns of springs in the compliance
-    form stand alone at one configuration; a step replaces them.
+    """Set the derivatives in the block ``values`` by which the unknowns of springs in the
+    compliance form stand alone at one configuration; a step replaces them.
     """
     compliance.isolate_multipliers(forces.compliance, values)
 

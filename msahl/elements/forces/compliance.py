@@ -16,13 +16,13 @@ number multiplies the round-off of positions, and Newton's method converges as i
 constraint. The elongation is carried on by its changes, like a violation; its round-off is that of
 the motion over the steps, not that of positions.
 
-In collocation steps the equation holds at the nodes c_i, where lam acts as all forces do. At one
-configuration the load follows from places and rates, so accelerations, equilibria and linear models
-have it as a force; there the unknown stands alone, in an equation with the factor one.
+In collocation steps the law is an equation at each node c_i, where lam acts as all forces do. At
+one configuration the load follows from places and rates, so accelerations, equilibria and linear
+models have it as a force; there the unknown stands alone, in an equation with the factor one.
 
 An equation is divided by 1 + c/dt2, c = mass/k, and by more with damping, as those of elastic
-strains are (``beams.midpoint``): the equation of a stiff spring is that of a constraint, and that of
-a soft one determines its load. Multipliers are scaled as in ``constraints.equations``.
+strains are (``beams.midpoint``): a stiff spring has the equation of a constraint, and that of a
+soft one determines its load. Multipliers are scaled as in ``constraints.equations``.
 """
 
 from typing import NamedTuple
@@ -146,9 +146,7 @@ def add_derivatives(
 ) -> None:
     """Add the derivatives of the loads by places and rates, of ``set_loads``, by mass."""
     for j in range(group.spring.size):
-        spring.add_derivative(
-            springs, laws, group.spring[j], coords, start, frames, motion, out
-        )
+        spring.add_derivative(springs, laws, group.spring[j], coords, start, frames, motion, out)
 
 
 @optional()
