@@ -66,8 +66,8 @@ def compliance_findings(spring: SpringDamper | JointSpring) -> Iterator[Finding]
         yield Finding("table", message)
     elif not spring.stiffness > 0.0:
         message = (
-            f'it is {spring.stiffness:g}, and form="compliance" needs its inverse; give a '
-            "stiffness greater than zero, or delete form"
+            f'form="compliance" needs the inverse of the stiffness, which is '
+            f"{spring.stiffness:g}; give one greater than zero, or delete form"
         )
         yield Finding("stiffness", message)
 
