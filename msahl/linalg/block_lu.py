@@ -15,8 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from msahl.algebra import vector
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import kernel, optional
+from msahl.linalg import supernodal_lu
 from msahl.system.ordering import Elimination
+from msahl.system.supernodes import Supernodes
 
 Kernel = Callable[..., Any]
 Row = tuple[float, ...]
@@ -233,6 +235,23 @@ def factor(
     """Factor the blocks ``values`` (q, s, s) into ``W`` (entries, s, s), those of ``lu.place`` from
     ``source``; all blocks are transposed, ``pivot_rows`` (s,) is a work array.
     """
+    if not _factor_by_supernodes(lu.supernodes, source, values, W):
+        _factor(lu, source, values, W, pivot_rows)
+
+
+@optional(False)
+def _factor_by_supernodes(
+    nodes: Supernodes, source: np.ndarray, values: np.ndarray, W: np.ndarray
+) -> bool:
+    supernodal_lu.fill_blocks(nodes, source, values, W)
+    supernodal_lu.factor(nodes, values.shape[1], W)
+    return True
+
+
+@kernel
+def _factor(
+    lu: Elimination, source: np.ndarray, values: np.ndarray, W: np.ndarray, pivot_rows: np.ndarray
+) -> None:
     s = values.shape[1]
     if s == 1:
         _factor_1(lu, source, values, W, pivot_rows)
@@ -249,6 +268,26 @@ def factor(
 @kernel
 def solve(lu: Elimination, W: np.ndarray, y: np.ndarray) -> None:
     """Replace the right-hand side ``y`` (f, s), in the order of elimination, by the solution."""
+    if not _solve_by_supernodes(lu.supernodes, W, y):
+        _solve(lu, W, y)
+
+
+@optional(False)
+def _solve_by_supernodes(nodes: Supernodes, W: np.ndarray, y: np.ndarray) -> bool:
+    d = y.shape[1]
+    first = supernodal_lu.first_unknown(nodes, d)
+    for k in range(y.shape[0]):
+        for i in range(d):
+            W[first + k * d + i] = y[k, i]
+    supernodal_lu.solve(nodes, d, W)
+    for k in range(y.shape[0]):
+        for i in range(d):
+            y[k, i] = W[first + k * d + i]
+    return True
+
+
+@kernel
+def _solve(lu: Elimination, W: np.ndarray, y: np.ndarray) -> None:
     s = y.shape[1]
     if s == 1:
         _solve_1(lu, W, y)

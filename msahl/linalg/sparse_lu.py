@@ -10,13 +10,30 @@ import math
 
 import numpy as np
 
-from msahl.jit.kernel import kernel, unit
+from msahl.jit.kernel import kernel, optional, unit
+from msahl.linalg import supernodal_lu
 from msahl.system.ordering import Elimination
+from msahl.system.supernodes import Supernodes
 
 
 @unit
 def factor(lu: Elimination, values: np.ndarray, W: np.ndarray) -> None:
     """Factor the block ``values`` into ``W``; a zero pivot leaves infinities there."""
+    if not _factor_by_supernodes(lu.supernodes, lu, values, W):
+        _factor(lu, values, W)
+
+
+@optional(False)
+def _factor_by_supernodes(
+    nodes: Supernodes, lu: Elimination, values: np.ndarray, W: np.ndarray
+) -> bool:
+    supernodal_lu.fill_values(nodes, lu.source, values, W)
+    supernodal_lu.factor(nodes, 1, W)
+    return True
+
+
+@kernel
+def _factor(lu: Elimination, values: np.ndarray, W: np.ndarray) -> None:
     for e in range(W.size):
         W[e] = 0.0
     for e in range(lu.source.size):
@@ -50,6 +67,23 @@ def pivot_ratio(lu: Elimination, W: np.ndarray) -> float:
 @unit
 def solve(lu: Elimination, W: np.ndarray, y: np.ndarray) -> None:
     """Replace the right-hand side ``y`` (f,), in the order of elimination, by the solution."""
+    if not _solve_by_supernodes(lu.supernodes, W, y):
+        _solve(lu, W, y)
+
+
+@optional(False)
+def _solve_by_supernodes(nodes: Supernodes, W: np.ndarray, y: np.ndarray) -> bool:
+    first = supernodal_lu.first_unknown(nodes, 1)
+    for k in range(y.size):
+        W[first + k] = y[k]
+    supernodal_lu.solve(nodes, 1, W)
+    for k in range(y.size):
+        y[k] = W[first + k]
+    return True
+
+
+@kernel
+def _solve(lu: Elimination, W: np.ndarray, y: np.ndarray) -> None:
     n = lu.order.size
     for k in range(n):
         y_k = y[k]

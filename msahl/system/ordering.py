@@ -15,6 +15,7 @@ import numpy as np
 
 from msahl.system.arrays import System, node_count
 from msahl.system.node_order import node_order
+from msahl.system.supernodes import Supernodes, array_size, multiplications, supernodes
 from msahl.system.symbolic import Filled, fill, grouped, targets
 
 
@@ -29,6 +30,7 @@ class Elimination(NamedTuple):
     target: np.ndarray  # (operations,) places in the factor, in 32 bits: it is the longest by far
     source: np.ndarray  # (q,) places in the block values ...
     place: np.ndarray  # (q,) ... and where they go in the factor
+    supernodes: Supernodes | None  # of a system with beams; then there are no targets and places
 
 
 class _Entries(NamedTuple):
@@ -49,7 +51,43 @@ def eliminate(system: System, free: np.ndarray, nodes: np.ndarray | None = None)
     flat = (3 * nodes[:, None] + np.arange(3)).reshape(-1)
     order = flat[position[flat] == 0]
     position[order] = np.arange(order.size)
-    return _program(order, _scalar_entries(system, position))
+    entries = _scalar_entries(system, position)
+    if system.beams is not None:
+        return _by_supernodes(order, entries, supernodes(system, order, *entries[:2]))
+    return _program(order, entries)
+
+
+def _by_supernodes(order: np.ndarray, entries: _Entries, nodes: Supernodes) -> Elimination:
+    """Return the elimination by ``nodes``, which have most of what it needs."""
+    none = np.zeros(0, dtype=np.int64)
+    s, r = np.diff(nodes.first), np.diff(nodes.rest)
+    width, within = np.repeat(s + r, s), np.arange(order.size) - np.repeat(nodes.first[:-1], s)
+    pivots = np.repeat(nodes.start[:-1], s) + within * (width + 1)
+    return Elimination(
+        order=order,
+        base=np.append(pivots, array_size(nodes, 1)),
+        lower=none,
+        upper=none,
+        other=none,
+        target=np.zeros(0, dtype=np.uint32),
+        source=entries.source,
+        place=none,
+        supernodes=nodes,
+    )
+
+
+def new_factor(lu: Elimination, degree: int | None = None) -> np.ndarray:
+    """Return an array for the factors of a Jacobian, or for those of collocation steps of a
+    ``degree``.
+    """
+    if lu.supernodes is not None:
+        return np.zeros(array_size(lu.supernodes, degree or 1))
+    return np.zeros(int(lu.base[-1]) if degree is None else (int(lu.base[-1]), degree, degree))
+
+
+def products(lu: Elimination) -> int:
+    """Return the multiplications of a factorisation."""
+    return lu.target.size if lu.supernodes is None else multiplications(lu.supernodes)
 
 
 def _scalar_entries(system: System, position: np.ndarray) -> _Entries:
@@ -82,6 +120,7 @@ def _program(order: np.ndarray, entries: _Entries) -> Elimination:
         target=target,
         source=entries.source,
         place=place,
+        supernodes=None,
     )
 
 
