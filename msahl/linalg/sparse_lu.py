@@ -19,21 +19,22 @@ from msahl.system.supernodes import Supernodes
 @unit
 def factor(lu: Elimination, values: np.ndarray, W: np.ndarray) -> None:
     """Factor the block ``values`` into ``W``; a zero pivot leaves infinities there."""
-    if not _factor_by_supernodes(lu.supernodes, lu, values, W):
-        _factor(lu, values, W)
+    _factor_by_pivots(lu.target, lu, values, W)
+    _factor_by_supernodes(lu.supernodes, lu, values, W)
 
 
-@optional(False)
+@optional()
 def _factor_by_supernodes(
     nodes: Supernodes, lu: Elimination, values: np.ndarray, W: np.ndarray
-) -> bool:
+) -> None:
     supernodal_lu.fill_values(nodes, lu.source, values, W)
     supernodal_lu.factor(nodes, 1, W)
-    return True
 
 
-@kernel
-def _factor(lu: Elimination, values: np.ndarray, W: np.ndarray) -> None:
+@optional()
+def _factor_by_pivots(
+    target: np.ndarray, lu: Elimination, values: np.ndarray, W: np.ndarray
+) -> None:
     for e in range(W.size):
         W[e] = 0.0
     for e in range(lu.source.size):
@@ -48,7 +49,7 @@ def _factor(lu: Elimination, values: np.ndarray, W: np.ndarray) -> None:
             W[left] *= inverse
             multiple = W[left]
             for right in range(first_upper, lu.base[k + 1]):
-                W[lu.target[operation]] -= multiple * W[right]
+                W[target[operation]] -= multiple * W[right]
                 operation += 1
 
 
@@ -67,30 +68,29 @@ def pivot_ratio(lu: Elimination, W: np.ndarray) -> float:
 @unit
 def solve(lu: Elimination, W: np.ndarray, y: np.ndarray) -> None:
     """Replace the right-hand side ``y`` (f,), in the order of elimination, by the solution."""
-    if not _solve_by_supernodes(lu.supernodes, W, y):
-        _solve(lu, W, y)
+    _solve_by_pivots(lu.other, lu, W, y)
+    _solve_by_supernodes(lu.supernodes, W, y)
 
 
-@optional(False)
-def _solve_by_supernodes(nodes: Supernodes, W: np.ndarray, y: np.ndarray) -> bool:
+@optional()
+def _solve_by_supernodes(nodes: Supernodes, W: np.ndarray, y: np.ndarray) -> None:
     first = supernodal_lu.first_unknown(nodes, 1)
     for k in range(y.size):
         W[first + k] = y[k]
     supernodal_lu.solve(nodes, 1, W)
     for k in range(y.size):
         y[k] = W[first + k]
-    return True
 
 
-@kernel
-def _solve(lu: Elimination, W: np.ndarray, y: np.ndarray) -> None:
+@optional()
+def _solve_by_pivots(other: np.ndarray, lu: Elimination, W: np.ndarray, y: np.ndarray) -> None:
     n = lu.order.size
     for k in range(n):
         y_k = y[k]
         for left in range(lu.base[k] + 1, lu.base[k] + 1 + lu.lower[k]):
-            y[lu.other[left]] -= W[left] * y_k
+            y[other[left]] -= W[left] * y_k
     for k in range(n - 1, -1, -1):
         y_k = y[k]
         for right in range(lu.base[k] + 1 + lu.lower[k], lu.base[k + 1]):
-            y_k -= W[right] * y[lu.other[right]]
+            y_k -= W[right] * y[other[right]]
         y[k] = y_k * W[lu.base[k]]

@@ -26,11 +26,11 @@ class Elimination(NamedTuple):
     base: np.ndarray  # (f + 1,) where pivot k stands in the factor; the last is its length
     lower: np.ndarray  # (f,) number of entries of L below pivot k
     upper: np.ndarray  # (f,) number of entries of U right of pivot k
-    other: np.ndarray  # (length,) row (of L entries) or column (of U entries) in the order
-    target: np.ndarray  # (operations,) places in the factor, in 32 bits: it is the longest by far
+    other: np.ndarray | None  # (length,) row (of L entries) or column (of U ones) in the order
+    target: np.ndarray | None  # (operations,) places in the factor, in 32 bits: the longest by far
     source: np.ndarray  # (q,) places in the block values ...
     place: np.ndarray  # (q,) ... and where they go in the factor
-    supernodes: Supernodes | None  # of a system with beams; then there are no targets and places
+    supernodes: Supernodes | None  # of a system with beams, which has no ``other`` and ``target``
 
 
 class _Entries(NamedTuple):
@@ -68,8 +68,8 @@ def _by_supernodes(order: np.ndarray, entries: _Entries, nodes: Supernodes) -> E
         base=np.append(pivots, array_size(nodes, 1)),
         lower=none,
         upper=none,
-        other=none,
-        target=np.zeros(0, dtype=np.uint32),
+        other=None,
+        target=None,
         source=entries.source,
         place=none,
         supernodes=nodes,
@@ -87,7 +87,9 @@ def new_factor(lu: Elimination, degree: int | None = None) -> np.ndarray:
 
 def products(lu: Elimination) -> int:
     """Return the multiplications of a factorisation."""
-    return lu.target.size if lu.supernodes is None else multiplications(lu.supernodes)
+    if lu.supernodes is not None:
+        return multiplications(lu.supernodes)
+    return 0 if lu.target is None else lu.target.size
 
 
 def _scalar_entries(system: System, position: np.ndarray) -> _Entries:
