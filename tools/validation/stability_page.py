@@ -284,17 +284,17 @@ def choices(cells: Sequence[Cell]) -> Iterator[tuple[str, str]]:
         "Nearly rigid connections",
         "Use a joint: it costs nothing, has no stiffness to resolve, and its constraint "
         "violation is rounding error at any step size. Where the elasticity matters, give the "
-        f'spring or bushing form="compliance": {form_text(cells)}.',
+        f'spring or bushing form="compliance"{form_text(cells)}.',
     )
 
 
 def form_text(cells: Sequence[Cell]) -> str:
     """Say how many runs of stiff springs are stable by the schemes of order 2 in each form."""
     texts = []
-    for form, names in (
-        ("compliance", [compliant(name) for name in STIFF_SPRINGS]),
-        ("stiffness", STIFF_SPRINGS),
-    ):
+    both = [compliant(name) for name in STIFF_SPRINGS], STIFF_SPRINGS
+    if not any(cell.family in both[0] for cell in cells):
+        return ""
+    for form, names in zip(("compliance", "stiffness"), both, strict=True):
         own = [c for c in cells if c.family in names and c.scheme in ORDER_TWO]
         stable = [c for c in own if c.outcome in STABLE]
         most = max((c.iterations or 0.0 for c in stable), default=0.0)
@@ -302,7 +302,7 @@ def form_text(cells: Sequence[Cell]) -> str:
             f"{len(stable)} of {len(own)} such runs by {' and '.join(ORDER_TWO)} are stable in the "
             f"{form} form, with at most {most:.0f} iterations per step"
         )
-    return ", ".join(texts)
+    return f": {', '.join(texts)}"
 
 
 def step_table(cells: Sequence[Cell]) -> Table:
