@@ -18,16 +18,16 @@ def tip(name, **numbers):
     return np.array([rest[f"Tip.{axis}"] for axis in "xyz"])
 
 
-@pytest.mark.parametrize(("turns", "most"), [(0.3, 1e-13), (1.0, 5e-13)])
-def test_a_moment_rolls_a_strip_up(turns, most):
-    """Measured: 2e-13 m after one turn, 7e-10 m after two; the error falls with the order 12."""
-    moment = 2.0 * np.pi * turns
+@pytest.mark.parametrize(("circles", "most"), [(0.3, 1e-13), (1.0, 5e-13)])
+def test_a_moment_rolls_a_strip_up(circles, most):
+    """Measured: 2e-13 m after one circle, 7e-10 m after two; the error falls with the order 12."""
+    moment = 2.0 * np.pi * circles
     circle = (np.sin(moment) / moment, 0.0, (1.0 - np.cos(moment)) / moment)
     assert np.abs(tip("roll_up", moment=moment) - circle).max() <= most
 
 
 @pytest.mark.slow
-def test_twice_the_moment_rolls_a_strip_up_to_two_turns():
+def test_twice_the_moment_rolls_a_strip_up_to_two_circles():
     assert np.abs(tip("roll_up", moment=4.0 * np.pi)).max() <= 1e-9
 
 
