@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from msahl.jit.kernel import kernel, optional, unit
+from msahl.jit.kernel import apart, kernel, optional, unit
 from msahl.linalg import supernodal_lu
 from msahl.system.ordering import Elimination
 from msahl.system.supernodes import Supernodes
@@ -63,6 +63,37 @@ def pivot_ratio(lu: Elimination, W: np.ndarray) -> float:
         inverse = abs(W[lu.base[k]])
         smallest, largest = min(smallest, inverse), max(largest, inverse)
     return largest / smallest
+
+
+@apart
+def scaled_pivot_ratio(
+    lu: Elimination, blocks: np.ndarray, values: np.ndarray, W: np.ndarray, sizes: np.ndarray
+) -> float:
+    """Ratio of the largest entry to the smallest pivot of the matrix with its rows, and then its
+    columns, divided by their largest entries (LAPACK's xGEEQU), by the factors ``W`` of the matrix
+    itself.
+
+    So the units of equations do not matter, and those of unknowns hardly. ``blocks`` (b, 2) are
+    rows and columns, in nodes, of the block ``values``; ``sizes`` (2, nodes, 3) is a work array.
+    """
+    rows, columns = sizes
+    rows[:] = 0.0
+    columns[:] = 0.0
+    for b in range(blocks.shape[0]):
+        row = rows[blocks[b, 0]]
+        for e in range(9):
+            row[e // 3] = max(row[e // 3], abs(values[9 * b + e]))
+    for b in range(blocks.shape[0]):
+        row, column = rows[blocks[b, 0]], columns[blocks[b, 1]]
+        for e in range(9):
+            size = abs(values[9 * b + e])
+            if size > 0.0:
+                column[e % 3] = max(column[e % 3], size / row[e // 3])
+    largest = 0.0
+    for k in range(lu.order.size):
+        node, i = lu.order[k] // 3, lu.order[k] % 3
+        largest = max(largest, rows[node, i] * columns[node, i] * abs(W[lu.base[k]]))
+    return largest
 
 
 @unit

@@ -25,6 +25,10 @@ STUCK = 0.5
 """Ratio of successive residuals above which a solved step is not improved further."""
 DIVERGED = 1e3
 """Residual relative to the smallest so far at which the iteration is given up."""
+SCALED_ABOVE = 1e12
+"""Ratio of the pivots above which those of the matrix with scaled rows and columns count. In thin
+beams of stiff material, entries of the Jacobian differ by more than this for their units alone.
+"""
 
 
 @apart
@@ -48,7 +52,7 @@ def iterate(workspace: Workspace, h: float) -> tuple[float, int]:
         if slow:
             equations.jacobian(system, start, h, Z, workspace.values)
             sparse_lu.factor(lu, workspace.values, workspace.factor)
-            ratio = sparse_lu.pivot_ratio(lu, workspace.factor)
+            ratio = pivot_ratio(workspace)
             workspace.pivots[0] = max(workspace.pivots[0], ratio)
             workspace.counts[1] += 1
         dense.gather(lu.order, F, y)
@@ -65,6 +69,20 @@ def iterate(workspace: Workspace, h: float) -> tuple[float, int]:
     if is_implausible(system, predicted, length):
         return math.inf, worst
     return residual, worst
+
+
+@kernel
+def pivot_ratio(workspace: Workspace) -> float:
+    """Ratio of the pivots of the Jacobian just factored, or the ``scaled_pivot_ratio`` where that
+    is smaller and the first is so large that the units may be the reason.
+    """
+    lu, W = workspace.unknowns.elimination, workspace.factor
+    ratio = sparse_lu.pivot_ratio(lu, W)
+    if ratio <= SCALED_ABOVE:
+        return ratio
+    blocks = workspace.system.blocks
+    scaled = sparse_lu.scaled_pivot_ratio(lu, blocks, workspace.values, W, workspace.sizes)
+    return min(ratio, scaled)
 
 
 @kernel
