@@ -41,15 +41,16 @@ HOW = """\
   divided by the length of the beam. The converged positions are those of a third method
   (`references.py`): shooting along the arc length (bend), collocation of the boundary value problem
   (hanging cable), spectral elements with DOP853 (rod), Ritz's method with DOP853 (swinging cable).
-- *Seconds*: processor time of the solver alone, median of seven, the programs in turn in one
+- *Seconds*: processor time of the solver alone, median of five, the programs in turn in one
   process. Other processes on the machine count little. Exudyn: the call of `SolveStatic` or
   `SolveDynamic`. msahl: the search of the equilibrium, or the time loop, after the model and its
   matrices have been built and its kernels have been loaded. *Preparation* is what precedes it
   without reading a deck: assembly, start values, reductions; Exudyn: the calls that build the
-  model, and `Assemble`.
+  model, and `Assemble`. A single short motion takes msahl longer to prepare than to compute.
 - *Reached*: the fastest of all runs that is at least as exact. Both programs are run with many
   numbers of elements, steps and settings (`beams.csv` has all whose error is below 5 %); only the
-  best count.
+  best count. `-` says that no run is as exact: after one that took more than a second no smaller
+  step, and no more elements, are tried.
 - Both have the same stiffnesses, masses and rotary inertias, with one exception: the cable of ANCF
   has no rotary inertia, that of msahl 1e-5 kg m, a relative difference of 1e-7."""
 
@@ -112,8 +113,9 @@ def _verdict(name: str, runs: list[Run]) -> Verdict:
 def _section(problem: Problem, runs: list[Run]) -> str:
     title = problem.title[0].upper() + problem.title[1:]
     lines = [
-        f"| error at most | {OURS} [ms] | {PEER} [ms] | {PEER} / {OURS} | {OURS} by | {PEER} by |",
-        "|---|---|---|---|---|---|",
+        f"| error at most | {OURS} [ms] | {PEER} [ms] | {PEER} / {OURS} | preparation [ms] "
+        f"| {OURS} by | {PEER} by |",
+        "|---|---|---|---|---|---|---|",
     ]
     for error in TARGETS:
         found = [fastest(runs, program, error) for program in (OURS, PEER)]
@@ -121,20 +123,10 @@ def _section(problem: Problem, runs: list[Run]) -> str:
         words = [f"{run.setting.family}; {run.setting.words}" if run else "-" for run in found]
         ours, peer = found
         ratio = f"{peer.seconds / ours.seconds:.2g}" if ours and peer else "-"
-        cells = [f"{error:.0e}", *times, ratio, *words]
+        before = " / ".join(f"{1e3 * run.preparation:.3g}" if run else "-" for run in found)
+        cells = [f"{error:.0e}", *times, ratio, before, *words]
         lines.append(f"| {' | '.join(cells)} |")
-    return "\n\n".join((f"## {title}", ABOUT[problem.name], "\n".join(lines), _preparation(runs)))
-
-
-def _preparation(runs: list[Run]) -> str:
-    """Seconds before the solver, of the runs of the table."""
-    words = []
-    for program in HUES:
-        own = [run for error in TARGETS if (run := fastest(runs, program, error))]
-        if own:
-            times = sorted(1e3 * run.preparation for run in own)
-            words.append(f"{program} {times[0]:.2g} to {times[-1]:.2g} ms")
-    return f"Preparation of these runs: {', '.join(words)}."
+    return "\n\n".join((f"## {title}", ABOUT[problem.name], "\n".join(lines)))
 
 
 def _processes(folder: Path) -> str:
