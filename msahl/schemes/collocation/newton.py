@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import copy
-from msahl.elements import signals
+from msahl.elements import forces, signals
 from msahl.elements.beams import stage as beams
 from msahl.elements.constraints.scalar import clear_rate_violations
 from msahl.elements.forces import ReactionForces, pressed_by_reactions
@@ -223,6 +223,7 @@ def accept_step(subsystem: CollocationWorkspace, h: float) -> None:
         for i in range(3):
             state.violation[k, i] += DRIFT_FEEDBACK * (violation[k, i] - state.violation[k, i])
     beams.correct_strains(system.beams, start.beams, DRIFT_FEEDBACK)
+    forces.correct_elongations(system.forces, start.forces, system.scalar, DRIFT_FEEDBACK)
     if stages.tableau.decays:
         lost = stages.first_energy[0] - energy_balance(system, state, start, violation, rate)
         state.work[state.work.size - 1] -= max(0.0, lost)
