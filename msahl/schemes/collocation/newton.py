@@ -34,7 +34,7 @@ from msahl.schemes.midpoint.workspace import record_step as record_at_end
 from msahl.schemes.outcome import TOLERANCE
 from msahl.system.arrays import State, System
 from msahl.system.diagnostics import energy_balance
-from msahl.system.ordering import Elimination
+from msahl.system.ordering import Elimination, new_factor
 
 TARGET = 1e-14
 """As ``outcome.TARGET``. Collocation steps are few and long, so the residual of each matters less
@@ -85,7 +85,7 @@ def new_collocation_workspace(
         pressed=pressed_by_reactions(workspace.system.forces),
         stages=stages,
         instant=new_instant(workspace.system, workspace.unknowns),
-        factor=np.zeros((int(lu.base[-1]), degree, degree)),
+        factor=new_factor(lu, degree),
         y=np.zeros((lu.order.size, degree)),
         pivot_rows=np.zeros(degree, dtype=np.int64),
         dense_output=new_dense_output(workspace, higher.order(degree), higher.decays),

@@ -19,6 +19,7 @@ from msahl.system.arrays import (
     node_count,
 )
 from msahl.system.diagnostics import Monitor, new_monitor, record_figures
+from msahl.system.ordering import new_factor
 from msahl.system.unknowns import Unknowns
 
 
@@ -58,7 +59,7 @@ def new_workspace(
         Z=np.zeros(nodes),
         F=np.zeros(nodes),
         values=np.zeros_like(system.constant),
-        factor=np.zeros(int(unknowns.elimination.base[-1])),
+        factor=new_factor(unknowns.elimination),
         sizes=np.zeros((2, *nodes)),
         y=np.zeros(unknowns.free.size),
         mean_force=np.zeros_like(state.force),
