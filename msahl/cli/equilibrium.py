@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from msahl.analysis.linearised.point import Point
     from msahl.results.job import Job
 
+COARSE = 1e-3
+"""Error in space, over the size of the model, above which a warning states it."""
+
 
 @click.command(short_help="Find equilibria of a deck's model.")
 @click.argument("deck", type=DECK)
@@ -65,7 +68,8 @@ def equilibrium(
     lead, which is stable, and the nearest of any kind. Reports each with its stability. Velocities
     of the deck do not count. With -o, writes states.csv and reactions.csv, one row for each
     equilibrium, and decks that begin there: equilibrium1.xml and so on. Exits with status 3 if
-    there is none. With --load-path, reports the path of equilibria under growing loads instead.
+    there is none. Of beams, states the error in space, by twice the elements. With --load-path,
+    reports the path of equilibria under growing loads instead.
 
     Example: msahl equilibrium decks/mechanisms/suspension.xml
     """
@@ -90,7 +94,7 @@ def _find(
 
     from msahl.analysis.equilibria.equilibrium import held_motions, search_start
     from msahl.analysis.equilibria.report import lines
-    from msahl.analysis.equilibria.search import all_equilibria
+    from msahl.analysis.equilibria.search import all_equilibria, unresisted
     from msahl.jit.progress import CompileError
     from msahl.start.velocities import StartError
 
@@ -101,18 +105,45 @@ def _find(
     except (StartError, CompileError) as error:
         stop(f"{shown_path(job.source.path)}: {printable(str(error))}")
     if not found:
+        where, many = unresisted(point, np.array(rotation)), f"{starts} configurations"
+        remedy = (
+            f"nothing resists what acts on {where}; attach the body, or omit the load"
+            if where
+            else "search from more with --starts, or start the deck nearer to one"
+        )
         stop(
-            f"{shown_path(job.source.path)}: no equilibrium was found from {starts} "
-            f"configuration{'s' if starts > 1 else ''}; search from more with --starts, or start "
-            "the deck nearer to one",
+            f"{shown_path(job.source.path)}: no equilibrium was found from "
+            f"{many if starts > 1 else 'one configuration'}; {printable(remedy)}",
             NOT_CONVERGED,
         )
     for name in held_motions(job.model):
         say(f"WARN: motion '{printable(name)}' is held where it begins, but moves at t = 0")
+    in_space = _in_space(job, found[0].place.point, np.array(rotation))
     if not quiet:
-        echo("\n".join(printable(line) for line in lines(point, found)))
+        echo("\n".join(printable(line) for line in lines(point, found, in_space)))
     if output is not None:
         _write(output, job, point, found)
+
+
+def _in_space(job: "Job", found: "Point", rotation: "np.ndarray") -> list[str]:
+    """Return a line with the error in space of an equilibrium of beams, and warn if it is large."""
+    if not found.model.beams:
+        return []
+    from msahl.analysis.equilibria.equilibrium import size_of
+    from msahl.results.read import ResultError
+    from msahl.study.elements import equilibrium_error
+
+    try:
+        error = equilibrium_error(job.source, job.text, found, rotation)
+    except ResultError as fault:
+        say(f"WARN: the error in space is not known: {printable(str(fault))}")
+        return []
+    if error > COARSE * size_of(found):
+        say(
+            f"WARN: the elements of the beams are too few: the error in space is {error:.1e} m; "
+            "increase their number or degree"
+        )
+    return [f"  error in space: {error:.1e} m, by an equilibrium with twice the elements"]
 
 
 def _follow_loads(job: "Job", end: float, output: Path | None, quiet: bool) -> None:

@@ -10,7 +10,8 @@ from typing import Any
 
 import click
 
-from msahl.analysis.linearised.coefficients import coefficients
+from msahl.analysis.equilibria.static_equations import Statics
+from msahl.analysis.equilibria.static_newton import newton
 from msahl.analysis.linearised.point import at_start
 from msahl.deck import DeckError, read_deck
 from msahl.jit import by_size
@@ -57,7 +58,7 @@ def compile_everything(tell: Callable[[str], Any]) -> None:
             prepare(_calls(model))
             with suppress(StartError):
                 at = at_start(model)
-                coefficients(at.system, at.state)
+                newton(Statics(at.system, at.state), at.state, most=1)
     finally:
         by_size.LARGE = large
     _use_results()

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from msahl.cli.compiling import announced
-from msahl.cli.console import say, stop, writing
+from msahl.cli.console import NOT_CONVERGED, say, stop, writing
 from msahl.cli.decks import model_to_run
 from msahl.cli.options import DECK, at_option, set_option
 from msahl.printable import printable, shown_path
@@ -69,7 +69,7 @@ def linearize(
     Example: msahl linearize decks/machines/cart_pole.xml --input Motor --output Slide.slide
     """
     model = model_to_run(deck, {}, settings)
-    from msahl.analysis.equilibria.at import point_at
+    from msahl.analysis.equilibria.at import NoEquilibriumError, point_at
     from msahl.analysis.linear_models.files import check_suffix
     from msahl.analysis.linear_models.linearize import linearize as linearized
     from msahl.analysis.linear_models.report import report
@@ -84,6 +84,8 @@ def linearize(
             found = linearized(point_at(model, wanted["at"]), inputs, outputs, wanted["states"])
     except OptionError as error:
         stop("\n".join(f"{shown_path(deck)}: {printable(fault)}" for fault in error.faults))
+    except NoEquilibriumError as error:
+        stop(f"{shown_path(deck)}: {printable(str(error))}", NOT_CONVERGED)
     except (StartError, CompileError) as error:
         stop(f"{shown_path(deck)}: {printable(str(error))}")
     for warning in found.warnings:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from msahl.cli.compiling import announced
-from msahl.cli.console import say, stop, writing
+from msahl.cli.console import NOT_CONVERGED, say, stop, writing
 from msahl.cli.decks import model_to_run
 from msahl.cli.options import DECK, NumberType, at_option, output_option, set_option
 from msahl.printable import printable, shown_path
@@ -121,7 +121,7 @@ def _modes(
 ) -> tuple["Point", "Modes"]:
     """Return the point at which the model is linearised, and its modes."""
     model = model_to_run(deck, {}, settings)
-    from msahl.analysis.equilibria.at import point_at
+    from msahl.analysis.equilibria.at import NoEquilibriumError, point_at
     from msahl.analysis.modes.solution import modes as modes_of
     from msahl.jit.progress import CompileError
     from msahl.start.velocities import StartError
@@ -130,6 +130,8 @@ def _modes(
         with announced(not quiet):
             point = point_at(model, at)
             return point, modes_of(point, wanted["number"], wanted["near"], wanted["method"])
+    except NoEquilibriumError as error:
+        stop(f"{shown_path(deck)}: {printable(str(error))}", NOT_CONVERGED)
     except (StartError, CompileError) as error:
         stop(f"{shown_path(deck)}: {printable(str(error))}")
 

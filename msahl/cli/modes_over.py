@@ -81,7 +81,7 @@ def _axis(text: str) -> tuple["Axis", list[float]]:
     try:
         axis = parse_set(text)
     except PlanError as error:
-        fail(str(error).replace("--set", "--over"))
+        fail(_for_modes(str(error)))
     if axis.distribution is not None or axis.column.is_condition:
         fail(f"{text}: give a range or a list of values, such as v=0:10:41")
     if not all(re.fullmatch(NUMBER, cell) for cell in axis.cells):
@@ -89,6 +89,13 @@ def _axis(text: str) -> tuple["Axis", list[float]]:
     if len(axis.cells) > MOST_VALUES:
         fail(f"{text}: these are more than {MOST_VALUES} values")
     return axis, [float(cell) for cell in axis.cells]
+
+
+def _for_modes(message: str) -> str:
+    """Return a ``message`` on the axis of a sweep without what modes cannot be followed over."""
+    for words in (" or L~uniform(4,6)", ", or an expression in braces"):
+        message = message.replace(words, "")
+    return message.replace("--set", "--over")
 
 
 def _unit(deck: Path, settings: tuple[str, ...], axis: "Axis") -> str:

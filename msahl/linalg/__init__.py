@@ -1,1 +1,1 @@
-"""Factorises block-sparse Jacobians; moves entries between nodes and vectors."""
+"""Factorises block-sparse Jacobians and banded matrices; moves entries between arrays."""

@@ -66,6 +66,14 @@ def test_a_deck_without_equilibrium_exits_with_its_status():
     result = call("equilibrium", DECKS / "basics/ballistic_point.xml")
     assert result.exit_code == 3
     assert "no equilibrium was found" in result.output
+    # No other configuration has one either: the point falls.
+    assert "nothing resists what acts on body 'Point', force along z" in result.output
+    assert "--starts" not in result.output
+    for others in (["modes"], ["linearize", "--input", "Point.Fz", "--output", "Point.z"]):
+        result = call(
+            others[0], DECKS / "basics/ballistic_point.xml", *others[1:], "--at", "equilibrium"
+        )
+        assert result.exit_code == 3
 
 
 def test_a_rotation_that_is_impossible_is_refused():
@@ -73,6 +81,7 @@ def test_a_rotation_that_is_impossible_is_refused():
     result = call("equilibrium", deck, "--rotation", 0, 0, 3)
     assert result.exit_code == 2
     assert "rotate steadily" in result.output
+    assert "joint '" in result.output
 
 
 def test_modes_at_an_equilibrium():

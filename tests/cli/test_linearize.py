@@ -38,6 +38,7 @@ def test_quiet_and_states():
     # The deck begins 20 degrees off, with forces that are not balanced.
     (line,) = result.output.splitlines()
     assert line.startswith("WARN: this is no equilibrium and no steady motion: ")
+    assert "not balanced (body '" in line
 
 
 @pytest.mark.parametrize(
@@ -54,6 +55,12 @@ def test_wrong_use(words, message):
     assert result.exit_code == 2
     assert message in result.output
     assert "Traceback" not in result.output
+
+
+def test_wrong_inputs_and_outputs_are_reported_together():
+    result = call(CART, "--input", "Moter", "--output", "Hinge.angel")
+    assert "'Moter' is no input" in result.output
+    assert "'Hinge.angel' is no output" in result.output
 
 
 def test_a_file_that_cannot_be_written(tmp_path):

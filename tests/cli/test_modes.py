@@ -83,12 +83,14 @@ def test_modes_over_a_parameter(tmp_path):
         ("v~uniform(0,1)", "give a range or a list of values"),
         ("v={rR},{rF}", "give numbers with one unit"),
         ("z=1,2", "did you mean zH, zB"),
+        ("v", "write NAME=VALUES"),
     ],
 )
 def test_faults_of_what_is_varied(over, expected):
     result = call(DECKS / "mechanisms/bicycle.xml", "--over", over)
     assert result.exit_code == 2
     assert expected in result.output
+    assert "uniform" not in result.output.replace(over, "")
 
 
 def test_an_order_needs_a_speed():

@@ -9,7 +9,7 @@ from scipy.linalg import eigh
 
 from msahl.algebra.vector import ZERO
 from msahl.analysis.equilibria.load_path import under_loads
-from msahl.analysis.equilibria.static_newton import Spin, with_rates
+from msahl.analysis.equilibria.static_equations import Spin, with_rates
 from msahl.analysis.linearised.point import at_start, complete
 from msahl.analysis.modes.solution import modes
 from msahl.elements.beams.build import build_beam

@@ -10,15 +10,19 @@ from msahl.model.settings import EQUILIBRIUM
 from msahl.start.velocities import StartError
 
 
+class NoEquilibriumError(StartError):
+    """No equilibrium was found."""
+
+
 def point_at(model: Model, at: float | str) -> Point:
     """Return the model at the time ``at`` [s], or at the ``EQUILIBRIUM``, where a model that starts
-    there is at t = 0; raises ``StartError``.
+    there is at t = 0; raises ``StartError``, which is ``NoEquilibriumError`` where a search fails.
     """
     if at != EQUILIBRIUM and (at or model.simulation.start != EQUILIBRIUM):
         return at_time(model, float(at))
     found = find(search_start(model), np.zeros(3))
     if found is None:
-        raise StartError(
+        raise NoEquilibriumError(
             "no equilibrium was found from where the deck starts; search with msahl equilibrium"
         )
     return found.place.point

@@ -21,17 +21,19 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import Law, build_laws, evaluate
-from msahl.analysis.equilibria.static_newton import Spin, with_rates
+from msahl.analysis.equilibria.static_equations import Spin, with_rates
 from msahl.analysis.linearised.coefficients import Coefficients, coefficients, skews
-from msahl.analysis.linearised.point import Point, at_start, complete
+from msahl.analysis.linearised.plain_units import equation_scale
+from msahl.analysis.linearised.point import Point, at_start, complete, placed
 from msahl.analysis.linearised.projection import close, move
 from msahl.analysis.linearised.rate_gradients import rates_by_place
 from msahl.analysis.linearised.reduced import LinearSystem, linear_system, stiffness_weight
 from msahl.analysis.linearised.steady import Equilibrium, residual_in
-from msahl.elements.frames import moving_count
+from msahl.elements.frames import first_multiplier, moving_count
 from msahl.model import Model
 from msahl.start.velocities import StartError
 from msahl.system.arrays import State, System, node_count
+from msahl.system.names import describe_row
 
 DESCENT, NEWTON = "descent", "Newton's method"
 MOST_ITERATIONS = 200
@@ -86,10 +88,12 @@ class Solution(NamedTuple):
 def search_start(model: Model) -> Point:
     """Return the model where the deck places it, with prescribed motions held where they begin.
 
-    Raises ``StartError`` if there is no consistent state.
+    Models with beams, whose equilibria are those of the unloaded model with growing loads, need no
+    accelerations. Raises ``StartError`` if there is no consistent state.
     """
     held = Law("constant", (0.0,))
-    return at_start(replace(model, motions=tuple(replace(m, law=held) for m in model.motions)))
+    model = replace(model, motions=tuple(replace(m, law=held) for m in model.motions))
+    return placed(model) if model.beams else at_start(model)
 
 
 def held_motions(model: Model) -> list[str]:
@@ -182,11 +186,17 @@ def axis_point(point: Point, spin: np.ndarray) -> np.ndarray:
     rates = G @ found.velocity
     by_centre = -G @ moved @ skews(spin[None])[0]
     centre: np.ndarray = np.linalg.lstsq(by_centre, -rates, rcond=1e-9)[0]
-    left = float(np.abs(rates + by_centre @ centre).max(initial=0.0))
-    if left > 1e-9 * max(float(np.abs(found.velocity).max()), float(np.abs(spin).max())):
+    left = np.abs(rates + by_centre @ centre)
+    largest = max(float(np.abs(found.velocity).max()), float(np.abs(spin).max()))
+    if left.max(initial=0.0) > 1e-9 * largest:
+        worst = int(np.argmax(left))
+        number = int(found.equation[worst])
+        where = describe_row(point.model, system, 3 * first_multiplier(system.frames) + number)
+        unit = "m/s" if equation_scale(system).reshape(-1)[number] == 1.0 else "rad/s"
         raise StartError(
-            f"the joints do not let the model rotate steadily with this angular velocity: "
-            f"{left:.3g} m/s or rad/s are left over; choose an axis about which it can rotate"
+            "the joints do not let the model rotate steadily with this angular velocity: "
+            f"{where}, would be violated at a rate of {left[worst]:.3g} {unit}; choose an axis "
+            "about which the model can rotate"
         )
     return centre
 

@@ -30,28 +30,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.analysis.equilibria.static_newton import (
-    REST,
-    Balance,
-    BalanceOf,
-    Factors,
-    Rest,
-    Search,
-    Spin,
-    balance,
-    factorise,
-    newton,
-    shortened,
-    solve,
-    stepped,
-    symmetric_eigenvalues,
-    weighed,
-)
+from msahl.analysis.equilibria.static_equations import REST, Balance, Spin, Statics
+from msahl.analysis.equilibria.static_matrix import Factors, factorise, solve, symmetric_eigenvalues
+from msahl.analysis.equilibria.static_newton import Rest, Search, newton, shortened, stepped
 from msahl.analysis.linearised.point import Point
 from msahl.model import ConcentratedLoad, Model
 from msahl.start.velocities import StartError
 from msahl.system.arrays import State
-from msahl.system.build import build_system, initial_places
 
 LONGEST = 0.2
 """Arc length of a step: displacement over the size of the model, and change of the load factor."""
@@ -62,9 +47,16 @@ FARTHEST = 1e6
 """Displacement by the loads, over the size of the model, that nothing resists."""
 MOST_POINTS = 2000
 MOST_CORRECTIONS = 12
+LARGEST_INCREMENT = 0.5
+"""Rotation of a body [rad], or displacement over the size of the model, by which the loads grow in
+one iteration."""
+MOST_WHILE_GROWING = 30
+"""Iterations after which the loads grow by steps that are equilibria."""
 MOST_IN_A_STEP = 15
 """Iterations of Newton's method after which a load step is made smaller."""
 SMALLEST_LOAD_STEP = 1.0 / 512.0
+SMALLER = 0.8
+"""Ratio of the growths of the loads that are tried."""
 LARGEST_EIGENPROBLEM = 1600
 """Unknowns up to which the directions without stiffness are counted."""
 REFINED = 1e-10
@@ -103,44 +95,23 @@ def _times(factor: float, a: tuple[float, float, float]) -> tuple[float, float, 
     return (factor * a[0], factor * a[1], factor * a[2])
 
 
-class Loaded:
-    """A model whose loads are multiplied by a factor; its numbers are linear in it."""
-
-    def __init__(self, point: Point, spin: Spin = REST) -> None:
-        self.full, self.spin = point.system, spin
-        places = initial_places(point.model)
-        relaxed = point.system.relaxation > 0.0
-        self.empty = build_system(scaled_loads(point.model, 0.0), relaxed, places)
-
-    def at(self, factor: float) -> BalanceOf:
-        """Return the function that gives the residual under the loads times ``factor``."""
-        return lambda state: self.balance(state, factor)[0]
-
-    def balance(self, state: State, factor: float) -> tuple[Balance, np.ndarray]:
-        """Return the residual under the loads times ``factor``, and (n,) the loads [N]."""
-        full = balance(self.full, state, self.spin)
-        none = balance(self.empty, state, self.spin)
-        loads, lengths = full.found.force - none.found.force, full.found.length
-        K = none.found.by_place + factor * (full.found.by_place - none.found.by_place)
-        found = full.found._replace(
-            by_place=K.tocsr(),
-            force=none.found.force + factor * loads,
-            weight=abs(factor) * max(full.found.weight, float(np.abs(loads / lengths).max())),
-        )
-        now = weighed(found, state, full.violation)
-        return now, loads / lengths
-
-
 def under_loads(point: Point, spin: Spin = REST) -> Rest:
-    """Return the equilibrium under all loads that load steps lead to from the unloaded model, each
-    as large as Newton's method allows. ``converged`` says whether it was reached.
+    """Return the equilibrium under all loads that growing loads lead to from the unloaded model.
+    ``converged`` says whether it was reached.
+
+    Loads grow in every iteration, as far as that rotates and displaces no body much, without
+    waiting for an equilibrium. Where this does not converge, they grow from one equilibrium to the
+    next, by steps as large as Newton's method allows.
     """
-    loaded = Loaded(point, spin)
-    state, reached, step = point.state._replace(force=np.zeros_like(point.state.force)), 0.0, 1.0
-    iterations = 0
+    statics = Statics(point.system, point.state, spin)
+    unloaded = point.state._replace(force=np.zeros_like(point.state.force))
+    rest = _growing(statics, unloaded)
+    if rest.converged:
+        return rest
+    state, reached, step, iterations = unloaded, 0.0, 0.5, rest.iterations
     while True:
         factor = min(1.0, reached + step)
-        rest = newton(loaded.full, state, loaded.at(factor), MOST_IN_A_STEP)
+        rest = newton(statics, state, factor, MOST_IN_A_STEP)
         iterations += rest.iterations
         if not rest.converged:
             step *= 0.5
@@ -150,6 +121,40 @@ def under_loads(point: Point, spin: Spin = REST) -> Rest:
         if factor == 1.0:
             return rest._replace(iterations=iterations)
         state, reached, step = rest.state, factor, 2.0 * step
+
+
+def _growing(statics: Statics, state: State) -> Rest:
+    """Return where Newton's method leads from an unloaded ``state`` while the loads grow."""
+    factor, now, search, iterations = 0.0, statics.balance(state, 0.0), Search(), 0
+    while iterations < MOST_WHILE_GROWING:
+        factors = factorise(now)
+        step, multipliers = solve(factors, -now.force, -now.violation)
+        if factor < 1.0:
+            loads = statics.loads(state)
+            by_load = solve(factors, -loads, np.zeros(now.violation.size))
+            grown = _largest_growth(now, step, by_load[0], 1.0 - factor)
+            step, multipliers = step + grown * by_load[0], multipliers + grown * by_load[1]
+            factor = 1.0 if grown == 1.0 - factor else factor + grown
+        if not np.isfinite(step).all():
+            break
+        share = shortened(now, step, LARGEST_INCREMENT)
+        state = stepped(statics.system, state, now, share * step, share * multipliers)
+        now, iterations = statics.balance(state, factor), iterations + 1
+        if factor == 1.0 and search.ends(state, now, step):
+            break
+    return search.result(state, now)._replace(iterations=iterations)
+
+
+def _largest_growth(now: Balance, step: np.ndarray, by_load: np.ndarray, most: float) -> float:
+    """Return the growth of the loads, up to ``most``, of which and the ``step`` (n,) the motion is
+    small; ``by_load`` (n,) is the motion by all loads.
+    """
+    grown = most
+    while shortened(now, step + grown * by_load, LARGEST_INCREMENT) < 1.0:
+        grown *= SMALLER
+        if grown < SMALLEST_LOAD_STEP:
+            return min(SMALLEST_LOAD_STEP, most)
+    return grown
 
 
 class Tangent(NamedTuple):
@@ -169,7 +174,7 @@ class Path:
     """The path of equilibria of a model, from the unloaded one on."""
 
     def __init__(self, point: Point) -> None:
-        self.loaded = Loaded(point)
+        self.statics = Statics(point.system, point.state)
         unloaded = point.state._replace(force=np.zeros_like(point.state.force))
         self.last = self._at_factor(unloaded, 0.0)
 
@@ -211,14 +216,15 @@ class Path:
 
     def _at_factor(self, state: State, factor: float) -> PathPoint:
         """The equilibrium at a load ``factor`` nearest to a ``state``."""
-        rest = newton(self.loaded.full, state, self.loaded.at(factor))
+        rest = newton(self.statics, state, factor)
         if not rest.converged:
             raise StartError(f"no equilibrium was found at the load factor {factor:.9g}")
         return _path_point(factor, rest)
 
     def _tangent(self, here: PathPoint, before: Tangent | None, forward: float) -> Tangent:
         """The direction in which the path goes on; at the first point ``forward``."""
-        now, loads = self.loaded.balance(here.state, here.factor)
+        loads = self.statics.loads(here.state)
+        now = self.statics.balance(here.state, here.factor)
         step, multipliers = solve(factorise(now), -loads, np.zeros(now.violation.size))
         weight = 6.0 / (step.size * now.size**2)
         if not np.abs(step).max(initial=0.0) <= FARTHEST * now.size:
@@ -232,19 +238,22 @@ class Path:
 
     def _corrected(self, here: PathPoint, tangent: Tangent, length: float) -> PathPoint | None:
         """The equilibrium an arc ``length`` further on; None if the iteration does not find it."""
-        system, factor, search = self.loaded.full, here.factor, Search()
+        statics, factor, search = self.statics, here.factor, Search()
         step, multipliers = length * tangent.step, length * tangent.multipliers
-        change, now = length * tangent.factor, self.loaded.balance(here.state, factor)[0]
+        change, now = length * tangent.factor, statics.balance(here.state, factor)
         state, best = here.state, factor
         for _ in range(MOST_CORRECTIONS):
-            state, factor = stepped(system, state, now, step, multipliers), factor + change
-            now, loads = self.loaded.balance(state, factor)
+            if not np.isfinite(step).all():
+                return None
+            state = stepped(statics.system, state, now, step, multipliers)
+            factor += change
+            now = statics.balance(state, factor)
             ended = search.ends(state, now, step)
             best = factor if search.state is state else best
             if ended:
                 break
-            factors = factorise(now)
-            step, multipliers, change = _correction(factors, now, loads, tangent)
+            loads = statics.loads(state)
+            step, multipliers, change = _correction(factorise(now), now, loads, tangent)
             if shortened(now, step) < 1.0:
                 return None
         return _path_point(best, search.result(state, now)) if search.converged else None

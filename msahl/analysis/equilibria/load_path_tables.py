@@ -3,7 +3,7 @@
 import numpy as np
 
 from msahl.analysis.equilibria.load_path import PathPoint, scaled_loads
-from msahl.analysis.equilibria.static_newton import with_rates
+from msahl.analysis.equilibria.static_equations import with_rates
 from msahl.analysis.equilibria.tables import tables_of
 from msahl.analysis.linearised.point import Point, complete
 from msahl.system.build import build_system, initial_places

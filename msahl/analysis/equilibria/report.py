@@ -1,5 +1,7 @@
 """Equilibria in words."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from msahl.algebra.rotation import compose, to_axis_angle
@@ -15,8 +17,10 @@ MOST_BODIES = 20
 """Bodies whose places are printed; the table has all."""
 
 
-def lines(start: Point, found: list[Solution]) -> list[str]:
-    """Return a paragraph for each equilibrium."""
+def lines(start: Point, found: list[Solution], in_space: Sequence[str] = ()) -> list[str]:
+    """Return a paragraph for each equilibrium; that of the first has what is known of the error
+    ``in_space``.
+    """
     title = start.model.simulation.title or "model"
     if len(found) != 1:
         title += f": {len(found)} equilibria"
@@ -32,6 +36,7 @@ def lines(start: Point, found: list[Solution]) -> list[str]:
             f"{counted(solution.iterations, 'iteration')} of {solution.method}"
             + (f"; {counted(flat, 'direction')} without stiffness" if flat else ""),
             *_places(start, point),
+            *(in_space if number == 1 else ()),
         ]
     return shown
 

@@ -19,6 +19,7 @@ from msahl.algebra.rotation import inverse as opposite
 from msahl.algebra.vector import at
 from msahl.analysis.equilibria.equilibrium import (
     BALANCED,
+    FLAT,
     LARGEST_ROTATION,
     Solution,
     Where,
@@ -31,15 +32,17 @@ from msahl.analysis.equilibria.equilibrium import (
 )
 from msahl.analysis.equilibria.load_path import Path, PathPoint, under_loads
 from msahl.analysis.equilibria.stability import is_stable
-from msahl.analysis.equilibria.static_newton import Spin, balance, newton, with_rates
+from msahl.analysis.equilibria.static_equations import Spin, Statics, reactions_of, with_rates
+from msahl.analysis.equilibria.static_newton import Rest, newton
 from msahl.analysis.linearised.coefficients import coefficients
 from msahl.analysis.linearised.point import Point, complete
 from msahl.analysis.linearised.projection import close, move
-from msahl.analysis.linearised.steady import residual_in
+from msahl.analysis.linearised.steady import Equilibrium, residual_in
 from msahl.analysis.modes.solution import LARGEST_DENSE
 from msahl.elements.frames import first_multiplier
 from msahl.start.velocities import StartError, solve_at_rest
 from msahl.system.arrays import State, node_count
+from msahl.system.names import describe_row
 
 MULTIPLIERS = "Newton's method with multipliers"
 CONTINUATION = "continuation of the loads"
@@ -47,6 +50,9 @@ QUICK = 120
 """Most coordinates (six a body) of a model that is searched by dense matrices first."""
 SAME = 1e-6
 """Distance of two equilibria, over the size of the system, that are one."""
+
+UNRESISTED = 1e-3
+"""Share of the forces that nothing resists, of a model that has no equilibrium."""
 
 Follow = Callable[[PathPoint], None]
 """What is called at each equilibrium of a continuation."""
@@ -75,6 +81,26 @@ def find(point: Point, spin: np.ndarray) -> Solution | None:
             return solution
         first = first or solution
     return first
+
+
+def unresisted(point: Point, spin: np.ndarray) -> str:
+    """Return the body on which a force acts along a motion that nothing resists, in words; empty if
+    there is none, or the model is large.
+    """
+    if is_large(point):
+        return ""
+    place = evaluated(point, spin, axis_point(point, spin))
+    if not place.jacobian.size:
+        return ""
+    left, values, _ = np.linalg.svd(place.jacobian)
+    rank = int(np.count_nonzero(values > FLAT * values.max()))
+    force = left[:, rank:].T @ place.residual
+    if not np.linalg.norm(force) > UNRESISTED * np.linalg.norm(place.residual):
+        return ""
+    d = place.linear.degrees_of_freedom
+    motion = place.linear.places[:, :d] @ (left[:, rank:] @ force)[:d]
+    worst = int(np.argmax(np.abs(place.found.length * motion)))
+    return describe_row(point.model, point.system, int(place.found.coordinate[worst]))
 
 
 def all_equilibria(point: Point, spin: np.ndarray, starts: int) -> list[Solution]:
@@ -130,10 +156,10 @@ def by_multipliers(point: Point, spin: np.ndarray) -> Solution:
     does not converge.
     """
     steady = Spin(spin, axis_point(point, spin))
-    rest = newton(point.system, point.state, lambda now: balance(point.system, now, steady))
+    rest = newton(Statics(point.system, point.state, steady), point.state)
     if not rest.converged:
         raise StartError("Newton's method does not converge")
-    return _ended(point, rest.state, steady, rest.iterations, MULTIPLIERS)
+    return _ended(point, rest, steady, MULTIPLIERS)
 
 
 def by_continuation(point: Point, spin: np.ndarray, each: Follow | None = None) -> Solution:
@@ -145,16 +171,39 @@ def by_continuation(point: Point, spin: np.ndarray, each: Follow | None = None) 
         rest = under_loads(point, steady)
         if not rest.converged:
             raise StartError("the loads cannot grow to their size")
-        return _ended(point, rest.state, steady, rest.iterations, CONTINUATION)
+        return _ended(point, rest, steady, CONTINUATION)
     iterations, last = 0, None
     for last in Path(point).to(1.0):
         iterations += last.iterations
         each(last)
     assert last is not None  # the first one, or a StartError
-    return _ended(point, last.state, steady, iterations, CONTINUATION)
+    return _closed(point, last.state, steady, iterations, CONTINUATION)
 
 
-def _ended(point: Point, state: State, spin: Spin, iterations: int, method: str) -> Solution:
+def _ended(point: Point, rest: Rest, spin: Spin, method: str) -> Solution:
+    """The equilibrium in which Newton's method ended.
+
+    Of beams the resultants are unknowns of their own: forces by their strains would have the
+    round-off of positions times a large stiffness.
+    """
+    if not point.model.beams or point.state.auxiliary.size:
+        return _closed(point, rest.state, spin, rest.iterations, method)
+    state, now = with_rates(rest.state, spin), rest.balance
+    state = state._replace(reaction=reactions_of(point.system, state))
+    where = int(np.argmax(np.abs(now.force)))
+    left = Equilibrium(
+        axes=spin.rate,
+        residual=float(abs(now.force[where])),
+        relative=now.relative,
+        coordinate=where,
+        constant=True,
+        at_rest=not spin.rate.any(),
+    )
+    there = Where(replace(point, state=state), left)
+    return Solution(there, rest.iterations, rest.converged, None, method)
+
+
+def _closed(point: Point, state: State, spin: Spin, iterations: int, method: str) -> Solution:
     """The equilibrium at a ``state`` with its joints closed, of a small model improved to the last
     digits.
     """

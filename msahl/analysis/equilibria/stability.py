@@ -10,11 +10,14 @@ damping slows such a motion, but does not stop it. Signs of the pivots of a symm
 count them (Sylvester). Rotating models, and loads that follow bodies, have other matrices.
 """
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from msahl.analysis.linearised.coefficients import Coefficients, coefficients
+from msahl.analysis.equilibria.static_equations import Statics
+from msahl.analysis.equilibria.static_matrix import stiffness
+from msahl.analysis.linearised.coefficients import Coefficients, coefficients, holonomic
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.steady import stiffest
 from msahl.analysis.modes.solution import LARGEST_DENSE, modes
@@ -30,16 +33,28 @@ SYMMETRIC = 1e-7
 """Difference of K and its transpose, over the largest stiffness."""
 REDUNDANT = 1e-6
 """On the diagonal of the multipliers, over the largest compliance."""
+STIFF = 1e-12
+"""Least stiffness, over that of the springs for constraints, that is not round-off."""
+PENALTY = 10.0
+"""Stiffness of these springs, over the largest one of the model."""
+UNDAMPED = "stable, without damping of all motions"
 FOUND = 1e-7
 """Relative width of the interval in which the fastest growth is found."""
+
+
+def coordinates(point: Point) -> int:
+    """Number of coordinates, six a body."""
+    return 6 * len(point.model.bodies)
 
 
 def stability(point: Point) -> str:
     """Return whether an equilibrium is stable, by the real parts of its eigenvalues or, of a large
     model, by the number of motions that grow.
     """
-    if 6 * len(point.model.bodies) > LARGEST_DENSE:
+    if coordinates(point) > LARGEST_DENSE:
         return _by_counting(point)
+    if point.model.beams and is_stiff(point):
+        return UNDAMPED
     found = modes(point)
     if not found.degrees_of_freedom:
         return "stable, nothing can move"
@@ -50,13 +65,39 @@ def stability(point: Point) -> str:
     damped = found.value[found.zeros :]
     if damped.size and np.all(damped.real < -found.error[found.zeros :]):
         return "stable, all motions are damped"
-    return (
-        "stable, without damping of all motions" if damped.size else "neither stable nor unstable"
-    )
+    return UNDAMPED if damped.size else "neither stable nor unstable"
+
+
+@lru_cache(maxsize=8)
+def is_stiff(point: Point) -> bool:
+    """Return whether a model at rest, without damping and forces that follow bodies, has a positive
+    stiffness in all directions that its constraints leave: no eigenvalues are needed to know that
+    it is stable.
+    """
+    statics = Statics(point.system, point.state)
+    now = statics.balance(point.state)
+    if point.state.v.any() or point.state.auxiliary.size or statics.is_damped():
+        return False
+    if not holonomic(point.system).all():
+        return False
+    K, G = stiffness(now, statics.system)
+    largest = float(np.abs(K).max(initial=0.0))
+    if not np.abs(K - K.T).max(initial=0.0) <= SYMMETRIC * largest:
+        return False
+    # With the constraints as springs it is at most as stiff as without motions that violate them.
+    G = G / np.maximum(np.sqrt((G * G).sum(axis=1, keepdims=True)), np.finfo(float).tiny)
+    K = K / (PENALTY * largest) + G.T @ G - STIFF * np.eye(len(K))
+    try:
+        np.linalg.cholesky(0.5 * (K + K.T))
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 def is_stable(point: Point) -> bool:
     """Return whether an equilibrium is known to be stable, by counting where that is possible."""
+    if point.model.beams and coordinates(point) <= LARGEST_DENSE and is_stiff(point):
+        return True
     found = coefficients(point.system, point.state)
     _, number = _slowest(point, found)
     return stability(point).startswith("stable") if number is None else number == 0

@@ -21,7 +21,7 @@ import numpy as np
 from msahl.algebra.functions import evaluate as law
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import at
-from msahl.analysis.linearised.coefficients import Evaluated, result_row
+from msahl.analysis.linearised.coefficients import Evaluated, evaluated, result_row
 from msahl.analysis.linearised.point import Point, complete
 from msahl.elements.forces.concentrated import ConcentratedLoads
 from msahl.expressions.syntax import Call, Name, Number, nearest
@@ -38,7 +38,6 @@ from msahl.joints.coordinates import (
 from msahl.model import ConcentratedLoad, JointMotion, Model, Signal, SignalState
 from msahl.model.loads import Actuator, JointActuator, MarkerActuator
 from msahl.run.body_rows import numbers_of_bodies
-from msahl.run.options import OptionError
 from msahl.system.arrays import node_count
 from msahl.system.build import build_system
 from msahl.system.names import FACTOR_COLUMN, LOAD_COLUMN
@@ -99,18 +98,22 @@ def _input_loads(model: Model) -> list[Actuator | ConcentratedLoad]:
 
 
 def resolve_inputs(point: Point, found: Evaluated, names: Sequence[str]) -> list[Input]:
-    """Return the inputs of these names; raises ``OptionError`` with every name that is none."""
+    """Return the inputs of these names, which exist (``input_faults``)."""
     known = _known(point, found)
+    return [known[name]() for name in names]
+
+
+def input_faults(point: Point, names: Sequence[str]) -> list[str]:
+    """Return what is wrong with the ``names`` of inputs."""
+    known = _known(point, evaluated(point.system, point.state)) if names else {}
     faults = [
         f"'{name}' is no input: name an actuator, a load, a motion, a signal, an auxiliary state, "
         f"JOINT.COORDINATE, or MARKER.Fx{nearest(name, list(known))}"
         for name in names
         if name not in known
     ]
-    faults += [f"'{name}' is an input twice" for name in {n for n in names if names.count(n) > 1}]
-    if faults:
-        raise OptionError(faults)
-    return [known[name]() for name in names]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    return faults + [f"'{name}' is an input twice; name it once" for name in twice]
 
 
 def _known(point: Point, found: Evaluated) -> dict[str, Callable[[], Input]]:

@@ -14,7 +14,13 @@ import numpy as np
 from msahl.algebra.functions import evaluate as law
 from msahl.analysis.linear_models.check import disagreement
 from msahl.analysis.linear_models.columns import Column, Columns, columns_by_table, shared_reactions
-from msahl.analysis.linear_models.inputs import INPUT, Input, resolve_inputs, with_signals
+from msahl.analysis.linear_models.inputs import (
+    INPUT,
+    Input,
+    input_faults,
+    resolve_inputs,
+    with_signals,
+)
 from msahl.analysis.linear_models.model import Accuracy, LinearModel, Quantity
 from msahl.analysis.linear_models.states import (
     CHOICES,
@@ -30,6 +36,7 @@ from msahl.analysis.linearised.coefficients import (
     coefficients,
     evaluated,
 )
+from msahl.analysis.linearised.plain_units import coordinate_numbers
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.steady import Equilibrium, equilibrium
 from msahl.analysis.linearised.variations import Inputs, Variations, variations
@@ -39,6 +46,7 @@ from msahl.model import SignalState
 from msahl.run.column_units import quantity
 from msahl.run.options import OptionError
 from msahl.start.velocities import StartError
+from msahl.system.names import describe_row
 
 LARGEST = 150
 """Most bodies of a model, whose matrices are dense."""
@@ -58,7 +66,7 @@ def linearize(
 
     Raises ``OptionError`` for names that do not exist, ``StartError`` where there is no such model.
     """
-    _check(point, outputs, states)
+    _check(point, inputs, outputs, states)
     point = with_signals(point, inputs)
     own = evaluated(point.system, point.state)
     found = coefficients(point.system, point.state, own)
@@ -139,11 +147,14 @@ def _doubts(accuracy: Accuracy) -> list[str]:
     return found
 
 
-def _check(point: Point, outputs: Sequence[str], states: str) -> None:
-    """Raise ``OptionError`` for outputs that are no columns, or another choice of states."""
+def _check(point: Point, inputs: Sequence[str], outputs: Sequence[str], states: str) -> None:
+    """Raise ``OptionError`` for inputs and outputs that do not exist, or another choice of states,
+    all at once.
+    """
     known = [name for names in columns_by_table(point.model).values() for name in names]
     every, twice = set(known), sorted({name for name in outputs if outputs.count(name) > 1})
-    faults = [
+    faults = input_faults(point, inputs)
+    faults += [
         f"'{name}' is no output: name a column of a table of results that the motion determines"
         f"{nearest(name, known)}"
         for name in outputs
@@ -254,10 +265,12 @@ def _warnings(
     """Return what the matrices do not say."""
     found = []
     if not balance.holds:
+        flat = coordinate_numbers(point.system)[balance.coordinate]
+        where = describe_row(point.model, point.system, int(flat))
         found.append(
             f"this is no equilibrium and no steady motion: {balance.residual:.3g} N are not "
-            "balanced; the matrices are those of this moment, and the states change at the rates "
-            "given beside them"
+            f"balanced ({where}); the matrices are those of this moment, and the states change at "
+            "the rates given beside them"
         )
     shared = sorted(set(outputs) & _shared(point, changes))
     if shared:

@@ -4,6 +4,7 @@ Positions and velocities are made consistent as for a run; accelerations and mul
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -30,14 +31,19 @@ from msahl.system.state import build_state
 from msahl.system.unknowns import Unknowns, choose
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Point:
     """A system in a consistent state with its accelerations and multipliers."""
 
     model: Model
     system: System
     state: State
-    unknowns: Unknowns
+    known: Unknowns | None = None
+
+    @cached_property
+    def unknowns(self) -> Unknowns:
+        """All unknowns with their order of elimination, found when they are needed first."""
+        return self.known or choose(self.system, all_unknowns(self.system), node_order(self.system))
 
     @property
     def time(self) -> float:
@@ -47,14 +53,21 @@ class Point:
 
 def at_start(model: Model) -> Point:
     """Return the model at t = 0; raises ``StartError`` if there is no consistent state."""
+    point = placed(model)
+    make_consistent(point.system, point.state, point.unknowns.free, model.velocity)
+    return complete(model, point.system, point.state, point.unknowns)
+
+
+def placed(model: Model) -> Point:
+    """Return the model where the deck places it, with the deck's velocities; accelerations and
+    multipliers are zero.
+    """
     system = build_system(model)
     state = build_state(model, system)
     if model.position == "project":
         assemble(system, state)
     _begin_angles(system, state)
-    unknowns = choose(system, all_unknowns(system), node_order(system))
-    make_consistent(system, state, unknowns.free, model.velocity)
-    return complete(model, system, state, unknowns)
+    return Point(model, system, state)
 
 
 def complete(model: Model, system: System, state: State, unknowns: Unknowns | None = None) -> Point:

@@ -24,6 +24,11 @@ SCRUB = "t => { const s = document.querySelector('.scrub'); s.value = t;"
 SCRUB += " s.dispatchEvent(new Event('input')); }"
 
 
+def next_picture(page) -> None:
+    """Wait for the picture in which the buttons show what they have done."""
+    wait_until(page, "new Promise((done) => requestAnimationFrame(() => done(true)))")
+
+
 @pytest.fixture(scope="module")
 def chain(tmp_path_factory) -> Path:
     """A chain of ten bodies, 10 s."""
@@ -154,7 +159,7 @@ def test_keys(view, pendulum) -> None:
         button = page.locator(".switches button", has_text=text)
         assert button.get_attribute("aria-pressed") == "false"
         press(key)
-        wait_until(page, "new Promise((done) => requestAnimationFrame(() => done(true)))")
+        next_picture(page)
         assert button.get_attribute("aria-pressed") == "true"
     assert page.locator(".overlay .name").first.text_content() == "Bob"
     assert page.locator(".overlay .name").first.is_visible()
@@ -166,6 +171,7 @@ def test_after_a_click_the_keys_belong_to_the_viewer(view, pendulum) -> None:
     names.click()
     page.keyboard.press("Space")
     assert page.evaluate("window.msahl.isPlaying")
+    next_picture(page)
     assert names.get_attribute("aria-pressed") == "true"
     page.keyboard.press("Space")
     page.keyboard.press("Shift+L")  # as "l": the motion ends
