@@ -51,6 +51,25 @@ def spring_findings(spring: SpringDamper, context: Context) -> Iterator[Finding]
     yield from ends_findings(spring, context)
     yield from negative("damping", spring.damping)
     yield from negative("free_length", spring.free_length)
+    yield from compliance_findings(spring)
+
+
+def compliance_findings(spring: SpringDamper | JointSpring) -> Iterator[Finding]:
+    """Find a law that has no compliance."""
+    if not spring.compliance:
+        return
+    if spring.table is not None:
+        message = (
+            'form="compliance" is for a linear spring, and <table> is not one; give a <stiffness>, '
+            "or delete form"
+        )
+        yield Finding("table", message)
+    elif not spring.stiffness > 0.0:
+        message = (
+            f'form="compliance" needs the inverse of the stiffness, which is '
+            f"{spring.stiffness:g}; give one greater than zero, or delete form"
+        )
+        yield Finding("stiffness", message)
 
 
 def length_findings(spring: SpringDamper, context: Context) -> Iterator[Finding]:
@@ -65,6 +84,7 @@ def joint_spring_findings(spring: JointSpring, context: Context) -> Iterator[Fin
     """Find a coordinate that does not exist, and negative damping."""
     yield from coordinate_findings("joint", spring.joint, spring.coordinate, context)
     yield from negative("damping", spring.damping)
+    yield from compliance_findings(spring)
 
 
 def bushing_findings(bushing: Bushing, context: Context) -> Iterator[Finding]:
@@ -77,6 +97,12 @@ def bushing_findings(bushing: Bushing, context: Context) -> Iterator[Finding]:
         yield Finding("numbers", message)
     if not any((*bushing.stiffness, *bushing.damping)):
         yield Finding("", "it has neither stiffness nor damping; add one")
+    if bushing.compliance and (min(bushing.stiffness) < 0.0 or not any(bushing.stiffness)):
+        message = (
+            'form="compliance" needs the inverse of each stiffness that is not zero, and at least '
+            "one; give stiffnesses greater than zero, or delete form"
+        )
+        yield Finding("numbers", message)
 
 
 def friction_findings(friction: Friction, context: Context) -> Iterator[Finding]:

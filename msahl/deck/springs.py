@@ -46,6 +46,7 @@ def read_spring_damper(element: Element, reader: Reader) -> SpringDamper:
         free_length=None if free is None else reader.number(free, "length"),
         preload=reader.number(element.find("preload"), "force"),
         table=table,
+        compliance=_is_compliant(element),
     )
     _check(element, spring, ends, reader)
     return spring
@@ -65,6 +66,7 @@ def read_joint_spring(element: Element, reader: Reader) -> JointSpring:
         free=reader.number(element.find(free), displacement),
         preload=reader.number(element.find("preload"), load),
         table=table,
+        compliance=_is_compliant(element),
     )
     reader.add(element, element_findings(spring, reader.context))
     return spring
@@ -87,9 +89,15 @@ def read_bushing(element: Element, reader: Reader) -> Bushing:
         stiffness=_six(element, ("stiffness", "angularStiffness"), reader),
         damping=_six(element, ("damping", "angularDamping"), reader),
         aligned=aligned,
+        compliance=_is_compliant(element),
     )
     _check(element, bushing, ends, reader)
     return bushing
+
+
+def _is_compliant(element: Element) -> bool:
+    """Return whether a spring's load is to be an unknown of each step."""
+    return attribute(element, "form") == "compliance"
 
 
 def _shared_frames(element: Element, ends: Ends, reader: Reader) -> tuple[Matrix, Matrix]:

@@ -15,8 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from msahl.algebra import vector
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import kernel, optional
+from msahl.linalg import supernodal_lu
 from msahl.system.ordering import Elimination
+from msahl.system.supernodes import Supernodes
 
 Kernel = Callable[..., Any]
 Row = tuple[float, ...]
@@ -99,6 +101,7 @@ def _new_factor(rows: _Rows) -> Kernel:
 
     @kernel
     def factor(
+        target: np.ndarray,
         lu: Elimination,
         source: np.ndarray,
         values: np.ndarray,
@@ -120,7 +123,7 @@ def _new_factor(rows: _Rows) -> Kernel:
                 multiply(W[right], W[pivot])
             for left in range(pivot + 1, first_right):
                 for right in range(first_right, end):
-                    subtract_product(W[right], W[left], W[lu.target[operation]])
+                    subtract_product(W[right], W[left], W[target[operation]])
                     operation += 1
 
     return factor
@@ -132,7 +135,7 @@ def _new_solve(rows: _Rows) -> Kernel:
     zero = (0.0,) * s
 
     @kernel
-    def solve(lu: Elimination, W: np.ndarray, y: np.ndarray) -> None:
+    def solve(other: np.ndarray, lu: Elimination, W: np.ndarray, y: np.ndarray) -> None:
         n = lu.order.size
         for k in range(n):
             row = zero
@@ -140,15 +143,15 @@ def _new_solve(rows: _Rows) -> Kernel:
                 row = axpy(y[k, j], at(W[lu.base[k]], j), row)
             put(y, k, row)
             for left in range(lu.base[k] + 1, lu.base[k] + 1 + lu.lower[k]):
-                row = at(y, lu.other[left])
+                row = at(y, other[left])
                 for j in range(s):
                     row = axpy(-y[k, j], at(W[left], j), row)
-                put(y, lu.other[left], row)
+                put(y, other[left], row)
         for k in range(n - 1, -1, -1):
             row = at(y, k)
             for right in range(lu.base[k] + 1 + lu.lower[k], lu.base[k + 1]):
                 for j in range(s):
-                    row = axpy(-y[lu.other[right], j], at(W[right], j), row)
+                    row = axpy(-y[other[right], j], at(W[right], j), row)
             put(y, k, row)
 
     return solve
@@ -233,30 +236,70 @@ def factor(
     """Factor the blocks ``values`` (q, s, s) into ``W`` (entries, s, s), those of ``lu.place`` from
     ``source``; all blocks are transposed, ``pivot_rows`` (s,) is a work array.
     """
+    _factor_by_blocks(lu.target, lu, source, values, W, pivot_rows)
+    _factor_by_supernodes(lu.supernodes, source, values, W)
+
+
+@optional()
+def _factor_by_supernodes(
+    nodes: Supernodes, source: np.ndarray, values: np.ndarray, W: np.ndarray
+) -> None:
+    supernodal_lu.fill_blocks(nodes, source, values, W)
+    supernodal_lu.factor(nodes, values.shape[1], W)
+
+
+@optional()
+def _factor_by_blocks(
+    target: np.ndarray,
+    lu: Elimination,
+    source: np.ndarray,
+    values: np.ndarray,
+    W: np.ndarray,
+    pivot_rows: np.ndarray,
+) -> None:
     s = values.shape[1]
     if s == 1:
-        _factor_1(lu, source, values, W, pivot_rows)
+        _factor_1(target, lu, source, values, W, pivot_rows)
     elif s == 2:
-        _factor_2(lu, source, values, W, pivot_rows)
+        _factor_2(target, lu, source, values, W, pivot_rows)
     elif s == 3:
-        _factor_3(lu, source, values, W, pivot_rows)
+        _factor_3(target, lu, source, values, W, pivot_rows)
     elif s == 4:
-        _factor_4(lu, source, values, W, pivot_rows)
+        _factor_4(target, lu, source, values, W, pivot_rows)
     elif s == 5:
-        _factor_5(lu, source, values, W, pivot_rows)
+        _factor_5(target, lu, source, values, W, pivot_rows)
 
 
 @kernel
 def solve(lu: Elimination, W: np.ndarray, y: np.ndarray) -> None:
     """Replace the right-hand side ``y`` (f, s), in the order of elimination, by the solution."""
+    _solve_by_blocks(lu.other, lu, W, y)
+    _solve_by_supernodes(lu.supernodes, W, y)
+
+
+@optional()
+def _solve_by_supernodes(nodes: Supernodes, W: np.ndarray, y: np.ndarray) -> None:
+    d = y.shape[1]
+    first = supernodal_lu.first_unknown(nodes, d)
+    for k in range(y.shape[0]):
+        for i in range(d):
+            W[first + k * d + i] = y[k, i]
+    supernodal_lu.solve(nodes, d, W)
+    for k in range(y.shape[0]):
+        for i in range(d):
+            y[k, i] = W[first + k * d + i]
+
+
+@optional()
+def _solve_by_blocks(other: np.ndarray, lu: Elimination, W: np.ndarray, y: np.ndarray) -> None:
     s = y.shape[1]
     if s == 1:
-        _solve_1(lu, W, y)
+        _solve_1(other, lu, W, y)
     elif s == 2:
-        _solve_2(lu, W, y)
+        _solve_2(other, lu, W, y)
     elif s == 3:
-        _solve_3(lu, W, y)
+        _solve_3(other, lu, W, y)
     elif s == 4:
-        _solve_4(lu, W, y)
+        _solve_4(other, lu, W, y)
     elif s == 5:
-        _solve_5(lu, W, y)
+        _solve_5(other, lu, W, y)

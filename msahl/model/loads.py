@@ -30,7 +30,8 @@ class ConcentratedLoad:
 class SpringDamper:
     """Between two points [m] (from each body's B, its axes): tension ``preload`` + ``stiffness``
     (length - ``free_length``) [N], or ``table`` over length, and ``damping`` [N s/m] times the
-    rate. Without ``free_length`` it is the distance at t = 0."""
+    rate. Without ``free_length`` it is the distance at t = 0. With ``compliance`` its force is an
+    unknown of each step."""
 
     name: str
     parent: str
@@ -42,12 +43,14 @@ class SpringDamper:
     free_length: float | None = None
     preload: float = 0.0
     table: Law | None = None
+    compliance: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class JointSpring:
     """Spring-damper along the ``coordinate`` of ``joint``: units of N, m or N m, rad. The spring is
-    unloaded at ``free``, counted from t = 0."""
+    unloaded at ``free``, counted from t = 0. With ``compliance`` its load is an unknown of
+    each step."""
 
     name: str
     joint: str
@@ -57,13 +60,15 @@ class JointSpring:
     free: float = 0.0
     preload: float = 0.0
     table: Law | None = None
+    compliance: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Bushing:
     """Stiffness and damping of three displacements of the child's point along the parent's frame
     and of three small rotations about it: N/m and N m/rad in that order. All are zero at t = 0, or,
-    if it is ``aligned``, where points and frames coincide."""
+    if it is ``aligned``, where points and frames coincide. With ``compliance`` the loads along
+    directions with a stiffness are unknowns of each step."""
 
     name: str
     parent: str
@@ -75,6 +80,7 @@ class Bushing:
     stiffness: tuple[float, float, float, float, float, float]
     damping: tuple[float, float, float, float, float, float]
     aligned: bool = False
+    compliance: bool = False
 
 
 @dataclass(frozen=True, slots=True)

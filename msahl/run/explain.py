@@ -16,6 +16,7 @@ from msahl.run.time_grid import TimeGrid
 from msahl.run.verdict import describe_reactions
 from msahl.system.arrays import multiplier_count
 from msahl.system.names import STRAINS
+from msahl.system.ordering import products
 from msahl.system.reductions import all_unknowns
 from msahl.system.subsystems import split
 
@@ -169,7 +170,7 @@ def _reductions(integrator: SubsystemIntegrator, alone: bool) -> Iterator[str]:
             f"{head}only gravity acts on {', '.join(flying)}: the mass centre moves by "
             "h v + h^2 g/2 exactly, and only the rotation is solved for"
         )
-    yield f"{head}elimination: {lu.order.size} pivots, {lu.target.size} multiplications"
+    yield f"{head}elimination: {lu.order.size} pivots, {products(lu)} multiplications"
 
 
 def _members(subsystem: Model) -> str:

@@ -44,8 +44,8 @@ class Record:
 
     @property
     def pivot_ratio(self) -> float | None:
-        """Largest ratio of the pivots of a Jacobian, an estimate of its condition number; None if
-        none was factored, or if redundant joints make it large by themselves.
+        """Largest pivot ratio of a Jacobian, an estimate of its condition number; None if none
+        was factored, or if redundant joints make it large by themselves.
         """
         ratios = [
             float(of.workspace.pivots[0])

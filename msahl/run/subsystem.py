@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from msahl.elements import signals
+from msahl.elements import forces, signals
 from msahl.elements.rigid_body import write_accelerations
 from msahl.jit.by_size import LARGE, by_size
 from msahl.jit.storage import Storage, Storages
@@ -194,13 +194,16 @@ class SubsystemIntegrator:
 def _prepare(
     system: System, state: State, start: SystemWorkspace, call: Callable[..., Any]
 ) -> bool:
-    """Prepare ``start``, for angles on the revolutions where signals begin; ``call`` calls kernels.
+    """Prepare ``start``, for angles on the revolutions where signals begin, and set elongations of
+    springs in the compliance form; ``call`` calls kernels.
     Returns whether angles of ``state`` were changed.
     """
     call(evaluate.prepare, system, state, start)
     changed = signals.begin_angles(system.forces.signals, system.scalar, start.scalar, state.angle)
     if changed:
         call(evaluate.prepare, system, state, start)
+    if system.forces.compliance is not None:
+        call(forces.correct_elongations, system.forces, start.forces, system.scalar, 1.0)
     return changed
 
 

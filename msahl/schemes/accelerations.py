@@ -33,6 +33,7 @@ from msahl.schemes.midpoint.workspace import Workspace
 from msahl.start.redundancy import INDEPENDENT
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, node_count
+from msahl.system.ordering import new_factor
 from msahl.system.reductions import all_unknowns
 from msahl.system.unknowns import Unknowns, choose
 
@@ -66,7 +67,7 @@ def new_instant(
         unknowns=unknowns,
         Z=np.zeros(nodes),
         values=np.zeros_like(system.constant),
-        factor=np.zeros(int(unknowns.elimination.base[-1])),
+        factor=new_factor(unknowns.elimination),
         rows=np.zeros(nodes),
         y=np.zeros(unknowns.elimination.order.size),
         solution=np.zeros(nodes),

@@ -27,6 +27,7 @@ from msahl.linalg import sparse_lu
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, node_count
 from msahl.system.desk import Desk, jacobian_at_rest, new_desk
+from msahl.system.ordering import new_factor
 from msahl.system.unknowns import Unknowns, choose
 
 CONSISTENT = 1e-12
@@ -229,7 +230,7 @@ def _solve_relaxed(
 def solve_sparse(values: np.ndarray, rows: np.ndarray, unknowns: Unknowns) -> np.ndarray | None:
     """The free unknowns (f,) by the sparse factors, or None if the matrix is (nearly) singular."""
     order = unknowns.elimination.order
-    factor = np.zeros(int(unknowns.elimination.base[-1]))
+    factor = new_factor(unknowns.elimination)
     solution, left, y = np.zeros_like(rows), np.zeros_like(rows), rows[order]
     wanted = rows[unknowns.free]
     factorise, solve = (by_size(k, order.size) for k in (sparse_lu.factor, sparse_lu.solve))

@@ -33,7 +33,7 @@ class Multipliers(NamedTuple):
     """The multipliers' nodes, for the order of elimination."""
 
     node: np.ndarray  # (k,)
-    element: np.ndarray  # (k,) joint, coupling or motion it belongs to
+    element: np.ndarray  # (k,) joint, coupling, motion, element of a beam or spring it belongs to
     rotational: np.ndarray  # (k,) whether its equations depend on rotations only
     bodies: np.ndarray  # (k, 4 or more) frames its equations depend on; the ground fills up
     of_beam: np.ndarray  # (k,) whether the element is one of a beam
@@ -89,6 +89,7 @@ class State(NamedTuple):
     auxiliary: np.ndarray  # (n,) auxiliary states of the laws of the motion
     strain: np.ndarray  # (g, 6) of beams at their Gauss points, by increments [-, 1/m]
     strain_rise: np.ndarray  # (g, 6) their smoothed changes, of a decaying scheme
+    elongation: np.ndarray  # (c,) of springs in the compliance form, by increments [m or rad]
 
 
 class Tables(NamedTuple):
@@ -159,7 +160,9 @@ def new_coordinates_workspace(group: Coordinates, nodes: int = 0) -> Coordinates
 
 
 def new_system_workspace(system: System, state: State) -> SystemWorkspace:
-    """Return the workspace of a system; violation, stretch and strain are the state's own."""
+    """Return the workspace of a system; violation, stretch, strain and elongation are the state's
+    own.
+    """
     vectors, matrices = state.x.shape, (*state.x.shape, 3)
     k = system.coincide.a.size
     scalar: Any = system.scalar and ScalarWorkspace(
@@ -174,7 +177,9 @@ def new_system_workspace(system: System, state: State) -> SystemWorkspace:
         coincide=CoincideWorkspace(np.zeros((k, 3)), np.zeros((k, 3)), state.violation),
         scalar=scalar,
         beams=beams,
-        forces=new_forces_workspace(system.forces, frames, scalar, state.reaction, state.stretch),
+        forces=new_forces_workspace(
+            system.forces, frames, scalar, state.reaction, state.stretch, state.elongation
+        ),
         reaction_arms=np.zeros((system.reactions.child.size, 3)),
     )
 

@@ -71,6 +71,7 @@ class SpringEntry(NamedTuple):
     table: int  # law or -1
     decay: float
     column: int  # of the table of work
+    element: int = -1  # number behind those of beams' elements, where its load is an unknown
 
 
 class FrictionEntry(NamedTuple):
@@ -176,7 +177,10 @@ class _Collector:
         first = len(model.joints) + len(model.couplings)
         for i, motion in enumerate(model.motions):
             self._motion(first + i, len(model.loads) + i, motion)
-        self._beams(first + len(model.motions), len(model.loads) + len(model.motions))
+        # Springs in the compliance form are numbered behind the elements of beams.
+        self.unknown = self._beams(
+            first + len(model.motions), len(model.loads) + len(model.motions)
+        )
         for column, load in enumerate(model.loads):
             self._load(column, load)
         for column, load in enumerate(model.loads):
@@ -256,9 +260,9 @@ class _Collector:
             )
         )
 
-    def _beams(self, element: int, column: int) -> None:
+    def _beams(self, element: int, column: int) -> int:
         """Add all beams, whose elements are numbered from ``element`` and columns of the table of
-        work from ``column`` on.
+        work from ``column`` on; return the number of elements so far.
         """
         for beam in self.model.beams:
             frames = tuple(self.elements.frame[name] for name in beam.nodes)
@@ -268,6 +272,7 @@ class _Collector:
                 self.elements.arms[frame].append(float(share))
             element += len(beam.lengths)
             column += is_damped(beam)
+        return element
 
     def _as_at_start(self, coordinate: int) -> Equation:
         """The equation by which a coordinate keeps the value it has at t = 0."""
@@ -307,16 +312,22 @@ class _Collector:
         table = self.elements.add_law(load.table)
         steepest = _steepest(load.table) if load.table else load.stiffness
         numbers = (load.stiffness, load.damping, origin, free, load.preload)
-        self._add_spring(coordinate, numbers, table, steepest, column)
+        self._add_spring(coordinate, numbers, table, steepest, column, self._unknown(load))
 
     def _bushing(self, column: int, load: Bushing) -> None:
         pair = self._pair(load)
         directions = zip(_bushing_coordinates(load), load.stiffness, load.damping, strict=True)
-        free = 0.0 if load.aligned else np.nan
+        free, element = 0.0 if load.aligned else np.nan, self._unknown(load)
         for coordinate, k, c in directions:
             if k or c:
                 q = self._add(coordinate, pair)
-                self._add_spring(q, (k, c, 0.0, free, 0.0), -1, k, column)
+                numbers = (k, c, 0.0, free, 0.0)
+                self._add_spring(q, numbers, -1, k, column, element if k else -1)
+
+    def _unknown(self, load: SpringDamper | JointSpring | Bushing) -> int:
+        """Return the element's number of a spring in the compliance form, -1 for others."""
+        self.unknown += load.compliance
+        return self.unknown - 1 if load.compliance else -1
 
     def _add_spring(
         self,
@@ -325,9 +336,11 @@ class _Collector:
         table: int,
         steepest: float,
         column: int,
+        element: int,
     ) -> None:
         decay = 0.5 * resolve(self.model.simulation).decay.chi * steepest
-        self.elements.springs.append(SpringEntry(coordinate, *numbers, table, decay, column))
+        entry = SpringEntry(coordinate, *numbers, table, decay, column, element)
+        self.elements.springs.append(entry)
 
 
 def _bushing_coordinates(bushing: Bushing) -> list[Coordinate]:

@@ -103,6 +103,7 @@ def joint_jacobian(
     scalar.joint_jacobian(system.scalar, start.scalar, frames, h2, Z, values)
     step = (h, h2, 0.5 * system.decay.chi)
     beams.jacobian(system.beams, start.beams, frames, step, Z, values)
+    forces.isolate_multipliers(system.forces, values)
 
 
 @apart
@@ -135,6 +136,7 @@ def free_acceleration(
     scalar.free_acceleration(system.scalar, start.scalar, frames, v, W, t, F)
     instant.free_acceleration(system.beams, start.beams, frames, start.frames, F)
     forces.set_time(system.forces, start.forces, t)
+    forces.set_compliant_loads(system.forces, start.forces, system.scalar, frames, F)
     forces.add_forces(system.forces, start.forces, system.scalar, frames, state.reaction, F)
 
 
@@ -167,7 +169,9 @@ def add_force_derivatives(
     rigid_body.add_derivatives(
         system.bodies, frames, start.bodies, motion, out.by_place, out.by_rate
     )
-    forces.add_derivatives(system.forces, start.forces, system.scalar, frames, state.reaction, out)
+    group = system.forces
+    forces.add_derivatives(group, start.forces, system.scalar, frames, state.reaction, out)
+    forces.add_compliant_derivatives(group, start.forces, system.scalar, frames, out)
 
 
 class Evaluation(NamedTuple):

@@ -146,12 +146,17 @@ def signal_columns(model: Model) -> list[str]:
     return ["time", *names, *loads, *factors, *powers]
 
 
-def _describe_strain(model: Model, system: System, element: int, node: int, slot: int) -> str:
-    """A strain of an element of a beam in words; elements of all beams are counted from 0."""
+def _describe_elastic(model: Model, system: System, element: int, node: int, slot: int) -> str:
+    """A strain of an element of a beam in words, or the law of a spring in the compliance form;
+    elements of all beams, then such springs are counted from 0.
+    """
     for beam in model.beams:
         if element < len(beam.lengths):
             break
         element -= len(beam.lengths)
+    else:
+        springs = [load for load in model.loads if isinstance(load, Springy) and load.compliance]
+        return f"spring '{springs[element].name}', law {slot + 1}"
     strains = STRAINS[3:] if system.multipliers.rotational[node] else STRAINS[:3]
     return f"beam '{beam.name}', {strains[slot]} in element {element + 1}"
 
@@ -167,7 +172,7 @@ def describe_row(model: Model, system: System, index: int) -> str:
     elements = [*model.joints, *model.couplings, *model.motions]
     number = int(system.multipliers.element[k])
     if number >= len(elements):
-        return _describe_strain(model, system, number - len(elements), k, index % 3)
+        return _describe_elastic(model, system, number - len(elements), k, index % 3)
     element = elements[number]
     what = f"violation along {axis}" if k < system.coincide.a.size else f"equation {index % 3 + 1}"
     kind = type(element).__name__.lower()

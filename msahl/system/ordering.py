@@ -15,6 +15,7 @@ import numpy as np
 
 from msahl.system.arrays import System, node_count
 from msahl.system.node_order import node_order
+from msahl.system.supernodes import Supernodes, array_size, multiplications, supernodes
 from msahl.system.symbolic import Filled, fill, grouped, targets
 
 
@@ -25,10 +26,11 @@ class Elimination(NamedTuple):
     base: np.ndarray  # (f + 1,) where pivot k stands in the factor; the last is its length
     lower: np.ndarray  # (f,) number of entries of L below pivot k
     upper: np.ndarray  # (f,) number of entries of U right of pivot k
-    other: np.ndarray  # (length,) row (of L entries) or column (of U entries) in the order
-    target: np.ndarray  # (operations,) places in the factor, in 32 bits: it is the longest by far
+    other: np.ndarray | None  # (length,) row (of L entries) or column (of U ones) in the order
+    target: np.ndarray | None  # (operations,) places in the factor, in 32 bits: the longest by far
     source: np.ndarray  # (q,) places in the block values ...
     place: np.ndarray  # (q,) ... and where they go in the factor
+    supernodes: Supernodes | None  # of a system with beams, which has no ``other`` and ``target``
 
 
 class _Entries(NamedTuple):
@@ -49,7 +51,45 @@ def eliminate(system: System, free: np.ndarray, nodes: np.ndarray | None = None)
     flat = (3 * nodes[:, None] + np.arange(3)).reshape(-1)
     order = flat[position[flat] == 0]
     position[order] = np.arange(order.size)
-    return _program(order, _scalar_entries(system, position))
+    entries = _scalar_entries(system, position)
+    if system.beams is not None:
+        return _by_supernodes(order, entries, supernodes(system, order, *entries[:2]))
+    return _program(order, entries)
+
+
+def _by_supernodes(order: np.ndarray, entries: _Entries, nodes: Supernodes) -> Elimination:
+    """Return the elimination by ``nodes``, which have most of what it needs."""
+    none = np.zeros(0, dtype=np.int64)
+    s, r = np.diff(nodes.first), np.diff(nodes.rest)
+    width, within = np.repeat(s + r, s), np.arange(order.size) - np.repeat(nodes.first[:-1], s)
+    pivots = np.repeat(nodes.start[:-1], s) + within * (width + 1)
+    return Elimination(
+        order=order,
+        base=np.append(pivots, array_size(nodes, 1)),
+        lower=none,
+        upper=none,
+        other=None,
+        target=None,
+        source=entries.source,
+        place=none,
+        supernodes=nodes,
+    )
+
+
+def new_factor(lu: Elimination, degree: int | None = None) -> np.ndarray:
+    """Return an array for the factors of a Jacobian, or for those of collocation steps of a
+    ``degree``.
+    """
+    if lu.supernodes is not None:
+        return np.zeros(array_size(lu.supernodes, degree or 1))
+    return np.zeros(int(lu.base[-1]) if degree is None else (int(lu.base[-1]), degree, degree))
+
+
+def products(lu: Elimination) -> int:
+    """Return the multiplications of a factorisation."""
+    if lu.supernodes is not None:
+        return multiplications(lu.supernodes)
+    return 0 if lu.target is None else lu.target.size
 
 
 def _scalar_entries(system: System, position: np.ndarray) -> _Entries:
@@ -82,6 +122,7 @@ def _program(order: np.ndarray, entries: _Entries) -> Elimination:
         target=target,
         source=entries.source,
         place=place,
+        supernodes=None,
     )
 
 

@@ -16,6 +16,7 @@ from msahl.elements.constraints.products import Products
 from msahl.elements.constraints.scalar import ScalarConstraints
 from msahl.elements.forces import Forces
 from msahl.elements.forces.actuator import Actuators
+from msahl.elements.forces.compliance import Compliances
 from msahl.elements.forces.concentrated import ConcentratedLoads
 from msahl.elements.forces.controlled import ControlledLoads
 from msahl.elements.forces.drag import Drags
@@ -47,6 +48,7 @@ def build_parameters(elements: Elements, topology: Topology) -> System:
     coincide = _coincide(elements, topology, frames)
     scalar = _scalar(elements, topology, frames, laws) if elements.coordinates else None
     beams = _beams(elements, topology.beams, frames) if topology.beams else None
+    forces = _forces(elements, topology, frames, laws)
     return System(
         frames=frames,
         bodies=_bodies(elements, topology),
@@ -55,9 +57,9 @@ def build_parameters(elements: Elements, topology: Topology) -> System:
         beams=beams,
         reactions=_reactions(elements, topology),
         laws=laws,
-        forces=_forces(elements, topology, laws),
+        forces=forces,
         shown=topology.shown,
-        unit=_units(coincide, scalar, beams, topology),
+        unit=_units(coincide, scalar, beams, forces.compliance, topology),
         decay=resolve(model.simulation).decay,
         relaxation=RELAXATION if topology.relaxed else 0.0,
         multipliers=topology.multipliers,
@@ -158,11 +160,7 @@ def _equations(elements: Elements, topology: Topology, frames: Frames) -> Constr
     entries = elements.equations
     mass, scale = np.zeros(len(entries)), np.ones(len(entries))
     for r, entry in enumerate(entries):
-        pair = elements.coordinates[entry.first][1]
-        moving = [frame for frame in (pair.a, pair.b) if frame != elements.ground]
-        mass[r] = 1.0 / sum(frames.inverse_mass[frame] for frame in moving)
-        if entry.equation.first.angular:
-            scale[r] = max(frames.length[frame] for frame in moving)
+        mass[r], scale[r] = _mass_and_scale(elements, frames, entry.first)
     values = (entry.equation.value for entry in entries)
     return ConstraintEquations(
         **topology.equations,
@@ -173,7 +171,30 @@ def _equations(elements: Elements, topology: Topology, frames: Frames) -> Constr
     )
 
 
-def _forces(elements: Elements, topology: Topology, laws: Laws) -> Forces:
+def _mass_and_scale(elements: Elements, frames: Frames, q: int) -> tuple[float, float]:
+    """Return the mass [kg] of a multiplier along coordinate ``q``, and by what its equation is
+    multiplied: a length [m] along an angle, or 1.
+    """
+    coordinate, pair = elements.coordinates[q]
+    moving = [frame for frame in (pair.a, pair.b) if frame != elements.ground]
+    mass = 1.0 / sum(frames.inverse_mass[frame] for frame in moving)
+    return mass, max(frames.length[frame] for frame in moving) if coordinate.angular else 1.0
+
+
+def _compliances(elements: Elements, topology: Topology, frames: Frames) -> Compliances | None:
+    if topology.compliance is None:
+        return None
+    entries = [entry for entry in elements.springs if entry.element >= 0]
+    scales = [_mass_and_scale(elements, frames, entry.coordinate) for entry in entries]
+    return Compliances(
+        **topology.compliance,
+        compliance=_numbers(1.0 / entry.stiffness for entry in entries),
+        mass=_numbers(mass for mass, _ in scales),
+        scale=_numbers(scale for _, scale in scales),
+    )
+
+
+def _forces(elements: Elements, topology: Topology, frames: Frames, laws: Laws) -> Forces:
     drags = [load for _, load in elements.drags]
     springs, frictions = elements.springs, elements.frictions
     return Forces(
@@ -192,6 +213,7 @@ def _forces(elements: Elements, topology: Topology, laws: Laws) -> Forces:
             preload=_numbers(entry.preload for entry in springs),
             decay=_numbers(entry.decay for entry in springs),
         ),
+        compliance=_compliances(elements, topology, frames),
         friction=Frictions(
             **topology.friction,
             lever=_numbers(entry.lever for entry in frictions),
@@ -307,13 +329,19 @@ def _inverse(compliance: np.ndarray) -> np.ndarray:
 
 
 def _units(
-    coincide: Coincide, scalar: ScalarConstraints | None, beams: Beams | None, topology: Topology
+    coincide: Coincide,
+    scalar: ScalarConstraints | None,
+    beams: Beams | None,
+    springs: Compliances | None,
+    topology: Topology,
 ) -> np.ndarray:
     unit = np.ones((topology.multipliers.node.size, 3))
     unit[: coincide.a.size] = coincide.mass[:, None]
     if scalar is not None:
         place = scalar.equations.place
         unit[place[:, 0], place[:, 1]] = scalar.equations.mass * scalar.equations.scale
+    if springs is not None:
+        unit[springs.place[:, 0], springs.place[:, 1]] = springs.mass * springs.scale
     if beams is not None:
         # Multipliers are minus the stress resultants, and published as these.
         unit[beams.place] = -beams.mass[:, None]

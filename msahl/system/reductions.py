@@ -181,6 +181,9 @@ def _all(system: System) -> np.ndarray:
     if system.scalar:
         place = system.scalar.equations.place
         needed[first + place[:, 0], place[:, 1]] = True
+    springs = system.forces.compliance
+    if springs:
+        needed[first + springs.place[:, 0], springs.place[:, 1]] = True
     if system.beams:
         needed[first + system.beams.place] = True
         needed[first + system.beams.place + 1] = True

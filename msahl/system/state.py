@@ -8,11 +8,13 @@ from msahl.algebra.vector import add, cross, times
 from msahl.elements import forces
 from msahl.elements.beams import instant
 from msahl.elements.beams.group import new_workspace
+from msahl.elements.constraints import coordinates
+from msahl.elements.forces import compliance
 from msahl.elements.frames import moving_count
 from msahl.jit.by_size import by_size
 from msahl.model import Model, SignalState, resolve
 from msahl.model.beams import is_damped
-from msahl.system.arrays import State, System, coordinate_count
+from msahl.system.arrays import State, System, coordinate_count, new_coordinates_workspace
 from msahl.system.build import initial_places
 
 
@@ -54,13 +56,22 @@ def build_state(model: Model, system: System) -> State:
         auxiliary=np.array([s.initial for s in model.signals if isinstance(s, SignalState)], float),
         strain=strain,
         strain_rise=np.zeros_like(strain),
+        elongation=forces.new_elongation(system.forces),
     )
     set_strains(system, state)
     return state
 
 
 def set_strains(system: System, state: State) -> None:
-    """Set the strains of beams to those of the positions and orientations of ``state``."""
+    """Set the strains of beams, and the elongations of springs in the compliance form, to those of
+    the positions and orientations of ``state``.
+    """
+    if system.scalar is not None and system.forces.compliance is not None:
+        group = system.scalar.coordinates
+        at = new_coordinates_workspace(group)
+        coordinates.prepare(group, state.x, rotations(state.p), state.angle, at)
+        springs = system.forces.spring
+        compliance.correct_elongations(system.forces.compliance, springs, at, 1.0, state.elongation)
     if system.beams is not None:
         start = new_workspace(system.beams, state.strain, state.strain_rise)
         R, size = rotations(state.p), moving_count(system.frames)

@@ -43,6 +43,7 @@ class Topology(NamedTuple):
     controlled: Indices | None
     drag: Indices
     spring: Indices
+    compliance: Indices | None
     friction: Indices
     signals: Indices | None
     actuator: Indices | None
@@ -64,6 +65,7 @@ class _Nodes(NamedTuple):
     rotational: list[bool]
     frames: list[set[int]]
     place: list[tuple[int, int]]  # node and slot of each scalar equation
+    of_spring: list[tuple[int, int]]  # likewise of each spring in the compliance form
     points: list[int]  # first of the two nodes of each Gauss point of beams
     of_beam: list[bool]
 
@@ -100,6 +102,7 @@ def build_topology(elements: Elements, relaxed: bool) -> Topology:
         controlled=controlled,
         drag=drag,
         spring=_springs(elements),
+        compliance=_compliances(elements, nodes, parts, blocks, first),
         friction=_columns(elements.frictions, "coordinate", "joint", "column"),
         signals=signals,
         actuator=actuator,
@@ -133,7 +136,7 @@ def connections(elements: Elements) -> tuple[Any, ...]:
         tuple(pairs),
         tuple(equations),
         (tuple(elements.first_equation), tuple(elements.load_equation)),
-        tuple((s.coordinate, s.table, s.column) for s in elements.springs),
+        tuple((s.coordinate, s.table, s.column, s.element) for s in elements.springs),
         tuple((f.coordinate, f.joint, f.column) for f in elements.frictions),
         tuple(loads),
         tuple((column, load.body) for column, load in elements.drags),
@@ -186,9 +189,10 @@ def _place_multipliers(elements: Elements) -> _Nodes:
     """Give every constraint equation a node and a slot.
 
     The points that coincide come first; then the scalar equations of an element, three to a node,
-    those that see displacements apart from those that see rotations only.
+    those that see displacements apart from those that see rotations only; then those of beams, and
+    last those of springs in the compliance form, likewise three to a node.
     """
-    nodes = _Nodes([], [], [], [], [], [])
+    nodes = _Nodes([], [], [], [], [], [], [])
 
     def add(element: int, rotational: bool, frames: set[int], of_beam: bool = False) -> int:
         nodes.element.append(element)
@@ -200,20 +204,27 @@ def _place_multipliers(elements: Elements) -> _Nodes:
     for element, pair in elements.points:
         add(element, False, {pair.a, pair.b})
     open_nodes: dict[tuple[int, bool], tuple[int, int]] = {}
-    for entry in elements.equations:
-        sides = [elements.coordinates[q] for q in (entry.first, entry.second) if q >= 0]
-        key = (entry.element, all(coordinate.angular for coordinate, _ in sides))
+
+    def place(element: int, along: list[int]) -> tuple[int, int]:
+        sides = [elements.coordinates[q] for q in along if q >= 0]
+        key = (element, all(coordinate.angular for coordinate, _ in sides))
         if key not in open_nodes:
             open_nodes[key] = (add(*key, set()), 0)
         node, slot = open_nodes.pop(key)
-        nodes.place.append((node, slot))
         nodes.frames[node].update(frame for _, pair in sides for frame in (pair.a, pair.b))
         if slot < 2:
             open_nodes[key] = (node, slot + 1)
+        return node, slot
+
+    for entry in elements.equations:
+        nodes.place.append(place(entry.element, [entry.first, entry.second]))
     for of_beam, k, own in _beam_elements(elements):
         for _ in range(of_beam.beam.degree):
             nodes.points.append(add(of_beam.element + k, False, set(own), True))
             add(of_beam.element + k, True, set(own), True)
+    for spring in elements.springs:
+        if spring.element >= 0:
+            nodes.of_spring.append(place(spring.element, [spring.coordinate]))
     return nodes
 
 
@@ -383,7 +394,27 @@ def _springs(elements: Elements) -> Indices:
     number = {column: i for i, column in enumerate(columns)}
     energy = [number[entry.column] for entry in elements.springs]
     entries = _columns(elements.springs, "coordinate", "table", "column")
-    return entries | {"energy_column": indices(energy)}
+    unknown = np.array([entry.element >= 0 for entry in elements.springs], dtype=bool)
+    return entries | {"energy_column": indices(energy), "unknown": unknown}
+
+
+def _compliances(
+    elements: Elements, nodes: _Nodes, parts: np.ndarray, blocks: Blocks, first: int
+) -> Indices | None:
+    """Return the indices of springs in the compliance form."""
+    if not nodes.of_spring:
+        return None
+    springs = [s for s, entry in enumerate(elements.springs) if entry.element >= 0]
+    place = indices(nodes.of_spring)
+    part = parts[[elements.springs[s].coordinate for s in springs]]
+    node = first + place[:, :1]
+    return {
+        "spring": indices(springs),
+        "place": place,
+        "force_block": blocks.place(part, node),
+        "equation_block": blocks.place(node, part),
+        "own_block": blocks.constant(node[:, 0], node[:, 0]),  # only its diagonal is not zero
+    }
 
 
 def _signals(

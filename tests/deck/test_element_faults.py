@@ -60,7 +60,7 @@ def at(x: float) -> str:
 
 def tags(kind: str, **children: object) -> str:
     inner = "".join(f"<{tag}>{value}</{tag}>\n" for tag, value in children.items())
-    return f"<{kind}>{inner}</{kind}>"
+    return f"<{kind}>{inner}</{kind.split()[0]}>"
 
 
 X, Y, Z = axis("1 0 0"), axis("0 1 0"), axis("0 0 1")
@@ -440,6 +440,25 @@ LOADS = {
             table=ENTRY.format(0, 0) + ENTRY.format(1, 1),
         ),
         ":29: load 'S', stiffness: <table> gives it already; delete <stiffness> or the table",
+    ),
+    "compliance of a table": (
+        tags(
+            'springDamper form="compliance"',
+            name="S",
+            **ENDS,
+            table=ENTRY.format(0, 0) + ENTRY.format(1, 1),
+        ),
+        ":29: load 'S', table: form=\"compliance\" is for a linear spring, and <table> is not one; "
+        "give a <stiffness>, or delete form",
+    ),
+    "compliance of no stiffness": (
+        tags('springDamper form="compliance"', name="S", **ENDS, damping=1),
+        ":26: load 'S': form=\"compliance\" needs the inverse of the stiffness, which is 0; give "
+        "one greater than zero, or delete form",
+    ),
+    "compliance of a bushing that only damps": (
+        tags('bushing form="compliance"', name="S", **SHORT, damping="<x>1</x>"),
+        ":26: load 'S': form=\"compliance\" needs the inverse of each stiffness that is not zero",
     ),
     "spring table that does not increase": (
         tags("springDamper", name="S", **ENDS, table=ENTRY.format(1, 0) + ENTRY.format(0, 1)),

@@ -72,6 +72,7 @@ PENDULUM = {
     "mount": Bushing(
         *("mount", GROUND.name, "Bob", (0.0, 0.0, 0.8), (0.0, 0.0, 0.3), AXES, AXES),
         *((9.0, 0.0, 5.0, 0.0, 3.0, 0.0), (0.4, 0.0, 0.0, 0.0, 0.2, 0.0)),
+        compliance=True,
     ),
     "motor": JointActuator(
         "motor", "Pivot", "angle", parse("2.5*sin(3*t) - 0.8*Pivot.angle - 0.2*Pivot.angleRate")
@@ -79,7 +80,9 @@ PENDULUM = {
     "ram": MarkerActuator("ram", "Eye", "Tip", parse("1.5 + 0.5*Tip.x - 0.1*Tip.vz")),
     "rub": Friction("rub", "Pivot", "angle", 0.3, 0.1, 3.0),
 }
-"""A load of each kind, by its name; all act in the plane of the motion."""
+"""A load of each kind, by its name; all act in the plane of the motion, and one is in the
+compliance form.
+"""
 WORKING = [*PENDULUM]
 MARKERS = (Marker("Eye", GROUND.name, HOOK), Marker("Tip", "Bob", SIDE))
 

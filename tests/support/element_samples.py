@@ -386,6 +386,11 @@ LOADS = {
             rng, model, stiffness=0.0, damping=0.3, free_length=1.0, table=TABLE
         )
     ),
+    "springDamper, compliance": between(
+        lambda rng, model: spring(
+            rng, model, **SPRING, free_length=0.8, preload=0.5, compliance=True
+        )
+    ),
     "torsionalSpringDamper": along_joint(
         "cylindrical",
         JointSpring("S", "J0", "angle", 7.0, 0.4, 0.3, 0.5),
@@ -396,7 +401,16 @@ LOADS = {
         JointSpring("S", "J0", "slide", 40.0, 0.4, 0.3, 0.5),
         JointSpring("T", "J0", "slide", 0.0, 0.2, 0.1, 0.0, TABLE),
     ),
+    "torsionalSpringDamper, compliance": along_joint(
+        "cylindrical", JointSpring("S", "J0", "angle", 7.0, 0.4, 0.3, 0.5, compliance=True)
+    ),
+    "slideSpringDamper, compliance": along_joint(
+        "prismatic", JointSpring("S", "J0", "slide", 40.0, 0.4, 0.3, 0.5, compliance=True)
+    ),
     "bushing": between(bushing),
+    "bushing, compliance": between(
+        lambda rng, model: replace(bushing(rng, model), compliance=True)
+    ),
     "drag": dragged,
     "actuator": controlled,
     "actuator, markers": steered,

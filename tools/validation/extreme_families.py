@@ -274,7 +274,24 @@ def as_pin(model: Model, x: float) -> Model:
     return replace(model, joints=(*model.joints, pin), loads=())
 
 
-FAMILIES = {
+def in_compliance_form(family: Family) -> Family:
+    """Return a family with all its springs and bushings in the compliance form."""
+
+    def edit(root: Root, x: float) -> None:
+        family.edit(root, x)
+        for element in root.xpath("//springDamper | //bushing"):
+            element.set("form", "compliance")
+
+    return replace(
+        family,
+        name=f"{family.name}_compliance",
+        title=f"{family.title}, compliance form",
+        edit=edit,
+        deck=family.deck or f"extreme/{family.name}",
+    )
+
+
+_AS_WRITTEN = {
     family.name: family
     for family in (
         Family(
@@ -479,6 +496,13 @@ FAMILIES = {
             horizon=lambda x: 1.0,
         ),
     )
+}
+
+STIFF_SPRINGS = ("stiff_spring", "stiff_pendulum", "bushing_loop", "governor")
+"""Families whose springs are stiff, which are run in both forms."""
+FAMILIES = _AS_WRITTEN | {
+    family.name: family
+    for family in (in_compliance_form(_AS_WRITTEN[name]) for name in STIFF_SPRINGS)
 }
 
 

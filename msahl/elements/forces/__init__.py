@@ -6,8 +6,8 @@ the same order; schemes, start, study and diagnostics call nothing else. Gravity
 moments are inertial and belong to ``elements.rigid_body``.
 
     concentrated, drag     act on a point of a body and write to the rows of bodies
-    spring, friction,      act along a coordinate; their loads are summed with the multipliers of
-    actuator               constraint equations and then distributed to the rows of bodies
+    spring, compliance,    act along a coordinate; their loads are summed with the multipliers of
+    friction, actuator     constraint equations and then distributed to the rows of bodies
 
 At one configuration (``set_time`` or ``set_node``, then ``add_forces``, ``add_derivatives``,
 ``add_power``) rows are accelerations: a force by mass [m/s^2], a moment by mass and length [m/s^2].
@@ -18,8 +18,9 @@ Over a step of the midpoint element (``over_step``, then ``mean_residual``, ``me
 decaying scheme, more.
 
 In a system without coordinates ``scalar`` is None, and the kernels compiled for it hold no code of
-springs and friction; likewise ``signals`` and ``actuator`` in a system without expressions of the
-motion. Signals are evaluated before the forces that depend on them.
+springs and friction; likewise ``compliance`` in a system without springs in the compliance form,
+``signals`` and ``actuator`` in a system without expressions of the motion. Signals are evaluated
+before the forces that depend on them.
 """
 
 from collections.abc import Iterator
@@ -34,8 +35,17 @@ from msahl.elements.constraints.coordinate_kinds import CoordinatesWorkspace, De
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.constraints.scalar import differentiate as scalar_differentiate
 from msahl.elements.constraints.scalar import rates as scalar_rates
-from msahl.elements.forces import actuator, concentrated, controlled, drag, friction, spring
+from msahl.elements.forces import (
+    actuator,
+    compliance,
+    concentrated,
+    controlled,
+    drag,
+    friction,
+    spring,
+)
 from msahl.elements.forces.actuator import Actuators
+from msahl.elements.forces.compliance import Compliances
 from msahl.elements.forces.concentrated import ConcentratedLoads, ConcentratedWorkspace
 from msahl.elements.forces.controlled import ControlledLoads, ControlledWorkspace
 from msahl.elements.forces.drag import Drags
@@ -52,6 +62,7 @@ class Forces(NamedTuple):
     concentrated: ConcentratedLoads
     drag: Drags
     spring: Springs
+    compliance: Compliances | None
     friction: Frictions
     actuator: Actuators | None
     controlled: ControlledLoads | None
@@ -73,6 +84,8 @@ class ForcesWorkspace(NamedTuple):
     reactions: np.ndarray  # (j, 6) the joints' reactions extrapolated to the step [N, N m]
     elastic: np.ndarray  # (s,) elastic energies of the springs [J]
     stretch: np.ndarray  # (s,) smoothed changes of the springs' coordinates, the state's own
+    elongation: np.ndarray  # (c,) of springs in the compliance form, the state's own
+    load: np.ndarray  # (c,) loads of these at one configuration
     signals: SignalsWorkspace  # None where the system has none
     controlled: ControlledWorkspace  # likewise
 
@@ -83,9 +96,10 @@ def new_workspace(
     place: ScalarWorkspace,
     reaction: np.ndarray,
     stretch: np.ndarray,
+    elongation: np.ndarray,
 ) -> ForcesWorkspace:
     """Return the arrays that ``prepare`` fills beside ``motion`` and ``place``, which are shared;
-    ``reaction`` (j, 6) and ``stretch`` (s,) are those of the state.
+    ``reaction`` (j, 6), ``stretch`` (s,) and ``elongation`` (c,) are those of the state.
     """
     return ForcesWorkspace(
         motion=motion,
@@ -95,6 +109,8 @@ def new_workspace(
         reactions=np.zeros_like(reaction),
         elastic=np.zeros(forces.spring.coordinate.size),
         stretch=stretch,
+        elongation=elongation,
+        load=np.zeros_like(elongation),
         signals=signals.new_workspace(forces.signals, len(reaction)),
         controlled=controlled.new_workspace(forces.controlled),
     )
@@ -157,12 +173,14 @@ def add_forces(
     F: np.ndarray,
 ) -> None:
     """Add all forces at one configuration by mass to the rows ``F`` (nodes, 3) [m/s^2], after
-    ``scalar.rates``; ``reaction`` (j, 6) are the joints' reactions.
+    ``scalar.rates``, and ``set_compliant_loads`` or ``set_stage_loads``; ``reaction`` (j, 6) are
+    the joints' reactions.
     """
     _evaluate_signals(forces.signals, start, scalar)
     if scalar is not None:
         q = start.place.coordinates
         spring.add_load(forces.spring, forces.laws, scalar.coordinates, q, start.place.rate)
+        compliance.add_loads(forces.compliance, forces.spring, start.load, q)
         friction.add_load(forces.friction, reaction, q, start.place.rate)
         actuator.add_load(forces.actuator, start.signals, start.place)
         coordinates.push(scalar.coordinates, q, frames, 1.0, F)
@@ -182,7 +200,9 @@ def add_derivatives(
     reaction: np.ndarray,
     out: Derivatives,
 ) -> None:
-    """Add the derivatives of ``add_forces``, after it and after ``scalar.differentiate``."""
+    """Add the derivatives of ``add_forces`` at the loads of springs in the compliance form, after
+    it and after ``scalar.differentiate``.
+    """
     motion = start.motion
     concentrated.add_derivatives(forces.concentrated, start.concentrated, frames, out.by_place)
     drag.add_derivatives(forces.drag, start.drag, frames, motion, out.by_place, out.by_rate)
@@ -224,6 +244,146 @@ def add_power(
 
 
 @kernel
+def set_compliant_loads(
+    forces: Forces,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    frames: Frames,
+    F: np.ndarray,
+) -> None:
+    """Set the loads of springs in the compliance form to those by places and rates, after
+    ``scalar.rates``, and their equations in ``F`` to the multipliers of these.
+    """
+    if scalar is not None:
+        q, rate = start.place.coordinates, start.place.rate
+        group, springs = forces.compliance, forces.spring
+        compliance.set_loads(group, springs, forces.laws, frames, q, rate, start.load, F)
+
+
+@kernel
+def add_compliant_derivatives(
+    forces: Forces,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    frames: Frames,
+    out: Derivatives,
+) -> None:
+    """Add the derivatives of the loads that ``set_compliant_loads`` sets."""
+    if scalar is not None:
+        group, springs, q = forces.compliance, forces.spring, start.place.coordinates
+        compliance.add_derivatives(
+            group, springs, forces.laws, scalar.coordinates, q, frames, start.motion, out
+        )
+
+
+@kernel
+def isolate_multipliers(forces: Forces, values: np.ndarray) -> None:
+    """Set the derivatives in the block ``values`` by which the unknowns of springs in the
+    compliance form stand alone at one configuration; a step replaces them.
+    """
+    compliance.isolate_multipliers(forces.compliance, values)
+
+
+@kernel
+def accept(forces: Forces, start: ForcesWorkspace, scalar: ScalarConstraints | None) -> None:
+    """Advance the elongations of springs in the compliance form by the step evaluated last."""
+    if scalar is not None:
+        group, springs, q = forces.compliance, forces.spring, start.place.coordinates
+        compliance.accept(group, springs, q, start.elongation)
+
+
+@kernel
+def correct_elongations(
+    forces: Forces, start: ForcesWorkspace, scalar: ScalarConstraints | None, share: float
+) -> None:
+    """Bring the elongations of springs in the compliance form nearer to those at the prepared
+    places by a ``share``; 1 sets them.
+    """
+    if scalar is not None:
+        group, springs, q = forces.compliance, forces.spring, start.place.coordinates
+        compliance.correct_elongations(group, springs, q, share, start.elongation)
+
+
+@kernel
+def set_stage_elongations(
+    forces: Forces,
+    begin: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    frames: Frames,
+    increments: np.ndarray,
+    elongation: np.ndarray,
+) -> None:
+    """Set ``elongation`` (c,) to those after the ``increments`` (nodes, 3) since the start of a
+    collocation step, whose workspace is ``begin``.
+    """
+    if scalar is not None:
+        group, springs, q = forces.compliance, forces.spring, begin.place.coordinates
+        elongations = begin.elongation, elongation
+        compliance.set_stage_elongations(
+            group, springs, scalar.coordinates, q, frames, increments, elongations
+        )
+
+
+@kernel
+def accept_stage(
+    forces: Forces,
+    begin: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    frames: Frames,
+    Z: np.ndarray,
+    increments: np.ndarray,
+) -> None:
+    """Advance the elongations of springs in the compliance form by a collocation step, at whose end
+    ``Z`` are the displacements and rotation parameters; ``increments`` (nodes, 3) is a work array.
+    """
+    if scalar is not None:
+        group, springs, q = forces.compliance, forces.spring, begin.place.coordinates
+        compliance.set_increments(group, springs, scalar.coordinates, frames, Z, increments)
+        elongations = begin.elongation, begin.elongation
+        compliance.set_stage_elongations(
+            group, springs, scalar.coordinates, q, frames, increments, elongations
+        )
+
+
+@kernel
+def set_stage_loads(
+    forces: Forces,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    frames: Frames,
+    h: float,
+    Z: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """Set the loads of springs in the compliance form at a node of a collocation step to the
+    multipliers in ``Z``, and their equations in ``F``, after ``scalar.rates``.
+    """
+    if scalar is not None:
+        at_node = start.elongation, start.place.rate, start.load
+        group, springs = forces.compliance, forces.spring
+        compliance.set_stage_equations(group, springs, frames, at_node, h, Z, F)
+
+
+@kernel
+def add_stage_derivatives(
+    forces: Forces,
+    start: ForcesWorkspace,
+    scalar: ScalarConstraints | None,
+    frames: Frames,
+    h: float,
+    out: Derivatives,
+) -> None:
+    """Add the derivatives of ``set_stage_loads``, of its equations over h, after
+    ``add_derivatives``.
+    """
+    if scalar is not None:
+        group, springs, q = forces.compliance, forces.spring, start.place.coordinates
+        compliance.add_stage_derivatives(
+            group, springs, scalar.coordinates, q, frames, start.motion, h, out
+        )
+
+
+@kernel
 def over_step(forces: Forces, start: ForcesWorkspace, t: float, h: float) -> bool:
     """Set the forces that depend on time to their means over a step ``h`` from ``t``; return
     whether they have first moments as well.
@@ -243,13 +403,18 @@ def mean_residual(
     F: np.ndarray,
 ) -> None:
     """Subtract all mean forces over the ``step`` (h, dt2), and the loads of constraint equations
-    along coordinates, from the equations ``F`` (nodes, 3) [m]. Call it after ``scalar.residual``.
+    along coordinates, from the equations ``F`` (nodes, 3) [m], and set those of springs in the
+    compliance form. Call it after ``scalar.residual``.
     """
     h, dt2 = step
     _evaluate_signals_over_step(forces.signals, start, scalar, frames, h, Z)
     if scalar is not None:
         q = start.place.coordinates
         spring.add_mean_load(forces.spring, forces.laws, scalar.coordinates, q, start.stretch, h)
+        compliance.mean_residual(
+            *(forces.compliance, forces.spring, q, start.elongation, start.stretch, frames),
+            *(step, Z, F),
+        )
         friction.add_mean_load(forces.friction, start.reactions, q, h)
         actuator.add_load(forces.actuator, start.signals, start.place)
         coordinates.push(scalar.coordinates, q, frames, -dt2, F)
@@ -279,6 +444,7 @@ def mean_jacobian(
     if scalar is not None:
         q, group = start.place.coordinates, scalar.coordinates
         spring.mean_jacobian(forces.spring, forces.laws, group, q, frames, step, values)
+        compliance.mean_jacobian(forces.compliance, forces.spring, group, q, frames, step, values)
         friction.mean_jacobian(forces.friction, start.reactions, group, q, frames, step, values)
         coordinate_jacobians.stiffness(group, q, frames, -dt2, Z, values)
     controlled.mean_jacobian(forces.controlled, start.controlled, frames, dt2, Z, values)
@@ -561,6 +727,11 @@ def depend_on_reactions(forces: Forces) -> bool:
 
 
 # What a system's set-up and its reports ask of the forces, in plain Python.
+
+
+def new_elongation(forces: Forces) -> np.ndarray:
+    """Return the elongations of springs in the compliance form, still zero."""
+    return np.zeros(forces.compliance.spring.size if forces.compliance else 0)
 
 
 def new_stretch(forces: Forces) -> np.ndarray:

@@ -56,6 +56,7 @@ class Springs(NamedTuple):
     decay: np.ndarray  # (s,) chi/2 k
     column: np.ndarray  # (s,) of the table of work
     energy_column: np.ndarray  # (s,) of the springs' energies, behind the columns of work
+    unknown: np.ndarray  # (s,) whether its load is an unknown of the step (``compliance``)
 
 
 @kernel
@@ -91,8 +92,12 @@ def add_load(
     start: CoordinatesWorkspace,
     rate: np.ndarray,
 ) -> None:
-    """Add springs and dampers at the coordinates' rates ``rate`` (q,) to the coordinates' loads."""
+    """Add springs and dampers at the coordinates' rates ``rate`` (q,) to the coordinates' loads,
+    but for those whose loads are unknowns.
+    """
     for s in range(group.coordinate.size):
+        if group.unknown[s]:
+            continue
         q = group.coordinate[s]
         T, slope = tension(group, laws, s, elongation(group, start, s))
         start.load[q] -= T + group.damping[s] * rate[q]
@@ -110,13 +115,28 @@ def add_derivatives(
     motion: FramesWorkspace,
     out: Derivatives,
 ) -> None:
-    """Add the derivatives of the loads by mass by the places and by the rates."""
+    """Add the derivatives of ``add_load`` by mass by the places and by the rates."""
     for s in range(group.coordinate.size):
-        q = group.coordinate[s]
-        _, slope = tension(group, laws, s, elongation(group, start, s))
-        add_spring(coords, start, frames, 1.0, q, -slope, out.by_place)
-        slope = -group.damping[s]
-        add_damper(coords, start, frames, motion, q, slope, out)
+        if not group.unknown[s]:
+            add_derivative(group, laws, s, coords, start, frames, motion, out)
+
+
+@kernel
+def add_derivative(
+    group: Springs,
+    laws: Laws,
+    s: int,
+    coords: Coordinates,
+    start: CoordinatesWorkspace,
+    frames: Frames,
+    motion: FramesWorkspace,
+    out: Derivatives,
+) -> None:
+    """Add the derivatives of the load of spring ``s`` by mass by the places and by the rates."""
+    q = group.coordinate[s]
+    _, slope = tension(group, laws, s, elongation(group, start, s))
+    add_spring(coords, start, frames, 1.0, q, -slope, out.by_place)
+    add_damper(coords, start, frames, motion, q, -group.damping[s], out)
 
 
 @kernel
@@ -148,6 +168,8 @@ def add_mean_load(
 ) -> None:
     """Add the mean loads over the step to the coordinates' loads; ``stretch`` (s,) is s of each."""
     for s in range(group.coordinate.size):
+        if group.unknown[s]:
+            continue
         q = group.coordinate[s]
         dq = start.change[q]
         T, slope = mean_tension(group, laws, s, elongation(group, start, s), dq)
@@ -172,6 +194,8 @@ def mean_jacobian(
     """Add the derivatives of the mean loads over the ``step`` (h, dt2) by the unknowns."""
     h, dt2 = step
     for s in range(group.coordinate.size):
+        if group.unknown[s]:
+            continue
         q = group.coordinate[s]
         _, slope = mean_tension(group, laws, s, elongation(group, start, s), start.change[q])
         slope = -slope - group.damping[s] / h - group.decay[s]

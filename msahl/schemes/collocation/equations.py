@@ -102,6 +102,14 @@ def evaluate(
                     stages.increments,
                     stages.state.strain,
                 )
+                forces.set_stage_elongations(
+                    system.forces,
+                    start.forces,
+                    system.scalar,
+                    system.frames,
+                    stages.increments,
+                    stages.state.elongation,
+                )
         if i < 0:
             _enter_violations(system, state, start, stages, h, row)
             _set_constraint_accelerations(
@@ -238,11 +246,12 @@ def _set_force_accelerations(system: System, stages: StageArrays, h: float, i: i
     scalar.rates(group, node.scalar, frames, node.frames, stages.at_rest)
     forces.set_node(system.forces, node.forces, stages.factor[i])
     signals.set_state(system.forces.signals, node.forces.signals, stages.signals, i)
+    Z, F = stages.Z[i], stages.F[i]
+    forces.set_stage_loads(system.forces, node.forces, group, frames, h, Z, F)
     forces.add_forces(system.forces, node.forces, group, frames, reaction, row)
     forces.add_power(system.forces, node.forces, group, reaction, dt, stages.work)
     scalar.set_rate_equations(system.scalar, node.scalar, frames, h, stages.F[i])
     instant.add_power(system.beams, node.beams, node.frames, dt, stages.work)
-    Z, F = stages.Z[i], stages.F[i]
     beams.set_multipliers(system.beams, frames, h, Z, stages.at_rest)
     beams.add_elastic_forces(system.beams, node.beams, frames, stages.at_rest, row)
     beams.set_elastic_equations(system.beams, node.beams, frames, node.frames, h, Z, F)
@@ -362,6 +371,9 @@ def accept(
         put(stages.last_rates[s], Q_node, at(start.frames.W, f))
     beams.accept(
         system.beams, start.beams, frames, stages.Z[s - 1], stages.increments, state.strain
+    )
+    forces.accept_stage(
+        system.forces, start.forces, system.scalar, frames, stages.Z[s - 1], stages.increments
     )
     _accept_multipliers(system, state, stages, h)
     _set_end_accelerations(system, state, start, stages, h)

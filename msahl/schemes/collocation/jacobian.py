@@ -100,6 +100,7 @@ def _differentiate_forces(system: System, stages: StageArrays, h: float, i: int)
     signals.take_slopes(system.forces.signals, node.forces.signals, stages.signals, i, i)
     scalar.differentiate(group, node.scalar, frames, out.still)
     forces.add_derivatives(system.forces, node.forces, group, frames, stages.reaction[i], out)
+    forces.add_stage_derivatives(system.forces, node.forces, group, frames, h, out)
     scalar.add_rate_derivatives(group, node.scalar, frames, node.frames, out)
     beams.add_elastic_derivatives(
         system.beams, node.beams, frames, node.frames, h, stages.at_rest, (position, rate)

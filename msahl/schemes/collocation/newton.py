@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import copy
-from msahl.elements import signals
+from msahl.elements import forces, signals
 from msahl.elements.beams import stage as beams
 from msahl.elements.constraints.scalar import clear_rate_violations
 from msahl.elements.forces import ReactionForces, pressed_by_reactions
@@ -34,7 +34,7 @@ from msahl.schemes.midpoint.workspace import record_step as record_at_end
 from msahl.schemes.outcome import TOLERANCE
 from msahl.system.arrays import State, System
 from msahl.system.diagnostics import energy_balance
-from msahl.system.ordering import Elimination
+from msahl.system.ordering import Elimination, new_factor
 
 TARGET = 1e-14
 """As ``outcome.TARGET``. Collocation steps are few and long, so the residual of each matters less
@@ -85,7 +85,7 @@ def new_collocation_workspace(
         pressed=pressed_by_reactions(workspace.system.forces),
         stages=stages,
         instant=new_instant(workspace.system, workspace.unknowns),
-        factor=np.zeros((int(lu.base[-1]), degree, degree)),
+        factor=new_factor(lu, degree),
         y=np.zeros((lu.order.size, degree)),
         pivot_rows=np.zeros(degree, dtype=np.int64),
         dense_output=new_dense_output(workspace, higher.order(degree), higher.decays),
@@ -223,6 +223,7 @@ def accept_step(subsystem: CollocationWorkspace, h: float) -> None:
         for i in range(3):
             state.violation[k, i] += DRIFT_FEEDBACK * (violation[k, i] - state.violation[k, i])
     beams.correct_strains(system.beams, start.beams, DRIFT_FEEDBACK)
+    forces.correct_elongations(system.forces, start.forces, system.scalar, DRIFT_FEEDBACK)
     if stages.tableau.decays:
         lost = stages.first_energy[0] - energy_balance(system, state, start, violation, rate)
         state.work[state.work.size - 1] -= max(0.0, lost)

@@ -398,6 +398,7 @@ def copy_state(state: State, other: State) -> None:
         (state.angle, other.angle),
         (state.work, other.work),
         (state.auxiliary, other.auxiliary),
+        (state.elongation, other.elongation),
     ):
         for i in range(source.size):
             target[i] = source[i]

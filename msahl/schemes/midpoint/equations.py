@@ -200,6 +200,7 @@ def accept(
     forces.mean_work(system.forces, start.forces, system.scalar, frames, h, Z, state.work)
     signals.accept(system.forces.signals, start.forces.signals, h, state.auxiliary)
     beams.accept(system.beams, start.beams, h, state.strain, state.work)
+    forces.accept(system.forces, start.forces, system.scalar)
     scalar.accept(system.scalar, start.scalar, frames, t, h, h2, Z, state.angle, state.work)
     for b in range(moving_count(frames)):
         lost, by_a, by_alpha = _accept_frame(system, state, start, h, Z, b)

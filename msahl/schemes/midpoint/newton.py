@@ -30,6 +30,10 @@ LONG_TARGET = 1e-16
 stiff elements do more work in them, so less must remain for the same error of the energy."""
 FAR_BETTER = 0.1
 """Ratio of the residuals of two predictions below which the first one is taken."""
+SCALED_ABOVE = 1e12
+"""Ratio of the pivots above which those of the matrix with scaled rows and columns count. In thin
+beams of stiff material, entries of the Jacobian differ by more than this for their units alone.
+"""
 
 
 @apart
@@ -55,7 +59,7 @@ def iterate(workspace: Workspace, h: float, target: float) -> tuple[float, int]:
         if slow:
             equations.jacobian(system, start, h, Z, workspace.values)
             sparse_lu.factor(lu, workspace.values, workspace.factor)
-            pivots = max(pivots, sparse_lu.pivot_ratio(lu, workspace.factor))
+            pivots = max(pivots, pivot_ratio(workspace))
             workspace.counts[1] += 1
         dense.gather(lu.order, F, y)
         sparse_lu.solve(lu, workspace.factor, y)
@@ -73,6 +77,20 @@ def iterate(workspace: Workspace, h: float, target: float) -> tuple[float, int]:
     if residual <= TOLERANCE:
         workspace.pivots[0] = max(workspace.pivots[0], pivots)
     return residual, worst
+
+
+@kernel
+def pivot_ratio(workspace: Workspace) -> float:
+    """Ratio of the pivots of the Jacobian just factored, or the ``scaled_pivot_ratio`` where that
+    is smaller and the first is so large that the units may be the reason.
+    """
+    lu, W = workspace.unknowns.elimination, workspace.factor
+    ratio = sparse_lu.pivot_ratio(lu, W)
+    if ratio <= SCALED_ABOVE:
+        return ratio
+    blocks = workspace.system.blocks
+    scaled = sparse_lu.scaled_pivot_ratio(lu, blocks, workspace.values, W, workspace.sizes)
+    return min(ratio, scaled)
 
 
 @kernel

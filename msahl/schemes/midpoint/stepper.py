@@ -26,6 +26,7 @@ def kind_of(system: System) -> str:
     """Name of the kind of system, which decides on the types of arguments."""
     kind = "points" if system.scalar is None else "along"
     kind += "" if system.beams is None else "-beams"
+    kind += "" if system.forces.compliance is None else "-compliance"
     return kind if system.forces.signals is None else f"{kind}-signals"
 
 

@@ -19,6 +19,7 @@ from msahl.system.arrays import (
     node_count,
 )
 from msahl.system.diagnostics import Monitor, new_monitor, record_figures
+from msahl.system.ordering import new_factor
 from msahl.system.unknowns import Unknowns
 
 
@@ -33,6 +34,7 @@ class Workspace(NamedTuple):
     F: np.ndarray  # (nodes, 3) its equations
     values: np.ndarray  # block values of the Jacobian
     factor: np.ndarray  # its sparse factors
+    sizes: np.ndarray  # (2, nodes, 3) largest entries of its rows and columns
     y: np.ndarray  # (f,) right-hand side, in the order of elimination
     mean_force: np.ndarray  # (k, 3) multipliers over the present step, summed over substeps
     mean_reaction: np.ndarray  # (j, 6) likewise the reactions of the joints [N, N m]
@@ -57,7 +59,8 @@ def new_workspace(
         Z=np.zeros(nodes),
         F=np.zeros(nodes),
         values=np.zeros_like(system.constant),
-        factor=np.zeros(int(unknowns.elimination.base[-1])),
+        factor=new_factor(unknowns.elimination),
+        sizes=np.zeros((2, *nodes)),
         y=np.zeros(unknowns.free.size),
         mean_force=np.zeros_like(state.force),
         mean_reaction=np.zeros_like(state.reaction),
