@@ -219,8 +219,8 @@ class _Path:
         return z if _newton(self.equations, z, 1.0, LONG_TARGET) else None
 
     def _bordered(self, y: np.ndarray, f: np.ndarray, last: np.ndarray) -> np.ndarray:
-        """Derivative (f + 1, f + 1) of the rows by y, above the row ``last``; ``f`` are the rows at
-        ``y``.
+        """Derivative (f + 1, f + 1) of the equations by y, above the row ``last``; ``f`` are their
+        residuals at ``y``.
         """
         n, z, s = f.size, self.unit * y[:-1], y[-1]
         A = np.empty((n + 1, n + 1))
