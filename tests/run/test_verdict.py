@@ -40,6 +40,7 @@ GOOD = Figures(
     iterations=2000,
     subdivisions=0,
     scipy_steps=1,
+    path_steps=0,
     joints=2,
     dt=0.01,
     order=2,
