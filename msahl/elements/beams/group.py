@@ -59,6 +59,9 @@ class BeamsWorkspace(NamedTuple):
     arm_change: np.ndarray  # (m, 3) [m]
     moved: np.ndarray  # (m, 3) displacements of the reference line at the nodes [m]
     tangent: np.ndarray  # (m, 3, 3) rotation at the end of the step by the unknown l Q [1/m]
+    lam: np.ndarray  # (g, 6) multipliers [N, N m], for the stiffness
+    load: np.ndarray  # (., 3, 3) g_i of the nodes of the elements, likewise (``stiffness``)
+    force: np.ndarray  # (., 3) and their f
     change: np.ndarray  # (g, 6) changes of the strains over the step
     factor: np.ndarray  # (g, 6) of the equations in the derivatives
     strain: np.ndarray  # (g, 6) at the start of the step, less the reference
@@ -78,6 +81,9 @@ def new_workspace(group: Beams, strain: np.ndarray, rise: np.ndarray) -> BeamsWo
         arm_change=np.zeros((m, 3)),
         moved=np.zeros((m, 3)),
         tangent=np.zeros((m, 3, 3)),
+        lam=np.zeros((g, COMPONENTS)),
+        load=np.zeros((group.node.size, 3, 3)),
+        force=np.zeros((group.node.size, 3)),
         change=np.zeros((g, COMPONENTS)),
         factor=np.zeros((g, COMPONENTS)),
         strain=strain,

@@ -13,7 +13,7 @@ from msahl.elements.beams.group import COMPONENTS, Beams, BeamsWorkspace
 from msahl.elements.beams.instant import point_at
 from msahl.elements.beams.rows import add_equations, multipliers, row_scale
 from msahl.elements.beams.stage import add_rate_slopes
-from msahl.elements.beams.stiffness import add_stiffness
+from msahl.elements.beams.stiffness import add_stiffness, collect
 from msahl.elements.beams.strain import set_tangents
 from msahl.elements.frames import Frames, FramesWorkspace
 from msahl.jit.kernel import optional
@@ -38,6 +38,7 @@ def add_derivatives(
         for i in range(COMPONENTS):
             start.factor[g, i] = row_scale(group, g, i)
         here, lam = point_at(start, g), multipliers(group, frames, at_rest, g)
-        add_stiffness(group, start, frames, g, lam, (here, 1.0, 1.0), by_place)
+        collect(group, start, g, lam, here)
         add_equations(group, start, g, here, by_place)
         add_rate_slopes(group, start, motion, g, rates_by_place)
+    add_stiffness(group, start, frames, 1.0, 1.0, by_place)

@@ -18,7 +18,7 @@ import numpy as np
 from msahl.algebra.vector import Matrix, Vector, add, combine, cross, multiple, scale
 from msahl.elements.beams.group import COMPONENTS, Beams, BeamsWorkspace
 from msahl.elements.beams.rows import ALL, add_equations, multipliers, own_compliance, row_scale
-from msahl.elements.beams.stiffness import add_loads, add_stiffness
+from msahl.elements.beams.stiffness import add_loads, add_stiffness, collect
 from msahl.elements.beams.strain import (
     changes,
     director_loads,
@@ -151,10 +151,11 @@ def jacobian(
         add_loads(group, start, frames, g, means, (-1.0, ALL), values)
         n, m = multipliers(group, frames, Z, g)
         lam = (scale(1.0 / dt2, n), scale(1.0 / dt2, m))
-        add_stiffness(group, start, frames, g, lam, (means, 0.5, -dt2), values)
+        collect(group, start, g, lam, means)
         _set_factors(group, start, g, step)
         add_equations(group, start, g, point_vectors(start, g, changed, 1.0), values)
         _add_compliance(group, g, step, values)
+    add_stiffness(group, start, frames, 0.5, -dt2, values)
 
 
 @kernel

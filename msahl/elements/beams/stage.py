@@ -32,7 +32,7 @@ from msahl.elements.beams.rows import (
     own_compliance,
     row_scale,
 )
-from msahl.elements.beams.stiffness import add_loads, add_stiffness
+from msahl.elements.beams.stiffness import add_loads, add_stiffness, collect
 from msahl.elements.beams.strain import (
     changes,
     director_loads,
@@ -208,6 +208,7 @@ def add_rigid_derivatives(
             rigid = group.rigid[g, i]
             node.factor[g, i] = row_scale(group, g, i) if rigid else 0.0
         add_equations(group, node, g, here, values)
+    add_stiffness(group, node, frames, 1.0, 1.0, values)
 
 
 @kernel
@@ -221,13 +222,13 @@ def _add_force_derivatives(
     values: np.ndarray,
 ) -> None:
     """Add the derivatives of the forces of the multipliers ``which`` by mass at Gauss point ``g``,
-    after ``set_tangents``.
+    after ``set_tangents``, and prepare those by places.
     """
     here = point_at(node, g)
     add_loads(group, node, frames, g, here, (1.0, which), values)
     n, m = multipliers(group, frames, Z, g)
     lam = (chosen(group, g, 0, which, n), chosen(group, g, 3, which, m))
-    add_stiffness(group, node, frames, g, lam, (here, 1.0, 1.0), values)
+    collect(group, node, g, lam, here)
 
 
 @optional()
@@ -263,6 +264,7 @@ def add_elastic_derivatives(
             add_equations(group, node, g, here, by_rate)
             add_rate_slopes(group, node, motion, g, by_place)
         _add_compliance(group, g, h, by_place)
+    add_stiffness(group, node, frames, 1.0, 1.0, by_place)
 
 
 @kernel

@@ -11,14 +11,19 @@ it, which change by a ``share`` of 1/2; at one configuration the share is 1.
 import numpy as np
 
 from msahl.algebra.vector import (
+    ZERO,
     Matrix,
     Vector,
+    at,
+    axpy,
     combine,
     dot,
     matrix_at,
     multiple,
     outer,
     product,
+    put,
+    put_matrix,
     scale,
     skew,
     skew_product,
@@ -85,36 +90,51 @@ def _columns(rows: Matrix, c: Vector) -> Matrix:
     return transpose((scale(c[0], rows[0]), scale(c[1], rows[1]), scale(c[2], rows[2])))
 
 
+@kernel
+def collect(
+    group: Beams, start: BeamsWorkspace, g: int, lam: tuple[Vector, Vector], means: Point
+) -> None:
+    """Keep the multipliers ``lam`` at Gauss point ``g`` for ``add_stiffness``, and add what they
+    make to g_i and f of the nodes; ``means`` are d_i, d_i' and r' there.
+    """
+    q, by_d, by_slope = director_loads(lam[0], lam[1], means)
+    for i in range(3):
+        start.lam[g, i], start.lam[g, 3 + i] = lam[0][i], lam[1][i]
+    first, count = nodes_of(group, g)
+    for a in range(count):
+        k = first + a
+        c, lever = group.weight[g] * group.value[g, a], group.weight[g] * group.slope[g, a]
+        loads = combine(lever, by_slope, matrix_at(start.load, k))
+        put_matrix(start.load, k, combine(c, by_d, loads))
+        put(start.force, k, axpy(lever, q, at(start.force, k)))
+
+
 @apart
 def add_stiffness(
     group: Beams,
     start: BeamsWorkspace,
     frames: Frames,
-    g: int,
-    lam: tuple[Vector, Vector],
-    at_point: tuple[Point, float, float],
+    share: float,
+    factor: float,
     values: np.ndarray,
 ) -> None:
-    """Add a factor times the derivatives of the accelerations by the places, at the multipliers
-    ``lam`` of Gauss point ``g``; ``at_point`` are the means there, the share and the factor.
+    """Add a ``factor`` times the derivatives of the accelerations by the places, at the multipliers
+    of all Gauss points, which ``collect`` has been called for.
     """
-    means, share, factor = at_point
-    q, by_d, by_slope = director_loads(lam[0], lam[1], means)
-    c = group.weight[g]
-    first, count = nodes_of(group, g)
-    for a in range(count):
-        m = group.node[first + a]
-        d, arm = node_vectors(start, m, 0.5)
-        N, slope = group.value[g, a], group.slope[g, a]
-        own = combine(c * N, by_d, multiple(c * slope, by_slope))
-        force = scale(c * slope, q)
-        for b in range(count):
-            _add_pair(group, start, frames, (g, a, b), lam, (d, arm, share, factor), values)
-        self = multiple(share, _self_term(*node_vectors(start, m, 1.0), own, force))
-        f, e = group.frame[m], group.element[g]
-        by_q = factor * frames.inverse_mass[f] / frames.length[f]
-        rotated = product(self, matrix_at(start.tangent, m))
-        add_block(values, group.pair_block[e, a, a, Q_BY_Q], by_q, rotated)
+    for e in range(group.first.size - 1):
+        first = group.first[e]
+        count = group.first[e + 1] - first
+        for a in range(count):
+            m = group.node[first + a]
+            d, arm = node_vectors(start, m, 0.5)
+            for b in range(count):
+                _add_pair(group, start, frames, (e, a, b), (d, arm, share, factor), values)
+            own, force = matrix_at(start.load, first + a), at(start.force, first + a)
+            self = multiple(share, _self_term(*node_vectors(start, m, 1.0), own, force))
+            f = group.frame[m]
+            by_q = factor * frames.inverse_mass[f] / frames.length[f]
+            rotated = product(self, matrix_at(start.tangent, m))
+            add_block(values, group.pair_block[e, a, a, Q_BY_Q], by_q, rotated)
 
 
 @kernel
@@ -127,42 +147,58 @@ def _self_term(d: Matrix, arm: Vector, g: Matrix, force: Vector) -> Matrix:
     return outer(1.0, d[0], g[0], outer(1.0, d[1], g[1], outer(1.0, d[2], g[2], M)))
 
 
+@kernel
+def _sums(
+    group: Beams, start: BeamsWorkspace, place: tuple[int, int, int]
+) -> tuple[Vector, Vector, Vector, float]:
+    """Return sums over the Gauss points of an element, with c = w J, of c slope_a N_b n and
+    c N_a slope_b n; of c (slope_a N_b - N_a slope_b) m/2; and of c N_a N_b n_1. ``place`` is
+    (element, a, b).
+    """
+    e, a, b = place
+    ahead, behind, m, stretch = ZERO, ZERO, ZERO, 0.0
+    first = group.first[e] - e
+    for g in range(first, first + group.first[e + 1] - group.first[e] - 1):
+        c = group.weight[g]
+        i, j = c * group.slope[g, a] * group.value[g, b], c * group.value[g, a] * group.slope[g, b]
+        n = (start.lam[g, 0], start.lam[g, 1], start.lam[g, 2])
+        ahead, behind = axpy(i, n, ahead), axpy(j, n, behind)
+        m = axpy(0.5 * (i - j), (start.lam[g, 3], start.lam[g, 4], start.lam[g, 5]), m)
+        stretch += c * group.value[g, a] * group.value[g, b] * n[0]
+    return ahead, behind, m, stretch
+
+
 @apart
 def _add_pair(
     group: Beams,
     start: BeamsWorkspace,
     frames: Frames,
     place: tuple[int, int, int],
-    lam: tuple[Vector, Vector],
     of_node: tuple[Matrix, Vector, float, float],
     values: np.ndarray,
 ) -> None:
-    """Add the derivatives of force and moment on node a by the place of node b, at the Gauss point
-    g of ``place`` (g, a, b); ``of_node`` are mean directors and arm of a, share and factor.
+    """Add the derivatives of force and moment on node a by the place of node b, of the element e of
+    ``place`` (e, a, b); ``of_node`` are mean directors and arm of a, share and factor.
+
+    They are linear in the multipliers, so these are summed over the Gauss points first.
     """
-    g, a, b = place
+    e, a, b = place
     d_a, arm_a, share, factor = of_node
-    e = group.element[g]
     first = group.first[e]
     f, n = group.frame[group.node[first + a]], group.node[first + b]
     d_b, arm_b = node_vectors(start, n, 1.0)
-    c = share * group.weight[g]
-    ahead, behind = (
-        c * group.slope[g, a] * group.value[g, b],
-        c * group.value[g, a] * group.slope[g, b],
-    )
-    q_a, q_b = skew(resultants(lam[0], d_a)), skew(scale(-ahead, resultants(lam[0], d_b)))
-    by_q = _pair_term(scale(0.5 * (ahead - behind), lam[1]), d_a, d_b)
-    stretch = -c * group.value[g, a] * group.value[g, b] * lam[0][0]
-    by_q = combine(stretch, _double_cross(d_a[0], d_b[0]), by_q)
-    by_q = combine(-behind, product(q_a, skew(arm_b)), by_q)
+    ahead, behind, m, stretch = _sums(group, start, place)
+    q_a, q_b = skew(resultants(behind, d_a)), skew(scale(-1.0, resultants(ahead, d_b)))
+    by_q = _pair_term(m, d_a, d_b)
+    by_q = combine(-stretch, _double_cross(d_a[0], d_b[0]), by_q)
+    by_q = combine(-1.0, product(q_a, skew(arm_b)), by_q)
     by_q = combine(1.0, skew_product(arm_a, q_b), by_q)
     places = group.pair_block[e, a, b]
-    of_force = factor * frames.inverse_mass[f]
+    of_force = share * factor * frames.inverse_mass[f]
     of_moment = of_force / frames.length[f]
     G = matrix_at(start.tangent, n)
     add_block(values, places[U_BY_Q], of_force, product(q_b, G))
-    add_block(values, places[Q_BY_U], of_moment * behind, q_a)
+    add_block(values, places[Q_BY_U], of_moment, q_a)
     add_block(values, places[Q_BY_Q], of_moment, product(by_q, G))
 
 

@@ -126,7 +126,12 @@ def move(group: Beams, start: BeamsWorkspace, frames: Frames, Z: np.ndarray) -> 
 
 @kernel
 def set_tangents(group: Beams, start: BeamsWorkspace, frames: Frames, Z: np.ndarray) -> None:
-    """Set the derivatives of the nodes' rotations by the unknowns."""
+    """Set the derivatives of the nodes' rotations by the unknowns, and the loads that
+    ``stiffness.collect`` adds to to zero.
+    """
+    for k in range(group.node.size):
+        put_matrix(start.load, k, NONE)
+        put(start.force, k, ZERO)
     for m in range(group.frame.size):
         f = group.frame[m]
         D = rotation_tangent(rotation_increment(frames, Z, f))
