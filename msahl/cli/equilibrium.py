@@ -130,12 +130,11 @@ def _in_space(job: "Job", found: "Point", rotation: "np.ndarray") -> list[str]:
     if not found.model.beams:
         return []
     from msahl.analysis.equilibria.equilibrium import size_of
-    from msahl.results.read import ResultError
-    from msahl.study.elements import equilibrium_error
+    from msahl.study.more_elements import RefinementError, equilibrium_error
 
     try:
         error = equilibrium_error(job.source, job.text, found, rotation)
-    except ResultError as fault:
+    except RefinementError as fault:
         say(f"WARN: the error in space is not known: {printable(str(fault))}")
         return []
     if error > COARSE * size_of(found):
