@@ -337,7 +337,7 @@ def _tell(deck: Path, folder: Path, report: "Report", talk: Talk) -> None:
             f"{report.unknowns} unknowns in {report.subsystems} subsystems "
             f"({report.planar_subsystems} planar), {report.iterations} iterations, "
             f"{report.factorisations} factorisations, {report.scipy_steps} steps by scipy, "
-            f"{report.subdivisions} subdivisions"
+            f"{report.path_steps} by continuation, {report.subdivisions} subdivisions"
         )
     if not talk.quiet or report.verdict["word"] == FAIL:
         verdict = describe_verdict(report.verdict)

@@ -49,7 +49,7 @@ STATISTICS: Mapping[str, Callable[[np.ndarray, np.ndarray], float]] = {
 """Statistics of a column, of output times and values (m,)."""
 VERDICT, POSITION_ERROR, SECONDS = "verdict", "error", "seconds"
 COUNTS = ("steps", "output_times", "time", "unknowns", "iterations", "factorisations",
-          "scipy_steps", "subdivisions")  # fmt: skip
+          "scipy_steps", "path_steps", "subdivisions")  # fmt: skip
 """Numbers of a report."""
 EXTREMES = ("energyAtStart", "largestKineticEnergy", "energyErrorMax", "energyErrorMaxRelative",
             "energyErrorRms", "constraintViolationMax", "constraintViolationRateMax",

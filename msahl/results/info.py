@@ -81,7 +81,8 @@ SHAPE = Fields({
     **dict.fromkeys(("status", "message", "command"), TEXT),
     **dict.fromkeys(("outputTimes", "steps", "joints", "unknowns"), COUNT),
     **dict.fromkeys(("subsystems", "planarSubsystems"), COUNT),
-    **dict.fromkeys(("iterations", "factorisations", "scipySteps", "subdivisions"), COUNT),
+    **dict.fromkeys(("iterations", "factorisations"), COUNT),
+    **dict.fromkeys(("scipySteps", "pathSteps", "subdivisions"), COUNT),
     "time": NUMBER,
     "deck": Fields({"path": TEXT, "digest": TEXT}),
     "options": Fields({

@@ -37,6 +37,7 @@ def _count_work(setup: RunSetup, report: Report) -> None:
     report.iterations = sum(int(of.workspace.counts[0]) for of in setup.integrators)
     report.factorisations = sum(int(of.workspace.counts[1]) for of in setup.integrators)
     report.scipy_steps = sum(of.stepper.scipy_steps for of in setup.integrators)
+    report.path_steps = sum(of.stepper.path_steps for of in setup.integrators)
     report.subdivisions = sum(of.stepper.subdivisions for of in setup.integrators)
 
 
@@ -79,6 +80,7 @@ def _figures(setup: RunSetup, record: Record, report: Report) -> Figures:
         iterations=report.iterations,
         subdivisions=report.subdivisions,
         scipy_steps=report.scipy_steps,
+        path_steps=report.path_steps,
         joints=report.joints,
         dt=_longest_step(setup, report),
         order=settings.order,

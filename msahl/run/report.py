@@ -29,6 +29,7 @@ class Report:
     iterations: int = 0
     factorisations: int = 0
     scipy_steps: int = 0
+    path_steps: int = 0
     subdivisions: int = 0
     warnings: list[str] = field(default_factory=list)
     resumed: list[float] = field(default_factory=list)

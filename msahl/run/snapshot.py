@@ -80,6 +80,7 @@ def counters(integrator: SubsystemIntegrator) -> dict[str, Any]:
     iterations, factorisations = integrator.workspace.counts.tolist()
     return {
         "scipySteps": integrator.stepper.scipy_steps,
+        "pathSteps": integrator.stepper.path_steps,
         "subdivisions": integrator.stepper.subdivisions,
         "counts": [iterations, factorisations],
         "stepper": integrator.stepper.counters,
@@ -89,6 +90,7 @@ def counters(integrator: SubsystemIntegrator) -> dict[str, Any]:
 def restore_counters(integrator: SubsystemIntegrator, counted: dict[str, Any]) -> None:
     """Restore what ``counters`` returned."""
     integrator.stepper.scipy_steps = counted["scipySteps"]
+    integrator.stepper.path_steps = counted["pathSteps"]
     integrator.stepper.subdivisions = counted["subdivisions"]
     integrator.workspace.counts[:] = counted["counts"]
     integrator.stepper.restore(counted["stepper"])

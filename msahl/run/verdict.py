@@ -98,6 +98,7 @@ class Figures:
     iterations: int
     subdivisions: int
     scipy_steps: int
+    path_steps: int
     joints: int
     dt: float
     order: int  # of the scheme
@@ -217,6 +218,8 @@ def _solver(of: Figures, limits: Limits) -> Iterator[Finding]:
     text = f"{of.iterations / max(of.steps, 1):.1f} iterations per step"
     if of.scipy_steps:
         text += f", {of.scipy_steps} steps by scipy"
+    if of.path_steps:
+        text += f", {of.path_steps} steps by continuation"
     if of.subdivisions:
         text += (
             f"; steps were subdivided {of.subdivisions} times: a motion is too fast for the step "

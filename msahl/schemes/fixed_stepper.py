@@ -73,6 +73,11 @@ class StepMethod(Protocol):
     ) -> Outcome:
         """As ``take_step``, with scipy; ``count_work`` receives the work done."""
 
+    def take_step_by_path(
+        self, h: float, share: float, count_work: Callable[[int], None]
+    ) -> Outcome:
+        """As ``take_step_by_scipy``, along a path from shorter steps, if the scheme has that."""
+
     def record_step(self, h: float, step: int, schedule: OutputSchedule) -> None:
         """Write the monitor's row ``step`` and the rows of the tables that are due there."""
 
@@ -91,7 +96,7 @@ class FixedStepper:
         self.method, self.solver, self.workspace = method, solver, method.workspace
         self.requests = Requests()
         self.events: Events | None = None
-        self.scipy_steps = self.subdivisions = 0
+        self.scipy_steps = self.path_steps = self.subdivisions = 0
         unknowns = self.workspace.unknowns.free.size
         self.large = bool(unknowns * max(method.degree, 1) > LARGEST_DENSE)
         # scipy takes the first step of the schemes of order 2. It would have to be compiled for
@@ -184,22 +189,32 @@ class FixedStepper:
 
     def _subdivide(self, h: float, share: float, depth: int = MAX_SUBDIVISIONS) -> Outcome:
         """Take a step ``h``, a ``share`` of the requested one, or its two halves if it fails."""
-        outcome = self._solve_once(h, share)
+        # The compiled loop has tried the complete step, unless it has to end at events.
+        tried = depth == MAX_SUBDIVISIONS and self.events is None
+        outcome = self._solve_once(h, share, tried)
         if outcome.converged or depth == 0:
             return outcome
         self.subdivisions += 1
         outcome = self._subdivide(0.5 * h, 0.5 * share, depth - 1)
         return self._subdivide(0.5 * h, 0.5 * share, depth - 1) if outcome.converged else outcome
 
-    def _solve_once(self, h: float, share: float) -> Outcome:
+    def _solve_once(self, h: float, share: float, tried: bool) -> Outcome:
+        """Take a step by one solver after the other; ``tried``: the compiled one has failed."""
         if self.solver == "newton" or (self.solver == "auto" and self.large):
             self.requests.after(EVALUATION + STEP_WORK * self.workspace.unknowns.free.size)
             return self.method.take_step(h, share)
-        if self.events is not None and self.begun:  # the compiled loop has not tried this step
+        if self.solver == "root" or not self.begun:
+            return self._solve_by_scipy(h, share)
+        outcome = Outcome(math.inf, -1)
+        if not tried:
             outcome = self.method.take_step(h, share)
-            if outcome.converged:
-                return outcome
+        if not outcome.converged:
             self.reset_prediction()
+            outcome = self.method.take_step_by_path(h, share, self.requests.after)
+            self.path_steps += int(outcome.converged)
+        return outcome if outcome.converged else self._solve_by_scipy(h, share)
+
+    def _solve_by_scipy(self, h: float, share: float) -> Outcome:
         self.scipy_steps += 1
         return self.method.take_step_by_scipy(h, share, self.requests.after)
 

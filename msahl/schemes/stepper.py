@@ -25,7 +25,8 @@ A class that implements ``Stepper`` must
 7. take the degree of another stepper of the same class in ``follow_degree``, if it has one: a
    companion run is compared with the run step by step;
 8. return in ``smallest_tried`` the size [s] of the shortest step that it tries for a chunk;
-9. count in ``scipy_steps`` and ``subdivisions`` the steps solved by scipy and the steps divided;
+9. count in ``scipy_steps``, ``path_steps`` and ``subdivisions`` the steps solved by scipy, those
+   solved along a path from shorter ones, and those divided;
 10. end a step at every event of ``events``, if that is not None, let the event change the state,
     and go on from there. Where ``events`` is None this costs nothing: the compiled loop over many
     steps is entered only then.
@@ -97,6 +98,7 @@ class Stepper(Protocol):
     requests: Requests
     events: Events | None
     scipy_steps: int
+    path_steps: int
     subdivisions: int
 
     @property

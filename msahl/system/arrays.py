@@ -75,7 +75,9 @@ class State(NamedTuple):
     a_trend: np.ndarray  # (3, n+1, 3) changes of a from step to step, the last one first
     alpha_trend: np.ndarray  # likewise of alpha
     force_trend: np.ndarray  # (3, k, 3) likewise of force
-    foresight: np.ndarray  # (1,) 1 if three changes would have told the last one better than one
+    mean_v: np.ndarray  # displacement over the last step by its size, inertial axes [m/s]
+    mean_w: np.ndarray  # likewise the rotation increment [rad/s]
+    foresight: np.ndarray  # (1,) what predicts a step: see ``midpoint.equations``
     violation: np.ndarray  # (k, 3) violation that the last solution left, by increments [m]
     angle: np.ndarray  # (q,) coordinates' values; angles are counted here [m or rad]
     reaction: np.ndarray  # (j, 6) of the joints over the last step, inertial axes [N, N m]

@@ -156,7 +156,8 @@ def _describe_elastic(model: Model, system: System, element: int, node: int, slo
         element -= len(beam.lengths)
     else:
         springs = [load for load in model.loads if isinstance(load, Springy) and load.compliance]
-        return f"spring '{springs[element].name}', law {slot + 1}"
+        law = "angular law" if system.multipliers.rotational[node] else "law"
+        return f"spring '{springs[element].name}', {law} {slot + 1}"
     strains = STRAINS[3:] if system.multipliers.rotational[node] else STRAINS[:3]
     return f"beam '{beam.name}', {strains[slot]} in element {element + 1}"
 

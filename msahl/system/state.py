@@ -42,6 +42,8 @@ def build_state(model: Model, system: System) -> State:
         a_trend=np.zeros((3, *x.shape)),
         alpha_trend=np.zeros((3, *x.shape)),
         force_trend=np.zeros((3, *multipliers)),
+        mean_v=np.zeros_like(x),
+        mean_w=np.zeros_like(x),
         foresight=np.ones(1),
         violation=np.zeros(multipliers),
         angle=np.zeros(coordinate_count(system)),

@@ -8,9 +8,12 @@ import pytest
 from msahl.algebra.vector import ZERO
 from msahl.analysis.linearised.coefficients import coefficients
 from msahl.analysis.linearised.point import at_start
+from msahl.elements.frames import first_multiplier
 from msahl.model import Bushing, Joint, JointSpring, SpringDamper
 from msahl.model.scheme import EXPONENTIAL
+from msahl.system.build import build_system
 from msahl.system.evaluate import evaluate_at
+from msahl.system.names import describe_row
 from tests.support.models import GROUND, body, build_model, deck, simulate
 
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -93,6 +96,36 @@ def test_forces_at_one_configuration_and_their_derivatives_are_the_same(forms):
         found = coefficients(point.system, point.state)
         assert found.constraint.shape[0] == 5
     np.testing.assert_allclose(points[1].state.a, points[0].state.a, rtol=1e-13, atol=1e-13)
+
+
+def test_redundant_joints_leave_the_loads_as_they_are():
+    """The multipliers of redundant joints are relaxed; those of springs are determined."""
+    model = deck("cranks")
+    stay = SpringDamper(
+        *("Stay", model.grounds[0].name, "Beam", ZERO, (0.05, 0.0, -0.1), 5e4, 3.0), compliance=True
+    )
+    runs = [
+        simulate(replace(model, loads=(replace(stay, compliance=form),)), t_final=0.2, full=True)
+        for form in (False, True)
+    ]
+    assert runs[1].report.degrees_of_freedom["byRank"] == 1
+    assert runs[1].states == pytest.approx(runs[0].states, abs=1e-11)
+    assert runs[1].work == pytest.approx(runs[0].work, abs=1e-10)
+
+
+def test_their_equations_have_names():
+    """Those of a bushing are displacements first, then rotations, without what only damps."""
+    model = tower(True)
+    system = build_system(model)
+    springs = system.forces.compliance
+    first = first_multiplier(system.frames)
+    rows = 3 * (first + springs.place[:, 0]) + springs.place[:, 1]
+    assert [describe_row(model, system, int(row)) for row in rows] == [
+        "spring 'Spring', law 1",
+        *(f"spring 'Mount', law {k}" for k in (1, 2, 3)),
+        *(f"spring 'Mount', angular law {k}" for k in (1, 2)),
+        "spring 'Thread', law 1",
+    ]
 
 
 @pytest.mark.parametrize("h", [0.001, 0.01, 0.1])

@@ -45,6 +45,7 @@ INFO = {
     "degreesOfFreedom": {"byCount": 3, "byRank": 3},
     "nonUniqueReactions": {"Pivot": ["Fz"]},
     "iterations": 40,
+    "pathSteps": 0,
     "subdivisions": 0,
     "warnings": ["a warning"],
     "seconds": {"loop": 0.25},

@@ -92,7 +92,7 @@ def test_every_quantity_has_the_order_of_the_theory(orders, name, word):
 @pytest.mark.parametrize(
     "name",
     [
-        "double pendulum",
+        pytest.param("double pendulum", marks=pytest.mark.slow),
         "asymmetric top",
         pytest.param("four-bar", marks=pytest.mark.slow),
         pytest.param("spring", marks=pytest.mark.slow),

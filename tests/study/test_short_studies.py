@@ -46,7 +46,7 @@ def test_a_search_recommends_a_run_that_meets_the_target(tmp_path, clock):
         assert float(steps[1]) in set(meets["dt"])
 
 
-@pytest.mark.parametrize("reference", ["auto", "independent"])
+@pytest.mark.parametrize("reference", ["auto", pytest.param("independent", marks=pytest.mark.slow)])
 def test_observed_orders_of_given_steps(tmp_path, reference):
     """By the closed form of the pendulum, and by another integrator."""
     steps = (word for dt in (0.04, 0.02, 0.01, 0.005) for word in ("--dt", dt))

@@ -274,6 +274,11 @@ def as_pin(model: Model, x: float) -> Model:
     return replace(model, joints=(*model.joints, pin), loads=())
 
 
+def compliant(name: str) -> str:
+    """Return the name of a family with its springs in the compliance form."""
+    return f"{name}_compliance"
+
+
 def in_compliance_form(family: Family) -> Family:
     """Return a family with all its springs and bushings in the compliance form."""
 
@@ -284,7 +289,7 @@ def in_compliance_form(family: Family) -> Family:
 
     return replace(
         family,
-        name=f"{family.name}_compliance",
+        name=compliant(family.name),
         title=f"{family.title}, compliance form",
         edit=edit,
         deck=family.deck or f"extreme/{family.name}",

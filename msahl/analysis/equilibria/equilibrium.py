@@ -196,7 +196,7 @@ def axis_point(point: Point, spin: np.ndarray) -> np.ndarray:
         raise StartError(
             "the joints do not let the model rotate steadily with this angular velocity: "
             f"{where}, would be violated at a rate of {left[worst]:.3g} {unit}; choose an axis "
-            "about which the model can rotate"
+            "about which the model can rotate, and omit motors about it, which are held"
         )
     return centre
 

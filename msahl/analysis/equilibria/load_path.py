@@ -11,13 +11,12 @@ away. So a load need not grow for the path to go on: it is followed through snap
 
 Along the path, directions gain or lose their stiffness: the matrix
 
-    [ -K  G^T ]
-    [  G  -C  ]             of c constraint equations and strains
+    Z^T (-K + E^T C^-1 E) Z         E of elastic strains, Z of motions that violate no constraint
 
-has c negative eigenvalues, and one more for each direction in which the equilibrium is unstable.
-Where their number changes, the load factor has an extremum (a limit point) or the path has
-branches (a bifurcation). Such points are refined until the eigenvalue is zero. K is symmetric
-unless loads follow the bodies; its symmetric part decides then, as for the energy.
+has a negative eigenvalue for each direction in which the equilibrium is unstable. Where their
+number changes, the load factor has an extremum (a limit point) or the path has branches (a
+bifurcation). Such points are refined until the eigenvalue is zero. Where forces follow bodies, K is
+not symmetric and directions are not counted.
 
 Source: E. Riks, An incremental approach to the solution of snapping and buckling problems, Int. J.
 Solids Struct. 15 (1979); M. A. Crisfield, A fast incremental/iterative solution procedure that
@@ -31,7 +30,13 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.analysis.equilibria.static_equations import REST, Balance, Spin, Statics
-from msahl.analysis.equilibria.static_matrix import Factors, factorise, solve, symmetric_eigenvalues
+from msahl.analysis.equilibria.static_matrix import (
+    Factors,
+    directions,
+    factorise,
+    solve,
+    symmetric_eigenvalues,
+)
 from msahl.analysis.equilibria.static_newton import Rest, Search, newton, shortened, stepped
 from msahl.analysis.linearised.point import Point
 from msahl.model import ConcentratedLoad, Model
@@ -59,6 +64,9 @@ SMALLER = 0.8
 """Ratio of the growths of the loads that are tried."""
 LARGEST_EIGENPROBLEM = 1600
 """Unknowns up to which the directions without stiffness are counted."""
+SOFT = 1e-9
+"""Least stiffness of the unloaded model over the largest one below which resultants of strains are
+kept as unknowns where directions are counted: their elimination would leave round-off."""
 REFINED = 1e-10
 """Arc length to which limit points and bifurcations are found."""
 
@@ -70,12 +78,12 @@ class PathPoint(NamedTuple):
     state: State
     residual: float  # over the largest force
     iterations: int
-    stiffness: np.ndarray | None  # eigenvalues beyond c of the matrix; None if they are too many
+    stiffness: np.ndarray | None  # eigenvalues beyond c of the matrix; None if not counted
     kind: str = ""  # "limit point" or "bifurcation"
 
     @property
     def unstable(self) -> int | None:
-        """Number of directions in which it is not stable; None if they were not counted."""
+        """Number of directions in which it is not stable; None if they are not counted."""
         return None if self.stiffness is None else int(np.count_nonzero(self.stiffness < 0.0))
 
 
@@ -175,6 +183,8 @@ class Path:
 
     def __init__(self, point: Point) -> None:
         self.statics = Statics(point.system, point.state)
+        # Whether stiffnesses spread too far for resultants to be eliminated.
+        self._is_spread: bool | None = None
         unloaded = point.state._replace(force=np.zeros_like(point.state.force))
         self.last = self._at_factor(unloaded, 0.0)
 
@@ -191,7 +201,7 @@ class Path:
                 return
             after, length = self._next(here, tangent, length)
             following = self._tangent(after, tangent, forward)
-            if here.unstable != after.unstable:
+            if None not in (here.unstable, after.unstable) and here.unstable != after.unstable:
                 yield self._critical(here, after, length, (tangent, following))
             for factor in _between(here.factor, after.factor, (*wanted, end)):
                 self.last = self._at_factor(after.state, factor)
@@ -219,7 +229,18 @@ class Path:
         rest = newton(self.statics, state, factor)
         if not rest.converged:
             raise StartError(f"no equilibrium was found at the load factor {factor:.9g}")
-        return _path_point(factor, rest)
+        return self._point(factor, rest)
+
+    def _point(self, factor: float, rest: Rest) -> PathPoint:
+        """The equilibrium at a load ``factor``, with the directions in which it is unstable."""
+        now, stiffness = rest.balance, None
+        if now.force.size + now.violation.size <= LARGEST_EIGENPROBLEM:
+            stiffness = directions(now, self.statics.system)
+            if self._is_spread is None:
+                self._is_spread = stiffness is not None and bool((stiffness[:1] < SOFT).all())
+            if stiffness is not None and self._is_spread:
+                stiffness = symmetric_eigenvalues(now)[now.violation.size :]
+        return PathPoint(factor, rest.state, now.relative, rest.iterations, stiffness)
 
     def _tangent(self, here: PathPoint, before: Tangent | None, forward: float) -> Tangent:
         """The direction in which the path goes on; at the first point ``forward``."""
@@ -256,7 +277,9 @@ class Path:
             step, multipliers, change = _correction(factorise(now), now, loads, tangent)
             if shortened(now, step) < 1.0:
                 return None
-        return _path_point(best, search.result(state, now)) if search.converged else None
+        if not search.converged:
+            return None
+        return self._point(best, search.result(state, now))
 
     def _critical(
         self, here: PathPoint, after: PathPoint, reach: float, tangents: tuple[Tangent, Tangent]
@@ -292,13 +315,6 @@ def _correction(
     by_load, by_load_multipliers = solve(factors, -loads, np.zeros(now.violation.size))
     change = -tangent.along(own, 0.0) / tangent.along(by_load, 1.0)
     return own + change * by_load, own_multipliers + change * by_load_multipliers, change
-
-
-def _path_point(factor: float, rest: Rest) -> PathPoint:
-    now, stiffness = rest.balance, None
-    if now.force.size + now.violation.size <= LARGEST_EIGENPROBLEM:
-        stiffness = symmetric_eigenvalues(now)[now.violation.size :]
-    return PathPoint(factor, rest.state, now.relative, rest.iterations, stiffness)
 
 
 def _between(first: float, last: float, wanted: Sequence[float]) -> list[float]:

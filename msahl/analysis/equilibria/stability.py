@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from msahl.analysis.equilibria.static_equations import Statics
-from msahl.analysis.equilibria.static_matrix import stiffness
+from msahl.analysis.equilibria.static_matrix import SYMMETRIC, stiffness
 from msahl.analysis.linearised.coefficients import Coefficients, coefficients, holonomic
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.steady import stiffest
@@ -29,8 +29,6 @@ SLOW = (1e-3, 1e-2, 1e-1)
 """Growth over sqrt(g/L) of a large model below which a motion counts as one that does not grow; the
 least at which round-off does not hide whether light bodies grow.
 """
-SYMMETRIC = 1e-7
-"""Difference of K and its transpose, over the largest stiffness."""
 REDUNDANT = 1e-6
 """On the diagonal of the multipliers, over the largest compliance."""
 STIFF = 1e-12

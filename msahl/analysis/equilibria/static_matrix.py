@@ -30,6 +30,10 @@ REDUNDANT = 1e-10
 """On the diagonal of the multipliers, where the largest stiffness is 1."""
 FLAT = 1e-12
 """Likewise on the diagonal of the places."""
+SYMMETRIC = 1e-7
+"""Difference of K and its transpose, over the largest stiffness, that is round-off."""
+INDEPENDENT = 1e-9
+"""Part of a constraint that no other constraint has, of independent ones."""
 FEW = 1e4
 """Products of a factorisation up to which plain Python is faster than loading its code."""
 MANY = 3e8
@@ -127,6 +131,24 @@ def symmetric_eigenvalues(now: Balance) -> np.ndarray:
     dense[:n, :n] *= -1.0
     dense[n:, n:] *= -1.0
     values: np.ndarray = np.linalg.eigvalsh(0.5 * (dense + dense.T))
+    return values
+
+
+def directions(now: Balance, system: System) -> np.ndarray | None:
+    """Return the stiffnesses of the motions that the constraints leave, over the largest one of the
+    model, in ascending order: negative ones are directions in which the equilibrium is unstable.
+    None if forces follow bodies, so that there is no energy.
+    """
+    K, G = stiffness(now, system)
+    largest = float(np.abs(K).max(initial=0.0)) or 1.0
+    if not np.abs(K - K.T).max(initial=0.0) <= SYMMETRIC * largest:
+        return None
+    if len(G):
+        Q, R = np.linalg.qr((G / np.sqrt((G * G).sum(axis=1, keepdims=True))).T, mode="complete")
+        if np.abs(np.diagonal(R)).min() <= INDEPENDENT:
+            return symmetric_eigenvalues(now)[now.violation.size :]
+        K = Q[:, len(G) :].T @ K @ Q[:, len(G) :]
+    values: np.ndarray = np.linalg.eigvalsh(0.5 * (K + K.T)) / largest
     return values
 
 

@@ -39,6 +39,9 @@ CRITICAL_COLUMNS = ("value", "error", "order", "mode", "real", "imaginary", "fre
 NEUTRAL = 4.0
 """Errors of an eigenvalue within which its real part is zero."""
 MOST_ITERATIONS = 60
+SQUARE_ROOT = 1e-4
+"""Eigenvalue, over its size at the values beside it, that is zero: without damping it is the square
+root of a number that is zero but for round-off."""
 LOST = 0.5
 """Cost of the nearest eigenvalue from which a mode is lost while a critical value is refined."""
 
@@ -237,7 +240,10 @@ def _discriminant(track: Track, spectrum: Spectrum, row: int) -> tuple[float, fl
     nearest = found[np.argsort(np.abs(found - known), kind="stable")[:2]]
     size = float(np.abs(nearest).max())
     scale = max(size, float(np.abs(known)))
-    return float(((nearest[0] - nearest[1]) ** 2).real), 64.0 * np.finfo(float).eps * scale**2
+    error = 64.0 * float(np.finfo(float).eps) * float(scale) ** 2
+    # A frequency near zero is the root of a small number, whose own error is the square.
+    error = max(error, float(spectrum.modes.error[row]) ** 2)
+    return float(((nearest[0] - nearest[1]) ** 2).real), error
 
 
 def _root(track: Track, function: Function, order: float) -> Iterator[Critical]:
@@ -258,12 +264,16 @@ def _root(track: Track, function: Function, order: float) -> Iterator[Critical]:
         error = function(track, spectrum, row)[1]
     except (_LostError, DeckError, StartError, RuntimeError):
         return
+    eigenvalue = complex(spectrum.modes.value[row])
+    usual = max(abs(track.a.modes.value[track.i]), abs(track.b.modes.value[track.j]))
+    if abs(eigenvalue) <= SQUARE_ROOT * usual:
+        eigenvalue = 0j
     yield Critical(
         value=root,
         error=float(abs(error / slope)) if slope else float("inf"),
         order=order,
         mode=track.mode + 1,
-        eigenvalue=complex(spectrum.modes.value[row]),
+        eigenvalue=eigenvalue,
         whirl=int(spectrum.whirl[row]),
         grows_above=bool(track.b.modes.value[track.j].real > track.a.modes.value[track.i].real),
     )

@@ -115,6 +115,12 @@ class CollocationMethod:
 
         return self._checked(scipy_root.take_step(self.subsystem, h, count_work))
 
+    def take_step_by_path(
+        self, h: float, share: float, count_work: Callable[[int], None]
+    ) -> Outcome:
+        """See ``StepMethod``; these schemes have none."""
+        return Outcome(math.inf, -1)
+
     def record_step(self, h: float, step: int, schedule: OutputSchedule) -> None:
         """See ``StepMethod``."""
         _record_step(self.subsystem, h, step, schedule.due, schedule.share)
@@ -150,7 +156,7 @@ class AdaptiveStepper:
         self.method, self.workspace, self.degrees = method, method.workspace, degrees
         self.requests = Requests()
         self.events: Events | None = None
-        self.scipy_steps = self.subdivisions = 0
+        self.scipy_steps = self.path_steps = self.subdivisions = 0
         self.tolerance = settings.tolerance
         chunk = len(self.workspace.monitor.rows)
         control = step_control.new_step_control(method.subsystem, chunk, settings)

@@ -54,6 +54,10 @@ from msahl.jit.kernel import apart, kernel, unit
 from msahl.system.arrays import State, System, SystemWorkspace
 from msahl.system.evaluate import dt2, joint_jacobian, set_reactions
 
+BY_THREE_CHANGES, BY_LAST_CHANGE, BY_LAST_STEP = 1.0, 0.0, -1.0
+"""Values of ``State.foresight``: the next accelerations follow from the last three changes of them
+or from the last one; or they are not predicted, since the last step's motion is nearer."""
+
 
 @kernel
 def set_loads(system: System, state: State, start: SystemWorkspace, h: float) -> bool:
@@ -90,10 +94,31 @@ def predict(system: System, state: State, start: SystemWorkspace, h: float, Z: n
             Z[first + k, i] = guess[i] * h2 / system.unit[k, i]
 
 
+@apart
+def repeat_last(
+    system: System, state: State, start: SystemWorkspace, h: float, Z: np.ndarray
+) -> None:
+    """Set ``Z`` to the motion and the multipliers of the last step.
+
+    Where a step is longer than the vibrations, the velocities at its ends, and with them the
+    accelerations, alternate; their means over a step change little.
+    """
+    frames, h2 = system.frames, dt2(system, h)
+    for b in range(moving_count(frames)):
+        put(Z, displacement_node(frames, b), scale(h, at(state.mean_v, b)))
+        put(Z, rotation_node(frames, b), scale(h * frames.length[b], at(state.mean_w, b)))
+    first = first_multiplier(frames)
+    for k in range(state.force.shape[0]):
+        for i in range(3):
+            Z[first + k, i] = state.force[k, i] * h2 / system.unit[k, i]
+
+
 @kernel
 def expected_change(state: State, trend: np.ndarray, k: int) -> Vector:
     """Predicted change: by the last three changes, unless the last one alone predicts better."""
-    return extrapolated_change(trend, k) if state.foresight[0] > 0.0 else at(trend[0], k)
+    if state.foresight[0] == BY_THREE_CHANGES:
+        return extrapolated_change(trend, k)
+    return at(trend[0], k)
 
 
 @kernel
@@ -185,7 +210,8 @@ def accept(
     if forces.has_first(start.forces):
         lost = rigid_body.lost(system.bodies, start.bodies, start.frames, h, state.a, state.alpha)
         forces.work_of_first(system.forces, start.forces, h, state.a, state.alpha, lost, state.work)
-    state.foresight[0] = 1.0 if gained >= 0.0 else 0.0
+    if state.foresight[0] != BY_LAST_STEP:
+        state.foresight[0] = BY_THREE_CHANGES if gained >= 0.0 else BY_LAST_CHANGE
     if decay.chi > 0.0:
         loss += forces.smooth(system.forces, start.forces, system.scalar, decay.pole)
         loss += beams.smooth(system.beams, start.beams, 0.5 * decay.chi, decay.pole)
@@ -205,6 +231,8 @@ def _accept_frame(
     lost, per_step = 0.0, h / h2
     u = at(Z, displacement_node(frames, b))
     Q = rotation_increment(frames, Z, b)
+    put(state.mean_v, b, scale(1.0 / h, u))
+    put(state.mean_w, b, scale(1.0 / h, Q))
     v0 = at(start.frames.v, b)
     v1 = add(v0, scale(per_step, axpy(-h, at(start.frames.v_go, b), u)))
     theta = scale(angle_share(Q)[0], Q) if frames.exponential is not None else Q

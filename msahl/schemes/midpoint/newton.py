@@ -25,6 +25,11 @@ STUCK = 0.5
 """Ratio of successive residuals above which a solved step is not improved further."""
 DIVERGED = 1e3
 """Residual relative to the smallest so far at which the iteration is given up."""
+LONG_TARGET = 1e-16
+"""Residual at which the iteration stops in steps that are long relative to vibrations. Forces of
+stiff elements do more work in them, so less must remain for the same error of the energy."""
+FAR_BETTER = 0.1
+"""Ratio of the residuals of two predictions below which the first one is taken."""
 SCALED_ABOVE = 1e12
 """Ratio of the pivots above which those of the matrix with scaled rows and columns count. In thin
 beams of stiff material, entries of the Jacobian differ by more than this for their units alone.
@@ -32,8 +37,10 @@ beams of stiff material, entries of the Jacobian differ by more than this for th
 
 
 @apart
-def iterate(workspace: Workspace, h: float) -> tuple[float, int]:
-    """Solve one step from the prediction in ``Z``; return its relative residual and worst row."""
+def iterate(workspace: Workspace, h: float, target: float) -> tuple[float, int]:
+    """Solve one step from the start in ``Z``, to the relative residual ``target`` where rounding
+    errors permit it; return the residual and its worst row.
+    """
     system, state, start, Z, F = (
         workspace.system,
         workspace.state,
@@ -45,15 +52,14 @@ def iterate(workspace: Workspace, h: float) -> tuple[float, int]:
     equations.residual(system, state, start, h, Z, F)
     residual, worst, predicted = relative_residual(workspace, h)
     length = predicted
-    smallest, slow, stuck = residual, True, False
+    smallest, slow, stuck, pivots = residual, True, False, 0.0
     for _ in range(MAX_ITERATIONS):
-        if residual <= TARGET or stuck or not residual <= DIVERGED * smallest:
+        if residual <= target or stuck or not residual <= DIVERGED * smallest:
             break
         if slow:
             equations.jacobian(system, start, h, Z, workspace.values)
             sparse_lu.factor(lu, workspace.values, workspace.factor)
-            ratio = pivot_ratio(workspace)
-            workspace.pivots[0] = max(workspace.pivots[0], ratio)
+            pivots = max(pivots, pivot_ratio(workspace))
             workspace.counts[1] += 1
         dense.gather(lu.order, F, y)
         sparse_lu.solve(lu, workspace.factor, y)
@@ -68,6 +74,8 @@ def iterate(workspace: Workspace, h: float) -> tuple[float, int]:
         smallest = min(smallest, residual)
     if is_implausible(system, predicted, length):
         return math.inf, worst
+    if residual <= TOLERANCE:
+        workspace.pivots[0] = max(workspace.pivots[0], pivots)
     return residual, worst
 
 
@@ -122,19 +130,63 @@ def remove_null_violation(workspace: Workspace) -> None:
             F[node, lu.order[k] % 3] += workspace.system.relaxation * y[k]
 
 
+@kernel
+def solve(workspace: Workspace, h: float) -> tuple[float, int]:
+    """Solve one step from its prediction, or from the motion of the last step where that is nearer
+    or the prediction leads nowhere; return its relative residual and worst row.
+    """
+    state = workspace.state
+    repeats = state.foresight[0] == equations.BY_LAST_STEP and not _is_predictable(workspace, h)
+    _set_start(workspace, h, repeats)
+    residual, worst = iterate(workspace, h, LONG_TARGET if repeats else TARGET)
+    if not residual <= TOLERANCE:
+        _set_start(workspace, h, not repeats)
+        residual, worst = iterate(workspace, h, LONG_TARGET)
+        if residual <= TOLERANCE:
+            state.foresight[0] = equations.BY_LAST_STEP
+    return residual, worst
+
+
+@apart
+def _set_start(workspace: Workspace, h: float, repeats: bool) -> None:
+    """Set ``Z`` to the motion of the last step if the step ``repeats`` it, or to the prediction."""
+    system, state, start, Z = workspace.system, workspace.state, workspace.start, workspace.Z
+    if repeats:
+        equations.repeat_last(system, state, start, h, Z)
+    else:
+        equations.predict(system, state, start, h, Z)
+
+
+@apart
+def _is_predictable(workspace: Workspace, h: float) -> bool:
+    """Whether the prediction by accelerations is far better than the motion of the last step; if
+    so, it is used from now on.
+    """
+    residuals = (0.0, 0.0)
+    for repeats in (False, True):
+        _set_start(workspace, h, repeats)
+        equations.residual(
+            workspace.system, workspace.state, workspace.start, h, workspace.Z, workspace.F
+        )
+        residuals = (residuals[1], relative_residual(workspace, h)[0])
+    if residuals[0] < FAR_BETTER * residuals[1]:
+        workspace.state.foresight[0] = equations.BY_LAST_CHANGE
+        return True
+    return False
+
+
 @unit
 def take_step(workspace: Workspace, h: float, share: float) -> tuple[float, int]:
     """Take a step of size ``h``, a ``share`` of the requested one, if it converges; return its
     relative residual and worst row.
     """
     load_moments.set_loads(workspace, h)
-    equations.predict(workspace.system, workspace.state, workspace.start, h, workspace.Z)
-    residual, worst = iterate(workspace, h)
+    residual, worst = solve(workspace, h)
     if workspace.system.relaxation > 0.0 and residual <= TOLERANCE:
         equations.jacobian(workspace.system, workspace.start, h, workspace.Z, workspace.values)
         sparse_lu.factor(workspace.unknowns.elimination, workspace.values, workspace.factor)
         remove_null_multipliers(workspace)
-        residual, worst = iterate(workspace, h)
+        residual, worst = iterate(workspace, h, TARGET)
         remove_null_violation(workspace)
     if residual <= TOLERANCE:
         accept_step(workspace, h, share)

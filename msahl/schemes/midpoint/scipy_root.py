@@ -32,7 +32,7 @@ _accept_step = compiled(workspace.accept_step)
 Function = Callable[[np.ndarray], np.ndarray]
 
 
-class _Equations:
+class Equations:
     """Residual and Jacobian of one step in the free unknowns, and how well it is solved."""
 
     def __init__(self, workspace: Workspace, h: float, count_work: Callable[[int], None]) -> None:
@@ -82,7 +82,7 @@ def take_step(
     """Take a step of size ``h``, a ``share`` of the requested one, if it converges; ``count_work``
     receives the work done.
     """
-    step, z = _Equations(workspace, h, count_work), np.empty(workspace.unknowns.free.size)
+    step, z = Equations(workspace, h, count_work), np.empty(workspace.unknowns.free.size)
     _set_loads(workspace, h)
     _predict(workspace, h, z)
     f = step.residual(z)
@@ -91,7 +91,7 @@ def take_step(
     if not step.outcome.converged and not np.isnan(step.outcome.residual):
         z = find_root(step.residual, step.jacobian, z, f, step.is_solved)
         if workspace.system.relaxation > 0.0 and step.outcome.converged:
-            _remove_null_parts(step, z)
+            remove_null_parts(step, z)
     if free_equations.is_implausible(workspace.system, predicted, step.length):
         return Outcome(np.inf, step.outcome.worst)
     if step.outcome.converged:
@@ -99,7 +99,7 @@ def take_step(
     return step.outcome
 
 
-def _remove_null_parts(step: _Equations, z: np.ndarray) -> None:
+def remove_null_parts(step: Equations, z: np.ndarray) -> None:
     """Remove from the solution ``z`` what redundant constraints leave undetermined in multipliers
     and violation; see ``newton.remove_null_multipliers`` and ``newton.remove_null_violation``.
 

@@ -106,6 +106,14 @@ class MidpointMethod:
 
         return scipy_root.take_step(self.workspace, h, share, count_work)
 
+    def take_step_by_path(
+        self, h: float, share: float, count_work: Callable[[int], None]
+    ) -> Outcome:
+        """See ``StepMethod``; imported as scipy is."""
+        from msahl.schemes.midpoint import continuation
+
+        return continuation.take_step(self.workspace, h, share, count_work)
+
     def record_step(self, h: float, step: int, schedule: OutputSchedule) -> None:
         """See ``StepMethod``."""
         row = int(schedule.ends()[step])

@@ -73,6 +73,7 @@ def test_sparse_and_dense_agree_with_damping():
     assert sparse.damping.min() > 0.0
 
 
+@pytest.mark.slow
 def test_sparse_and_dense_agree_with_gyroscopic_terms():
     point = at_start(spinning_chain())
     found = agree(point, number=4, frequency=1.0)[1]

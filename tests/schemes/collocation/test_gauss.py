@@ -260,7 +260,15 @@ def test_momentum_of_free_bodies_is_kept():
         assert np.abs(momentum - momentum[0]).max() <= 1e-12 * np.abs(momentum).max()
 
 
-@pytest.mark.parametrize("name", ["double_pendulum_89", "revolute", "bricard", "rolling_disk_coin"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "double_pendulum_89",
+        "revolute",
+        pytest.param("bricard", marks=pytest.mark.slow),
+        "rolling_disk_coin",
+    ],
+)
 def test_both_solvers_find_the_same_motion(name):
     path = {"rolling_disk_coin": SINGLE.parents[1] / "joints" / "rolling_disk.xml"}.get(name)
     model = of_degree(read_deck(path) if path else deck(name), 2)

@@ -183,7 +183,7 @@ def test_spins_and_momenta(degree):
     [
         "double_pendulum_89",
         "revolute",
-        "bricard",
+        pytest.param("bricard", marks=pytest.mark.slow),
         pytest.param("friction_hinge", marks=pytest.mark.slow),
     ],
 )
