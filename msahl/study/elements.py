@@ -2,8 +2,6 @@
 
     u_n - u = c n^-q        q from the last three runs, c from the last two
 
-Of an equilibrium q = 2 p of elements of degree p, so twice the elements suffice.
-
 The same step size is in all runs, so that its error, which is nearly the same, is not counted. The
 motion is compared where all runs have nodes: at the ends of the beams and at the places that the
 deck names; and at all other bodies.
@@ -16,13 +14,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from lxml import etree
 
 from msahl.analysis.equilibria.begin import deck_at
 from msahl.analysis.equilibria.equilibrium import search_start
 from msahl.analysis.equilibria.search import find
-from msahl.analysis.equilibria.tables import state_row
-from msahl.analysis.linearised.point import Point
 from msahl.deck.source import Source
 from msahl.model import Model, Options
 from msahl.model.settings import EQUILIBRIUM, OFF
@@ -30,13 +25,10 @@ from msahl.results.read import ResultError
 from msahl.run import loop
 from msahl.run.report import COMPLETED, INTERRUPTED
 from msahl.run.tables import STATES, MemorySink
-from msahl.start.velocities import StartError
-from msahl.system.names import STATE_COLUMNS
+from msahl.study.more_elements import RefinementError, by_name, refined
 
 FACTORS = (1, 2, 4)
 """Numbers of elements, relative to the deck's."""
-SAME = 1e-9
-"""Distance of two places, relative to the length of a beam, that counts as zero."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +68,10 @@ def space_error(
     text = source.text({}, settings)
     found, counts = [], []
     for factor in FACTORS:
-        model = prepared(_model(source, _refined(text, source, factor)))
+        try:
+            model = prepared(_model(source, refined(text, source, factor)))
+        except RefinementError as error:
+            raise ResultError(f"{source.path}: {error}") from error
         if not model.beams:
             raise ResultError(f"{source.path}: the deck has no beams, whose elements --over varies")
         counts.append(sum(len(beam.lengths) for beam in model.beams))
@@ -109,63 +104,6 @@ def _model(source: Source, text: bytes) -> Model:
     return Source(source.path, deck_at(text, source.path, start, found)).model(())
 
 
-def equilibrium_error(source: Source, text: bytes, found: Point, rotation: np.ndarray) -> float:
-    """Return the error in space [m] of an equilibrium ``found`` of the deck ``text`` in plain
-    numbers, in a steady ``rotation`` (3,) [rad/s]: the largest of a position at the ends of beams,
-    at places that the deck names, and of other bodies.
-
-    Raises ``ResultError`` if there is none with twice the elements, or the deck names nodes by
-    numbers.
-    """
-    model = Source(source.path, _refined(text, source, 2, begin=False)).model(())
-    try:
-        finer = find(search_start(model), rotation)
-    except StartError as error:
-        raise ResultError(str(error)) from error
-    if finer is None:
-        raise ResultError("no equilibrium was found with twice the elements")
-    places = [_by_name(point.model, state_row(point)[None]) for point in (found, finer.place.point)]
-    common = [key for key in places[0] if key in places[1]]
-    change = max(float(np.abs(places[0][key] - places[1][key]).max()) for key in common)
-    ratio = 2.0 ** (2 * min(beam.degree for beam in found.model.beams))
-    return change * ratio / (ratio - 1.0)
-
-
-def _refined(text: bytes, source: Source, factor: int, begin: bool = True) -> bytes:
-    """Return a deck in plain numbers with ``factor`` times the elements of each beam, which keeps
-    where its nodes ``begin``, or not.
-
-    Raises ``ResultError`` where the deck names a node by its number, which would be another place.
-    """
-    if factor == 1:
-        return text
-    beams = Source(source.path, text).model(()).beams
-    root = etree.fromstring(text)
-    _check_nodes(root, [beam.name for beam in beams])
-    numbers = {beam.name: len(beam.lengths) for beam in beams}
-    for element in root.iterfind("system/bodies/beam"):
-        name = " ".join((element.findtext("name") or "").split())
-        place = element.find("elements")
-        if place is None:
-            place = etree.SubElement(element, "elements")
-        place.text = str(factor * numbers[name])
-        for nodes in [] if begin else element.findall("nodes"):
-            element.remove(nodes)
-    return etree.tostring(root)
-
-
-def _check_nodes(root: Any, beams: Sequence[str]) -> None:
-    """Raise ``ResultError`` where a deck names a node of ``beams`` by a number but the first."""
-    for element in root.iter(etree.Element):
-        beam, _, node = (element.text or "").strip().rpartition(".")
-        node = element.get("node", node if beam in beams else "")
-        if node.isdigit() and node != "1":
-            raise ResultError(
-                f"line {element.sourceline} names node {node} of a beam, which is another place "
-                'with more elements; name it by its station, such as station="0.25"'
-            )
-
-
 def _positions(model: Model) -> dict[tuple[str, float], np.ndarray]:
     """Run a model; return the positions (times, 3) of bodies by name and, of nodes where elements
     end, by the name of the beam and the share of its arc length."""
@@ -175,18 +113,4 @@ def _positions(model: Model) -> dict[tuple[str, float], np.ndarray]:
         raise KeyboardInterrupt(report.message)
     if report.status != COMPLETED:
         raise ResultError(f"a run of the study failed: {report.message}")
-    return _by_name(model, sink.table(STATES)[:, 1:])
-
-
-def _by_name(model: Model, rows: np.ndarray) -> dict[tuple[str, float], np.ndarray]:
-    """Positions (times, 3) in ``rows`` of states (times, ...), by name and share."""
-    states = rows.reshape(-1, len(model.bodies), len(STATE_COLUMNS))
-    number = {body.name: index for index, body in enumerate(model.bodies)}
-    found = {}
-    for beam in model.beams:
-        for k in range(0, len(beam.nodes), beam.degree):
-            share = round(beam.stations[k] / beam.stations[-1] / SAME) * SAME
-            found[beam.name, share] = states[:, number[beam.nodes[k]], :3]
-        for name in beam.nodes:
-            del number[name]
-    return found | {(name, -1.0): states[:, index, :3] for name, index in number.items()}
+    return by_name(model, sink.table(STATES)[:, 1:])

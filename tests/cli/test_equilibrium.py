@@ -1,6 +1,8 @@
 """The command ``msahl equilibrium``, and modes at what it finds."""
 
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -194,3 +196,26 @@ def test_a_path_under_growing_loads(tmp_path):
     states = np.genfromtxt(tmp_path / "states.csv", delimiter=",", names=True, deletechars="")
     assert states["point"][-1] == len(path)
     assert states["Block.z"][-1] == pytest.approx(-0.416014680898, abs=1e-10)
+
+
+def test_equilibria_of_beams_load_neither_scipy_nor_pandas():
+    """They take longer to import than the search."""
+    deck = str(DECKS / "elastic/bend45.xml")
+    code = (
+        "import sys; from msahl.cli.main import main;"
+        f"main(['equilibrium', {deck!r}, '-q'], standalone_mode=False);"
+        "print(*{'scipy', 'pandas', 'matplotlib'} & set(sys.modules))"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.split() == []
+
+
+def test_few_elements_have_a_large_error_in_space():
+    deck = DECKS / "elastic/bend45.xml"
+    few = call("equilibrium", deck, "--set", "Bend.elements=1")
+    assert few.exit_code == 0, few.output
+    assert "WARN: the elements of the beams are too few: the error in space is" in few.output
+    enough = call("equilibrium", deck)
+    # The tip's own error is 3.8e-8 m.
+    assert "error in space: 4.0e-08 m, by an equilibrium with twice the elements" in enough.output
+    assert "WARN" not in enough.output

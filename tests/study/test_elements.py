@@ -11,7 +11,8 @@ from msahl.analysis.equilibria.search import find
 from msahl.analysis.equilibria.tables import state_row
 from msahl.deck.source import Source
 from msahl.results.read import ResultError
-from msahl.study.elements import SpaceError, equilibrium_error, space_error
+from msahl.study.elements import SpaceError, space_error
+from msahl.study.more_elements import equilibrium_error
 from tests.support.models import ROOT
 
 

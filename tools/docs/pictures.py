@@ -30,6 +30,7 @@ from msahl.model.model import Model
 from msahl.post.linkage.draw import Look, draw_linkage
 from msahl.post.linkage.motion import Motion, instants, moves, view
 from msahl.post.scene import build_scene
+from tools.docs.beam_pictures import draw_beams
 from tools.docs.machine_pictures import PANELS, draw_machine
 
 ROOT = Path(__file__).parents[2]
@@ -125,6 +126,7 @@ def draw_pages(folder: Path) -> None:
     for name in PANELS:
         deck = ROOT / "decks" / "machines" / f"{name}.xml"
         draw_machine(name, run(deck, folder / name))
+    draw_beams()
 
 
 def draw_sweep(folder: Path) -> Path:
