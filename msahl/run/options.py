@@ -128,8 +128,8 @@ OPTIONS = (
         "solver",
         Choice(SOLVERS),
         "Choose the solver of a step: 'newton' is compiled, 'root' is scipy.optimize.root, and "
-        "'auto' is newton, with root for the first step and for every step that newton fails on "
-        "(default: auto).",
+        "'auto' is newton, with root for the first step, and continuation or root for every step "
+        "that newton fails on (default: auto).",
         lambda of: of.solver,
         default="auto",
     ),

@@ -1,8 +1,9 @@
 """Takes steps of a given size by any scheme, and subdivides those that cannot be solved.
 
-The solver ``newton`` is the compiled loop, ``scipy`` means ``scipy.optimize.root``, and ``auto``
-starts with scipy and calls it for every step that the compiled loop does not solve. A step that
-neither solves is divided into two halves, each of these again where needed, down to 2^-10 of it.
+The solver ``newton`` is the compiled loop, ``root`` means ``scipy.optimize.root``, and ``auto``
+starts with scipy; a step that the compiled loop does not solve is solved along a path from shorter
+ones, else by scipy. A step that none solves is divided into two halves, each of these again where
+needed, down to 2^-10 of it.
 """
 
 import math
