@@ -41,7 +41,7 @@ def loop_report(model: Model, h: float, steps: int, options: Options) -> Report:
 
 def loop_seconds(model: Model, h: float, steps: int, variant: str) -> float:
     """Seconds in the loop; it monitors energy and constraint violation at every step, as always."""
-    report = loop_report(_of_scheme(model, variant), h, steps, _options(variant))
+    report = loop_report(of_scheme(model, variant), h, steps, _options(variant))
     if report.status != "completed":
         raise RuntimeError(report.message)
     return report.seconds["loop"]
@@ -52,7 +52,7 @@ def motion(
 ) -> Motion:
     """A scheme that is given an ``accuracy`` has rows every ``h`` and steps of its own."""
     rows, options = MemorySink(only=(STATES,)), replace(_options(variant), every=every)
-    chosen = _lasting(_of_scheme(model, variant), h, steps)
+    chosen = _lasting(of_scheme(model, variant), h, steps)
     if variant in BY_TOLERANCE:
         by_tolerance = replace(
             chosen.simulation,
@@ -78,7 +78,7 @@ def _options(variant: str) -> Options:
     return VARIANTS.get(variant, VARIANTS["msahl newton"])
 
 
-def _of_scheme(model: Model, variant: str) -> Model:
+def of_scheme(model: Model, variant: str) -> Model:
     """The model with the scheme that a variant names, if it names one."""
     simulation = model.simulation
     if variant.endswith("--rotation-update exponential"):

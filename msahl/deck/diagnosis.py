@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import cache, lru_cache, partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from msahl.deck.faults import Element, Faults, collapsed, text
 
@@ -62,6 +62,7 @@ class _Rule:
     needed: bool
     children: "dict[str, XsdElement]"
     required: tuple[str, ...]
+    fewest: tuple[tuple[str, int], ...]
     attributes: "dict[str, XsdSimpleType]"
     stated: tuple[str, ...]
 
@@ -105,6 +106,11 @@ def _rule(declaration: "XsdElement") -> _Rule:
             member.local_name
             for member in members
             if group is not None and group.model == "all" and member.min_occurs
+        ),
+        fewest=tuple(
+            (member.local_name, member.min_occurs)
+            for member in members
+            if group is not None and group.model == "sequence" and member.min_occurs > 1
         ),
         attributes={name: attribute.type for name, attribute in attributes.items()},
         stated=tuple(name for name, attribute in attributes.items() if attribute.use == "required"),
@@ -156,6 +162,11 @@ def _children(element: Element, rule: _Rule) -> Iterator[Departure]:
     for name in rule.required:
         if name not in seen:
             yield element, partial("<{}> is missing; add it to <{}>".format, name, tag)
+    for name, least in rule.fewest:
+        count = sum(_present(child, known) == name for child in element)
+        if 0 < count < least:
+            few = "too few <{}> in <{}>: {}; give {} or more"
+            yield element, partial(few.format, name, tag, count, least)
     if rule.model == "choice" and rule.once and len(element) > 1:
         first, *others = element
         for child in others:
@@ -196,13 +207,11 @@ def _wrong_attribute(name: str, value: str, word: "XsdSimpleType") -> str:
         return f"{what}'{value}'{_choice(value, allowed)}"
     if name == "colour":
         return f"'{value}' is not a colour; give red green blue in hexadecimal such as #4e79a7"
+    if name == "node":
+        return f"{name}='{value}' is no node; give first, last or a number from 1"
     if word.min_length:
         return f"attribute {name} is empty; {EMPTY.get(name, 'give a name')}"
-    number = getattr(word, "member_types", (word,))[0]  # the other is that of expressions
-    if number.min_value is None:
-        return f"{name}={_no_number(value)}"
-    low, high = cast(float, number.min_value), cast(float, number.max_value)
-    return f"{name}='{value}' is not a number from {low:g} to {high:g}"
+    return f"{name}={_wrong_number(value, word)}"
 
 
 def _wrong_text(tag: str, given: str, word: "XsdSimpleType") -> str:
@@ -212,7 +221,16 @@ def _wrong_text(tag: str, given: str, word: "XsdSimpleType") -> str:
         return f"unknown value '{given}'{_choice(given, allowed)}"
     if tag in NAMES:
         return "the name is empty; give a name"
-    return _no_number(given)
+    return _wrong_number(given, word)
+
+
+def _wrong_number(given: str, word: "XsdSimpleType") -> str:
+    """Return why a number is refused, with the limits that it must keep."""
+    number = getattr(word, "member_types", (word,))[0]  # the other is that of expressions
+    low, high = (getattr(number, name, None) for name in ("min_value", "max_value"))
+    if low is None or high is None:
+        return _no_number(given)
+    return f"'{given}' is not a number from {low:g} to {high:g}"
 
 
 def _no_number(given: str) -> str:

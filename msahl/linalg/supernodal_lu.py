@@ -1,10 +1,10 @@
-"""LU factorisation by dense panels, in place of ``sparse_lu`` and ``block_lu`` in systems with
-beams, by the supernodes of ``system.supernodes``.
+"""LU factorisation by dense panels, of systems with beams.
 
-An element of a beam couples all its nodes and stress resultants, so nearly all its work is on dense
-blocks. A panel of U has the rows of the pivots of a supernode, one of L below it the rows of all
-later pivots that they couple with. After a panel is factored, its product L U is taken from later
-panels, rectangle by rectangle:
+Its supernodes are those of ``system.supernodes``; it stands in place of ``sparse_lu`` and
+``block_lu``. An element of a beam couples all its nodes and stress resultants, so nearly all its
+work is on dense blocks. A panel of U has the rows of the pivots of a supernode, one of L below it
+the rows of all later pivots that they couple with. After a panel is factored, its product L U is
+taken from later panels, rectangle by rectangle:
 
     C <- C - L U          3 rows and 4 columns at a time, which stay in registers
 

@@ -244,6 +244,25 @@ def test_reading_leaves_the_deck_as_it_is(tmp_path):
         ({"mesh": "<degree>9</degree>"}, "degree: it is 9; give an integer from 1 to 8"),
         ({"material": ""}, "<material> is missing"),
         (
+            {"material": MATERIAL.replace(">0.3<", ">0.7<")},
+            "Poisson's ratio is 0.7; it must be above -1, and at most 0.5",
+        ),
+        (
+            {"markers": '<marker><name>M</name><body node="0">Rod</body></marker>'},
+            "node='0' is no node; give first, last or a number from 1",
+        ),
+        (
+            {"line": "<spline><point/></spline>"},
+            "too few <point> in <spline>: 1; give 2 or more",
+        ),
+        (
+            {
+                "loads": "<distributed><name>F</name><body>Rod</body><endStation>1.2</endStation>"
+                "<direction><x>1</x></direction><startLoad>1</startLoad></distributed>"
+            },
+            "endStation: '1.2' is not a number from 0 to 1",
+        ),
+        (
             {"material": MATERIAL.replace("<poissonsRatio>0.3</poissonsRatio>", "")},
             "neither <poissonsRatio> nor <shearModulus>",
         ),

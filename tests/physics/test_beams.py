@@ -1,6 +1,7 @@
 """Frequencies, steady rotation and long motions of beams against independent solutions."""
 
 from dataclasses import replace
+from shutil import copy
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from msahl.analysis.equilibria.load_path import under_loads
 from msahl.analysis.equilibria.static_equations import Spin, with_rates
 from msahl.analysis.linearised.point import at_start, complete
 from msahl.analysis.modes.solution import modes
+from msahl.deck import read_deck
 from msahl.elements.beams.build import build_beam
 from msahl.jit.compiled import compiled
 from msahl.model import Joint
@@ -20,7 +22,7 @@ from msahl.schemes.midpoint import newton
 from msahl.system.diagnostics import energy_balance
 from msahl.system.momentum import momentum
 from tests.support.beams import cantilever, section, straight
-from tests.support.models import GROUND, build_model, deck, simulate
+from tests.support.models import GROUND, ROOT, build_model, deck, simulate
 
 RIGID = np.inf
 BENDING = (RIGID, RIGID, RIGID, RIGID, 1.0, 20.0)
@@ -222,3 +224,136 @@ def test_steps_far_longer_than_the_vibrations_are_solved_by_newton():
     iterations, factorisations = after[2]
     assert iterations < 12.0
     assert factorisations < 5.0
+
+
+FOUR_BAR = {
+    1.0: (0.3077372634, 0.0990217779, -0.0020438808),
+    2.0: (0.3518112371, 0.0433001005, -0.0038349498),
+    3.5: (0.2645438784, 0.1173871491, -0.0033646877),
+    5.0: (0.1508716241, 0.0803483115, -0.0004295224),
+    7.0: (0.1218406420, 0.0206734244, 0.0027865699),
+    9.0: (0.1472595325, 0.0760956678, 0.0024610467),
+    11.0: (0.2773757011, 0.1140233864, -0.0010719591),
+}
+"""Position [m] of the hinge C of the four-bar linkage in equilibrium at the crank's angle at these
+times. Independent of msahl: r' = R (e1 + C_n R^T n), R' = R [C_m R^T m]^, m' = -r' x n along the
+three bars by Runge-Kutta's method, shooting for force and moment at A and the angles of B and C,
+and continuation by arc length from 0 to 7.2 rad, in which the crank's angle never turns back. Twice
+the steps along the bars change forces by 2e-7 N and angles by 4e-10.
+"""
+SECTION = {
+    2.0: (-53.6276, 43.8288, -575.9109, 62.6115, 77.4238, 2.5067),
+    9.0: (-46.2527, -22.7732, 174.8407, -14.5936, 60.7449, -1.3210),
+}
+"""Forces [N] and moments [N m] in bar AB at 0.5281754 of its length, likewise."""
+
+
+def test_the_four_bar_follows_its_equilibria_through_both_flat_positions():
+    model = deck("flexible_four_bar")
+    run = simulate(model, dt=0.02, error="off")
+    row = {t: round(t / 0.02) for t in FOUR_BAR}
+    end = [body.name for body in model.bodies].index(model.beams[1].nodes[-1])
+    place = run.of("position", end)
+    for t, expected in FOUR_BAR.items():
+        # Motion within 1.4 s after the flat positions leaves 1.2e-7, of which half is along z.
+        assert place[row[t]] == pytest.approx(expected, abs=1.5e-7)
+    forces = run.others["beams"][:, 1:].reshape(len(place), -1, 12)[:, 6, 6:]
+    for t, expected in SECTION.items():
+        # The bar's own inertia is 0.02 N along it.
+        assert forces[row[t]] == pytest.approx(expected, abs=0.03)
+
+
+EXUDYN = {
+    "right_angle": (2.0, (10.10626177, 9.30784516, 0.06925597), 1e-5),
+    "spaghetti": (2.0, (1.64707324, 8.09337504, 0.28181863), 6e-5),
+}
+"""Time, place of the last node and tolerance: by Exudyn 1.13.6, ObjectBeamGeometricallyExact with
+16 and 32 (right angle, per leg) or 32 and 64 elements, extrapolated with order 2 in space and in
+time (generalized alpha, steps of 10 and 5 ms), with an error of 1e-5 and 2e-5. Twice the elements
+change ours by 8e-6 and 5e-5.
+"""
+
+
+@pytest.mark.parametrize("name", EXUDYN)
+def test_large_motions_in_space_are_those_of_exudyn(name):
+    t, expected, tolerance = EXUDYN[name]
+    tip = simulate(deck(name), dt=0.02, t_final=t, scheme="gauss2", error="off").of("position")[-1]
+    assert tip == pytest.approx(expected, abs=tolerance)
+
+
+def test_the_rod_of_the_slider_crank_bends_as_in_exudyn():
+    """Its middle, 0.24 mm off the line of its ends at 0.02 s. By Exudyn 1.13.6 with 16 and 32
+    elements, extrapolated as above, whose beams have no damping.
+    """
+    model = deck("flexible_slider_crank")
+    (beam,) = model.beams
+    model = replace(model, beams=(replace(beam, damping=(0.0,) * 6),))
+    run = simulate(model, dt=1e-4, t_final=0.02, scheme="preserving", error="off")
+    middle = [body.name for body in model.bodies].index(beam.nodes[len(beam.nodes) // 2])
+    assert run.of("position", middle)[-1] == pytest.approx((0.2446269, 0.05406266, 0.0), abs=1e-6)
+
+
+BLADE = """<data>
+  <unitSystem>SI</unitSystem>
+  <includes>
+    <include href="part.xml" prefix="A."><set name="precone">0</set></include>
+  </includes>
+  <system><bodies><ground><name>Hub</name></ground></bodies></system>
+  <simulation><title>Blade</title><deltaT>0.01</deltaT><tFinal>1</tFinal></simulation>
+</data>
+"""
+
+
+def blade(tmp_path):
+    """The blade of the wind rotor on a ground, without precone, damping and load."""
+    copy(ROOT / "decks" / "elastic" / "parts" / "blade.xml", tmp_path / "part.xml")
+    path = tmp_path / "blade.xml"
+    path.write_text(BLADE, encoding="utf-8")
+    changes = ("A.Blade.dampingTime=0", "A.Blade.degree=4", "A.Blade.elements=6")
+    return read_deck(path, settings=changes)
+
+
+def ritz_of_blade(count=14):
+    """(4,) lowest frequencies [Hz] of a cantilever of 20 m with a rectangular section, linear from
+    0.8 by 0.12 m to 0.4 by 0.04 m, that twists by -10 degrees: deflections and rotations in two
+    planes, with shear, by ``count`` polynomials each.
+    """
+    E, G, rho, length = 30e9, 5e9, 1200.0, 20.0
+    nu = E / (2.0 * G) - 1.0
+    x, weight = np.polynomial.legendre.leggauss(60)
+    s, weight = (x + 1.0) / 2.0, weight * length / 2.0
+    b, h, angle = 0.8 - 0.4 * s, 0.12 - 0.08 * s, np.radians(-10.0) * s
+    area, shear = b * h, 10.0 * (1.0 + nu) / (12.0 + 11.0 * nu) * G * b * h
+    domain = [0.0, length]
+    shapes = [Legendre([0.5, 0.5], domain) * Legendre.basis(k, domain) for k in range(count)]
+    value, slope = (np.array([f.deriv(n)(s * length) for f in shapes]) for n in range(2))
+    none = np.zeros_like(value)
+
+    def of(columns):
+        """One of the fields v, w (deflections) and p, q (rotations about y, z), in all unknowns."""
+        return np.concatenate([columns.get(name, none) for name in "vwpq"])
+
+    def across(y, z):
+        c, sine = np.cos(angle), np.sin(angle)
+        return c * y + sine * z, c * z - sine * y
+
+    def quadratic(pairs):
+        return sum((field * (weight * factor)) @ field.T for field, factor in pairs)
+
+    shears = across(of({"v": slope, "q": -value}), of({"w": slope, "p": value}))
+    bends = across(of({"p": slope}), of({"q": slope}))
+    rotations = across(of({"p": value}), of({"q": value}))
+    I2, I3 = b * h**3 / 12.0, h * b**3 / 12.0
+    K = quadratic([(f, shear) for f in shears] + list(zip(bends, (E * I2, E * I3), strict=True)))
+    moved = [(of({name: value}), rho * area) for name in "vw"]
+    M = quadratic(moved + list(zip(rotations, (rho * I2, rho * I3), strict=True)))
+    return np.sqrt(eigh(K, M, eigvals_only=True, subset_by_index=[0, 3])) / (2.0 * np.pi)
+
+
+def test_a_tapered_twisted_blade_has_the_frequencies_of_ritz(tmp_path):
+    point, exact = at_start(blade(tmp_path)), ritz_of_blade()
+    # The lowest is 1e-13 of the largest, squared: dense matrices must not take it for a zero.
+    for method, tolerance in (("sparse", (1e-6, 1e-6, 1e-6, 1e-5)), ("dense", (1e-4,) * 4)):
+        found = modes(point, 4, method=method)
+        assert found.zeros == 0
+        assert (np.abs(found.frequency / exact - 1.0) < tolerance).all()

@@ -104,15 +104,19 @@ def _times(factor: float, a: tuple[float, float, float]) -> tuple[float, float, 
 
 
 def under_loads(point: Point, spin: Spin = REST) -> Rest:
-    """Return the equilibrium under all loads that growing loads lead to from the unloaded model.
-    ``converged`` says whether it was reached.
+    """Return the equilibrium of ``grown`` from a ``point``, of a model in the rotation ``spin``."""
+    return grown(Statics(point.system, point.state, spin), point.state)
+
+
+def grown(statics: Statics, state: State) -> Rest:
+    """Return the equilibrium under all loads to which growing loads lead from a ``state``, whose
+    multipliers do not count. ``converged`` says whether it was reached.
 
     Loads grow in every iteration, as far as that rotates and displaces no body much, without
     waiting for an equilibrium. Where this does not converge, they grow from one equilibrium to the
     next, by steps as large as Newton's method allows.
     """
-    statics = Statics(point.system, point.state, spin)
-    unloaded = point.state._replace(force=np.zeros_like(point.state.force))
+    unloaded = state._replace(force=np.zeros_like(state.force))
     rest = _growing(statics, unloaded)
     if rest.converged:
         return rest

@@ -30,9 +30,9 @@ from msahl.analysis.equilibria.equilibrium import (
     size_of,
     solve,
 )
-from msahl.analysis.equilibria.load_path import Path, PathPoint, under_loads
+from msahl.analysis.equilibria.load_path import Path, PathPoint, grown
 from msahl.analysis.equilibria.stability import is_stable
-from msahl.analysis.equilibria.static_equations import Spin, Statics, reactions_of, with_rates
+from msahl.analysis.equilibria.static_equations import Spin, Statics, with_rates
 from msahl.analysis.equilibria.static_newton import Rest, newton
 from msahl.analysis.linearised.coefficients import coefficients
 from msahl.analysis.linearised.point import Point, complete
@@ -156,10 +156,11 @@ def by_multipliers(point: Point, spin: np.ndarray) -> Solution:
     does not converge.
     """
     steady = Spin(spin, axis_point(point, spin))
-    rest = newton(Statics(point.system, point.state, steady), point.state)
+    statics = Statics(point.system, point.state, steady)
+    rest = newton(statics, point.state)
     if not rest.converged:
         raise StartError("Newton's method does not converge")
-    return _ended(point, rest, steady, MULTIPLIERS)
+    return _ended(point, statics, rest, MULTIPLIERS)
 
 
 def by_continuation(point: Point, spin: np.ndarray, each: Follow | None = None) -> Solution:
@@ -168,10 +169,11 @@ def by_continuation(point: Point, spin: np.ndarray, each: Follow | None = None) 
     """
     steady = Spin(spin, axis_point(point, spin))
     if each is None:
-        rest = under_loads(point, steady)
+        statics = Statics(point.system, point.state, steady)
+        rest = grown(statics, point.state)
         if not rest.converged:
             raise StartError("the loads cannot grow to their size")
-        return _ended(point, rest, steady, CONTINUATION)
+        return _ended(point, statics, rest, CONTINUATION)
     iterations, last = 0, None
     for last in Path(point).to(1.0):
         iterations += last.iterations
@@ -180,16 +182,17 @@ def by_continuation(point: Point, spin: np.ndarray, each: Follow | None = None) 
     return _closed(point, last.state, steady, iterations, CONTINUATION)
 
 
-def _ended(point: Point, rest: Rest, spin: Spin, method: str) -> Solution:
+def _ended(point: Point, statics: Statics, rest: Rest, method: str) -> Solution:
     """The equilibrium in which Newton's method ended.
 
     Of beams the resultants are unknowns of their own: forces by their strains would have the
     round-off of positions times a large stiffness.
     """
+    spin = statics.spin
     if not point.model.beams or point.state.auxiliary.size:
         return _closed(point, rest.state, spin, rest.iterations, method)
     state, now = with_rates(rest.state, spin), rest.balance
-    state = state._replace(reaction=reactions_of(point.system, state))
+    state = state._replace(reaction=statics.reactions(state))
     where = int(np.argmax(np.abs(now.force)))
     left = Equilibrium(
         axes=spin.rate,

@@ -25,7 +25,6 @@ from msahl.algebra.vector import at
 from msahl.analysis.equilibria.static_layout import Layout, layout_of
 from msahl.analysis.linearised.coefficients import Work, differentiate, skews
 from msahl.analysis.linearised.plain_units import evaluation_size
-from msahl.analysis.linearised.projection import prepared
 from msahl.analysis.linearised.steady import SMALL_TRAVEL
 from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.elements.frames import first_multiplier
@@ -70,16 +69,6 @@ def with_rates(state: State, spin: Spin = REST) -> State:
     return state._replace(force=state.force.copy(), v=v, w=w, a=a, alpha=np.zeros_like(state.alpha))
 
 
-def reactions_of(system: System, state: State) -> np.ndarray:
-    """(j, 6) reactions of the joints by the multipliers of a ``state``, inertial axes [N, N m]."""
-    own = state._replace(reaction=np.zeros_like(state.reaction))
-    start, size = prepared(system, own), evaluation_size(system)
-    Z, rows = np.zeros((2, node_count(system), 3))
-    by_size(evaluate.free_acceleration, size)(system, own, start, Z, rows)
-    by_size(evaluate.set_reactions, size)(system, own, start, Z)
-    return own.reaction
-
-
 class Statics:
     """Evaluates the equations of a system at rest, or in a steady rotation."""
 
@@ -102,13 +91,18 @@ class Statics:
             (1.0 / system.bodies.inverse_mass).max(initial=0.0)
             * np.linalg.norm(system.bodies.gravity)
         )
-        loads = np.abs(self.loads(state)).max(initial=0.0) if self._scaled else 0.0
-        self._heaviest = max(self._weight, float(loads))
+        # The state, factor and forces of the last evaluation.
+        self._last: tuple[State, float, np.ndarray] | None = None
+        self._heaviest = max(self._weight, float(np.abs(self.loads(state)).max(initial=0.0)))
 
     def loads(self, state: State) -> np.ndarray:
         """(n,) gravity and concentrated loads of the deck in the configuration of ``state`` [N]."""
-        full, none = (self._forces(state, factor) for factor in (1.0, 0.0))
-        return full - none
+        if self._last is None or self._last[0] is not state:
+            self._forces(state, 1.0)
+        assert self._last is not None
+        _, factor, forces = self._last
+        other = 0.0 if factor > 0.5 else 1.0
+        return (forces - self._forces(state, other)) / (factor - other)
 
     def _forces(self, state: State, factor: float) -> np.ndarray:
         """(n,) f - M a, after an evaluation at a ``state`` with loads times ``factor``."""
@@ -117,7 +111,19 @@ class Statics:
         if self.spin.rate.any():
             rows[self.system.frames.displacement[:-1]] -= self._state.a[:-1]
         forces: np.ndarray = rows.reshape(-1)[layout.coordinate] * layout.force
+        self._last = (state, factor, forces)
         return forces
+
+    def reactions(self, state: State) -> np.ndarray:
+        """(j, 6) reactions of the joints by the multipliers of a ``state`` under all loads, along
+        inertial axes [N, N m].
+        """
+        self._evaluate(state, 1.0)
+        self._state.force[:] = state.force
+        Z = np.zeros_like(self._work.rows)
+        call = by_size(evaluate.set_reactions, self._state.reaction.shape[0])
+        call(self.system, self._state, self._start, Z)
+        return self._state.reaction.copy()
 
     def is_damped(self) -> bool:
         """Return whether forces depended on rates at the last evaluation."""

@@ -100,7 +100,10 @@ def inverse(
     standard deviation of the table. Raises ``InverseError`` or ``StartError``.
     """
     if model.beams:
-        raise InverseError("the model has beams, whose deformation a table of motion does not give")
+        raise InverseError(
+            "the model has beams, whose deformation a table of motion does not give; prescribe the "
+            "motion by <jointMotion> and run the deck with msahl run: reactions.csv has the loads"
+        )
     driven, drives = with_drives(model, loads)
     point = at_start(driven)
     call = (

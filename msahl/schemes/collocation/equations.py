@@ -95,21 +95,7 @@ def evaluate(
         if n == 0 or tableau.node_time[n] != tableau.node_time[n - 1]:
             set_node(system, state, stages, h, n)
             if not (stages.gravity_only and i >= 0):
-                beams.set_strains(
-                    system.beams,
-                    start.beams,
-                    system.frames,
-                    stages.increments,
-                    stages.state.strain,
-                )
-                forces.set_stage_elongations(
-                    system.forces,
-                    start.forces,
-                    system.scalar,
-                    system.frames,
-                    stages.increments,
-                    stages.state.elongation,
-                )
+                _set_strains(system, start, stages)
         if i < 0:
             _enter_violations(system, state, start, stages, h, row)
             _set_constraint_accelerations(
@@ -129,6 +115,18 @@ def evaluate(
     for k in range(tableau.force_weight.size):
         length = max(length, equations.step_length(system, start, h, stages.Z[k]))
     return length
+
+
+@kernel
+def _set_strains(system: System, start: SystemWorkspace, stages: StageArrays) -> None:
+    """Set the strains of beams, and the elongations of springs in the compliance form, to those
+    after the increments since the start of the step.
+    """
+    state, increments, frames = stages.state, stages.increments, system.frames
+    beams.set_strains(system.beams, start.beams, frames, increments, state.strain)
+    forces.set_stage_elongations(
+        system.forces, start.forces, system.scalar, frames, increments, state.elongation
+    )
 
 
 @kernel

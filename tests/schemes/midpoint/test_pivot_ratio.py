@@ -7,13 +7,14 @@ from msahl.elements.frames import first_multiplier
 from msahl.linalg import sparse_lu
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.midpoint import newton
+from msahl.schemes.outcome import TARGET
 from tests.support.models import chain, deck, simulate
 
 
 def factored():
     """A workspace with the Jacobian of the first step of a chain of three links."""
     workspace = SubsystemIntegrator(chain(3), "newton", True, 1).workspace
-    residual, _ = newton.iterate(workspace, 0.01)
+    residual, _ = newton.iterate(workspace, 0.01, TARGET)
     assert residual < 1e-12
     return workspace
 
