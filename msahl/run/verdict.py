@@ -218,14 +218,17 @@ def _solver(of: Figures, limits: Limits) -> Iterator[Finding]:
     text = f"{of.iterations / max(of.steps, 1):.1f} iterations per step"
     if of.scipy_steps:
         text += f", {of.scipy_steps} steps by scipy"
+    hard = []
     if of.path_steps:
-        text += f", {of.path_steps} steps by continuation"
+        hard.append(f"{of.path_steps} steps were solved by continuation from shorter ones")
     if of.subdivisions:
+        hard.append(f"steps were subdivided {of.subdivisions} times")
+    if hard:
         text += (
-            f"; steps were subdivided {of.subdivisions} times: a motion is too fast for the step "
-            "size; look at the results there, and reduce --dt"
+            f"; {', '.join(hard)}: a motion is too fast for the step size; look at the results "
+            "there, and reduce --dt"
         )
-    yield Finding("solver", WARN if of.subdivisions else PASS, text)
+    yield Finding("solver", WARN if hard else PASS, text)
 
 
 def _pivot_ratio(of: Figures, limits: Limits) -> Iterator[Finding]:
