@@ -37,6 +37,7 @@ OUTSIDE = (
     "benchmarks/results/speed.md",
     "benchmarks/results/precision.md",
     "benchmarks/results/mechanisms.md",
+    "benchmarks/results/beams.md",
     "benchmarks/results/startup.md",
     "benchmarks/results/batch.md",
     "benchmarks/results/scale.md",

@@ -1,0 +1,1 @@
+"""Beams: error against seconds, beside Exudyn."""
