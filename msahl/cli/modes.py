@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     type=click.IntRange(1),
     metavar="N",
     help="Compute the N modes nearest to zero, or to --near, besides those that are zero (default: "
-    "all; of more than 100 bodies 10).",
+    "all; of more than 100 bodies, or with beams, 10).",
 )
 @click.option(
     "--near",
@@ -41,7 +41,8 @@ if TYPE_CHECKING:
     "--method",
     type=click.Choice(("auto", "dense", "sparse")),
     default="auto",
-    help="Choose dense or sparse matrices (default: auto, dense up to 100 bodies).",
+    help="Choose dense or sparse matrices (default: auto, dense up to 100 bodies and without "
+    "beams).",
 )
 @click.option(
     "--over",

@@ -20,7 +20,7 @@ from msahl.analysis.equilibria.static_matrix import SYMMETRIC, stiffness
 from msahl.analysis.linearised.coefficients import Coefficients, coefficients, holonomic
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.steady import stiffest
-from msahl.analysis.modes.solution import LARGEST_DENSE, modes
+from msahl.analysis.modes.solution import DENSE, LARGEST_DENSE, modes
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -53,7 +53,7 @@ def stability(point: Point) -> str:
         return _by_counting(point)
     if point.model.beams and is_stiff(point):
         return UNDAMPED
-    found = modes(point)
+    found = modes(point, method=DENSE)
     if not found.degrees_of_freedom:
         return "stable, nothing can move"
     growth = found.value.real

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.analysis.linearised.point import Point
-from msahl.analysis.modes.solution import AUTO, Modes, modes
+from msahl.analysis.modes.solution import AUTO, DENSE, LARGEST_DENSE, Modes, modes
 
 BY_SHAPE = 0.5
 """w: weight of the shapes."""
@@ -67,7 +67,10 @@ def sampler(point_of: Callable[[float], Point], wanted: Request) -> Sampler:
 
     def sample(value: float, nearby: Modes | None = None) -> Spectrum:
         point = point_of(value)
-        found = modes(point, *wanted, nearby=nearby)
+        # All modes of small models are followed, those of beams too.
+        small = wanted.method == AUTO and 6 * len(point.model.bodies) <= LARGEST_DENSE
+        request = wanted._replace(method=DENSE) if small else wanted
+        found = modes(point, *request, nearby=nearby)
         return Spectrum(value, found, _vectors(point, found), _whirl(point, found))
 
     return sample

@@ -78,7 +78,8 @@ def modes(
     nearby: Modes | None = None,
 ) -> Modes:
     """Return the modes at a ``point``: zeros and the ``number`` nearest to a ``frequency`` [Hz], by
-    default all of a small model. Raises ``StartError`` if a large model has too many zeros.
+    default all of a small model without beams. Raises ``StartError`` if a large model has too many
+    zeros.
 
     With modes ``nearby``, those of nearly the same model, so many eigenvalues are zero as there
     (dense matrices only), and the motion is as steady as there.
@@ -88,12 +89,24 @@ def modes(
         state = nearby.equilibrium
     else:
         state = equilibrium(point, found)
-    if method == SPARSE or (method == AUTO and found.coordinate.size > LARGEST_DENSE):
+    large = found.coordinate.size > LARGEST_DENSE
+    if method == SPARSE or (method == AUTO and (large or _is_stiff(point))):
         of = pencil(found, state.axes)
         if is_worthwhile(of, number or FEW):
-            return _sparse(point, found, state, of, (number or FEW, frequency))
+            try:
+                return _sparse(point, found, state, of, (number or FEW, frequency))
+            except StartError:
+                if method == SPARSE or large:
+                    raise
     dense = _dense(point, found, state, None if nearby is None else nearby.stages)
     return _nearest(dense, number, frequency)
+
+
+def _is_stiff(point: Point) -> bool:
+    """Whether the highest frequencies are so far above the lowest that dense matrices lose their
+    digits, which sparse ones keep: in beams, unless only dense matrices have all derivatives.
+    """
+    return bool(point.model.beams) and not depends_on_reactions(point.system)
 
 
 def _nearest(found: Modes, number: int | None, frequency: float) -> Modes:
