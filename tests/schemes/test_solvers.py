@@ -60,8 +60,8 @@ def test_auto_starts_with_root_and_goes_on_with_newton():
     assert (run.report.scipy_steps, run.report.steps) == (1, 100)
 
 
-def test_a_step_that_newton_refuses_goes_to_root(monkeypatch):
-    """Every third step is refused; root takes it, and nothing of it shows in the answer."""
+def test_a_step_that_newton_refuses_is_solved_along_a_path(monkeypatch):
+    """Every third step is refused; continuation takes it, and nothing of it shows in the answer."""
     march, refused = stepper._take_steps, []
 
     def reluctant(one, h, first, last, schedule):
@@ -78,7 +78,7 @@ def test_a_step_that_newton_refuses_goes_to_root(monkeypatch):
     monkeypatch.setattr(stepper, "_take_steps", reluctant)
     run = simulate(pendulum(), dt=0.01, t_final=1.0)
     assert run.report.status == "completed"
-    assert run.report.scipy_steps == 1 + len(refused)
+    assert (run.report.scipy_steps, run.report.path_steps) == (1, len(refused))
     assert len(refused) >= 10
     assert run.of("position") == pytest.approx(known.of("position"), abs=1e-12)
     assert run.force() == pytest.approx(known.force(), abs=1e-9)
@@ -151,9 +151,9 @@ def test_a_run_that_ends_early_keeps_all_it_had(monkeypatch, solver):
         until.taken += end - first
         return march(one, h, first, end, schedule)
 
-    def never(self, h, share):
+    def never(self, h, share, tried):
         begun = self.begun or self.solver == "newton"
-        return Outcome(0.125, 3) if begun else once(self, h, share)
+        return Outcome(0.125, 3) if begun else once(self, h, share, tried)
 
     once = FixedStepper._solve_once
     until.taken = 1 if solver == "auto" else 0
@@ -183,9 +183,9 @@ def test_a_failed_step_leaves_the_state_as_it_was(monkeypatch, solver):
     ]
     once, halves = FixedStepper._solve_once, []
 
-    def first_half_only(self, h, share):
+    def first_half_only(self, h, share, tried):
         if share == 0.5 and not halves:
-            halves.append(once(self, h, share))
+            halves.append(once(self, h, share, tried))
             return halves[0]
         return Outcome(0.125, 3)
 

@@ -139,7 +139,8 @@ def solve(workspace: Workspace, h: float) -> tuple[float, int]:
     repeats = state.foresight[0] == equations.BY_LAST_STEP and not _is_predictable(workspace, h)
     _set_start(workspace, h, repeats)
     residual, worst = iterate(workspace, h, LONG_TARGET if repeats else TARGET)
-    if not residual <= TOLERANCE:
+    # At t = 0 there is no last step.
+    if not residual <= TOLERANCE and state.time[0] > 0.0:
         _set_start(workspace, h, not repeats)
         residual, worst = iterate(workspace, h, LONG_TARGET)
         if residual <= TOLERANCE:
