@@ -48,6 +48,7 @@ def test_a_wrong_coefficient_is_a_fault(checkout):
     assert "it must not be less than zero" in result.stderr
 
 
+@pytest.mark.slow
 def test_the_tests_of_the_guide_hold_the_force_to_all_laws(checkout):
     """Of the schemes one of each family; of the laws those that see derivatives and work."""
     laws = [

@@ -298,7 +298,14 @@ def test_there_is_an_entry_for_every_scheme():
     assert set(STEPS) == set(choices())
 
 
-@pytest.mark.parametrize("word", STEPS)
+SLOW_WORDS = ("auto", "radau1")
+"""Schemes that take the most steps here."""
+
+
+@pytest.mark.parametrize(
+    "word",
+    [pytest.param(w, marks=pytest.mark.slow) if w in SLOW_WORDS else w for w in STEPS],
+)
 def test_every_scheme_follows_the_laws_of_all_forces(exact, plain, word):
     steps, order = STEPS[word]
     if word == "auto":

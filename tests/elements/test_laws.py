@@ -398,7 +398,7 @@ def test_momentum_is_kept_where_nothing_outside_acts(seed):
         assert np.abs(momentum - momentum[0]).max() <= 1e-11 * np.abs(momentum).max()
 
 
-@pytest.mark.parametrize("h", [0.01, 0.0025])
+@pytest.mark.parametrize("h", [0.01, pytest.param(0.0025, marks=pytest.mark.slow)])
 @every_scheme
 def test_a_model_of_all_elements_keeps_its_balance(h, scheme):
     """Energy changes by the work of loads, motions and scheme, to the solver's tolerance."""

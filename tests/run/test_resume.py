@@ -153,6 +153,7 @@ def test_the_run_at_half_the_step_goes_on_too(monkeypatch):
         assert 0.75 < error["trustHorizon"] < 7.5
 
 
+@pytest.mark.slow
 def test_a_step_that_failed_fails_again(monkeypatch):
     """A load of (10 t)^400 N: nothing to see before 0.1 s, beyond all numbers after 0.6 s."""
     sudden = push(1e200, *[0.0] * 400, 1e200)

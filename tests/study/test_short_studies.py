@@ -59,6 +59,7 @@ def test_observed_orders_of_given_steps(tmp_path, reference):
     assert ("is exact" if reference == "auto" else "DOP853") in text
 
 
+@pytest.mark.slow
 def test_a_top_by_its_closed_form_and_other_metrics(tmp_path):
     words = ("--dt", 0.004, "--dt", 0.002, "--dt", 0.001, "--repeat", 1, "--t-final", 0.02)
     metric = ("--metric", "mean_reaction", "--target", 1, "--scheme", "preserving")

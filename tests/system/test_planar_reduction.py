@@ -221,7 +221,9 @@ FAR, OFF = 1e-10, 1e-13
 rotated into its axes and back with a few machine epsilons of some 10 rad/s."""
 
 
-@pytest.mark.parametrize("scheme", ["preserving", "decaying", "gauss1"])
+@pytest.mark.parametrize(
+    "scheme", ["preserving", "decaying", pytest.param("gauss1", marks=pytest.mark.slow)]
+)
 def test_planar_and_spatial_equations_move_all_elements_alike(scheme):
     far, off, spin = apart(ELEMENTS, scheme)
     assert far <= FAR
