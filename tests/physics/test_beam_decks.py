@@ -53,7 +53,7 @@ def test_frequencies_of_bars(name, speed):
 
 
 def test_a_bar_of_almost_no_rotary_inertia_keeps_its_slow_modes():
-    """Its highest frequencies cost dense matrices the first mode; round-off of sparse ones is 1e-12.
+    """Its highest frequencies cost dense matrices the first mode, and sparse ones few digits.
 
     By Rayleigh's quotient rotary inertia lowers the first frequency by 4.648/2 of itself.
     """
