@@ -4,15 +4,12 @@ import math
 from itertools import groupby
 from pathlib import Path
 
-import matplotlib as mpl
-
-mpl.use("Agg")
-
 import matplotlib.pyplot as plt
 
 from benchmarks.beams.problems import PROBLEMS, Problem
 from benchmarks.beams.processes import PROCESSES, TARGET
 from benchmarks.beams.store import Run, front
+from benchmarks.multiples import finish_axes, save
 from benchmarks.verdict import Verdict, table_of_verdicts
 
 PAGE, PICTURE, MACHINE = "beams.md", "beams.png", "beams_machine.txt"
@@ -20,6 +17,8 @@ OURS, PEER = "msahl", "Exudyn"
 HUES = {OURS: "C0", PEER: "C1"}
 LARGEST = 1e-2
 """Error, over the length, below which msahl is to be ahead."""
+LIMITS = (1e-7, 5e-2)
+"""Errors shown, over the length."""
 LEAST = 1e-5
 """The least one that is judged; the references are known to 2e-6 or better."""
 TARGETS = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
@@ -161,14 +160,5 @@ def draw(runs: dict[str, list[Run]], path: Path) -> None:
             axes.loglog(*zip(*dots, strict=True), color=hue, marker=".", linestyle="", alpha=0.3)
             best = [(run.seconds, run.error) for run in front(found)]
             axes.loglog(*zip(*best, strict=True), color=hue, marker="o", markersize=3)
-        axes.axhline(LARGEST, color="0.5", linewidth=0.8)
-        axes.set_ylim(1e-7, 5e-2)
-        axes.set_title(PROBLEMS[name].title, fontsize=9)
-        axes.tick_params(labelsize=7)
-        axes.grid(True, which="major", alpha=0.3)
-    handles = [mpl.lines.Line2D([], [], color=hue, label=name) for name, hue in HUES.items()]
-    figure.legend(handles=handles, fontsize=8, loc="outside upper center", ncols=len(HUES))
-    figure.supxlabel("seconds of the solver", fontsize=9)
-    figure.supylabel("largest error / length", fontsize=9)
-    figure.savefig(path, dpi=90)
-    plt.close(figure)
+        finish_axes(axes, PROBLEMS[name].title, LIMITS, LARGEST)
+    save(figure, HUES, ("seconds of the solver", "largest error / length"), path)

@@ -7,12 +7,9 @@ are all runs.
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
-
-mpl.use("Agg")
-
 import matplotlib.pyplot as plt
 
+from benchmarks.multiples import finish_axes, save
 from benchmarks.precision_asked import Found
 
 HUES = {"msahl": "C0", "exudyn": "C1", "mujoco": "C2", "drake": "C4"}
@@ -32,17 +29,8 @@ def draw_mechanisms(found: list[Found], path: Path) -> None:
     for axes, one in zip(grid.flat, found, strict=False):
         for program, hue in HUES.items():
             _draw(axes, runs(one, program), hue)
-        axes.axhline(TARGET, color="0.5", linewidth=0.8)
-        axes.set_title(one.problem.name, fontsize=9)
-        axes.set_ylim(*LIMITS)
-        axes.tick_params(labelsize=7)
-        axes.grid(True, which="major", alpha=0.3)
-    handles = [mpl.lines.Line2D([], [], color=hue, label=name) for name, hue in HUES.items()]
-    figure.legend(handles=handles, fontsize=8, loc="outside upper center", ncols=len(HUES))
-    figure.supxlabel("time loop [s]", fontsize=9)
-    figure.supylabel("largest position error [m]", fontsize=9)
-    figure.savefig(path, dpi=90)
-    plt.close(figure)
+        finish_axes(axes, one.problem.name, LIMITS, TARGET)
+    save(figure, HUES, ("time loop [s]", "largest position error [m]"), path)
 
 
 def runs(found: Found, program: str) -> list[tuple[float, float]]:
