@@ -9,8 +9,8 @@ from numpy.polynomial import Legendre
 from scipy.linalg import eigh
 
 from msahl.algebra.vector import ZERO
-from msahl.analysis.equilibria.load_path import under_loads
-from msahl.analysis.equilibria.static_equations import Spin, with_rates
+from msahl.analysis.equilibria.load_path import grown
+from msahl.analysis.equilibria.static_equations import Spin, Statics, with_rates
 from msahl.analysis.linearised.point import at_start, complete
 from msahl.analysis.modes.solution import modes
 from msahl.deck import read_deck
@@ -119,7 +119,7 @@ def rotating(degree, elements, speed, stiffness=BENDING, **others):
     hub = Joint("Hub", "revolute", GROUND.name, nodes[0].name, ZERO, ZERO)
     model = build_model(nodes, [hub], beams=(beam,))
     start, spin = at_start(model), Spin(np.array([0.0, 0.0, speed]), np.zeros(3))
-    rest = under_loads(start, spin)
+    rest = grown(Statics(start.system, start.state, spin), start.state)
     assert rest.converged
     return complete(model, start.system, with_rates(rest.state, spin))
 

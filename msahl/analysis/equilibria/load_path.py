@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.analysis.equilibria.static_equations import REST, Balance, Spin, Statics
+from msahl.analysis.equilibria.static_equations import Balance, Statics
 from msahl.analysis.equilibria.static_matrix import (
     Factors,
     directions,
@@ -103,14 +103,9 @@ def _times(factor: float, a: tuple[float, float, float]) -> tuple[float, float, 
     return (factor * a[0], factor * a[1], factor * a[2])
 
 
-def under_loads(point: Point, spin: Spin = REST) -> Rest:
-    """Return the equilibrium of ``grown`` from a ``point``, of a model in the rotation ``spin``."""
-    return grown(Statics(point.system, point.state, spin), point.state)
-
-
 def grown(statics: Statics, state: State) -> Rest:
     """Return the equilibrium under all loads to which growing loads lead from a ``state``, whose
-    multipliers do not count. ``converged`` says whether it was reached.
+    multipliers do not count. It is reached if ``converged`` is true.
 
     Loads grow in every iteration, as far as that rotates and displaces no body much, without
     waiting for an equilibrium. Where this does not converge, they grow from one equilibrium to the

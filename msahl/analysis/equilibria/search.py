@@ -30,7 +30,7 @@ from msahl.analysis.equilibria.equilibrium import (
     size_of,
     solve,
 )
-from msahl.analysis.equilibria.load_path import Path, PathPoint, grown
+from msahl.analysis.equilibria.load_path import grown
 from msahl.analysis.equilibria.stability import is_stable
 from msahl.analysis.equilibria.static_equations import Spin, Statics, with_rates
 from msahl.analysis.equilibria.static_newton import Rest, newton
@@ -38,7 +38,7 @@ from msahl.analysis.linearised.coefficients import coefficients
 from msahl.analysis.linearised.point import Point, complete
 from msahl.analysis.linearised.projection import close, move
 from msahl.analysis.linearised.steady import Equilibrium, residual_in
-from msahl.analysis.modes.solution import LARGEST_DENSE
+from msahl.analysis.modes.solution import coordinate_count, is_large
 from msahl.elements.frames import first_multiplier
 from msahl.start.velocities import StartError, solve_at_rest
 from msahl.system.arrays import State, node_count
@@ -53,19 +53,6 @@ SAME = 1e-6
 
 UNRESISTED = 1e-3
 """Share of the forces that nothing resists, of a model that has no equilibrium."""
-
-Follow = Callable[[PathPoint], None]
-"""What is called at each equilibrium of a continuation."""
-
-
-def coordinate_count(point: Point) -> int:
-    """Number of coordinates, six a body."""
-    return 6 * len(point.model.bodies)
-
-
-def is_large(point: Point) -> bool:
-    """Return whether a model is too large for dense matrices."""
-    return coordinate_count(point) > LARGEST_DENSE
 
 
 def find(point: Point, spin: np.ndarray) -> Solution | None:
@@ -163,23 +150,15 @@ def by_multipliers(point: Point, spin: np.ndarray) -> Solution:
     return _ended(point, statics, rest, MULTIPLIERS)
 
 
-def by_continuation(point: Point, spin: np.ndarray, each: Follow | None = None) -> Solution:
+def by_continuation(point: Point, spin: np.ndarray) -> Solution:
     """Return the equilibrium to which those under growing loads lead; raises ``StartError`` where
-    they end. ``each`` is called with the equilibria, at rest, and their load factors.
+    they end.
     """
-    steady = Spin(spin, axis_point(point, spin))
-    if each is None:
-        statics = Statics(point.system, point.state, steady)
-        rest = grown(statics, point.state)
-        if not rest.converged:
-            raise StartError("the loads cannot grow to their size")
-        return _ended(point, statics, rest, CONTINUATION)
-    iterations, last = 0, None
-    for last in Path(point).to(1.0):
-        iterations += last.iterations
-        each(last)
-    assert last is not None  # the first one, or a StartError
-    return _closed(point, last.state, steady, iterations, CONTINUATION)
+    statics = Statics(point.system, point.state, Spin(spin, axis_point(point, spin)))
+    rest = grown(statics, point.state)
+    if not rest.converged:
+        raise StartError("the loads cannot grow to their size")
+    return _ended(point, statics, rest, CONTINUATION)
 
 
 def _ended(point: Point, statics: Statics, rest: Rest, method: str) -> Solution:

@@ -20,7 +20,7 @@ from msahl.analysis.equilibria.static_matrix import SYMMETRIC, stiffness
 from msahl.analysis.linearised.coefficients import Coefficients, coefficients, holonomic
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.steady import stiffest
-from msahl.analysis.modes.solution import DENSE, LARGEST_DENSE, modes
+from msahl.analysis.modes.solution import DENSE, is_large, modes
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -40,16 +40,11 @@ FOUND = 1e-7
 """Relative width of the interval in which the fastest growth is found."""
 
 
-def coordinates(point: Point) -> int:
-    """Number of coordinates, six a body."""
-    return 6 * len(point.model.bodies)
-
-
 def stability(point: Point) -> str:
     """Return whether an equilibrium is stable, by the real parts of its eigenvalues or, of a large
     model, by the number of motions that grow.
     """
-    if coordinates(point) > LARGEST_DENSE:
+    if is_large(point):
         return _by_counting(point)
     if point.model.beams and is_stiff(point):
         return UNDAMPED
@@ -94,7 +89,7 @@ def is_stiff(point: Point) -> bool:
 
 def is_stable(point: Point) -> bool:
     """Return whether an equilibrium is known to be stable, by counting where that is possible."""
-    if point.model.beams and coordinates(point) <= LARGEST_DENSE and is_stiff(point):
+    if point.model.beams and not is_large(point) and is_stiff(point):
         return True
     found = coefficients(point.system, point.state)
     _, number = _slowest(point, found)

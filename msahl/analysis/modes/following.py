@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.analysis.linearised.point import Point
-from msahl.analysis.modes.solution import AUTO, DENSE, LARGEST_DENSE, Modes, modes
+from msahl.analysis.modes.solution import AUTO, DENSE, Modes, is_large, modes
 
 BY_SHAPE = 0.5
 """w: weight of the shapes."""
@@ -68,8 +68,8 @@ def sampler(point_of: Callable[[float], Point], wanted: Request) -> Sampler:
     def sample(value: float, nearby: Modes | None = None) -> Spectrum:
         point = point_of(value)
         # All modes of small models are followed, those of beams too.
-        small = wanted.method == AUTO and 6 * len(point.model.bodies) <= LARGEST_DENSE
-        request = wanted._replace(method=DENSE) if small else wanted
+        all_modes = wanted.method == AUTO and not is_large(point)
+        request = wanted._replace(method=DENSE) if all_modes else wanted
         found = modes(point, *request, nearby=nearby)
         return Spectrum(value, found, _vectors(point, found), _whirl(point, found))
 

@@ -89,7 +89,7 @@ def modes(
         state = nearby.equilibrium
     else:
         state = equilibrium(point, found)
-    large = found.coordinate.size > LARGEST_DENSE
+    large = is_large(point)
     if method == SPARSE or (method == AUTO and (large or _is_stiff(point))):
         of = pencil(found, state.axes)
         if is_worthwhile(of, number or FEW):
@@ -100,6 +100,16 @@ def modes(
                     raise
     dense = _dense(point, found, state, None if nearby is None else nearby.stages)
     return _nearest(dense, number, frequency)
+
+
+def coordinate_count(point: Point) -> int:
+    """Return the number of coordinates of a model, six a body."""
+    return 6 * len(point.model.bodies)
+
+
+def is_large(point: Point) -> bool:
+    """Return whether a model is too large for dense matrices."""
+    return coordinate_count(point) > LARGEST_DENSE
 
 
 def _is_stiff(point: Point) -> bool:

@@ -10,9 +10,10 @@ import pytest
 
 from msahl.algebra.vector import ZERO
 from msahl.analysis.equilibria.equilibrium import search_start, solve
-from msahl.analysis.equilibria.load_path import Path, under_loads
+from msahl.analysis.equilibria.load_path import Path, grown
 from msahl.analysis.equilibria.search import find
 from msahl.analysis.equilibria.stability import is_stiff, stability
+from msahl.analysis.equilibria.static_equations import Statics
 from msahl.analysis.linearised.point import at_start
 from msahl.analysis.modes.solution import modes
 from msahl.elements.beams.build import build_beam
@@ -41,7 +42,7 @@ def tip(model):
     from msahl.algebra.vector import at
 
     point = at_start(model)
-    rest = under_loads(point)
+    rest = grown(Statics(point.system, point.state), point.state)
     assert rest.converged
     last = len(model.bodies) - 1
     return rest.state.x[last], np.array(matrix(at(rest.state.p, last))), rest.iterations

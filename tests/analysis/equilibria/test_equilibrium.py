@@ -10,6 +10,7 @@ from msahl.algebra.rotation import from_axis_angle
 from msahl.algebra.vector import ZERO
 from msahl.analysis.equilibria import search as equilibrium_search
 from msahl.analysis.equilibria.equilibrium import solve
+from msahl.analysis.equilibria.load_path import Path
 from msahl.analysis.equilibria.report import lines
 from msahl.analysis.equilibria.search import all_equilibria, by_continuation, find
 from msahl.analysis.equilibria.stability import growing, is_stable, stability
@@ -129,8 +130,9 @@ def sprung_chain(links=3):
 
 
 def test_growing_loads_lead_to_the_equilibrium():
-    start, factors = at_start(sprung_chain()), []
-    grown = by_continuation(start, REST, lambda here: factors.append(here.factor))
+    start = at_start(sprung_chain())
+    path = list(Path(start).to(1.0))
+    factors, grown = [here.factor for here in path], by_continuation(start, REST)
     assert factors[0] == 0.0
     assert factors[-1] == 1.0
     assert factors == sorted(factors)
@@ -139,8 +141,7 @@ def test_growing_loads_lead_to_the_equilibrium():
     assert other.converged
     # Both are balanced to 1e-9 of a weight of 30 N, on springs of 200 N m.
     assert np.abs(grown.place.point.state.x - other.place.point.state.x).max() <= 1e-9
-    steps = by_continuation(start, REST)
-    assert np.abs(steps.place.point.state.x - other.place.point.state.x).max() <= 1e-9
+    assert np.abs(path[-1].state.x - other.place.point.state.x).max() <= 1e-9
 
 
 def test_growing_loads_help_where_the_other_methods_fail(monkeypatch):
