@@ -336,8 +336,8 @@ class _Placing:
         """Yield the relations between rates by joints (threads), gears, racks and pinions."""
         joints = {start.joint.name: start.joint for start, _ in self.starts}
         for joint in joints.values():
-            for first, second, factor in coupled_rates(joint):
-                yield Relation(((joint, f"{first}Rate", 1.0), (joint, f"{second}Rate", factor)))
+            for q, follower, factor in coupled_rates(joint):
+                yield Relation(((joint, f"{q}Rate", 1.0), (joint, f"{follower}Rate", factor)))
         for tag, quantity, column in (("gear", "", "angle"), ("rackAndPinion", "length", "slide")):
             for element in self.root.iterfind(f"system/joints/{tag}"):
                 first, second = (joints.get(text(element.find(t))) for t in ("first", "second"))
