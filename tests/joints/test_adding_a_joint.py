@@ -64,7 +64,7 @@ def test_the_deck_of_the_guide_is_checked_and_run(checkout):
     assert list(forces.columns) == ["time", "Pipe.Fx", "Pipe.Fy", "Pipe.Fz"]
 
 
-def test_every_command_knows_the_joint(checkout):
+def test_every_command_runs_with_the_joint(checkout):
     """What no part of the program but the joint's module says of it follows from its equations."""
     deck, out = f"{MODULE}.xml", "everywhere/run"
     call_all(
@@ -99,7 +99,7 @@ def test_every_command_knows_the_joint(checkout):
 
 
 def test_a_prescribed_motion_of_the_joint(checkout):
-    """A pin at the radius e of a shaft that turns about a vertical axis lifts it in the pipe."""
+    """A pin at the radius e of a shaft that rotates about a vertical axis lifts it in the pipe."""
     x, e, radius = 0.3, 0.1, 0.5
     shaft = f"""<cylindrical><name>Shaft</name><parent><name>Base</name>
 <position><x>{x}</x></position><axis><z>1</z></axis></parent><child><name>Bead</name></child>
