@@ -16,8 +16,8 @@ from msahl.cli.command_line import typed_command
 from msahl.cli.compiling import announced
 from msahl.cli.console import BAD_VERDICT, NOT_CONVERGED, NOT_WRITTEN, STATUS, say, stop
 from msahl.cli.decks import job_to_run
+from msahl.cli.interruption import Interruption, set_alarm, stoppable
 from msahl.cli.options import DECK, output_option, run_options, set_option
-from msahl.cli.signals import Interruption, set_alarm, stoppable
 from msahl.printable import printable, shown_path
 
 if TYPE_CHECKING:

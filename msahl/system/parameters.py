@@ -25,7 +25,7 @@ from msahl.elements.forces.spring import Springs
 from msahl.elements.frames import Frames
 from msahl.elements.reactions import Reactions
 from msahl.elements.rigid_body import RigidBodies
-from msahl.elements.signals import Signals
+from msahl.elements.signals.group import Signals
 from msahl.expressions.tape import build_tape
 from msahl.model import resolve
 from msahl.model.beams import Beam

@@ -13,7 +13,8 @@ from msahl.analysis.linear_models.columns import BODIES, RATES, columns_by_table
 from msahl.analysis.linearised.coefficients import coefficients
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.projection import close, move, prepared
-from msahl.elements import forces, signals
+from msahl.elements import forces
+from msahl.elements.signals.group import use_reactions
 from msahl.model import SignalState
 from msahl.start.velocities import make_consistent, solve_accelerations
 from msahl.system.arrays import new_tables, node_count
@@ -40,7 +41,7 @@ def beside(point, dq, dv, ds):
     make_consistent(system, moved, unknowns.free, "massWeighted")
     group = system.forces.signals
     # Until reactions that expressions depend on are those that follow.
-    for _ in range(30 if group is not None and signals.use_reactions(group) else 1):
+    for _ in range(30 if group is not None and use_reactions(group) else 1):
         solve_accelerations(system, moved, unknowns)
     return Point(point.model, system, moved, unknowns)
 

@@ -15,7 +15,7 @@ from msahl.elements.constraints.products import Q_A, U_A
 from msahl.elements.forces import concentrated
 from msahl.elements.forces.concentrated import ConcentratedLoads, ConcentratedWorkspace, moment
 from msahl.elements.frames import Frames, FramesWorkspace, mean
-from msahl.elements.signals import SignalsWorkspace
+from msahl.elements.signals.group import SignalsWorkspace
 from msahl.jit.kernel import kernel, optional
 
 
