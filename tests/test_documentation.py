@@ -10,7 +10,7 @@ import click
 import pytest
 
 from msahl.elements import rigid_body
-from msahl.elements.forces import drag
+from msahl.ports import drag
 from tests.support.models import ROOT
 
 PAGES = [

@@ -17,6 +17,7 @@ ORDER = (
     "expressions",
     "model",
     "elements",
+    "ports",
     "joints",
     "check",
     "beams",

@@ -1,4 +1,4 @@
-"""Records of loads; ``msahl.elements.forces`` has their laws."""
+"""Records of loads; ``msahl.ports`` has their laws."""
 
 from dataclasses import dataclass
 

@@ -19,7 +19,6 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import add, at, copy, matrix_at, put, scale, times, transpose
-from msahl.elements import forces
 from msahl.elements.beams import instant as beams
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
@@ -27,6 +26,7 @@ from msahl.elements.reactions import MOST_ROUNDS, is_unchanged, write_reactions
 from msahl.elements.rigid_body import write_accelerations
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import dense, sparse_lu
+from msahl.ports import forces
 from msahl.schemes.midpoint import newton
 from msahl.schemes.midpoint.load_moments import NO_STEP
 from msahl.schemes.midpoint.workspace import Workspace

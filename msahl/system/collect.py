@@ -60,7 +60,7 @@ class EquationEntry(NamedTuple):
 
 
 class SpringEntry(NamedTuple):
-    """A spring and damper along a coordinate, see ``elements.forces.spring``."""
+    """A spring and damper along a coordinate, see ``ports.spring``."""
 
     coordinate: int
     stiffness: float
@@ -75,7 +75,7 @@ class SpringEntry(NamedTuple):
 
 
 class FrictionEntry(NamedTuple):
-    """Friction along a coordinate, see ``elements.forces.friction``."""
+    """Friction along a coordinate, see ``ports.friction``."""
 
     coordinate: int
     joint: int
@@ -94,7 +94,7 @@ class BeamEntry(NamedTuple):
 
 
 class ConcentratedEntry(NamedTuple):
-    """A force and a moment at a point, see ``elements.forces.concentrated``."""
+    """A force and a moment at a point, see ``ports.concentrated``."""
 
     load: ConcentratedLoad
     law: int  # or -1

@@ -14,14 +14,6 @@ from msahl.elements.constraints.coordinate_kinds import Coordinates
 from msahl.elements.constraints.equations import ConstraintEquations
 from msahl.elements.constraints.products import Products
 from msahl.elements.constraints.scalar import ScalarConstraints
-from msahl.elements.forces import Forces
-from msahl.elements.forces.actuator import Actuators
-from msahl.elements.forces.compliance import Compliances
-from msahl.elements.forces.concentrated import ConcentratedLoads
-from msahl.elements.forces.controlled import ControlledLoads
-from msahl.elements.forces.drag import Drags
-from msahl.elements.forces.friction import Frictions
-from msahl.elements.forces.spring import Springs
 from msahl.elements.frames import Frames
 from msahl.elements.reactions import Reactions
 from msahl.elements.rigid_body import RigidBodies
@@ -30,6 +22,14 @@ from msahl.expressions.tape import build_tape
 from msahl.model import resolve
 from msahl.model.beams import Beam
 from msahl.model.bodies import RigidBody
+from msahl.ports.actuator import Actuators
+from msahl.ports.compliance import Compliances
+from msahl.ports.concentrated import ConcentratedLoads
+from msahl.ports.controlled import ControlledLoads
+from msahl.ports.drag import Drags
+from msahl.ports.forces import Forces
+from msahl.ports.friction import Frictions
+from msahl.ports.spring import Springs
 from msahl.system.arrays import System
 from msahl.system.collect import ConcentratedEntry, Elements
 from msahl.system.topology import Indices, Topology, all_products

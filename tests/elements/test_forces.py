@@ -17,7 +17,6 @@ from scipy.integrate import solve_ivp
 from msahl.algebra.functions import Law
 from msahl.algebra.rotation import compose, from_axis_angle, from_increment
 from msahl.algebra.vector import ZERO
-from msahl.elements import forces
 from msahl.elements.constraints import scalar
 from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.expressions.syntax import parse
@@ -35,6 +34,7 @@ from msahl.model import (
 )
 from msahl.model.loads import Load
 from msahl.model.scheme import choices, split
+from msahl.ports import forces
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.collocation import newton as collocation
 from msahl.schemes.collocation import step_control

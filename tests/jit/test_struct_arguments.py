@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from msahl.algebra.vector import at, dot
-from msahl.elements.forces import drag
 from msahl.jit.compiled import Compiled
+from msahl.ports import drag
 from msahl.system.build import build_system
 from tests.support.element_samples import ELEMENTS
 

@@ -21,12 +21,11 @@ from msahl.algebra.vector import at
 from msahl.analysis.equilibria.equilibrium import Solution
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.projection import prepared
-from msahl.elements import forces
 from msahl.elements.beams import instant
-from msahl.elements.forces import drag, spring
 from msahl.elements.reactions import write_reactions
 from msahl.elements.rigid_body import write_states
 from msahl.model import Actuator, Bushing, ConcentratedLoad, Drag, JointSpring, Model, SpringDamper
+from msahl.ports import drag, forces, spring
 from msahl.run.observed import ObservedTables
 from msahl.run.tables import (
     ACCELERATIONS,

@@ -4,9 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements import forces, reactions, rigid_body
+from msahl.elements import reactions, rigid_body
 from msahl.elements.beams import instant
 from msahl.jit.kernel import apart, unit
+from msahl.ports import forces
 from msahl.schemes.midpoint import equations
 from msahl.system import evaluate
 from msahl.system.arrays import (

@@ -35,7 +35,10 @@ from msahl.elements.constraints.coordinate_kinds import CoordinatesWorkspace, De
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.constraints.scalar import differentiate as scalar_differentiate
 from msahl.elements.constraints.scalar import rates as scalar_rates
-from msahl.elements.forces import (
+from msahl.elements.frames import Frames, FramesWorkspace
+from msahl.elements.signals import Signals, SignalsWorkspace
+from msahl.jit.kernel import kernel, optional
+from msahl.ports import (
     actuator,
     compliance,
     concentrated,
@@ -44,16 +47,13 @@ from msahl.elements.forces import (
     friction,
     spring,
 )
-from msahl.elements.forces.actuator import Actuators
-from msahl.elements.forces.compliance import Compliances
-from msahl.elements.forces.concentrated import ConcentratedLoads, ConcentratedWorkspace
-from msahl.elements.forces.controlled import ControlledLoads, ControlledWorkspace
-from msahl.elements.forces.drag import Drags
-from msahl.elements.forces.friction import Frictions
-from msahl.elements.forces.spring import Springs
-from msahl.elements.frames import Frames, FramesWorkspace
-from msahl.elements.signals import Signals, SignalsWorkspace
-from msahl.jit.kernel import kernel, optional
+from msahl.ports.actuator import Actuators
+from msahl.ports.compliance import Compliances
+from msahl.ports.concentrated import ConcentratedLoads, ConcentratedWorkspace
+from msahl.ports.controlled import ControlledLoads, ControlledWorkspace
+from msahl.ports.drag import Drags
+from msahl.ports.friction import Frictions
+from msahl.ports.spring import Springs
 
 
 class Forces(NamedTuple):
