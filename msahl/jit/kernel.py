@@ -88,7 +88,7 @@ def choice(
     the functions themselves are known when the code is compiled, and inlined if they are small.
     """
     first, *others = functions
-    rest = choice(module, f"{name}.rest", others) if others else None
+    rest: Any = choice(module, f"{name}.rest", others) if others else None
 
     def only(number: int, *arguments: Any) -> Any:
         return first(*arguments)
@@ -102,4 +102,4 @@ def choice(
     marked.__module__, marked.__qualname__, marked.__name__ = module, name, name.split(".")[-1]
     marked.__annotations__ = {"return": first.__annotations__["return"]}
     marked.rest = rest
-    return kernel(marked)  # type: ignore[no-any-return]
+    return kernel(marked)
