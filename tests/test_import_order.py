@@ -15,6 +15,7 @@ ORDER = (
     "jit",
     "algebra",
     "expressions",
+    "laws",
     "model",
     "elements",
     "ports",

@@ -15,6 +15,7 @@ from msahl.elements.constraints import coincide
 from msahl.elements.frames import first_multiplier
 from msahl.jit.compiled import compiled
 from msahl.joints.registry import KINDS
+from msahl.laws.registry import POINT_LAWS
 from msahl.linalg import dense, sparse_lu
 from msahl.model.couplings import COORDINATES
 from msahl.model.scheme import EXPONENTIAL, ORDER_TWO
@@ -278,7 +279,7 @@ INNER = {name: make for name, make in ELEMENTS.items() if _is_inner(make)}
 
 def test_forces_from_outside_are_few():
     assert {*ELEMENTS} - {*INNER} == {
-        *("ground", "knifeEdge", "rollingDisk", "pointMotion", "drag"),
+        *("ground", "knifeEdge", "rollingDisk", "pointMotion", *POINT_LAWS),
         *("concentrated", "concentrated, law", "concentrated, expression"),
     }
 
