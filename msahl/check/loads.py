@@ -67,9 +67,11 @@ def law_findings(load: PointLoad, laws: Mapping[str, PointLaw]) -> Iterator[Find
     for field in law.fields:
         value = values[field.name]
         if value < field.least:
-            yield Finding(field.name, f"it is {value:g}; it must not be less than {field.least:g}")
-        if not value > field.above and math.isfinite(field.above):
-            yield Finding(field.name, f"it is {value:g}; it must be greater than {field.above:g}")
+            least = f"{field.least:g}" if field.least else "zero"
+            yield Finding(field.name, f"it is {value:g}; it must not be less than {least}")
+        elif not value > field.above:
+            above = f"{field.above:g}" if field.above else "zero"
+            yield Finding(field.name, f"it is {value:g}; it must be greater than {above}")
 
 
 def spring_findings(spring: SpringDamper, context: Context) -> Iterator[Finding]:
