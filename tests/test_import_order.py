@@ -14,6 +14,7 @@ LEAVES = ("msahl.terminal", "msahl.printable", "msahl.resources", "msahl.subproc
 ORDER = (
     "jit",
     "algebra",
+    "linalg",
     "expressions",
     "model",
     "elements",
@@ -22,7 +23,6 @@ ORDER = (
     "beams",
     "deck",
     "system",
-    "linalg",
     "start",
     "schemes",
     "run",
