@@ -26,6 +26,7 @@ from msahl.joints.joint import (
     in_plane,
     perpendicular,
 )
+from msahl.joints.named_coordinates import joint_coordinate
 from msahl.joints.registry import KINDS
 from msahl.model import Model, resolve
 from msahl.model.beams import Beam, is_damped
@@ -41,7 +42,7 @@ from msahl.model.loads import (
 )
 from msahl.model.markers import Marker
 from msahl.model.motions import JointMotion, PointMotion
-from msahl.system.signal_inputs import SignalCollector, SignalEntries, joint_coordinate
+from msahl.system.signal_inputs import SignalCollector, SignalEntries
 
 
 class Pair(NamedTuple):

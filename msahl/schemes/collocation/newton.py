@@ -19,6 +19,7 @@ from msahl.elements.constraints.scalar import clear_rate_violations
 from msahl.elements.frames import first_multiplier
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import block_lu
+from msahl.linalg.elimination import Elimination, new_factor
 from msahl.model.scheme import COLLOCATION
 from msahl.ports import forces
 from msahl.ports.forces import ReactionForces, pressed_by_reactions
@@ -35,7 +36,6 @@ from msahl.schemes.midpoint.workspace import record_step as record_at_end
 from msahl.schemes.outcome import TOLERANCE
 from msahl.system.arrays import State, System
 from msahl.system.diagnostics import energy_balance
-from msahl.system.ordering import Elimination, new_factor
 
 TARGET = 1e-14
 """As ``outcome.TARGET``. Collocation steps are few and long, so the residual of each matters less
