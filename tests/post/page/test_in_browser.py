@@ -106,8 +106,8 @@ def test_a_legend_hides_a_curve_and_the_cursor_reads_values(open_page, report):
     page.wait_for_timeout(100)
     assert button.get_attribute("aria-pressed") == "false"
     assert page.evaluate(DRAWN) != before
-    group.locator(".u-over").hover()
-    text = group.locator(".readout").inner_text()
+    group.locator(".u-over").first.hover()
+    text = group.locator(".readout").first.inner_text()
     assert "potential" in text
     assert "kinetic" not in text
     time = float(text.splitlines()[0].split()[-1])
@@ -119,12 +119,12 @@ def test_graphs_and_viewer_share_the_time(open_page, tmp_path):
     page = open_page(page_of(tmp_path), viewport={"width": 1280, "height": 900})
     page.wait_for_selector(".viewer[data-state=ready]")
     page.wait_for_selector(".plot canvas")
-    page.locator(".graph-group", has_text="Energies").locator(".u-over").click()
+    page.locator(".graph-group", has_text="Energies").locator(".u-over").first.click()
     wait_until(page, "window.msahl.time > 0")
     assert page.evaluate("msahl.time") == pytest.approx(0.2, abs=0.02)  # the middle of the graph
     places = "[...document.querySelectorAll('.time-mark')].map((m) => m.getBoundingClientRect().x)"
     page.wait_for_timeout(100)
-    wide = page.locator(".graph-group", has_text="Energies").locator(".u-over").bounding_box()
+    wide = page.locator(".graph-group", has_text="Energies").locator(".u-over").first.bounding_box()
     middle = wide["x"] + wide["width"] / 2
     assert min(abs(x - middle) for x in page.evaluate(places)) < 0.06 * wide["width"]
 
