@@ -13,7 +13,7 @@ from msahl.model import Joint, JointSpring, Law
 from msahl.run import companion
 from msahl.run.companion import SAFETY
 from msahl.run.verdict import DONE, FAIL, PASS, WARN
-from msahl.study.exact import recognise
+from tests.support.closed_forms import recognise
 from tests.support.models import DECKS, GROUND, body, build_model, deck, pendulum, simulate
 
 NEAR = (0.3, 10.0)
