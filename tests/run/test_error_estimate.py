@@ -226,7 +226,7 @@ def oscillators(*given, **others):
 
 
 def test_a_hidden_vibration_is_estimated_by_the_error_of_its_velocity():
-    """The midpoint rule turns the phase of an oscillator by 2 atan(omega h/2) in a step, whatever
+    """The midpoint rule advances the phase of an oscillator by 2 atan(omega h/2) a step, whatever
     its frequency is. Where it reverses the velocity, the position error is h/pi times that of the
     velocity, as if half a period were as long as the step.
     """

@@ -189,8 +189,8 @@ def test_the_error_of_sparse_eigenvalues_is_the_largest_by_rounded_entries():
     signs = np.outer(left[:, k], right[:, k].conj())
     signs /= np.maximum(np.abs(signs), 1e-300)
     # In the first order the change by E has the factor -lambda.
-    turned = -signs * np.exp(-1j * np.angle(value[k]))
-    moved = scipy.linalg.eigvals(A + part * np.abs(A) * signs, E + part * E * turned)
+    other = -signs * np.exp(-1j * np.angle(value[k]))
+    moved = scipy.linalg.eigvals(A + part * np.abs(A) * signs, E + part * E * other)
     change = np.abs(moved - value[k]).min()
     # Both pairs of vectors and the linear range are good to a percent.
     assert found.error[0] == pytest.approx(eps / part * change, rel=0.02, abs=0.0)
