@@ -20,6 +20,7 @@ LEAVES = (
 ORDER = (
     "jit",
     "algebra",
+    "linalg",
     "expressions",
     "model",
     "elements",
@@ -28,7 +29,6 @@ ORDER = (
     "beams",
     "deck",
     "system",
-    "linalg",
     "start",
     "schemes",
     "run",
