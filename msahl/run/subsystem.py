@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from msahl.elements import forces
 from msahl.elements.rigid_body import write_accelerations
 from msahl.elements.signals.group import begin_angles
 from msahl.jit.by_size import LARGE, by_size
 from msahl.jit.storage import Storage, Storages
 from msahl.model import Model, resolve
+from msahl.ports import forces
 from msahl.schemes.fixed_stepper import FixedStepper
 from msahl.schemes.midpoint import workspace
 from msahl.schemes.midpoint.stepper import MidpointMethod
@@ -32,7 +32,7 @@ from msahl.system.arrays import (
 )
 from msahl.system.build import Places, build_system
 from msahl.system.desk import jacobian_at_rest, new_desk
-from msahl.system.node_order import node_order
+from msahl.system.graph import node_order
 from msahl.system.nonfinite import find_nonfinite, find_undefined, overflow
 from msahl.system.reductions import (
     all_unknowns,

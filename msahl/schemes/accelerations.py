@@ -19,7 +19,6 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import add, at, copy, matrix_at, put, scale, times, transpose
-from msahl.elements import forces
 from msahl.elements.beams import instant as beams
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
@@ -27,13 +26,14 @@ from msahl.elements.reactions import MOST_ROUNDS, is_unchanged, write_reactions
 from msahl.elements.rigid_body import write_accelerations
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import dense, sparse_lu
+from msahl.linalg.elimination import new_factor
+from msahl.ports import forces
 from msahl.schemes.midpoint import newton
 from msahl.schemes.midpoint.load_moments import NO_STEP
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.start.redundancy import INDEPENDENT
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, node_count
-from msahl.system.ordering import new_factor
 from msahl.system.reductions import all_unknowns
 from msahl.system.unknowns import Unknowns, choose
 

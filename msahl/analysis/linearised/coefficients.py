@@ -40,7 +40,6 @@ from msahl.analysis.linearised.plain_units import (
     multiplier_numbers,
     scales,
 )
-from msahl.elements import forces
 from msahl.elements.beams import instant
 from msahl.elements.beams import linear as beams
 from msahl.elements.beams.group import Beams
@@ -52,6 +51,7 @@ from msahl.elements.signals.group import use_reactions
 from msahl.expressions.tape import by_input, gradient
 from msahl.jit.by_size import by_size
 from msahl.jit.kernel import unit
+from msahl.ports import forces
 from msahl.system import evaluate
 from msahl.system.arrays import (
     State,

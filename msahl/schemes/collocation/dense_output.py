@@ -35,13 +35,13 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import forces
 from msahl.elements.beams import instant as beams
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
 from msahl.elements.signals import inputs, states
 from msahl.elements.signals.group import Signals, Stages, new_stages
 from msahl.jit.kernel import apart, kernel, optional, unit
+from msahl.ports import forces
 from msahl.schemes import accelerations
 from msahl.schemes.accelerations import Instant
 from msahl.schemes.collocation import local_rotation

@@ -13,16 +13,17 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import copy
-from msahl.elements import forces
 from msahl.elements.beams import stage as beams
 from msahl.elements.constraints.scalar import clear_rate_violations
-from msahl.elements.forces import ReactionForces, pressed_by_reactions
 from msahl.elements.frames import first_multiplier
 from msahl.elements.signals import inputs, states
 from msahl.elements.signals.group import use_reactions
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import block_lu
+from msahl.linalg.elimination import Elimination, new_factor
 from msahl.model.scheme import COLLOCATION
+from msahl.ports import forces
+from msahl.ports.forces import ReactionForces, pressed_by_reactions
 from msahl.schemes import accelerations
 from msahl.schemes.accelerations import Instant, new_instant
 from msahl.schemes.collocation import dense_output, equations, predictor
@@ -36,7 +37,6 @@ from msahl.schemes.midpoint.workspace import record_step as record_at_end
 from msahl.schemes.outcome import TOLERANCE
 from msahl.system.arrays import State, System
 from msahl.system.diagnostics import energy_balance
-from msahl.system.ordering import Elimination, new_factor
 
 TARGET = 1e-14
 """As ``outcome.TARGET``. Collocation steps are few and long, so the residual of each matters less

@@ -18,7 +18,6 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import forces
 from msahl.elements.beams import instant
 from msahl.elements.constraints import scalar
 from msahl.elements.constraints.coordinate_kinds import Derivatives
@@ -34,6 +33,7 @@ from msahl.elements.frames import (
 from msahl.elements.signals import inputs
 from msahl.elements.signals.group import Stages, new_stages
 from msahl.jit.kernel import kernel, unit
+from msahl.ports import forces
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.tableau import Tableau
 from msahl.system import evaluate
