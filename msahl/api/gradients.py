@@ -17,7 +17,7 @@ from msahl.analysis.gradients.step_sequence import StepRecord, merged, of_rows
 from msahl.analysis.gradients.tables import TableGradients, TangentModel
 from msahl.api.derivatives import GradientError, Gradients
 from msahl.api.result import Result
-from msahl.api.running import begun, run_job
+from msahl.api.running import at_start, run_job
 from msahl.deck.overrides import FoundNumber
 from msahl.model import Model
 from msahl.model.scheme import COLLOCATION
@@ -135,7 +135,7 @@ def differentiate(
 
 def run_with_gradients(job: Job, measures: str | Sequence[str], wrt: str | Sequence[str]) -> Result:
     """Run a ``job`` and return its results with their gradient; raises ``GradientError``."""
-    job = begun(job)
+    job = at_start(job)
     texts, tables = texts_of(measures), tables_of_model(job.model)
     columns = [text for text in texts if components(text, tables)]
     texts = [text for text in texts if text not in columns]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from msahl.cli.console import NOT_CONVERGED, NOT_WRITTEN, say, stop
+from msahl.cli.console import BAD_INPUT, NOT_CONVERGED, OTHER_FOLDER, say, stop, writing
 from msahl.cli.decks import model_to_run
 from msahl.cli.options import DECK, NumberType, output_option, set_option
 from msahl.cli.signals import Interruption, stoppable
@@ -33,6 +33,8 @@ METRIC_KEYS = (
 )
 
 
+SPACE = f"free some disk space, or {OTHER_FOLDER}"
+"""Remedy for results that cannot be written."""
 START_SECONDS = 0.2
 """Time that Python takes to start the command [s]."""
 WRITING_SECONDS = 2.4
@@ -107,17 +109,16 @@ def study(deck: Path, output: Path | None, **given: Any) -> None:
         return
     folder, request = output or Path("studies") / deck.stem, Request(deck, **given)
     try:
-        plan = _plan(request)
-        folder.mkdir(parents=True, exist_ok=True)  # reports a fault before the work is done
-        result, stopped = _carry_out(plan, request, entered)
+        with writing(folder, SPACE, BAD_INPUT):
+            plan = _plan(request)
+            folder.mkdir(parents=True, exist_ok=True)  # reports a fault before the work is done
+            result, stopped = _carry_out(plan, request, entered)
     except DeckError as error:
         stop("\n".join(map(str, error.faults)))
     except ResultError as error:
         stop(f"msahl study: {error}")
     except StartError as error:
         stop(f"{shown_path(deck)}: {error}")
-    except OSError as error:
-        stop(_not_written(error, folder))
     _write(result, stopped, deck, folder)
 
 
@@ -215,11 +216,9 @@ def _write(result: "Study", stopped: Interruption, deck: Path, folder: Path) -> 
     if not result.runs:
         say(f"{shown_path(deck)}: stopped before a run had ended; nothing was written")
         sys.exit(128 + stopped.signal)
-    try:
+    with writing(folder, SPACE):
         for path in write_study(result, folder):
             echo(str(path))
-    except OSError as error:
-        stop(_not_written(error, folder), NOT_WRITTEN)
     say(f"{shown_path(deck)}: {recommendation(result)}")
     if stopped.signal:
         say(f"{shown_path(deck)}: stopped; the report contains the runs that had ended")
@@ -244,12 +243,6 @@ def _time_commands(
         made = run_command(words, point.trial.case, result.plan, result.reference, seconds)
         if made is not None:
             result.commands[point.trial.case] = made
-
-
-def _not_written(error: OSError, folder: Path) -> str:
-    where = error.filename or folder
-    reason = error.strerror or error
-    return f"{where}: {reason}; free some disk space, or choose another folder with -o"
 
 
 @contextmanager

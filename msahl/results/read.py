@@ -17,7 +17,7 @@ from msahl.results.info import AGAIN, ResultError, read_info
 from msahl.results.write import DECK, PART, file_name
 from msahl.run.tables import ERROR, ERROR_COLUMNS, REACTIONS, STATES, WORK, tables_of_model
 
-__all__ = ["ResultError", "Run", "find_table", "read_info", "read_run", "read_table"]
+__all__ = ["ResultError", "Run", "read_info", "read_run", "read_table"]
 
 STATES_FILE, ERROR_FILE = file_name(STATES), file_name(ERROR)
 LONGEST = 40
@@ -77,13 +77,9 @@ def read_run(folder: Path) -> Run:
 
     Raises ``ResultError`` if there is no run, ``DeckError`` if its deck is not valid.
     """
-    deck = find(folder, DECK)
-    if deck is None:
-        message = "not the folder of a run (no deck.xml); make one: msahl run"
-        raise ResultError(f"{shown_path(folder)}: {message}")
-    model, info = read_deck(deck), read_info(folder)
+    model, info = read_model(folder), read_info(folder)
     columns = {file_name(name): head for name, head in tables_of_model(model).items()}
-    paths = {name: _path(folder, name) for name in columns}
+    paths = {name: require_table(folder, name) for name in columns}
     tables = {name: _table(paths[name], header) for name, header in columns.items()}
     rows = _count_rows(folder, paths, tables, info)
     tables = {name: table.iloc[:rows] for name, table in tables.items()}
@@ -100,14 +96,14 @@ def read_run(folder: Path) -> Run:
             for name in tables_of_model(model)
             if name not in (STATES, REACTIONS, WORK)
         },
-        partial=find_table(folder, STATES_FILE) == folder / (STATES_FILE + PART),
+        partial=find(folder, STATES_FILE) == folder / (STATES_FILE + PART),
         errors=_errors(folder, tables[STATES_FILE]["time"].to_numpy(), info),
     )
 
 
 def _errors(folder: Path, times: np.ndarray, info: dict[str, Any]) -> pd.DataFrame | None:
     """The table of estimated errors, at the first of these ``times``; None if there is none."""
-    told, path = info.get("error") or {}, find_table(folder, ERROR_FILE)
+    told, path = info.get("error") or {}, find(folder, ERROR_FILE)
     if path is None:
         if told:
             raise ResultError(f"{shown_path(folder / ERROR_FILE)}: missing; {AGAIN}")
@@ -194,11 +190,6 @@ def _line(path: Path, row: int) -> str:
     return f"{shown_path(path)}:{row + 2}"
 
 
-def find_table(folder: Path, name: str) -> Path | None:
-    """Path of the table ``name``, complete or ``.part``; ``None`` if there is neither."""
-    return find(folder, name)
-
-
 def read_table(path: Path) -> pd.DataFrame:
     """A CSV table of numbers, every double as it was written.
 
@@ -257,9 +248,18 @@ def unreadable(rows: str, columns: int) -> str:
     return " not a table of numbers"
 
 
-def _path(folder: Path, name: str) -> Path:
-    """Path of the table ``name``, complete or not; raises ``ResultError`` if there is none."""
-    path = find_table(folder, name)
+def read_model(folder: Path) -> Model:
+    """The model of the run in ``folder``; raises ``ResultError`` if there is no run."""
+    deck = find(folder, DECK)
+    if deck is None:
+        message = "not the folder of a run (no deck.xml); make one: msahl run"
+        raise ResultError(f"{shown_path(folder)}: {message}")
+    return read_deck(deck)
+
+
+def require_table(folder: Path, name: str) -> Path:
+    """Path of the table in the file ``name``, complete or not; raises ``ResultError``."""
+    path = find(folder, name)
     if path is None:
         raise ResultError(f"{shown_path(folder / name)}: missing; {AGAIN}")
     return path

@@ -81,7 +81,7 @@ class Follower:
     def __init__(self, of: Equations, state: State, rank: int, end: float) -> None:
         self.of, self.rank, self.end = of, rank, end
         self.length = float(of.system.frames.length[: moving_count(of.system.frames)].min())
-        self.steps = self.iterations = self.rejected = 0
+        self.steps = self.iterations = 0
         first = self.instant(state, 0.0, near=False)
         if first is None:
             raise LostError("the joints and motions cannot be closed")
@@ -102,7 +102,6 @@ class Follower:
             h = min(self.h, left, self._longest())
             found = self._step(h, time if h == left else self.last.time + h)
             if found is None:
-                self.rejected += 1
                 self.h = 0.5 * h
                 if h == left and self._pass(time, left):
                     return None
