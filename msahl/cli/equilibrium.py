@@ -91,7 +91,7 @@ def _find(
     import numpy as np
 
     from msahl.analysis.equilibria.equilibrium import held_motions, search_start
-    from msahl.analysis.equilibria.report import lines
+    from msahl.analysis.equilibria.equilibrium_lines import lines
     from msahl.analysis.equilibria.search import all_equilibria, unresisted
 
     with computing(job.source.path, quiet):

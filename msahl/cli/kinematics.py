@@ -76,8 +76,8 @@ def kinematics(
 
 def _carry_out(job: "Job", folder: Path, every: int, quiet: bool) -> int:
     """Compute the motion into the locked folder; returns the exit status."""
-    from msahl.analysis.kinematics.report import kinematics_as_json, report_of
     from msahl.analysis.kinematics.solution import follow, output_times, prepare
+    from msahl.analysis.kinematics.verdict import kinematics_as_json, report_of
     from msahl.results import session
     from msahl.results.folder import claim
 
@@ -103,7 +103,7 @@ def _carry_out(job: "Job", folder: Path, every: int, quiet: bool) -> int:
 
 def _about(job: "Job", folder: Path, every: int) -> dict[str, Any]:
     """Return the head of ``run.json``, with what the command did in place of a scheme."""
-    from msahl.analysis.kinematics.report import COMMAND, SCHEME, SOLVER
+    from msahl.analysis.kinematics.verdict import COMMAND, SCHEME, SOLVER
 
     about = job.about(folder)
     options = {**about["options"], "scheme": SCHEME, "solver": SOLVER, "every": every}

@@ -67,7 +67,7 @@ def linearize(
     from msahl.analysis.equilibria.at import point_at
     from msahl.analysis.linear_models.files import check_suffix
     from msahl.analysis.linear_models.linearize import linearize as linearized
-    from msahl.analysis.linear_models.report import report
+    from msahl.analysis.linear_models.model_lines import report
 
     with computing(deck, quiet):
         if file is not None:

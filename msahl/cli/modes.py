@@ -98,7 +98,7 @@ def modes(
     model = model_to_run(deck, {}, settings)
     from msahl.analysis.equilibria.at import point_at
     from msahl.analysis.modes.files import write_modes
-    from msahl.analysis.modes.report import report
+    from msahl.analysis.modes.mode_lines import report
     from msahl.analysis.modes.solution import modes as modes_of
 
     with computing(deck, quiet):

@@ -32,7 +32,7 @@ def modes_over(
     from msahl.analysis.equilibria.at import point_at
     from msahl.analysis.linearised.point import Point
     from msahl.analysis.modes.campbell import campbell
-    from msahl.analysis.modes.campbell_report import report, warnings
+    from msahl.analysis.modes.campbell_lines import report, warnings
     from msahl.analysis.modes.files import Over, orders_of, write_campbell
     from msahl.analysis.modes.following import Request
     from msahl.deck import ParsedDeck, Source

@@ -5,7 +5,7 @@ import numpy as np
 from msahl.analysis.modes.campbell import Campbell, Critical
 from msahl.analysis.modes.files import Over
 from msahl.analysis.modes.following import Spectrum
-from msahl.analysis.modes.report import counted
+from msahl.analysis.modes.mode_lines import counted
 
 MOST_LINES = 40
 """Modes that are listed; the table has all."""

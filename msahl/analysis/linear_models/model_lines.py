@@ -3,7 +3,7 @@
 import numpy as np
 
 from msahl.analysis.linear_models.model import LinearModel, Quantity
-from msahl.analysis.modes.report import counted
+from msahl.analysis.modes.mode_lines import counted
 
 MOST = 12
 """States, inputs, outputs and poles that are printed; a file has all."""
