@@ -207,7 +207,7 @@ class _Work:
         self,
         along: tuple[TableGradients, dict[int, int]],
         needed: Sequence[Sequence[int]],
-        told: bool,
+        remarked: bool,
     ) -> np.ndarray:
         """Return the derivatives (m, n) of the measures from the ``needed`` rows of each."""
         found, place = along
@@ -215,14 +215,14 @@ class _Work:
         for i, measure in enumerate(self.request.measures):
             if not len(needed[i]):
                 continue
-            if self._is_undetermined(measure, found, told):
+            if self._is_undetermined(measure, found, remarked):
                 continue
             at = [place[row] for row in needed[i]]
             series = self._series(measure, found, at)
             jacobian[i] = derivative(measure, series, self.values[i])
-            if told and not np.isfinite(jacobian[i]).all():
+            if remarked and not np.isfinite(jacobian[i]).all():
                 self.remarks.append(f"{measure.text}: it has no derivative where its value is zero")
-            if told and is_tied(measure, series):
+            if remarked and is_tied(measure, series):
                 self.remarks.append(
                     f"{measure.text}: several output times have this value; the derivative is that "
                     "at the first of them"
@@ -234,12 +234,12 @@ class _Work:
         at = [along[1][row] for row in range(len(self.times))]
         return self._series(Measure(column, "", column), along[0], at).slopes.T
 
-    def _is_undetermined(self, measure: Measure, found: TableGradients, told: bool) -> bool:
+    def _is_undetermined(self, measure: Measure, found: TableGradients, remarked: bool) -> bool:
         """Whether a measure is one of reactions that are not unique; say so if it is to be
-        ``told``."""
+        ``remarked``."""
         places = components(measure.column, self.columns)
         names = {self.columns[table][index] for table, index in places}
-        if told and names & found.not_unique:
+        if remarked and names & found.not_unique:
             self.remarks.append(
                 f"{measure.text}: it has no derivative here, as redundant joints leave "
                 f"{', '.join(sorted(names & found.not_unique))} undetermined"

@@ -306,5 +306,5 @@ def result_of(job: Job, report: Report, sink: MemorySink) -> Result:
     arrays = {name: sink.table(name) for name in (*tables_of_model(job.model), ERROR)}
     kept = {name: array for name, array in arrays.items() if len(array)}
     start = {"start": dict(job.start)} if job.start else {}
-    told = {**start, "options": recorded_options(job.settings), **report.as_json()}
-    return Result(job.model, told, kept, job)
+    figures = {**start, "options": recorded_options(job.settings), **report.as_json()}
+    return Result(job.model, figures, kept, job)

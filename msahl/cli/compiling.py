@@ -48,11 +48,11 @@ def announced(shown: bool) -> Iterator[None]:
     from msahl.jit.compiled import STOPWATCH
 
     begin, listen = STOPWATCH.tell, STOPWATCH.listen
-    told: list[bool] = []
+    said: list[bool] = []
 
     def tell() -> None:
-        if not told:
-            told.append(True)
+        if not said:
+            said.append(True)
             say("compiling kernels for this kind of model (once)")
 
     if shown:

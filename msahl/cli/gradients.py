@@ -39,8 +39,8 @@ class GradientsOfRun:
     def compute(self, report: Report) -> None:
         """Compute the derivatives of a run that has ended; say why if there are none."""
         try:
-            told = report.as_json()
-            self.found = differentiate(self.request, self.record, told, self.memory.table)
+            figures = report.as_json()
+            self.found = differentiate(self.request, self.record, figures, self.memory.table)
         except GradientError as error:
             self.faults = str(error).split("\n")
         except KeyboardInterrupt:

@@ -151,7 +151,7 @@ def _other_errors(solution: Solution) -> str:
 
 
 def _energy(solution: Solution) -> Iterator[Finding]:
-    """How well the work of all loads agrees with the change of the energy: told only."""
+    """How well the work of all loads agrees with the change of the energy: reported only."""
     if solution.rank < solution.degrees_of_freedom:
         return
     time = solution.motion.time

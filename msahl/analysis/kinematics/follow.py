@@ -36,7 +36,7 @@ ROTATION = 0.5
 """Largest predicted rotation of a body in one step [rad]."""
 SHORTEST = 1e-13
 """Shortest step, relative to the end of the motion."""
-BEYOND = 64.0
+FARTHEST = 64.0
 """Largest distance behind an output time, over that before it, at which the motion is taken up
 again where the output time itself is singular."""
 
@@ -131,7 +131,7 @@ class Follower:
         if left > 1e-3 * self.end:
             return False
         factor = 1.0
-        while factor <= BEYOND and time + factor * left <= self.end * (1.0 + 1e-9):
+        while factor <= FARTHEST and time + factor * left <= self.end * (1.0 + 1e-9):
             found = self._step(left * (1.0 + factor), time + factor * left)
             if found is not None:
                 self._take(found)
