@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from msahl.elements import forces, signals
+from msahl.elements import signals
 from msahl.elements.rigid_body import write_accelerations
 from msahl.jit.by_size import LARGE, by_size
 from msahl.jit.storage import Storage, Storages
 from msahl.model import Model, resolve
+from msahl.ports import forces
 from msahl.schemes.common import workspace
 from msahl.schemes.common.workspace import Workspace, new_workspace
 from msahl.schemes.fixed_stepper import FixedStepper

@@ -13,15 +13,16 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import copy
-from msahl.elements import forces, signals
+from msahl.elements import signals
 from msahl.elements.beams import stage as beams
 from msahl.elements.constraints.scalar import clear_rate_violations
-from msahl.elements.forces import ReactionForces, pressed_by_reactions
 from msahl.elements.frames import first_multiplier
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import block_lu
 from msahl.linalg.elimination import Elimination, new_factor
 from msahl.model.scheme import COLLOCATION
+from msahl.ports import forces
+from msahl.ports.forces import ReactionForces, pressed_by_reactions
 from msahl.schemes.collocation import dense_output, equations, predictor
 from msahl.schemes.collocation.dense_output import DenseOutput, new_dense_output
 from msahl.schemes.collocation.tableau import new_tableau

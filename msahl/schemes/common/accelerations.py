@@ -19,7 +19,6 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import add, at, copy, matrix_at, put, scale, times, transpose
-from msahl.elements import forces
 from msahl.elements.beams import instant as beams
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
@@ -28,6 +27,7 @@ from msahl.elements.rigid_body import write_accelerations
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import dense, sparse_lu
 from msahl.linalg.elimination import new_factor
+from msahl.ports import forces
 from msahl.schemes.common.workspace import Workspace
 from msahl.start.redundancy import INDEPENDENT
 from msahl.system import evaluate

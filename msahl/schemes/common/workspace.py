@@ -4,10 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements import forces, reactions, rigid_body
+from msahl.elements import reactions, rigid_body
 from msahl.elements.beams import instant
 from msahl.jit.kernel import apart
 from msahl.linalg.elimination import new_factor
+from msahl.ports import forces
 from msahl.system.arrays import (
     State,
     System,

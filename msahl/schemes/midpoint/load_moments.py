@@ -1,13 +1,13 @@
 """The effect of the first moments of forces over a step of the midpoint element.
 
-The law is in ``elements.forces.concentrated``.
+The law is in ``ports.concentrated``.
 """
 
 from msahl.algebra.vector import ZERO, at, put, scale
-from msahl.elements import forces
 from msahl.elements.frames import displacement_node, moving_count, offset, rotation_node
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import dense, sparse_lu
+from msahl.ports import forces
 from msahl.schemes.common.accelerations import NO_STEP
 from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.midpoint import equations
