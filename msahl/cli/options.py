@@ -80,7 +80,7 @@ def output_option(default: str) -> Callable[[Command], Command]:
 
 
 def quiet_option(command: Command) -> Command:
-    """Add the option that leaves out the report."""
+    """Add the option that prints only faults and warnings."""
     return click.option("-q", "--quiet", is_flag=True, help="Print only faults and warnings.")(
         command
     )
