@@ -1,33 +1,19 @@
 """Evaluate a system at one configuration: forces, constraints, energies and their derivatives.
 
 The configuration is that of a ``State``: places x, rotations p, velocities v, w and the time.
-``prepare`` computes what all other functions need of it. Two forms are available:
-
-**For the solvers**, as kernels: ``free_acceleration`` and ``joint_jacobian`` set the right-hand
-side and the matrix of the index-1 problem
+``prepare`` computes what all other functions need of it. ``free_acceleration`` and
+``joint_jacobian`` set the right-hand side and the matrix of the index-1 problem
 
     [ M  -G^T ] [ a   ]   [ forces      ]         M   mass matrix
     [ G    0  ] [ lam ] = [ -dG/dt v    ]         G   derivative of the constraints by the places
 
 divided by masses and lengths as the equations of a step are (``elements.frames``);
 ``set_reactions`` sets the joints' reactions from the multipliers lam, ``observe`` constraint
-violations and energies.
-
-**In plain units**, for linearisation and equilibrium: ``evaluate_at`` returns
-
-    Q(q, v, t)     generalised forces: gravity, gyroscopic moments and all forces  [N, N m]
-    dQ/dq, dQ/dv   their derivatives                    [N/m, ..., N s/m, ...]
-    M              mass matrix                          [kg, kg m^2]
-    g(q, t), G     constraint violations [m or rad] and their derivative by q
-
-Coordinates are those of the nodes of the frames (``Frames``): a displacement [m] and a rotation
-vector [rad] of each frame, both along inertial axes; rates are v [m/s] and W [rad/s], inertial
-axes. A derivative by a rotation is that at a rotation of zero from the configuration, on the left:
-the frame's axes become exp(dtheta) R, while v and W stay what they are.
+violations and energies. ``add_force_derivatives`` adds dQ/dq and dQ/dv in the same units;
+``analysis.linearised`` has all of it in plain units.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -36,7 +22,7 @@ from msahl.elements.beams import instant
 from msahl.elements.beams import midpoint as beams
 from msahl.elements.constraints import coincide, coordinates, scalar
 from msahl.elements.constraints.coordinate_kinds import Derivatives
-from msahl.elements.frames import first_multiplier, moving_count
+from msahl.elements.frames import moving_count
 from msahl.elements.frames import prepare as prepare_frames
 from msahl.elements.signals import inputs
 from msahl.jit.by_size import by_size
@@ -176,52 +162,6 @@ def add_force_derivatives(
     forces.add_compliant_derivatives(group, start.forces, system.scalar, frames, out)
 
 
-class Evaluation(NamedTuple):
-    """A system at one configuration, in plain units; n coordinates, c constraint equations."""
-
-    coordinate: np.ndarray  # (n,) number of each coordinate among the flat unknowns, 3 node + axis
-    equation: np.ndarray  # (c,) likewise of each constraint equation
-    mass: np.ndarray  # (n, n) M
-    force: np.ndarray  # (n,) Q
-    force_by_place: np.ndarray  # (n, n) dQ/dq
-    force_by_rate: np.ndarray  # (n, n) dQ/dv
-    violation: np.ndarray  # (c,) g; 0 of an equation between rates
-    violation_rate: np.ndarray  # (c,) dg/dt
-    constraint_jacobian: np.ndarray  # (c, n) G, of an equation between rates its derivative by v
-
-
-def evaluate_at(system: System, state: State) -> Evaluation:
-    """Evaluate ``system`` at the configuration of ``state``; matrices are dense."""
-    state = state._replace(angle=state.angle.copy(), strain=state.strain.copy())
-    start, Z = new_system_workspace(system, state), np.zeros((node_count(system), 3))
-    rows, violation, rate = Z.copy(), np.zeros_like(state.force), np.zeros_like(state.force)
-    by_place, by_rate, scratch = (np.zeros_like(system.constant) for _ in range(3))
-    out = Derivatives(by_place, by_rate, scratch, Z)
-    prepare(system, state, start)
-    scalar.count_rotations(system.scalar, start.scalar, state.angle)
-    instant.set_strains(system.beams, start.beams)
-    free_acceleration(system, state, start, Z, rows)
-    add_force_derivatives(system, state, start, out)
-    observe(system, state, start, violation, rate)
-    force_scale, place_scale = _scales(system)
-    coordinate, equation = _coordinates(system), _equations(system)
-    first = 3 * first_multiplier(system.frames)
-    square, across = np.ix_(coordinate, coordinate), np.ix_(equation, coordinate)
-    scale = force_scale[:, None] * place_scale
-    G = dense_matrix(system, jacobian_at_rest(system, state)) * place_scale
-    return Evaluation(
-        coordinate=coordinate,
-        equation=equation,
-        mass=_mass(system, start)[square],
-        force=(rows.reshape(-1) * force_scale)[coordinate],
-        force_by_place=(dense_matrix(system, out.by_place) * scale)[square],
-        force_by_rate=(dense_matrix(system, out.by_rate) * scale)[square],
-        violation=violation.reshape(-1)[equation - first],
-        violation_rate=rate.reshape(-1)[equation - first],
-        constraint_jacobian=G[across] / _equation_scale(system).reshape(-1)[equation - first, None],
-    )
-
-
 def jacobian_at_rest(system: System, state: State) -> np.ndarray:
     """Return the block values of the index-1 problem's matrix in the configuration of ``state``."""
     rest = state._replace(v=np.zeros_like(state.v), w=np.zeros_like(state.w))
@@ -236,62 +176,3 @@ def jacobian_at_rest(system: System, state: State) -> np.ndarray:
     by_size(joint_jacobian, size)(system, start, math.sqrt(2.0), Z, values)
     instant.determine_resultants(system.beams, values)
     return values
-
-
-def dense_matrix(system: System, values: np.ndarray) -> np.ndarray:
-    """Return the (3 nodes, 3 nodes) matrix of block ``values``."""
-    nodes = node_count(system)
-    matrix = np.zeros((nodes, 3, nodes, 3))
-    for (row, column), block in zip(
-        system.blocks[1:].tolist(), values.reshape(-1, 3, 3)[1:], strict=True
-    ):
-        matrix[row, :, column, :] = block
-    return matrix.reshape(3 * nodes, 3 * nodes)
-
-
-def _coordinates(system: System) -> np.ndarray:
-    """(n,) flat numbers of the coordinates of all frames that can move."""
-    moving = slice(moving_count(system.frames))
-    nodes = np.sort([*system.frames.displacement[moving], *system.frames.rotation[moving]])
-    flat: np.ndarray = (3 * nodes[:, None] + np.arange(3)).reshape(-1)
-    return flat
-
-
-def _equations(system: System) -> np.ndarray:
-    """(c,) flat numbers of all constraint equations."""
-    first, points = first_multiplier(system.frames), system.coincide.a.size
-    flat = list(range(3 * first, 3 * (first + points)))
-    if system.scalar:
-        flat += [3 * (first + node) + slot for node, slot in system.scalar.equations.place.tolist()]
-    return np.array(flat, dtype=np.int64)
-
-
-def _scales(system: System) -> tuple[np.ndarray, np.ndarray]:
-    """(3 nodes,) force over acceleration in an equation, and unknown over coordinate."""
-    frames = system.frames
-    moving = slice(moving_count(frames))
-    force, place = np.ones((2, node_count(system), 3))
-    force[frames.displacement[moving]] = 1.0 / frames.inverse_mass[moving, None]
-    force[frames.rotation[moving]] = (frames.length[moving] / frames.inverse_mass[moving])[:, None]
-    place[frames.rotation] = frames.length[:, None]
-    return force.reshape(-1), place.reshape(-1)
-
-
-def _equation_scale(system: System) -> np.ndarray:
-    """(k, 3) factor by which constraint equations in radians are multiplied [m], 1 for others."""
-    scale = np.ones((system.multipliers.node.size, 3))
-    if system.scalar:
-        rows = system.scalar.equations
-        scale[rows.place[:, 0], rows.place[:, 1]] = rows.scale
-    return scale
-
-
-def _mass(system: System, start: SystemWorkspace) -> np.ndarray:
-    """(3 nodes, 3 nodes) mass matrix of all rigid bodies, inertial axes."""
-    nodes, bodies = node_count(system), system.bodies
-    M = np.zeros((nodes, 3, nodes, 3))
-    for b, f in enumerate(bodies.frame.tolist()):
-        u, theta = system.frames.displacement[f], system.frames.rotation[f]
-        M[u, :, u, :] = np.eye(3) / bodies.inverse_mass[b]
-        M[theta, :, theta, :] = start.bodies.J[b]
-    return M.reshape(3 * nodes, 3 * nodes)

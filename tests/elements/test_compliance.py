@@ -12,8 +12,8 @@ from msahl.elements.frames import first_multiplier
 from msahl.model import Bushing, Joint, JointSpring, SpringDamper
 from msahl.model.scheme import EXPONENTIAL
 from msahl.system.build import build_system
-from msahl.system.evaluate import evaluate_at
 from msahl.system.names import describe_row
+from tests.support.evaluation import evaluate_at
 from tests.support.models import GROUND, body, build_model, deck, simulate
 
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

@@ -48,6 +48,7 @@ from msahl.system.build import build_system
 from msahl.system.diagnostics import energy_balance
 from msahl.system.state import build_state
 from tests.support.element_samples import LOADS, random_vector, sample_parameters
+from tests.support.evaluation import dense_matrix
 from tests.support.models import GROUND, body, build_model
 from tools.validation.reference import POINT_FORCES
 
@@ -387,7 +388,7 @@ class Point:
         scalar.differentiate(system.scalar, start.scalar, system.frames, self.still)
         given = (system.forces, start.forces, system.scalar, system.frames, self.state.reaction)
         forces.add_derivatives(*given, out)
-        return evaluate.dense_matrix(system, by_place), evaluate.dense_matrix(system, by_rate)
+        return dense_matrix(system, by_place), dense_matrix(system, by_rate)
 
     def difference(self, by, direction, step):
         """Derivative along a ``direction`` of the unknowns, by central differences."""

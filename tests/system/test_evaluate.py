@@ -10,6 +10,7 @@ from msahl.system.arrays import new_system_workspace
 from msahl.system.build import build_system
 from msahl.system.state import build_state
 from tests.support.element_samples import ELEMENTS
+from tests.support.evaluation import evaluate_at
 from tests.support.models import jointed
 
 STEP = 1e-6
@@ -46,8 +47,7 @@ def faster(system, state, direction, step):
 def differences(system, state, direction, change):
     """Derivatives of force, violation and its rate along ``direction``, by central differences."""
     ahead, behind = (
-        evaluate.evaluate_at(system, change(system, state, direction, sign * STEP))
-        for sign in (1.0, -1.0)
+        evaluate_at(system, change(system, state, direction, sign * STEP)) for sign in (1.0, -1.0)
     )
     return [
         (getattr(ahead, name) - getattr(behind, name)) / (2.0 * STEP)
@@ -68,7 +68,7 @@ def test_derivatives_are_those_of_the_forces_and_constraints(name):
     system = build_system(model)
     state = build_state(model, system)
     state.reaction[:] = rng.normal(size=state.reaction.shape)
-    here = evaluate.evaluate_at(system, state)
+    here = evaluate_at(system, state)
     holonomic = np.ones(here.equation.size, dtype=bool)
     if system.scalar:
         holonomic[system.coincide.a.size * 3 :] = system.scalar.equations.holonomic
@@ -89,7 +89,7 @@ def test_forces_are_those_of_the_solvers_in_plain_units():
     model = jointed(rng, 4)
     system = build_system(model)
     state = build_state(model, system)
-    here = evaluate.evaluate_at(system, state)
+    here = evaluate_at(system, state)
     start = new_system_workspace(system, state)
     evaluate.prepare(system, state, start)
     rows = np.zeros((evaluate.node_count(system), 3))

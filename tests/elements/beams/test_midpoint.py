@@ -8,10 +8,10 @@ import pytest
 from msahl.jit.compiled import compiled
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.midpoint import equations, newton
-from msahl.system import evaluate
 from msahl.system.diagnostics import energy_balance
 from msahl.system.momentum import momentum
 from tests.support.beams import ELASTIC, FLEXIBLE, STIFF, free_beam
+from tests.support.evaluation import dense_matrix
 
 DAMPED = (0.01, 0.02, 0.03, 0.01, 0.02, 0.03)
 UNDAMPED = (0.0,) * 6
@@ -45,7 +45,7 @@ def test_the_jacobian_is_the_derivative_of_the_residual(scheme, damping, stiffne
     z, step = Z.reshape(-1)[free].copy(), 1e-6
     residual(z)
     equations.jacobian(system, start, h, Z, workspace.values)
-    A = evaluate.dense_matrix(system, workspace.values)[np.ix_(free, free)]
+    A = dense_matrix(system, workspace.values)[np.ix_(free, free)]
     differences = np.array(
         [(residual(z + d) - residual(z - d)) / (2 * step) for d in step * np.eye(z.size)]
     ).T
