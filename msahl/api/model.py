@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from lxml.etree import _Element
 
-    from msahl.analysis.linear_models.model import LinearModel
+    from msahl.analysis.state_space.model import LinearModel
     from msahl.api.derivatives import Gradients
     from msahl.api.equilibria import Equilibrium
     from msahl.api.inverse import InverseResult
@@ -182,7 +182,7 @@ class Model:
         there.
         """
         from msahl.analysis.equilibria.at import point_at
-        from msahl.analysis.linear_models.linearize import linearize
+        from msahl.analysis.state_space.linearize import linearize
 
         return linearize(point_at(self.records, at), tuple(inputs), tuple(outputs), states)
 

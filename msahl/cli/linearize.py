@@ -65,9 +65,9 @@ def linearize(
     """
     model = model_to_run(deck, {}, settings)
     from msahl.analysis.equilibria.at import point_at
-    from msahl.analysis.linear_models.files import check_suffix
-    from msahl.analysis.linear_models.linearize import linearize as linearized
-    from msahl.analysis.linear_models.model_lines import report
+    from msahl.analysis.state_space.files import check_suffix
+    from msahl.analysis.state_space.linearize import linearize as linearized
+    from msahl.analysis.state_space.model_lines import report
 
     with computing(deck, quiet):
         if file is not None:

@@ -9,10 +9,10 @@ import numpy as np
 from msahl.algebra.rotation import compose, matrix, to_axis_angle
 from msahl.algebra.rotation import inverse as opposite
 from msahl.algebra.vector import at
-from msahl.analysis.linear_models.columns import BODIES, RATES, columns_by_table, headers, rows_of
 from msahl.analysis.linearised.coefficients import coefficients
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.projection import close, move, prepared
+from msahl.analysis.state_space.columns import BODIES, RATES, columns_by_table, headers, rows_of
 from msahl.elements.signals.group import use_reactions
 from msahl.model import SignalState
 from msahl.ports import forces

@@ -78,8 +78,7 @@ def evaluate_at(system: System, state: State) -> Evaluation:
         force_by_rate=(dense_matrix(system, out.by_rate) * scale)[square],
         violation=violation.reshape(-1)[equation - first],
         violation_rate=rate.reshape(-1)[equation - first],
-        constraint_jacobian=G[across]
-        / joint_equation_scale(system).reshape(-1)[equation - first, None],
+        constraint_jacobian=G[across] / equation_scales,
     )
 
 

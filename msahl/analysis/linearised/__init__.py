@@ -1,1 +1,2 @@
-"""The equations of motion linearised at one configuration; their reduction to minimal states."""
+"""The equations of motion linearised at one configuration, and their reduction to minimal states:
+what modes, equilibria and state-space models are made of."""

@@ -12,25 +12,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from msahl.algebra.functions import evaluate as law
-from msahl.analysis.linear_models.check import disagreement
-from msahl.analysis.linear_models.columns import Column, Columns, columns_by_table, shared_reactions
-from msahl.analysis.linear_models.inputs import (
-    INPUT,
-    Input,
-    input_faults,
-    resolve_inputs,
-    with_signals,
-)
-from msahl.analysis.linear_models.model import Accuracy, LinearModel, Quantity
-from msahl.analysis.linear_models.states import (
-    CHOICES,
-    COORDINATES,
-    Others,
-    States,
-    by_coordinates,
-    by_null_space,
-    with_others,
-)
 from msahl.analysis.linearised.coefficients import (
     Coefficients,
     coefficients,
@@ -40,6 +21,25 @@ from msahl.analysis.linearised.plain_units import coordinate_numbers
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.steady import Equilibrium, equilibrium
 from msahl.analysis.linearised.variations import Inputs, Variations, variations
+from msahl.analysis.state_space.check import disagreement
+from msahl.analysis.state_space.columns import Column, Columns, columns_by_table, shared_reactions
+from msahl.analysis.state_space.inputs import (
+    INPUT,
+    Input,
+    input_faults,
+    resolve_inputs,
+    with_signals,
+)
+from msahl.analysis.state_space.model import Accuracy, LinearModel, Quantity
+from msahl.analysis.state_space.states import (
+    CHOICES,
+    COORDINATES,
+    Others,
+    States,
+    by_coordinates,
+    by_null_space,
+    with_others,
+)
 from msahl.elements.frames import moving_count
 from msahl.expressions.syntax import nearest
 from msahl.model import SignalState

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from msahl.analysis.linear_models.model import LinearModel, Quantity
 from msahl.analysis.modes.mode_lines import counted, title_line
+from msahl.analysis.state_space.model import LinearModel, Quantity
 
 MOST = 12
 """States, inputs, outputs and poles that are printed; a file has all."""

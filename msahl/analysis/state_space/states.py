@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.analysis.linear_models.columns import BODIES, BODY_COORDINATES, LEVELS, Column, Columns
 from msahl.analysis.linearised.variations import Variations
+from msahl.analysis.state_space.columns import BODIES, BODY_COORDINATES, LEVELS, Column, Columns
 from msahl.joints.coordinates import coordinates, is_angle
 from msahl.model import Model, SignalState
 from msahl.run.tables import JOINTS

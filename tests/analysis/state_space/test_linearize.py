@@ -11,12 +11,12 @@ from scipy.io import loadmat
 
 from msahl import load
 from msahl.analysis.equilibria.at import point_at
-from msahl.analysis.linear_models.columns import columns_by_table, shared_reactions
-from msahl.analysis.linear_models.linearize import linearize
 from msahl.analysis.linearised.coefficients import coefficients, evaluated
 from msahl.analysis.linearised.point import at_start, complete
 from msahl.analysis.linearised.variations import Inputs, variations
 from msahl.analysis.modes.solution import modes
+from msahl.analysis.state_space.columns import columns_by_table, shared_reactions
+from msahl.analysis.state_space.linearize import linearize
 from msahl.deck import read_deck
 from msahl.expressions.syntax import Call, Number, parse
 from msahl.model import (

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from msahl.analysis.linear_models.files import save
 from msahl.analysis.linearised.steady import Equilibrium
+from msahl.analysis.state_space.files import save
 
 if TYPE_CHECKING:
     import control

@@ -1,1 +1,0 @@
-"""Linear models with named inputs, outputs and states."""

@@ -1,1 +1,0 @@
-"""Tests of msahl.analysis.linear_models."""

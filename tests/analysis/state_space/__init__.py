@@ -1,0 +1,1 @@
+"""Tests of msahl.analysis.state_space."""
