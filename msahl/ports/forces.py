@@ -808,11 +808,6 @@ def laws_of_time(forces: Forces) -> list[int]:
     return list(forces.concentrated.law.tolist())
 
 
-def depend_on_time(forces: Forces) -> bool:
-    """Return whether a force follows a law of time."""
-    return max(laws_of_time(forces), default=-1) >= 0
-
-
 def laws_of_coordinates(forces: Forces) -> Iterator[tuple[int, int, float]]:
     """Yield (law, coordinate, origin from which it counts) of each table, with law -1 for a force
     without one.

@@ -12,10 +12,19 @@ from msahl.algebra.vector import at
 from msahl.analysis.linearised.coefficients import coefficients
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.projection import close, move, prepared
-from msahl.analysis.state_space.columns import BODIES, RATES, columns_by_table, headers, rows_of
+from msahl.analysis.state_space.columns import (
+    BODIES,
+    RATES,
+    columns_by_table,
+    force_rows,
+    headers,
+    motion_rows,
+    motions_of,
+)
 from msahl.elements.signals.group import use_reactions
 from msahl.model import SignalState
 from msahl.ports import forces
+from msahl.run.tables import WORK
 from msahl.start.velocities import make_consistent, solve_accelerations
 from msahl.system.arrays import new_tables, node_count
 from msahl.system.names import signal_columns
@@ -52,7 +61,8 @@ def values(point, origin):
     """
     model, system, state = point.model, point.system, point.state
     found = {}
-    tables, heads = rows_of(point, [state]), headers(model)
+    tables, heads = force_rows(point, [state]), headers(model)
+    tables |= motion_rows(point, motions_of(point, [state]), tables[WORK])
     # Of two columns of one name that of the first table is meant.
     for name in reversed([*columns_by_table(model), BODIES, RATES]):
         if name in tables:
