@@ -172,7 +172,7 @@ MUTANTS = (
     Mutant("beams: bending about the second axis",
            "0.5 * (dot(d[0], d_slope[2]) - dot(d[2], d_slope[0]))",
            "0.5 * (dot(d[0], d_slope[2]) + dot(d[2], d_slope[0]))", (BEAM_SHAPE,)),
-    Mutant("beams: damping of a collocation stage drives",
+    Mutant("beams: damping of a collocation stage with the wrong sign",
            "node.strain[g, i] + group.damping[g, i] * rate",
            "node.strain[g, i] - group.damping[g, i] * rate", (BEAM_STAGE,)),
     Mutant("beams: torsion constant of a rectangle",
