@@ -1,2 +1,4 @@
-"""The equations of motion linearised at one configuration, and their reduction to minimal states:
-what modes, equilibria and state-space models are made of."""
+"""The equations of motion linearised at one configuration, and their reduction to minimal states.
+
+Modes, equilibria and state-space models are made of them.
+"""
