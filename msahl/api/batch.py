@@ -21,7 +21,7 @@ from typing import Any, Literal, Unpack, overload
 from msahl.api.model import Model, Value
 from msahl.api.options import RunOptions
 from msahl.api.result import Result
-from msahl.api.running import begun
+from msahl.api.running import with_beginning
 from msahl.api.worker import EndedError, Outcome, outcome_of, receive, send
 from msahl.jit.compiled import prepare
 from msahl.results.job import Job
@@ -149,7 +149,7 @@ class _Runs:
 
     def _result(self, sample: Sample, outcome: tuple[dict[str, Any], Any]) -> Result:
         def job() -> Job:
-            return begun(self.model.with_(**sample).job(**self.options))
+            return with_beginning(self.model.with_(**sample).job(**self.options))
 
         result = Result(None, *outcome, job, self.columns)
         if self.tables is not None:

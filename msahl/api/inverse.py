@@ -45,12 +45,12 @@ class InverseResult(Result):
 
     def __init__(self, job: Job, solution: Solution, seconds: float) -> None:
         found = verdict(solution)
-        told = {
+        info = {
             "options": recorded_options(job.settings),
             **report(solution, found, seconds).as_json(),
             "inverse": about(solution),
         }
-        super().__init__(job.model, told, tables(solution, job.model), job)
+        super().__init__(job.model, info, tables(solution, job.model), job)
         self.solution, self._verdict = solution, found
 
     @property

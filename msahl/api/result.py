@@ -271,13 +271,13 @@ class Result:
 
     def __repr__(self) -> str:
         title = self.records.simulation.title
-        of = f" of {title!r}" if title else ""
-        return f"<Result{of}: {self.verdict or self.status}, {len(self.time)} output times>"
+        named = f" of {title!r}" if title else ""
+        return f"<Result{named}: {self.verdict or self.status}, {len(self.time)} output times>"
 
     def _repr_html_(self) -> str:
         """Return a short table for a notebook."""
         error = "not estimated" if self.error is None else f"{self.error:.2g} m"
-        sizes = {name: " x ".join(map(str, of.shape)) for name, of in self._arrays.items()}
+        sizes = {name: " x ".join(map(str, array.shape)) for name, array in self._arrays.items()}
         rows = {
             "status": self.status if self.completed else f"{self.status}: {self.message}",
             "verdict": describe_verdict(self.report["verdict"]) if self.verdict else "",
@@ -312,5 +312,5 @@ def result_of(job: Job, report: Report, sink: MemorySink) -> Result:
     arrays = {name: sink.table(name) for name in (*tables_of_model(job.model), ERROR)}
     kept = {name: array for name, array in arrays.items() if len(array)}
     start = {"start": dict(job.start)} if job.start else {}
-    told = {**start, "options": recorded_options(job.settings), **report.as_json()}
-    return Result(job.model, told, kept, job)
+    info = {**start, "options": recorded_options(job.settings), **report.as_json()}
+    return Result(job.model, info, kept, job)

@@ -17,11 +17,11 @@ def announced(shown: bool) -> Iterator[None]:
     from msahl.jit.compiled import STOPWATCH
 
     begin, listen = STOPWATCH.tell, STOPWATCH.listen
-    told: list[bool] = []
+    announced_before: list[bool] = []
 
     def tell() -> None:
-        if not told:
-            told.append(True)
+        if not announced_before:
+            announced_before.append(True)
             say("compiling kernels for this kind of model (once)")
 
     if shown:

@@ -45,8 +45,8 @@ class GradientsOfRun:
     def compute(self, report: Report) -> None:
         """Compute the derivatives of a run that has ended; say why if there are none."""
         try:
-            told = report.as_json()
-            self.found = differentiate(self.request, self.record, told, self.memory.table)
+            recorded = report.as_json()
+            self.found = differentiate(self.request, self.record, recorded, self.memory.table)
         except GradientError as error:
             self.faults = str(error).split("\n")
         except KeyboardInterrupt:
@@ -61,7 +61,7 @@ class GradientsOfRun:
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(HEADER)
         for row in self.found.rows():
-            writer.writerow([_cell(of) for of in row])
+            writer.writerow([_cell(value) for value in row])
         replace_file(folder / GRADIENTS, text.getvalue().encode())
         return {"gradients": self.found.as_json()}
 
@@ -100,7 +100,12 @@ def lines_of(found: Gradients) -> list[str]:
     rows = [("measure", "by", "value", "derivative", "error", "unit")]
     for measure, name, value, slope, unit, error in found.rows():
         rows.append(
-            (measure, name, *(_shown(of, n) for of, n in _digits(value, slope, error)), unit)
+            (
+                measure,
+                name,
+                *(_shown(number, n) for number, n in _digits(value, slope, error)),
+                unit,
+            )
         )
     widths = [max(len(row[k]) for row in rows) for k in range(6)]
     return [
@@ -120,7 +125,7 @@ def _shown(number: float, digits: int) -> str:
     return f"{number:.{digits}g}" if math.isfinite(number) else "-"
 
 
-def _cell(of: Any) -> str:
-    if isinstance(of, float):
-        return repr(of) if math.isfinite(of) else ""
-    return str(of)
+def _cell(value: Any) -> str:
+    if isinstance(value, float):
+        return repr(value) if math.isfinite(value) else ""
+    return str(value)

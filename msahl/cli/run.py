@@ -180,15 +180,15 @@ def carry_out(
     gradients: "GradientsOfRun | None" = None,
 ) -> int:
     """Make the run, or resume it, in the locked folder; the exit status."""
-    begun = _begin(task, resume)
-    if begun is None:
+    prepared = _begin(task, resume)
+    if prepared is None:
         say(f"{shown_path(task.deck)}: the run in {shown_path(task.folder)} is complete")
         return 0
     with stoppable() as stopped:
-        report = _simulate(task, *begun, stopped, talk, gradients)
+        report = _simulate(task, *prepared, stopped, talk, gradients)
         if gradients and report.status == "completed":
             gradients.compute(report)
-        status = _close(task, begun[0], report, stopped, talk, gradients)
+        status = _close(task, prepared[0], report, stopped, talk, gradients)
         if gradients and gradients.found is None:
             status = status or NOT_CONVERGED
         return status or _status_of_verdict(report, strict)
@@ -276,8 +276,8 @@ def _close(
     status, complete = STATUS[report.status], report.status == "completed"
     try:
         derivatives = gradients.write(work) if gradients else {}
-        told = {"tables": tables(work), **report.as_json(), **derivatives}
-        write_json(work / INFO, {**task.about, **told})
+        info = {"tables": tables(work), **report.as_json(), **derivatives}
+        write_json(work / INFO, {**task.about, **info})
         if complete:
             remove_checkpoint(work)
             finish(task.folder)

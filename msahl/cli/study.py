@@ -265,11 +265,11 @@ def _shown(
         echo(f"{shown_path(request.deck)}: {line}", err=True)
 
     def compiling() -> None:
-        if not told:
-            told.append(True)
+        if not announced:
+            announced.append(True)
             tell("compiling kernels for this kind of model (once; this may take minutes)")
 
-    told: list[bool] = []
+    announced: list[bool] = []
     STOPWATCH.tell = compiling
     try:
         if not sys.stderr.isatty():

@@ -362,9 +362,9 @@ class Progress:
         if self.quiet:
             return
         say(describe_plan(self.sweep.plan))
-        if work.begun:
-            say(f"{work.begun} of them are done already, {work.left} remain")
-        self.before = work.begun
+        if work.done_before:
+            say(f"{work.done_before} of them are done already, {work.left} remain")
+        self.before = work.done_before
         self.began_at = self.told_at = time.monotonic()
 
     def compiling(self) -> None:

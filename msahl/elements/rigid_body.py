@@ -97,7 +97,7 @@ def prepare(bodies: RigidBodies, R: np.ndarray, start: RigidBodiesWorkspace) -> 
 
 
 @kernel
-def lost(
+def offset_deficit(
     bodies: RigidBodies,
     start: RigidBodiesWorkspace,
     motion: FramesWorkspace,

@@ -719,12 +719,6 @@ def save_reactions(group: Signals, start: SignalsWorkspace, reaction: np.ndarray
             start.reaction[j, i] = reaction[j, i]
 
 
-@optional(False)
-def has_states(group: Signals) -> bool:
-    """Return whether there are auxiliary states."""
-    return group.rate.size > 0
-
-
 @optional()
 def save_inputs(group: Signals, start: SignalsWorkspace, stages: Stages, i: int) -> None:
     """Save the inputs as those at stage ``i``."""

@@ -53,11 +53,11 @@ class Run:
         A killed run has no ``run.json`` to say so; then it follows from the output times.
         """
         options, dt = self.info.get("options", {}), self.model.simulation.dt
-        told = options.get("every")
-        if told is not None or len(self.time) < 2:
+        every = options.get("every")
+        if every is not None or len(self.time) < 2:
             degree = resolve(self.model.simulation).degree
             interval = None if degree else options.get("outputInterval")
-            return int(told or 1) * max(1, round((interval or dt) / dt))
+            return int(every or 1) * max(1, round((interval or dt) / dt))
         spacing = float(self.time[1] - self.time[0])
         return max(1, round(spacing / dt))
 
@@ -107,14 +107,14 @@ def read_run(folder: Path) -> Run:
 
 def _errors(folder: Path, times: np.ndarray, info: dict[str, Any]) -> pd.DataFrame | None:
     """The table of estimated errors, at the first of these ``times``; None if there is none."""
-    told, path = info.get("error") or {}, find_table(folder, ERROR_FILE)
+    error, path = info.get("error") or {}, find_table(folder, ERROR_FILE)
     if path is None:
-        if told:
+        if error:
             raise ResultError(f"{shown_path(folder / ERROR_FILE)}: missing; {AGAIN}")
         return None
     table = _table(path, ERROR_COLUMNS).iloc[: len(times)]
     check_rows(path, table)
-    if told.get("complete") and len(table) != len(times):
+    if error.get("complete") and len(table) != len(times):
         raise ResultError(wrong_count(path, len(table), f"states.csv has {len(times)}"))
     other = np.flatnonzero(table["time"].to_numpy() != times[: len(table)])
     if other.size:
@@ -134,12 +134,12 @@ def _count_rows(
     were changed after the run.
     """
     counts = {name: len(table) for name, table in tables.items()}
-    least, told = min(counts.values()), info.get("outputTimes", counts[STATES_FILE])
+    least, expected = min(counts.values()), info.get("outputTimes", counts[STATES_FILE])
     killed = "outputTimes" not in info and any(path.suffix == PART for path in paths.values())
     for name, count in counts.items():
-        if count != told and not killed:
+        if count != expected and not killed:
             whence = "run.json says" if "outputTimes" in info else "states.csv has"
-            raise ResultError(wrong_count(paths[name], count, f"{whence} {told}"))
+            raise ResultError(wrong_count(paths[name], count, f"{whence} {expected}"))
     if least == 0:
         raise ResultError(f"{shown_path(folder)}: the run has no rows yet; {AGAIN}")
     return least

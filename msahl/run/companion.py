@@ -95,14 +95,14 @@ class HalfStepCompanion:
         # Mean reactions need a row for either half of a step.
         self.integrators = [
             SubsystemIntegrator(
-                _with_given_steps(of.model, settings),
-                of.solver,
+                _with_given_steps(integrator.model, settings),
+                integrator.solver,
                 settings.full,
                 2 * chunk,
                 settings.instantaneous,
-                storages=of.storages,
+                storages=integrator.storages,
             )
-            for of in integrators
+            for integrator in integrators
         ]
         self.factor = SAFETY / (1.0 - 0.5**settings.order)
 
@@ -144,13 +144,13 @@ class HigherOrderCompanion:
         self.name = f"{coarser.scheme}{coarser.degree} with {coarser.stride} times the step size"
         self.integrators = [
             SubsystemIntegrator(
-                _with_scheme(of.model, coarser),
-                of.solver,
+                _with_scheme(integrator.model, coarser),
+                integrator.solver,
                 settings.full,
                 chunk,
-                storages=of.storages,
+                storages=integrator.storages,
             )
-            for of in integrators
+            for integrator in integrators
         ]
 
     def follow(
@@ -210,7 +210,7 @@ def choose_companion(
     seconds and longer than the run itself, unless it is ``required``.
     """
     degree = settings.degree
-    unknowns = sum(of.workspace.unknowns.free.size for of in integrators)
+    unknowns = sum(integrator.workspace.unknowns.free.size for integrator in integrators)
     own = steps * unknowns * SECONDS_PER_UNKNOWN * DEGREE_COST[degree]
     if required or settings.adaptive or 2.0 * own <= CHEAP:
         return HalfStepCompanion(integrators, settings, chunk)

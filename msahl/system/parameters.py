@@ -313,11 +313,11 @@ def _interpolation(beam: Beam, most: int) -> tuple[np.ndarray, np.ndarray, np.nd
     """Return shape functions (g, most), their derivatives by arc length and weights w J (g,) at the
     Gauss points of a beam; of a node that its elements do not have they are 0.
     """
-    of, half = shape(beam.degree), 0.5 * np.array(beam.lengths)
+    element, half = shape(beam.degree), 0.5 * np.array(beam.lengths)
     missing = ((0, 0), (0, most - beam.degree - 1))
-    values = np.pad(np.tile(of.values, (half.size, 1)), missing)
-    slopes = np.pad((of.slopes / half[:, None, None]).reshape(-1, beam.degree + 1), missing)
-    return values, slopes, (half[:, None] * of.weights).reshape(-1)
+    values = np.pad(np.tile(element.values, (half.size, 1)), missing)
+    slopes = np.pad((element.slopes / half[:, None, None]).reshape(-1, beam.degree + 1), missing)
+    return values, slopes, (half[:, None] * element.weights).reshape(-1)
 
 
 def _inverse(compliance: np.ndarray) -> np.ndarray:

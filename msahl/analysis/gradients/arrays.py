@@ -14,7 +14,7 @@ from msahl.schemes.midpoint.workspace import Workspace
 from msahl.schemes.tangents import FIRST_MEAN, FIRST_P, FIRST_V, FIRST_W, FIRST_X, FRAMES, LAST_MEAN
 from msahl.system.arrays import State
 
-ONLY_PREDICTED = ("foresight", "mean_v", "mean_w", "a_trend", "alpha_trend", "force_trend")
+ONLY_PREDICTED = ("prediction", "mean_v", "mean_w", "a_trend", "alpha_trend", "force_trend")
 """Fields of the state that serve the prediction of a step only; its solution is without them."""
 
 

@@ -57,7 +57,7 @@ def _difference(
             measured += sign * weight / share * _accelerations(point, found, other)
     # The motion itself has accelerations of the size of its rates squared by a length.
     present = (expected, measured, size * found.acceleration)
-    largest = max(float(np.abs(lengths * of).max()) for of in present)
+    largest = max(float(np.abs(lengths * array).max()) for array in present)
     apart = float(np.abs(lengths * (measured - expected)).max())
     return apart / max(largest, typical * size**2)
 

@@ -77,12 +77,12 @@ def warnings(found: Campbell, over: Over) -> list[str]:
     """Return what was not computed, and where the modes are not those of an equilibrium."""
     lines = [f"{_at(over, value)}: {why}" for value, why in found.failures]
     spectra = found.followed.spectra
-    told: dict[str, list[float]] = {}
+    warned: dict[str, list[float]] = {}
     for spectrum in spectra:
         for text in spectrum.modes.warnings:
             kind = text.partition(":")[0] if "no equilibrium" in text else text
-            told.setdefault(kind, []).append(spectrum.value)
-    for text, values in told.items():
+            warned.setdefault(kind, []).append(spectrum.value)
+    for text, values in warned.items():
         where = f"at {len(values)} of {len(spectra)} values, first at {_at(over, values[0], 9)}"
         lines.append(f"{where}: {text}")
     return lines

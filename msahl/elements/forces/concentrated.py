@@ -338,7 +338,7 @@ def work_of_first(
     h: float,
     a: np.ndarray,
     alpha: np.ndarray,
-    lost: float,
+    deficit: float,
     total: np.ndarray,
 ) -> None:
     """Add the work [J] of the first moments over a step with the accelerations ``a`` and ``alpha``
@@ -346,7 +346,7 @@ def work_of_first(
 
     Their sum is ``-lost``. The part that goes through joints is shared out by the laws' moments.
     """
-    size, rest = 0.0, -lost
+    size, rest = 0.0, -deficit
     for k in range(group.frame.size):
         b = group.frame[k]
         own = (
