@@ -64,7 +64,10 @@ class InverseResult(Result):
     def unique(self) -> dict[str, bool]:
         """Whether the load of each drive is unique."""
         drives = self.solution.drives
-        return {d.name: bool(own) for d, own in zip(drives, self.solution.unique, strict=True)}
+        return {
+            d.name: bool(is_unique)
+            for d, is_unique in zip(drives, self.solution.unique, strict=True)
+        }
 
     @property
     def lines(self) -> list[str]:

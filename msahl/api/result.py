@@ -256,7 +256,7 @@ class Result:
         """Return the results as the functions of ``msahl.post`` take them."""
         from msahl.results.read import Run
 
-        own = (STATES, REACTIONS, WORK, ERROR)
+        names = (STATES, REACTIONS, WORK, ERROR)
         return Run(
             folder=self._origin if isinstance(self._origin, Path) else NOWHERE,
             model=self.records,
@@ -266,7 +266,7 @@ class Result:
             work=self.frame(WORK) if WORK in self._arrays else None,
             partial=not self.completed,
             errors=self.frame(ERROR) if ERROR in self._arrays else None,
-            others={name: self.frame(name) for name in self.tables if name not in own},
+            others={name: self.frame(name) for name in self.tables if name not in names},
         )
 
     def __repr__(self) -> str:

@@ -449,8 +449,8 @@ def differentiate(
             _, beta = _quaternion_weights(start, m, axis)
             by_Q = scale(0.5 * c, beta)
         else:
-            own = at(start.direction[m], axis)
-            by_W, by_Q = scale(c, own), scale(c, cross(own, W))
+            axis_direction = at(start.direction[m], axis)
+            by_W, by_Q = scale(c, axis_direction), scale(c, cross(axis_direction, W))
         put(start.by_place[j], U_A, by_u)
         put(start.by_place[j], Q_A, by_Q)
         put(start.by_rate[j], U_A, by_v)

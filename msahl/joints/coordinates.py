@@ -11,7 +11,7 @@
 All are functions of the configuration alone and do not depend on where the motion starts: an angle
 is zero where the child's reference direction is along the parent's. ``angle1`` is zero where the
 child's axis is along the parent's reference, ``angle2`` where the parent's axis is along the
-child's reference. Angles are found within half a revolution of zero; ``joints.rotations`` counts.
+child's reference. Angles are found within half a revolution of zero; ``run.joint_table`` counts.
 
 Everything here is in the parent's axes, for m output times at once:
 

@@ -106,13 +106,13 @@ class ErrorEstimate:
 
     def begin(self, integrators: Sequence[SubsystemIntegrator]) -> np.ndarray:
         """Compare the rows at t = 0; returns the row that ``follow`` returns."""
-        own, other = (
+        first, other = (
             [first_rows(integrator, 1) for integrator in group]
             for group in (integrators, self.companion.integrators)
         )
         if isinstance(self.companion, EarlierRun):
             other = self.companion.next_rows(1)
-        return self.compare(own, other, np.zeros(1), np.zeros(1))
+        return self.compare(first, other, np.zeros(1), np.zeros(1))
 
     def keep_rows(self) -> None:
         """Keep the companion's rows from now on, for an ``EarlierRun``."""

@@ -121,7 +121,9 @@ OPTIONS = (
         "Choose how the schemes of order 2 rotate a body in a step: by the Cayley transform, which "
         "conserves the angular momentum of joined bodies to round-off, or by the exponential map, "
         "which is more accurate for fast rotations (default: the deck's, else cayley).",
-        lambda settings: None if settings.degree else EXPONENTIAL if settings.exponential else CAYLEY,
+        lambda settings: (
+            None if settings.degree else EXPONENTIAL if settings.exponential else CAYLEY
+        ),
         deck="rotationUpdate",
     ),
     Option(

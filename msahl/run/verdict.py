@@ -143,9 +143,9 @@ def grade(value: float, limit: float, fail: float) -> str:
     return WARN if value <= max(limit, fail) else FAIL
 
 
-def _limits_of(limit: float | None, own: float, fail: float) -> tuple[float, float]:
+def _limits_of(limit: float | None, default: float, fail: float) -> tuple[float, float]:
     """Where a figure begins to warn and to fail: by the deck, or else by the limits above."""
-    return (own, fail) if limit is None else (limit, WARN_FACTOR * limit)
+    return (default, fail) if limit is None else (limit, WARN_FACTOR * limit)
 
 
 def _completion(figures: Figures, limits: Limits) -> Iterator[Finding]:
@@ -163,10 +163,10 @@ def _energy(figures: Figures, limits: Limits) -> Iterator[Finding]:
         yield Finding("energy", word, f"nothing moves, and the energy error is {error:.1e} J")
         return
     # A position error of this size makes a relative energy error of the same size.
-    own = max(
+    default = max(
         ENERGY, WARN_FACTOR * (figures.tolerance or figures.local_tolerance or 0.0) / figures.length
     )
-    limit, fail = _limits_of(limits.energy, own, max(ENERGY_FAIL, own))
+    limit, fail = _limits_of(limits.energy, default, max(ENERGY_FAIL, default))
     word = grade(error, max(limit * kinetic, floor), fail * kinetic)
     conserved = "conserved" if word == PASS else "conserved only"
     epsilons = error / (float_info.epsilon * figures.energy_size)
@@ -189,8 +189,8 @@ def _violation(figures: Figures, limits: Limits) -> Iterator[Finding]:
         return
     violation = figures.extreme("constraintViolationMax")
     floor = ROUND_OFF * figures.extreme("distanceMax")
-    own, fail = VIOLATION * figures.length, VIOLATION_FAIL * figures.length
-    limit, fail = _limits_of(limits.violation, own, fail)
+    default, fail = VIOLATION * figures.length, VIOLATION_FAIL * figures.length
+    limit, fail = _limits_of(limits.violation, default, fail)
     word = grade(violation, max(limit, floor), fail)
     yield Finding("constraintViolation", word, f"constraint violation at most {violation:.1e} m")
 

@@ -85,7 +85,7 @@ def _lengths(bodies: Sequence[RigidBody], arms: Sequence[Sequence[float]]) -> li
     """The length of each body: its radius of gyration or its longest arm, whichever is larger."""
     mass = np.array([body.mass for body in bodies])
     gyration = np.sqrt(np.trace(_tensors(bodies), axis1=1, axis2=2) / (2.0 * mass))
-    return [max((size, *own)) for size, own in zip(gyration.tolist(), arms, strict=False)]
+    return [max((size, *lengths)) for size, lengths in zip(gyration.tolist(), arms, strict=False)]
 
 
 def _tensors(bodies: Sequence[RigidBody]) -> np.ndarray:

@@ -151,10 +151,10 @@ def _variation(
     return Variation(numbers, state, rows, _largest_shift(part, numbers, size))
 
 
-def _difference(other: np.ndarray, own: np.ndarray) -> np.ndarray:
+def _difference(other: np.ndarray, reference: np.ndarray) -> np.ndarray:
     """Return the difference of numbers, 0 where both are the same infinity or none."""
-    same = (other == own) | (np.isnan(other) & np.isnan(own))
-    return np.where(same, 0.0, other - np.where(same, 0.0, own))
+    same = (other == reference) | (np.isnan(other) & np.isnan(reference))
+    return np.where(same, 0.0, other - np.where(same, 0.0, reference))
 
 
 def _largest_shift(part: SubsystemIntegrator, change: np.ndarray, size: float) -> float:

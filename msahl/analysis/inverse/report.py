@@ -40,7 +40,7 @@ def lines(solution: Solution, shown_verdict: Verdict) -> list[str]:
     return [
         f"{model.simulation.title or 'model'}: loads of the motion in {motion.source}, "
         f"{motion.time.size} times to {motion.time[-1]:.6g} s",
-        f"{d} degree{'' if d == 1 else 's'} of freedom, {k} drive{'' if k == 1 else 's'}"
+        f"{d} {'degree' if d == 1 else 'degrees'} of freedom, {k} drive{'' if k == 1 else 's'}"
         f"{redundant if solution.redundant else ''}",
         f"given: {_given(solution)}",
         "",
@@ -138,7 +138,11 @@ def _unique(solution: Solution) -> Iterator[Finding]:
     """Which loads are unique."""
     if solution.unique.all():
         return
-    shared = [d.name for d, own in zip(solution.drives, solution.unique, strict=True) if not own]
+    shared = [
+        d.name
+        for d, is_unique in zip(solution.drives, solution.unique, strict=True)
+        if not is_unique
+    ]
     more = len(solution.drives) - solution.rank
     weighted = " times their weights" if np.any(solution.weights != 1.0) else ""
     text = (
@@ -357,11 +361,11 @@ def about(solution: Solution) -> dict[str, Any]:
         "drives": {
             drive.name: {
                 "unit": drive.unit,
-                "unique": bool(own),
+                "unique": bool(is_unique),
                 "weight": float(weight),
                 "errorMax": float(error),
             }
-            for drive, own, weight, error in zip(
+            for drive, is_unique, weight, error in zip(
                 solution.drives,
                 solution.unique,
                 solution.weights,

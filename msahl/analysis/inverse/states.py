@@ -140,13 +140,13 @@ def _rates(
     """(n,) rates of the auxiliary states ``s`` within the interval."""
     set_motion(motion, share, seen)
     seen.auxiliary[:] = s
-    group, own = equations.system.forces.signals, equations.start.forces
+    group, forces_start = equations.system.forces.signals, equations.start.forces
     equations.call(evaluate.prepare, equations.system, seen, equations.start)
     scalar.count_rotations(equations.system.scalar, equations.start.scalar, seen.angle)
-    forces.set_prepared_inputs(group, own, equations.system.scalar)
-    signals.evaluate(group, own.signals)
+    forces.set_prepared_inputs(group, forces_start, equations.system.scalar)
+    signals.evaluate(group, forces_start.signals)
     assert group is not None
-    return np.asarray(own.signals.values.value[group.rate])
+    return np.asarray(forces_start.signals.values.value[group.rate])
 
 
 def _slopes(equations: Equations, motion: Between, seen: State, s: np.ndarray) -> np.ndarray:

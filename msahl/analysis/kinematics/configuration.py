@@ -127,8 +127,11 @@ def jacobian(equations: Equations, state: State) -> np.ndarray:
     rest, frames = _shown(equations.rest, state), equations.system.frames
     equations.call(evaluate.prepare, equations.system, rest, equations.start)
     if equations.system.scalar:
-        group, own = equations.system.scalar.coordinates, equations.start.scalar.coordinates
-        equations.call(coordinates.evaluate, group, own, frames, equations.Z)
+        group, coordinates_start = (
+            equations.system.scalar.coordinates,
+            equations.start.scalar.coordinates,
+        )
+        equations.call(coordinates.evaluate, group, coordinates_start, frames, equations.Z)
     # With h^2 = 2 an acceleration of 1 m/s^2 is a displacement of 1 m over the step.
     equations.call(
         evaluate.joint_jacobian,

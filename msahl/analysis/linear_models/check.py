@@ -68,8 +68,8 @@ def _beside(point: Point, found: Coefficients, changes: Variations, y: np.ndarra
     place, rate = np.zeros((2, node_count(system), 3))
     place.reshape(-1)[found.coordinate] = changes.places[:, :m] @ y
     rate.reshape(-1)[found.coordinate] = changes.rates[:, :m] @ y
-    own = {name: getattr(state, name).copy() for name in ("force", "a", "alpha", "reaction")}
-    moved = close(system, move(system, state._replace(**own), place), point.unknowns)
+    saved = {name: getattr(state, name).copy() for name in ("force", "a", "alpha", "reaction")}
+    moved = close(system, move(system, state._replace(**saved), place), point.unknowns)
     v, w = state.v.copy(), moved.w.copy()
     for f in range(moving_count(system.frames)):
         v[f] += rate[system.frames.displacement[f]]

@@ -194,12 +194,12 @@ class Columns:
         point, group = self.point, self.point.system.forces.signals
         if group is None:
             return {}
-        own = self.found.start.forces.signals
+        signals_start = self.found.start.forces.signals
         names = signal_columns(point.model)[1:]
         table: dict[str, Column] = {}
         for k, name in enumerate(names[: group.shown.size]):
             place = int(group.shown[k])
-            value = float(own.values.value[place])
+            value = float(signals_start.values.value[place])
             slope = self._along(*expression_slopes(point.system, self.found, place))
             if len(self.changes.shown):
                 slope = slope + self.changes.shown[k]

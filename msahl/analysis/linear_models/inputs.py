@@ -254,15 +254,15 @@ class _Maker:
         for side, b in enumerate(bodies):
             if b < 0:
                 continue
-            both = [self._moved(other, 6, own=i == side) for i, other in enumerate(bodies)]
+            both = [self._moved(other, 6, own_axes=i == side) for i, other in enumerate(bodies)]
             rates = values_and_rates(shape, relative(shape, both[0], both[1]))[1][:, which]
             force += self._at_frame(int(self.system.bodies.frame[b]), rates[:3], rates[3:])
         unit = "N m" if is_angle(coordinate) else "N"
         return Input(name, unit, 0.0, force, np.zeros(self.s))
 
-    def _moved(self, b: int, m: int, own: bool) -> Motion:
+    def _moved(self, b: int, m: int, own_axes: bool) -> Motion:
         """Body ``b`` with, in m = 6 rows, a unit of each velocity and angular velocity of its mass
-        centre if they are its ``own``, else at rest; -1 is the ground.
+        centre if they are its ``own_axes``, else at rest; -1 is the ground.
         """
         v, w = np.zeros((2, m, 3))
         if b < 0:
@@ -271,7 +271,7 @@ class _Maker:
         f = int(self.system.bodies.frame[b])
         R = np.array(matrix(at(self.state.p, f)))
         arm = -R @ self.system.bodies.r_BG[b]
-        if own:
+        if own_axes:
             v[:3] = w[3:] = np.eye(3)
         v = v + cross(w, np.broadcast_to(arm, w.shape))
         x = np.broadcast_to(self.state.x[f] + arm, (m, 3))

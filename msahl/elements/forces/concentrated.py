@@ -349,11 +349,11 @@ def work_of_first(
     size, rest = 0.0, -deficit
     for k in range(group.frame.size):
         b = group.frame[k]
-        own = (
+        work_done = (
             -h * h * (dot(at(a, b), at(start.first_f, k)) + dot(at(alpha, b), at(start.first_m, k)))
         )
-        total[group.column[k]] += own
-        rest -= own
+        total[group.column[k]] += work_done
+        rest -= work_done
         size += abs(start.first[k])
     for k in range(group.frame.size):
         total[group.column[k]] += rest * abs(start.first[k]) / size

@@ -69,8 +69,8 @@ def show_error(folder: Path, patterns: tuple[str, ...] = ()) -> list[Shown]:
     from msahl.post.view.companion import companion_of  # a run needs what no view does
 
     sample = read_sample(folder, READ_NUMBERS, READ_ROWS)
-    own, finer = (show_sample(each, patterns) for each in (sample, companion_of(sample)))
-    return [own, replace(finer, name=f"{own.name}, with smaller steps")]
+    first, finer = (show_sample(each, patterns) for each in (sample, companion_of(sample)))
+    return [first, replace(finer, name=f"{first.name}, with smaller steps")]
 
 
 def show_sample(sample: Sample, patterns: tuple[str, ...] = (), columns: bool = True) -> Shown:

@@ -105,13 +105,15 @@ def new_dense_output(workspace: Workspace, order: int, decays: bool) -> DenseOut
     that ``decays`` takes is spread evenly over its step.
     """
     state, of_frames = workspace.state, first_multiplier(workspace.system.frames)
-    own = State(*(array.copy() for array in state))
+    copy = State(*(array.copy() for array in state))
     most = levels(order)
     conditions = ENDS + 2 * most
     basis, nodes = _polynomials(most)
     gauss, weight, integral = _gauss((order + 1) // 2)
     return DenseOutput(
-        workspace=workspace._replace(state=own, start=new_system_workspace(workspace.system, own)),
+        workspace=workspace._replace(
+            state=copy, start=new_system_workspace(workspace.system, copy)
+        ),
         begin=new_step_end(state),
         end=new_step_end(state),
         curve=np.zeros((conditions, of_frames, 3)),
@@ -279,15 +281,15 @@ def _set_auxiliary(group: Signals, output: DenseOutput, level: int, h: float, ta
     workspace, begin = output.workspace, output.begin
     if group.rate.size == 0:
         return
-    own = workspace.start.forces
+    forces_start = workspace.start.forces
     for i in range(output.gauss.size):
         set_basis_weights(output, level, tau * output.gauss[i])
         interpolate(output, h, tau * output.gauss[i])
-        forces.set_prepared_inputs(group, own, workspace.system.scalar)
-        signals.save_inputs(group, own.signals, output.signals, i)
+        forces.set_prepared_inputs(group, forces_start, workspace.system.scalar)
+        signals.save_inputs(group, forces_start.signals, output.signals, i)
     for k in range(begin.auxiliary.size):
         workspace.state.auxiliary[k] = begin.auxiliary[k]
-    signals.solve_stages(group, own.signals, output.signals, begin.auxiliary, tau * h)
+    signals.solve_stages(group, forces_start.signals, output.signals, begin.auxiliary, tau * h)
     signals.accept_stages(group, output.signals, tau * h, workspace.state.auxiliary)
     if tau >= 1.0:
         for k in range(begin.auxiliary.size):
@@ -302,8 +304,8 @@ def _prepare(output: DenseOutput, angle: np.ndarray) -> None:
         workspace.state.angle[q] = angle[q]
     evaluate.prepare(workspace.system, workspace.state, workspace.start)
     beams.set_strains(workspace.system.beams, workspace.start.beams)
-    group, own = workspace.system.forces.signals, workspace.start.forces.signals
-    signals.save_reactions(group, own, output.begin.reaction)
+    group, signals_start = workspace.system.forces.signals, workspace.start.forces.signals
+    signals.save_reactions(group, signals_start, output.begin.reaction)
     scalar.count_rotations(workspace.system.scalar, workspace.start.scalar, workspace.state.angle)
 
 
@@ -375,13 +377,13 @@ def write_row(output: DenseOutput, instant: Instant, tau: float, row: int) -> No
     h, last = end.time[0] - begin.time[0], output.basis.shape[0] - 1
     for w in range(begin.work.size):
         workspace.state.work[w] = begin.work[w]
-    group, own = workspace.system.forces.signals, workspace.start.forces.signals
+    group, signals_start = workspace.system.forces.signals, workspace.start.forces.signals
     _set_auxiliary(group, output, last, h, tau)
     if begin.work.size > 0:
         for i in range(output.gauss.size):
             set_basis_weights(output, last, tau * output.gauss[i])
             interpolate(output, h, tau * output.gauss[i])
-            signals.set_state(group, own, output.signals, i)
+            signals.set_state(group, signals_start, output.signals, i)
             accelerations.accelerate(workspace.system, workspace.state, workspace.start, instant)
             _add_work(output, instant, h * tau * output.weight[i])
     if output.scheme_work >= 0:

@@ -172,7 +172,7 @@ def _solve_auxiliary_states(
     """
     if group.rate.size == 0:
         return
-    own = stages.start.forces.signals
+    signals_start = stages.start.forces.signals
     for n in range(stages.tableau.force_stage.size):
         i = stages.tableau.force_stage[n]
         if i >= 0:
@@ -180,12 +180,12 @@ def _solve_auxiliary_states(
             forces.set_signal_inputs(
                 group, stages.start.forces, system.scalar, system.frames, stages.at_rest
             )
-            signals.save_inputs(group, own, stages.signals, i)
+            signals.save_inputs(group, signals_start, stages.signals, i)
             if fresh:
                 jacobian.save_input_derivatives(group, system, stages, i)
-    signals.solve_stages(group, own, stages.signals, state.auxiliary, h)
+    signals.solve_stages(group, signals_start, stages.signals, state.auxiliary, h)
     if fresh:
-        signals.set_stage_slopes(group, own, stages.signals, h)
+        signals.set_stage_slopes(group, signals_start, stages.signals, h)
 
 
 @kernel

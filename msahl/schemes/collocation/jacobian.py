@@ -269,15 +269,21 @@ def _enter_other_stages(
     """Add the derivatives of the signals' results at c_i by the motion at the other nodes, on which
     they depend by the auxiliary states.
     """
-    own = stages.start.forces.signals
+    signals_start = stages.start.forces.signals
     for m in range(stages.tableau.force_weight.size if group.rate.size > 0 else 0):
         if m == i:
             continue
-        signals.take_slopes(group, own, stages.signals, i, m)
+        signals.take_slopes(group, signals_start, stages.signals, i, m)
         for r in range(group.result.size):
-            signals.set_gradient(group, own, r)
+            signals.set_gradient(group, signals_start, r)
             forces.set_result_row(
-                system.forces, stages.start.forces, system.scalar, system.frames, 1.0, r, own.row
+                system.forces,
+                stages.start.forces,
+                system.scalar,
+                system.frames,
+                1.0,
+                r,
+                signals_start.row,
             )
             for part in range(PARTS):
                 _enter_result(group, stages, h, (i, m), r, part)

@@ -251,7 +251,9 @@ def _accept_frame(
     put(state.w, b, add(at(state.w, b), dw))
     if decay.chi > 0.0 and frames.owner[b] >= 0:
         dv, body = sub(v1, v0), frames.owner[b]
-        dissipated = rigid_body.smooth(system.bodies, decay, body, dv, dw, state.v_rise, state.w_rise)
+        dissipated = rigid_body.smooth(
+            system.bodies, decay, body, dv, dw, state.v_rise, state.w_rise
+        )
     # As the prediction has it: the change of W without that by the rotation of the frame itself.
     a, alpha = scale(1.0 / h, sub(v1, v0)), scale(1.0 / h2, gained_angle)
     da, dalpha = sub(a, at(state.a, b)), sub(alpha, at(state.alpha, b))
