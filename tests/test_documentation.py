@@ -12,7 +12,7 @@ import click
 import pytest
 
 from msahl.elements import rigid_body
-from msahl.elements.forces import drag
+from msahl.ports import point
 from tests.support.models import ROOT
 
 PAGES = [
@@ -99,7 +99,7 @@ def functions_of(heading):
 
 
 @pytest.mark.parametrize(
-    ("heading", "module"), [("Adding a force", drag), ("Adding a kind of body", rigid_body)]
+    ("heading", "module"), [("Adding a force", point), ("Adding a kind of body", rigid_body)]
 )
 def test_the_guide_names_the_functions_of_an_element(heading, module):
     names = functions_of(heading)

@@ -36,7 +36,7 @@ ROTATION = 0.5
 """Largest predicted rotation of a body in one step [rad]."""
 SHORTEST = 1e-13
 """Shortest step, relative to the end of the motion."""
-LARGEST_FACTOR = 64.0
+FARTHEST = 64.0
 """Largest distance behind an output time, over that before it, at which the motion is taken up
 again where the output time itself is singular."""
 
@@ -78,11 +78,9 @@ class Follower:
     ``passed`` are the instants of the last steps.
     """
 
-    def __init__(self, equations: Equations, state: State, rank: int, end: float) -> None:
-        self.of, self.rank, self.end = equations, rank, end
-        self.length = float(
-            equations.system.frames.length[: moving_count(equations.system.frames)].min()
-        )
+    def __init__(self, of: Equations, state: State, rank: int, end: float) -> None:
+        self.of, self.rank, self.end = of, rank, end
+        self.length = float(of.system.frames.length[: moving_count(of.system.frames)].min())
         self.steps = self.iterations = 0
         first = self.instant(state, 0.0, near=False)
         if first is None:
@@ -133,7 +131,7 @@ class Follower:
         if left > 1e-3 * self.end:
             return False
         factor = 1.0
-        while factor <= LARGEST_FACTOR and time + factor * left <= self.end * (1.0 + 1e-9):
+        while factor <= FARTHEST and time + factor * left <= self.end * (1.0 + 1e-9):
             found = self._step(left * (1.0 + factor), time + factor * left)
             if found is not None:
                 self._take(found)
@@ -151,28 +149,28 @@ class Follower:
         """Return the instant a time ``h`` from a ``base``; None if Newton's method fails, or, where
         it has to be ``near``, if the prediction is too far from it.
         """
-        equations, rank, state = self.of, self.rank, copied(base)
-        predict(equations, state, h)
+        of, rank, state = self.of, self.rank, copied(base)
+        predict(of, state, h)
         state.time[0] = float(base.time[0]) + h if time is None else time
 
         with np.errstate(all="ignore"):
-            closed = close(equations, state)
+            closed = close(of, state)
             if not closed.converged:
                 return None
-            found = complete(equations, state, rank, closed.iterations, closed.violation)
-        floor = 16.0 * EPSILON * equations.size
+            found = complete(of, state, rank, closed.iterations, closed.violation)
+        floor = 16.0 * EPSILON * of.size
         if near and found and closed.first > REACH * found.sigma * self.length + floor:
             return None
         return found
 
 
 def complete(
-    equations: Equations, state: State, rank: int, iterations: int = 0, violation: float = 0.0
+    of: Equations, state: State, rank: int, iterations: int = 0, violation: float = 0.0
 ) -> Instant | None:
     """Return the instant of positions that satisfy the equations; None if it is not finite."""
-    G = jacobian(equations, state)
-    solved = set_velocities(equations, state, G)
-    set_accelerations(equations, state, G, solved)
+    G = jacobian(of, state)
+    solved = set_velocities(of, state, G)
+    set_accelerations(of, state, G, solved)
     if not (np.isfinite(state.a).all() and np.isfinite(state.alpha).all()):
         return None
     speed = float(np.abs(solved.z).max(initial=0.0))

@@ -43,13 +43,13 @@ SYMMETRIC = 1e-13
 """Asymmetry of a stiffness matrix, relative to its largest entry, that is round-off."""
 ZERO = 1e-12
 """Square of an eigenvalue, relative to the terms it is the sum of, that is zero."""
-SHIFT_BEYOND_ZEROS = 1e-6
+NEAR_ZERO = 1e-6
 """Shift, relative to the largest stiffness by mass, where zero is an eigenvalue."""
 MOST_RIGID = 200
 """Zeros that are computed to reach eigenvalues behind them."""
 MOST_RESTARTS = 300
 """Of Arnoldi's method; it needs some ten where eigenvalues are not nearly equal."""
-RESOLVED = 10.0
+NOT_ZERO = 10.0
 """Size of an eigenvalue, relative to its error, from which it is not zero."""
 SHIFTS = (1e-4, 1e-5, 1e-6, 1e-3, 1e-7)
 """Shifts beside zero that are tried, relative to the highest frequency: one has to be smaller than
@@ -76,9 +76,9 @@ class Pencil(NamedTuple):
     constraint: Any  # (c, n) G_h~
 
 
-def is_worthwhile(pencil: Pencil, number: int) -> bool:
+def is_worthwhile(of: Pencil, number: int) -> bool:
     """Return whether there are many more eigenvalues than are wanted, as Arnoldi's method needs."""
-    between_rates = int(np.count_nonzero(pencil.E)) - pencil.coordinates - pencil.independent
+    between_rates = int(np.count_nonzero(of.E)) - of.coordinates - of.independent
     return between_rates > LEAST * (number + EXTRA)
 
 
@@ -187,58 +187,58 @@ def _mass_factors(found: Coefficients) -> tuple[Any, Any]:
     return L, back
 
 
-def nearest(pencil: Pencil, number: int, frequency: float = 0.0) -> Found:
+def nearest(of: Pencil, number: int, frequency: float = 0.0) -> Found:
     """Return the zeros and about ``number`` other eigenvalues with imaginary part >= 0, nearest to
     2 pi i times the ``frequency`` [Hz]; raises ``NotFoundError`` if that is impossible.
     """
     from scipy.sparse.linalg import ArpackError
 
     try:
-        if pencil.stiffness is not None:
-            return _all_vibrations(pencil, number, frequency)
-        return _general(pencil, number, frequency)
+        if of.stiffness is not None:
+            return _all_vibrations(of, number, frequency)
+        return _general(of, number, frequency)
     except ArpackError as error:
         raise NotFoundError from error
 
 
-def _general(pencil: Pencil, number: int, frequency: float) -> Found:
+def _general(of: Pencil, number: int, frequency: float) -> Found:
     """Eigenvalues of a model with damping, gyroscopic terms, auxiliary states or forces that follow
     the motion.
     """
     from scipy.sparse.linalg import ArpackError
 
-    finite = int(np.count_nonzero(pencil.E))
+    finite = int(np.count_nonzero(of.E))
     wanted = min((number if frequency else 2 * number) + EXTRA, max(finite - 2, 1))
     if frequency:
-        return _by_both(pencil, wanted, 2j * np.pi * frequency)
+        return _by_both(of, wanted, 2j * np.pi * frequency)
     try:
-        found = _by_both(pencil, wanted, 0.0)
+        found = _by_both(of, wanted, 0.0)
     except (NotFoundError, ArpackError):
-        return _behind_zeros(pencil, wanted)
+        return _behind_zeros(of, wanted)
     # What is not larger than its error may be zero.
-    is_clear = np.all(np.abs(found.value) > RESOLVED * found.error)
-    return found if is_clear else _behind_zeros(pencil, wanted)
+    is_clear = np.all(np.abs(found.value) > NOT_ZERO * found.error)
+    return found if is_clear else _behind_zeros(of, wanted)
 
 
-def _by_both(pencil: Pencil, wanted: int, shift: complex) -> Found:
+def _by_both(of: Pencil, wanted: int, shift: complex) -> Found:
     """Eigenvalues by right and left eigenvectors."""
     from scipy.sparse import diags_array
 
-    factors = _factors((pencil.A - shift * diags_array(pencil.E)).tocsc())
-    right_values, right = _arnoldi(pencil, factors, "N", wanted, shift)
-    left_values, left = _arnoldi(pencil, factors, "H", wanted, shift)
-    return _refined(pencil, right_values, right, left_values.conj(), left)
+    factors = _factors((of.A - shift * diags_array(of.E)).tocsc())
+    right_values, right = _arnoldi(of, factors, "N", wanted, shift)
+    left_values, left = _arnoldi(of, factors, "H", wanted, shift)
+    return _refined(of, right_values, right, left_values.conj(), left)
 
 
-def _highest(pencil: Pencil) -> float:
+def _highest(of: Pencil) -> float:
     """The size of the largest eigenvalues [1/s], about."""
-    n = pencil.coordinates
-    K, D = pencil.A[n : 2 * n, :n], pencil.A[n : 2 * n, n : 2 * n]
+    n = of.coordinates
+    K, D = of.A[n : 2 * n, :n], of.A[n : 2 * n, n : 2 * n]
     stiffest = float(abs(K).max()) ** 0.5 if K.nnz else 0.0
     return max(stiffest, float(abs(D).max()) if D.nnz else 0.0) or 1.0
 
 
-def _behind_zeros(pencil: Pencil, wanted: int) -> Found:
+def _behind_zeros(of: Pencil, wanted: int) -> Found:
     """Zeros, counted by rank, and the other eigenvalues next to them, whose eigenvectors have
     nothing of the zeros'.
     """
@@ -246,25 +246,25 @@ def _behind_zeros(pencil: Pencil, wanted: int) -> Found:
 
     from msahl.analysis.modes.zero_eigenvalues import zero_space
 
-    highest, zeros = _highest(pencil), None
-    for beside in SHIFTS:
-        shift = beside * highest
-        factors = _factors((pencil.A - shift * diags_array(pencil.E)).tocsc())
-        zeros = zero_space(pencil.A, pencil.E, pencil.coordinates, factors, shift)
+    highest, zeros = _highest(of), None
+    for shift_size in SHIFTS:
+        shift = shift_size * highest
+        factors = _factors((of.A - shift * diags_array(of.E)).tocsc())
+        zeros = zero_space(of.A, of.E, of.coordinates, factors, shift)
         if zeros is not None:
             break
     if zeros is None:
         raise NotFoundError
-    right_values, right = _arnoldi(pencil, factors, "N", wanted, shift, zeros)
-    left_values, left = _arnoldi(pencil, factors, "H", wanted, shift, zeros)
-    found = _refined(pencil, right_values, right, left_values.conj(), left)
-    n, z = pencil.coordinates, zeros.right.shape[1]
-    states = zeros.right[2 * n : 2 * n + pencil.states]
+    right_values, right = _arnoldi(of, factors, "N", wanted, shift, zeros)
+    left_values, left = _arnoldi(of, factors, "H", wanted, shift, zeros)
+    found = _refined(of, right_values, right, left_values.conj(), left)
+    n, z = of.coordinates, zeros.right.shape[1]
+    states = zeros.right[2 * n : 2 * n + of.states]
     return Found(
         zeros=z,
         rigid=zeros.null,
         value=np.concatenate([np.zeros(z), found.value]),
-        places=np.concatenate([pencil.back @ zeros.right[:n], found.places], axis=1),
+        places=np.concatenate([of.back @ zeros.right[:n], found.places], axis=1),
         states=np.concatenate([states, found.states], axis=1),
         condition=np.concatenate([np.full(z, np.nan), found.condition]),
         error=np.concatenate([np.zeros(z), found.error]),
@@ -282,7 +282,7 @@ def _factors(matrix: Any) -> Any:
 
 
 def _arnoldi(
-    pencil: Pencil,
+    of: Pencil,
     factors: Any,
     transposed: str,
     wanted: int,
@@ -294,7 +294,7 @@ def _arnoldi(
     """
     from scipy.sparse.linalg import LinearOperator, eigs
 
-    m, finite = len(pencil.E), int(np.count_nonzero(pencil.E))
+    m, finite = len(of.E), int(np.count_nonzero(of.E))
     kind = complex if isinstance(shift, complex) else float
     sigma = np.conj(shift) if transposed == "H" else shift
     rest = np.zeros(m - finite)
@@ -303,7 +303,7 @@ def _arnoldi(
         """(A - sigma E)^-1 E x with all unknowns, or the same of the transposed matrices."""
         right = np.concatenate([x.reshape(-1), rest]).astype(kind, copy=False)
         solved: np.ndarray = factors.solve(right, transposed)
-        return solved if without is None else without.removed(solved, pencil.E, transposed)
+        return solved if without is None else without.removed(solved, of.E, transposed)
 
     # Beside zero, a small shift is meant to let it grow.
     limit = np.inf if shift and kind is float else SINGULAR
@@ -341,28 +341,28 @@ def _start(
 
 
 def _refined(
-    pencil: Pencil,
+    of: Pencil,
     right_values: np.ndarray,
     right: np.ndarray,
     left_values: np.ndarray,
     left: np.ndarray,
 ) -> Found:
     """Pair right and left eigenvectors, and improve the eigenvalues by both."""
-    n, found = pencil.coordinates, []
-    size, eps = abs(pencil.A), np.finfo(float).eps
-    allowed = _allowed(pencil, left[:n])
+    n, found = of.coordinates, []
+    size, eps = abs(of.A), np.finfo(float).eps
+    allowed = _allowed(of, left[:n])
     for k in np.flatnonzero(right_values.imag >= -1e-9 * np.abs(right_values)):
         i = int(np.argmin(np.abs(left_values - right_values[k])))
         if abs(left_values[i] - right_values[k]) > SAME * abs(right_values[k]):
             continue
         x, y = right[:, k], left[:, i]
-        product = y.conj() @ (pencil.E * x)
-        value = complex(y.conj() @ (pencil.A @ x) / product)
-        rounding = np.abs(y) @ (size @ np.abs(x) + abs(value) * pencil.E * np.abs(x))
-        residual = np.abs(y.conj() @ (pencil.A @ x - value * pencil.E * x))
+        product = y.conj() @ (of.E * x)
+        value = complex(y.conj() @ (of.A @ x) / product)
+        rounding = np.abs(y) @ (size @ np.abs(x) + abs(value) * of.E * np.abs(x))
+        residual = np.abs(y.conj() @ (of.A @ x - value * of.E * x))
         error = float((eps * rounding + residual) / np.abs(product))
         # Places count by the frequency, so that an undamped vibration has the condition 1.
-        scale = np.concatenate([np.full(n, abs(value)), np.ones(n + pencil.states)])
+        scale = np.concatenate([np.full(n, abs(value)), np.ones(n + of.states)])
         x_size = np.linalg.norm(scale * x[: scale.size])
         y_size = np.linalg.norm(np.concatenate([allowed[:, i], y[n : scale.size]]) / scale)
         found.append((value, k, float(x_size * y_size / np.abs(product)), error))
@@ -373,41 +373,39 @@ def _refined(
         zeros=0,
         rigid=0,
         value=np.array([_cleaned(value, error) for value, _, _, error in found]),
-        places=pencil.back @ x[:n],
-        states=x[2 * n : 2 * n + pencil.states],
+        places=of.back @ x[:n],
+        states=x[2 * n : 2 * n + of.states],
         condition=np.array([entry[2] for entry in found]),
         error=np.array([entry[3] for entry in found]),
     )
 
 
-def _allowed(pencil: Pencil, y: np.ndarray) -> np.ndarray:
+def _allowed(of: Pencil, y: np.ndarray) -> np.ndarray:
     """Return ``y`` (n, k) without the parts along constraints, where no places can be."""
     from scipy.sparse import block_array, eye_array
 
-    c, n = pencil.constraint.shape
+    c, n = of.constraint.shape
     if not c:
         return y
     one = eye_array(n)
-    factors = _factors(
-        block_array([[one, pencil.constraint.T], [pencil.constraint, None]], format="csc")
-    )
+    factors = _factors(block_array([[one, of.constraint.T], [of.constraint, None]], format="csc"))
     rows = np.concatenate([y, np.zeros((c, y.shape[1]))])
     solved: np.ndarray = factors.solve(rows.real.copy()) + 1j * factors.solve(rows.imag.copy())
     return solved[:n]
 
 
-def _all_vibrations(pencil: Pencil, number: int, frequency: float) -> Found:
+def _all_vibrations(of: Pencil, number: int, frequency: float) -> Found:
     """The zeros and ``number`` others of a model without damping."""
-    limit = pencil.coordinates - pencil.constraint.shape[0]
+    limit = of.coordinates - of.constraint.shape[0]
     shift, wanted = -((2.0 * np.pi * frequency) ** 2), number
     while True:
         try:
-            found = _vibrations(pencil, min(wanted, limit), shift)
+            found = _vibrations(of, min(wanted, limit), shift)
         except NotFoundError:
             if frequency or shift > 0.0:
                 raise
             # Beyond the zeros, where a stable model has no eigenvalue.
-            shift = SHIFT_BEYOND_ZEROS * float(abs(pencil.stiffness).max()) or SHIFT_BEYOND_ZEROS
+            shift = NEAR_ZERO * float(abs(of.stiffness).max()) or NEAR_ZERO
             continue
         others = int(np.count_nonzero(found.value[found.zeros :].imag > 0.0))
         others += int(np.count_nonzero(found.value.real > 0.0))
@@ -418,16 +416,16 @@ def _all_vibrations(pencil: Pencil, number: int, frequency: float) -> Found:
         wanted *= 2
 
 
-def _vibrations(pencil: Pencil, number: int, shift: float) -> Found:
+def _vibrations(of: Pencil, number: int, shift: float) -> Found:
     """Vibrations without damping, lambda^2 q~ = K~ q~ + G~^T lam with G~ q~ = 0: mu = lambda^2 are
     the eigenvalues of a symmetric matrix, real and well conditioned; those nearest to ``shift``.
     """
     from scipy.sparse import block_array, eye_array
     from scipy.sparse.linalg import LinearOperator, eigsh
 
-    n, c = pencil.coordinates, pencil.constraint.shape[0]
-    top = [pencil.stiffness - shift * eye_array(n), pencil.constraint.T]
-    matrix = block_array([top, [pencil.constraint, None]] if c else [top[:1]], format="csc")
+    n, c = of.coordinates, of.constraint.shape[0]
+    top = [of.stiffness - shift * eye_array(n), of.constraint.T]
+    matrix = block_array([top, [of.constraint, None]] if c else [top[:1]], format="csc")
     factors = _factors(matrix)
 
     def solve(x: np.ndarray) -> np.ndarray:
@@ -443,19 +441,19 @@ def _vibrations(pencil: Pencil, number: int, shift: float) -> Found:
         operator, number, which="LM", v0=start, ncv=basis, tol=0.0, maxiter=MOST_RESTARTS
     )
     solutions = [solve(vectors[:, k]) for k in np.flatnonzero(values)]
-    return _of_squares(pencil, [x / np.linalg.norm(x[:n]) for x in solutions])
+    return _of_squares(of, [x / np.linalg.norm(x[:n]) for x in solutions])
 
 
-def _of_squares(pencil: Pencil, solutions: list[np.ndarray]) -> Found:
+def _of_squares(of: Pencil, solutions: list[np.ndarray]) -> Found:
     """Eigenvalues from vectors (n + c,) of places and multipliers."""
-    n, eps = pencil.coordinates, np.finfo(float).eps
-    size, forces = abs(pencil.stiffness), abs(pencil.constraint.T)
+    n, eps = of.coordinates, np.finfo(float).eps
+    size, forces = abs(of.stiffness), abs(of.constraint.T)
     value, places, errors, zeros = [], [], [], 0
     for x in solutions:
-        q, force = x[:n], pencil.constraint.T @ x[n:]
-        mu = float(q @ (pencil.stiffness @ q))
+        q, force = x[:n], of.constraint.T @ x[n:]
+        mu = float(q @ (of.stiffness @ q))
         rounding = float(np.abs(q) @ (size @ np.abs(q) + forces @ np.abs(x[n:])) + abs(mu))
-        error = float(eps) * rounding + float(np.abs(q @ (pencil.stiffness @ q + force - mu * q)))
+        error = float(eps) * rounding + float(np.abs(q @ (of.stiffness @ q + force - mu * q)))
         root = abs(mu) ** 0.5
         if abs(mu) <= ZERO * rounding:
             pairs, zeros, error = [0j, 0j], zeros + 2, 0.0
@@ -472,7 +470,7 @@ def _of_squares(pencil: Pencil, solutions: list[np.ndarray]) -> Found:
         zeros=zeros,
         rigid=zeros // 2,
         value=np.array(value)[order],
-        places=(pencil.back @ np.array(places)[order].T).astype(complex),
+        places=(of.back @ np.array(places)[order].T).astype(complex),
         states=np.zeros((0, len(value)), dtype=complex),
         condition=np.ones(len(value)),
         error=np.array(errors)[order],
