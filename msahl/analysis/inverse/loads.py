@@ -23,9 +23,9 @@ import numpy as np
 from msahl.analysis.inverse.motion import Follower, Frame
 from msahl.analysis.linearised.coefficients import result_row
 from msahl.analysis.linearised.plain_units import equation_scale
-from msahl.elements import signals
 from msahl.elements.frames import first_multiplier
 from msahl.elements.reactions import MOST_ROUNDS, is_unchanged
+from msahl.elements.signals.group import use_reactions
 from msahl.ports import forces
 from msahl.start.redundancy import PART, non_unique_reactions
 from msahl.system import evaluate
@@ -51,17 +51,17 @@ class Drives:
     """The drives of a system: what a unit load of each adds to the equations."""
 
     def __init__(self, follower: Follower, results: list[int], weights: np.ndarray) -> None:
-        equations = follower.equations
+        of = follower.equations
         self.follower, self.results, self.weights = follower, results, weights
         self.mass = follower.masses
         scale = np.concatenate([
-            np.ones(3 * first_multiplier(equations.system.frames)),
-            equation_scale(equations.system).reshape(-1),
+            np.ones(3 * first_multiplier(of.system.frames)),
+            equation_scale(of.system).reshape(-1),
         ])  # fmt: skip
-        self.scale = scale[equations.equation]
-        self.by_reactions = forces.depend_on_reactions(
-            equations.system.forces
-        ) or signals.use_reactions(equations.system.forces.signals)
+        self.scale = scale[of.equation]
+        self.by_reactions = forces.depend_on_reactions(of.system.forces) or use_reactions(
+            of.system.forces.signals
+        )
 
     def second_derivatives(self, state: State) -> np.ndarray:
         """(c,) minus the second derivatives of the constraints at zero accelerations."""
@@ -69,21 +69,16 @@ class Drives:
 
     def _rows(self, state: State) -> np.ndarray:
         """Right-hand side of the index-1 problem, flat; prepares the workspace."""
-        equations = self.follower.equations
-        rows, Z = np.zeros((2, node_count(equations.system), 3))
-        equations.call(evaluate.prepare, equations.system, state, equations.start)
-        equations.call(
-            evaluate.free_acceleration, equations.system, state, equations.start, Z, rows
-        )
+        of = self.follower.equations
+        rows, Z = np.zeros((2, node_count(of.system), 3))
+        of.call(evaluate.prepare, of.system, state, of.start)
+        of.call(evaluate.free_acceleration, of.system, state, of.start, Z, rows)
         return np.asarray(rows.reshape(-1))
 
     def unit_forces(self) -> np.ndarray:
         """(n, k) B of the prepared configuration."""
-        equations = self.follower.equations
-        rows = [
-            result_row(equations.system, equations.start, r)[equations.coordinate]
-            for r in self.results
-        ]
+        of = self.follower.equations
+        rows = [result_row(of.system, of.start, r)[of.coordinate] for r in self.results]
         return self.mass[:, None] * np.stack(rows, axis=1)
 
     def solve(
@@ -127,12 +122,12 @@ class Drives:
 
     def _set_reactions(self, state: State, frame: Frame, carried: np.ndarray) -> None:
         """Set multipliers and reactions by the force (n,) that the constraints carry."""
-        equations = self.follower.equations
-        flat = np.zeros(3 * node_count(equations.system))
-        flat[equations.equation] = self.scale * (frame.inverse.T @ carried)
-        state.force[:] = flat.reshape(-1, 3)[first_multiplier(equations.system.frames) :]
-        Z = np.zeros((node_count(equations.system), 3))
-        equations.call(evaluate.set_reactions, equations.system, state, equations.start, Z)
+        of = self.follower.equations
+        flat = np.zeros(3 * node_count(of.system))
+        flat[of.equation] = self.scale * (frame.inverse.T @ carried)
+        state.force[:] = flat.reshape(-1, 3)[first_multiplier(of.system.frames) :]
+        Z = np.zeros((node_count(of.system), 3))
+        of.call(evaluate.set_reactions, of.system, state, of.start, Z)
 
     def undriven(self, state: State, frame: Frame) -> np.ndarray:
         """(n, m) motions that no drive can influence in the configuration."""
@@ -144,18 +139,16 @@ class Drives:
         """Return the columns of reactions that are not unique, by number of the joint, coupling or
         motion: those of redundant joints, and those that depend on how drives share their load.
         """
-        equations = self.follower.equations
+        of = self.follower.equations
         self._rows(state)
         B = self.unit_forces()
         _, _, _, right, rank = self._decomposed(frame, B)
         vectors = []
         for sharing in right[rank:]:
             load = B @ (sharing / self.weights)
-            flat = np.zeros(3 * node_count(equations.system))
-            flat[equations.equation] = frame.inverse.T @ load
+            flat = np.zeros(3 * node_count(of.system))
+            flat[of.equation] = frame.inverse.T @ load
             size = float(np.linalg.norm(flat))
             if size > PART * float(np.linalg.norm(load)):
-                vectors.append(
-                    flat.reshape(-1, 3)[first_multiplier(equations.system.frames) :] / size
-                )
-        return non_unique_reactions(equations.system, state, vectors)
+                vectors.append(flat.reshape(-1, 3)[first_multiplier(of.system.frames) :] / size)
+        return non_unique_reactions(of.system, state, vectors)

@@ -15,8 +15,8 @@ from msahl.algebra.rotation_arrays import quaternions
 from msahl.analysis.inverse.drives import InverseError
 from msahl.analysis.inverse.table import product
 from msahl.analysis.kinematics.configuration import Equations, copied
-from msahl.elements import signals
 from msahl.elements.constraints import scalar
+from msahl.elements.signals import results
 from msahl.ports import forces
 from msahl.system import evaluate
 from msahl.system.arrays import State
@@ -106,7 +106,7 @@ def set_motion(motion: Between, share: float, state: State) -> None:
     state.time[0] = motion.begin + share * motion.h
 
 
-def advance(equations: Equations, before: State, after: State) -> None:
+def advance(of: Equations, before: State, after: State) -> None:
     """Set the auxiliary states of ``after`` by those of ``before`` and the motion between them.
     Raises ``InverseError`` where they cannot be found.
     """
@@ -115,12 +115,12 @@ def advance(equations: Equations, before: State, after: State) -> None:
         return
     motion, seen = between(before, after), copied(before)
     stages = np.tile(s, (3, 1))
-    slopes = _slopes(equations, motion, seen, s)
+    slopes = _slopes(of, motion, seen, s)
     matrix = np.eye(stages.size) - motion.h * np.kron(INTEGRALS, slopes)
     last = np.inf
     for _ in range(MOST_ITERATIONS):
         at = zip(NODES.tolist(), stages, strict=True)
-        rates = np.array([_rates(equations, motion, c, seen, each) for c, each in at])
+        rates = np.array([_rates(of, motion, c, seen, each) for c, each in at])
         wrong = stages - s - motion.h * INTEGRALS @ rates
         change = np.linalg.solve(matrix, wrong.reshape(-1)).reshape(stages.shape)
         stages = stages - change
@@ -135,28 +135,26 @@ def advance(equations: Equations, before: State, after: State) -> None:
     )
 
 
-def _rates(
-    equations: Equations, motion: Between, share: float, seen: State, s: np.ndarray
-) -> np.ndarray:
+def _rates(of: Equations, motion: Between, share: float, seen: State, s: np.ndarray) -> np.ndarray:
     """(n,) rates of the auxiliary states ``s`` within the interval."""
     set_motion(motion, share, seen)
     seen.auxiliary[:] = s
-    group, forces_start = equations.system.forces.signals, equations.start.forces
-    equations.call(evaluate.prepare, equations.system, seen, equations.start)
-    scalar.count_rotations(equations.system.scalar, equations.start.scalar, seen.angle)
-    forces.set_prepared_inputs(group, forces_start, equations.system.scalar)
-    signals.evaluate(group, forces_start.signals)
+    group, own = of.system.forces.signals, of.start.forces
+    of.call(evaluate.prepare, of.system, seen, of.start)
+    scalar.count_rotations(of.system.scalar, of.start.scalar, seen.angle)
+    forces.set_prepared_inputs(group, own, of.system.scalar)
+    results.evaluate(group, own.signals)
     assert group is not None
-    return np.asarray(forces_start.signals.values.value[group.rate])
+    return np.asarray(own.signals.values.value[group.rate])
 
 
-def _slopes(equations: Equations, motion: Between, seen: State, s: np.ndarray) -> np.ndarray:
+def _slopes(of: Equations, motion: Between, seen: State, s: np.ndarray) -> np.ndarray:
     """(n, n) derivatives of the rates by the states, in the middle of the interval."""
-    at = _rates(equations, motion, 0.5, seen, s)
+    at = _rates(of, motion, 0.5, seen, s)
     columns = []
     for k in range(s.size):
         nudge = NUDGE * max(1.0, abs(float(s[k])))
         moved = s.copy()
         moved[k] += nudge
-        columns.append((_rates(equations, motion, 0.5, seen, moved) - at) / nudge)
+        columns.append((_rates(of, motion, 0.5, seen, moved) - at) / nudge)
     return np.stack(columns, axis=1)

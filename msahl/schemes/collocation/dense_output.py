@@ -35,11 +35,11 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import signals
 from msahl.elements.beams import instant as beams
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
-from msahl.elements.signals import Signals
+from msahl.elements.signals import inputs, states
+from msahl.elements.signals.group import Signals, Stages, new_stages
 from msahl.jit.kernel import apart, kernel, optional, unit
 from msahl.ports import forces
 from msahl.schemes.collocation import local_rotation
@@ -92,7 +92,7 @@ class DenseOutput(NamedTuple):
     rate: np.ndarray  # (c,)
     gauss: np.ndarray  # (s,) nodes and weights of the work's quadrature
     weight: np.ndarray  # (s,)
-    signals: signals.Stages  # auxiliary states at these nodes; None where the system has none
+    signals: Stages  # auxiliary states at these nodes; None where the system has none
     scheme_work: int  # column of the energy that a decaying scheme takes, or -1
 
 
@@ -106,15 +106,13 @@ def new_dense_output(workspace: Workspace, order: int, decays: bool) -> DenseOut
     that ``decays`` takes is spread evenly over its step.
     """
     state, of_frames = workspace.state, first_multiplier(workspace.system.frames)
-    copy = State(*(array.copy() for array in state))
+    own = State(*(array.copy() for array in state))
     most = levels(order)
     conditions = ENDS + 2 * most
     basis, nodes = _polynomials(most)
     gauss, weight, integral = _gauss((order + 1) // 2)
     return DenseOutput(
-        workspace=workspace._replace(
-            state=copy, start=new_system_workspace(workspace.system, copy)
-        ),
+        workspace=workspace._replace(state=own, start=new_system_workspace(workspace.system, own)),
         begin=new_step_end(state),
         end=new_step_end(state),
         curve=np.zeros((conditions, of_frames, 3)),
@@ -125,7 +123,7 @@ def new_dense_output(workspace: Workspace, order: int, decays: bool) -> DenseOut
         rate=np.zeros(conditions),
         gauss=gauss,
         weight=weight,
-        signals=signals.new_stages(workspace.system.forces.signals, integral, weight),
+        signals=new_stages(workspace.system.forces.signals, integral, weight),
         scheme_work=state.work.size - 1 if decays else -1,
     )
 
@@ -282,16 +280,16 @@ def _set_auxiliary(group: Signals, output: DenseOutput, level: int, h: float, ta
     workspace, begin = output.workspace, output.begin
     if group.rate.size == 0:
         return
-    forces_start = workspace.start.forces
+    own = workspace.start.forces
     for i in range(output.gauss.size):
         set_basis_weights(output, level, tau * output.gauss[i])
         interpolate(output, h, tau * output.gauss[i])
-        forces.set_prepared_inputs(group, forces_start, workspace.system.scalar)
-        signals.save_inputs(group, forces_start.signals, output.signals, i)
+        forces.set_prepared_inputs(group, own, workspace.system.scalar)
+        states.save_inputs(group, own.signals, output.signals, i)
     for k in range(begin.auxiliary.size):
         workspace.state.auxiliary[k] = begin.auxiliary[k]
-    signals.solve_stages(group, forces_start.signals, output.signals, begin.auxiliary, tau * h)
-    signals.accept_stages(group, output.signals, tau * h, workspace.state.auxiliary)
+    states.solve(group, own.signals, output.signals, begin.auxiliary, tau * h)
+    states.accept(group, output.signals, tau * h, workspace.state.auxiliary)
     if tau >= 1.0:
         for k in range(begin.auxiliary.size):
             workspace.state.auxiliary[k] = output.end.auxiliary[k]
@@ -305,8 +303,8 @@ def _prepare(output: DenseOutput, angle: np.ndarray) -> None:
         workspace.state.angle[q] = angle[q]
     evaluate.prepare(workspace.system, workspace.state, workspace.start)
     beams.set_strains(workspace.system.beams, workspace.start.beams)
-    group, signals_start = workspace.system.forces.signals, workspace.start.forces.signals
-    signals.save_reactions(group, signals_start, output.begin.reaction)
+    group, own = workspace.system.forces.signals, workspace.start.forces.signals
+    inputs.save_reactions(group, own, output.begin.reaction)
     scalar.count_rotations(workspace.system.scalar, workspace.start.scalar, workspace.state.angle)
 
 
@@ -378,13 +376,13 @@ def write_row(output: DenseOutput, instant: Instant, tau: float, row: int) -> No
     h, last = end.time[0] - begin.time[0], output.basis.shape[0] - 1
     for w in range(begin.work.size):
         workspace.state.work[w] = begin.work[w]
-    group, signals_start = workspace.system.forces.signals, workspace.start.forces.signals
+    group, own = workspace.system.forces.signals, workspace.start.forces.signals
     _set_auxiliary(group, output, last, h, tau)
     if begin.work.size > 0:
         for i in range(output.gauss.size):
             set_basis_weights(output, last, tau * output.gauss[i])
             interpolate(output, h, tau * output.gauss[i])
-            signals.set_state(group, signals_start, output.signals, i)
+            states.set_state(group, own, output.signals, i)
             accelerations.accelerate(workspace.system, workspace.state, workspace.start, instant)
             _add_work(output, instant, h * tau * output.weight[i])
     if output.scheme_work >= 0:
