@@ -15,6 +15,7 @@ from msahl.analysis.linearised.projection import close, move, prepared
 from msahl.analysis.state_space.columns import (
     BODIES,
     RATES,
+    WORK,
     columns_by_table,
     force_rows,
     headers,
@@ -24,7 +25,6 @@ from msahl.analysis.state_space.columns import (
 from msahl.elements.signals.group import use_reactions
 from msahl.model import SignalState
 from msahl.ports import forces
-from msahl.run.tables import WORK
 from msahl.start.velocities import make_consistent, solve_accelerations
 from msahl.system.arrays import new_tables, node_count
 from msahl.system.names import signal_columns
