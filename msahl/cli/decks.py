@@ -65,7 +65,7 @@ def job_to_run(
     job = job_of(deck, given, settings)
     if job.model.simulation.start != EQUILIBRIUM:
         return job
-    from msahl.analysis.equilibria.begin import beginning, beginning_of_run, told
+    from msahl.analysis.equilibria.begin import beginning, beginning_of_run, in_words
     from msahl.cli.compiling import announced
     from msahl.deck import DeckError
     from msahl.jit.progress import CompileError
@@ -78,5 +78,5 @@ def job_to_run(
     except (DeckError, StartError, CompileError) as error:
         stop(f"{shown_path(deck)}: {printable(str(error))}")
     if not quiet and job.start:
-        say(f"{shown_path(deck)}: {told(job.start)}")
+        say(f"{shown_path(deck)}: {in_words(job.start)}")
     return job

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from msahl.analysis.equilibria.begin import deck_at
+from msahl.analysis.equilibria.begin import model_at
 from msahl.analysis.equilibria.equilibrium import search_start
 from msahl.analysis.equilibria.search import find
 from msahl.deck.source import Source
@@ -101,7 +101,7 @@ def _model(source: Source, text: bytes) -> Model:
     found = find(start, np.zeros(3))
     if found is None:
         raise ResultError("no equilibrium was found at which the run begins")
-    return Source(source.path, deck_at(text, source.path, start, found)).model(())
+    return model_at(start, found)
 
 
 def _positions(model: Model) -> dict[tuple[str, float], np.ndarray]:
