@@ -31,7 +31,7 @@ from msahl.system.arrays import (
 )
 from msahl.system.build import Places, build_system
 from msahl.system.desk import jacobian_at_rest, new_desk
-from msahl.system.node_order import node_order
+from msahl.system.graph import node_order
 from msahl.system.nonfinite import find_nonfinite, find_undefined, overflow
 from msahl.system.reductions import (
     all_unknowns,

@@ -27,13 +27,13 @@ from msahl.elements.reactions import MOST_ROUNDS, is_unchanged, write_reactions
 from msahl.elements.rigid_body import write_accelerations
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import dense, sparse_lu
+from msahl.linalg.elimination import new_factor
 from msahl.schemes.midpoint import newton
 from msahl.schemes.midpoint.load_moments import NO_STEP
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.start.redundancy import INDEPENDENT
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, node_count
-from msahl.system.ordering import new_factor
 from msahl.system.reductions import all_unknowns
 from msahl.system.unknowns import Unknowns, choose
 

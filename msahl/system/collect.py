@@ -26,6 +26,7 @@ from msahl.joints.joint import (
     in_plane,
     perpendicular,
 )
+from msahl.joints.named_coordinates import joint_coordinate
 from msahl.joints.registry import KINDS
 from msahl.model import Model, resolve
 from msahl.model.beams import Beam, is_damped
@@ -34,7 +35,7 @@ from msahl.model.joints import Joint
 from msahl.model.loads import Bushing, ConcentratedLoad, Drag, Friction, JointSpring, SpringDamper
 from msahl.model.markers import Marker
 from msahl.model.motions import JointMotion, PointMotion
-from msahl.system.signal_inputs import SignalCollector, SignalEntries, joint_coordinate
+from msahl.system.signal_inputs import SignalCollector, SignalEntries
 
 
 class Pair(NamedTuple):

@@ -17,10 +17,10 @@ from msahl.elements.reactions import Shown
 from msahl.elements.rigid_body import STATE_SIZE
 from msahl.joints.joint import CHILD, GROUND, PARENT, Coordinate, Product
 from msahl.joints.registry import KINDS
+from msahl.linalg.pattern import Blocks
 from msahl.model.beams import Beam
 from msahl.system.arrays import Multipliers
 from msahl.system.collect import BeamEntry, ConcentratedEntry, Elements, Pair
-from msahl.system.pattern import Blocks
 from msahl.system.signal_inputs import ResultEntry, input_parts
 
 Indices = dict[str, np.ndarray]

@@ -12,7 +12,7 @@ from msahl.model import Law
 from msahl.run import companion
 from msahl.run.companion import SAFETY
 from msahl.run.verdict import DONE, FAIL, PASS, WARN
-from msahl.study.exact import recognise
+from tests.support.closed_forms import recognise
 from tests.support.models import DECKS, deck, pendulum, simulate
 
 NEAR = (0.3, 10.0)

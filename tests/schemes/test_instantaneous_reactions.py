@@ -17,7 +17,7 @@ from msahl.schemes import accelerations
 from msahl.schemes.accelerations import new_instant
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import Chunk
-from msahl.study.exact import recognise
+from tests.support.closed_forms import recognise
 from tests.support.models import deck, simulate
 
 SINGLE = Path(__file__).parents[2] / "decks" / "thesis" / "single_pendulum_45.xml"

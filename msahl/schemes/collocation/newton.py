@@ -20,6 +20,7 @@ from msahl.elements.forces import ReactionForces, pressed_by_reactions
 from msahl.elements.frames import first_multiplier
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import block_lu
+from msahl.linalg.elimination import Elimination, new_factor
 from msahl.model.scheme import COLLOCATION
 from msahl.schemes import accelerations
 from msahl.schemes.accelerations import Instant, new_instant
@@ -34,7 +35,6 @@ from msahl.schemes.midpoint.workspace import record_step as record_at_end
 from msahl.schemes.outcome import TOLERANCE
 from msahl.system.arrays import State, System
 from msahl.system.diagnostics import energy_balance
-from msahl.system.ordering import Elimination, new_factor
 
 TARGET = 1e-14
 """As ``outcome.TARGET``. Collocation steps are few and long, so the residual of each matters less

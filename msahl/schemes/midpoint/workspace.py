@@ -7,6 +7,7 @@ import numpy as np
 from msahl.elements import forces, reactions, rigid_body
 from msahl.elements.beams import instant
 from msahl.jit.kernel import apart, unit
+from msahl.linalg.elimination import new_factor
 from msahl.schemes.midpoint import equations
 from msahl.system import evaluate
 from msahl.system.arrays import (
@@ -19,7 +20,6 @@ from msahl.system.arrays import (
     node_count,
 )
 from msahl.system.diagnostics import Monitor, new_monitor, record_figures
-from msahl.system.ordering import new_factor
 from msahl.system.unknowns import Unknowns
 
 

@@ -17,8 +17,8 @@ from msahl.model.scheme import COLLOCATION, choices, split
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.collocation import local_rotation, predictor
 from msahl.schemes.collocation.tableau import new_tableau
-from msahl.study.exact import recognise
 from msahl.study.runs import with_step
+from tests.support.closed_forms import recognise
 from tests.support.collocation_step import Step
 from tests.support.element_samples import ELEMENTS, SPRING, bushing, everything, spring
 from tests.support.models import DOWN, chain, deck, free_bodies, pendulum, random_vector, simulate
