@@ -7,6 +7,7 @@ from lxml.etree import SubElement, tostring
 
 from msahl.algebra.functions import Law
 from msahl.algebra.vector import Vector
+from msahl.check.faults import SMALLEST
 from msahl.deck.faults import Element
 from msahl.deck.laws import COEFFICIENTS
 from msahl.deck.units import DEFAULTS
@@ -26,10 +27,11 @@ def child(parent: Element, tag: str, text: str = "", **attributes: str) -> Eleme
 
 
 def number(parent: Element, tag: str, value: float | None, quantity: str = "") -> None:
-    """Add a number with its unit; nothing for None."""
+    """Add a number with its unit; nothing for None. A deck has none that is smaller than
+    ``SMALLEST`` but not zero."""
     if value is not None:
         units = DEFAULTS["SI"][quantity] if quantity else ""
-        child(parent, tag, repr(float(value)), units=units)
+        child(parent, tag, repr(float(value) if abs(value) >= SMALLEST else 0.0), units=units)
 
 
 def number_unless(
