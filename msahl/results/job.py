@@ -51,16 +51,17 @@ class Job:
     def text(self) -> bytes:
         """The deck as it runs; raises ``DeckError`` if a part of it cannot be read any more."""
         if self.start is None:
-            return self._text_of_source
+            return self.given_text
         return Source.of_model(self.model).data if self.moved is None else self.moved
 
     @cached_property
-    def _text_of_source(self) -> bytes:
+    def given_text(self) -> bytes:
+        """The deck with the options and changed numbers, wherever the model begins."""
         return self.source.text(deck_changes(self.given), self.changed)
 
     def about(self, folder: Path) -> dict[str, Any]:
         """Return the head of ``run.json`` in ``folder``: all that the rows of the run depend on."""
-        parameters, deck = listed_parameters(self._text_of_source), self.source.path
+        parameters, deck = listed_parameters(self.given_text), self.source.path
         return {
             **versions(),
             "deck": {

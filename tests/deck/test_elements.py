@@ -221,7 +221,7 @@ LAWS = {
     "constant": ("<constant units='deg'>180</constant>", Law("constant", (math.pi,))),
     "polynomial": (
         "<polynomial><c0>1</c0><c2>3</c2></polynomial>",
-        Law("polynomial", (1.0, 0.0, 3.0, 0.0, 0.0, 0.0)),
+        Law("polynomial", (1.0, 0.0, 3.0)),
     ),
     "sine": (
         "<sine><amplitude>2</amplitude><frequency units='Hz'>1</frequency><offset>1</offset>"
