@@ -17,17 +17,18 @@ from msahl.deck.motions import UNIT
 from msahl.deck.springs import ALONG, QUANTITIES
 from msahl.expressions.text import text_of
 from msahl.joints.registry import KINDS
+from msahl.laws.registry import POINT_LAWS
 from msahl.model import (
     Bushing,
     ConcentratedLoad,
     Coupling,
-    Drag,
     Friction,
     Joint,
     JointActuator,
     JointMotion,
     JointSpring,
     MarkerActuator,
+    PointLoad,
     PointMotion,
     SpringDamper,
 )
@@ -202,11 +203,13 @@ def _bushing(group: Element, load: Bushing, context: Context) -> None:
                 number(inner, axis, value, tag)
 
 
-def _drag(group: Element, load: Drag, context: Context) -> None:
-    element = _named(group, "drag", load.name)
+def _point_load(group: Element, load: PointLoad, context: Context) -> None:
+    element = _named(group, load.law, load.name)
     child(element, "body", load.body)
     vector(element, "position", load.point)
-    number(element, "coefficient", load.coefficient, "dragCoefficient")
+    for field, (_, value) in zip(POINT_LAWS[load.law].fields, load.parameters, strict=True):
+        if value != field.default:
+            number(element, field.name, value, field.quantity_along("") or "")
 
 
 def _friction(group: Element, load: Friction, context: Context) -> None:
@@ -240,7 +243,7 @@ WRITERS: Mapping[type, Callable[[Element, Any, Context], None]] = {
     SpringDamper: _spring_damper,
     JointSpring: _joint_spring,
     Bushing: _bushing,
-    Drag: _drag,
+    PointLoad: _point_load,
     Friction: _friction,
     JointActuator: _joint_actuator,
     MarkerActuator: _marker_actuator,

@@ -18,7 +18,6 @@ from msahl.expressions.syntax import FUNCTIONS, Call, Lookup, Name, Number, pars
 from msahl.expressions.text import text_of
 from msahl.model import (
     ConcentratedLoad,
-    Drag,
     Friction,
     Group,
     JointMotion,
@@ -27,6 +26,7 @@ from msahl.model import (
     Marker,
     MarkerAngle,
     MarkerDistance,
+    PointLoad,
     PointMotion,
     Shape,
     Signal,
@@ -107,7 +107,7 @@ def test_numbers_are_read_back_to_the_last_digit(r, P, v, w, mass, c, k, preload
     loads = (
         ConcentratedLoad("F", "Bob", r, v, "Bob", w, "Earth", Law("sine", (c, k, c, preload))),
         SpringDamper("S", "Earth", "Bob", v, w, c, k, k, preload),
-        Drag("D", "Bob", w, k),
+        PointLoad("D", "drag", "Bob", w, (("coefficient", k),)),
     )
     marker = Marker("M", "Bob", v, basis="Bob")
     simulation = replace(model.simulation, dt=k, t_final=10.0 * k)

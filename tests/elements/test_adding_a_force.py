@@ -31,7 +31,7 @@ def checkout(tmp_path_factory):
     shutil.copy(ROOT / "pyproject.toml", root)
     for changes in listings(GUIDE, "diff"):
         apply(root, changes)
-    (root / "msahl" / "elements" / "forces" / "viscous.py").write_text(LAW)
+    (root / "msahl" / "laws" / "viscous.py").write_text(LAW)
     (root / "viscous_drag.xml").write_text(DECK)
     return root
 

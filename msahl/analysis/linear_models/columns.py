@@ -18,12 +18,13 @@ from msahl.analysis.linearised.plain_units import coordinate_numbers, equation_n
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.projection import move, prepared
 from msahl.analysis.linearised.variations import Variations
-from msahl.elements import forces, reactions
+from msahl.elements import reactions
 from msahl.elements.beams import instant as beams
 from msahl.elements.frames import first_multiplier, moving_count
 from msahl.joints.coordinates import Motion, coordinates, point_motion, rotated
 from msahl.model import Model
 from msahl.model.loads import Actuator
+from msahl.ports import forces
 from msahl.run.joint_table import JointTable
 from msahl.run.marker_table import MarkerTable
 from msahl.run.system_table import SystemTable
@@ -230,12 +231,6 @@ def headers(model: Model) -> dict[str, list[str]]:
     found[RATES] = [load.name for load in model.loads if isinstance(load, Actuator)]
     del found[SIGNALS]
     return found
-
-
-def rows_of(point: Point, states: list[State]) -> dict[str, np.ndarray]:
-    """Return the rows (m, ...) of all tables but signals at m ``states``, without the time."""
-    found = force_rows(point, states)
-    return found | motion_rows(point, motions_of(point, states), found[WORK])
 
 
 def motion_rows(point: Point, motion: Motion, elastic: np.ndarray | None) -> dict[str, np.ndarray]:

@@ -43,15 +43,15 @@ SYMMETRIC = 1e-13
 """Asymmetry of a stiffness matrix, relative to its largest entry, that is round-off."""
 ZERO = 1e-12
 """Square of an eigenvalue, relative to the terms it is the sum of, that is zero."""
-BEYOND = 1e-6
+NEAR_ZERO = 1e-6
 """Shift, relative to the largest stiffness by mass, where zero is an eigenvalue."""
 MOST_RIGID = 200
 """Zeros that are computed to reach eigenvalues behind them."""
 MOST_RESTARTS = 300
 """Of Arnoldi's method; it needs some ten where eigenvalues are not nearly equal."""
-CLEAR = 10.0
+NOT_ZERO = 10.0
 """Size of an eigenvalue, relative to its error, from which it is not zero."""
-BESIDE = (1e-4, 1e-5, 1e-6, 1e-3, 1e-7)
+SHIFTS = (1e-4, 1e-5, 1e-6, 1e-3, 1e-7)
 """Shifts beside zero that are tried, relative to the highest frequency: one has to be smaller than
 the lowest by a factor of ten or more, and not by so much that round-off hides that."""
 SINGULAR = 1e13
@@ -73,7 +73,7 @@ class Pencil(NamedTuple):
     redundant: int
     independent: int  # constraint equations
     stiffness: Any  # (n, n) K~, if it is symmetric and nothing depends on rates; else None
-    constraint: Any  # (c, n) G~
+    constraint: Any  # (c, n) G_h~
 
 
 def is_worthwhile(of: Pencil, number: int) -> bool:
@@ -127,7 +127,7 @@ def pencil(found: Coefficients, axes: np.ndarray) -> Pencil:
     is_symmetric = abs(K - K.T).max() <= SYMMETRIC * abs(K).max()
     conservative = is_symmetric and not (s or G_n.shape[0] or abs(D).max() or abs(drift).max())
     return Pencil(
-        A, E, back.tocsc(), n, s, redundant, G_all.shape[0], K if conservative else None, G_all
+        A, E, back.tocsc(), n, s, redundant, G_all.shape[0], K if conservative else None, G_h
     )
 
 
@@ -216,7 +216,7 @@ def _general(of: Pencil, number: int, frequency: float) -> Found:
     except (NotFoundError, ArpackError):
         return _behind_zeros(of, wanted)
     # What is not larger than its error may be zero.
-    is_clear = np.all(np.abs(found.value) > CLEAR * found.error)
+    is_clear = np.all(np.abs(found.value) > NOT_ZERO * found.error)
     return found if is_clear else _behind_zeros(of, wanted)
 
 
@@ -247,8 +247,8 @@ def _behind_zeros(of: Pencil, wanted: int) -> Found:
     from msahl.analysis.modes.zero_eigenvalues import zero_space
 
     highest, zeros = _highest(of), None
-    for beside in BESIDE:
-        shift = beside * highest
+    for shift_size in SHIFTS:
+        shift = shift_size * highest
         factors = _factors((of.A - shift * diags_array(of.E)).tocsc())
         zeros = zero_space(of.A, of.E, of.coordinates, factors, shift)
         if zeros is not None:
@@ -350,6 +350,7 @@ def _refined(
     """Pair right and left eigenvectors, and improve the eigenvalues by both."""
     n, found = of.coordinates, []
     size, eps = abs(of.A), np.finfo(float).eps
+    allowed = _allowed(of, left[:n])
     for k in np.flatnonzero(right_values.imag >= -1e-9 * np.abs(right_values)):
         i = int(np.argmin(np.abs(left_values - right_values[k])))
         if abs(left_values[i] - right_values[k]) > SAME * abs(right_values[k]):
@@ -363,7 +364,7 @@ def _refined(
         # Places count by the frequency, so that an undamped vibration has the condition 1.
         scale = np.concatenate([np.full(n, abs(value)), np.ones(n + of.states)])
         x_size = np.linalg.norm(scale * x[: scale.size])
-        y_size = np.linalg.norm(y[: scale.size] / scale)
+        y_size = np.linalg.norm(np.concatenate([allowed[:, i], y[n : scale.size]]) / scale)
         found.append((value, k, float(x_size * y_size / np.abs(product)), error))
     found.sort(key=lambda entry: (round(abs(entry[0]), 12), -entry[0].imag))
     chosen = [entry[1] for entry in found]
@@ -379,6 +380,20 @@ def _refined(
     )
 
 
+def _allowed(of: Pencil, y: np.ndarray) -> np.ndarray:
+    """Return ``y`` (n, k) without the parts along constraints, where no places can be."""
+    from scipy.sparse import block_array, eye_array
+
+    c, n = of.constraint.shape
+    if not c:
+        return y
+    one = eye_array(n)
+    factors = _factors(block_array([[one, of.constraint.T], [of.constraint, None]], format="csc"))
+    rows = np.concatenate([y, np.zeros((c, y.shape[1]))])
+    solved: np.ndarray = factors.solve(rows.real.copy()) + 1j * factors.solve(rows.imag.copy())
+    return solved[:n]
+
+
 def _all_vibrations(of: Pencil, number: int, frequency: float) -> Found:
     """The zeros and ``number`` others of a model without damping."""
     limit = of.coordinates - of.constraint.shape[0]
@@ -390,7 +405,7 @@ def _all_vibrations(of: Pencil, number: int, frequency: float) -> Found:
             if frequency or shift > 0.0:
                 raise
             # Beyond the zeros, where a stable model has no eigenvalue.
-            shift = BEYOND * float(abs(of.stiffness).max()) or BEYOND
+            shift = NEAR_ZERO * float(abs(of.stiffness).max()) or NEAR_ZERO
             continue
         others = int(np.count_nonzero(found.value[found.zeros :].imag > 0.0))
         others += int(np.count_nonzero(found.value.real > 0.0))
@@ -457,7 +472,7 @@ def _of_squares(of: Pencil, solutions: list[np.ndarray]) -> Found:
         value=np.array(value)[order],
         places=(of.back @ np.array(places)[order].T).astype(complex),
         states=np.zeros((0, len(value)), dtype=complex),
-        condition=np.where(order < 0, 0.0, 1.0),
+        condition=np.ones(len(value)),
         error=np.array(errors)[order],
     )
 

@@ -11,7 +11,6 @@ from msahl.model import (
     Bushing,
     ConcentratedLoad,
     Coupling,
-    Drag,
     Friction,
     Joint,
     JointActuator,
@@ -20,6 +19,7 @@ from msahl.model import (
     MarkerActuator,
     MarkerAngle,
     Model,
+    PointLoad,
     SpringDamper,
 )
 from msahl.post.scene.geometry import floats, quaternion
@@ -139,7 +139,7 @@ def load_entries(model: Model, body: Mapping[str, int], place: Mapping[str, int]
         entry |= dict.fromkeys(("a", "aPoint", "b", "bPoint"))
         entry |= {"name": load.name, "varies": False}
         entry |= {"forceBasis": GROUND, "momentBasis": GROUND}
-        if isinstance(load, ConcentratedLoad | Drag):
+        if isinstance(load, ConcentratedLoad | PointLoad):
             entry |= {"kind": "drag", "body": body[load.body], "point": floats(load.point)}
             if isinstance(load, ConcentratedLoad):
                 entry |= _constant_load(load, body)

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import PIECES, Laws, piece_of
-from msahl.elements import forces
 from msahl.elements.constraints import scalar
 from msahl.jit.kernel import apart, kernel
-from msahl.schemes.midpoint.workspace import Workspace
+from msahl.ports import forces
+from msahl.schemes.common.workspace import Workspace
 from msahl.system.arrays import System
 
 SAMPLES = 8

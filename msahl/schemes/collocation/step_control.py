@@ -37,8 +37,8 @@ import numpy as np
 
 from msahl.algebra.rotation import compose, inverse
 from msahl.algebra.vector import at, copy, dot, sub
-from msahl.elements import forces
 from msahl.jit.kernel import kernel
+from msahl.ports import forces
 from msahl.schemes.collocation import breakpoints, dense_output, newton
 from msahl.schemes.collocation.breakpoints import Breakpoints, new_breakpoints
 from msahl.schemes.collocation.dense_output import StepEnd
