@@ -20,7 +20,7 @@ EACH_LINE = 6
 
 
 def child(parent: Element, tag: str, text: str = "", **attributes: str) -> Element:
-    """Return a new child; attributes that are empty are left out."""
+    """Return a new child; it has those attributes that are not empty."""
     element = SubElement(parent, tag, {key: word for key, word in attributes.items() if word})
     element.text = text or None
     return element

@@ -77,7 +77,7 @@ def write_deck(model: Model, note: str = "") -> bytes:
 
 
 def _write_system(system: Element, model: Model) -> None:
-    """Add all elements of a model; groups of elements that it has not are left out."""
+    """Add all elements of a model, without groups that are empty."""
     vector(system, "gravity", model.gravity)
     _write_bodies(child(system, "bodies"), model)
     context = context_of(model)
