@@ -1,5 +1,7 @@
-"""Reader of beams that are given by their nodes and the numbers of their elements, as programs
-write them: elements -> records."""
+"""Reader of beams given by their nodes and the numbers of their elements: elements -> records.
+
+Programs write such beams.
+"""
 
 from collections.abc import Iterator
 

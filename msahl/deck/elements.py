@@ -1,5 +1,7 @@
-"""Make elements of decks from numbers in SI, names, vectors and laws; numbers are written so that
-reading returns the same double."""
+"""Make elements of decks from numbers in SI, names, vectors and laws.
+
+Numbers are written so that reading returns the same double.
+"""
 
 from collections.abc import Iterable
 
