@@ -18,6 +18,7 @@ from msahl.schemes.common.workspace import Workspace, new_workspace
 from msahl.schemes.fixed_stepper import FixedStepper
 from msahl.schemes.midpoint.stepper import MidpointMethod
 from msahl.schemes.stepper import Advance, Chunk, Stepper
+from msahl.start.initial_arrays import jacobian_at_rest, new_arrays
 from msahl.start.positions import assemble
 from msahl.start.redundancy import constraint_rank, is_regular, non_unique_reactions
 from msahl.start.velocities import StartError, make_consistent, solve_accelerations
@@ -31,7 +32,6 @@ from msahl.system.arrays import (
     new_system_workspace,
 )
 from msahl.system.build import Places, build_system
-from msahl.system.desk import jacobian_at_rest, new_desk
 from msahl.system.graph import node_order
 from msahl.system.nonfinite import find_nonfinite, find_undefined, overflow
 from msahl.system.reductions import (
@@ -100,24 +100,28 @@ class SubsystemIntegrator:
         self.moved = assemble(system, state) if model.position == "project" else None
         nodes = node_order(system) if self.size >= LARGE else None
         unknowns = choose(system, all_unknowns(system), nodes)
-        desk = new_desk(system, state, self.storage if self.size < LARGE else None)
-        at_rest: np.ndarray | None = jacobian_at_rest(system, state, desk)
+        arrays = new_arrays(system, state, self.storage if self.size < LARGE else None)
+        at_rest: np.ndarray | None = jacobian_at_rest(system, state, arrays)
         self.rank = constraint_rank(system, state, unknowns, at_rest)
         self.redundant = multiplier_count(system) - self.rank
         self.shared: dict[str, list[str]] = {}
         self._add_shared(system, state)
-        if _prepare(system, state, desk.start, desk.call):
+        if _prepare(system, state, arrays.start, arrays.call):
             at_rest = None  # that of other angles
-        start = desk.start
+        start = arrays.start
         self.axis = None if full else plane_normal(system, start)
         free = all_unknowns(system) if full else needed_unknowns(system, start, self.axis)
         if free.size < unknowns.free.size:
             unknowns = choose(system, free, nodes)
-        self.change = make_consistent(system, state, free, model.velocity, desk)
+        self.change = make_consistent(system, state, free, model.velocity, arrays)
         if self.redundant and not is_regular(system, state, unknowns, at_rest):
             system = build_system(model, relaxed=True, places=Places(state.x, state.p))
-            unknowns, at_rest, desk = choose(system, free), None, new_desk(system, state)
-        solve_accelerations(system, state, unknowns, at_rest, desk)
+            unknowns, at_rest, arrays = (
+                choose(system, free),
+                None,
+                new_arrays(system, state),
+            )
+        solve_accelerations(system, state, unknowns, at_rest, arrays)
         if self.axis is not None:
             system = stay_in_plane(system, self.axis)
             system = drop_rows(system, symmetric_rows(system, start, self.axis))
@@ -125,7 +129,7 @@ class SubsystemIntegrator:
         fresh = new_workspace(system, unknowns, state, chunk, accelerations)
         name = ("workspace", self.axis, id(unknowns))
         self.workspace: Workspace = self.storage.place(name, fresh)
-        _prepare(self.workspace.system, self.workspace.state, self.workspace.start, desk.call)
+        _prepare(self.workspace.system, self.workspace.state, self.workspace.start, arrays.call)
 
     def _add_shared(self, system: System, state: State) -> None:
         """Add the reactions that are not unique in this state to those found before."""

@@ -56,7 +56,7 @@ from msahl.system.arrays import State, System, SystemWorkspace
 from msahl.system.evaluate import dt2, joint_jacobian, set_reactions
 
 BY_THREE_CHANGES, BY_LAST_CHANGE, BY_LAST_STEP = 1.0, 0.0, -1.0
-"""Values of ``State.foresight``: the next accelerations follow from the last three changes of them
+"""Values of ``State.predictor``: the next accelerations follow from the last three changes of them
 or from the last one; or they are not predicted, since the last step's motion is nearer."""
 
 
@@ -117,7 +117,7 @@ def repeat_last(
 @kernel
 def expected_change(state: State, trend: np.ndarray, k: int) -> Vector:
     """Predicted change: by the last three changes, unless the last one alone predicts better."""
-    if state.foresight[0] == BY_THREE_CHANGES:
+    if state.predictor[0] == BY_THREE_CHANGES:
         return extrapolated_change(trend, k)
     return at(trend[0], k)
 
@@ -194,8 +194,8 @@ def accept(
     if forces.has_first(start.forces):
         lost = rigid_body.lost(system.bodies, start.bodies, start.frames, h, state.a, state.alpha)
         forces.work_of_first(system.forces, start.forces, h, state.a, state.alpha, lost, state.work)
-    if state.foresight[0] != BY_LAST_STEP:
-        state.foresight[0] = BY_THREE_CHANGES if gained >= 0.0 else BY_LAST_CHANGE
+    if state.predictor[0] != BY_LAST_STEP:
+        state.predictor[0] = BY_THREE_CHANGES if gained >= 0.0 else BY_LAST_CHANGE
     if decay.chi > 0.0:
         loss += forces.smooth(system.forces, start.forces, system.scalar, decay.pole)
         loss += beams.smooth(system.beams, start.beams, 0.5 * decay.chi, decay.pole)
