@@ -18,7 +18,6 @@ from msahl.schemes.common.workspace import Workspace, new_workspace
 from msahl.schemes.fixed_stepper import FixedStepper
 from msahl.schemes.midpoint.stepper import MidpointMethod
 from msahl.schemes.stepper import Advance, Chunk, Stepper
-from msahl.start.initial_arrays import jacobian_at_rest, new_arrays
 from msahl.start.positions import assemble
 from msahl.start.redundancy import constraint_rank, is_regular, non_unique_reactions
 from msahl.start.velocities import StartError, make_consistent, solve_accelerations
@@ -44,6 +43,7 @@ from msahl.system.reductions import (
 )
 from msahl.system.state import build_state
 from msahl.system.unknowns import choose
+from msahl.system.work_arrays import jacobian_at_rest, new_work_arrays
 
 
 class SubsystemIntegrator:
@@ -100,28 +100,28 @@ class SubsystemIntegrator:
         self.moved = assemble(system, state) if model.position == "project" else None
         nodes = node_order(system) if self.size >= LARGE else None
         unknowns = choose(system, all_unknowns(system), nodes)
-        arrays = new_arrays(system, state, self.storage if self.size < LARGE else None)
-        at_rest: np.ndarray | None = jacobian_at_rest(system, state, arrays)
+        work_arrays = new_work_arrays(system, state, self.storage if self.size < LARGE else None)
+        at_rest: np.ndarray | None = jacobian_at_rest(system, state, work_arrays)
         self.rank = constraint_rank(system, state, unknowns, at_rest)
         self.redundant = multiplier_count(system) - self.rank
         self.shared: dict[str, list[str]] = {}
         self._add_shared(system, state)
-        if _prepare(system, state, arrays.start, arrays.call):
+        if _prepare(system, state, work_arrays.start, work_arrays.call):
             at_rest = None  # that of other angles
-        start = arrays.start
+        start = work_arrays.start
         self.axis = None if full else plane_normal(system, start)
         free = all_unknowns(system) if full else needed_unknowns(system, start, self.axis)
         if free.size < unknowns.free.size:
             unknowns = choose(system, free, nodes)
-        self.change = make_consistent(system, state, free, model.velocity, arrays)
+        self.change = make_consistent(system, state, free, model.velocity, work_arrays)
         if self.redundant and not is_regular(system, state, unknowns, at_rest):
             system = build_system(model, relaxed=True, places=Places(state.x, state.p))
-            unknowns, at_rest, arrays = (
+            unknowns, at_rest, work_arrays = (
                 choose(system, free),
                 None,
-                new_arrays(system, state),
+                new_work_arrays(system, state),
             )
-        solve_accelerations(system, state, unknowns, at_rest, arrays)
+        solve_accelerations(system, state, unknowns, at_rest, work_arrays)
         if self.axis is not None:
             system = stay_in_plane(system, self.axis)
             system = drop_rows(system, symmetric_rows(system, start, self.axis))
@@ -129,7 +129,9 @@ class SubsystemIntegrator:
         fresh = new_workspace(system, unknowns, state, chunk, accelerations)
         name = ("workspace", self.axis, id(unknowns))
         self.workspace: Workspace = self.storage.place(name, fresh)
-        _prepare(self.workspace.system, self.workspace.state, self.workspace.start, arrays.call)
+        _prepare(
+            self.workspace.system, self.workspace.state, self.workspace.start, work_arrays.call
+        )
 
     def _add_shared(self, system: System, state: State) -> None:
         """Add the reactions that are not unique in this state to those found before."""

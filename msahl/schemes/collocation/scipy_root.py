@@ -34,13 +34,10 @@ class _Equations(StepEquations):
         stages, free = self.subsystem.stages.Z, self.workspace.unknowns.free
         return stages.reshape(self.shape[1], -1)[:, free].T.reshape(-1)
 
-    def evaluate(self, z: np.ndarray, f: np.ndarray) -> tuple[float, int, float]:
+    def evaluate(self, z: np.ndarray, f: np.ndarray) -> Any:
         """See ``StepEquations``."""
-        rows = f.reshape(self.shape)
-        residual, worst, length = _evaluate(
-            self.subsystem, self.h, z.reshape(self.shape), rows, False
-        )
-        return residual, worst, length
+        stages, rows = z.reshape(self.shape), f.reshape(self.shape)
+        return _evaluate(self.subsystem, self.h, stages, rows, False)
 
     def derivative(self, z: np.ndarray) -> np.ndarray:
         """See ``StepEquations``."""
@@ -53,7 +50,7 @@ class _Equations(StepEquations):
         rows = np.where(held, self._relaxation_rows(z.reshape(self.shape)), 0.0)
         part = np.linalg.lstsq(self.jacobian(z), rows.reshape(-1), rcond=None)[0]
         z -= np.where(held, part.reshape(self.shape), 0.0).reshape(-1)
-        polish(self, z, lambda: False)
+        polish(self, z, always=True)
 
     def accept(self, z: np.ndarray) -> None:
         """See ``StepEquations``."""

@@ -52,7 +52,7 @@ class StepEquations(ABC):
         """Return the predicted unknowns (n,)."""
 
     @abstractmethod
-    def evaluate(self, z: np.ndarray, f: np.ndarray) -> tuple[Any, ...]:
+    def evaluate(self, z: np.ndarray, f: np.ndarray) -> Any:
         """Set the rows ``f`` at ``z``; return relative residual, worst row and length [m]."""
 
     @abstractmethod
@@ -81,10 +81,6 @@ class StepEquations(ABC):
         self.workspace.counts[1] += 1
         return self.derivative(z)
 
-    def is_solved(self) -> bool:
-        """Whether the rows evaluated last are solved."""
-        return self.outcome.converged
-
     def is_multiplier(self) -> np.ndarray:
         """(f,) which of the free unknowns are multipliers."""
         first: int = 3 * first_multiplier(self.workspace.system.frames)
@@ -97,13 +93,13 @@ def take_step(step: StepEquations) -> Outcome:
     f = step.residual(z)
     predicted = step.length
     # An infinite residual is that of a system at rest: any force is large relative to no motion.
-    if not step.is_solved() and not np.isnan(step.outcome.residual):
+    if not step.outcome.converged and not np.isnan(step.outcome.residual):
         z = find_root(step, z, f)
-        if step.workspace.system.relaxation > 0.0 and step.is_solved():
+        if step.workspace.system.relaxation > 0.0 and step.outcome.converged:
             step.remove_null_parts(z)
     if is_implausible(step.workspace.system, predicted, step.length):
         return Outcome(np.inf, step.outcome.worst)
-    if step.is_solved():
+    if step.outcome.converged:
         step.accept(z)
     return step.outcome
 
@@ -125,20 +121,20 @@ def find_root(step: StepEquations, z: np.ndarray, f: np.ndarray) -> np.ndarray:
             options={"xtol": STEP_TOLERANCE},
         )
         result: np.ndarray = z + unit * found.x
-        polish(step, result, step.is_solved)
+        polish(step, result)
     return result
 
 
-def polish(step: StepEquations, z: np.ndarray, is_enough: Callable[[], bool]) -> None:
-    """Improve the root ``z`` by a few steps of Newton's method; the rows are evaluated last at the
-    result.
+def polish(step: StepEquations, z: np.ndarray, always: bool = False) -> None:
+    """Improve the root ``z`` by a few steps of Newton's method, ``always`` or until it is solved;
+    the rows are evaluated last at the result.
 
     ``hybr`` scales all unknowns by the largest row: beside that of a stiff spring all motion is
     small, and its digits are missing.
     """
     f = step.residual(z)
     for _ in range(REPAIRS):
-        if is_enough() or not np.isfinite(f).all():
+        if (step.outcome.converged and not always) or not np.isfinite(f).all():
             break
         A = step.jacobian(z)
         if not np.isfinite(A).all():

@@ -104,7 +104,7 @@ def take_step(workspace: Workspace, h: float, share: float, count_work: CountWor
         return Outcome(np.inf, steps.step.outcome.worst)
     if workspace.system.relaxation > 0.0:
         steps.step.remove_null_parts(z)
-    if steps.step.is_solved():
+    if steps.step.outcome.converged:
         steps.step.accept(z)
     return steps.step.outcome
 
@@ -128,10 +128,10 @@ def follow(equations: Steps) -> np.ndarray | None:
 
 
 def _follow(equations: Steps) -> np.ndarray | None:
-    begun = _begin(equations)
-    if begun is None:
+    first = _begin(equations)
+    if first is None:
         return None
-    z, s = begun
+    z, s = first
     path = _Path(equations, max(float(np.abs(z).max()) / s, np.finfo(float).tiny))
     upwards = np.append(np.zeros(z.size), 1.0)
     point = path.point(np.append(z / path.unit, s), upwards)

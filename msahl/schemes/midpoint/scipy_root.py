@@ -1,5 +1,7 @@
 """Solves steps of order 2 by scipy; see ``schemes.common.scipy_root``."""
 
+from typing import Any
+
 import numpy as np
 
 from msahl.jit.compiled import Call, compiled
@@ -29,10 +31,9 @@ class Equations(StepEquations):
         _predict(self.workspace, self.h, z)
         return z
 
-    def evaluate(self, z: np.ndarray, f: np.ndarray) -> tuple[float, int, float]:
+    def evaluate(self, z: np.ndarray, f: np.ndarray) -> Any:
         """See ``StepEquations``."""
-        residual, worst, length = _residual(self.workspace, self.h, z, f)
-        return residual, worst, length
+        return _residual(self.workspace, self.h, z, f)
 
     def derivative(self, z: np.ndarray) -> np.ndarray:
         """See ``StepEquations``."""
