@@ -49,10 +49,11 @@ MOMENTUM = f"{GAUSS}::test_momentum_of_free_bodies_is_kept"
 ENERGY = f"{GAUSS}::test_the_energy_error_does_not_grow"
 ROUNDED = f"{SHORT}::test_rounding_errors_of_positions_do_not_add_up"
 BEAM_STEP = "tests/elements/beams/test_midpoint.py"
+BEAM_ENERGY = f"{BEAM_STEP}::test_energy_and_momenta_stay_at_any_stiffness"
 BEAM_STAGE = "tests/elements/beams/test_stage.py"
-BEAM_SHAPE = "tests/elements/beams/test_shape.py"
 COMPLIANCE = "tests/elements/test_compliance.py"
-ACTUATORS = "tests/physics/test_actuators.py"
+BOTH_FORMS = f"{COMPLIANCE}::test_the_motion_is_that_of_the_stiffness_form"
+ACTUATORS = "tests/physics/test_actuators.py::test_orders_with_auxiliary_states"
 ESTIMATE = "tests/run/test_error_estimate.py"
 SMALL_STEPS = "test_with_small_steps_the_estimate_is_the_safety_factor_times_the_error"
 EVEN_DEGREE = "test_what_gauss_of_even_degree_keeps_is_estimated_by_the_displacement_of_a_step"
@@ -171,23 +172,26 @@ MUTANTS = (
            (BEAM_STEP,)),
     Mutant("beams: bending about the second axis",
            "0.5 * (dot(d[0], d_slope[2]) - dot(d[2], d_slope[0]))",
-           "0.5 * (dot(d[0], d_slope[2]) + dot(d[2], d_slope[0]))", (BEAM_SHAPE,)),
+           "0.5 * (dot(d[0], d_slope[2]) + dot(d[2], d_slope[0]))", (BEAM_ENERGY,)),
     Mutant("beams: damping of a collocation stage with the wrong sign",
            "node.strain[g, i] + group.damping[g, i] * rate",
-           "node.strain[g, i] - group.damping[g, i] * rate", (BEAM_STAGE,)),
+           "node.strain[g, i] - group.damping[g, i] * rate",
+           (f"{BEAM_STAGE}::test_the_work_of_damping_is_in_the_balance", BEAM_STAGE)),
     Mutant("beams: torsion constant of a rectangle",
-           "(math.pi**5 * a)", "(math.pi**4 * a)", ("tests/beams/test_sections.py",)),
+           "(math.pi**5 * a)", "(math.pi**4 * a)",
+           ("tests/beams/test_sections.py::test_torsion_of_rectangles",)),
     Mutant("compliance: preload has the wrong sign",
            "elongation + group.compliance[j] * springs.preload",
-           "elongation - group.compliance[j] * springs.preload", (COMPLIANCE,)),
+           "elongation - group.compliance[j] * springs.preload", (BOTH_FORMS,)),
     Mutant("compliance: retardation halved",
            "0.5 + retardation(group, springs, j) / h",
-           "0.5 + 0.5 * retardation(group, springs, j) / h", (COMPLIANCE,)),
+           "0.5 + 0.5 * retardation(group, springs, j) / h", (BOTH_FORMS,)),
     Mutant("compliance: smoothed stretch of the decaying scheme",
            "row -= group.compliance[j] * springs.decay[s]",
-           "row += group.compliance[j] * springs.decay[s]", (COMPLIANCE,)),
+           "row += group.compliance[j] * springs.decay[s]", (BOTH_FORMS,)),
     Mutant("compliance: load at one configuration without its damper",
-           "-T - springs.damping[s] * rate[q]", "-T", (COMPLIANCE,)),
+           "-T - springs.damping[s] * rate[q]", "-T",
+           (f"{COMPLIANCE}::test_forces_at_one_configuration_and_their_derivatives_are_the_same",)),
     Mutant("signals: state advanced by half a step",
            "start.state[k] + h * start.state_rate[k]",
            "start.state[k] + 0.5 * h * start.state_rate[k]", (ACTUATORS,)),
@@ -198,7 +202,7 @@ MUTANTS = (
            (ACTUATORS,)),
     Mutant("signals: derivative of a square root",
            "0.5 / result if result > 0.0", "1.0 / result if result > 0.0",
-           ("tests/expressions/test_tape.py",)),
+           ("tests/expressions/test_tape.py::test_values_and_gradients_of_random_expressions",)),
     Mutant("error estimate: Richardson's factor dropped",
            "SAFETY / (1.0 - 0.5**settings.order)", "SAFETY",
            (f"{ESTIMATE}::{SMALL_STEPS}",)),
@@ -218,12 +222,15 @@ MUTANTS = (
            "h * speed > 2.0 * MAX_ROTATION:", "h * speed > 1e3 * MAX_ROTATION:",
            (f"{CONTROL}::test_a_step_in_which_a_body_begins_to_rotate_is_limited_as_well",)),
     Mutant("sweep: outcomes of other software adopted",
-           ' and row.get("software") == self.software', "", (STORE,)),
+           ' and row.get("software") == self.software', "",
+           (f"{STORE}::test_outcomes_of_other_software_are_computed_again",)),
     Mutant("sweep: options are no part of a point's id",
            "digest_of([job.digest, options, numeric_versions()])",
-           "digest_of([job.digest, numeric_versions()])", (STORE,)),
+           "digest_of([job.digest, numeric_versions()])",
+           (f"{STORE}::test_other_options_are_other_points",)),
     Mutant("sweep: failed points replace good ones",
-           "if not self.usable(row):", "if False:", (STORE,)),
+           "if not self.usable(row):", "if False:",
+           (f"{STORE}::test_failed_points_are_tried_again_only_by_retry_or_with_more_time",)),
     Mutant("inverse: one round of friction",
            "range(MOST_ROUNDS if self.by_reactions else 1)", "range(1)",
            (f"{INVERSE}::test_friction_of_an_arm_is_by_the_reactions_of_the_same_time",)),
