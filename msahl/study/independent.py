@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from msahl.elements import signals
+from msahl.elements.signals.group import use_reactions
 from msahl.jit.compiled import working_clock
 from msahl.model import Model
 from msahl.results.read import ResultError
@@ -112,7 +112,7 @@ def independent(
     """
     times = np.unique(times)
     dynamics = Dynamics(model)
-    if signals.use_reactions(dynamics.system.forces.signals):
+    if use_reactions(dynamics.system.forces.signals):
         raise ResultError(_OF_STEPS)
     found = reference_cache.load(model, times, accuracy)
     if found is None:
@@ -243,8 +243,8 @@ def _sizes(first: np.ndarray, auxiliary: int) -> np.ndarray:
     components = np.abs(first[: SIZE * bodies]).reshape(-1, SIZE).max(axis=0)
     sizes = np.ones(SIZE)
     for kind, least in ((slice(0, 3), 1e-2), (slice(7, 10), 1.0), (slice(10, 13), 1.0)):
-        own = components[kind]
-        sizes[kind] = np.maximum(own, 1e-2 * max(own.max(), least))
+        indices = components[kind]
+        sizes[kind] = np.maximum(indices, 1e-2 * max(indices.max(), least))
     # A state that begins at zero has no size of its own.
     return np.concatenate([np.tile(sizes, bodies), np.maximum(np.abs(first[SIZE * bodies :]), 1.0)])
 

@@ -9,11 +9,20 @@ import numpy as np
 from msahl.algebra.rotation import compose, matrix, to_axis_angle
 from msahl.algebra.rotation import inverse as opposite
 from msahl.algebra.vector import at
-from msahl.analysis.linear_models.columns import BODIES, RATES, columns_by_table, headers, rows_of
+from msahl.analysis.linear_models.columns import (
+    BODIES,
+    RATES,
+    WORK,
+    columns_by_table,
+    force_rows,
+    headers,
+    motion_rows,
+    motions_of,
+)
 from msahl.analysis.linearised.coefficients import coefficients
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.projection import close, move, prepared
-from msahl.elements import signals
+from msahl.elements.signals.group import use_reactions
 from msahl.model import SignalState
 from msahl.ports import forces
 from msahl.start.velocities import make_consistent, solve_accelerations
@@ -41,7 +50,7 @@ def beside(point, dq, dv, ds):
     make_consistent(system, moved, unknowns.free, "massWeighted")
     group = system.forces.signals
     # Until reactions that expressions depend on are those that follow.
-    for _ in range(30 if group is not None and signals.use_reactions(group) else 1):
+    for _ in range(30 if group is not None and use_reactions(group) else 1):
         solve_accelerations(system, moved, unknowns)
     return Point(point.model, system, moved, unknowns)
 
@@ -52,7 +61,8 @@ def values(point, origin):
     """
     model, system, state = point.model, point.system, point.state
     found = {}
-    tables, heads = rows_of(point, [state]), headers(model)
+    tables, heads = force_rows(point, [state]), headers(model)
+    tables |= motion_rows(point, motions_of(point, [state]), tables[WORK])
     # Of two columns of one name that of the first table is meant.
     for name in reversed([*columns_by_table(model), BODIES, RATES]):
         if name in tables:

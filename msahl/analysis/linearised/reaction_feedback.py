@@ -17,8 +17,8 @@ from msahl.analysis.linearised.coefficients import Evaluated
 from msahl.analysis.linearised.plain_units import equation_numbers
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.projection import move, prepared
-from msahl.elements import signals
 from msahl.elements.frames import first_multiplier
+from msahl.elements.signals.group import REACTION
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, node_count
 
@@ -43,7 +43,7 @@ def joints_used(system: System) -> np.ndarray:
     used = [*system.forces.friction.joint.tolist()]
     group = system.forces.signals
     if group is not None:
-        used += group.item[group.kind == signals.REACTION].tolist()
+        used += group.item[group.kind == REACTION].tolist()
     return np.unique(np.array(used, dtype=int))
 
 
@@ -143,7 +143,7 @@ def _by_multipliers(point: Point, joints: np.ndarray) -> np.ndarray:
     for c, place in enumerate(places.tolist()):
         force = np.zeros_like(point.state.force)
         force.reshape(-1)[place] = 1.0
-        own = point.state._replace(force=force, reaction=np.zeros_like(point.state.reaction))
-        evaluate.set_reactions(system, own, start, Z)
-        by_multiplier[:, c] = own.reaction[joints].reshape(-1)
+        changed = point.state._replace(force=force, reaction=np.zeros_like(point.state.reaction))
+        evaluate.set_reactions(system, changed, start, Z)
+        by_multiplier[:, c] = changed.reaction[joints].reshape(-1)
     return by_multiplier
