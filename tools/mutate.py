@@ -74,8 +74,7 @@ LOCAL = "schemes/collocation/local_rotation.py"
 TABLEAU = "schemes/collocation/tableau.py"
 CONCENTRATED = "ports/concentrated.py"
 DRAG, POINT = "laws/drag.py", "ports/point.py"
-FRICTION = "ports/friction.py"
-SPRING = "ports/spring.py"
+ALONG, FRICTION, SPRING = "ports/coordinate.py", "laws/friction.py", "laws/spring.py"
 PRODUCTS = "elements/constraints/products.py"
 COINCIDE = "elements/constraints/coincide.py"
 ROWS = "elements/constraints/equations.py"
@@ -110,9 +109,9 @@ MUTANTS = (
            "0.5 * decay.chi * (dot(y_v", "decay.chi * (dot(y_v", (DECAYING,)),
     Mutant("decaying: pole of the smoothed changes", "model/scheme.py",
            "(1.0 - 3.0 * rho) / (3.0 - rho)", "(1.0 - 2.0 * rho) / (3.0 - rho)", (DECAYING,)),
-    Mutant("decaying: spring damps the smoothed stretch the wrong way", SPRING,
-           "group.decay[s] * (dq - stretch[s])\n        start.load",
-           "group.decay[s] * (dq + stretch[s])\n        start.load", (DERIVATIVE, DECAYING)),
+    Mutant("decaying: spring damps the smoothed stretch the wrong way", ALONG,
+           "group.decay[s] * (dq - stretch[s])\n        lag",
+           "group.decay[s] * (dq + stretch[s])\n        lag", (DERIVATIVE, DECAYING)),
     Mutant("collocation: gyroscopic force not transposed", EQUATIONS,
            "times(transpose(local_rotation.rate_slope(c, c_dot)), z)",
            "times(local_rotation.rate_slope(c, c_dot), z)", (ORDERS, STAGES)),
@@ -158,15 +157,15 @@ MUTANTS = (
     Mutant("force at a point: work over a step halved", POINT,
            "+= dot(f, moved)", "+= 0.5 * dot(f, moved)", (WORK,)),
     Mutant("friction: derivative by the rate", FRICTION,
-           "-limit * (1.0 - t * t) / group.width[f]", "-limit * (1.0 + t * t) / group.width[f]",
+           "limit * (1.0 - t * t) / c[2]", "limit * (1.0 + t * t) / c[2]",
            (EVALUATE, DERIVATIVE)),
-    Mutant("friction: reaction without one component", FRICTION,
+    Mutant("friction: reaction without one component", ALONG,
            " + reactions[joint, 2] ** 2", "", (ENGINE, FORCES)),
-    Mutant("spring: mean of a table's tension", SPRING,
-           "tension(group, laws, s, q0 + 0.5 * dq)", "tension(group, laws, s, q0 + dq)",
+    Mutant("spring: mean of its tension", SPRING,
+           "(q + 0.5 * dq - free), 0.5", "(q + dq - free), 0.5",
            (WORK, FORCES)),
-    Mutant("spring: power of the damper", SPRING,
-           "rate[group.coordinate[s]] ** 2 * dt", "abs(rate[group.coordinate[s]]) * dt",
+    Mutant("force along a coordinate: power of the damper", ALONG,
+           "q_dot**2 * dt", "abs(q_dot) * dt",
            (FORCES, WORK)),
     Mutant("constraint: moment of a sliding direction's owner", PRODUCTS,
            "t_a = add(t_a, cross(n, D))", "t_a = add(t_a, cross(D, n))", (IDEAL, DERIVATIVE)),

@@ -69,7 +69,7 @@ def set_strains(system: System, state: State) -> None:
         group = system.scalar.coordinates
         at = new_coordinates_workspace(group)
         coordinates.prepare(group, state.x, rotations(state.p), state.angle, at)
-        springs = system.forces.spring
+        springs = system.forces.along
         compliance.correct_elongations(system.forces.compliance, springs, at, 1.0, state.elongation)
     if system.beams is not None:
         start = new_workspace(system.beams, state.strain, state.strain_rise)
