@@ -13,10 +13,10 @@ from msahl.jit.by_size import LARGE, by_size
 from msahl.jit.storage import Storage, Storages
 from msahl.model import Model, resolve
 from msahl.ports import forces
+from msahl.schemes.common import workspace
+from msahl.schemes.common.workspace import Workspace, new_workspace
 from msahl.schemes.fixed_stepper import FixedStepper
-from msahl.schemes.midpoint import workspace
 from msahl.schemes.midpoint.stepper import MidpointMethod
-from msahl.schemes.midpoint.workspace import Workspace, new_workspace
 from msahl.schemes.stepper import Advance, Chunk, Stepper
 from msahl.start.positions import assemble
 from msahl.start.redundancy import constraint_rank, is_regular, non_unique_reactions

@@ -38,7 +38,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from msahl.jit.compiled import Call
-from msahl.schemes.midpoint.workspace import Workspace
+from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.outcome import Outcome, Requests
 from msahl.schemes.output_schedule import NO_OUTPUT, OutputSchedule
 from msahl.system.arrays import State

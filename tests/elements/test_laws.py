@@ -21,8 +21,8 @@ from msahl.model.couplings import COORDINATES
 from msahl.model.scheme import EXPONENTIAL, ORDER_TWO
 from msahl.ports import concentrated, forces
 from msahl.run.subsystem import SubsystemIntegrator
+from msahl.schemes.common.workspace import new_workspace
 from msahl.schemes.midpoint import equations, free_equations, newton
-from msahl.schemes.midpoint.workspace import new_workspace
 from msahl.system import evaluate
 from msahl.system.arrays import new_system_workspace, node_count
 from msahl.system.build import build_system

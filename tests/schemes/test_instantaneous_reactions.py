@@ -13,8 +13,8 @@ from msahl.cli.main import main
 from msahl.model import INSTANTANEOUS
 from msahl.post.cli import main as post
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.schemes import accelerations
-from msahl.schemes.accelerations import new_instant
+from msahl.schemes.common import accelerations
+from msahl.schemes.common.accelerations import new_instant
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import Chunk
 from tests.support.closed_forms import recognise

@@ -35,9 +35,9 @@ from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.verdict import ENERGY_FAIL, PASS
 from msahl.schemes.collocation import newton, predictor, scipy_root
 from msahl.schemes.collocation.newton import CollocationWorkspace
+from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.fixed_stepper import FixedStepper
 from msahl.schemes.midpoint import equations, free_equations
-from msahl.schemes.midpoint.workspace import Workspace
 from msahl.start.velocities import StartError
 from msahl.study.independent import independent
 from msahl.study.reference import Reference

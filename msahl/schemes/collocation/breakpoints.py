@@ -17,7 +17,7 @@ from msahl.algebra.functions import PIECES, Laws, piece_of
 from msahl.elements.constraints import scalar
 from msahl.jit.kernel import apart, kernel
 from msahl.ports import forces
-from msahl.schemes.midpoint.workspace import Workspace
+from msahl.schemes.common.workspace import Workspace
 from msahl.system.arrays import System
 
 SAMPLES = 8

@@ -70,7 +70,7 @@ from msahl.jit.kernel import kernel, optional, unit
 from msahl.ports import forces
 from msahl.schemes.collocation import jacobian, local_rotation
 from msahl.schemes.collocation.workspace import StageArrays, moment_for_parameters, set_node
-from msahl.schemes.midpoint import equations
+from msahl.schemes.common.criteria import step_length
 from msahl.system.arrays import State, System, SystemWorkspace
 from msahl.system.evaluate import prepare
 
@@ -114,7 +114,7 @@ def evaluate(
     signals.refuse_stages(system.forces.signals, stages.signals, stages.F)
     length = 0.0
     for k in range(tableau.force_weight.size):
-        length = max(length, equations.step_length(system, start, h, stages.Z[k]))
+        length = max(length, step_length(system, start, h, stages.Z[k]))
     return length
 
 

@@ -19,8 +19,7 @@ from msahl.schemes.collocation import dense_output, newton, step_control
 from msahl.schemes.collocation.newton import CollocationWorkspace, new_collocation_workspace
 from msahl.schemes.collocation.step_control import ControlSettings
 from msahl.schemes.collocation.workspace import StageArrays
-from msahl.schemes.midpoint.stepper import kind_of
-from msahl.schemes.midpoint.workspace import Workspace
+from msahl.schemes.common.workspace import Workspace, kind_of
 from msahl.schemes.outcome import Outcome, Requests
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import NO_TIMES, Advance, Chunk, Events, Stepper

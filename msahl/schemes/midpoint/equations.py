@@ -174,23 +174,6 @@ def jacobian(
     )
 
 
-@kernel
-def step_length(system: System, start: SystemWorkspace, h: float, Z: np.ndarray) -> float:
-    """Length of the step [m], relative to which a residual is judged: its largest term."""
-    h2, gravity = dt2(system, h), system.bodies.gravity
-    # A maximum for each component: one for all would have every comparison wait for the last one.
-    x, y, z = h2 * abs(gravity[0]), h2 * abs(gravity[1]), h2 * abs(gravity[2])
-    for b in range(moving_count(system.frames)):
-        v, W, length = at(start.frames.v, b), at(start.frames.W, b), system.frames.length[b]
-        x = max(x, h * abs(v[0]), h * abs(W[0]) * length)
-        y = max(y, h * abs(v[1]), h * abs(W[1]) * length)
-        z = max(z, h * abs(v[2]), h * abs(W[2]) * length)
-    for node in range(Z.shape[0]):
-        u = at(Z, node)
-        x, y, z = max(x, abs(u[0])), max(y, abs(u[1])), max(z, abs(u[2]))
-    return max(x, y, z)
-
-
 @apart
 def accept(
     system: System, state: State, start: SystemWorkspace, h: float, Z: np.ndarray, F: np.ndarray

@@ -8,10 +8,10 @@ import pytest
 import msahl
 from msahl.analysis.inverse.drives import InverseError
 from msahl.analysis.inverse.given import Measures
-from msahl.analysis.inverse.report import verdict
 from msahl.analysis.inverse.solution import inverse
 from msahl.analysis.inverse.splines import derived
 from msahl.analysis.inverse.table import Track, motion_of_table, product, spins
+from msahl.analysis.inverse.verdict import verdict
 from msahl.analysis.linearised.point import at_start
 from msahl.model import Joint
 from tests.support.models import GROUND, ROOT, body, build_model
