@@ -98,8 +98,7 @@ class PointLoad:
 @dataclass(frozen=True, slots=True)
 class JointLoad:
     """Force along the ``coordinate`` of ``joint`` by a ``law`` of ``msahl.laws``, for example
-    friction; the coordinate counts from t = 0. ``parameters`` are the law's fields by name, in SI.
-    """
+    friction. ``parameters`` are the law's fields by name, in SI."""
 
     name: str
     law: str

@@ -15,6 +15,7 @@ import numpy as np
 from msahl.algebra.functions import Law
 from msahl.algebra.vector import ZERO, Vector, sub
 from msahl.elements.beams.build import node_shares
+from msahl.joints.coordinates import angle_offset
 from msahl.joints.joint import (
     Coincide,
     Coordinate,
@@ -296,13 +297,13 @@ class _Collector:
         elif isinstance(load, Bushing):
             self._bushing(column, load)
         elif isinstance(load, JointLoad):
-            law = JOINT_LAWS[load.law]
+            law, angular = JOINT_LAWS[load.law], load.coordinate == "angle"
             entry = CoordinateEntry(
                 law=law,
                 coordinate=self._joint_coordinate(load.joint, load.coordinate),
                 parameters=load.parameters,
                 column=column,
-                origin=np.nan,
+                origin=-angle_offset(self.joints[load.joint]) if angular else 0.0,
                 joint=self.number[load.joint] if law.by_reaction else -1,
             )
             self.elements.along.append(entry)

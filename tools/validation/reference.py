@@ -525,10 +525,10 @@ class Equations:
     # Loads.
 
     def _counted_from_start(self) -> list[tuple[str, Signal]]:
-        """Signals of springs and other loads, by a key, that count from t = 0."""
+        """Signals of springs, by a key, that count from t = 0."""
         found = []
         for load in self.model.loads:
-            if isinstance(load, JointSpring | JointLoad):
+            if isinstance(load, JointSpring):
                 found.append((load.name, self.coordinate(load.joint, load.coordinate)))
             elif isinstance(load, SpringDamper) and load.free_length is None:
                 D = self.across(load)
@@ -723,7 +723,8 @@ class Equations:
                 rows = slice(starts[j], starts[j + 1])
                 N = np.linalg.norm(lam[rows] @ G[rows, place : place + 3])
                 law = JOINT_LOADS[of.law]
-                value = q.value - self.origins.get(of.name, 0.0)
+                angular = of.coordinate == "angle"
+                value = q.value + (angle_offset(self.joints[of.joint]) if angular else 0.0)
                 total += law(value, q.rate, N, **dict(of.parameters)) * q.G
             a, new = solve(total)
             done = np.abs(new - lam).max() <= 1e-15 * np.abs(new).max()

@@ -179,7 +179,7 @@ def _springs(start: Point, point: Point) -> tuple[dict[str, float], dict[str, fl
     of springs on joints have moved since then [m or rad].
     """
     length, travel = dict[str, float](), dict[str, float]()
-    loads, springs = start.model.loads, collect(start.model).springs
+    loads, springs = start.model.loads, collect(start.model).along
     if not springs:
         return length, travel
     before, after = _values(start), _values(point)
