@@ -25,8 +25,8 @@ from msahl.cli.console import (
     writing,
 )
 from msahl.cli.decks import job_to_run
+from msahl.cli.interruption import Interruption, set_alarm, stoppable
 from msahl.cli.options import DECK, output_option, run_options, set_option
-from msahl.cli.signals import Interruption, set_alarm, stoppable
 from msahl.printable import printable, shown_path
 
 if TYPE_CHECKING:

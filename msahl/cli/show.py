@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from msahl.cli.console import BAD_INPUT, say, stop, writing
+from msahl.cli.interruption import stoppable
 from msahl.cli.options import DECK, set_option
-from msahl.cli.signals import stoppable
 from msahl.printable import shown_path
 from msahl.terminal import echo
 

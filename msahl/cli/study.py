@@ -12,8 +12,8 @@ import click
 
 from msahl.cli.console import BAD_INPUT, NOT_CONVERGED, OTHER_FOLDER, say, stop, writing
 from msahl.cli.decks import model_to_run
+from msahl.cli.interruption import Interruption, stoppable
 from msahl.cli.options import DECK, NumberType, output_option, set_option
-from msahl.cli.signals import Interruption, stoppable
 from msahl.model.scheme import AUTO, choices
 from msahl.printable import shown_path
 from msahl.terminal import echo

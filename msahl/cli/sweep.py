@@ -13,8 +13,8 @@ import click
 
 from msahl.cli.command_line import typed_command
 from msahl.cli.console import BAD_VERDICT, NOT_WRITTEN, say, stop
+from msahl.cli.interruption import Interruption, stoppable
 from msahl.cli.options import DECK, NumberType, output_option, run_options
-from msahl.cli.signals import Interruption, stoppable
 from msahl.printable import printable, shown_path
 from msahl.terminal import echo
 
