@@ -253,12 +253,12 @@ class Model:
 
     def _repr_html_(self) -> str:
         """Return a short table for a notebook."""
-        of, simulation = self.records, self.records.simulation
+        model, simulation = self.records, self.records.simulation
         rows = {
             "deck": str(self._deck.source.path),
-            "bodies": str(len(of.bodies)),
-            "joints": str(len(of.joints) + len(of.couplings)),
-            "loads": str(len(of.loads)),
+            "bodies": str(len(model.bodies)),
+            "joints": str(len(model.joints) + len(model.couplings)),
+            "loads": str(len(model.loads)),
             "scheme": simulation.scheme,
             "step size": f"{simulation.dt:g} s",
             "end": f"{simulation.t_final:g} s",

@@ -217,11 +217,11 @@ def _name_own_basis(
 ) -> None:
     """Name the axes of the node of a beam to which the element itself attaches."""
     label = end.find("name") if end is not owner else owner.find("body")
-    own = text(label)
-    if own == beam and owner.tag in ALL_NODES:
+    body = text(label)
+    if body == beam and owner.tag in ALL_NODES:
         return  # each node has its own load
-    if own.rpartition(".")[0] == beam:
-        element.set("basis", own)
+    if body.rpartition(".")[0] == beam:
+        element.set("basis", body)
         return
     message = f"'{beam}' is a beam, whose nodes have axes of their own"
     reader.faults.add(element, f"{message}; name one, such as '{beam}.first' or '{beam}.last'")

@@ -87,9 +87,9 @@ def own_references(
     given = []
     for side, axis in zip(SIDES, axes, strict=True):
         reference = side_direction(element, side, "reference", reader)
-        own = text(element.find(f"{side}/name"))
+        body = text(element.find(f"{side}/name"))
         if reference is not None:
-            reference = reader.context.rotated(reference, INERTIAL, own)
+            reference = reader.context.rotated(reference, INERTIAL, body)
             if sine(axis, reference) < PARALLEL:
                 reader.faults.add(element, REFERENCE_PARALLEL)
                 return None
@@ -99,10 +99,10 @@ def own_references(
 
 def side_direction(element: Element, side: str, tag: str, reader: Reader) -> Vector | None:
     """Return the direction ``tag`` of one end, inertial axes; its basis is that end's body."""
-    own = text(element.find(f"{side}/name"))
-    if own not in reader.context.axes:
+    body = text(element.find(f"{side}/name"))
+    if body not in reader.context.axes:
         return None
-    return reader.direction(element.find(f"{side}/{tag}"), own)
+    return reader.direction(element.find(f"{side}/{tag}"), body)
 
 
 def carried(axes: Matrix, body: str, reader: Reader) -> Matrix:

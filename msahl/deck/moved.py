@@ -131,8 +131,8 @@ def _set_bodies(document: Element, to: Configuration) -> None:
             _set_components(position, body.position)
             position.set("basis", grounds[0])
         else:
-            own = transpose(matrix(body.orientation))
-            _set_components(position, times(own, body.position))
+            to_body = transpose(matrix(body.orientation))
+            _set_components(position, times(to_body, body.position))
         axis, angle = to_axis_angle(body.orientation)
         if angle:
             rotation = SubElement(SubElement(start, "orientation"), "eulerRotation")

@@ -196,10 +196,12 @@ class _Placing:
         """Return both axes from the one that is given: its components are the same in both bodies,
         unless both have places of their own."""
         names = [text(element.find(f"{side}/name")) for side in SIDES]
-        axis, of = (axes[0], 0) if axes[0] is not None else (axes[1], 1)
+        axis, parent_or_child = (axes[0], 0) if axes[0] is not None else (axes[1], 1)
         if axis is not None and all(self.own[name].place for name in names):
-            rotated = self.reader.context.rotated(axis, names[of], names[1 - of])
-            return [axis, unit(rotated)][:: 1 if of == 0 else -1]
+            rotated = self.reader.context.rotated(
+                axis, names[parent_or_child], names[1 - parent_or_child]
+            )
+            return [axis, unit(rotated)][:: 1 if parent_or_child == 0 else -1]
         return [axis, axis]
 
     def set_places(self) -> None:

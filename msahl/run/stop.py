@@ -25,7 +25,9 @@ def first_fulfilled(integrators: Sequence[SubsystemIntegrator], steps: int) -> i
     """Return the first of the ``steps`` of a chunk after which a condition holds, from 0."""
     found = [
         int(held.argmax())
-        for held in (of.workspace.monitor.rows[:steps, STOP] > 0.0 for of in integrators)
+        for held in (
+            integrator.workspace.monitor.rows[:steps, STOP] > 0.0 for integrator in integrators
+        )
         if held.any()
     ]
     return min(found, default=None)

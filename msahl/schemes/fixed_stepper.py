@@ -89,8 +89,8 @@ class StepMethod(Protocol):
 class FixedStepper:
     """A ``Stepper`` with steps of a given size.
 
-    ``begun`` says whether ``auto`` may use the compiled loop, ``large`` whether the subsystem is
-    too large for scipy.
+    ``may_compile`` says whether ``auto`` may use the compiled loop, ``large`` whether the subsystem
+    is too large for scipy.
     """
 
     def __init__(self, method: StepMethod, solver: str) -> None:
@@ -102,7 +102,7 @@ class FixedStepper:
         self.large = bool(unknowns * max(method.degree, 1) > LARGEST_DENSE)
         # scipy takes the first step of the schemes of order 2. It would have to be compiled for
         # the others as well, so there it is called only where the compiled loop fails.
-        self.begun = method.degree > 0
+        self.may_compile = method.degree > 0
 
     @property
     def kind(self) -> str:
@@ -114,7 +114,7 @@ class FixedStepper:
         """See ``Stepper``."""
         if self.solver == "root":
             return self.method.rare_calls
-        by_scipy = self.solver == "auto" and not self.begun and not self.large
+        by_scipy = self.solver == "auto" and not self.may_compile and not self.large
         return [*self.method.calls, *(self.method.rare_calls if by_scipy else ())]
 
     @property
@@ -125,11 +125,11 @@ class FixedStepper:
     @property
     def counters(self) -> dict[str, Any]:
         """See ``Stepper``."""
-        return {"begun": self.begun, **self.method.counters}
+        return {"may_compile": self.may_compile, **self.method.counters}
 
     def restore(self, counters: dict[str, Any]) -> None:
         """See ``Stepper``."""
-        self.begun = counters["begun"]
+        self.may_compile = counters["may_compile"]
         self.method.restore(counters)
 
     def reset_prediction(self) -> None:
@@ -163,7 +163,7 @@ class FixedStepper:
                     break
                 self.method.record_step(chunk.h, k, chunk.schedule)
                 k += 1
-                self.begun = True
+                self.may_compile = True
                 if time.perf_counter() - began > patience:
                     break
         taken = max(0, k - chunk.first)
@@ -173,7 +173,9 @@ class FixedStepper:
     def _uses_compiled_loop(self) -> bool:
         if self.events is not None:
             return False
-        return self.solver == "newton" or (self.solver == "auto" and (self.begun or self.large))
+        return self.solver == "newton" or (
+            self.solver == "auto" and (self.may_compile or self.large)
+        )
 
     def _solve_hard_step(self, h: float) -> Outcome:
         """Take one step, or all of it in substeps; on failure the state is as before."""
@@ -204,7 +206,7 @@ class FixedStepper:
         if self.solver == "newton" or (self.solver == "auto" and self.large):
             self.requests.after(EVALUATION + STEP_WORK * self.workspace.unknowns.free.size)
             return self.method.take_step(h, share)
-        if self.solver == "root" or not self.begun:
+        if self.solver == "root" or not self.may_compile:
             return self._solve_by_scipy(h, share)
         outcome = Outcome(math.inf, -1)
         if not tried:

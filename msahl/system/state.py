@@ -43,7 +43,7 @@ def build_state(model: Model, system: System) -> State:
         force_trend=np.zeros((3, *multipliers)),
         mean_v=np.zeros_like(x),
         mean_w=np.zeros_like(x),
-        foresight=np.ones(1),
+        prediction=np.ones(1),
         violation=np.zeros(multipliers),
         angle=np.zeros(coordinate_count(system)),
         reaction=np.zeros(joints),

@@ -86,7 +86,7 @@ def _begun(job: Job, text: bytes, start: Mapping[str, Any]) -> Job:
     return replace(job, model=model, moved=text, start=start)
 
 
-def told(start: Mapping[str, Any]) -> str:
+def in_words(start: Mapping[str, Any]) -> str:
     """Return in words where a run starts, as ``Job.start`` has it."""
     held = "; ".join(
         f"motion '{name}' is held for it, but moves at t = 0" for name in start.get("held", ())

@@ -79,8 +79,8 @@ class DeckNumbers:
         so that no other is equal to it.
         """
         changed = [
-            f"{name}={math.nextafter(of.value, math.inf)!r} {of.units}".rstrip()
-            for name, of in numbers.items()
+            f"{name}={math.nextafter(number.value, math.inf)!r} {number.units}".rstrip()
+            for name, number in numbers.items()
         ]
         job, changed = self.job, [*self.job.changed, *changed]
         moved = make_job(job.source, self._deck.model(changed), job.given, changed)
