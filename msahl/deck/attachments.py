@@ -15,7 +15,7 @@ from msahl.beams.mesh import Mesh, mesh
 from msahl.deck.faults import KINDS, Element, attribute, text
 from msahl.deck.joint_start import gives_starts
 from msahl.deck.references import BODIES
-from msahl.deck.values import Reader
+from msahl.deck.values import INERTIAL_BASIS, Reader
 
 ALL_NODES = ("distributed", "bodyForce", "group")
 """Elements whose body may be a beam, all nodes of it."""
@@ -195,7 +195,7 @@ def _check_beams_own(element: Element, reader: Reader) -> None:
     owner, basis = _owner(element)[0], attribute(element, "basis")
     root = element.getroottree().getroot()
     grounds = [text(label) for label in root.iterfind("system/bodies/ground/name")]
-    if owner.tag == "beam" and basis not in (*grounds, text(owner.find("name"))):
+    if owner.tag == "beam" and basis not in (INERTIAL_BASIS, *grounds, text(owner.find("name"))):
         message = f"where '{basis}' is may follow from joints; give the components in the axes"
         reader.faults.add(element, f"{message} of a ground")
 
