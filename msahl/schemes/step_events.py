@@ -1,0 +1,362 @@
+"""Looks for events within a step: a margin that leaves its range, also if it has come back.
+
+After a step the margins (``events.margins``) are known at its ends. They are evaluated once more in
+its middle, on the motion interpolated from positions and velocities at the ends. Where one of them
+is outside its range, or nearer to a level than the three values deviate from a line, the dense
+output of the step is examined: at ``SAMPLES`` equal intervals, and between three neighbours where
+the parabola through them comes near a level, at its largest value by golden sections. So a margin
+that touches a level and comes back is seen. The first time outside is found by bisection there.
+
+The dense output of schemes of order 2 is the cubic motion itself: a parabola in free flight, which
+is exact. What is found is where to begin: the time of an event is that at which steps that are
+taken up to it have the margin at the level, for which ``events.search`` takes them.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from msahl.events import margins
+from msahl.events.margins import END, SPLIT, Margins
+from msahl.jit.kernel import apart, kernel, optional, unit
+from msahl.schemes.accelerations import Instant
+from msahl.schemes.collocation import dense_output
+from msahl.schemes.collocation.dense_output import COARSE, DenseOutput, StepEnd, new_step_end
+from msahl.schemes.midpoint.workspace import Workspace
+from msahl.system import evaluate
+from msahl.system.arrays import State
+
+SAMPLES = 8
+"""Intervals of a step in which margins are examined. One that leaves its range and comes back twice
+within two of them may be taken for one that does so once."""
+GOLDEN, SECTIONS = 0.5 * (math.sqrt(5.0) - 1.0), 20
+"""Factor and number of golden sections: to 2e-5 of a step."""
+BISECTIONS = 40
+SLOPE = 1e-4
+"""Fraction of a step over which the rate of a margin is taken."""
+SOON = 1e-9
+"""Smallest part of a step at whose end an event is sought."""
+ARMED, KNOWN, GUESS, AFTER, LEVEL, RATE, LAST_TIME, LAST_VALUE = range(8)
+"""Places in ``Watch.figures``: time of the first step in which events may end the run; time for
+which values at the start of a step are known [s]; of the event that was found the time by the dense
+output and a time after it [s], the level and the margin's rate; the end [s] of the last step taken
+up to it, and what the margin was beyond the level there."""
+
+
+class Watch(NamedTuple):
+    """What is watched in the steps of one subsystem, and the event found last."""
+
+    margins: Margins
+    divides: bool  # whether events divide steps
+    figures: np.ndarray  # (8,) see above
+    event: np.ndarray  # (1,) the margin that has an event in the last step, or -1
+    ends: np.ndarray  # (3, m) margins at the ends of steps: two, or three of a pair
+    value: np.ndarray  # (SAMPLES + 1, m) within a step
+    probe: np.ndarray  # (m,)
+    low: np.ndarray  # (m,) levels between which a margin may be in the step
+    high: np.ndarray  # (m,)
+    slack: np.ndarray  # (m,) by which it may be beyond
+    before: State  # at the start of the step
+    begin: StepEnd  # of a pair of steps
+    output: DenseOutput
+    instant: Instant | None  # for the dense output of schemes of higher order
+
+
+def new_watch(
+    margins: Margins, state: State, output: DenseOutput, instant: Instant | None
+) -> Watch:
+    """Return what the ``margins`` need in steps from a ``state``. Nothing ends the run yet."""
+    count = margins.kind.size
+    figures = np.zeros(8)
+    figures[ARMED], figures[KNOWN] = math.inf, math.nan
+    return Watch(
+        margins=margins,
+        divides=bool((margins.action == SPLIT).any()),
+        figures=figures,
+        event=np.full(1, -1),
+        ends=np.zeros((3, count)),
+        value=np.zeros((SAMPLES + 1, count)),
+        probe=np.zeros(count),
+        low=np.zeros(count),
+        high=np.zeros(count),
+        slack=np.zeros(count),
+        before=State(*(array.copy() for array in state)),
+        begin=new_step_end(state),
+        output=output,
+        instant=instant,
+    )
+
+
+@kernel
+def is_armed(watch: Watch, t: float) -> bool:
+    """Whether events may end the run in a step from ``t`` [s]."""
+    return t >= watch.figures[ARMED]
+
+
+@kernel
+def is_idle(watch: Watch, t: float) -> bool:
+    """Whether no event can count in a step from ``t`` [s]."""
+    return not (watch.divides or is_armed(watch, t))
+
+
+@kernel
+def begin_step(watch: Watch, workspace: Workspace) -> None:
+    """Save the start of a step."""
+    state = workspace.state
+    copy_state(state, watch.before)
+    dense_output.save_end(watch.output.begin, workspace)
+    watch.event[0] = -1
+    if watch.figures[KNOWN] != state.time[0] and not is_idle(watch, state.time[0]):
+        margins.set_values(watch.margins, workspace.system, workspace.start, watch.ends[0])
+
+
+@kernel
+def has_event(watch: Watch, workspace: Workspace) -> bool:
+    """Whether an event occurs in the step just taken. If so, the state is as before the step."""
+    if is_idle(watch, watch.output.begin.time[0]):
+        return False
+    dense_output.save_end(watch.output.end, workspace)
+    margins.set_values(watch.margins, workspace.system, workspace.start, watch.ends[1])
+    if not find_event(watch, 0):
+        for k in range(watch.low.size):
+            watch.ends[0, k] = watch.ends[1, k]
+        watch.figures[KNOWN] = workspace.state.time[0]
+        return False
+    go_back(watch, workspace)
+    return True
+
+
+@apart
+def go_back(watch: Watch, workspace: Workspace) -> None:
+    """Bring the state back to the start of the step."""
+    copy_state(watch.before, workspace.state)
+    evaluate.prepare(workspace.system, workspace.state, workspace.start)
+    clear(workspace.mean_force)
+    clear(workspace.mean_reaction)
+    watch.figures[KNOWN] = math.nan
+
+
+@kernel
+def clear(values: np.ndarray) -> None:
+    """Set ``values`` (n, k) to zero."""
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            values[i, j] = 0.0
+
+
+@unit
+def find_event(watch: Watch, first: int) -> bool:
+    """Look for an event between ``begin`` and ``end`` of the dense output, at which the margins
+    are the rows ``first`` and ``first + 1`` of the ``ends``.
+    """
+    watch.event[0] = -1
+    output, last = watch.output, watch.value.shape[0] - 1
+    for k in range(watch.low.size):
+        watch.value[0, k], watch.value[2, k] = watch.ends[first, k], watch.ends[first + 1, k]
+    dense_output.fit_ends(output)
+    sample(watch, COARSE, 0.5, watch.value[1])
+    set_ranges(watch, 3)
+    if not is_near_level(watch):
+        return False
+    level = COARSE
+    if fit(watch.instant, output) > 0.0:
+        level = output.nodes.shape[0] - 1
+    for k in range(watch.low.size):
+        watch.value[last, k] = watch.ends[first + 1, k]
+    for i in range(1, last):
+        sample(watch, level, i / last, watch.value[i])
+    set_ranges(watch, last + 1)
+    before, after = 0.0, 0.0
+    for i in range(1, last + 1):
+        if i > 1:
+            after = turning_point(watch, level, i - 1)
+            before = (i - 2) / last
+        if after == 0.0 and outside(watch, watch.value[i]) >= 0:
+            before, after = (i - 1) / last, i / last
+        if after > 0.0:
+            save_event(watch, level, before, after)
+            return True
+    return False
+
+
+@optional(0.0)
+def fit(instant: Instant, output: DenseOutput) -> float:
+    """Fit the dense output of a step of higher order; 1 if there is one."""
+    dense_output.fit(output, instant)
+    return 1.0
+
+
+@apart
+def sample(watch: Watch, level: int, tau: float, value: np.ndarray) -> None:
+    """Set ``value`` (m,) to the margins at the fraction ``tau`` of a step, by a ``level`` of the
+    dense output.
+    """
+    output, workspace = watch.output, watch.output.workspace
+    h = output.end.time[0] - output.begin.time[0]
+    dense_output.set_auxiliary(workspace.system.forces.signals, output, level, h, tau)
+    dense_output.set_basis_weights(output, level, tau)
+    dense_output.interpolate(output, h, tau)
+    margins.set_values(watch.margins, workspace.system, workspace.start, value)
+
+
+@apart
+def set_ranges(watch: Watch, count: int) -> None:
+    """Set the ranges of the margins from the first of ``count`` values that is not at a level;
+    those that do not count now have none.
+    """
+    laws, value = watch.output.workspace.system.laws, watch.value
+    armed = is_armed(watch, watch.output.begin.time[0])
+    for k in range(watch.low.size):
+        watch.low[k], watch.high[k], change = -math.inf, math.inf, 0.0
+        if watch.margins.action[k] == END and not armed:
+            continue
+        for i in range(1, count):
+            change = max(change, abs(value[i, k] - value[0, k]))
+        for i in range(count):
+            low, high, slack = margins.free_range(watch.margins, laws, k, value[i, k], change)
+            watch.low[k], watch.high[k], watch.slack[k] = low, high, slack
+            if low > -math.inf or high < math.inf:
+                break
+
+
+@kernel
+def outside(watch: Watch, value: np.ndarray) -> int:
+    """Return the first margin whose ``value`` is outside its range, -1 if none is."""
+    for k in range(value.size):
+        # Written so that a nan, at which a run cannot go on either, counts as outside.
+        within = watch.low[k] - watch.slack[k] <= value[k] <= watch.high[k] + watch.slack[k]
+        if not within and (watch.low[k] > -math.inf or watch.high[k] < math.inf):
+            return k
+    return -1
+
+
+@kernel
+def is_near_level(watch: Watch) -> bool:
+    """Whether a margin, known at three times of the step, may leave its range within it."""
+    value = watch.value
+    for i in range(1, 3):
+        if outside(watch, value[i]) >= 0:
+            return True
+    for k in range(watch.low.size):
+        bend = abs(value[0, k] - 2.0 * value[1, k] + value[2, k])
+        largest = max(value[0, k], value[1, k], value[2, k])
+        smallest = min(value[0, k], value[1, k], value[2, k])
+        high, low = watch.high[k] + watch.slack[k], watch.low[k] - watch.slack[k]
+        if largest + bend > high or smallest - bend < low:
+            return True
+    return False
+
+
+@kernel
+def turning_point(watch: Watch, level: int, i: int) -> float:
+    """Fraction of the step, between the samples ``i - 1`` and ``i + 1``, at which a margin is
+    outside its range, though it is not at ``i``; 0 if there is none.
+    """
+    value, last = watch.value, watch.value.shape[0] - 1
+    for k in range(watch.low.size):
+        bend = abs(value[i - 1, k] - 2.0 * value[i, k] + value[i + 1, k])
+        for side in (1.0, -1.0):
+            edge = watch.high[k] if side > 0.0 else watch.low[k]
+            if math.isinf(edge) or outside(watch, value[i]) >= 0:
+                continue
+            a, b, c = side * value[i - 1, k], side * value[i, k], side * value[i + 1, k]
+            turns = abs(c - a) < 2.0 * bend and 2.0 * b > a + c
+            if turns and max(a, b, c) + bend > side * edge + watch.slack[k]:
+                tau = peak(watch, level, k, side, (i - 1) / last, (i + 1) / last)
+                if tau > 0.0:
+                    return tau
+    return 0.0
+
+
+@apart
+def peak(watch: Watch, level: int, k: int, side: float, left: float, right: float) -> float:
+    """Fraction of the step between ``left`` and ``right`` at which ``side`` times margin ``k`` is
+    largest; 0 if no margin is outside its range there.
+    """
+    inner, outer = right - GOLDEN * (right - left), left + GOLDEN * (right - left)
+    at_inner, at_outer = probe(watch, level, k, inner), probe(watch, level, k, outer)
+    for _ in range(SECTIONS):
+        if side * at_inner > side * at_outer:
+            right, outer, at_outer = outer, inner, at_inner
+            inner = right - GOLDEN * (right - left)
+            at_inner = probe(watch, level, k, inner)
+        else:
+            left, inner, at_inner = inner, outer, at_outer
+            outer = left + GOLDEN * (right - left)
+            at_outer = probe(watch, level, k, outer)
+    tau = 0.5 * (left + right)
+    probe(watch, level, k, tau)
+    return tau if outside(watch, watch.probe) >= 0 else 0.0
+
+
+@kernel
+def probe(watch: Watch, level: int, k: int, tau: float) -> float:
+    """Return margin ``k`` at the fraction ``tau`` of the step; ``Watch.probe`` receives all."""
+    sample(watch, level, tau, watch.probe)
+    return watch.probe[k]
+
+
+@apart
+def save_event(watch: Watch, level: int, before: float, after: float) -> None:
+    """Save the first event between two fractions of a step, outside the ranges at the second."""
+    figures, output, last = watch.figures, watch.output, after
+    t, h = output.begin.time[0], output.end.time[0] - output.begin.time[0]
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (before + after)
+        sample(watch, level, middle, watch.probe)
+        if outside(watch, watch.probe) >= 0:
+            after = middle
+        else:
+            before = middle
+    sample(watch, level, after, watch.probe)
+    k = outside(watch, watch.probe)
+    edge = watch.high[k]
+    if watch.probe[k] < watch.low[k]:
+        edge = watch.low[k]
+    beyond = watch.probe[k] - edge
+    left, right = max(0.0, after - SLOPE), min(1.0, after + SLOPE)
+    rise = -probe(watch, level, k, left)
+    rise += probe(watch, level, k, right)
+    rate = rise / (right - left)
+    figures[AFTER] = t + h * last
+    tau = after - beyond / rate if rate != 0.0 else after
+    figures[GUESS] = t + h * min(max(tau, SOON), 1.0)
+    figures[LEVEL], figures[RATE] = edge, rate / h
+    watch.event[0] = k
+
+
+@kernel
+def copy_state(state: State, other: State) -> None:
+    """Copy all of ``state`` to ``other``."""
+    for source, target in (
+        (state.time.ravel(), other.time.ravel()),
+        (state.x.ravel(), other.x.ravel()),
+        (state.x_low.ravel(), other.x_low.ravel()),
+        (state.p.ravel(), other.p.ravel()),
+        (state.v.ravel(), other.v.ravel()),
+        (state.w.ravel(), other.w.ravel()),
+        (state.a.ravel(), other.a.ravel()),
+        (state.alpha.ravel(), other.alpha.ravel()),
+        (state.force.ravel(), other.force.ravel()),
+        (state.a_trend.ravel(), other.a_trend.ravel()),
+        (state.alpha_trend.ravel(), other.alpha_trend.ravel()),
+        (state.force_trend.ravel(), other.force_trend.ravel()),
+        (state.mean_v.ravel(), other.mean_v.ravel()),
+        (state.mean_w.ravel(), other.mean_w.ravel()),
+        (state.foresight.ravel(), other.foresight.ravel()),
+        (state.violation.ravel(), other.violation.ravel()),
+        (state.angle.ravel(), other.angle.ravel()),
+        (state.reaction.ravel(), other.reaction.ravel()),
+        (state.reaction_trend.ravel(), other.reaction_trend.ravel()),
+        (state.work.ravel(), other.work.ravel()),
+        (state.v_rise.ravel(), other.v_rise.ravel()),
+        (state.w_rise.ravel(), other.w_rise.ravel()),
+        (state.stretch.ravel(), other.stretch.ravel()),
+        (state.auxiliary.ravel(), other.auxiliary.ravel()),
+        (state.strain.ravel(), other.strain.ravel()),
+        (state.strain_rise.ravel(), other.strain_rise.ravel()),
+        (state.elongation.ravel(), other.elongation.ravel()),
+    ):
+        for i in range(source.size):
+            target[i] = source[i]
