@@ -302,6 +302,7 @@ class TimeLoop:
         """
         shortest: Advance | None = None
         event: Event | None = None
+        parts: dict[int, tuple[float, ...]] = {}
         for integrator in self.setup.integrators:
             # Steps that become hard must not delay the answer to a request to stop. The other
             # subsystems go as far as the first.
@@ -309,6 +310,8 @@ class TimeLoop:
             advance = _complete(
                 integrator, chunk, integrator.advance(chunk, patience), self._stride
             )
+            for k, ends in advance.parts.items():
+                parts[k] = tuple(sorted({*parts.get(k, ()), *ends}))
             if shortest is None or advance.steps < shortest.steps:
                 shortest, event = advance, advance.event
                 failure = None if event else self.setup.plan.failure(integrator, advance)
@@ -320,7 +323,7 @@ class TimeLoop:
                 # The step in which the run ends may have an earlier event here.
                 chunk = chunk._replace(last=min(chunk.last, advance.steps + bool(event)))
         assert shortest is not None
-        return shortest._replace(event=event)
+        return shortest._replace(event=event, parts=parts)
 
     def _finite_steps(self, done: int, schedule: OutputSchedule, begins: np.ndarray) -> int:
         """Number of steps before the first one that left a NaN or an infinite value, at most
@@ -346,7 +349,7 @@ class TimeLoop:
     def _hand_over(self, advance: Advance, chunk: Chunk) -> None:
         """Publish the rows of good steps, and accept the steps if that succeeds."""
         times = chunk.times[: advance.schedule.due[-1]]
-        steps = Steps(chunk.begin, advance.sizes, advance.ends)
+        steps = Steps(chunk.begin, advance.sizes, advance.ends, advance.parts)
         if self._publish(times, self._follow(steps, advance.schedule, times)):
             self.setup.plan.accept(advance)
             self.record.add(advance.steps)
@@ -413,5 +416,5 @@ def _complete(
         return advance
     last = min(advance.steps + missing, chunk.last)
     rest = integrator.advance(chunk._replace(first=advance.steps, last=last))
-    taken, parts = rest.steps, advance.parts | rest.parts
+    taken, parts = rest.steps, {**advance.parts, **rest.parts}
     return rest._replace(sizes=np.full(taken, chunk.h), ends=chunk.ends[:taken], parts=parts)

@@ -21,7 +21,7 @@ from msahl.jit.compiled import Call
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.schemes.outcome import EVALUATION, STEP_WORK, Outcome, Requests
 from msahl.schemes.output_schedule import OutputSchedule
-from msahl.schemes.stepper import Advance, Chunk, Parts, Stepper
+from msahl.schemes.stepper import Advance, Chunk, Stepper
 from msahl.system import evaluate
 
 if TYPE_CHECKING:
@@ -165,7 +165,8 @@ class FixedStepper:
     def advance(self, chunk: Chunk, patience: float = math.inf) -> Advance:
         """See ``Stepper``."""
         k, outcome, event = chunk.first, Outcome(0.0, -1), None
-        began, parts, watching = time.perf_counter(), Parts(), self.method.watching
+        began, watching = time.perf_counter(), self.method.watching
+        parts: dict[int, tuple[float, ...]] = {}
         if watching:
             watching.arm(self.armed)
         while k < chunk.last:

@@ -26,6 +26,7 @@ from msahl.schemes.collocation.dense_output import COARSE, DenseOutput, StepEnd,
 from msahl.schemes.midpoint.workspace import Workspace
 from msahl.system import evaluate
 from msahl.system.arrays import State
+from msahl.system.state import copy_state
 
 SAMPLES = 8
 """Intervals of a step in which margins are examined. One that leaves its range and comes back twice
@@ -324,39 +325,3 @@ def save_event(watch: Watch, level: int, before: float, after: float) -> None:
     figures[GUESS] = t + h * min(max(tau, SOON), 1.0)
     figures[LEVEL], figures[RATE] = edge, rate / h
     watch.event[0] = k
-
-
-@kernel
-def copy_state(state: State, other: State) -> None:
-    """Copy all of ``state`` to ``other``."""
-    for source, target in (
-        (state.time.ravel(), other.time.ravel()),
-        (state.x.ravel(), other.x.ravel()),
-        (state.x_low.ravel(), other.x_low.ravel()),
-        (state.p.ravel(), other.p.ravel()),
-        (state.v.ravel(), other.v.ravel()),
-        (state.w.ravel(), other.w.ravel()),
-        (state.a.ravel(), other.a.ravel()),
-        (state.alpha.ravel(), other.alpha.ravel()),
-        (state.force.ravel(), other.force.ravel()),
-        (state.a_trend.ravel(), other.a_trend.ravel()),
-        (state.alpha_trend.ravel(), other.alpha_trend.ravel()),
-        (state.force_trend.ravel(), other.force_trend.ravel()),
-        (state.mean_v.ravel(), other.mean_v.ravel()),
-        (state.mean_w.ravel(), other.mean_w.ravel()),
-        (state.foresight.ravel(), other.foresight.ravel()),
-        (state.violation.ravel(), other.violation.ravel()),
-        (state.angle.ravel(), other.angle.ravel()),
-        (state.reaction.ravel(), other.reaction.ravel()),
-        (state.reaction_trend.ravel(), other.reaction_trend.ravel()),
-        (state.work.ravel(), other.work.ravel()),
-        (state.v_rise.ravel(), other.v_rise.ravel()),
-        (state.w_rise.ravel(), other.w_rise.ravel()),
-        (state.stretch.ravel(), other.stretch.ravel()),
-        (state.auxiliary.ravel(), other.auxiliary.ravel()),
-        (state.strain.ravel(), other.strain.ravel()),
-        (state.strain_rise.ravel(), other.strain_rise.ravel()),
-        (state.elongation.ravel(), other.elongation.ravel()),
-    ):
-        for i in range(source.size):
-            target[i] = source[i]

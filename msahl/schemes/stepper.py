@@ -34,6 +34,8 @@ A class that implements ``Stepper`` must
 """
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -45,8 +47,9 @@ from msahl.schemes.outcome import Outcome, Requests
 from msahl.schemes.output_schedule import NO_OUTPUT, OutputSchedule
 
 NO_TIMES = np.zeros(0)
-Parts = dict[int, tuple[float, ...]]
+Parts = Mapping[int, tuple[float, ...]]
 """By the number of a step in its chunk, the fractions of it at which events divided it."""
+UNDIVIDED: Parts = MappingProxyType({})
 
 
 class Chunk(NamedTuple):
@@ -75,7 +78,7 @@ class Advance(NamedTuple):
     sizes: np.ndarray  # (steps,) [s]
     ends: np.ndarray  # (steps,) times of the steps' ends [s]
     event: Event | None = None  # that ends the run within the next step
-    parts: Parts = {}  # noqa: RUF012 - of the steps that events divide
+    parts: Parts = UNDIVIDED  # of the steps that events divide
 
 
 class Stepper(Protocol):

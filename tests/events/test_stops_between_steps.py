@@ -1,4 +1,4 @@
-"""A condition that holds between the ends of two steps only ends the run where it begins to hold."""
+"""A condition that holds between the ends of two steps only ends the run where it begins to."""
 
 import math
 from dataclasses import replace
@@ -18,8 +18,8 @@ DECKS = ROOT / "decks"
 G, SPEED, HEIGHT = 9.80665, 6.0, 2.0
 APEX = SPEED / G, HEIGHT + SPEED**2 / (2.0 * G)
 NEAR_TOP = 1e-4
-"""Distance below the highest point at which the run ends: the body is above for 9 ms, less than half
-of a step of 20 ms."""
+"""Distance below the highest point at which the run ends: the body is above for 9 ms, less than
+half of a step of 20 ms."""
 
 
 def stopped(condition, deck):

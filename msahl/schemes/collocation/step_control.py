@@ -47,10 +47,11 @@ from msahl.schemes.collocation import dense_output, newton
 from msahl.schemes.collocation.dense_output import StepEnd
 from msahl.schemes.collocation.newton import CollocationWorkspace
 from msahl.schemes.midpoint.workspace import Workspace
-from msahl.schemes.step_events import Watch, copy_state
+from msahl.schemes.step_events import Watch
 from msahl.system import evaluate
 from msahl.system.arrays import State
 from msahl.system.diagnostics import KINETIC, record_figures
+from msahl.system.state import copy_state
 
 NEXT, SHARE, END, ERROR, LARGEST, BEST, SMALLEST, WIDEST, STOP, ENERGY, STATES = range(11)
 """Places in ``StepControl.figures``: size of the next pair [s]; tolerance per second [m/s]; time
