@@ -94,10 +94,7 @@ coverage: .venv/tested
 
 # Contains the machine code of all kernels, for two levels of x86-64: needs neither numba nor time.
 wheel: .venv/installed
-	$(BIN)/python tools/package_kernels.py
-	$(BIN)/python -m pip wheel -q --disable-pip-version-check --no-deps -w dist . \
-	  -C--build-option=--plat-name=manylinux_2_17_x86_64
-	$(BIN)/python tools/package_kernels.py --clean
+	$(BIN)/python -m tools.build_wheel
 	@ls -l dist/*.whl
 
 # The oldest and the newest numba that pyproject.toml allows.
@@ -105,7 +102,7 @@ test-numba: .venv/tested
 	for version in 0.66 0.68; do \
 	  $(PYTHON) -m venv build/numba-$$version && \
 	  build/numba-$$version/bin/python -m pip install -q --disable-pip-version-check \
-	    -e '.[compile,test]' "numba==$$version.*" && \
+	    -e '.[test]' "numba==$$version.*" && \
 	  NUMBA_CACHE_DIR=$(CURDIR)/build/numba-$$version/cache \
 	    build/numba-$$version/bin/python -m pytest -q tests/jit tests/schemes/test_orders.py || exit 1; \
 	done
@@ -192,15 +189,15 @@ web:
 clean:
 	rm -rf $(RESULTS) .coverage build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
 
-.venv/installed: pyproject.toml
+.venv/installed: pyproject.toml setup.py
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[compile]'
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e .
 	@touch $@
 
 .venv/tested: .venv/installed
-	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[compile,test]'
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[test]'
 	@touch $@
 
 .venv/documented: .venv/installed
-	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[compile,docs]'
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[docs]'
 	@touch $@

@@ -8,6 +8,8 @@ result.states, result.verdict, result["Bob.z"]
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from msahl.version import VERSION
+
 if TYPE_CHECKING:
     from msahl.analysis.inverse.drives import InverseError
     from msahl.api.batch import BatchError, batch
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
     from msahl.run.options import OptionError
     from msahl.start.velocities import StartError
 
-__version__ = "0.1.0"
+__version__ = VERSION
 __all__ = [
     "BatchError",
     "DeckError",

@@ -12,7 +12,9 @@ docs/glossary.md says what each term means.
 """
 
 import argparse
+import os
 import re
+import shutil
 import subprocess
 import sys
 from collections import Counter
@@ -183,8 +185,8 @@ def is_exception(path: str, line: str) -> bool:
     return any(fnmatch(path, e.files) and re.search(e.line, line) for e in EXCEPTIONS)
 
 
-def texts(root: Path, paths: Iterable[str]) -> Iterator[tuple[str, list[str]]]:
-    """Yield the tracked texts with their lines; of a CSV table the header alone."""
+def tracked(root: Path, paths: Iterable[str]) -> list[str]:
+    """Return the files of a checkout that git does not ignore."""
     listed = subprocess.run(
         ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard", "--", *paths],
         cwd=root,
@@ -192,7 +194,31 @@ def texts(root: Path, paths: Iterable[str]) -> Iterator[tuple[str, list[str]]]:
         text=True,
         check=True,
     ).stdout
-    for name in filter(None, listed.split("\0")):
+    return list(filter(None, listed.split("\0")))
+
+
+def unpacked(root: Path, paths: list[str]) -> Iterator[str]:
+    """Yield the files of an unpacked archive that its ``.gitignore`` does not list."""
+    listed = root / ".gitignore"
+    patterns = listed.read_text().split() if listed.exists() else []
+
+    def kept(path: str) -> bool:
+        name = Path(path).name
+        return not any(fnmatch(path if p[0] == "/" else name, p.strip("/")) for p in patterns)
+
+    for folder, folders, files in os.walk(root):
+        here = Path(folder).relative_to(root)
+        folders[:] = sorted(name for name in folders if kept((here / name).as_posix()))
+        for path in [here / name for name in sorted(files)]:
+            chosen = not paths or any(path.is_relative_to(each) for each in paths)
+            if chosen and kept(path.as_posix()):
+                yield path.as_posix()
+
+
+def texts(root: Path, paths: list[str]) -> Iterator[tuple[str, list[str]]]:
+    """Yield the tracked texts with their lines; of a CSV table the header alone."""
+    in_git = (root / ".git").exists() and shutil.which("git")
+    for name in tracked(root, paths) if in_git else unpacked(root, paths):
         path = root / name
         if not path.is_file():
             continue

@@ -72,10 +72,10 @@ OUTPUT = "schemes/collocation/dense_output.py"
 STEPS = "schemes/collocation/step_control.py"
 LOCAL = "schemes/collocation/local_rotation.py"
 TABLEAU = "schemes/collocation/tableau.py"
-CONCENTRATED = "elements/forces/concentrated.py"
-DRAG = "elements/forces/drag.py"
-FRICTION = "elements/forces/friction.py"
-SPRING = "elements/forces/spring.py"
+CONCENTRATED = "ports/concentrated.py"
+DRAG, POINT = "laws/drag.py", "ports/point.py"
+FRICTION = "ports/friction.py"
+SPRING = "ports/spring.py"
 PRODUCTS = "elements/constraints/products.py"
 COINCIDE = "elements/constraints/coincide.py"
 ROWS = "elements/constraints/equations.py"
@@ -152,10 +152,10 @@ MUTANTS = (
     Mutant("load: power without that of the moment", CONCENTRATED,
            " + dot(at(start.m, k), W)", "", (FORCES, LOADS)),
     Mutant("drag: linear in the velocity", DRAG,
-           "scale(-c * math.sqrt(dot(V, V)), V)", "scale(-c, V)", (FORCES, ENGINE)),
+           "scale(-c[0] * math.sqrt(dot(V, V)), V)", "scale(-c[0], V)", (FORCES, ENGINE)),
     Mutant("drag: derivative by the velocity", DRAG,
            "scale(V[1] / speed, V)", "scale(-V[1] / speed, V)", (EVALUATE, FORCES)),
-    Mutant("drag: work over a step halved", DRAG,
+    Mutant("force at a point: work over a step halved", POINT,
            "+= dot(f, moved)", "+= 0.5 * dot(f, moved)", (WORK,)),
     Mutant("friction: derivative by the rate", FRICTION,
            "-limit * (1.0 - t * t) / group.width[f]", "-limit * (1.0 + t * t) / group.width[f]",

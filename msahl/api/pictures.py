@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from msahl.post.draw import encode, save, style
-from msahl.post.figures import Choice, figures
+from msahl.post.figures import figures
 from msahl.post.metrics import compute_metrics
+from msahl.post.run_graphs import Choice
 from msahl.results.read import Run
 
 if TYPE_CHECKING:

@@ -1,7 +1,7 @@
 """Rules about loads and prescribed motions: what they act on, and numbers that have a sign."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from msahl.algebra.vector import Vector
@@ -15,15 +15,17 @@ from msahl.check.signals import (
     marker_actuator_findings,
 )
 from msahl.joints.registry import KINDS
+from msahl.laws.law import PointLaw
+from msahl.laws.registry import POINT_LAWS
 from msahl.model import (
     Bushing,
     ConcentratedLoad,
-    Drag,
     Friction,
     JointActuator,
     JointMotion,
     JointSpring,
     MarkerActuator,
+    PointLoad,
     PointMotion,
     SpringDamper,
 )
@@ -38,12 +40,38 @@ def moving_body_findings(body: str, context: Context) -> Iterator[Finding]:
         yield Finding("body", f"'{body}' is a ground and never moves; name a rigid body")
 
 
-def _on_body(load: ConcentratedLoad | Drag, context: Context) -> Iterator[Finding]:
+def concentrated_findings(load: ConcentratedLoad, context: Context) -> Iterator[Finding]:
+    """Find a load on a ground, and what is wrong with its expression."""
     yield from moving_body_findings(load.body, context)
-    if isinstance(load, Drag):
-        yield from negative("coefficient", load.coefficient)
-    elif load.expression is not None:
+    if load.expression is not None:
         yield from expression_findings("law", load.expression, context)
+
+
+def point_load_findings(load: PointLoad, context: Context) -> Iterator[Finding]:
+    """Find a force on a ground, a law that does not exist, and numbers it does not take."""
+    yield from moving_body_findings(load.body, context)
+    yield from law_findings(load, POINT_LAWS)
+
+
+def law_findings(load: PointLoad, laws: Mapping[str, PointLaw]) -> Iterator[Finding]:
+    """Find a law that is none of the ``laws``, and numbers that are not those of its fields."""
+    law = laws.get(load.law)
+    if law is None:
+        yield Finding("law", f"unknown law '{load.law}'; expected one of {', '.join(laws)}")
+        return
+    values, wanted = dict(load.parameters), [field.name for field in law.fields]
+    if sorted(values) != sorted(wanted):
+        message = f"a {load.law} has the parameters {' and '.join(wanted)}; give these"
+        yield Finding("parameters", message)
+        return
+    for field in law.fields:
+        value = values[field.name]
+        if value < field.least:
+            least = f"{field.least:g}" if field.least else "zero"
+            yield Finding(field.name, f"it is {value:g}; it must not be less than {least}")
+        elif not value > field.above:
+            above = f"{field.above:g}" if field.above else "zero"
+            yield Finding(field.name, f"it is {value:g}; it must be greater than {above}")
 
 
 def spring_findings(spring: SpringDamper, context: Context) -> Iterator[Finding]:
@@ -151,8 +179,8 @@ def start_findings(load: Any, context: Context) -> Iterator[Finding]:
 
 
 RULES: dict[type, Callable[[Any, Context], Iterator[Finding]]] = {
-    ConcentratedLoad: _on_body,
-    Drag: _on_body,
+    ConcentratedLoad: concentrated_findings,
+    PointLoad: point_load_findings,
     SpringDamper: spring_findings,
     JointSpring: joint_spring_findings,
     Bushing: bushing_findings,

@@ -11,8 +11,8 @@ from typing import Any
 
 import click
 
-import msahl
 from msahl.cli.console import INTERRUPTED, open_standard_streams, say
+from msahl.version import VERSION
 
 COMMANDS = (
     "check", "compile", "equilibrium", "explain", "inverse", "kinematics", "linearize", "modes",
@@ -52,7 +52,7 @@ class Commands(click.Group):
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(msahl.__version__, prog_name="msahl")
+@click.version_option(VERSION, prog_name="msahl")
 def main() -> None:
     """Simulate spatial multibody systems and estimate the error of the results.
 

@@ -71,9 +71,9 @@ class Request:
               metavar="S", help="Set the time in seconds that the study may take where it chooses "
               "the step sizes; compiling is not counted.")  # fmt: skip
 @click.option("--reference", default="auto", show_default=True, metavar="KIND",
-              help="Choose the true values: 'exact' (closed form), 'independent' (another "
-              "integrator), the folder of a run, or 'auto': exact if there is a closed form, else "
-              "independent, else msahl's own runs with small steps.")  # fmt: skip
+              help="Choose the true values: 'independent' (another integrator), the folder of a "
+              "run, or 'auto': independent or, where that takes too long, msahl's own runs with "
+              "small steps.")  # fmt: skip
 @click.option("--repeat", type=click.IntRange(min=1), metavar="N",
               help="Run each case N times and take the shortest time (default: 3 with --dt, else "
               "as often as there is time for).")  # fmt: skip

@@ -8,7 +8,7 @@ unknown elements.
 
 import difflib
 import re
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache, lru_cache, partial
 from typing import TYPE_CHECKING, Any
@@ -20,17 +20,6 @@ if TYPE_CHECKING:  # a run of a valid deck does not import it
 
 NAMES = ("name", "body", "joint", "first", "second")
 """Elements whose text is a name."""
-
-RENAMED = {
-    "drive": "jointMotion",
-    "freedom": "coordinate",
-    "gap": "constraintViolation",
-    "turn": "rotationUpdate",
-    "tangent": "cayley",
-    "angle": "exponential",
-    "station": "instantaneous",
-}
-"""New name of each renamed element, attribute or value; messages give it where it is valid."""
 
 EMPTY = {"units": "give a unit, or delete it", "href": "name a file"}
 """Remedies for empty attributes."""
@@ -76,17 +65,8 @@ def add_faults(root: Element, declaration: "XsdElement", faults: Faults) -> None
         for place, message in _departures(element, rule):
             faults.add(place, message)
         known = rule.children
-        inside = [
-            (child, known[name]) for child in element if (name := _present(child, known)) in known
-        ]
+        inside = [(child, known[name]) for child in element if (name := str(child.tag)) in known]
         waiting += reversed(inside)  # so the next is the first: faults come in the order of lines
-
-
-def _present(element: Element, known: Collection[str]) -> str:
-    """Return the tag of an element, or the new name of a renamed one if that is ``known``."""
-    tag = str(element.tag)
-    renamed = RENAMED.get(tag, tag)
-    return renamed if renamed in known else tag
 
 
 @cache
@@ -158,12 +138,12 @@ def _children(element: Element, rule: _Rule) -> Iterator[Departure]:
             yield child, partial(_unknown_child, name, tag, tuple(known))
         elif rule.model == "all" and name in seen:
             yield child, partial("<{}> is given twice in <{}>; keep one".format, name, tag)
-        seen.add(_present(child, known))
+        seen.add(name)
     for name in rule.required:
         if name not in seen:
             yield element, partial("<{}> is missing; add it to <{}>".format, name, tag)
     for name, least in rule.fewest:
-        count = sum(_present(child, known) == name for child in element)
+        count = sum(str(child.tag) == name for child in element)
         if 0 < count < least:
             few = "too few <{}> in <{}>: {}; give {} or more"
             yield element, partial(few.format, name, tag, count, least)
@@ -244,13 +224,9 @@ def _allowed(word: "XsdSimpleType") -> tuple[str, ...]:
 
 
 def _choice(given: str, known: tuple[str, ...]) -> str:
-    """Return the remedy for an unknown word: its new name, or the likely one first, then all."""
+    """Return the remedy for an unknown word: the likely one first, then all."""
     if not known:
         return "; none is expected here"
-    plain = given.strip("<>")
-    new = given.replace(plain, RENAMED.get(plain, ""))
-    if new in known:
-        return f"; it is called {new} now"
     near = difflib.get_close_matches(given, known, n=1)
     hint = f"did you mean {near[0]}? " if near else ""
     return f"; {hint}expected {_listed(known)}"

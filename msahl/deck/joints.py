@@ -20,6 +20,7 @@ from msahl.deck.ends import (
 from msahl.deck.faults import Element, text
 from msahl.deck.joint_start import has_references, read_joint_start, read_parameters
 from msahl.deck.values import Reader
+from msahl.joints.coordinates import is_angle
 from msahl.joints.joint import Kind
 from msahl.joints.registry import KINDS
 from msahl.model.joints import Joint
@@ -90,7 +91,7 @@ def _references(
     if not has_references(kind) or not reader.faults.sound(element):
         return None, None
     found = own_references(element, axes, kind.axes == 2, reader)
-    if found is not None and "".join(kind.pose or ()) == "slide":
+    if found is not None and not any(map(is_angle, kind.pose or ())):
         _check_fixed_angle(element, axes[0], found, reader)
     return found or (None, None)
 

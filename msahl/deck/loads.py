@@ -10,7 +10,9 @@ from msahl.deck.laws import read_law
 from msahl.deck.signals import read_factor
 from msahl.deck.values import Reader
 from msahl.expressions.syntax import Tree
-from msahl.model.loads import ConcentratedLoad, Drag, Friction
+from msahl.laws.law import PointLaw
+from msahl.laws.registry import POINT_LAWS
+from msahl.model.loads import ConcentratedLoad, Friction, PointLoad
 
 
 def read_concentrated(element: Element, reader: Reader) -> ConcentratedLoad:
@@ -95,14 +97,38 @@ def read_distributed(element: Element, reader: Reader) -> ConcentratedLoad:
     return _resultant(element, axpy(at, sub(end, start), start), force, direction, reader)
 
 
-def read_drag(element: Element, reader: Reader) -> Drag:
-    """Return the record of a ``<drag>``."""
-    body = text(element.find("body"))
-    point = _point(element, "position", body, reader)
-    coefficient = reader.number(element.find("coefficient"), "dragCoefficient")
-    drag = Drag(text(element.find("name")), body, point, coefficient)
-    reader.add(element, element_findings(drag, reader.context))
-    return drag
+def read_point_load(element: Element, reader: Reader) -> PointLoad:
+    """Return the record of a force at a point by a law of ``msahl.laws``."""
+    law, body = POINT_LAWS[str(element.tag)], text(element.find("body"))
+    load = PointLoad(
+        name=text(element.find("name")),
+        law=law.name,
+        body=body,
+        point=_point(element, "position", body, reader),
+        parameters=_parameters(element, law, reader),
+    )
+    reader.add(element, element_findings(load, reader.context))
+    return load
+
+
+def _parameters(
+    element: Element, law: PointLaw, reader: Reader, coordinate: str = ""
+) -> tuple[tuple[str, float], ...]:
+    """Return the numbers of a law by name [SI]; it may act along a ``coordinate`` of a joint."""
+    found = []
+    for field in law.fields:
+        place, quantity, value = element.find(field.name), field.quantity_along(coordinate), 1.0
+        if quantity is None and place is not None:
+            message = f"{law.name} along a {coordinate} has no {field.name}; delete it"
+            reader.faults.add(place, message)
+        elif quantity is not None and place is not None:
+            value = reader.number(place, quantity)
+        elif quantity is not None and field.default is not None:
+            value = field.default
+        elif quantity is not None:
+            reader.faults.add(element, f"<{field.name}> is missing; add it")
+        found.append((field.name, value))
+    return tuple(found)
 
 
 def read_friction(element: Element, reader: Reader) -> Friction:

@@ -28,19 +28,13 @@ from msahl.deck.springs import ALONG
 from msahl.deck.units import DEFAULTS, to_si
 from msahl.deck.values import VECTORS
 from msahl.deck.write import document_bytes
+from msahl.joints.kind_properties import axis_sides
 from msahl.joints.registry import KINDS
 from msahl.model import Bushing, Joint, JointSpring, Model
 from msahl.model.bodies import RigidBody
 
 UNITS = {"length": "m", "angle": "rad", "velocity": "m/sec", "angularVelocity": "rad/sec"}
 """Units of the numbers that are written, by physical quantity."""
-AXIS_OF_ONE_SIDE = {
-    "pointSlider": "parent",
-    "sphericalSlider": "parent",
-    "pointOnLine": "parent",
-    "knifeEdge": "child",
-}
-"""Joints whose one axis is fixed in one of the bodies, while the other's may point elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -151,19 +145,20 @@ def _set_bodies(document: Element, to: Configuration) -> None:
 
 
 def _set_joint(element: Element, joint: Joint) -> None:
-    """Give both sides of a joint their axes, and remove its coordinates at the start."""
+    """Give an axis to each side whose axis a joint uses, and remove its coordinates at t = 0."""
     for start in element.findall("initialConditions"):
         element.remove(start)
     if KINDS[joint.kind].axes == 0:
         return
-    only = AXIS_OF_ONE_SIDE.get(joint.kind)
+    sides = axis_sides(KINDS[joint.kind])
     for side, axes in zip(SIDES, (joint.parent_axes, joint.child_axes), strict=True):
         end = _child(element, side)
-        if only in (None, side):
+        if side in sides:
             _set_components(_child(end, "axis"), axes[2])
         else:
-            for axis in end.findall("axis"):
-                end.remove(axis)
+            for tag in ("axis", "reference"):
+                for direction in end.findall(tag):
+                    end.remove(direction)
 
 
 def _set_loads(document: Element, model: Model, to: Configuration) -> None:

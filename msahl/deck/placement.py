@@ -35,6 +35,7 @@ from msahl.deck.motions import read_joint_motion
 from msahl.deck.values import BodyStart, Reader
 from msahl.joints import coordinates
 from msahl.joints.joint import Kind
+from msahl.joints.named_coordinates import coupled_rates
 from msahl.joints.placement import (
     ColumnRates,
     Linkage,
@@ -332,12 +333,11 @@ class _Placing:
             self._fail(self._element(start.joint.name), message)
 
     def _relations(self) -> Iterator[Relation]:
-        """Yield the relations between rates by screws, gears, racks and pinions."""
+        """Yield the relations between rates by joints (threads), gears, racks and pinions."""
         joints = {start.joint.name: start.joint for start, _ in self.starts}
         for joint in joints.values():
-            if joint.kind == "screw":
-                lead = joint.parameter("pitch") / (2.0 * math.pi)
-                yield Relation(((joint, "slideRate", 1.0), (joint, "angleRate", -lead)))
+            for q, follower, factor in coupled_rates(joint):
+                yield Relation(((joint, f"{q}Rate", 1.0), (joint, f"{follower}Rate", factor)))
         for tag, quantity, column in (("gear", "", "angle"), ("rackAndPinion", "length", "slide")):
             for element in self.root.iterfind(f"system/joints/{tag}"):
                 first, second = (joints.get(text(element.find(t))) for t in ("first", "second"))

@@ -29,8 +29,8 @@ from msahl.deck.loads import (
     read_body_force,
     read_concentrated,
     read_distributed,
-    read_drag,
     read_friction,
+    read_point_load,
 )
 from msahl.deck.markers import read_group, read_marker, read_sensor
 from msahl.deck.motions import check_prescribed_once, read_joint_motion, read_point_motion
@@ -42,6 +42,7 @@ from msahl.deck.springs import read_bushing, read_joint_spring, read_spring_damp
 from msahl.deck.units import Parameter
 from msahl.deck.values import Reader
 from msahl.joints.registry import KINDS as JOINT_KINDS
+from msahl.laws.registry import POINT_LAWS
 from msahl.model import Ground, Model, RigidBody, Simulation
 from msahl.model.couplings import COORDINATES, Coupling
 from msahl.model.joints import Joint
@@ -64,7 +65,7 @@ LOADS: Mapping[str, Read] = {
     "torsionalSpringDamper": read_joint_spring,
     "slideSpringDamper": read_joint_spring,
     "bushing": read_bushing,
-    "drag": read_drag,
+    **dict.fromkeys(POINT_LAWS, read_point_load),
     "friction": read_friction,
     "actuator": read_actuator,
 }

@@ -24,9 +24,9 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.functions import PIECES, Laws, piece_of
-from msahl.elements import forces
 from msahl.elements.constraints import scalar
 from msahl.jit.kernel import apart, kernel
+from msahl.ports import forces
 from msahl.system.arrays import System, SystemWorkspace
 
 EXPRESSION, COORDINATE, RATE = range(3)

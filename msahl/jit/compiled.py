@@ -26,7 +26,7 @@ TESTED = ((0, 66), (0, 68))
 """First and last version of numba whose insides are those that ``machine_code`` extends."""
 NO_COMPILER = (
     "this kind of model has no compiled code for this machine, and numba, which compiles it, is "
-    "not installed; install it with: pip install 'msahl[compile]'"
+    "not installed; install it with: pip install numba"
 )
 
 Call = tuple[Any, Sequence[Any]]

@@ -5,7 +5,7 @@ returns it unchanged. So an element's module stays plain Python, imports no comp
 uncompiled reference. ``msahl.jit.compiled`` registers the marked functions with numba.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -75,3 +75,31 @@ def optional(
         return marked
 
     return mark
+
+
+def choice(
+    module: str, name: str, functions: Sequence[Callable[..., Result]]
+) -> Callable[..., Result]:
+    """Return a kernel that takes a number and calls that one of the ``functions``, kernels with
+    equal arguments and results, with the remaining arguments.
+
+    ``module`` and ``name`` are where it is found. So code that is the same for many functions is
+    written, and compiled, once. Which function is called is decided by comparisons of the number;
+    the functions themselves are known when the code is compiled, and inlined if they are small.
+    """
+    first, *others = functions
+    rest: Any = choice(module, f"{name}.rest", others) if others else None
+
+    def only(number: int, *arguments: Any) -> Any:
+        return first(*arguments)
+
+    def called(number: int, *arguments: Any) -> Any:
+        if number == 0:
+            return first(*arguments)
+        return rest(number - 1, *arguments)
+
+    marked: Any = only if rest is None else called
+    marked.__module__, marked.__qualname__, marked.__name__ = module, name, name.split(".")[-1]
+    marked.__annotations__ = {"return": first.__annotations__["return"]}
+    marked.rest = rest
+    return kernel(marked)

@@ -140,10 +140,14 @@ def _functions(entry: Function) -> set[Function]:
 def _uses(function: Function) -> tuple[frozenset[str], frozenset[Function], frozenset[str]]:
     """Return the modules of classes, the functions and the constants that a function names."""
     modules, functions, constants = set(), set(), set()
+    enclosed = function.__code__.co_freevars
     for name, value in _named(function):
         if isinstance(value, types.FunctionType):
             if value.__module__.split(".")[0] in ("msahl", function.__module__.split(".")[0]):
                 functions.add(value)
+                if name in enclosed:  # no source says which function this is
+                    place = f"{function.__qualname__}.{name}"
+                    constants.add(f"{place} = {_signature(value)}")
         elif isinstance(value, type):
             if value.__module__.startswith("msahl."):
                 modules.add(value.__module__)
@@ -162,8 +166,8 @@ def _named(function: Any) -> Iterator[tuple[str, Any]]:
         yield name, value
         if isinstance(value, types.ModuleType) and value.__name__.startswith("msahl"):
             yield from ((part, vars(value)[part]) for part in names & vars(value).keys())
-    for cell in function.__closure__ or ():
-        yield "closure", cell.cell_contents
+    for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
+        yield name, cell.cell_contents
     for value in function.__defaults__ or ():
         yield "default", value
 

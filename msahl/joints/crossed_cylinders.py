@@ -18,4 +18,4 @@ def equations(joint: Joint) -> Equations:
 
 
 RADII = (("parentRadius", "length", None, 0.0), ("childRadius", "length", None, 0.0))
-KIND = Kind("crossedCylinders", equations, axes=2, parameters=RADII, faces=True)
+KIND = Kind("crossedCylinders", equations, axes=2, parameters=RADII, faces=True, solid="cylinder")

@@ -14,4 +14,5 @@ def equations(joint: Joint) -> Equations:
     return [in_plane(normal, joint.parameter("radius")), lying]
 
 
-KIND = Kind("cylindricalSlider", equations, axes=2, parameters=(("radius", "length", None, 0.0),))
+RADIUS = (("radius", "length", None, 0.0),)
+KIND = Kind("cylindricalSlider", equations, axes=2, parameters=RADIUS, solid="cylinder")

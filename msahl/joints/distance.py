@@ -18,4 +18,5 @@ def equations(joint: Joint) -> Equations:
     return [Equation(between(), None if math.isnan(length) else length)]
 
 
-KIND = Kind("distance", equations, parameters=(("length", "length", math.nan, 0.0),), moment=False)
+LENGTH = (("length", "length", math.nan, 0.0),)
+KIND = Kind("distance", equations, parameters=LENGTH, moment=False, glyph="rod")

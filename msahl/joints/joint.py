@@ -70,14 +70,19 @@ Equations = list[Coincide | Equation]
 class Kind:
     """A kind of joint.
 
-    ``axes`` says which the deck must give: 0 none, 1 one that both sides share at t = 0, 2 one a
-    side; ``faces`` whether the child's points against the parent's at t = 0.
+    ``axes`` says which the deck must give: 0 none, 1 one that both sides share at t = 0 (the
+    equations keep the two parallel or use only one of them), 2 one a side; ``faces`` whether the
+    child's points against the parent's at t = 0.
     ``parameters`` are (name, unit, default or None, lower bound); ``coordinates`` are those that
     prescribed motions, springs, couplings and friction can act along; ``pose`` are those that
     determine where the child is relative to the parent (see ``joints.coordinates``), None if the
     joint has no such coordinates. ``on_ground`` marks equations
     between rates that are valid only if the parent is a ground; ``bearing`` marks those whose
-    friction follows from their reaction.
+    friction follows from their reaction. ``glyph`` is what pictures draw, "" by what the equations
+    prevent (see ``joints.kind_properties``): ``contact`` is a ring about the child's point,
+    ``knife`` a blade at a right angle to the axis, ``roll`` nothing. ``solid`` is the round part
+    that a side has whose radius is a parameter, ``parentRadius``, or ``childRadius`` or
+    ``radius``: "cylinder", "sphere" or "disc", "" for none.
     """
 
     name: str
@@ -90,6 +95,8 @@ class Kind:
     on_ground: bool = False
     faces: bool = False
     bearing: bool = False
+    glyph: str = ""
+    solid: str = ""
 
 
 def perpendicular(d: Vector, e: Vector) -> Equation:

@@ -14,4 +14,4 @@ def equations(joint: Joint) -> Equations:
     return [slip(joint.child_axes[Z], CHILD)]
 
 
-KIND = Kind("knifeEdge", equations, axes=1, moment=False, on_ground=True)
+KIND = Kind("knifeEdge", equations, axes=1, moment=False, on_ground=True, glyph="knife")

@@ -21,4 +21,4 @@ RADII = (
     ("parentRadius", "length", None, -math.inf),
     ("childRadius", "length", None, -math.inf),
 )
-KIND = Kind("parallelCylinders", equations, axes=1, parameters=RADII)
+KIND = Kind("parallelCylinders", equations, axes=1, parameters=RADII, solid="cylinder")

@@ -25,4 +25,6 @@ KIND = Kind(
     parameters=(("radius", "length", None, 0.0),),
     moment=False,
     on_ground=True,
+    glyph="roll",
+    solid="disc",
 )

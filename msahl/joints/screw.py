@@ -26,4 +26,5 @@ KIND = Kind(
     parameters=(("pitch", "length", None, -math.inf),),
     coordinates=("angle", "slide"),
     pose=("angle", "slide"),
+    glyph="thread",
 )

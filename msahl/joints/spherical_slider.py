@@ -12,4 +12,5 @@ def equations(joint: Joint) -> Equations:
     return [in_plane(joint.parent_axes[Z], joint.parameter("radius"))]
 
 
-KIND = Kind("sphericalSlider", equations, axes=1, parameters=(("radius", "length", None, 0.0),))
+RADIUS = (("radius", "length", None, 0.0),)
+KIND = Kind("sphericalSlider", equations, axes=1, parameters=RADIUS, solid="sphere")

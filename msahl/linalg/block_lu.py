@@ -17,8 +17,8 @@ import numpy as np
 from msahl.algebra import vector
 from msahl.jit.kernel import kernel, optional
 from msahl.linalg import supernodal_lu
-from msahl.system.ordering import Elimination
-from msahl.system.supernodes import Supernodes
+from msahl.linalg.elimination import Elimination
+from msahl.linalg.supernodes import Supernodes
 
 Kernel = Callable[..., Any]
 Row = tuple[float, ...]

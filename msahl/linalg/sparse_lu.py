@@ -1,4 +1,4 @@
-"""Sparse LU factorisation of the Jacobian, by the elimination program of ``system.ordering``.
+"""Sparse LU factorisation of the Jacobian, by the program of ``elimination``.
 
     A = L U ,   A y = b
 
@@ -12,8 +12,8 @@ import numpy as np
 
 from msahl.jit.kernel import apart, kernel, optional, unit
 from msahl.linalg import supernodal_lu
-from msahl.system.ordering import Elimination
-from msahl.system.supernodes import Supernodes
+from msahl.linalg.elimination import Elimination
+from msahl.linalg.supernodes import Supernodes
 
 
 @unit

@@ -1,6 +1,6 @@
 """LU factorisation by dense panels, of systems with beams.
 
-Its supernodes are those of ``system.supernodes``; it stands in place of ``sparse_lu`` and
+Its supernodes are those of ``supernodes``; it stands in place of ``sparse_lu`` and
 ``block_lu``. An element of a beam couples all its nodes and stress resultants, so nearly all its
 work is on dense blocks. A panel of U has the rows of the pivots of a supernode, one of L below it
 the rows of all later pivots that they couple with. After a panel is factored, its product L U is
@@ -16,7 +16,7 @@ multiplied by the inverse, those of L are not.
 import numpy as np
 
 from msahl.jit.kernel import apart, kernel
-from msahl.system.supernodes import SPARE, Supernodes
+from msahl.linalg.supernodes import SPARE, Supernodes
 
 Row = tuple[float, float, float, float]
 _INDEX = 2**48 - 1

@@ -1,4 +1,4 @@
-"""Records of loads; ``msahl.elements.forces`` has their laws."""
+"""Records of loads; ``msahl.laws`` and ``msahl.ports`` have their equations."""
 
 from dataclasses import dataclass
 
@@ -84,14 +84,15 @@ class Bushing:
 
 
 @dataclass(frozen=True, slots=True)
-class Drag:
-    """Drag of ``coefficient`` [N s^2/m^2] times the squared velocity of ``point`` [m] (from B, body
-    axes)."""
+class PointLoad:
+    """Force at a ``point`` [m] (from B, body axes) of a body by a ``law`` of ``msahl.laws``, for
+    example drag; ``parameters`` are the law's fields by name, in SI."""
 
     name: str
+    law: str
     body: str
     point: Vector
-    coefficient: float
+    parameters: tuple[tuple[str, float], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,4 +132,4 @@ class MarkerActuator:
 
 
 Actuator = JointActuator | MarkerActuator
-Load = ConcentratedLoad | SpringDamper | JointSpring | Bushing | Drag | Friction | Actuator
+Load = ConcentratedLoad | SpringDamper | JointSpring | Bushing | PointLoad | Friction | Actuator

@@ -11,11 +11,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from msahl.analysis.modes.campbell import COLUMNS, CRITICAL_COLUMNS
-from msahl.post.document import Block, Paragraph, Picture
+from msahl.post.document import Block, Folded, Paragraph
 from msahl.post.draw import COLOURS, LINES, encode, folded, plain, style
-from msahl.post.page.blocks import as_html, fold
-from msahl.post.page.drawing import drawn
-from msahl.post.page.page import Part
+from msahl.post.page.blocks import as_html
+from msahl.post.page.drawing import as_picture
 from msahl.post.table import Column, Table
 from msahl.printable import shown_path
 from msahl.results.read import ResultError, read_table
@@ -203,10 +202,10 @@ def write_diagram(diagram: Diagram, folder: Path, forms: Sequence[str]) -> list[
     blocks: list[Block] = []
     with style():
         for name, caption, figure in figures(diagram):
-            png = encode(figure, "png")
+            picture = as_picture(name, caption, figure)
+            blocks.append(picture)
             for form in forms:
-                files[f"{name}.{form}"] = png if form == "png" else encode(figure, form)
-            blocks.append(Picture(f"{name}.png", caption, png, drawn(figure, name)))
+                files[f"{name}.{form}"] = picture.png if form == "png" else encode(figure, form)
     title = f"{diagram.title or 'Modes'} over {diagram.name}"
     page = as_html(title, [*blocks, *_critical_blocks(diagram), _listed(diagram)])
     replace_file(folder / PAGE, page.encode())
@@ -236,7 +235,7 @@ def _critical_blocks(diagram: Diagram) -> list[Block]:
     return [Table(columns, tuple(rows))]
 
 
-def _listed(diagram: Diagram) -> Part:
+def _listed(diagram: Diagram) -> Folded:
     """Return the folded table of all modes."""
     shown = diagram.rows[:MOST_ROWS]
     labels = (diagram.parameter, "mode", "real [1/s]", "imaginary [1/s]", "frequency [Hz]")
@@ -247,4 +246,4 @@ def _listed(diagram: Diagram) -> Part:
     )
     more = len(diagram.rows) - len(shown)
     title = f"Modes (first {len(shown)} rows; all are in campbell.csv)" if more else "Modes"
-    return fold(title, Table(columns, tuple(tuple(map(float, row)) for row in shown)))
+    return Folded(title, (Table(columns, tuple(tuple(map(float, row)) for row in shown)),))

@@ -9,7 +9,6 @@ from typing import Any
 
 import click
 
-import msahl
 from msahl.post.commands.compare import compare
 from msahl.post.commands.export import export
 from msahl.post.commands.modes import modes
@@ -21,6 +20,7 @@ from msahl.post.commands.verdict import verdict
 from msahl.post.commands.view import view
 from msahl.printable import printable
 from msahl.terminal import echo
+from msahl.version import VERSION
 
 
 class Commands(click.Group):
@@ -54,7 +54,7 @@ def _input_fault(error: Exception) -> str:
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(msahl.__version__, prog_name="msahl-post")
+@click.version_option(VERSION, prog_name="msahl-post")
 def main() -> None:
     """Read the results of msahl: accuracy, verdicts, figures, reports and comparisons of runs.
 

@@ -1,19 +1,25 @@
-"""Represent a document as a list of blocks, and write it as Markdown (HTML: ``post.page``)."""
+"""Represent a document as a list of blocks, and write it as Markdown.
+
+The same blocks make a page (``page.blocks``); ``page.files`` writes both.
+"""
 
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
+from msahl.post.graph_data import Group
 from msahl.post.table import Table
 from msahl.printable import printable
 
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """``level`` 1 is the document's title."""
+    """``level`` 1 is the document's title, which may have a ``line`` below it."""
 
     level: int
     text: str
+    line: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,18 +62,49 @@ class Folded:
     blocks: tuple["Block", ...]
 
 
-Block = Heading | Paragraph | Code | Items | Picture | Table | Folded
+@dataclass(frozen=True, slots=True)
+class Banner:
+    """What a reader must see first, in the colour of a verdict ``word`` ("" for none): a sentence
+    behind the word (may be empty), and blocks."""
+
+    word: str
+    sentence: str
+    blocks: tuple["Block", ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Graphs:
+    """Groups of graphs: interactive in a page; in Markdown pictures, below the ``heading``."""
+
+    heading: str
+    groups: tuple[Group, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class OnPage:
+    """``part`` of a page (``page.page.Part``), in whose place Markdown has ``blocks``."""
+
+    part: Any
+    blocks: tuple["Block", ...] = ()
+
+
+Block = Heading | Paragraph | Code | Items | Picture | Table | Folded | Banner | Graphs | OnPage
 
 
 def as_markdown(blocks: Sequence[Block]) -> str:
     """Return the document in Markdown; its pictures are files in the same folder."""
-    return "\n\n".join(map(_markdown, blocks)) + "\n"
+    return _joined(blocks) + "\n"
+
+
+def _joined(blocks: Sequence[Block]) -> str:
+    return "\n\n".join(filter(None, map(_markdown, blocks)))
 
 
 def _markdown(block: Block) -> str:
     match block:
-        case Heading(level, text):
-            return f"{'#' * level} {_plain(text)}"
+        case Heading(level, text, line):
+            below = f"\n\n{_plain(line)}" if line else ""
+            return f"{'#' * level} {_plain(text)}{below}"
         case Paragraph(text):
             return _plain(text)
         case Code(text):
@@ -78,13 +115,26 @@ def _markdown(block: Block) -> str:
                 for term, text in items
             )
         case Folded(title, blocks):
-            return "\n\n".join(map(_markdown, (Heading(2, title), *blocks)))
+            return _joined((Heading(2, title), *blocks))
+        case Banner(word, sentence, blocks):
+            first = (Items(((word, sentence),)),) if sentence else ()
+            return _joined((*first, *blocks))
+        case Graphs(_, groups):
+            return "\n\n".join(map(_group, groups))
+        case OnPage(_, blocks):
+            return _joined(blocks)
         case Picture(name, text):
             return f"![{_plain(text)}]({name})"
         case Table():
             rule = ["---:" if right else "---" for right in block.numeric()]
             cells = [[_plain(cell) for cell in row] for row in (block.headers(), *block.shown())]
             return "\n".join(f"| {' | '.join(row)} |" for row in (cells[0], rule, *cells[1:]))
+
+
+def _group(group: Group) -> str:
+    note = (Paragraph(group.note),) if group.note else ()
+    shown = Picture(f"{group.name}.png", group.title, b"")
+    return _joined((Heading(3, group.title), *note, shown))
 
 
 _MARKS = re.compile(r"[\\`*|<>\[\]{}&~#]|(?<![^\W_])_|_(?![^\W_])")

@@ -5,10 +5,10 @@ global state is changed.
 """
 
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from io import BytesIO
-from itertools import cycle, pairwise, product
+from itertools import cycle, product
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
@@ -18,6 +18,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+
+from msahl.post.graph_data import MOST_DECADES, Graph, Group, peaks, thinned
 
 # Okabe and Ito's colours, distinguishable by every kind of colour vision.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -43,16 +45,14 @@ TITLE_WIDTH = 64
 """Characters in a line of a title; more would run into the legend."""
 MOST_IN_LEGEND = 12
 LONGEST_NAME = 44
-MOST_DECADES = 8
-"""Decades of a logarithmic scale; products of rounding errors would extend it much further down."""
+MANY = 5
+"""From this number of panels on, each is drawn less high."""
 NO_DATES: dict[str, dict[str, Any]] = {
     "png": {"Software": None},
     "svg": {"Date": None},
     "pdf": {"CreationDate": None},
 }
 """Metadata of each format without what differs from day to day."""
-INTERVALS = 750
-"""Intervals into which a long run is divided: as many as a picture can resolve."""
 
 
 @contextmanager
@@ -89,79 +89,65 @@ def looks() -> Iterator[dict[str, Any]]:
     return cycle({"linestyle": line, "color": colour} for line, colour in product(LINES, COLOURS))
 
 
-def curves(
-    axes: Axes,
-    time: np.ndarray,
-    series: np.ndarray | Sequence[np.ndarray],
-    names: Sequence[str],
-    lines: Sequence[str] = (),
-) -> None:
-    """Draw each column of ``series`` (m, k), or each of several (m,), against ``time`` (m,), in the
-    line styles ``lines``."""
-    columns = series.T if isinstance(series, np.ndarray) else series
-    for i, (values, name, look) in enumerate(zip(columns, names, looks(), strict=False)):
-        chosen = {"linestyle": lines[i]} if lines else {}
-        axes.plot(*thinned(time, values), label=plain(name), **(look | chosen))
+def draw_group(group: Group, heading: str) -> Figure:
+    """Return a figure of the graphs of a group below each other, with one legend of all curves."""
+    count = len(group.graphs)
+    height = 3.4 if count == 1 else 2.4 if count < MANY else 1.7
+    note = f"\n({group.note})" if group.note else ""
+    figure, all_axes = new_figure(count, height, f"{heading}: {group.title}{note}")
+    names = dict.fromkeys(name for graph in group.graphs for name, _ in graph.curves)
+    look = dict(zip(names, looks(), strict=False))
+    for axes, graph in zip(all_axes, group.graphs, strict=True):
+        draw_graph(axes, graph, look)
+    all_axes[-1].set_xlabel(group.graphs[-1].x_title)
+    legend(figure, *all_axes)
+    return figure
 
 
-def absolute_curves(axes: Axes, time: np.ndarray, series: np.ndarray, names: Sequence[str]) -> None:
-    """Draw the absolute value of each column on a logarithmic scale; of a long run the peaks.
+def draw_graph(axes: Axes, graph: Graph, look: Mapping[str, dict[str, Any]]) -> None:
+    """Draw a graph in a panel; ``look`` has colour and line style by the name of a curve."""
+    x, values = graph.x, np.array([series for _, series in graph.curves]).T
+    if graph.log:
+        x, values = _on_logarithmic_scale(axes, x, values)
+    for k, (name, _) in enumerate(graph.curves):
+        line = {"linestyle": LINES[k % len(LINES)]} if graph.broken else {}
+        axes.plot(*thinned(x, values[:, k]), label=plain(name), **(look[name] | line))
+    axes.set_ylabel(folded(graph.title))
 
-    Columns of nan are not drawn, but keep their style and their place in the legend.
+
+def _on_logarithmic_scale(
+    axes: Axes, x: np.ndarray, values: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Give a panel the scale of absolute values (m, k), and return them; of a long run the peaks.
 
     Zeros, and values ``MOST_DECADES`` below the largest, leave the panel at its lower edge. If all
     values are zero there is no scale, and a text in the panel says so.
     """
-    time, series = peaks(time, np.abs(series))
-    if not np.nan_to_num(series).any():
-        curves(axes, time, series, names)
+    x, values = peaks(x, np.abs(values))
+    top = float(np.nanmax(values))
+    if top == 0.0:
         axes.set_yticks([0.0])
         axes.text(0.5, 0.6, "zero at every output time", transform=axes.transAxes, ha="center")
-        return
-    top = float(np.nanmax(series))
-    floor = max(float(series[series > 0.0].min()), top * 10.0**-MOST_DECADES)
+        return x, values
+    floor = max(float(values[values > 0.0].min()), top * 10.0**-MOST_DECADES)
     # At least two decades: fewer may leave a logarithmic axis without a tick label.
-    low, high = min(0.5 * floor, 0.02 * top), 2.0 * top
-    axes.set(yscale="log", ylim=(low, high))
-    curves(axes, time, np.maximum(series, 0.1 * low), names)
+    low = min(0.5 * floor, 0.02 * top)
+    axes.set(yscale="log", ylim=(low, 2.0 * top))
+    return x, np.maximum(values, 0.1 * low)
 
 
-def thinned(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Reduce ``values`` (m,) of a long run to the least and largest of each interval of time."""
-    if values.size <= 2 * INTERVALS:
-        return time, values
-    kept = {0, values.size - 1}
-    for begin, end in _intervals(values.size):
-        kept.add(begin + int(values[begin:end].argmin()))
-        kept.add(begin + int(values[begin:end].argmax()))
-    index = np.array(sorted(kept))
-    return time[index], values[index]
-
-
-def peaks(time: np.ndarray, series: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Reduce ``series`` (m, k) of a long run to each column's largest value per interval."""
-    if len(time) <= 2 * INTERVALS:
-        return time, series
-    intervals = list(_intervals(len(time)))
-    ends = np.array([end - 1 for _, end in intervals])
-    return time[ends], np.array([series[begin:end].max(axis=0) for begin, end in intervals])
-
-
-def _intervals(length: int) -> Iterator[tuple[int, int]]:
-    """Yield the first index of each of ``INTERVALS`` intervals, and the index after its last."""
-    return pairwise(int(edge) for edge in np.linspace(0, length, INTERVALS + 1))
-
-
-def legend(figure: Figure, axes: Axes) -> None:
-    """Add the legend of the curves of ``axes`` beside the panels."""
-    handles, labels = axes.get_legend_handles_labels()
-    labels = ["\n".join(map(shortened, label.splitlines())) for label in labels]
-    if len(labels) > MOST_IN_LEGEND:
-        more = f"and {len(labels) - MOST_IN_LEGEND} more"
-        handles, labels = handles[:MOST_IN_LEGEND], labels[:MOST_IN_LEGEND]
-        figure.legend(handles, labels, loc="outside right upper", title_fontsize=9, title=more)
-    elif labels:
-        figure.legend(handles, labels, loc="outside right upper")
+def legend(figure: Figure, *all_axes: Axes) -> None:
+    """Add the legend of the curves of all panels beside them, each name once."""
+    found = {
+        shortened(label): handle
+        for axes in all_axes
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    shown = list(found)[:MOST_IN_LEGEND]
+    more = f"and {len(found) - len(shown)} more" if len(found) > len(shown) else None
+    if shown:
+        handles = [found[label] for label in shown]
+        figure.legend(handles, shown, loc="outside right upper", title_fontsize=9, title=more)
 
 
 def shortened(name: str) -> str:

@@ -14,7 +14,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from msahl.post.columns import grouped, matching, series
-from msahl.post.draw import COLOURS, LINES, MOST_IN_LEGEND, folded, looks, plain, thinned
+from msahl.post.draw import COLOURS, LINES, MOST_IN_LEGEND, folded, looks, plain
+from msahl.post.graph_data import thinned
 from msahl.printable import shown_path
 from msahl.results.read import ResultError, Run
 from msahl.run.column_units import ORIENTATION, POSITION, quantity

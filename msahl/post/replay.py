@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import at, put
-from msahl.elements import forces
 from msahl.elements.constraints import coordinates
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.frames import FramesWorkspace
@@ -19,6 +18,7 @@ from msahl.elements.rigid_body import RigidBodies, energy, read_states
 from msahl.jit.compiled import compiled
 from msahl.jit.kernel import kernel
 from msahl.model import Model
+from msahl.ports import forces
 from msahl.results.read import Run
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace

@@ -1,13 +1,17 @@
-"""Choose the graphs of a run's page: time histories of motion, reactions, energies and errors."""
+"""Choose the graphs of a run: motion, joints, reactions, energies, errors; one group of each kind.
 
-from collections.abc import Iterator, Sequence
+A group without graphs has the reason in its note.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from msahl.joints.coordinates import ORIENTATION, SUFFIXES, coordinates, is_angle
+from msahl.post.graph_data import Graph, Group
 from msahl.post.metrics import Metrics
-from msahl.post.page.graphs import Graph, Group
-from msahl.results.read import Run
+from msahl.results.read import ResultError, Run
 from msahl.run.tables import JOINTS
 
 AXES = "xyz"
@@ -17,16 +21,35 @@ NEGLIGIBLE = 1e-9
 Curves = tuple[tuple[str, np.ndarray], ...]
 
 
-def histories(run: Run, metrics: Metrics) -> list[Group]:
-    """Return the graphs of positions, joint coordinates, reactions, loads and energies."""
-    groups = [_positions(run, metrics), _joints(run), _reactions(run, metrics), _energies(metrics)]
-    return [group for group in groups if group.graphs]
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """What to draw: a ``plane`` (two of x, y, z; empty: the one with the widest paths), and the
+    names of ``bodies`` and ``joints`` (empty: all)."""
+
+    plane: str = ""
+    bodies: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()
 
 
-def diagnostics(run: Run, metrics: Metrics) -> list[Group]:
-    """Return the graphs of errors: global error, energy balance, constraint violation, work."""
-    groups = [_errors(run, metrics), _violations(metrics), _work(metrics)]
-    return [group for group in groups if group.graphs]
+def chosen_bodies(run: Run, choice: Choice) -> list[str]:
+    """Return the names of the bodies to draw. Raises ``ResultError`` if one is not in the model."""
+    names = tuple(body.name for body in run.model.bodies)
+    return [names[i] for i in _pick("body", names, choice.bodies)]
+
+
+def chosen_elements(metrics: Metrics, choice: Choice) -> list[int]:
+    """Return the indices of the joints, couplings and motions to draw. Raises ``ResultError`` if
+    one is not in the model."""
+    return _pick("joint", metrics.constraints.names, choice.joints)
+
+
+def _pick(kind: str, names: tuple[str, ...], wanted: tuple[str, ...]) -> list[int]:
+    """Return the indices of the wanted names; of all names if none is wanted."""
+    for name in wanted:
+        if name not in names:
+            listed = ", ".join(names) or "none"
+            raise ResultError(f"no {kind} '{name}' in the model (it has: {listed})")
+    return [i for i, name in enumerate(names) if not wanted or name in wanted]
 
 
 def _named(names: Sequence[str], values: np.ndarray) -> Curves:
@@ -35,116 +58,168 @@ def _named(names: Sequence[str], values: np.ndarray) -> Curves:
     return tuple((name, column) for name, column in pairs if not np.isnan(column).all())
 
 
-def _positions(run: Run, metrics: Metrics) -> Group:
-    names = metrics.energy.bodies
-    points = [run.states[[f"{n}.{axis}" for n in names]].to_numpy() for axis in AXES]
-    sizes = [float(np.abs(values).max()) for values in points]
-    shown = [i for i in range(3) if sizes[i] > NEGLIGIBLE * max(sizes)]
-    graphs = tuple(Graph(f"{AXES[i]} [m]", run.time, _named(names, points[i])) for i in shown)
-    zero = " and ".join(AXES[i] for i in range(3) if i not in shown)
-    note = f"{zero} {'is' if len(zero) == 1 else 'are'} zero up to rounding." if zero else ""
-    return Group("Positions of reference points", graphs, note)
+def _components(
+    time: np.ndarray, names: Sequence[str], titles: Sequence[str], vectors: np.ndarray
+) -> tuple[list[Graph], list[str]]:
+    """Return the graphs of the components of ``vectors`` (m, k, 3) that are not negligible, and the
+    titles of the others; nothing if there are no vectors."""
+    sizes = np.nan_to_num(np.abs(vectors)).max(axis=(0, 1), initial=0.0)
+    shown = [axis for axis in range(3) if sizes[axis] > NEGLIGIBLE * sizes.max()]
+    graphs = [Graph(titles[axis], time, _named(names, vectors[:, :, axis])) for axis in shown]
+    known = not np.isnan(vectors).all()
+    zeros = [titles[a].partition(" ")[0] for a in range(3) if a not in shown] if known else []
+    return graphs, zeros
 
 
-def _joints(run: Run) -> Group:
+def _zero(names: Sequence[str]) -> str:
+    """Say which components are zero; empty if there are none."""
+    verb = "is" if len(names) == 1 else "are"
+    listed = ", ".join(names[:-1]) + " and " * bool(names[1:]) + "".join(names[-1:])
+    return f"{listed} {verb} zero up to rounding." if names else ""
+
+
+def _positions(run: Run, metrics: Metrics, choice: Choice) -> Group:
+    names = chosen_bodies(run, choice)
+    points = [run.states[[f"{name}.{axis}" for name in names]].to_numpy() for axis in AXES]
+    titles = [f"{axis} [m]" for axis in AXES]
+    graphs, zeros = _components(run.time, names, titles, np.stack(points, axis=2))
+    return Group("Positions of reference points", tuple(graphs), _zero(zeros))
+
+
+def _joints(run: Run, metrics: Metrics, choice: Choice) -> Group:
     """Return the coordinates of joints and their rates, by unit; orientations have no graph."""
     table = run.others.get(JOINTS)
     found: dict[str, list[str]] = {}
     for joint in run.model.joints if table is not None else ():
         for name in coordinates(joint):
-            if name != ORIENTATION:
+            if name != ORIENTATION and (not choice.joints or joint.name in choice.joints):
                 unit = "rad" if is_angle(name) else "m"
                 found.setdefault(unit, []).append(f"{joint.name}.{name}")
     graphs = []
     for unit, names in found.items():
         assert table is not None
         what = "angle" if unit == "rad" else "displacement"
-        values = table[names].to_numpy()
-        rates = table[[f"{name}{SUFFIXES[1]}" for name in names]].to_numpy()
-        graphs.append(Graph(f"{what} [{unit}]", run.time, _named(names, values)))
-        graphs.append(Graph(f"rate of {what} [{unit}/s]", run.time, _named(names, rates)))
-    return Group("Coordinates of joints", tuple(graphs))
+        for title, end in ((f"{what} [{unit}]", ""), (f"rate of {what} [{unit}/s]", SUFFIXES[1])):
+            values = table[[name + end for name in names]].to_numpy()
+            graphs.append(Graph(title, run.time, _named(names, values)))
+    lacks = "" if graphs else "joints.csv has no angle and no displacement"
+    return Group("Coordinates of joints", tuple(graphs), lacks)
 
 
-def _reactions(run: Run, metrics: Metrics) -> Group:
+def _reactions(run: Run, metrics: Metrics, choice: Choice) -> Group:
+    found, picked = metrics.reactions, chosen_elements(metrics, choice)
+    names = [found.names[e] for e in picked]
+    graphs: list[Graph] = []
+    zeros: list[str] = []
+    for what, letter, unit, every in (
+        ("force", "F", "N", found.force),
+        ("moment", "M", "N m", found.moment),
+    ):
+        vectors = every[:, picked]
+        titles = [f"{letter}{axis} [{unit}]" for axis in AXES]
+        parts, zero = _components(run.time, names, titles, vectors)
+        zeros += zero
+        # A force that is zero has a graph, so that a reader sees that it is.
+        if parts or (unit == "N" and zero):
+            norm = np.hypot(np.hypot(vectors[:, :, 0], vectors[:, :, 1]), vectors[:, :, 2])
+            graphs.append(Graph(f"{what}, magnitude [{unit}]", run.time, _named(names, norm)))
+        graphs += parts
+    for unit, load in zip(("N", "N m"), np.moveaxis(found.load[:, picked], 2, 0), strict=True):
+        if curves := _named(names, load):
+            graphs.append(Graph(f"load [{unit}]", run.time, curves))
+    when = "at the output times" if run.instantaneous else "mean over each step"
+    loads = ", and loads of motions" if np.isfinite(found.load[:, picked]).any() else ""
+    note = " ".join(filter(None, (_not_unique(metrics, picked), _zero(zeros))))
+    if not graphs:
+        note = "the model has no joints"
+    return Group(f"Reactions of joints on the child, {when}{loads}", tuple(graphs), note)
+
+
+def _not_unique(metrics: Metrics, picked: Sequence[int]) -> str:
     found = metrics.reactions
-    listed = zip(found.names, found.not_unique, strict=True)
-    not_unique = [f"{name} ({', '.join(columns)})" for name, columns in listed if columns]
-    note = (
-        f"Not unique, because joints are redundant: {'; '.join(not_unique)}." if not_unique else ""
-    )
-    force, moment = (_norms(part) for part in (found.force, found.moment))
-    panels = [
-        ("force, magnitude [N]", force),
-        ("moment, magnitude [N m]", moment),
-        ("load [N]", found.load[:, :, 0]),
-        ("load [N m]", found.load[:, :, 1]),
-    ]
-    graphs = [
-        Graph(title, run.time, _named(found.names, values))
-        for title, values in panels
-        if np.nan_to_num(values).any()
-    ]
-    of = "at the output times" if run.instantaneous else "mean over each step"
-    loads = ", and loads of motions" if np.isfinite(found.load).any() else ""
-    return Group(f"Reactions of joints on the child, {of}{loads}", tuple(graphs), note)
+    listed = [f"{found.names[e]} ({', '.join(c)})" for e in picked if (c := found.not_unique[e])]
+    return f"Not unique, because joints are redundant: {'; '.join(listed)}." if listed else ""
 
 
-def _norms(vectors: np.ndarray) -> np.ndarray:
-    """Return the norms (m, k) of vectors (m, k, 3)."""
-    x, y, z = np.moveaxis(vectors, 2, 0)
-    norms: np.ndarray = np.hypot(np.hypot(x, y), z)
-    return norms
-
-
-def _energies(metrics: Metrics) -> Group:
-    energy = metrics.energy
+def _energy(run: Run, metrics: Metrics, choice: Choice) -> Group:
+    energy, largest = metrics.energy, metrics.energy.largest_kinetic
     curves = [("kinetic", energy.kinetic), ("potential", energy.potential.sum(axis=1))]
     if energy.elastic.any():
         curves.append(("elastic", energy.elastic))
     curves.append(("total", energy.total))
     if metrics.loads.names:
-        curves.append(("work on the system", energy.work))
-    return Group("Energies", (Graph("energy [J]", energy.time, tuple(curves)),))
+        curves += [("work on the system", energy.work), ("total - work", energy.balance)]
+    title = "|balance error| over max KE [-]" if largest else "|balance error| [J]"
+    error = (("balance error", energy.error / (largest or 1.0)),)
+    graphs = (
+        Graph("energy [J]", energy.time, tuple(curves), broken=True),
+        Graph(title, energy.time, error, log=True),
+    )
+    return Group("Energies", graphs)
 
 
-def _errors(run: Run, metrics: Metrics) -> Group:
-    return Group("Errors", tuple(_error_graphs(run, metrics)))
+def _error(run: Run, metrics: Metrics, choice: Choice) -> Group:
+    title = "Estimated global error, largest of all bodies"
+    if run.errors is None or len(run.errors) < 2:
+        return Group(title, (), "the error of the run was not estimated")
+    names = ("position", "orientation (angle times length)")
+    curves = _named(names, run.errors.to_numpy()[:, 1:])
+    graph = Graph("estimated error [m]", run.errors["time"].to_numpy(), curves, log=True)
+    return Group(title, (graph,))
 
 
-def _error_graphs(run: Run, metrics: Metrics) -> Iterator[Graph]:
-    if run.errors is not None and len(run.errors) > 1:
-        names = ("position", "orientation (angle times length)")
-        curves = _named(names, run.errors.to_numpy()[:, 1:])
-        title = "estimated global error, largest of all bodies [m]"
-        yield Graph(title, run.errors["time"].to_numpy(), curves, log=True)
-    energy, largest = metrics.energy, metrics.energy.largest_kinetic
-    title = "|energy balance error| over max KE [-]" if largest else "|energy balance error| [J]"
-    yield Graph(title, energy.time, (("energy", energy.error / (largest or 1.0)),), log=True)
-
-
-def _violations(metrics: Metrics) -> Group:
-    found = metrics.constraints
-    graphs = [
+def _constraints(run: Run, metrics: Metrics, choice: Choice) -> Group:
+    found, picked = metrics.constraints, chosen_elements(metrics, choice)
+    names = [found.names[e] for e in picked]
+    graphs = tuple(
         Graph(f"{words} [{unit}]", found.time, curves, log=True)
         for words, values, units in (
             ("position level", found.violation, ("m", "rad")),
             ("velocity level", found.rate, ("m/s", "rad/s")),
         )
-        for unit, series in zip(units, np.moveaxis(values, 2, 0), strict=True)
-        if (curves := _named(found.names, series))
-    ]
-    return Group("Constraint violation", tuple(graphs))
-
-
-def _work(metrics: Metrics) -> Group:
-    work = metrics.work
-    if work is None or not metrics.joints:
-        return Group("", ())
-    graphs = (
-        Graph("Hainge's virtual work [J]", work.time, _named(work.joints, work.hainge)),
-        Graph(
-            "|work of the reaction| [J]", work.time, _named(work.joints, work.reaction), log=True
-        ),
+        for unit, series in zip(units, np.moveaxis(values[:, picked], 2, 0), strict=True)
+        if (curves := _named(names, series))
     )
-    return Group("Virtual work of joints over each step", graphs)
+    return Group("Constraint violation", graphs, "" if graphs else "the model has no joints")
+
+
+def _work(run: Run, metrics: Metrics, choice: Choice) -> Group:
+    title, work = "Virtual work of joints over each step", metrics.work
+    picked = [k for k in chosen_elements(metrics, choice) if k < metrics.joints]
+    if not metrics.joints:
+        return Group(title, (), "the model has no joints")
+    if work is None:
+        return Group(title, (), "virtual work needs the states and mean reactions of every step")
+    if not picked:
+        return Group(title, (), "couplings and motions have no virtual work")
+    names = [work.joints[k] for k in picked]
+    graphs = [
+        Graph(label, work.time, _named(names, values[:, picked]), log=log)
+        for label, values, log in (
+            ("Hainge's virtual work [J]", work.hainge, False),
+            ("|work of the reaction| [J]", work.reaction, True),
+        )
+    ]
+    return Group(title, tuple(graphs))
+
+
+GRAPHS: dict[str, Callable[[Run, Metrics, Choice], Group]] = {
+    "positions": _positions,
+    "joints": _joints,
+    "reactions": _reactions,
+    "energy": _energy,
+    "error": _error,
+    "constraints": _constraints,
+    "work": _work,
+}
+"""The groups of graphs by their kind, which is the name of their picture."""
+
+
+def groups(
+    run: Run, metrics: Metrics, kinds: Sequence[str], choice: Choice | None = None
+) -> Iterator[Group]:
+    """Yield the groups of ``kinds`` that have graphs."""
+    for kind in kinds:
+        group = GRAPHS[kind](run, metrics, choice or Choice())
+        if group.graphs:
+            yield Group(group.title, group.graphs, group.note, kind)

@@ -8,7 +8,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import msahl
 from msahl.deck import Source, deck_digest, listed_parameters
 from msahl.jit.files import version_of
 from msahl.model import Model, Options, RunSettings, resolve
@@ -20,6 +19,7 @@ from msahl.run.options import (
     require_compatible,
     with_options,
 )
+from msahl.version import VERSION
 
 PACKAGES = ("numba", "numpy", "scipy")
 """Packages whose versions ``run.json`` records; numba may be missing."""
@@ -85,7 +85,7 @@ def versions() -> dict[str, str]:
     """Return the versions of msahl, Python and the packages that numbers depend on."""
     found = {package: version_of(package) for package in PACKAGES}
     installed = {package: version for package, version in found.items() if version}
-    return {"msahl": msahl.__version__, "python": platform.python_version(), **installed}
+    return {"msahl": VERSION, "python": platform.python_version(), **installed}
 
 
 def _encodable(path: str | os.PathLike[str]) -> str:

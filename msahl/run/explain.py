@@ -8,6 +8,7 @@ import numpy as np
 
 from msahl.jit.compiled import on_disk
 from msahl.joints.coordinates import ORIENTATION, coordinates, is_angle
+from msahl.linalg.elimination import products
 from msahl.model import Model, RunSettings, resolve
 from msahl.run.joint_table import JointTable
 from msahl.run.subsystem import SubsystemIntegrator
@@ -16,7 +17,6 @@ from msahl.run.time_grid import TimeGrid
 from msahl.run.verdict import describe_reactions
 from msahl.system.arrays import multiplier_count
 from msahl.system.names import STRAINS
-from msahl.system.ordering import products
 from msahl.system.reductions import all_unknowns
 from msahl.system.subsystems import split
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.schemes.midpoint.free_equations import FAR
+from msahl.schemes.common.criteria import FAR
 from msahl.schemes.outcome import TOLERANCE, Outcome
 from msahl.system.names import describe_row
 from msahl.system.nonfinite import overflow

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from msahl.elements import forces
 from msahl.model import RunSettings
+from msahl.ports import forces
 from msahl.run.extremes import Extremes
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.system.diagnostics import STOP

@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from msahl.elements import forces, signals
+from msahl.elements import signals
 from msahl.elements.rigid_body import write_accelerations
 from msahl.jit.by_size import LARGE, by_size
 from msahl.jit.storage import Storage, Storages
 from msahl.model import Model, resolve
+from msahl.ports import forces
+from msahl.schemes.common import workspace
+from msahl.schemes.common.workspace import Workspace, new_workspace
 from msahl.schemes.fixed_stepper import FixedStepper
-from msahl.schemes.midpoint import workspace
 from msahl.schemes.midpoint.stepper import MidpointMethod
-from msahl.schemes.midpoint.workspace import Workspace, new_workspace
 from msahl.schemes.stepper import Advance, Chunk, Stepper
 from msahl.start.positions import assemble
 from msahl.start.redundancy import constraint_rank, is_regular, non_unique_reactions
@@ -31,7 +32,7 @@ from msahl.system.arrays import (
 )
 from msahl.system.build import Places, build_system
 from msahl.system.desk import jacobian_at_rest, new_desk
-from msahl.system.node_order import node_order
+from msahl.system.graph import node_order
 from msahl.system.nonfinite import find_nonfinite, find_undefined, overflow
 from msahl.system.reductions import (
     all_unknowns,

@@ -9,9 +9,9 @@ friction            a rate passes the regularisation width w [m/s] within one st
 import numpy as np
 
 from msahl.algebra.functions import build_laws, evaluate
-from msahl.elements import forces
 from msahl.model import Model
 from msahl.model.motions import JointMotion
+from msahl.ports import forces
 from msahl.run.subsystem import SubsystemIntegrator
 
 MOTION_SAMPLES = 64

@@ -18,7 +18,7 @@ import numpy as np
 
 from msahl.events.search import Event, NoStep, time_of_zero
 from msahl.jit.compiled import Call
-from msahl.schemes.midpoint.workspace import Workspace
+from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.outcome import EVALUATION, STEP_WORK, Outcome, Requests
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import Advance, Chunk, Stepper

@@ -20,10 +20,10 @@ import numpy as np
 from msahl.events import margins
 from msahl.events.margins import END, SPLIT, Margins
 from msahl.jit.kernel import apart, kernel, optional, unit
-from msahl.schemes.accelerations import Instant
 from msahl.schemes.collocation import dense_output
 from msahl.schemes.collocation.dense_output import COARSE, DenseOutput, StepEnd, new_step_end
-from msahl.schemes.midpoint.workspace import Workspace
+from msahl.schemes.common.accelerations import Instant
+from msahl.schemes.common.workspace import Workspace
 from msahl.system import evaluate
 from msahl.system.arrays import State
 from msahl.system.state import copy_state

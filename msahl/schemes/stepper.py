@@ -42,7 +42,7 @@ import numpy as np
 
 from msahl.events.search import Event
 from msahl.jit.compiled import Call
-from msahl.schemes.midpoint.workspace import Workspace
+from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.outcome import Outcome, Requests
 from msahl.schemes.output_schedule import NO_OUTPUT, OutputSchedule
 

@@ -11,9 +11,9 @@ from msahl.events.search import Event
 from msahl.jit.compiled import Call, compiled
 from msahl.jit.storage import Storage
 from msahl.schemes import step_events
-from msahl.schemes.accelerations import Instant
 from msahl.schemes.collocation.dense_output import DenseOutput
-from msahl.schemes.midpoint.workspace import Workspace
+from msahl.schemes.common.accelerations import Instant
+from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.step_events import AFTER, ARMED, GUESS, KNOWN, LEVEL, RATE, Watch, new_watch
 
 COMPILED: dict[Any, Any] = {

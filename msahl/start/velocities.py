@@ -17,17 +17,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements import forces, reactions
+from msahl.elements import reactions
 from msahl.elements.beams import instant
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import first_multiplier, moving_count
 from msahl.elements.reactions import MOST_ROUNDS
 from msahl.jit.by_size import by_size
 from msahl.linalg import sparse_lu
+from msahl.linalg.elimination import new_factor
+from msahl.ports import forces
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, node_count
 from msahl.system.desk import Desk, jacobian_at_rest, new_desk
-from msahl.system.ordering import new_factor
 from msahl.system.unknowns import Unknowns, choose
 
 CONSISTENT = 1e-12

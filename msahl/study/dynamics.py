@@ -3,7 +3,7 @@
     x_dot = v     e_dot = e o (0, w)/2     v_dot = a(x, e, v, w)     w_dot = R^T alpha
 
 with Euler parameters e in place of the engine's own and accelerations from the index-1 problem of
-``schemes.accelerations``. No equation of a step is used.
+``schemes.common.accelerations``. No equation of a step is used.
 A vector y holds x (3), e (4), v (3), w (3) of every body, one body after the other, and after them
 the auxiliary states of the laws of the motion.
 """
@@ -18,8 +18,8 @@ from msahl.elements.frames import displacement, first_multiplier, moving_count, 
 from msahl.jit.compiled import compiled
 from msahl.jit.kernel import kernel
 from msahl.model import Model
-from msahl.schemes import accelerations
-from msahl.schemes.accelerations import Instant, new_instant, solve_least
+from msahl.schemes.common import accelerations
+from msahl.schemes.common.accelerations import Instant, new_instant, solve_least
 from msahl.start.redundancy import is_regular
 from msahl.study.start import first_state
 from msahl.system import evaluate

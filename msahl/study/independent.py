@@ -24,6 +24,7 @@ from msahl.results.read import ResultError
 from msahl.study import reference_cache
 from msahl.study.breakpoints import breakpoints, longest_step
 from msahl.study.dynamics import SIZE, Dynamics
+from msahl.study.reference import position_differences
 from msahl.study.reference_cache import CachedSolution
 
 FINEST = 1e-13
@@ -264,7 +265,8 @@ def _compared(
             horizon, difference = 0.0, 0.0
             for part in np.array_split(times, min(COMPARISONS, len(times))):
                 _advance_both(both, float(part[-1]), deadline)
-                distances = _differences(dynamics, part, *(each.solution for each in both))
+                tables = (dynamics.publish(each.solution(part)) for each in both)
+                distances = position_differences(*tables)
                 largest = np.maximum.accumulate(np.append(difference, distances))[1:]
                 good = largest <= accuracy
                 if good.any():
@@ -283,12 +285,3 @@ def _advance_both(both: list[_Integration], end: float, deadline: float) -> None
     except TooSlowError as error:
         error.solution = both[0].solution
         raise
-
-
-def _differences(
-    dynamics: Dynamics, times: np.ndarray, fine: Solution, coarse: Solution
-) -> np.ndarray:
-    """Return the largest difference of positions [m] (m,) of two solutions at ``times``."""
-    tables = [dynamics.publish(s(times)).reshape(len(times), -1, 12) for s in (fine, coarse)]
-    difference = tables[0][:, :, :3] - tables[1][:, :, :3]
-    return np.asarray(np.sqrt((difference**2).sum(axis=2)).max(axis=1))

@@ -38,6 +38,12 @@ class Reference(Protocol):
         """Return the joint forces (m, 3 k) [N] at ``times``; NaN likewise."""
 
 
+def position_differences(table: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return the largest difference of positions (m,) [m] of the bodies in two tables (m, 12 n)."""
+    difference = (table - other).reshape(len(table), -1, 12)[:, :, :3]
+    return np.asarray(np.sqrt((difference**2).sum(axis=2)).max(axis=1))
+
+
 @dataclass(frozen=True)
 class TableReference:
     """States at the output times of a run, and at no others; forces computed from the states."""

@@ -9,7 +9,6 @@ from msahl.deck import DeckError
 from msahl.model import Model
 from msahl.results.read import ResultError, read_run
 from msahl.study.dynamics import Dynamics
-from msahl.study.exact import recognise
 from msahl.study.independent import TooSlowError, independent
 from msahl.study.reference import Reference, TableReference
 from msahl.study.refined_runs import refined_reference
@@ -28,17 +27,11 @@ def stored(folder: Path, model: Model) -> TableReference:
 def choose_reference(
     wanted: str, model: Model, times: np.ndarray, accuracy: float, seconds: float = math.inf
 ) -> Reference:
-    """Return the reference that ``wanted`` names: "auto", "exact", "independent" or a run's folder.
+    """Return the reference that ``wanted`` names: "auto", "independent" or a run's folder.
 
-    "auto" is exact if a closed form is known, else independent, else, if the independent one takes
-    more than ``seconds``, from msahl's own runs at small steps. Raises ``ResultError`` if there is
-    none.
+    "auto" is independent or, if that takes more than ``seconds``, from msahl's own runs at small
+    steps. Raises ``ResultError`` if there is none.
     """
-    exact = recognise(model) if wanted in ("auto", "exact") else None
-    if exact is not None:
-        return exact
-    if wanted == "exact":
-        raise ResultError("no closed form is known for this model; use --reference auto")
     if wanted == "independent":
         return independent(model, times, accuracy)
     if wanted == "auto":

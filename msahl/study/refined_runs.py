@@ -11,7 +11,7 @@ from msahl.model.settings import OFF
 from msahl.results.read import ResultError
 from msahl.study.dynamics import Dynamics
 from msahl.study.independent import Solution
-from msahl.study.reference import TableReference
+from msahl.study.reference import TableReference, position_differences
 from msahl.study.rounding import series_index, series_value
 from msahl.study.runs import run_in_memory, with_step
 
@@ -78,12 +78,7 @@ def _differences(coarse: TableReference, fine: TableReference) -> np.ndarray:
     """Return the largest difference of positions [m] (m,) at the times of the coarse run; 0 at
     times that the fine run does not have.
     """
-    return _distances(coarse.table, fine.states(coarse.times))
-
-
-def _distances(table: np.ndarray, other: np.ndarray) -> np.ndarray:
-    difference = (table - other).reshape(len(table), -1, 12)[:, :, :3]
-    return np.nan_to_num(np.sqrt((difference**2).sum(axis=2)).max(axis=1))
+    return np.nan_to_num(position_differences(coarse.table, fine.states(coarse.times)))
 
 
 def _check(fine: TableReference, checked: Solution, horizon: float) -> str:
@@ -92,7 +87,7 @@ def _check(fine: TableReference, checked: Solution, horizon: float) -> str:
     if not len(checked.values) or rows.sum() < 2:
         return ""
     true = fine.dynamics.publish(checked(fine.times[rows]))
-    difference = float(_distances(fine.table[rows], true).max())
+    difference = float(position_differences(fine.table[rows], true).max())
     return (
         f", and an independent solution, up to t = {fine.times[rows][-1]:.3g} s, by "
         f"{difference:.1e} m"

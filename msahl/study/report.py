@@ -7,19 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from msahl.model import resolve
-from msahl.post.document import (
-    Block,
-    Code,
-    Folded,
-    Heading,
-    Items,
-    Paragraph,
-    Picture,
-    as_markdown,
-)
-from msahl.post.draw import encode, style
-from msahl.post.page.blocks import fold, header, part_of
-from msahl.post.page.page import wrap, write_page
+from msahl.post.document import Banner, Block, Code, Folded, Heading, Items, Paragraph, Picture
+from msahl.post.draw import style
+from msahl.post.page.drawing import as_picture
+from msahl.post.page.files import write_document
 from msahl.post.table import as_csv
 from msahl.results.write import replace_file
 from msahl.study.command import command_line
@@ -98,41 +89,20 @@ DEFINITIONS = (
 
 def write_study(study: Study, folder: Path) -> list[Path]:
     """Write the study to ``folder``; return the paths written, without the pictures."""
-    drawn = _pictures(study)
     folder.mkdir(parents=True, exist_ok=True)
-    for picture in drawn:
-        replace_file(folder / picture.name, picture.png)
-    texts = {
-        "study.csv": as_csv(table_of_all(study)),
-        "study.md": as_markdown(build(study, drawn)),
-        "study.html": build_page(study, drawn),
-    }
-    for name, text in texts.items():
-        replace_file(folder / name, text.encode())
-    return [folder / name for name in texts]
+    replace_file(folder / "study.csv", as_csv(table_of_all(study)).encode())
+    written = write_document(_title(study), build(study, _pictures(study)), folder, "study")
+    return [folder / "study.csv", *written]
 
 
 def build(study: Study, drawn: Sequence[Picture]) -> list[Block]:
     """Return the blocks of the report in their order: the recommendation and its figure first."""
     return [
         Heading(1, _heading(study)),
-        *_recommended(study),
+        Banner("WARN" if study.fastest is None else "PASS", "", tuple(_recommended(study))),
         *_evidence(study, drawn),
-        Heading(2, "Definitions"),
-        Items(DEFINITIONS),
+        Folded("Definitions", (Items(DEFINITIONS),)),
     ]
-
-
-def build_page(study: Study, drawn: Sequence[Picture]) -> str:
-    """Return the report as a page: the recommendation in a banner, the definitions folded."""
-    kind = "warn" if study.fastest is None else "pass"
-    content = [
-        header(_heading(study)),
-        wrap("div", *map(part_of, _recommended(study)), class_=f"banner {kind}", role="status"),
-        *map(part_of, _evidence(study, drawn)),
-        fold("Definitions", Items(DEFINITIONS)),
-    ]
-    return write_page(_title(study), wrap("main", *content))
 
 
 def _evidence(study: Study, drawn: Sequence[Picture]) -> list[Block]:
@@ -305,11 +275,7 @@ def _failures(study: Study) -> list[Block]:
 
 
 def _pictures(study: Study) -> list[Picture]:
-    from msahl.post.page.drawing import drawn
     from msahl.study.pictures import pictures
 
     with style():
-        return [
-            Picture(f"{name}.png", caption, encode(figure, "png"), drawn(figure, name))
-            for name, caption, figure in pictures(study)
-        ]
+        return [as_picture(name, caption, figure) for name, caption, figure in pictures(study)]

@@ -19,7 +19,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-import msahl
 from msahl.deck import DeckError, Fault, ParsedDeck, Source
 from msahl.jit.files import version_of
 from msahl.model.settings import EQUILIBRIUM, GIVEN
@@ -36,6 +35,7 @@ from msahl.run.verdict import FAIL
 from msahl.start.velocities import StartError
 from msahl.sweep.axes import Column
 from msahl.sweep.measures import parse_measures
+from msahl.version import VERSION
 
 SUMMARY, TABLES, ALL = KEEP = ("summary", "tables", "all")
 """What is kept of a point: its row; its tables as well; the complete folder of a run."""
@@ -127,7 +127,7 @@ class ChangedError(Exception):
 def numeric_versions() -> dict[str, str]:
     """Versions of msahl, Python and the packages on which the digits of results depend."""
     found = {package: version_of(package) or "" for package in PACKAGES}
-    return {"msahl": msahl.__version__, "python": platform.python_version(), **found}
+    return {"msahl": VERSION, "python": platform.python_version(), **found}
 
 
 def digest_of(content: Any) -> str:

@@ -16,8 +16,6 @@ from msahl.elements.constraints.coincide import Coincide, CoincideWorkspace
 from msahl.elements.constraints.coordinate_kinds import MOST, Coordinates, CoordinatesWorkspace
 from msahl.elements.constraints.products import ProductsWorkspace
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
-from msahl.elements.forces import Forces, ForcesWorkspace, energy_columns, signal_values
-from msahl.elements.forces import new_workspace as new_forces_workspace
 from msahl.elements.frames import Frames, FramesWorkspace, first_multiplier
 from msahl.elements.reactions import Reactions, Shown
 from msahl.elements.rigid_body import (
@@ -27,6 +25,8 @@ from msahl.elements.rigid_body import (
     RigidBodiesWorkspace,
 )
 from msahl.model.scheme import Decay
+from msahl.ports.forces import Forces, ForcesWorkspace, energy_columns, signal_values
+from msahl.ports.forces import new_workspace as new_forces_workspace
 
 
 class Multipliers(NamedTuple):

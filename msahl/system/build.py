@@ -11,12 +11,12 @@ import numpy as np
 
 from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import add, at, times
-from msahl.elements import forces
 from msahl.elements.constraints import coordinates
 from msahl.elements.constraints.equations import left_side
 from msahl.jit.by_size import LARGE
 from msahl.jit.recent import Recent
 from msahl.model import Model
+from msahl.ports import forces
 from msahl.system.arrays import System, new_coordinates_workspace
 from msahl.system.collect import Elements, collect
 from msahl.system.parameters import build_parameters

@@ -26,15 +26,23 @@ from msahl.joints.joint import (
     in_plane,
     perpendicular,
 )
+from msahl.joints.named_coordinates import joint_coordinate
 from msahl.joints.registry import KINDS
 from msahl.model import Model, resolve
 from msahl.model.beams import Beam, is_damped
 from msahl.model.couplings import COORDINATES, Coupling
 from msahl.model.joints import Joint
-from msahl.model.loads import Bushing, ConcentratedLoad, Drag, Friction, JointSpring, SpringDamper
+from msahl.model.loads import (
+    Bushing,
+    ConcentratedLoad,
+    Friction,
+    JointSpring,
+    PointLoad,
+    SpringDamper,
+)
 from msahl.model.markers import Marker
 from msahl.model.motions import JointMotion, PointMotion
-from msahl.system.signal_inputs import SignalCollector, SignalEntries, joint_coordinate
+from msahl.system.signal_inputs import SignalCollector, SignalEntries
 
 
 class Pair(NamedTuple):
@@ -60,7 +68,7 @@ class EquationEntry(NamedTuple):
 
 
 class SpringEntry(NamedTuple):
-    """A spring and damper along a coordinate, see ``elements.forces.spring``."""
+    """A spring and damper along a coordinate, see ``ports.spring``."""
 
     coordinate: int
     stiffness: float
@@ -75,7 +83,7 @@ class SpringEntry(NamedTuple):
 
 
 class FrictionEntry(NamedTuple):
-    """Friction along a coordinate, see ``elements.forces.friction``."""
+    """Friction along a coordinate, see ``ports.friction``."""
 
     coordinate: int
     joint: int
@@ -94,7 +102,7 @@ class BeamEntry(NamedTuple):
 
 
 class ConcentratedEntry(NamedTuple):
-    """A force and a moment at a point, see ``elements.forces.concentrated``."""
+    """A force and a moment at a point, see ``ports.concentrated``."""
 
     load: ConcentratedLoad
     law: int  # or -1
@@ -116,7 +124,7 @@ class Elements:
     springs: list[SpringEntry] = field(default_factory=list)
     frictions: list[FrictionEntry] = field(default_factory=list)
     concentrated: list[ConcentratedEntry] = field(default_factory=list)
-    drags: list[tuple[int, Drag]] = field(default_factory=list)  # column of the table of work
+    at_points: list[tuple[int, PointLoad]] = field(default_factory=list)  # column of work
     laws: list[Law] = field(default_factory=list)
     controlled: list[ConcentratedEntry] = field(default_factory=list)
     signals: SignalEntries | None = None
@@ -189,7 +197,7 @@ class _Collector:
                 controlled = load.expression is not None
                 into = self.elements.controlled if controlled else self.elements.concentrated
                 into.append(ConcentratedEntry(load, law, column))
-            if isinstance(load, ConcentratedLoad | Drag):
+            if isinstance(load, ConcentratedLoad | PointLoad):
                 self.elements.add_point(self.elements.frame[load.body], load.point)
         known = len(self.elements.coordinates)
         collector = SignalCollector(model, self._joint_coordinate, self._marker_distance, known)
@@ -298,8 +306,8 @@ class _Collector:
             lever = load.coefficient * load.radius
             entry = FrictionEntry(coordinate, number, lever, load.width, column)
             self.elements.frictions.append(entry)
-        elif isinstance(load, Drag):
-            self.elements.drags.append((column, load))
+        elif isinstance(load, PointLoad):
+            self.elements.at_points.append((column, load))
 
     def _spring(
         self,

@@ -31,7 +31,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements import forces, reactions, rigid_body, signals
+from msahl.elements import reactions, rigid_body, signals
 from msahl.elements.beams import instant
 from msahl.elements.beams import midpoint as beams
 from msahl.elements.constraints import coincide, coordinates, scalar
@@ -40,6 +40,7 @@ from msahl.elements.frames import first_multiplier, moving_count
 from msahl.elements.frames import prepare as prepare_frames
 from msahl.jit.by_size import by_size
 from msahl.jit.kernel import apart, kernel, unit
+from msahl.ports import forces
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace, node_count
 
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements import forces
 from msahl.elements.frames import moving_count
+from msahl.ports import forces
 from msahl.system.arrays import State, System, SystemWorkspace
 
 

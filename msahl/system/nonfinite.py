@@ -9,9 +9,10 @@ import numpy as np
 
 from msahl.algebra.functions import evaluate
 from msahl.algebra.rotation import compose, from_axis_angle
-from msahl.elements import forces, signals
+from msahl.elements import signals
 from msahl.elements.constraints import scalar
 from msahl.model import Actuator, ConcentratedLoad, Model, Signal, SignalState
+from msahl.ports import forces
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace
 from msahl.system.evaluate import prepare
 

@@ -14,22 +14,23 @@ from msahl.elements.constraints.coordinate_kinds import Coordinates
 from msahl.elements.constraints.equations import ConstraintEquations
 from msahl.elements.constraints.products import Products
 from msahl.elements.constraints.scalar import ScalarConstraints
-from msahl.elements.forces import Forces
-from msahl.elements.forces.actuator import Actuators
-from msahl.elements.forces.compliance import Compliances
-from msahl.elements.forces.concentrated import ConcentratedLoads
-from msahl.elements.forces.controlled import ControlledLoads
-from msahl.elements.forces.drag import Drags
-from msahl.elements.forces.friction import Frictions
-from msahl.elements.forces.spring import Springs
 from msahl.elements.frames import Frames
 from msahl.elements.reactions import Reactions
 from msahl.elements.rigid_body import RigidBodies
 from msahl.elements.signals import Signals
 from msahl.expressions.tape import build_tape
+from msahl.laws.registry import POINT_LAWS, constants
 from msahl.model import resolve
 from msahl.model.beams import Beam
 from msahl.model.bodies import RigidBody
+from msahl.ports.actuator import Actuators
+from msahl.ports.compliance import Compliances
+from msahl.ports.concentrated import ConcentratedLoads
+from msahl.ports.controlled import ControlledLoads
+from msahl.ports.forces import Forces
+from msahl.ports.friction import Frictions
+from msahl.ports.point import PointForces
+from msahl.ports.spring import Springs
 from msahl.system.arrays import System
 from msahl.system.collect import ConcentratedEntry, Elements
 from msahl.system.topology import Indices, Topology, all_products
@@ -195,15 +196,10 @@ def _compliances(elements: Elements, topology: Topology, frames: Frames) -> Comp
 
 
 def _forces(elements: Elements, topology: Topology, frames: Frames, laws: Laws) -> Forces:
-    drags = [load for _, load in elements.drags]
     springs, frictions = elements.springs, elements.frictions
     return Forces(
         concentrated=_concentrated(elements, elements.concentrated, topology.concentrated),
-        drag=Drags(
-            **topology.drag,
-            s=_arms(elements, ((load.body, load.point) for load in drags)),
-            coefficient=_numbers(load.coefficient for load in drags),
-        ),
+        point=_at_points(elements, topology),
         spring=Springs(
             **topology.spring,
             stiffness=_numbers(entry.stiffness for entry in springs),
@@ -223,6 +219,17 @@ def _forces(elements: Elements, topology: Topology, frames: Frames, laws: Laws) 
         controlled=_controlled(elements, topology),
         signals=_signals(elements, topology),
         laws=laws,
+    )
+
+
+def _at_points(elements: Elements, topology: Topology) -> PointForces | None:
+    if topology.point is None:
+        return None
+    loads = [load for _, load in elements.at_points]
+    return PointForces(
+        **topology.point,
+        s=_arms(elements, ((load.body, load.point) for load in loads)),
+        constants=constants([(POINT_LAWS[load.law], load.parameters) for load in loads]),
     )
 
 

@@ -16,11 +16,11 @@ are therefore zero, not small: every velocity and every guess passes through ``f
 
 import numpy as np
 
-from msahl.elements import forces
 from msahl.elements.constraints.coordinate_kinds import PLAIN, RADIUS, Coordinates
 from msahl.elements.constraints.equations import ConstraintEquations
 from msahl.elements.constraints.products import DOT, SLIDE, SLIP, Products, ProductsWorkspace
 from msahl.elements.frames import first_multiplier, ground_of, moving_count
+from msahl.ports import forces
 from msahl.system.arrays import System, SystemWorkspace, node_count
 
 ROUND_OFF = 16 * np.finfo(float).eps

@@ -10,16 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.algebra.vector import Vector
 from msahl.elements import signals
-from msahl.elements.constraints.coordinate_kinds import ANGLE, PLAIN
-from msahl.elements.constraints.products import DOT, SLIDE
 from msahl.expressions.syntax import Name, Tree
 from msahl.expressions.tape import Table
-from msahl.joints.coordinates import angle_offset, frames
+from msahl.joints.coordinates import angle_offset
 from msahl.joints.expression_values import MARKER_VALUES, RATE, REACTION_VALUES
-from msahl.joints.joint import Coordinate, Product, angle, slide
-from msahl.model import Joint, Marker, Model, Signal, SignalState, SignalTable
+from msahl.model import Marker, Model, Signal, SignalState, SignalTable
 from msahl.model.loads import Actuator, ConcentratedLoad, JointActuator, MarkerActuator
 from msahl.model.signals import TIME, AnySignal, element_and_value, reached, tree_of
 
@@ -57,33 +53,6 @@ class SignalEntries(NamedTuple):
     counted: tuple[int, ...]  # coordinates whose angle begins with its own value, not with zero
     markers: tuple[Marker, ...]
     results: tuple[ResultEntry, ...]
-
-
-def joint_coordinate(joint: Joint, name: str) -> Coordinate:
-    """Return the coordinate ``name`` of a joint."""
-    if name in ("slide1", "slide2"):
-        axis = frames(joint)[0][int(name[-1]) - 1]
-        return Coordinate(PLAIN, (Product(SLIDE, _vector(axis)),))
-    if name in ("angle1", "angle2"):
-        return _angle_of_universal(joint, name)
-    return {"angle": angle, "slide": slide}[name](joint)
-
-
-def _angle_of_universal(joint: Joint, name: str) -> Coordinate:
-    """Return an angle of a universal joint: that of the child's axis about the parent's, or minus
-    that of the parent's axis about the child's.
-    """
-    parent, child = frames(joint)
-    if name == "angle1":
-        pairs = ((parent[1], child[2]), (parent[0], child[2]))
-    else:
-        pairs = ((parent[2], -child[1]), (parent[2], child[0]))
-    sine, cosine = (Product(DOT, _vector(n), e=_vector(e)) for n, e in pairs)
-    return Coordinate(ANGLE, (sine, cosine), angular=True)
-
-
-def _vector(a: np.ndarray) -> Vector:
-    return (float(a[0]), float(a[1]), float(a[2]))
 
 
 class SignalCollector:

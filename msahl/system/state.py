@@ -5,16 +5,15 @@ import numpy as np
 from msahl.algebra.rotation import matrix
 from msahl.algebra.rotation_arrays import rotations
 from msahl.algebra.vector import add, copy, cross, times
-from msahl.elements import forces
 from msahl.elements.beams import instant
 from msahl.elements.beams.group import new_workspace
 from msahl.elements.constraints import coordinates
-from msahl.elements.forces import compliance
 from msahl.elements.frames import moving_count
 from msahl.jit.by_size import by_size
 from msahl.jit.kernel import kernel
 from msahl.model import Model, SignalState, resolve
 from msahl.model.beams import is_damped
+from msahl.ports import compliance, forces
 from msahl.system.arrays import State, System, coordinate_count, new_coordinates_workspace
 from msahl.system.build import initial_places
 

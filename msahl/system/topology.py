@@ -17,10 +17,11 @@ from msahl.elements.reactions import Shown
 from msahl.elements.rigid_body import STATE_SIZE
 from msahl.joints.joint import CHILD, GROUND, PARENT, Coordinate, Product
 from msahl.joints.registry import KINDS
+from msahl.laws.registry import POINT_LAWS
+from msahl.linalg.pattern import Blocks
 from msahl.model.beams import Beam
 from msahl.system.arrays import Multipliers
 from msahl.system.collect import BeamEntry, ConcentratedEntry, Elements, Pair
-from msahl.system.pattern import Blocks
 from msahl.system.signal_inputs import ResultEntry, input_parts
 
 Indices = dict[str, np.ndarray]
@@ -41,7 +42,7 @@ class Topology(NamedTuple):
     equation_column: np.ndarray  # (r,)
     concentrated: Indices
     controlled: Indices | None
-    drag: Indices
+    point: Indices | None
     spring: Indices
     compliance: Indices | None
     friction: Indices
@@ -79,7 +80,7 @@ def build_topology(elements: Elements, relaxed: bool) -> Topology:
     bodies, unit_blocks = _bodies(frames, blocks)
     coincide, coincide_blocks = _coincide(elements, frames, blocks, first)
     concentrated = _concentrated(elements, elements.concentrated, frames, blocks)
-    drag = _drags(elements, frames, blocks)
+    point = _at_points(elements, frames, blocks)
     parts = _parts(elements, frames)
     coordinates = _coordinates(elements, parts, blocks)
     equations = _equations(elements, nodes, parts, blocks, first)
@@ -100,7 +101,7 @@ def build_topology(elements: Elements, relaxed: bool) -> Topology:
         equation_column=indices([entry.column for entry in elements.equations]),
         concentrated=concentrated,
         controlled=controlled,
-        drag=drag,
+        point=point,
         spring=_springs(elements),
         compliance=_compliances(elements, nodes, parts, blocks, first),
         friction=_columns(elements.frictions, "coordinate", "joint", "column"),
@@ -139,7 +140,7 @@ def connections(elements: Elements) -> tuple[Any, ...]:
         tuple((s.coordinate, s.table, s.column, s.element) for s in elements.springs),
         tuple((f.coordinate, f.joint, f.column) for f in elements.frictions),
         tuple(loads),
-        tuple((column, load.body) for column, load in elements.drags),
+        tuple((column, load.law, load.body) for column, load in elements.at_points),
         tuple((joint.kind, joint.child) for joint in elements.model.joints),
         tuple(
             (e.beam.degree, e.frames, e.column, _rigid(e.beam).tobytes()) for e in elements.beams
@@ -378,14 +379,18 @@ def _concentrated(
     }
 
 
-def _drags(elements: Elements, frames: Indices, blocks: Blocks) -> Indices:
-    body = indices([elements.frame[load.body] for _, load in elements.drags])
+def _at_points(elements: Elements, frames: Indices, blocks: Blocks) -> Indices | None:
+    if not elements.at_points:
+        return None
+    numbers, loads = list(POINT_LAWS), elements.at_points
+    body = indices([elements.frame[load.body] for _, load in loads])
     nodes = np.stack([frames["displacement"][body], frames["rotation"][body]], axis=1)
     places = blocks.place(nodes[:, :, None], nodes[:, None, :])
     return {
+        "law": indices([numbers.index(load.law) for _, load in loads]),
         "frame": body,
         "block": places.reshape(-1, 4),
-        "column": indices([column for column, _ in elements.drags]),
+        "column": indices([column for column, _ in loads]),
     }
 
 

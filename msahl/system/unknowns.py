@@ -12,9 +12,10 @@ import numpy as np
 from msahl.elements.frames import moving_count
 from msahl.jit.by_size import LARGE
 from msahl.jit.recent import Recent
+from msahl.linalg import elimination
+from msahl.linalg.elimination import Elimination
 from msahl.system.arrays import System, node_count
-from msahl.system.node_order import node_order
-from msahl.system.ordering import Elimination, eliminate
+from msahl.system.graph import node_order, pattern_of
 
 
 class Unknowns(NamedTuple):
@@ -49,6 +50,12 @@ def choose(system: System, free: np.ndarray, nodes: np.ndarray | None = None) ->
 def _chosen(system: System, free: np.ndarray, nodes: np.ndarray | None) -> Unknowns:
     dense_from, dense_to = _dense_map(system, free)
     return Unknowns(free, dense_from, dense_to, eliminate(system, free, nodes))
+
+
+def eliminate(system: System, free: np.ndarray, nodes: np.ndarray | None = None) -> Elimination:
+    """Return the elimination of the ``free`` unknowns of a system; ``nodes`` as in ``choose``."""
+    nodes = node_order(system) if nodes is None else nodes
+    return elimination.eliminate(pattern_of(system), free, nodes, system.beams is not None)
 
 
 def _dense_map(system: System, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,8 +13,9 @@ from msahl.analysis.linear_models.columns import BODIES, RATES, columns_by_table
 from msahl.analysis.linearised.coefficients import coefficients
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.projection import close, move, prepared
-from msahl.elements import forces, signals
+from msahl.elements import signals
 from msahl.model import SignalState
+from msahl.ports import forces
 from msahl.start.velocities import make_consistent, solve_accelerations
 from msahl.system.arrays import new_tables, node_count
 from msahl.system.names import signal_columns

@@ -14,7 +14,6 @@ from msahl.deck.faults import KINDS
 from msahl.model import (
     ConcentratedLoad,
     Coupling,
-    Drag,
     Ground,
     Joint,
     JointMotion,
@@ -25,6 +24,7 @@ from msahl.model import (
     Simulation,
     SpringDamper,
 )
+from tests.support.models import drag
 
 ROOT = Path(__file__).parents[2]
 DECKS = sorted((ROOT / "decks").glob("*/*.xml")) + sorted(ROOT.glob("msahl/deck/templates/*.xml"))
@@ -168,8 +168,8 @@ WRONG = {
         replace(GEARED, couplings=(Coupling("C", "camFollower", "Axle", "Other"),)),
         "joint 'Other', a revolute, has no coordinate slide",
     ),
-    "load on a ground": (load(Drag("D", "Base", ZERO, 1.0)), "'Base' is a ground and never moves"),
-    "drag": (load(Drag("D", "Bob", ZERO, -1.0)), "load 'D', coefficient: it is -1; it must not be"),
+    "load on a ground": (load(drag("D", "Base", ZERO, 1.0)), "'Base' is a ground and never moves"),
+    "drag": (load(drag("D", "Bob", ZERO, -1.0)), "load 'D', coefficient: it is -1; it must not be"),
     "basis": (load(replace(PUSH, force_basis="Wall")), "force_basis 'Wall' is not a body of this"),
     "damping": (load(replace(SPRING, damping=-1.0)), "load 'Spring', damping: it is -1"),
     "length": (load(replace(SPRING, child_point=ZERO)), "its length is zero at t = 0"),

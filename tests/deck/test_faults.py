@@ -391,42 +391,6 @@ ARM = (
 )
 
 
-def test_an_old_name_is_answered_with_the_new_one(tmp_path):
-    there = changed(tmp_path, ARM, DRIVEN)
-    text = there.read_text().replace("jointMotion>", "drive>").replace("coordinate>", "freedom>")
-    there.write_text(text)
-    element, child = faults_of(there)
-    assert element.endswith("unknown element <drive> in <motions>; it is called <jointMotion> now")
-    assert child.endswith("unknown element <freedom> in <drive>; it is called <coordinate> now")
-
-
-@pytest.mark.parametrize(
-    ("old", "message"),
-    [
-        ('turn="angle"', "unknown attribute turn; it is called rotationUpdate now"),
-        (
-            'rotationUpdate="tangent"',
-            "unknown value rotationUpdate='tangent'; it is called cayley now",
-        ),
-        (
-            'rotationUpdate="angle"',
-            "unknown value rotationUpdate='angle'; it is called exponential now",
-        ),
-        (
-            'reactions="station"',
-            "unknown value reactions='station'; it is called instantaneous now",
-        ),
-        (
-            "><verdict><gap>1</gap></verdict",
-            "unknown element <gap> in <verdict>; it is called <constraintViolation> now",
-        ),
-    ],
-)
-def test_an_old_setting_of_the_simulation_is_answered_with_the_new_one(tmp_path, old, message):
-    (fault,) = faults_of(changed(tmp_path, ("<simulation>", f"<simulation {old}>")))
-    assert fault.endswith(message)
-
-
 @pytest.mark.parametrize(
     "slip",
     [

@@ -17,24 +17,25 @@ from scipy.integrate import solve_ivp
 from msahl.algebra.functions import Law
 from msahl.algebra.rotation import compose, from_axis_angle, from_increment
 from msahl.algebra.vector import ZERO
-from msahl.elements import forces
 from msahl.elements.constraints import scalar
 from msahl.elements.constraints.coordinate_kinds import Derivatives
 from msahl.expressions.syntax import parse
+from msahl.laws.registry import POINT_LAWS
 from msahl.model import (
     Bushing,
     ConcentratedLoad,
-    Drag,
     Friction,
     Joint,
     JointActuator,
     JointSpring,
     Marker,
     MarkerActuator,
+    PointLoad,
     SpringDamper,
 )
 from msahl.model.loads import Load
 from msahl.model.scheme import choices, split
+from msahl.ports import forces
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.collocation import newton as collocation
 from msahl.schemes.collocation import step_control
@@ -46,8 +47,9 @@ from msahl.system.arrays import new_system_workspace, node_count
 from msahl.system.build import build_system
 from msahl.system.diagnostics import energy_balance
 from msahl.system.state import build_state
-from tests.support.element_samples import LOADS, random_vector
+from tests.support.element_samples import LOADS, random_vector, sample_parameters
 from tests.support.models import GROUND, body, build_model
+from tools.validation.reference import POINT_FORCES
 
 MASS, INERTIA, ARM, GRAVITY = 2.0, 0.3, 0.5, 9.81
 START, RATE, T = 0.4, 4.0, 0.24
@@ -66,7 +68,10 @@ PENDULUM = {
         *("push", "Bob", TIP, (3.0, 0.0, 4.0), "Bob"),
         *((0.0, 0.8, 0.0), GROUND.name, Law("sine", SINE)),
     ),
-    "drag": Drag("drag", "Bob", SIDE, 0.9),
+    **{
+        law.name: PointLoad(law.name, law.name, "Bob", SIDE, sample_parameters(law))
+        for law in POINT_LAWS.values()
+    },
     "line": SpringDamper("line", GROUND.name, "Bob", HOOK, SIDE, 30.0, 1.2, 0.5, 2.0),
     "coil": JointSpring("coil", "Pivot", "angle", 6.0, 0.3, 0.2, 0.7),
     "mount": Bushing(
@@ -138,8 +143,10 @@ class Exact:
         all_of_it = {"push": (force, moment, moment * rate)}
 
         P, dP = self.at(theta, SIDE)
-        force = -0.9 * np.linalg.norm(dP * rate) * dP * rate
-        all_of_it["drag"] = (force, dP @ force, force @ dP * rate)
+        V = np.array([dP[0] * rate, 0.0, dP[1] * rate])
+        for name, law in POINT_LAWS.items():
+            force = POINT_FORCES[name](V, **dict(sample_parameters(law)))[[0, 2]]
+            all_of_it[name] = (force, dP @ force, force @ dP * rate)
 
         D = P - np.array(HOOK)[[0, 2]]
         length = np.linalg.norm(D)

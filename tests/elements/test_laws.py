@@ -10,18 +10,19 @@ import pytest
 
 from msahl.algebra.rotation import from_axis_angle, matrix
 from msahl.deck import read
-from msahl.elements import forces, rigid_body
+from msahl.elements import rigid_body
 from msahl.elements.constraints import coincide
-from msahl.elements.forces import concentrated
 from msahl.elements.frames import first_multiplier
 from msahl.jit.compiled import compiled
 from msahl.joints.registry import KINDS
+from msahl.laws.registry import POINT_LAWS
 from msahl.linalg import dense, sparse_lu
 from msahl.model.couplings import COORDINATES
 from msahl.model.scheme import EXPONENTIAL, ORDER_TWO
+from msahl.ports import concentrated, forces
 from msahl.run.subsystem import SubsystemIntegrator
+from msahl.schemes.common.workspace import new_workspace
 from msahl.schemes.midpoint import equations, free_equations, newton
-from msahl.schemes.midpoint.workspace import new_workspace
 from msahl.system import evaluate
 from msahl.system.arrays import new_system_workspace, node_count
 from msahl.system.build import build_system
@@ -278,7 +279,7 @@ INNER = {name: make for name, make in ELEMENTS.items() if _is_inner(make)}
 
 def test_forces_from_outside_are_few():
     assert {*ELEMENTS} - {*INNER} == {
-        *("ground", "knifeEdge", "rollingDisk", "pointMotion", "drag"),
+        *("ground", "knifeEdge", "rollingDisk", "pointMotion", *POINT_LAWS),
         *("concentrated", "concentrated, law", "concentrated, expression"),
     }
 

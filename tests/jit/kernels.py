@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.jit.kernel import kernel, optional, unit
+from msahl.jit.kernel import choice, kernel, optional, unit
 
 
 class Inner(NamedTuple):
@@ -69,3 +69,23 @@ def twice(x: float) -> float:
 @kernel
 def hopeless(x: float) -> float:
     return float(str(x) + "1")
+
+
+@kernel
+def half(row: np.ndarray, x: float) -> tuple[float, float]:
+    return 0.5 * row[0] * x, x
+
+
+@kernel
+def square(row: np.ndarray, x: float) -> tuple[float, float]:
+    return row[1] * x * x, x
+
+
+any_of_two = choice(__name__, "any_of_two", (half, square))
+same_but_reversed = choice(__name__, "any_of_two", (square, half))
+
+
+@kernel
+def chosen(kind: np.ndarray, table: np.ndarray, out: np.ndarray) -> None:
+    for k in range(kind.size):
+        out[k] = any_of_two(kind[k], table[k], 3.0)[0]

@@ -75,3 +75,11 @@ def test_another_function_of_the_same_name_matters():
     pair.__module__, pair.__qualname__ = "tests.jit.other", kernels.pair.__qualname__
     other.__globals__["pair"] = pair
     assert own_digest(other) != own_digest(function)
+
+
+def test_a_choice_depends_on_its_functions_and_their_order():
+    modules, constants = _reached(kernels.chosen)
+    assert "tests.jit.kernels" in modules
+    assert any(".half -> " in text for text in constants)
+    assert source_digest(kernels.any_of_two) != source_digest(kernels.same_but_reversed)
+    assert own_digest(kernels.any_of_two) != own_digest(kernels.same_but_reversed)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from msahl.algebra.vector import at, dot
-from msahl.elements.forces import drag
 from msahl.jit.compiled import Compiled
+from msahl.ports.point import load_of
 from msahl.system.build import build_system
 from tests.support.element_samples import ELEMENTS
 
@@ -21,9 +21,9 @@ def power(forces, velocity):
     called for each.
     """
     total = 0.0
-    for k in range(forces.drag.frame.size):
+    for k in range(forces.point.frame.size):
         V = at(velocity, k)
-        total += dot(drag.force(forces.drag.coefficient[k], V), V)
+        total += dot(load_of(forces.point, k, V), V)
     return total
 
 
@@ -31,12 +31,12 @@ def test_a_kernel_reads_groups_and_calls_others_as_in_plain_python():
     """Compiled anew, whatever the cache holds."""
     rng = np.random.default_rng(2)
     forces = build_system(ELEMENTS["drag"](rng)).forces
-    velocity = rng.normal(size=(forces.drag.frame.size, 3))
+    velocity = rng.normal(size=(forces.point.frame.size, 3))
     entered = Compiled(power)
     # The compiler may join a multiplication and an addition, which rounds once less.
     assert entered(forces, velocity) == pytest.approx(power(forces, velocity), rel=1e-15)
     assert power(forces, velocity) < 0.0
-    doubled = forces._replace(drag=forces.drag._replace(coefficient=2.0 * forces.drag.coefficient))
+    doubled = forces._replace(point=forces.point._replace(constants=2.0 * forces.point.constants))
     assert entered(doubled, velocity) == pytest.approx(2.0 * power(forces, velocity), rel=1e-15)
     # Other numbers are no other type.
     assert entered.unit((doubled, velocity)) == entered.unit((forces, velocity))

@@ -19,7 +19,7 @@ from tests.support.element_samples import (
     rotations,
     slide,
 )
-from tests.support.guide import call, copy_program, listings, section
+from tests.support.guide import call, call_all, copy_program, listings, section
 
 GUIDE = section("Adding a joint")
 NAME, MODULE = "pointOnCylinder", "point_on_cylinder"
@@ -62,6 +62,60 @@ def test_the_deck_of_the_guide_is_checked_and_run(checkout):
     assert np.hypot(states["Bead.x"], states["Bead.z"]).to_numpy() == pytest.approx(0.5, abs=1e-14)
     forces = pd.read_csv(checkout / "out" / "reactions.csv")
     assert list(forces.columns) == ["time", "Pipe.Fx", "Pipe.Fy", "Pipe.Fz"]
+
+
+def test_every_command_runs_with_the_joint(checkout):
+    """What no part of the program but the joint's module says of it follows from its equations."""
+    deck, out = f"{MODULE}.xml", "everywhere/run"
+    call_all(
+        checkout,
+        f"msahl explain {deck}",
+        f"msahl show {deck} -o everywhere/show.html",
+        f"msahl run {deck} --dt 0.1 -o {out} --gradient 'Bead.x final' --wrt Bead.mass",
+        f"msahl-post report {out}",
+        f"msahl-post view {out}",
+        f"msahl-post export {out} --glb",
+        f"msahl-post plot {out}",
+        f"msahl-post reactions {out}",
+        f"msahl-post constraints {out}",
+        f"msahl-post work {out}",
+        f"msahl linearize {deck} -o everywhere/linear.json",
+        f"msahl equilibrium {deck} -o everywhere/equilibrium",
+        "msahl check everywhere/equilibrium/equilibrium1.xml",
+        "msahl modes everywhere/equilibrium/equilibrium1.xml -o everywhere/modes",
+    )
+    folder = checkout / "everywhere"
+    for page in ("show.html", "run/view.html", "run/report/report.html"):
+        assert f'"kind":"{NAME}"' in (folder / page).read_text(), page
+    rest = pd.read_csv(folder / "equilibrium" / "states.csv").iloc[0]
+    # The lowest line of the pipe, with the bead where it was along it; at rest to round-off.
+    assert rest[["Bead.x", "Bead.y", "Bead.z"]].to_list() == pytest.approx([0, 0, -0.5], abs=1e-9)
+    modes = pd.read_csv(folder / "modes" / "modes.csv")
+    # A pendulum of 0.5 m; a bead that does not roll changes nothing else.
+    assert modes["imaginary"].iloc[-1] == pytest.approx(np.sqrt(9.81 / 0.5), rel=1e-9)
+    # The motion of a bead does not depend on its mass; what is found is the stated rounding error.
+    gradient = pd.read_csv(folder / "run" / "gradients.csv").iloc[0]
+    assert abs(gradient["derivative"]) < 10.0 * gradient["error"] < 1e-10
+
+
+def test_a_prescribed_motion_of_the_joint(checkout):
+    """A pin at the radius e of a shaft that rotates about a vertical axis lifts it in the pipe."""
+    x, e, radius = 0.3, 0.1, 0.5
+    shaft = f"""<cylindrical><name>Shaft</name><parent><name>Base</name>
+<position><x>{x}</x></position><axis><z>1</z></axis></parent><child><name>Bead</name></child>
+</cylindrical></joints><motions><jointMotion><name>Motor</name><joint>Shaft</joint>
+<coordinate>angle</coordinate><law><polynomial><c1>1</c1></polynomial></law></jointMotion></motions>
+"""
+    deck = DECK_TEXT.replace("</joints>", shaft).replace("0.4330127018922193", str(x))
+    deck = deck.replace("<z>-0.25</z>", "<z>-0.3</z>").replace("<v2>0.3</v2>", "<v2>0</v2>")
+    pin = f"<child><name>Bead</name><position><x>{e}</x></position></child>"
+    deck = deck.replace("<child><name>Bead</name></child>\n        <radius", f"{pin}\n<radius")
+    (checkout / "shaft.xml").write_text(deck)
+    call_all(checkout, "msahl kinematics shaft.xml --step 0.5 -o shaft")
+    states = pd.read_csv(checkout / "shaft" / "states.csv")
+    height = -np.sqrt(radius**2 - (x + e * np.cos(states["time"])) ** 2)
+    # Round-off of the bead's distance from the axis, over the least slope of the pipe there, 3/4.
+    assert states["Bead.z"].to_numpy() == pytest.approx(height.to_numpy(), abs=1e-14)
 
 
 def test_a_wrong_deck_of_the_guide_is_reported_as_it_says(checkout):

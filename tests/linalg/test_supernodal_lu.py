@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from msahl.linalg import block_lu, sparse_lu
+from msahl.linalg.elimination import new_factor, products
 from msahl.model import Joint
 from msahl.system.build import build_system
-from msahl.system.ordering import new_factor, products
 from msahl.system.reductions import all_unknowns
 from msahl.system.unknowns import choose
 from tests.support.beams import ELASTIC, FLEXIBLE, cantilever

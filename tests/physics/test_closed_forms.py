@@ -11,7 +11,6 @@ from msahl.algebra.vector import ZERO
 from msahl.model import (
     ConcentratedLoad,
     Coupling,
-    Drag,
     Friction,
     JointMotion,
     JointSpring,
@@ -20,7 +19,7 @@ from msahl.model import (
     SpringDamper,
 )
 from tests.support.element_samples import Frame, Sample, joint_between, vector
-from tests.support.models import GROUND, body, build_model, deck, simulate
+from tests.support.models import GROUND, body, build_model, deck, drag, simulate
 
 X, Y, Z = np.eye(3)
 EARTH = GROUND.name
@@ -110,7 +109,7 @@ def test_drag_lets_a_body_fall_at_its_limit():
     m, c = 2.0, 0.3
     limit = np.sqrt(m * G / c)
     ball = body("Ball")
-    model = build_model([ball], loads=[Drag("D", "Ball", ZERO, c)], gravity=(0.0, 0.0, G))
+    model = build_model([ball], loads=[drag("D", "Ball", ZERO, c)], gravity=(0.0, 0.0, G))
 
     def ends(run):
         return np.array([run.of("position")[-1, 2], run.of("velocity")[-1, 2]])

@@ -8,8 +8,8 @@ import pytest
 from msahl.algebra.rotation import from_axis_angle, matrix
 from msahl.algebra.vector import ZERO, times
 from msahl.model.scheme import ORDER_TWO
-from msahl.study.exact import recognise
 from tests.schemes.midpoint.test_decaying import energies, oscillator
+from tests.support.closed_forms import recognise
 from tests.support.models import DOWN, chain, deck, pendulum, simulate, tensor
 
 every_scheme = pytest.mark.parametrize("scheme", ORDER_TWO)

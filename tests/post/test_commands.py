@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from html import unescape
 
 import pytest
 from click.testing import CliRunner
@@ -59,7 +60,7 @@ def test_plot_writes_what_it_says(run, tmp_path):
     result = call("plot", run, *words)
     assert result.exit_code == 0
     names = {line.rpartition("/")[2] for line in result.stdout.splitlines()}
-    kinds = ("linkage", "path-xy", "energy", "work", "constraints", "reactions")
+    kinds = ("linkage", "path-xy", "positions", "energy", "work", "constraints", "reactions")
     assert names == {f"{kind}.{form}" for kind in kinds for form in ("png", "svg")}
     first = {path.name: path.read_bytes() for path in (tmp_path / "pictures").iterdir()}
     assert first.keys() == names
@@ -91,8 +92,23 @@ def test_report_holds_everything(run):
     text = (run / "report" / "report.md").read_text()
     assert "| deck | cone\\_\\|\\_\\*.xml |" in text
     assert "of the largest kinetic energy" in text
-    for picture in re.findall(r"\]\((.*?)\)", text):
+    pictures = re.findall(r"\]\((.*?)\)", text)
+    kinds = ("linkage", "path-xy", "positions", "reactions", "energy", "constraints", "work")
+    assert {name.removesuffix(".png") for name in pictures} == set(kinds)
+    for picture in pictures:
         assert (run / "report" / picture).read_bytes().startswith(b"\x89PNG")
+
+
+def test_both_files_of_a_report_have_the_same_sections_tables_and_graphs(run):
+    call("report", run)
+    html, text = ((run / "report" / f"report.{form}").read_text() for form in ("html", "md"))
+    titles = list(map(unescape, re.findall(r"<(?:h[1-4]|summary)>(.*?)</", html)))
+    graphs = [title for title in titles if title.endswith("]")]  # axes of the pictures
+    headings = re.sub(r"\\(.)", r"\1", "\n".join(re.findall(r"^#+ (.*)$", text, re.MULTILINE)))
+    assert [title for title in titles if title not in graphs] == headings.splitlines()
+    assert len(graphs) == 13
+    rules = re.findall(r"^(\| ---?[-: |]*)$", text, re.MULTILINE)
+    assert html.count("<table>") == len(rules) == 6
 
 
 def test_compare_reports_by_its_status(run, tmp_path):

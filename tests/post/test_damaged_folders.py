@@ -8,12 +8,14 @@ import pytest
 from click.testing import CliRunner
 
 import msahl.post.metrics
-import msahl.post.report
+import msahl.post.run_report
 import msahl.post.sentences
 from msahl.cli.main import main as engine
 from msahl.post.cli import main as post
+from msahl.post.document import OnPage
 from msahl.post.metrics import Energy
-from msahl.post.report import build_report
+from msahl.post.page.page import NOTHING
+from msahl.post.run_report import build_report
 from msahl.post.run_verdicts import read_verdict, verdict_table
 from msahl.post.table import as_text
 from msahl.results.read import ResultError, read_run
@@ -99,7 +101,8 @@ def run(tmp_path):
 @pytest.fixture
 def light(monkeypatch):
     """Reports without pictures, which depend on nothing in run.json."""
-    monkeypatch.setattr(msahl.post.report, "_pictures", lambda run, metrics: [])
+    monkeypatch.setattr(msahl.post.run_report, "_pictures", lambda run: ([], []))
+    monkeypatch.setattr(msahl.post.run_report, "_motion", lambda *_: OnPage(NOTHING))
 
 
 def places(value, path=()):
@@ -191,11 +194,8 @@ def test_a_report_and_its_verdict_of_each_field_alone(run, light):
         if isinstance(read, str):
             assert path[0] == "verdict"
             continue
-        for part in (
-            msahl.post.report._status, msahl.post.report._warnings,
-            msahl.post.report._verdict, msahl.post.report._facts,
-        ):  # fmt: skip
-            part(read)
+        for part in ("_line", "banner", "_accuracy", "_facts"):
+            getattr(msahl.post.run_report, part)(read)
 
 
 def edited(name, change):

@@ -13,7 +13,7 @@ from msahl.deck import read_deck
 from msahl.post.cli import main as post
 from msahl.post.events import crossings, extrema, first_crossing
 from msahl.results.read import ResultError, Run, read_run
-from msahl.study.exact import recognise
+from tests.support.closed_forms import recognise
 from tests.support.models import THESIS
 
 SINGLE = THESIS[0].parent / "single_pendulum_45.xml"

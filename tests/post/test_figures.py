@@ -3,17 +3,23 @@
 import numpy as np
 import pytest
 
-from msahl.post.draw import curves, encode, legend, new_figure, plain, style
+from msahl.post.draw import draw_group, encode, plain, style
+from msahl.post.graph_data import Graph, Group
+
+TIME = np.linspace(0.0, 1.0, 5)
+
+
+def drawn(title, *names, **settings):
+    """The figure of a group with one graph, in which every curve has other values."""
+    curves = tuple((name, TIME ** (k + 1)) for k, name in enumerate(names))
+    return draw_group(Group(title, (Graph("size [m]", TIME, curves, **settings),)), "Model")
 
 
 @pytest.mark.parametrize("name", ["$x_{", "$a$", r"\$", "_hidden", "plain"])
 def test_a_name_is_shown_letter_by_letter(name):
     with style():
-        figure, (axes,) = new_figure(1, title=name)
-        time = np.linspace(0.0, 1.0, 5)
-        curves(axes, time, np.stack([time, time**2], axis=1), [name, "other"])
-        axes.set_yscale("log")
-        legend(figure, axes)
+        figure = drawn(name, name, "other", log=True)
+        (axes,) = figure.axes
         encode(figure, "png")
         shown, _ = figure.legends[0].get_texts()
         text, math = shown._preprocess_math(shown.get_text())
@@ -25,8 +31,7 @@ def test_a_name_is_shown_letter_by_letter(name):
 
 def test_letters_that_the_font_lacks_are_no_warning():
     with style():
-        figure, (axes,) = new_figure(1, title="\u6f22\u5b57")
-        curves(axes, np.zeros(2), np.zeros((2, 1)), ["\u6f22"])
+        figure = drawn("\u6f22\u5b57", "\u6f22")
         assert encode(figure, "png").startswith(b"\x89PNG")
 
 
@@ -38,9 +43,33 @@ def test_plain_names_are_left_alone():
 def test_a_title_does_not_run_into_the_legend(what):
     """Beside the longest names in the legend of a four-bar linkage."""
     with style():
-        figure, (axes,) = new_figure(1, title=f"Four-bar linkage: {what}")
-        curves(axes, np.zeros(2), np.zeros((2, 1)), ["Rocker pivot\n(Fy, Mx, Mz not unique)"])
-        legend(figure, axes)
+        figure = drawn(what, "Rocker pivot of the third linkage from the left")
         figure.canvas.draw()
+        (axes,) = figure.axes
         title, labels = axes.title, figure.legends[0]
         assert title.get_window_extent().x1 <= labels.get_window_extent().x0
+
+
+def test_a_curve_has_the_same_colour_in_all_graphs_of_a_group():
+    """Also where curves before it have no values; the legend has every name once."""
+    first = Graph("a [m]", TIME, (("one", TIME), ("two", -TIME)))
+    second = Graph("b [m]", TIME, (("two", TIME), ("three", TIME**2)))
+    with style():
+        figure = draw_group(Group("title", (first, second)), "Model")
+    above, below = (
+        {line.get_label(): line.get_color() for line in axes.get_lines()} for axes in figure.axes
+    )
+    assert above["two"] == below["two"]
+    assert len({above["one"], above["two"], below["three"]}) == 3
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["one", "two", "three"]
+
+
+@pytest.mark.parametrize("values", [np.zeros(5), np.array([0.0, -1e-3, 1e-30, np.nan, 1.0])])
+def test_zeros_leave_a_logarithmic_panel_at_its_edge(values):
+    with style():
+        figure = draw_group(Group("t", (Graph("e", TIME, (("a", values),), log=True),)), "Model")
+    (axes,) = figure.axes
+    assert axes.get_yscale() == ("log" if values.any() else "linear")
+    low, _ = axes.get_ylim()
+    assert low <= (1e-9 if values.any() else 0.0)  # eight decades below the largest, and half

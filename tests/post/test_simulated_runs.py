@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from msahl.cli.main import main as msahl
 from msahl.post.cli import main as msahl_post
 from msahl.post.metrics import compute_metrics
-from msahl.post.report import build_report
+from msahl.post.run_report import build_report
 from msahl.post.summary import constraints_table, energy_table, reactions_table
 from msahl.results.read import read_run
 
@@ -117,24 +117,20 @@ def test_reactions_that_are_not_unique_are_marked(run_of):
     assert "redundant" in text
 
 
+ALWAYS = ("path", "positions", "error", "energy")
+JOINTED = (*ALWAYS, "constraints", "reactions")
+"""Pictures of a run, and those of one with constraint equations."""
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("deck", "kinds"),
     [
-        (
-            "forces/joint_motion_sine",
-            {"linkage", "path", "error", "energy", "work", "joints", "constraints", "reactions"},
-        ),
-        (
-            "joints/cylindrical",
-            {"path", "error", "energy", "work", "joints", "constraints", "reactions"},
-        ),
-        ("forces/spring_damper", {"linkage", "path", "error", "energy"}),
-        ("forces/point_motion", {"linkage", "path", "error", "energy", "constraints", "reactions"}),
-        (
-            "joints/knife_edge",
-            {"linkage", "path", "error", "energy", "work", "joints", "constraints", "reactions"},
-        ),
+        ("forces/joint_motion_sine", {"linkage", *JOINTED, "joints", "work"}),
+        ("joints/cylindrical", {*JOINTED, "joints", "work"}),
+        ("forces/spring_damper", {"linkage", *ALWAYS}),
+        ("forces/point_motion", {"linkage", *JOINTED}),
+        ("joints/knife_edge", {"linkage", *JOINTED, "joints", "work"}),
     ],
 )
 def test_pictures_there_is_data_for(run_of, deck, kinds, tmp_path):

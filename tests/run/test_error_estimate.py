@@ -7,13 +7,14 @@ import pytest
 from click.testing import CliRunner
 
 from msahl.algebra.rotation_arrays import angles
+from msahl.algebra.vector import ZERO
 from msahl.cli.main import main
-from msahl.model import Law
+from msahl.model import Joint, JointSpring, Law
 from msahl.run import companion
 from msahl.run.companion import SAFETY
 from msahl.run.verdict import DONE, FAIL, PASS, WARN
-from msahl.study.exact import recognise
-from tests.support.models import DECKS, deck, pendulum, simulate
+from tests.support.closed_forms import recognise
+from tests.support.models import DECKS, GROUND, body, build_model, deck, pendulum, simulate
 
 NEAR = (0.3, 10.0)
 """Estimated over true error, at worst."""
@@ -197,3 +198,76 @@ def test_friction_that_is_not_resolved_is_an_error(tmp_path):
     assert call(tmp_path, path_of("friction_slide"), "--dt", "0.025").exit_code == 0
     fine = simulate(deck("friction_slide"), dt=1e-4, t_final=0.2)
     assert fine.report.error["position"] < 4.3e-4
+
+
+@pytest.mark.parametrize("scheme", ["preserving", "radau1"])
+def test_with_small_steps_the_estimate_is_the_safety_factor_times_the_error(scheme):
+    """Richardson: a companion at half the step has 2^-p of the error, so the difference of both
+    runs is 1 - 2^-p of it.
+    """
+    run = simulate(deck("single_pendulum_89"), dt=0.002, t_final=0.5, scheme=scheme)
+    assert run.report.error["companion"] == "half the step"
+    distance, _ = true_errors(run)
+    # Terms of higher order: the error at half the step is 2^-p of the error but for 1 %.
+    assert run.report.error["position"] == pytest.approx(SAFETY * distance.max(), rel=0.02)
+
+
+def oscillators(*given, **others):
+    """Blocks on springs in rails along x, by angular frequency [rad/s], speed [m/s] and mass
+    [kg]."""
+    along_x = ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+    bodies, joints, springs = [], [], []
+    for k, (omega, speed, mass) in enumerate(given):
+        name, place = f"B{k}", (0.0, float(k), 0.0)
+        bodies.append(body(name, mass=mass, position=place, velocity=(speed, 0.0, 0.0)))
+        joints.append(Joint(f"J{k}", "prismatic", GROUND.name, name, place, ZERO, along_x, along_x))
+        springs.append(JointSpring(f"S{k}", f"J{k}", "slide", mass * omega**2, 0.0))
+    return build_model(bodies, joints, springs, **others)
+
+
+def test_a_hidden_vibration_is_estimated_by_the_error_of_its_velocity():
+    """The midpoint rule advances the phase of an oscillator by 2 atan(omega h/2) a step, whatever
+    its frequency is. Where it reverses the velocity, the position error is h/pi times that of the
+    velocity, as if half a period were as long as the step.
+    """
+    omega, speed, h = 50.0, 0.3, 0.2
+    run = simulate(oscillators((omega, speed, 1.0)), dt=h, t_final=2.0)
+    n = np.arange(11)
+    phase, of_companion = (parts * 2.0 * np.arctan(omega * h / parts / 2.0) for parts in (1, 2))
+    factor = SAFETY / (1.0 - 0.25)
+    velocity = factor * speed * np.abs(np.cos(n * phase) - np.cos(n * of_companion))
+    position = factor * speed / omega * np.abs(np.sin(n * phase) - np.sin(n * of_companion))
+    hidden = np.where(velocity > 0.02 * speed, h / np.pi * velocity, 0.0)
+    assert hidden.max() > 3.0 * position.max()
+    # Newton's method stops at a residual of 1e-12 or so.
+    assert run.errors[:, 1] == pytest.approx(np.maximum(position, hidden), abs=1e-10)
+    assert run.report.error["velocity"] == pytest.approx(velocity.max(), abs=1e-10)
+
+
+def test_what_gauss_of_even_degree_keeps_is_estimated_by_the_displacement_of_a_step():
+    """As omega h grows, gauss2 leaves position and velocity as they are, and so does its companion:
+    the body would move by h v in a step, h v/pi is the amplitude of half a period in a step.
+    """
+    speed, h = 0.3, 0.1
+    run = simulate(oscillators((1e6, speed, 1.0)), dt=h, t_final=1.0, scheme="gauss2")
+    # A step changes the phase by 12/(omega h) = 1e-4.
+    assert run.report.error["position"] == pytest.approx(h * speed / np.pi, rel=1e-4)
+
+
+def test_a_damped_vibration_is_estimated_by_the_energy_that_both_runs_take():
+    """A fast vibration is removed by the first steps, so it is in no difference of the runs. Of the
+    slow one the companion takes about a quarter of what the run takes; 2 E_c - E_r leaves the
+    energy of the fast one, but for half of what the run takes of the slow one.
+    """
+    h, fast, slow = 0.05, (2e4, 10.0, 0.01), (8.0, 1.0, 1.0)
+    options = {"t_final": 1.0, "scheme": "decaying", "damping": 1.0, "error": "off"}
+    taken = [
+        simulate(oscillators(fast, slow), dt=h / parts, **options).report.extremes["energyTaken"]
+        for parts in (1, 2)
+    ]
+    run = simulate(oscillators(fast, slow), dt=h, **{**options, "error": "estimate"})
+    # K_max, at t = 0, is 0.5 J of each, and the larger speed 10 m/s.
+    amplitude = 0.5 * 10.0 * h * np.sqrt((2.0 * taken[1] - taken[0]) / 1.0)
+    assert 1.1 * taken[1] < taken[0] < taken[1] / 0.75
+    assert run.errors[:, 1].max() < amplitude
+    assert run.report.error["position"] == pytest.approx(amplitude, rel=1e-6)

@@ -18,8 +18,8 @@ from msahl.model.settings import EQUILIBRIUM
 from msahl.post.cli import main as post
 from msahl.run.companion import SAFETY
 from msahl.run.verdict import DONE, FAIL, PASS, WARN, WARN_FACTOR, WORDS, Figures, judge
-from msahl.study.exact import recognise
 from tests.schemes.midpoint.test_decaying import oscillator
+from tests.support.closed_forms import recognise
 from tests.support.models import (
     DECKS,
     DOWN,

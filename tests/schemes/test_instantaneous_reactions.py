@@ -13,11 +13,11 @@ from msahl.cli.main import main
 from msahl.model import INSTANTANEOUS
 from msahl.post.cli import main as post
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.schemes import accelerations
-from msahl.schemes.accelerations import new_instant
+from msahl.schemes.common import accelerations
+from msahl.schemes.common.accelerations import new_instant
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import Chunk
-from msahl.study.exact import recognise
+from tests.support.closed_forms import recognise
 from tests.support.models import deck, simulate
 
 SINGLE = Path(__file__).parents[2] / "decks" / "thesis" / "single_pendulum_45.xml"

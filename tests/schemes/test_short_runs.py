@@ -13,7 +13,7 @@ from msahl.model.scheme import choices, split
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import Chunk
-from msahl.study.exact import recognise
+from tests.support.closed_forms import recognise
 from tests.support.models import GROUND, body, build_model, deck, pendulum, simulate
 
 G, ARM = 9.80665, 5.0

@@ -12,9 +12,9 @@ from scipy.special import ellipj, ellipk
 from msahl.deck import read_deck
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import state_errors
-from msahl.study.exact import recognise
-from msahl.study.exact.elliptic import first_kind, jacobi, third_kind
 from msahl.study.independent import solve
+from tests.support.closed_forms import recognise
+from tests.support.closed_forms.elliptic import first_kind, jacobi, third_kind
 
 SHORTEN = 0.02 if os.environ.get("NUMBA_DISABLE_JIT") else 1.0
 """Factor on the time of every comparison: plain Python takes some hundred times as long."""

@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,13 +21,13 @@ from msahl.post.draw import style
 from msahl.study import independent as independent_module
 from msahl.study import reference_cache
 from msahl.study.dynamics import Dynamics
-from msahl.study.exact import recognise
 from msahl.study.independent import independent
 from msahl.study.pictures import pictures
 from msahl.study.plan import Plan
 from msahl.study.report import recommendation, write_study
 from msahl.study.runs import run_in_memory, with_step
-from msahl.study.study import find_reference, study
+from msahl.study.study import study
+from tests.support.closed_forms import recognise
 
 DECKS = Path(__file__).parents[2] / "decks"
 HALVED = (0.02, 0.01, 0.005, 0.0025)
@@ -38,6 +39,10 @@ def own_cache(tmp_path, monkeypatch):
     monkeypatch.setattr(
         reference_cache.platformdirs, "user_cache_dir", lambda *a, **k: str(tmp_path / "cache")
     )
+
+
+patient_plan = partial(Plan, reference="independent")
+"""A plan whose reference may take any time: that of "auto" depends on how busy the machine is."""
 
 
 def deck(name, t_final=2.0):
@@ -66,7 +71,7 @@ ORDERS = {
 
 @pytest.mark.parametrize("name", ORDERS)
 def test_observed_orders(name):
-    result = study(Plan(deck(name), HALVED, ("preserving",), repeats=1))
+    result = study(patient_plan(deck(name), HALVED, ("preserving",), repeats=1))
     for key in ORDERS[name]:
         fit = result.fits["preserving", key]
         assert fit is not None, key
@@ -104,8 +109,8 @@ def test_instantaneous_forces_balance():
 def test_a_scheme_registered_later_appears(monkeypatch, tmp_path):
     monkeypatch.setitem(ORDER_TWO, "later", lambda damping: decaying(0.2))
     model, schemes = deck("thesis/single_pendulum_45", 1.0), ("preserving", "decaying", "later")
-    assert "later" in Plan(model).studied
-    result = study(Plan(model, HALVED[:3], schemes, repeats=1))
+    assert "later" in patient_plan(model).studied
+    result = study(patient_plan(model, HALVED[:3], schemes, repeats=1))
     assert result.schemes == list(schemes)
     write_study(result, tmp_path)
     assert "later" in (tmp_path / "study.csv").read_text()
@@ -119,16 +124,14 @@ def test_a_scheme_registered_later_appears(monkeypatch, tmp_path):
             ]
 
 
-def test_the_exact_reference_comes_first_and_can_be_refused():
-    single, double = deck("thesis/single_pendulum_45"), deck("thesis/double_pendulum_45")
-    plan = Plan(single, HALVED, ("preserving",), repeats=1)
-    by_exact = study(plan)
-    assert "exact" in by_exact.reference.description
-    assert "independent" in find_reference(replace(plan, model=double)).description
-    by_other = study(replace(plan, reference="independent"))
-    for one, other in zip(by_other.runs, by_exact.runs, strict=True):
-        # Both references are good to 1e-11 m, the errors are 1e-5 and more.
-        assert one.largest("position") == pytest.approx(other.largest("position"), rel=1e-4)
+def test_errors_are_those_against_the_closed_form():
+    model = deck("thesis/single_pendulum_45")
+    plan = patient_plan(model, (0.1, 0.05), ("gauss5",), repeats=1)
+    measured, true = study(plan), study(plan, reference=recognise(model))
+    for one, other in zip(measured.runs, true.runs, strict=True):
+        for key in (*STATE, "instantaneous_reaction"):
+            # Of 5 m, m/s, N: the solutions differ by 2e-12, and a study measures down to 1e-10.
+            assert one.largest(key) == pytest.approx(other.largest(key), abs=2e-11), key
 
 
 def test_stored_run_as_reference(tmp_path):
@@ -136,7 +139,7 @@ def test_stored_run_as_reference(tmp_path):
     settings = ["--t-final", "2", "-q"]
     stored = ["run", str(name), "--dt", "0.0005", *settings, "-o", str(tmp_path / "fine")]
     assert CliRunner().invoke(main, stored).exit_code == 0
-    plan = Plan(deck("thesis/double_pendulum_45"), HALVED, ("preserving",), repeats=1)
+    plan = patient_plan(deck("thesis/double_pendulum_45"), HALVED, ("preserving",), repeats=1)
     by_run = study(replace(plan, reference=str(tmp_path / "fine")))
     by_ode = study(plan)
     one, other = (result.runs[0].largest("position") for result in (by_run, by_ode))
@@ -153,7 +156,7 @@ def test_horizon_of_a_chaotic_model():
     # It parts from 1e-10 by five decades and more; by 60 s nothing is left of either.
     assert 10.0 < reference.horizon < 50.0
     assert "not reported" in reference.description
-    result = study(Plan(model, (0.04, 0.02, 0.01), ("preserving",), repeats=1))
+    result = study(patient_plan(model, (0.04, 0.02, 0.01), ("preserving",), repeats=1))
     assert result.reference.horizon < 50.0
     point = result.runs[0]
     assert point.largest("position") is not None
@@ -186,7 +189,9 @@ def test_a_damaged_reference_is_computed_again():
 
 
 def test_no_run_meets_the_target():
-    plan = Plan(deck("thesis/single_pendulum_45"), (0.1, 0.05), ("preserving",), target=1e-9)
+    plan = patient_plan(
+        deck("thesis/single_pendulum_45"), (0.1, 0.05), ("preserving",), target=1e-9
+    )
     result = study(plan)
     assert result.fastest is None
     assert "No run of this study" in recommendation(result)
@@ -200,7 +205,9 @@ def test_errors_of_a_rotated_body():
 
 
 def test_pictures_can_be_read():
-    plan = Plan(deck("thesis/single_pendulum_45"), HALVED, ("preserving", "decaying"), repeats=1)
+    plan = patient_plan(
+        deck("thesis/single_pendulum_45"), HALVED, ("preserving", "decaying"), repeats=1
+    )
     result = study(replace(plan, target=1e-4))
     with style():
         for name, caption, figure in pictures(result):
@@ -219,9 +226,7 @@ def test_pictures_can_be_read():
                 assert sum(t.startswith(("1.9", "2.0")) for t in texts) >= 6
 
 
-@pytest.mark.parametrize(
-    "arguments", [["--reference", "nowhere"], ["--reference", "exact"], ["--dt", "99"]]
-)
+@pytest.mark.parametrize("arguments", [["--reference", "nowhere"], ["--dt", "99"]])
 def test_faults_are_reported(arguments, tmp_path):
     name = str(DECKS / "thesis" / "double_pendulum_45.xml")
     result = CliRunner().invoke(command, [name, *arguments, "-o", str(tmp_path)])

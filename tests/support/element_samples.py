@@ -14,11 +14,11 @@ from msahl.algebra.rotation import from_axis_angle, matrix
 from msahl.algebra.surfaces import Surface
 from msahl.algebra.vector import ZERO
 from msahl.expressions.syntax import Call, Lookup, Name, parse
+from msahl.laws.registry import POINT_LAWS
 from msahl.model import (
     Bushing,
     ConcentratedLoad,
     Coupling,
-    Drag,
     Friction,
     Joint,
     JointActuator,
@@ -27,6 +27,7 @@ from msahl.model import (
     Law,
     Marker,
     MarkerActuator,
+    PointLoad,
     PointMotion,
     Signal,
     SignalState,
@@ -289,9 +290,23 @@ def bushing(rng, model):
     return Bushing("S", "B0", "B1", a, b, a_axes, b_axes, stiffness, damping)
 
 
-def dragged(rng, gravity=True):
-    model = free_bodies(rng, 1, gravity)
-    return replace(model, loads=(Drag("D", "B0", random_vector(rng), 0.4),))
+def at_a_point(law):
+    """A body with a force by a law of the velocity of one of its points."""
+
+    def make(rng, gravity=True):
+        model, parameters = free_bodies(rng, 1, gravity), sample_parameters(law)
+        return replace(
+            model, loads=(PointLoad("P", law.name, "B0", random_vector(rng), parameters),)
+        )
+
+    return make
+
+
+def sample_parameters(law):
+    """Numbers of a law, different ones between its bounds."""
+    values = ((field, 0.4 + 0.1 * k) for k, field in enumerate(law.fields))
+    bounds = ((field, max(field.least, field.above), value) for field, value in values)
+    return tuple((field.name, max(value, bound + value)) for field, bound, value in bounds)
 
 
 def pushed_by_a_law(rng, gravity=True):
@@ -411,7 +426,7 @@ LOADS = {
     "bushing, compliance": between(
         lambda rng, model: replace(bushing(rng, model), compliance=True)
     ),
-    "drag": dragged,
+    **{name: at_a_point(law) for name, law in POINT_LAWS.items()},
     "actuator": controlled,
     "actuator, markers": steered,
     "friction": along_joint("revolute", Friction("F", "J0", "angle", 0.3, 0.1, 0.5)),

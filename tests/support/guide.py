@@ -10,6 +10,19 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "adding-an-element.md").read_text()
 
+ONE_AFTER_ANOTHER = """
+import shlex, sys, traceback
+from click.testing import CliRunner
+from msahl.cli.main import main
+from msahl.post.cli import main as post
+for command in sys.argv[1:]:
+    program, *words = shlex.split(command)
+    result = CliRunner().invoke({"msahl": main, "msahl-post": post}[program], words)
+    if result.exit_code:
+        traceback.print_exception(result.exception)
+        sys.exit(f"{command}: {result.output}")
+"""
+
 
 def section(heading):
     """The text of a section of the guide."""
@@ -48,6 +61,14 @@ def call(root, *arguments):
     """``msahl`` of the copy, in plain Python: nothing is compiled for an element of a test."""
     program = "import sys; from msahl.cli.main import main; main(sys.argv[1:])"
     return _python(root, "-c", program, *arguments)
+
+
+def call_all(root, *commands):
+    """Commands of the copy, ``msahl`` or ``msahl-post`` with their words, one after another in one
+    process, each of which must succeed.
+    """
+    result = _python(root, "-c", ONE_AFTER_ANOTHER, *commands)
+    assert result.returncode == 0, result.stdout[-2000:] + result.stderr[-2000:]
 
 
 def run_tests(root, *arguments):

@@ -8,7 +8,16 @@ import numpy as np
 from msahl.algebra.rotation import compose, from_axis_angle, matrix
 from msahl.algebra.vector import ZERO, add, sub, times
 from msahl.deck import read_deck
-from msahl.model import ConcentratedLoad, Ground, Joint, Model, Options, RigidBody, Simulation
+from msahl.model import (
+    ConcentratedLoad,
+    Ground,
+    Joint,
+    Model,
+    Options,
+    PointLoad,
+    RigidBody,
+    Simulation,
+)
 from msahl.model.scheme import split
 from msahl.run.loop import Hooks, run
 from msahl.run.report import Report
@@ -23,6 +32,11 @@ DECKS = sorted(path for path in (ROOT / "decks").glob("*/*.xml") if path not in 
 GROUND = Ground("Earth")
 DOWN = (0.0, 0.0, 9.80665)
 """Gravity along +z, as in the thesis's pendulums."""
+
+
+def drag(name, body, point, coefficient):
+    """A quadratic drag."""
+    return PointLoad(name, "drag", body, point, (("coefficient", coefficient),))
 
 
 def deck(name):

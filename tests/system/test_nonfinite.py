@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from msahl.algebra.vector import ZERO
-from msahl.model import ConcentratedLoad, Drag, Joint, JointMotion, Law
+from msahl.model import ConcentratedLoad, Joint, JointMotion, Law
 from msahl.start.velocities import StartError
 from tests.schemes.midpoint.test_decaying import oscillator
-from tests.support.models import DOWN, GROUND, body, build_model, pendulum, simulate
+from tests.support.models import DOWN, GROUND, body, build_model, drag, pendulum, simulate
 
 SOLVERS = ("newton", "auto", "root")
 every_solver = pytest.mark.parametrize("solver", SOLVERS)
@@ -44,7 +44,7 @@ def _fields(model):
 GROWING = {
     "load 'Push'": build_model([body()], loads=[push(1e300, 0.0, 1e18)]),
     "load 'Wind'": build_model(
-        [body(velocity=(1e100, 0.0, 0.0))], loads=[Drag("Wind", "Bob", ZERO, 1e200)]
+        [body(velocity=(1e100, 0.0, 0.0))], loads=[drag("Wind", "Bob", ZERO, 1e200)]
     ),
     "motion 'Motor'": build_model(
         [body()],

@@ -7,23 +7,15 @@ import pytest
 
 from benchmarks.structure_decks import structure_deck
 from msahl.deck import read_deck
+from msahl.linalg.node_order import GAIN, by_bodies, by_elements, neighbours, smallest_degree
 from msahl.start.velocities import solve_sparse
 from msahl.system.arrays import node_count
 from msahl.system.build import build_system
 from msahl.system.evaluate import jacobian_at_rest
-from msahl.system.node_order import (
-    GAIN,
-    by_bodies,
-    by_elements,
-    graph_of,
-    neighbours,
-    node_order,
-    smallest_degree,
-)
-from msahl.system.ordering import eliminate
+from msahl.system.graph import graph_of, node_order
 from msahl.system.reductions import all_unknowns
 from msahl.system.state import build_state
-from msahl.system.unknowns import choose
+from msahl.system.unknowns import choose, eliminate
 
 
 def system_of(folder, kind, n):
@@ -69,14 +61,14 @@ def test_structures_without_loops_keep_the_order_by_bodies(tmp_path):
     for kind in ("chain", "tree"):
         system = system_of(tmp_path, kind, 450)
         graph = graph_of(system)
-        nodes = by_bodies(system, graph, smallest_degree(*neighbours(system, graph)))
+        nodes = by_bodies(graph, smallest_degree(*neighbours(graph)))
         assert np.array_equal(node_order(system), nodes)
 
 
 def test_a_large_net_is_eliminated_by_elements_with_fewer_multiplications(tmp_path):
     system = system_of(tmp_path, "net", 450)
     free, graph = all_unknowns(system), graph_of(system)
-    nodes = by_bodies(system, graph, smallest_degree(*neighbours(system, graph)))
+    nodes = by_bodies(graph, smallest_degree(*neighbours(graph)))
     chosen, other = eliminate(system, free), eliminate(system, free, nodes)
     assert GAIN * chosen.target.size < other.target.size
 
@@ -89,10 +81,10 @@ def test_both_orders_solve_the_same_equations(tmp_path):
     free, graph = all_unknowns(system), graph_of(system)
     values = jacobian_at_rest(system, build_state(model, system))
     rows = np.random.default_rng(1).normal(size=3 * node_count(system))
-    bodies = by_bodies(system, graph, smallest_degree(*neighbours(system, graph)))
+    bodies = by_bodies(graph, smallest_degree(*neighbours(graph)))
     x, y = (
         solve_sparse(values, rows, choose(system, free, nodes))
-        for nodes in (bodies, by_elements(system, graph))
+        for nodes in (bodies, by_elements(graph))
     )
     # Both are refined once; what is left is the condition number, some 1e4, times 1e-16.
     assert np.abs(x - y).max() < 1e-10 * np.abs(x).max()

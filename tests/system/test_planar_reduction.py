@@ -11,7 +11,6 @@ from msahl.model import (
     Bushing,
     ConcentratedLoad,
     Coupling,
-    Drag,
     Friction,
     Joint,
     JointMotion,
@@ -31,7 +30,7 @@ from tests.support.element_samples import (
     side_by_side,
     vector,
 )
-from tests.support.models import GROUND, body, build_model, random_vector, simulate, tensor
+from tests.support.models import GROUND, body, build_model, drag, random_vector, simulate, tensor
 
 X, Y, Z = np.eye(3)
 FRAMES = {
@@ -140,7 +139,7 @@ ELEMENTS = {
             ),
         ),
     ),
-    "drag": loaded(Drag("D", "B", AT, 0.4)),
+    "drag": loaded(drag("D", "B", AT, 0.4)),
     "concentrated": loaded(
         ConcentratedLoad("L", "B", AT, (4.0, 0.0, 2.0), "A", vector(2.0 * Y), GROUND.name, PUSH)
     ),

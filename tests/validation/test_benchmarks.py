@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks import curves, extended, problems, reference
-from msahl.study.exact import recognise
+from tests.support.closed_forms import recognise
 
 EXTENDED = np.finfo(np.longdouble).eps < np.finfo(float).eps
 

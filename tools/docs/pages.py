@@ -34,14 +34,7 @@ OUTSIDE = (
     "CHANGELOG.md",
     "CONTRIBUTING.md",
     "benchmarks/README.md",
-    "benchmarks/results/speed.md",
-    "benchmarks/results/precision.md",
-    "benchmarks/results/mechanisms.md",
-    "benchmarks/results/beams.md",
-    "benchmarks/results/startup.md",
-    "benchmarks/results/batch.md",
-    "benchmarks/results/scale.md",
-    "benchmarks/results/writers.md",
+    *sorted(f"benchmarks/results/{path.name}" for path in ROOT.glob("benchmarks/results/*.md")),
 )
 LINK = re.compile(r"(\]\()([^)\s:#]+)(#[^)\s]*)?(\))")
 

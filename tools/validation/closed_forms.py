@@ -17,11 +17,11 @@ from msahl.post.table import Cell, Column, Table
 from msahl.results.read import ResultError
 from msahl.study.dynamics import Dynamics
 from msahl.study.errors import METRICS, state_errors
-from msahl.study.exact import recognise
 from msahl.study.independent import solve
 from msahl.study.plan import Plan
 from msahl.study.runs import with_step
 from msahl.study.study import Study, study
+from tests.support.closed_forms import recognise
 from tools.validation.generated import write_generated
 from tools.validation.thesis_runs import OUT, ROOT
 
@@ -59,14 +59,15 @@ def study_all(paths: list[Path]) -> Iterator[Result]:
         model = read_deck(path)
         simulation = model.simulation
         model = with_step(model, simulation.dt, min(simulation.t_final, LONGEST))
-        exact = recognise(model) is not None
+        exact = recognise(model)
         print(path.stem, flush=True)
         try:
-            result = study(Plan(model, steps_for(model), tuple(ORDER_TWO), repeats=1))
+            plan = Plan(model, steps_for(model), tuple(ORDER_TWO), repeats=1)
+            result = study(plan, reference=exact)
         except ResultError as error:
             print(f"  skipped: {error}", flush=True)
             continue
-        yield Result(path.stem, model, exact, result)
+        yield Result(path.stem, model, exact is not None, result)
 
 
 def steps_for(model: Model) -> tuple[float, ...]:

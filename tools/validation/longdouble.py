@@ -26,11 +26,11 @@ from msahl.elements.constraints import scalar
 from msahl.jit.kernel import MARKED
 from msahl.model import Model
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.schemes import accelerations
 from msahl.schemes.collocation import newton
 from msahl.schemes.collocation.newton import TARGET, CollocationWorkspace
 from msahl.schemes.collocation.stepper import CollocationMethod
 from msahl.schemes.collocation.tableau import Tableau, new_tableau
+from msahl.schemes.common import accelerations
 from msahl.schemes.fixed_stepper import FixedStepper
 from msahl.schemes.outcome import TOLERANCE
 from msahl.schemes.output_schedule import OutputSchedule

@@ -38,11 +38,11 @@ from msahl.model.joints import Joint
 from msahl.model.loads import (
     Bushing,
     ConcentratedLoad,
-    Drag,
     Friction,
     JointActuator,
     JointSpring,
     MarkerActuator,
+    PointLoad,
     SpringDamper,
 )
 from msahl.model.motions import JointMotion
@@ -57,6 +57,10 @@ SIZE = 13
 """Numbers of a body in the state vector: x_G (3), quaternion (4), v_G (3), w in body axes (3)."""
 STABILISATION = 5.0
 """k of Baumgarte's method [1/s]: slower than what is integrated, so it does not limit the steps."""
+POINT_FORCES: dict[str, Callable[..., np.ndarray]] = {
+    "drag": lambda V, coefficient: -coefficient * np.sqrt(V @ V) * V,
+}
+"""Force at a point with the velocity V, by each law."""
 FRICTION_ROUNDS = 60
 """Most iterations for the normal force of friction, each a contraction by about its coefficient."""
 
@@ -574,9 +578,9 @@ class Equations:
         for load in self.model.loads:
             if isinstance(load, ConcentratedLoad):
                 f += self._concentrated(load)
-            elif isinstance(load, Drag):
+            elif isinstance(load, PointLoad):
                 P = self.point(load.body, load.point)
-                f -= load.coefficient * np.sqrt(P.rate @ P.rate) * (P.rate @ P.G)
+                f += POINT_FORCES[load.law](P.rate, **dict(load.parameters)) @ P.G
             elif isinstance(load, JointActuator):
                 f += self.value(load.expression) * self.coordinate(load.joint, load.coordinate).G
             elif isinstance(load, MarkerActuator):

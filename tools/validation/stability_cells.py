@@ -35,13 +35,15 @@ from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.verdict import ENERGY_FAIL, PASS
 from msahl.schemes.collocation import newton, predictor, scipy_root
 from msahl.schemes.collocation.newton import CollocationWorkspace
+from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.fixed_stepper import FixedStepper
 from msahl.schemes.midpoint import equations, free_equations
-from msahl.schemes.midpoint.workspace import Workspace
 from msahl.start.velocities import StartError
-from msahl.study.reference_choice import choose_reference
+from msahl.study.independent import independent
+from msahl.study.reference import Reference
 from msahl.study.runs import run_in_memory, with_step
 from msahl.system.build import build_system
+from tests.support.closed_forms import recognise
 from tools.validation.extreme_families import DECKS, FAMILIES, Family
 
 COMPARED = (*ORDER_TWO, *(f"{name}{DEGREE}" for name in COLLOCATION))
@@ -394,7 +396,7 @@ class Truth:
         times = np.unique(np.concatenate([run.times for run in runs]))
         try:
             with bounded(REFERENCE_BOUND):
-                found = choose_reference("auto", model, times, accuracy)
+                found: Reference = recognise(model) or independent(model, times, accuracy)
                 table = found.states(times)
         except (ExpiredError, ResultError, StartError, np.linalg.LinAlgError, AssertionError):
             self._run_finer(deck, runs)
@@ -583,7 +585,7 @@ def warm_runs(schemes: Iterable[str] = COMPARED) -> None:
 def warm_references() -> None:
     """Compile the kernels of the independent solution."""
     for name in ("mass_ratio", "bushing_loop"):
-        choose_reference("independent", read_deck(FAMILIES[name].path), np.array([1e-3]), 1e-6)
+        independent(read_deck(FAMILIES[name].path), np.array([1e-3]), 1e-6)
 
 
 ALL = (*FAMILIES, RESTART)

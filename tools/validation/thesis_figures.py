@@ -8,7 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from msahl.post.draw import looks, peaks, plain, style, thinned
+from msahl.post.draw import looks, plain, style
+from msahl.post.graph_data import peaks, thinned
 from tools.validation.small_pictures import bounded, save_small
 from tools.validation.thesis_printed import RUNS, STEPS
 from tools.validation.thesis_runs import FIGURES, Measured, run_deck

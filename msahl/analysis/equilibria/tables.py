@@ -21,12 +21,20 @@ from msahl.algebra.vector import at
 from msahl.analysis.equilibria.equilibrium import Solution
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.projection import prepared
-from msahl.elements import forces
 from msahl.elements.beams import instant
-from msahl.elements.forces import drag, spring
 from msahl.elements.reactions import write_reactions
 from msahl.elements.rigid_body import write_states
-from msahl.model import Actuator, Bushing, ConcentratedLoad, Drag, JointSpring, Model, SpringDamper
+from msahl.model import (
+    Actuator,
+    Bushing,
+    ConcentratedLoad,
+    JointSpring,
+    Model,
+    PointLoad,
+    SpringDamper,
+)
+from msahl.ports import forces, spring
+from msahl.ports import point as at_points
 from msahl.run.observed import ObservedTables
 from msahl.run.tables import (
     ACCELERATIONS,
@@ -117,7 +125,7 @@ def load_columns(model: Model) -> list[str]:
     for load in model.loads:
         if isinstance(load, SpringDamper | JointSpring | Actuator):
             names.append(f"{load.name}.{LOAD_COLUMN}")
-        elif isinstance(load, ConcentratedLoad | Bushing | Drag):
+        elif isinstance(load, ConcentratedLoad | Bushing | PointLoad):
             names += [f"{load.name}.{c}" for c in (*FORCE_COLUMNS, *MOMENT_COLUMNS)]
     return names
 
@@ -136,8 +144,8 @@ def _loads(point: Point, start: SystemWorkspace, signals: np.ndarray) -> Iterato
             yield _concentrated(point, load, factor)
         elif isinstance(load, Bushing):
             yield _bushing(point, load, tensions[column])
-        elif isinstance(load, Drag):
-            yield _drag(point, start, column)
+        elif isinstance(load, PointLoad):
+            yield _at_point(point, start, column)
 
 
 def _tensions(point: Point, start: SystemWorkspace) -> dict[int, list[float]]:
@@ -183,9 +191,10 @@ def _bushing(point: Point, load: Bushing, tensions: list[float]) -> np.ndarray:
     return np.concatenate([force, moment])
 
 
-def _drag(point: Point, start: SystemWorkspace, column: int) -> np.ndarray:
-    """Force of the air on a body."""
-    group = point.system.forces.drag
+def _at_point(point: Point, start: SystemWorkspace, column: int) -> np.ndarray:
+    """Force on a body by a law of the velocity of its point, and no moment."""
+    group = point.system.forces.point
+    assert group is not None
     (k,) = np.flatnonzero(group.column == column)
-    speed = drag.velocity(group, start.forces.drag, start.frames, int(k))
-    return np.concatenate([drag.force(float(group.coefficient[k]), speed), np.zeros(3)])
+    V = at_points.velocity(group, start.forces.point, start.frames, int(k))
+    return np.concatenate([at_points.load_of(group, int(k), V), np.zeros(3)])

@@ -1,6 +1,6 @@
 """Copies of a subsystem's arrays whose numbers, states and rows each stand in one block of memory.
 
-So a compiled function can shift all of them by one loop; see ``schemes.tangents``.
+So a compiled function can shift all of them by one loop; see ``schemes.common.tangents``.
 """
 
 from collections.abc import Sequence
@@ -10,8 +10,16 @@ import numpy as np
 
 from msahl.jit.storage import arrays_in, doubles_in
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.schemes.midpoint.workspace import Workspace
-from msahl.schemes.tangents import FIRST_MEAN, FIRST_P, FIRST_V, FIRST_W, FIRST_X, FRAMES, LAST_MEAN
+from msahl.schemes.common.tangents import (
+    FIRST_MEAN,
+    FIRST_P,
+    FIRST_V,
+    FIRST_W,
+    FIRST_X,
+    FRAMES,
+    LAST_MEAN,
+)
+from msahl.schemes.common.workspace import Workspace
 from msahl.system.arrays import State
 
 ONLY_PREDICTED = ("foresight", "mean_v", "mean_w", "a_trend", "alpha_trend", "force_trend")

@@ -10,16 +10,16 @@ from msahl.analysis.gradients.start import NotDifferentiable, Shape, Variation
 from msahl.analysis.gradients.step_sequence import Step
 from msahl.jit.compiled import compiled
 from msahl.run.subsystem import SubsystemIntegrator
-from msahl.schemes.accelerations import new_instant
 from msahl.schemes.collocation import newton as collocation_newton
 from msahl.schemes.collocation import tangent as collocation_tangent
 from msahl.schemes.collocation.tangent import CollocationPair
+from msahl.schemes.common.accelerations import new_instant
+from msahl.schemes.common.tangents import FIRST_MEAN, FIRST_P, FIRST_X, FRAMES, LAST_MEAN, Tangents
 from msahl.schemes.fixed_stepper import LARGEST_DENSE, MAX_SUBDIVISIONS
 from msahl.schemes.midpoint import newton as midpoint_newton
 from msahl.schemes.midpoint import tangent as midpoint_tangent
 from msahl.schemes.midpoint.tangent import Pair
 from msahl.schemes.outcome import Outcome
-from msahl.schemes.tangents import FIRST_MEAN, FIRST_P, FIRST_X, FRAMES, LAST_MEAN, Tangents
 from msahl.system import evaluate
 from msahl.system.arrays import Tables
 

@@ -15,7 +15,7 @@ from msahl.model import Model, RunSettings
 from msahl.run.setup import STORAGES
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.tables import needs_accelerations
-from msahl.schemes.tangents import FIRST_P, FRAMES, SHARE
+from msahl.schemes.common.tangents import FIRST_P, FRAMES, SHARE
 from msahl.system.subsystems import split
 
 ROUND_OFF = 2e-15

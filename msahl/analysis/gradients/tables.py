@@ -30,7 +30,7 @@ from msahl.run.observed import ObservedTables
 from msahl.run.output import TableAssembly
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.tables import JOINTS, OBSERVED, STATES, tables_of_model
-from msahl.schemes.tangents import SHARE
+from msahl.schemes.common.tangents import SHARE
 from msahl.start.velocities import StartError
 
 CENTRAL = ((-2.0, 1.0 / 12.0), (-1.0, -8.0 / 12.0), (1.0, 8.0 / 12.0), (2.0, -1.0 / 12.0))

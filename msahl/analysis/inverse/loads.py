@@ -23,9 +23,10 @@ import numpy as np
 from msahl.analysis.inverse.motion import Follower, Frame
 from msahl.analysis.linearised.coefficients import result_row
 from msahl.analysis.linearised.plain_units import equation_scale
-from msahl.elements import forces, signals
+from msahl.elements import signals
 from msahl.elements.frames import first_multiplier
 from msahl.elements.reactions import MOST_ROUNDS, is_unchanged
+from msahl.ports import forces
 from msahl.start.redundancy import PART, non_unique_reactions
 from msahl.system import evaluate
 from msahl.system.arrays import State, node_count

@@ -15,8 +15,9 @@ from msahl.algebra.rotation_arrays import quaternions
 from msahl.analysis.inverse.drives import InverseError
 from msahl.analysis.inverse.table import product
 from msahl.analysis.kinematics.configuration import Equations, copied
-from msahl.elements import forces, signals
+from msahl.elements import signals
 from msahl.elements.constraints import scalar
+from msahl.ports import forces
 from msahl.system import evaluate
 from msahl.system.arrays import State
 

@@ -11,15 +11,15 @@ import numpy as np
 
 from msahl.analysis.kinematics.configuration import Equations, copied
 from msahl.analysis.kinematics.follow import Instant
-from msahl.elements import forces
 from msahl.elements.constraints import scalar
 from msahl.elements.rigid_body import write_accelerations
 from msahl.model import Model
+from msahl.ports import forces
 from msahl.run.observed import ObservedTables
 from msahl.run.output import CHUNK_NUMBERS
 from msahl.run.tables import WORK, Sink, column_counts
-from msahl.schemes.accelerations import accelerate, new_instant
-from msahl.schemes.midpoint.workspace import new_workspace, record_step
+from msahl.schemes.common.accelerations import accelerate, new_instant
+from msahl.schemes.common.workspace import new_workspace, record_step
 from msahl.start.redundancy import is_regular, non_unique_reactions
 from msahl.start.velocities import solve_accelerations
 from msahl.system import evaluate

@@ -18,12 +18,13 @@ from msahl.analysis.linearised.plain_units import coordinate_numbers, equation_n
 from msahl.analysis.linearised.point import Point
 from msahl.analysis.linearised.projection import move, prepared
 from msahl.analysis.linearised.variations import Variations
-from msahl.elements import forces, reactions
+from msahl.elements import reactions
 from msahl.elements.beams import instant as beams
 from msahl.elements.frames import first_multiplier, moving_count
 from msahl.joints.coordinates import Motion, coordinates, point_motion, rotated
 from msahl.model import Model
 from msahl.model.loads import Actuator
+from msahl.ports import forces
 from msahl.run.joint_table import JointTable
 from msahl.run.marker_table import MarkerTable
 from msahl.run.system_table import SystemTable

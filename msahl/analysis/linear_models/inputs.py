@@ -23,7 +23,6 @@ from msahl.algebra.rotation import matrix
 from msahl.algebra.vector import at
 from msahl.analysis.linearised.coefficients import Evaluated, evaluated, result_row
 from msahl.analysis.linearised.point import Point, complete
-from msahl.elements.forces.concentrated import ConcentratedLoads
 from msahl.expressions.syntax import Call, Name, Number, nearest
 from msahl.joints.coordinates import (
     Motion,
@@ -37,6 +36,7 @@ from msahl.joints.coordinates import (
 )
 from msahl.model import ConcentratedLoad, JointMotion, Model, Signal, SignalState
 from msahl.model.loads import Actuator, JointActuator, MarkerActuator
+from msahl.ports.concentrated import ConcentratedLoads
 from msahl.run.body_rows import numbers_of_bodies
 from msahl.system.arrays import node_count
 from msahl.system.build import build_system

@@ -40,7 +40,7 @@ from msahl.analysis.linearised.plain_units import (
     multiplier_numbers,
     scales,
 )
-from msahl.elements import forces, signals
+from msahl.elements import signals
 from msahl.elements.beams import instant
 from msahl.elements.beams import linear as beams
 from msahl.elements.beams.group import Beams
@@ -50,6 +50,7 @@ from msahl.elements.frames import first_multiplier, moving_count
 from msahl.expressions.tape import by_input, gradient
 from msahl.jit.by_size import by_size
 from msahl.jit.kernel import unit
+from msahl.ports import forces
 from msahl.system import evaluate
 from msahl.system.arrays import (
     State,

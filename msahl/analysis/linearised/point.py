@@ -24,8 +24,8 @@ from msahl.start.velocities import StartError, make_consistent, solve_accelerati
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, new_system_workspace
 from msahl.system.build import build_system
+from msahl.system.graph import node_order
 from msahl.system.names import signal_columns
-from msahl.system.node_order import node_order
 from msahl.system.reductions import all_unknowns
 from msahl.system.state import build_state
 from msahl.system.unknowns import Unknowns, choose

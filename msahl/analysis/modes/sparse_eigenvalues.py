@@ -73,7 +73,7 @@ class Pencil(NamedTuple):
     redundant: int
     independent: int  # constraint equations
     stiffness: Any  # (n, n) K~, if it is symmetric and nothing depends on rates; else None
-    constraint: Any  # (c, n) G~
+    constraint: Any  # (c, n) G_h~
 
 
 def is_worthwhile(of: Pencil, number: int) -> bool:
@@ -127,7 +127,7 @@ def pencil(found: Coefficients, axes: np.ndarray) -> Pencil:
     is_symmetric = abs(K - K.T).max() <= SYMMETRIC * abs(K).max()
     conservative = is_symmetric and not (s or G_n.shape[0] or abs(D).max() or abs(drift).max())
     return Pencil(
-        A, E, back.tocsc(), n, s, redundant, G_all.shape[0], K if conservative else None, G_all
+        A, E, back.tocsc(), n, s, redundant, G_all.shape[0], K if conservative else None, G_h
     )
 
 
@@ -350,6 +350,7 @@ def _refined(
     """Pair right and left eigenvectors, and improve the eigenvalues by both."""
     n, found = of.coordinates, []
     size, eps = abs(of.A), np.finfo(float).eps
+    allowed = _allowed(of, left[:n])
     for k in np.flatnonzero(right_values.imag >= -1e-9 * np.abs(right_values)):
         i = int(np.argmin(np.abs(left_values - right_values[k])))
         if abs(left_values[i] - right_values[k]) > SAME * abs(right_values[k]):
@@ -363,7 +364,7 @@ def _refined(
         # Places count by the frequency, so that an undamped vibration has the condition 1.
         scale = np.concatenate([np.full(n, abs(value)), np.ones(n + of.states)])
         x_size = np.linalg.norm(scale * x[: scale.size])
-        y_size = np.linalg.norm(y[: scale.size] / scale)
+        y_size = np.linalg.norm(np.concatenate([allowed[:, i], y[n : scale.size]]) / scale)
         found.append((value, k, float(x_size * y_size / np.abs(product)), error))
     found.sort(key=lambda entry: (round(abs(entry[0]), 12), -entry[0].imag))
     chosen = [entry[1] for entry in found]
@@ -377,6 +378,20 @@ def _refined(
         condition=np.array([entry[2] for entry in found]),
         error=np.array([entry[3] for entry in found]),
     )
+
+
+def _allowed(of: Pencil, y: np.ndarray) -> np.ndarray:
+    """Return ``y`` (n, k) without the parts along constraints, where no places can be."""
+    from scipy.sparse import block_array, eye_array
+
+    c, n = of.constraint.shape
+    if not c:
+        return y
+    one = eye_array(n)
+    factors = _factors(block_array([[one, of.constraint.T], [of.constraint, None]], format="csc"))
+    rows = np.concatenate([y, np.zeros((c, y.shape[1]))])
+    solved: np.ndarray = factors.solve(rows.real.copy()) + 1j * factors.solve(rows.imag.copy())
+    return solved[:n]
 
 
 def _all_vibrations(of: Pencil, number: int, frequency: float) -> Found:
@@ -457,7 +472,7 @@ def _of_squares(of: Pencil, solutions: list[np.ndarray]) -> Found:
         value=np.array(value)[order],
         places=(of.back @ np.array(places)[order].T).astype(complex),
         states=np.zeros((0, len(value)), dtype=complex),
-        condition=np.where(order < 0, 0.0, 1.0),
+        condition=np.ones(len(value)),
         error=np.array(errors)[order],
     )
 

@@ -1,7 +1,7 @@
 """Scalar constraints: coordinates between two frames and the constraint equations between them.
 
 Joints other than coinciding points, couplings and prescribed motions are made of them; springs and
-friction act along the same coordinates (``elements.forces``). ``coordinates`` has the coordinates,
+friction act along the same coordinates (``ports``). ``coordinates`` has the coordinates,
 ``equations`` the equations; here are the functions that the schemes call.
 
 A system of coinciding points alone (``coincide``) has no scalar constraints: the group is None.

@@ -13,11 +13,11 @@ from msahl.terminal import echo
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from msahl.post.figures import Choice
+    from msahl.post.run_graphs import Choice
     from msahl.results.read import Run
 
 KINDS = (
-    *("linkage", "path", "path3d", "error", "energy", "work"),
+    *("linkage", "path", "path3d", "positions", "error", "energy", "work"),
     *("joints", "constraints", "reactions"),
 )
 PLANES = ("xy", "xz", "yz", "yx", "zx", "zy")
@@ -63,9 +63,9 @@ PLANES = ("xy", "xz", "yz", "yx", "zx", "zy")
 def plot(words: tuple[str, ...], output: Path | None, forms: tuple[str, ...], **given: Any) -> None:
     """Draw figures of one run, or compare several; print the files written.
 
-    KIND is linkage (the bodies at a few instants), path, path3d, error, energy, work, joints,
-    constraints or reactions. Without a KIND, --columns and --phase, all kinds for which RUN has
-    data are drawn. Several runs share --columns, --phase, path and path3d.
+    KIND is linkage (the bodies at a few instants), path, path3d, positions, error, energy, work,
+    joints, constraints or reactions. Without a KIND, --columns and --phase, all kinds for which RUN
+    has data are drawn. Several runs share --columns, --phase, path and path3d.
 
     \b
     Examples:
@@ -75,7 +75,7 @@ def plot(words: tuple[str, ...], output: Path | None, forms: tuple[str, ...], **
         msahl-post plot results/coarse results/fine --columns 'Bob.x'
     """
     from msahl.post.draw import save, style
-    from msahl.post.figures import Choice
+    from msahl.post.run_graphs import Choice
     from msahl.post.summary import partial_note
     from msahl.results.read import read_run
 
@@ -146,7 +146,7 @@ def report(run: Path, output: Path | None) -> None:
 
     Example: msahl-post report results/double_pendulum_89
     """
-    from msahl.post.report import write_report
+    from msahl.post.run_report import write_report
 
     ((_, metrics),), (read,) = read_metrics((run,))
     for path in write_report(read, metrics, output or run / "report"):

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-import msahl
 from msahl.post.glb.animation import Keys
 from msahl.post.glb.container import INDICES, JOINTS, VERTICES, Numbers, glb
 from msahl.post.scene.beams import rings_at_nodes
 from msahl.post.scene.geometry import Shape, along, quaternion
 from msahl.post.scene.triangles import triangles
+from msahl.version import VERSION
 
 Node = dict[str, Any]
 GREY = "#9aa3ad"
@@ -146,7 +146,7 @@ class _File:
     def finish(self, title: str) -> bytes:
         """Return the bytes of the file."""
         document: dict[str, Any] = {
-            "asset": {"version": "2.0", "generator": f"msahl {msahl.__version__}"},
+            "asset": {"version": "2.0", "generator": f"msahl {VERSION}"},
             "scene": 0,
             "scenes": [{"name": title or "model", "nodes": [0]}],
             "nodes": self.nodes,

@@ -195,7 +195,7 @@ def _is_inner(scene: Scene, index: int) -> bool:
 def _draw_guides(axes: Axes, motion: Motion, frame: np.ndarray, k: int, look: Look) -> None:
     """Draw the lines along which joints slide: through the joint, as long as the displacement."""
     for joint in motion.scene["joints"]:
-        if joint["glyph"] not in ("slide", "cylinder", "screw", "line") or not joint["axis"]:
+        if joint["glyph"] not in ("slide", "cylinder", "thread", "line") or not joint["axis"]:
             continue
         ends = motion.placed(joint["parent"], np.array([joint["parentPoint"]]), k)
         child = motion.paths(joint["child"], np.array([joint["childPoint"]]))[:, 0]

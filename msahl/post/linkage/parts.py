@@ -89,7 +89,7 @@ def _slides(scene: Scene, index: int) -> list[Slide]:
     found = []
     for joint in scene["joints"]:
         side = "parent" if joint["child"] == GROUND else "child"
-        if joint["glyph"] in ("slide", "cylinder", "screw") and joint[side] == index:
+        if joint["glyph"] in ("slide", "cylinder", "thread") and joint[side] == index:
             found.append((joint, side))
     return found
 
@@ -111,7 +111,7 @@ def _ends(scene: Scene) -> tuple[dict[int, list[Any]], dict[int, list[Any]]]:
     bodies = range(GROUND, len(scene["bodies"]))
     pins: dict[int, list[Any]] = {index: [] for index in bodies}
     for joint in scene["joints"]:
-        if joint["joints"] is None and joint["glyph"] not in ("contact", "roll", "knife", "planar"):
+        if joint["joints"] is None and joint["glyph"] not in ("contact", "roll", "knife", "plane"):
             pins[joint["parent"]].append(joint["parentPoint"])
             pins[joint["child"]].append(joint["childPoint"])
     places = {index: list(points) for index, points in pins.items()}

@@ -3,9 +3,21 @@
 from base64 import b64encode
 from collections.abc import Iterable, Sequence
 
-from msahl.post.document import Block, Code, Folded, Heading, Items, Paragraph, Picture
+from msahl.post.document import (
+    Banner,
+    Block,
+    Code,
+    Folded,
+    Graphs,
+    Heading,
+    Items,
+    OnPage,
+    Paragraph,
+    Picture,
+)
+from msahl.post.page.graphs import graphs
 from msahl.post.page.markup import Markup, element, running
-from msahl.post.page.page import NOTHING, Part, wrap, write_page
+from msahl.post.page.page import NOTHING, Part, combine, wrap, write_page
 from msahl.post.table import Table
 from msahl.run.verdict import WORDS
 
@@ -19,8 +31,8 @@ def as_html(title: str, blocks: Sequence[Block | Part]) -> str:
     The heading of a first block of level 1 stands at the head of the page, otherwise the title.
     """
     match blocks:
-        case [Heading(1, text), *others]:
-            return write_page(title, wrap("main", header(text), *map(part_of, others)))
+        case [Heading(1, text, line), *others]:
+            return write_page(title, wrap("main", header(text, line), *map(part_of, others)))
         case _:
             return write_page(title, wrap("main", header(title), *map(part_of, blocks)))
 
@@ -46,8 +58,21 @@ def part_of(block: Block | Part) -> Part:
             return block
         case Folded(title, blocks):
             return fold(title, *blocks)
+        case Banner():
+            return _banner(block)
+        case Graphs(_, groups):
+            return graphs(groups, "-".join(group.name for group in groups))
+        case OnPage(part):
+            return combine(part)
         case _:
             return Part(_markup(block))
+
+
+def _banner(banner: Banner) -> Part:
+    name = banner.word.lower()
+    first = element("p", word(banner.word), f" {banner.sentence}", class_="head")
+    lines = [first if banner.sentence else "", *map(part_of, banner.blocks)]
+    return wrap("div", *lines, class_=f"banner {name}".strip(), role="status")
 
 
 def fold(title: str, *content: Block | Part) -> Part:

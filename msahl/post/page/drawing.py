@@ -4,6 +4,7 @@ import re
 
 from matplotlib.figure import Figure
 
+from msahl.post.document import Picture
 from msahl.post.draw import COLOURS, encode
 from msahl.post.page.markup import Markup
 
@@ -16,6 +17,13 @@ VARIABLES = {
     **dict.fromkeys(("#444444", "#555555", "#666666", "#888888"), "muted"),
 }
 """Colours of our figures, and the variables of ``page.css`` that replace them."""
+
+
+def as_picture(name: str, caption: str, figure: Figure, vector: bool = True) -> Picture:
+    """Return a figure as the picture of a document: PNG, and for pages also with vectors in their
+    colours unless it has too many marks."""
+    svg = drawn(figure, name) if vector else ""
+    return Picture(f"{name}.png", caption, encode(figure, "png"), svg)
 
 
 def drawn(figure: Figure, name: str) -> Markup:

@@ -2,49 +2,20 @@
 
 from base64 import b64encode
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from msahl.post.graph_data import MOST_DECADES, Graph, Group, thinned
 from msahl.post.page.markup import Markup, element, join
 from msahl.post.page.page import Part
 
-INTERVALS = 600
-"""Intervals of which a long series keeps the least and the largest value: about one for each pixel
-of a graph."""
 MOST_CURVES = 8
 """Curves of a graph; of more the ones that vary most are drawn."""
-MOST_DECADES = 8
-"""Decades of a logarithmic scale; smaller values are drawn at its lower edge."""
 LARGEST = 3e38
 """Values are stored in single precision: this is the largest."""
 LOOKS = 7
 """Colours of curves (``--series-1`` to ``--series-7``); then they repeat with another dash."""
 DATA = "graphs"
-
-
-@dataclass(frozen=True, slots=True)
-class Graph:
-    """Curves over one abscissa: ``x`` (m,), and name and values (m,) of each curve.
-
-    With ``log`` absolute values are drawn on a logarithmic scale. Values that are not finite leave
-    the curve open.
-    """
-
-    title: str
-    x: np.ndarray
-    curves: tuple[tuple[str, np.ndarray], ...]
-    x_title: str = "time [s]"
-    log: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Group:
-    """Graphs under one heading; graphs with the same curves share a legend."""
-
-    title: str
-    graphs: tuple[Graph, ...]
-    note: str = ""
 
 
 def graphs(groups: Sequence[Group], data: str = DATA) -> Part:
@@ -147,21 +118,6 @@ def _record(graph: Graph, curves: Sequence[tuple[str, np.ndarray]]) -> dict[str,
             for (name, _), series in zip(curves, values, strict=True)
         ],
     }
-
-
-def thinned(x: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Reduce long series ``values`` (m,) over ``x`` (m,) to two values of each interval: the least
-    and the largest, in the order in which the series rises or falls.
-    """
-    count = len(x)
-    if count <= 2 * INTERVALS:
-        return x, values
-    edges = np.linspace(0, count, INTERVALS + 1).astype(int)
-    first, last = edges[:-1], edges[1:] - 1
-    low, high = np.fmin.reduceat(values, first), np.fmax.reduceat(values, first)
-    rising = values[first] <= values[last]
-    pairs = np.stack([np.where(rising, low, high), np.where(rising, high, low)], axis=1)
-    return np.stack([x[first], x[last]], axis=1).reshape(-1), pairs.reshape(-1)
 
 
 def _packed(values: np.ndarray) -> str:

@@ -36,7 +36,8 @@ its axes.
       "joints": [{                           # joints, then couplings, in the deck's order
         "name": str,
         "kind": str,                         # tag of the element in the deck, such as "revolute"
-        "glyph": str,                        # see GLYPHS and COUPLING_GLYPHS in ``glyphs.py``
+        "glyph": str,                        # see ``joints.kind_properties``, and for couplings
+                                             # COUPLING_GLYPHS in ``glyphs.py``
         "parent": int, "parentPoint": [3],
         "child": int, "childPoint": [3],
         "axis": [3] or null,                 # unit vector, axes of the parent

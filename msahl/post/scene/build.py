@@ -52,8 +52,8 @@ PALETTE = (
 PARALLEL = 1e-6
 """Sine of the angle between axes that count as parallel."""
 
-IN_PLANE = ("rigid", "prismatic", "rackAndPinion", "camFollower")
-"""Kinds of joints that take no part in deciding whether a mechanism is planar."""
+IN_PLANE = ("fixed", "slide", "rack", "cam")
+"""Glyphs of joints that take no part in deciding whether a mechanism is planar."""
 
 
 def build_scene(model: Model, title: str = "", folders: Sequence[Path] = ()) -> dict[str, Any]:
@@ -212,10 +212,10 @@ def _normal(joints: Sequence[Entry], poses: Sequence[Sequence[float]]) -> list[f
     without such joints, if they differ, or if other joints allow motion out of the plane."""
     found: list[np.ndarray] = []
     for joint in joints:
-        if joint["kind"] in ("revolute", "gear"):
+        if joint["glyph"] in ("axis", "gear"):
             q = [1.0, 0.0, 0.0, 0.0] if joint["parent"] == GROUND else poses[joint["parent"]][3:]
             found.append(rotation(q) @ joint["axis"])
-        elif joint["kind"] not in IN_PLANE:
+        elif joint["glyph"] not in IN_PLANE:
             return None
     if not found or any(np.linalg.norm(np.cross(found[0], a)) > PARALLEL for a in found):
         return None

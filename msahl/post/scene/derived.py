@@ -18,6 +18,7 @@ from itertools import permutations
 
 import numpy as np
 
+from msahl.joints.registry import KINDS
 from msahl.model import Joint, RigidBody
 from msahl.post.scene.geometry import Shape, along, floats, half_box, quaternion, rotation, shape
 
@@ -123,14 +124,13 @@ def contact_shape(joint: Joint, side: str) -> Shape | None:
     point = joint.parent_point if side == "parent" else joint.child_point
     axes = joint.parent_axes if side == "parent" else joint.child_axes
     upright = quaternion(along(axes[2]))
-    parameters = dict(joint.parameters)
+    parameters, solid = dict(joint.parameters), KINDS[joint.kind].solid
     radius = parameters.get(f"{side}Radius", 0.0)
     if side == "child" and "radius" in parameters:
         radius = parameters["radius"]
-    if radius <= 0.0:
+    if not solid or radius <= 0.0:
         return None
-    if joint.kind == "sphericalSlider":
-        return shape("sphere", [radius], point)
-    width = THIN if joint.kind == "rollingDisk" else LONG
-    kind = "disc" if joint.kind == "rollingDisk" else "cylinder"
-    return shape(kind, [radius, width * radius], point, upright)
+    if solid == "sphere":
+        return shape(solid, [radius], point)
+    width = THIN if solid == "disc" else LONG
+    return shape(solid, [radius, width * radius], point, upright)

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from msahl.joints.kind_properties import glyph
 from msahl.joints.registry import KINDS
 from msahl.model import (
     Bushing,
     ConcentratedLoad,
     Coupling,
-    Drag,
     Friction,
     Joint,
     JointActuator,
@@ -19,6 +19,7 @@ from msahl.model import (
     MarkerActuator,
     MarkerAngle,
     Model,
+    PointLoad,
     SpringDamper,
 )
 from msahl.post.scene.geometry import floats, quaternion
@@ -26,29 +27,6 @@ from msahl.post.scene.geometry import floats, quaternion
 Entry = dict[str, Any]
 GROUND = -1
 
-GLYPHS = {
-    "rigid": "fixed",
-    "revolute": "axis",
-    "prismatic": "slide",
-    "cylindrical": "cylinder",
-    "spherical": "ball",
-    "planar": "planar",
-    "parallelCylinders": "contact",
-    "edgeSlider": "contact",
-    "cylindricalSlider": "contact",
-    "pointSlider": "contact",
-    "sphericalSlider": "contact",
-    "crossedCylinders": "contact",
-    "universal": "universal",
-    "screw": "screw",
-    "distance": "distance",
-    "pointOnLine": "line",
-    "knifeEdge": "knife",
-    "rollingDisk": "roll",
-}
-"""What a kind of joint is drawn as: ``contact`` slides freely on a plane or cylinder, ``line`` is a
-ball on an axis, ``distance`` a massless rod between the two points, ``knife`` a blade at a right
-angle to the axis."""
 COUPLING_GLYPHS = {"gear": "gear", "rackAndPinion": "rack", "camFollower": "cam"}
 
 
@@ -66,17 +44,17 @@ def joint_entries(model: Model, body: Mapping[str, int]) -> list[Entry]:
 
 
 def _joint(joint: Joint, body: Mapping[str, int]) -> Entry:
-    axes = KINDS[joint.kind].axes
+    kind = KINDS[joint.kind]
     return {
         "name": joint.name,
         "kind": joint.kind,
-        "glyph": GLYPHS[joint.kind],
+        "glyph": glyph(kind),
         "parent": body[joint.parent],
         "parentPoint": floats(joint.parent_point),
         "child": body[joint.child],
         "childPoint": floats(joint.child_point),
-        "axis": floats(joint.parent_axes[2]) if axes else None,
-        "childAxis": floats(joint.child_axes[2]) if axes else None,
+        "axis": floats(joint.parent_axes[2]) if kind.axes else None,
+        "childAxis": floats(joint.child_axes[2]) if kind.axes else None,
         # A distance of its own at t = 0 is not a number yet, which JSON does not have.
         "parameters": {key: value for key, value in joint.parameters if value == value},
         "joints": None,
@@ -161,7 +139,7 @@ def load_entries(model: Model, body: Mapping[str, int], place: Mapping[str, int]
         entry |= dict.fromkeys(("a", "aPoint", "b", "bPoint"))
         entry |= {"name": load.name, "varies": False}
         entry |= {"forceBasis": GROUND, "momentBasis": GROUND}
-        if isinstance(load, ConcentratedLoad | Drag):
+        if isinstance(load, ConcentratedLoad | PointLoad):
             entry |= {"kind": "drag", "body": body[load.body], "point": floats(load.point)}
             if isinstance(load, ConcentratedLoad):
                 entry |= _constant_load(load, body)

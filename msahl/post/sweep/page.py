@@ -4,12 +4,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from msahl.post.document import Block, Items, Paragraph
-from msahl.post.document import Picture as Drawing
 from msahl.post.draw import encode, style
 from msahl.post.page.blocks import fold, header, section
-from msahl.post.page.drawing import drawn
+from msahl.post.page.drawing import as_picture
 from msahl.post.page.page import Part, combine, wrap, write_page
-from msahl.post.sweep.pictures import MOST_MEASURES, Picture, pictures
+from msahl.post.sweep.pictures import MOST_MEASURES, pictures
 from msahl.post.sweep.read import SweepRuns
 from msahl.post.sweep.statistics import LEVEL, SALTELLI, Indices
 from msahl.post.sweep.tables import (
@@ -40,7 +39,8 @@ def write_sweep_page(
     with style():
         shown = []
         for picture in pictures(sweep, sweep.asked, found):
-            shown.append(_drawing(picture))
+            drawn = (picture.name, picture.caption, picture.figure, picture.vector)
+            shown.append(as_picture(*drawn))
             for form in forms:
                 same = shown[-1].png if form == "png" else b""
                 files[f"{picture.name}.{form}"] = same or encode(picture.figure, form)
@@ -56,13 +56,6 @@ def write_sweep_page(
     for name, data in files.items():
         replace_file(folder / name, data)
     return [folder / name for name in (PAGE, *(name for name in files if name != PAGE))]
-
-
-def _drawing(picture: Picture) -> Drawing:
-    """Return a picture for a page: with vectors in its colours, or as PNG if it has many marks."""
-    png = encode(picture.figure, "png")
-    svg = drawn(picture.figure, picture.name) if picture.vector else ""
-    return Drawing(f"{picture.name}.png", picture.caption, png, svg)
 
 
 def _lines(sweep: SweepRuns) -> Iterator[str]:

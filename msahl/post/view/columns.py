@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from msahl.model import Model
+from msahl.post.graph_data import thinned
 from msahl.post.view.packing import pack_integers, pack_numbers
 from msahl.printable import printable, shown_path
 from msahl.results.info import ResultError
@@ -101,21 +102,8 @@ def pack_columns(columns: Columns, most: int) -> dict[str, Any]:
 def _extremes(
     time: np.ndarray, values: np.ndarray, intervals: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return all rows, if they are at most two for each interval; otherwise the least and the
-    greatest value of each column in each interval, at two of its times."""
-    if len(time) <= 2 * intervals:
-        return time, values
-    edges = np.linspace(0, len(time), intervals + 1).astype(int)
-    starts, middles = edges[:-1], (edges[:-1] + edges[1:]) // 2
-    result = np.empty((2 * intervals, values.shape[1]))
-    for i, (start, end) in enumerate(zip(starts, edges[1:], strict=True)):
-        block = values[start:end]
-        low, high = block.min(axis=0), block.max(axis=0)
-        falls = block.argmin(axis=0) > block.argmax(axis=0)
-        result[2 * i] = np.where(falls, high, low)
-        result[2 * i + 1] = np.where(falls, low, high)
-    times = np.stack([time[starts], time[middles]], axis=1).ravel()
-    # The graph begins and ends with the run.
-    times[-1], result[-1] = time[-1], values[-1]
-    result[0] = values[0]
-    return times, result
+    """Return the series thinned; the graph begins and ends with the run."""
+    times, pairs = thinned(time, values, intervals)
+    if times is not time:
+        pairs[0], pairs[-1] = values[0], values[-1]
+    return times, pairs

@@ -76,7 +76,7 @@ const DRAWN = {
     rail(all, (length, material) => tube(0.6 * unit, length, material));
     moving.add(tube(1.5 * unit, 4 * unit, dark));
   },
-  universal: ({ fixed, moving, steel, dark, unit }) => {
+  cross: ({ fixed, moving, steel, dark, unit }) => {
     fixed.add(tube(0.7 * unit, 5 * unit, steel));
     moving.add(tube(0.7 * unit, 5 * unit, steel));
     fixed.add(ball(1.2 * unit, dark));
@@ -84,11 +84,11 @@ const DRAWN = {
   fixed: ({ fixed, dark, unit }) => {
     fixed.add(box(2.4 * unit, 2.4 * unit, 2.4 * unit, dark));
   },
-  planar: ({ fixed, moving, steel, dark, unit }) => {
+  plane: ({ fixed, moving, steel, dark, unit }) => {
     fixed.add(box(16 * unit, 16 * unit, 0.2 * unit, translucent(steel)));
     moving.add(tube(1.5 * unit, 0.6 * unit, dark));
   },
-  screw: (all) => {
+  thread: (all) => {
     const { fixed, moving, unit, dark, steel, travel } = all;
     rail(all, (length, material) => tube(0.6 * unit, length, material));
     const thread = new Coil(0.75 * unit, 0.2 * unit, 14, steel);
@@ -107,7 +107,7 @@ const DRAWN = {
     rail(all, (length, material) => tube(0.5 * unit, length, material));
     moving.add(ball(1.4 * unit, dark));
   },
-  distance: ({ fixed, moving, dark, unit }) => {
+  rod: ({ fixed, moving, dark, unit }) => {
     fixed.add(ball(1.2 * unit, dark));
     moving.add(ball(1.2 * unit, dark));
   },

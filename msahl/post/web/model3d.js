@@ -164,7 +164,7 @@ export class Model3d {
       part.traverse((child) => (child.userData = name));
       this.follow(part, body, this.parts.joints);
     }
-    if (joint.glyph === "distance") {
+    if (joint.glyph === "rod") {
       const rod = bar([0, 0, 0], [0, 1, 0], 0.006 * this.sizes[index], solid("#8b95a3", this.look));
       rod.userData = name;
       this.parts.joints.add(rod);

@@ -35,18 +35,19 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import forces, signals
+from msahl.elements import signals
 from msahl.elements.beams import instant as beams
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
 from msahl.elements.signals import Signals
 from msahl.jit.kernel import apart, kernel, optional, unit
-from msahl.schemes import accelerations
-from msahl.schemes.accelerations import Instant
+from msahl.ports import forces
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.tableau import lagrange
-from msahl.schemes.midpoint.workspace import Workspace
-from msahl.schemes.midpoint.workspace import write_row as write_state
+from msahl.schemes.common import accelerations
+from msahl.schemes.common.accelerations import Instant
+from msahl.schemes.common.workspace import Workspace
+from msahl.schemes.common.workspace import write_row as write_state
 from msahl.system import evaluate
 from msahl.system.arrays import State, new_system_workspace
 

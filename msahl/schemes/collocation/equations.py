@@ -26,7 +26,7 @@ The above is a variational scheme (gauss). Radau's is not: it balances the angul
 with L = R J R^T W for pi, M for dT/dc + H^T M, and without E.
 
 Forces are evaluated at one configuration at a time. A law of time enters by its moments over the
-step (``elements.forces.concentrated``), not by its values at the nodes.
+step (``ports.concentrated``), not by its values at the nodes.
 
 Source: see ``tableau``; the rotation parameters, the scaling and the treatment of constraints
 between rates (at c_i, with their forces where those of the others are) are ours.
@@ -52,7 +52,7 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import forces, signals
+from msahl.elements import signals
 from msahl.elements.beams import instant
 from msahl.elements.beams import stage as beams
 from msahl.elements.constraints import coincide, scalar
@@ -67,9 +67,10 @@ from msahl.elements.frames import (
 )
 from msahl.elements.signals import Signals
 from msahl.jit.kernel import kernel, optional, unit
+from msahl.ports import forces
 from msahl.schemes.collocation import jacobian, local_rotation
 from msahl.schemes.collocation.workspace import StageArrays, moment_for_parameters, set_node
-from msahl.schemes.midpoint import equations
+from msahl.schemes.common.criteria import step_length
 from msahl.system.arrays import State, System, SystemWorkspace
 from msahl.system.evaluate import prepare
 
@@ -113,7 +114,7 @@ def evaluate(
     signals.refuse_stages(system.forces.signals, stages.signals, stages.F)
     length = 0.0
     for k in range(tableau.force_weight.size):
-        length = max(length, equations.step_length(system, start, h, stages.Z[k]))
+        length = max(length, step_length(system, start, h, stages.Z[k]))
     return length
 
 

@@ -25,13 +25,14 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import forces, signals
+from msahl.elements import signals
 from msahl.elements.beams import stage as beams
 from msahl.elements.constraints import coincide, scalar
 from msahl.elements.constraints.products import PARTS, Q_A, add_block
 from msahl.elements.frames import first_multiplier, rotation_node
 from msahl.elements.signals import Signals
 from msahl.jit.kernel import apart, kernel, optional, unit
+from msahl.ports import forces
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.workspace import (
     BODY,

@@ -13,28 +13,28 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import copy
-from msahl.elements import forces, signals
+from msahl.elements import signals
 from msahl.elements.beams import stage as beams
 from msahl.elements.constraints.scalar import clear_rate_violations
-from msahl.elements.forces import ReactionForces, pressed_by_reactions
 from msahl.elements.frames import first_multiplier
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import block_lu
+from msahl.linalg.elimination import Elimination, new_factor
 from msahl.model.scheme import COLLOCATION
-from msahl.schemes import accelerations
-from msahl.schemes.accelerations import Instant, new_instant
+from msahl.ports import forces
+from msahl.ports.forces import ReactionForces, pressed_by_reactions
 from msahl.schemes.collocation import dense_output, equations, predictor
 from msahl.schemes.collocation.dense_output import DenseOutput, new_dense_output
 from msahl.schemes.collocation.tableau import new_tableau
 from msahl.schemes.collocation.workspace import StageArrays, new_stage_arrays, set_node
-from msahl.schemes.midpoint import free_equations
-from msahl.schemes.midpoint.newton import DIVERGED, MAX_ITERATIONS, STUCK
-from msahl.schemes.midpoint.workspace import Workspace
-from msahl.schemes.midpoint.workspace import record_step as record_at_end
+from msahl.schemes.common import accelerations
+from msahl.schemes.common.accelerations import Instant, new_instant
+from msahl.schemes.common.criteria import AT_REST, DIVERGED, MAX_ITERATIONS, STUCK, is_implausible
+from msahl.schemes.common.workspace import Workspace
+from msahl.schemes.common.workspace import record_step as record_at_end
 from msahl.schemes.outcome import TOLERANCE
 from msahl.system.arrays import State, System
 from msahl.system.diagnostics import energy_balance
-from msahl.system.ordering import Elimination, new_factor
 
 TARGET = 1e-14
 """As ``outcome.TARGET``. Collocation steps are few and long, so the residual of each matters less
@@ -319,7 +319,7 @@ def iterate(subsystem: CollocationWorkspace, h: float) -> tuple[float, int, floa
     while True:
         update_reactions(subsystem.pressed, system, state, stages, subsystem.instant, h)
         length = equations.evaluate(system, state, start, stages, h, fresh)
-        length = max(length, free_equations.AT_REST)
+        length = max(length, AT_REST)
         residual, worst = relative_residual(free, stages.F, stages.load_scale, length)
         if iteration == 0:
             predicted, first = length, residual
@@ -344,7 +344,7 @@ def iterate(subsystem: CollocationWorkspace, h: float) -> tuple[float, int, floa
         apply_correction(subsystem, fresh)
         iteration += 1
         before, fresh = residual, False
-    if free_equations.is_implausible(system, predicted, length):
+    if is_implausible(system, predicted, length):
         residual = math.inf
     return residual, worst, first
 
@@ -384,7 +384,7 @@ def evaluate_free(
             stages.Z[j, free[i] // 3, free[i] % 3] = z[i, j]
     update_reactions(subsystem.pressed, system, state, stages, subsystem.instant, h)
     length = equations.evaluate(system, state, workspace.start, stages, h, fresh)
-    length = max(length, free_equations.AT_REST)
+    length = max(length, AT_REST)
     for i in range(free.size):
         for j in range(f.shape[1]):
             f[i, j] = stages.F[j, free[i] // 3, free[i] % 3]

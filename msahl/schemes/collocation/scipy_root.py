@@ -12,9 +12,9 @@ from msahl.elements.frames import first_multiplier
 from msahl.jit.compiled import Call, compiled
 from msahl.schemes.collocation import newton, predictor
 from msahl.schemes.collocation.newton import CollocationWorkspace
-from msahl.schemes.midpoint.free_equations import is_implausible
+from msahl.schemes.common.criteria import is_implausible
+from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.midpoint.scipy_root import find_root, polish
-from msahl.schemes.midpoint.workspace import Workspace
 from msahl.schemes.outcome import EVALUATION, Outcome
 
 _evaluate = compiled(newton.evaluate_free)

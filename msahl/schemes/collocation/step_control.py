@@ -38,15 +38,15 @@ import numpy as np
 
 from msahl.algebra.rotation import compose, inverse
 from msahl.algebra.vector import at, copy, dot, sub
-from msahl.elements import forces
 from msahl.events import margins
 from msahl.events.margins import END as END_OF_RUN
 from msahl.jit.kernel import kernel, optional
+from msahl.ports import forces
 from msahl.schemes import step_events
 from msahl.schemes.collocation import dense_output, newton
 from msahl.schemes.collocation.dense_output import StepEnd
 from msahl.schemes.collocation.newton import CollocationWorkspace
-from msahl.schemes.midpoint.workspace import Workspace
+from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.step_events import Watch
 from msahl.system import evaluate
 from msahl.system.arrays import State

@@ -16,21 +16,19 @@ from msahl.events.margins import build_margins
 from msahl.jit.compiled import Call, compiled
 from msahl.jit.storage import Storage
 from msahl.model.scheme import COLLOCATION
-from msahl.schemes.collocation import dense_output, newton, step_control
+from msahl.schemes.collocation import dense_output, newton, step_control, watched_steps
 from msahl.schemes.collocation.newton import CollocationWorkspace, new_collocation_workspace
 from msahl.schemes.collocation.step_control import ControlSettings
 from msahl.schemes.collocation.workspace import StageArrays
-from msahl.schemes.midpoint.stepper import kind_of
-from msahl.schemes.midpoint.workspace import Workspace
+from msahl.schemes.common.workspace import Workspace, kind_of
 from msahl.schemes.outcome import Outcome, Requests
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import NO_TIMES, Advance, Chunk, Stepper
-from msahl.schemes.watched_steps import take_collocation_steps
 from msahl.schemes.watching import Watching
 
 _take_steps = compiled(newton.take_steps)
 _record_step = compiled(newton.record_step)
-_take_watched_steps = compiled(take_collocation_steps)
+_take_watched_steps = compiled(watched_steps.take_steps)
 _take_pairs = compiled(step_control.take_pairs)
 
 NO_ROWS = np.zeros(0, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Differentiates collocation steps by parameters; see ``schemes.tangents``."""
+"""Differentiates collocation steps by parameters; see ``schemes.common.tangents``."""
 
 from typing import NamedTuple
 
@@ -9,7 +9,7 @@ from msahl.jit.kernel import apart, kernel
 from msahl.linalg import block_lu
 from msahl.schemes.collocation import dense_output, equations, newton, predictor
 from msahl.schemes.collocation.newton import CollocationWorkspace
-from msahl.schemes.tangents import (
+from msahl.schemes.common.tangents import (
     FLOOR,
     IMPROVEMENTS,
     MEMBERS,

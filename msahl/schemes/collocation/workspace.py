@@ -18,7 +18,7 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import forces, signals
+from msahl.elements import signals
 from msahl.elements.beams import instant
 from msahl.elements.constraints import scalar
 from msahl.elements.constraints.coordinate_kinds import Derivatives
@@ -32,6 +32,7 @@ from msahl.elements.frames import (
     rotation_node,
 )
 from msahl.jit.kernel import kernel, unit
+from msahl.ports import forces
 from msahl.schemes.collocation import local_rotation
 from msahl.schemes.collocation.tableau import Tableau
 from msahl.system import evaluate

@@ -19,10 +19,11 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from msahl.jit.compiled import compiled
-from msahl.schemes.midpoint import free_equations, load_moments, workspace
-from msahl.schemes.midpoint.newton import DIVERGED, LONG_TARGET, STUCK
+from msahl.schemes.common.criteria import DIVERGED, STUCK
+from msahl.schemes.common.workspace import Workspace
+from msahl.schemes.midpoint import free_equations, load_moments, newton
+from msahl.schemes.midpoint.newton import LONG_TARGET
 from msahl.schemes.midpoint.scipy_root import Equations, remove_null_parts
-from msahl.schemes.midpoint.workspace import Workspace
 from msahl.schemes.outcome import TOLERANCE, Outcome
 
 FIRST, SMALLEST = 0.25, 2.0**-10
@@ -42,7 +43,7 @@ DIFFERENCE = 1e-7
 
 _set_loads = compiled(load_moments.set_loads)
 _predict = compiled(free_equations.predict)
-_accept_step = compiled(workspace.accept_step)
+_accept_step = compiled(newton.accept_step)
 
 
 class Steps(Protocol):

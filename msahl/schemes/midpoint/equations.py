@@ -15,7 +15,7 @@ lam h^2/(2 m), with the length l and the mass m of a frame. Equations are length
 Jacobian tends to a limit as h -> 0, and a residual is judged relative to the motion of the step.
 Forces are discrete gradients: a conservative system conserves its energy to the residual, for any
 h. In the decaying scheme (``Decay``), (a), (b) and the springs take energy from vibrations that are
-fast relative to the step (``elements.rigid_body``, ``elements.forces.spring``), dt2 is more than
+fast relative to the step (``elements.rigid_body``, ``ports.spring``), dt2 is more than
 h^2/2, and the energy taken is the last of the state's works.
 
 Source: Hainge 2010, chapter II; M. Borri, F. Mello, S. N. Atluri 1991; C. L. Bottasso, D. Dopico,
@@ -39,7 +39,7 @@ from msahl.algebra.vector import (
     times,
     transpose,
 )
-from msahl.elements import forces, rigid_body, signals
+from msahl.elements import rigid_body, signals
 from msahl.elements.beams import midpoint as beams
 from msahl.elements.constraints import coincide, scalar
 from msahl.elements.frames import (
@@ -51,6 +51,7 @@ from msahl.elements.frames import (
     rotation_node,
 )
 from msahl.jit.kernel import apart, kernel, unit
+from msahl.ports import forces
 from msahl.system.arrays import State, System, SystemWorkspace
 from msahl.system.evaluate import dt2, joint_jacobian, set_reactions
 
@@ -171,23 +172,6 @@ def jacobian(
     forces.mean_jacobian(
         system.forces, start.forces, system.scalar, system.frames, (h, h2), Z, values
     )
-
-
-@kernel
-def step_length(system: System, start: SystemWorkspace, h: float, Z: np.ndarray) -> float:
-    """Length of the step [m], relative to which a residual is judged: its largest term."""
-    h2, gravity = dt2(system, h), system.bodies.gravity
-    # A maximum for each component: one for all would have every comparison wait for the last one.
-    x, y, z = h2 * abs(gravity[0]), h2 * abs(gravity[1]), h2 * abs(gravity[2])
-    for b in range(moving_count(system.frames)):
-        v, W, length = at(start.frames.v, b), at(start.frames.W, b), system.frames.length[b]
-        x = max(x, h * abs(v[0]), h * abs(W[0]) * length)
-        y = max(y, h * abs(v[1]), h * abs(W[1]) * length)
-        z = max(z, h * abs(v[2]), h * abs(W[2]) * length)
-    for node in range(Z.shape[0]):
-        u = at(Z, node)
-        x, y, z = max(x, abs(u[0])), max(y, abs(u[1])), max(z, abs(u[2]))
-    return max(x, y, z)
 
 
 @apart

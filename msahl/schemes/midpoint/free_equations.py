@@ -16,15 +16,9 @@ import numpy as np
 from msahl.elements.constraints import scalar
 from msahl.jit.kernel import apart, kernel
 from msahl.linalg import dense
+from msahl.schemes.common.criteria import AT_REST, step_length
+from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.midpoint import equations
-from msahl.schemes.midpoint.workspace import Workspace
-from msahl.system.arrays import System
-
-FAR = 1e3
-"""Ratio of a step's length to that of its prediction plus the longest body beyond which the
-solution is not a motion."""
-AT_REST = 1e-100
-"""Smallest length [m] of a step: products of smaller ones would underflow."""
 
 
 @kernel
@@ -70,7 +64,7 @@ def relative_residual(workspace: Workspace, h: float) -> tuple[float, int, float
         workspace.F,
     )
     worst, largest = -1, 0.0
-    length = max(AT_REST, equations.step_length(system, start, h, workspace.Z))
+    length = max(AT_REST, step_length(system, start, h, workspace.Z))
     for i in range(free.size):
         unknown = free[i]
         node = unknown // 3
@@ -83,17 +77,3 @@ def relative_residual(workspace: Workspace, h: float) -> tuple[float, int, float
             if math.isnan(row):
                 break
     return largest / length, worst, length
-
-
-@kernel
-def is_implausible(system: System, predicted: float, length: float) -> bool:
-    """Whether the ``length`` of a solved step [m] is far beyond that of its prediction.
-
-    The equations of rotations have infinitely many roots; the distant ones are not motions.
-    """
-    if length <= FAR * predicted:
-        return False
-    longest = 0.0
-    for b in range(system.frames.length.size):
-        longest = max(longest, system.frames.length[b])
-    return not length <= FAR * (predicted + longest)

@@ -1,20 +1,17 @@
 """The effect of the first moments of forces over a step of the midpoint element.
 
-The law is in ``elements.forces.concentrated``.
+The law is in ``ports.concentrated``.
 """
 
 from msahl.algebra.vector import ZERO, at, put, scale
-from msahl.elements import forces
 from msahl.elements.frames import displacement_node, moving_count, offset, rotation_node
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import dense, sparse_lu
+from msahl.ports import forces
+from msahl.schemes.common.accelerations import NO_STEP
+from msahl.schemes.common.workspace import Workspace
 from msahl.schemes.midpoint import equations
-from msahl.schemes.midpoint.workspace import Workspace
 from msahl.system import evaluate
-
-NO_STEP = 1e-100
-"""Step size [s] of the limit in which the Jacobian contains only masses and constraints; its square
-is still a normal number."""
 
 
 @unit

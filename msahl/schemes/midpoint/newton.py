@@ -13,18 +13,17 @@ import numpy as np
 from msahl.elements.frames import first_multiplier
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import dense, sparse_lu
+from msahl.schemes.common import accelerations
+from msahl.schemes.common.accelerations import Instant
+from msahl.schemes.common.criteria import DIVERGED, MAX_ITERATIONS, STUCK, is_implausible
+from msahl.schemes.common.workspace import Workspace, record_step
 from msahl.schemes.midpoint import equations, load_moments
-from msahl.schemes.midpoint.free_equations import is_implausible, relative_residual
-from msahl.schemes.midpoint.workspace import Workspace, accept_step, record_step
+from msahl.schemes.midpoint.free_equations import relative_residual
 from msahl.schemes.outcome import TARGET, TOLERANCE
+from msahl.system import evaluate
 
-MAX_ITERATIONS = 25
 SLOW = 0.05
 """Ratio of successive residuals above which the Jacobian is evaluated anew."""
-STUCK = 0.5
-"""Ratio of successive residuals above which a solved step is not improved further."""
-DIVERGED = 1e3
-"""Residual relative to the smallest so far at which the iteration is given up."""
 LONG_TARGET = 1e-16
 """Residual at which the iteration stops in steps that are long relative to vibrations. Forces of
 stiff elements do more work in them, so less must remain for the same error of the energy."""
@@ -177,6 +176,23 @@ def _is_predictable(workspace: Workspace, h: float) -> bool:
 
 
 @unit
+def accept_step(workspace: Workspace, h: float, share: float) -> None:
+    """Advance the state by the solved step of size ``h``, a ``share`` of the requested one; prepare
+    the next.
+    """
+    equations.accept(
+        workspace.system, workspace.state, workspace.start, h, workspace.Z, workspace.F
+    )
+    evaluate.prepare(workspace.system, workspace.state, workspace.start)
+    for k in range(workspace.mean_force.shape[0]):
+        for i in range(3):
+            workspace.mean_force[k, i] += share * workspace.state.force[k, i]
+    for k in range(workspace.mean_reaction.shape[0]):
+        for i in range(6):
+            workspace.mean_reaction[k, i] += share * workspace.state.reaction[k, i]
+
+
+@unit
 def take_step(workspace: Workspace, h: float, share: float) -> tuple[float, int]:
     """Take a step of size ``h``, a ``share`` of the requested one, if it converges; return its
     relative residual and worst row.
@@ -206,4 +222,17 @@ def take_steps(workspace: Workspace, h: float, first: int, last: int, rows: np.n
         if not residual <= TOLERANCE:
             return k
         record_step(workspace, h, k, rows[k])
+    return last
+
+
+@kernel
+def take_steps_instantaneous(
+    workspace: Workspace, instant: Instant, h: float, first: int, last: int, rows: np.ndarray
+) -> int:
+    """Take steps as ``take_steps``, with reactions at the output times."""
+    for k in range(first, last):
+        if take_steps(workspace, h, k, k + 1, rows) == k:
+            return k
+        if rows[k] >= 0:
+            accelerations.write_instantaneous_reactions(workspace, instant, rows[k])
     return last

@@ -12,8 +12,9 @@ from scipy.optimize import root
 
 from msahl.elements.frames import first_multiplier
 from msahl.jit.compiled import Call, compiled
-from msahl.schemes.midpoint import free_equations, load_moments, workspace
-from msahl.schemes.midpoint.workspace import Workspace
+from msahl.schemes.common.criteria import is_implausible
+from msahl.schemes.common.workspace import Workspace
+from msahl.schemes.midpoint import free_equations, load_moments, newton
 from msahl.schemes.outcome import EVALUATION, Outcome
 
 STEP_TOLERANCE = 1e-11
@@ -27,7 +28,7 @@ _set_loads = compiled(load_moments.set_loads)
 _predict = compiled(free_equations.predict)
 _residual = compiled(free_equations.residual)
 _jacobian = compiled(free_equations.jacobian)
-_accept_step = compiled(workspace.accept_step)
+_accept_step = compiled(newton.accept_step)
 
 Function = Callable[[np.ndarray], np.ndarray]
 
@@ -92,7 +93,7 @@ def take_step(
         z = find_root(step.residual, step.jacobian, z, f, step.is_solved)
         if workspace.system.relaxation > 0.0 and step.outcome.converged:
             remove_null_parts(step, z)
-    if free_equations.is_implausible(workspace.system, predicted, step.length):
+    if is_implausible(workspace.system, predicted, step.length):
         return Outcome(np.inf, step.outcome.worst)
     if step.outcome.converged:
         _accept_step(workspace, h, share)

@@ -9,13 +9,12 @@ import numpy as np
 from msahl.events.margins import build_margins
 from msahl.jit.compiled import Call, compiled
 from msahl.jit.storage import Storage
-from msahl.schemes import accelerations
-from msahl.schemes.accelerations import new_instant
-from msahl.schemes.midpoint import newton, workspace
-from msahl.schemes.midpoint.workspace import Workspace
+from msahl.schemes.common import accelerations, workspace
+from msahl.schemes.common.accelerations import new_instant
+from msahl.schemes.common.workspace import Workspace, kind_of
+from msahl.schemes.midpoint import newton
 from msahl.schemes.outcome import Outcome
 from msahl.schemes.output_schedule import OutputSchedule
-from msahl.system.arrays import System
 
 if TYPE_CHECKING:
     from msahl.schemes.watching import Watching
@@ -24,15 +23,7 @@ _take_steps = compiled(newton.take_steps)
 _take_step = compiled(newton.take_step)
 _record_step = compiled(workspace.record_step)
 _write_reactions = compiled(accelerations.write_instantaneous_reactions)
-_take_steps_instantaneous = compiled(accelerations.take_steps)
-
-
-def kind_of(system: System) -> str:
-    """Name of the kind of system, which decides on the types of arguments."""
-    kind = "points" if system.scalar is None else "along"
-    kind += "" if system.beams is None else "-beams"
-    kind += "" if system.forces.compliance is None else "-compliance"
-    return kind if system.forces.signals is None else f"{kind}-signals"
+_take_steps_instantaneous = compiled(newton.take_steps_instantaneous)
 
 
 class MidpointMethod:
@@ -159,6 +150,6 @@ def _new_watching(workspace: Workspace, storage: Storage) -> "Watching | None":
 
 @cache
 def _watched_steps() -> Any:
-    from msahl.schemes.watched_steps import take_midpoint_steps
+    from msahl.schemes.midpoint.watched_steps import take_steps
 
-    return compiled(take_midpoint_steps)
+    return compiled(take_steps)

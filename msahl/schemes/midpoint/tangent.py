@@ -1,15 +1,13 @@
-"""Differentiates steps of order 2 by parameters; see ``schemes.tangents``."""
+"""Differentiates steps of order 2 by parameters; see ``schemes.common.tangents``."""
 
 from typing import NamedTuple
 
 from msahl.elements.frames import first_multiplier
 from msahl.jit.kernel import apart, kernel
 from msahl.linalg import dense, sparse_lu
-from msahl.schemes import accelerations
-from msahl.schemes.accelerations import Instant
-from msahl.schemes.midpoint import equations, load_moments, newton
-from msahl.schemes.midpoint.workspace import Workspace, accept_step, record_step
-from msahl.schemes.tangents import (
+from msahl.schemes.common import accelerations
+from msahl.schemes.common.accelerations import Instant
+from msahl.schemes.common.tangents import (
     FLOOR,
     IMPROVEMENTS,
     MEMBERS,
@@ -27,6 +25,8 @@ from msahl.schemes.tangents import (
     shift_of,
     weight,
 )
+from msahl.schemes.common.workspace import Workspace, record_step
+from msahl.schemes.midpoint import equations, load_moments, newton
 from msahl.system import evaluate
 
 
@@ -143,7 +143,7 @@ def _finish(member: Workspace, h: float, share: float) -> None:
     """Accept the step of the member as ``newton.take_step`` does."""
     if member.system.relaxation > 0.0:
         _make_unique(member, h)
-    accept_step(member, h, share)
+    newton.accept_step(member, h, share)
 
 
 @apart

@@ -10,7 +10,7 @@ from msahl.analysis.linearised.coefficients import coefficients
 from msahl.analysis.linearised.projection import close, move
 from msahl.analysis.linearised.rate_gradients import rates_by_place
 from msahl.analysis.linearised.reduced import linear_system
-from msahl.elements import forces
+from msahl.ports import forces
 from msahl.start.positions import assemble
 from msahl.start.velocities import make_consistent, solve_accelerations
 from msahl.system import evaluate

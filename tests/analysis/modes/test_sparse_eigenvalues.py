@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.linalg
 
+from msahl.algebra.vector import ZERO
 from msahl.analysis.linearised.coefficients import coefficients
 from msahl.analysis.linearised.point import at_start, at_time
 from msahl.analysis.modes.solution import DENSE, SPARSE, modes
@@ -15,7 +17,7 @@ from tests.analysis.modes.test_modes import (
     free_bodies_at_rest,
     hanging,
 )
-from tests.support.models import build_model, deck, random_vector, tensor
+from tests.support.models import GROUND, build_model, deck, random_vector, tensor
 
 
 def agree(point, tolerance=1e-9, **wanted):
@@ -149,3 +151,51 @@ def test_pencil_is_made_of_the_mass_normalised_coefficients():
     back = of.back.toarray()
     assert np.abs(back.T @ found.mass.toarray() @ back - np.eye(of.coordinates)).max() <= 1e-14
     assert of.E.sum() == 2 * of.coordinates
+
+
+def evenly_damped(rods, time):
+    """Rods on springs, which have nothing but these, with dampers that are ``time`` times as strong
+    [s]: each vibration is damped by zeta = time omega/2.
+    """
+    springs = []
+    for k in range(rods):
+        other, points = f"R{k + 1}", ((0.3, 0.0, 0.2), (-0.2, 0.0, 0.1))
+        if k + 1 == rods:
+            other = GROUND.name
+        c = 40.0 + k
+        springs.append(SpringDamper(f"S{k}", f"R{k}", other, *points, c, time * c, None))
+    return at_start(replace(hanging(rods), gravity=ZERO, loads=tuple(springs)))
+
+
+@pytest.mark.parametrize("time", [0.0, 3.0])
+def test_condition_numbers_of_sparse_eigenvalues(time):
+    found = modes(evenly_damped(40, time), number=4, method=SPARSE)
+    zeta = 0.5 * time * np.abs(found.value)
+    assert found.damping == pytest.approx(zeta, abs=1e-9)
+    # Right and left vector of [[0, omega], [-omega, -2 zeta omega]], where places count by omega.
+    assert found.condition == pytest.approx(1.0 / np.sqrt(1.0 - zeta**2), rel=1e-10)
+
+
+def test_the_error_of_sparse_eigenvalues_is_the_largest_by_rounded_entries():
+    """Each entry of both matrices may be wrong by a machine epsilon. The pencil whose entries are
+    wrong by ``part``, all with the sign that adds to the change, is solved as dense matrices.
+    """
+    point, part, eps = evenly_damped(21, 10.0), 1e-9, np.finfo(float).eps
+    found = modes(point, number=1, method=SPARSE)
+    of = pencil(coefficients(point.system, point.state), np.zeros(3))
+    A, E = of.A.toarray(), np.diag(of.E)
+    value, left, right = scipy.linalg.eig(A, E, left=True)
+    k = int(np.argmin(np.abs(value - found.value[0])))
+    signs = np.outer(left[:, k], right[:, k].conj())
+    signs /= np.maximum(np.abs(signs), 1e-300)
+    # In the first order the change by E has the factor -lambda.
+    other = -signs * np.exp(-1j * np.angle(value[k]))
+    moved = scipy.linalg.eigvals(A + part * np.abs(A) * signs, E + part * E * other)
+    change = np.abs(moved - value[k]).min()
+    # Both pairs of vectors and the linear range are good to a percent.
+    assert found.error[0] == pytest.approx(eps / part * change, rel=0.02, abs=0.0)
+    # Without damping symmetric matrices are used, with a bound of their own.
+    symmetric, other = (
+        modes(evenly_damped(21, time), number=1, method=SPARSE) for time in (0.0, 1e-6)
+    )
+    assert symmetric.error == pytest.approx(other.error, rel=0.02, abs=0.0)

@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from msahl.linalg.elimination import products
 from msahl.model import ConcentratedLoad, Options
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.midpoint import newton
 from msahl.system.build import build_system
 from msahl.system.names import describe_row, resultant_columns
-from msahl.system.ordering import eliminate, products
 from msahl.system.reductions import all_unknowns
 from msahl.system.subsystems import split
+from msahl.system.unknowns import eliminate
 from tests.run.test_resume import same_run
 from tests.support.beams import ELASTIC, FLEXIBLE, cantilever
 from tests.support.models import GROUND, simulate

@@ -4,7 +4,8 @@ from base64 import b64decode
 
 import numpy as np
 
-from msahl.post.page.graphs import INTERVALS, MOST_CURVES, Graph, Group, graphs, thinned
+from msahl.post.graph_data import INTERVALS, Graph, Group, thinned
+from msahl.post.page.graphs import MOST_CURVES, graphs
 
 
 def unpacked(text):

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from msahl.analysis.inverse import report as inverse_report
-from msahl.post import run_page
+from msahl.post import run_report
+from msahl.post.graph_data import Graph, Group
 from msahl.post.metrics import compute_metrics
-from msahl.post.page.graphs import Graph, Group, graphs
+from msahl.post.page.blocks import as_html
+from msahl.post.page.graphs import graphs
 from msahl.post.page.markup import element
 from msahl.post.page.page import wrap, write_page
-from msahl.post.report import build_page
-from msahl.post.run_page import moving_picture, still_picture
+from msahl.post.run_report import build_report
 from msahl.results.read import read_run
 from msahl.run import verdict
 from tests.support.browser import wait_until
@@ -44,20 +45,21 @@ def test_every_check_has_a_name_for_readers():
     sources = inspect.getsource(verdict) + inspect.getsource(inverse_report)
     found = re.findall(r'Finding\("(\w+)"', sources)
     others = {"linearMomentum", "angularMomentum", "errorForces"}
-    assert {*found, *others} == set(run_page.CHECKS)
+    assert {*found, *others} == set(run_report.CHECKS)
 
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
     write(folder, info=INFO)
-    return page_of(folder, still_picture)
+    return page_of(folder, viewer=False)
 
 
-def page_of(folder, picture):
+def page_of(folder, viewer=True):
     """Write the page on a run and return its path."""
     run, path = read_run(folder), folder / "page.html"
-    path.write_text(build_page(run, compute_metrics(run), picture))
+    title = run.model.simulation.title
+    path.write_text(as_html(title, build_report(run, compute_metrics(run), viewer)))
     return path
 
 
@@ -82,7 +84,8 @@ def test_every_graph_is_drawn_those_in_folds_when_they_are_opened(open_page, rep
     page = open_page(report, viewport={"width": 1280, "height": 900})
     page.wait_for_selector(".plot canvas")
     shown = page.evaluate(DRAWN)
-    assert len(shown) == 5  # x and y, force, energy: z is constant and not zero
+    # x, y, z; magnitude and components of the force; energies and their balance error
+    assert len(shown) == 9
     page.locator("details").first.locator("summary").click()
     wait_until(
         page, "[...document.querySelectorAll('.plot')].every((p) => p.querySelector('canvas'))"
@@ -103,8 +106,8 @@ def test_a_legend_hides_a_curve_and_the_cursor_reads_values(open_page, report):
     page.wait_for_timeout(100)
     assert button.get_attribute("aria-pressed") == "false"
     assert page.evaluate(DRAWN) != before
-    group.locator(".u-over").hover()
-    text = group.locator(".readout").inner_text()
+    group.locator(".u-over").first.hover()
+    text = group.locator(".readout").first.inner_text()
     assert "potential" in text
     assert "kinetic" not in text
     time = float(text.splitlines()[0].split()[-1])
@@ -113,15 +116,15 @@ def test_a_legend_hides_a_curve_and_the_cursor_reads_values(open_page, report):
 
 def test_graphs_and_viewer_share_the_time(open_page, tmp_path):
     write(tmp_path, info=INFO)
-    page = open_page(page_of(tmp_path, moving_picture), viewport={"width": 1280, "height": 900})
+    page = open_page(page_of(tmp_path), viewport={"width": 1280, "height": 900})
     page.wait_for_selector(".viewer[data-state=ready]")
     page.wait_for_selector(".plot canvas")
-    page.locator(".graph-group", has_text="Energies").locator(".u-over").click()
+    page.locator(".graph-group", has_text="Energies").locator(".u-over").first.click()
     wait_until(page, "window.msahl.time > 0")
     assert page.evaluate("msahl.time") == pytest.approx(0.2, abs=0.02)  # the middle of the graph
     places = "[...document.querySelectorAll('.time-mark')].map((m) => m.getBoundingClientRect().x)"
     page.wait_for_timeout(100)
-    wide = page.locator(".graph-group", has_text="Energies").locator(".u-over").bounding_box()
+    wide = page.locator(".graph-group", has_text="Energies").locator(".u-over").first.bounding_box()
     middle = wide["x"] + wide["width"] / 2
     assert min(abs(x - middle) for x in page.evaluate(places)) < 0.06 * wide["width"]
 
@@ -183,7 +186,7 @@ def test_hostile_names_run_no_script(open_page, tmp_path):
         "nonUniqueReactions": {f"{name} 2": listed},
     }
     write(tmp_path, info=info, text=text.replace("Conical &amp; &lt;calm&gt;", escape(name)))
-    page = open_page(page_of(tmp_path, moving_picture))
+    page = open_page(page_of(tmp_path))
     page.wait_for_selector(".plot canvas")
     page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
     page.locator(".u-over").first.hover()
@@ -229,7 +232,7 @@ def test_without_webgl_the_still_picture_is_shown(browser, tmp_path):
     context = browser.new_context()
     page = context.new_page()
     page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null;")
-    page.goto(page_of(tmp_path, moving_picture).as_uri())
+    page.goto(page_of(tmp_path).as_uri())
     page.wait_for_selector(".viewer[data-state=failed]")
     assert page.locator(".printed svg").is_visible()
     context.close()

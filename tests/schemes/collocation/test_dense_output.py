@@ -14,7 +14,7 @@ from msahl.deck import check_simulation
 from msahl.run.time_grid import TimeGrid
 from msahl.schemes.collocation import dense_output
 from msahl.schemes.output_schedule import OutputSchedule
-from msahl.study.exact import recognise
+from tests.support.closed_forms import recognise
 from tests.support.models import THESIS, deck, simulate
 
 TABLES = ("states", "reactions", "work")

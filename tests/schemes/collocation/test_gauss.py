@@ -12,16 +12,24 @@ from msahl.algebra.rotation import matrix
 from msahl.cli.main import main
 from msahl.deck import read_deck
 from msahl.linalg import block_lu
-from msahl.model import Drag
 from msahl.model.scheme import COLLOCATION, choices, split
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.schemes.collocation import local_rotation, predictor
 from msahl.schemes.collocation.tableau import new_tableau
-from msahl.study.exact import recognise
 from msahl.study.runs import with_step
+from tests.support.closed_forms import recognise
 from tests.support.collocation_step import Step
 from tests.support.element_samples import ELEMENTS, SPRING, bushing, everything, spring
-from tests.support.models import DOWN, chain, deck, free_bodies, pendulum, random_vector, simulate
+from tests.support.models import (
+    DOWN,
+    chain,
+    deck,
+    drag,
+    free_bodies,
+    pendulum,
+    random_vector,
+    simulate,
+)
 
 SINGLE = Path(__file__).parents[3] / "decks" / "thesis" / "single_pendulum_45.xml"
 DEGREES = (1, 2, 3, 4, 5)
@@ -210,7 +218,7 @@ def test_smooth_loads_of_all_kinds_leave_the_order(degree, steps):
     rng = np.random.default_rng(8)
     model = free_bodies(rng, 2)
     held = replace(bushing(rng, model), name="Bushing")
-    loads = (spring(rng, model, **SPRING), held, Drag("Drag", "B0", random_vector(rng), 0.4))
+    loads = (spring(rng, model, **SPRING), held, drag("Drag", "B0", random_vector(rng), 0.4))
     model, T = replace(model, loads=loads), 0.3
     best = simulate(model, T / 16, T, "gauss5").states[-1]
     # Errors of 1e-6 to 1e-12, well above round-off.

@@ -13,11 +13,11 @@ from msahl.model.scheme import choices
 from msahl.results.read import read_run
 from msahl.run.verdict import PASS
 from msahl.schemes.collocation.tableau import new_tableau
-from msahl.study.exact import recognise
 from msahl.study.plan import Plan
 from msahl.study.runs import with_step
 from msahl.study.study import study
 from tests.schemes.midpoint.test_decaying import energies, oscillator
+from tests.support.closed_forms import recognise
 from tests.support.collocation_step import Step
 from tests.support.element_samples import ELEMENTS, everything
 from tests.support.models import body, build_model, deck, jointed, pendulum, simulate

@@ -11,8 +11,8 @@ import msahl.run.loop
 from msahl.cli.main import main
 from msahl.deck import check_simulation
 from msahl.model import Options
-from msahl.study.exact import recognise
 from tests.run.test_resume import advance, bits, in_two_parts
+from tests.support.closed_forms import recognise
 from tests.support.models import DECKS, body, build_model, deck, simulate
 from tests.system.test_nonfinite import push
 

@@ -8,7 +8,7 @@ import pytest
 from msahl.algebra.vector import ZERO
 from msahl.model import Joint, JointSpring, Law
 from msahl.model.scheme import DAMPING, decaying
-from msahl.study.exact import recognise
+from tests.support.closed_forms import recognise
 from tests.support.models import GROUND, body, build_model, deck, jointed, pendulum, simulate
 
 DAMPINGS = (0.2, DAMPING, 1.0)

@@ -1,14 +1,14 @@
-"""Work arrays of one subsystem; accepts a solved step of order 2 and records it in the tables."""
+"""Work arrays of one subsystem, and rows of tables from its accepted state."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements import forces, reactions, rigid_body
+from msahl.elements import reactions, rigid_body
 from msahl.elements.beams import instant
-from msahl.jit.kernel import apart, unit
-from msahl.schemes.midpoint import equations
-from msahl.system import evaluate
+from msahl.jit.kernel import apart
+from msahl.linalg.elimination import new_factor
+from msahl.ports import forces
 from msahl.system.arrays import (
     State,
     System,
@@ -19,7 +19,6 @@ from msahl.system.arrays import (
     node_count,
 )
 from msahl.system.diagnostics import Monitor, new_monitor, record_figures
-from msahl.system.ordering import new_factor
 from msahl.system.unknowns import Unknowns
 
 
@@ -71,23 +70,6 @@ def new_workspace(
     )
 
 
-@unit
-def accept_step(workspace: Workspace, h: float, share: float) -> None:
-    """Advance the state by the solved step of size ``h``, a ``share`` of the requested one; prepare
-    the next.
-    """
-    equations.accept(
-        workspace.system, workspace.state, workspace.start, h, workspace.Z, workspace.F
-    )
-    evaluate.prepare(workspace.system, workspace.state, workspace.start)
-    for k in range(workspace.mean_force.shape[0]):
-        for i in range(3):
-            workspace.mean_force[k, i] += share * workspace.state.force[k, i]
-    for k in range(workspace.mean_reaction.shape[0]):
-        for i in range(6):
-            workspace.mean_reaction[k, i] += share * workspace.state.reaction[k, i]
-
-
 @apart
 def record_step(workspace: Workspace, h: float, step: int, row: int) -> None:
     """Write the state accepted after a step ``h`` to row ``step`` of the monitor, and to ``row`` of
@@ -134,3 +116,11 @@ def write_row(workspace: Workspace, h: float, row: int) -> None:
     forces.publish_energy(system.forces, start.forces, state.work.size, tables.work, row)
     instant.write_resultants(system.beams, workspace.mean_force, tables.resultants, row)
     instant.publish_energy(system.beams, start.beams, tables.work, row)
+
+
+def kind_of(system: System) -> str:
+    """Name of the kind of system, which decides on the types of arguments."""
+    kind = "points" if system.scalar is None else "along"
+    kind += "" if system.beams is None else "-beams"
+    kind += "" if system.forces.compliance is None else "-compliance"
+    return kind if system.forces.signals is None else f"{kind}-signals"

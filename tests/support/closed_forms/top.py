@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msahl.study.exact.elliptic import Jacobi, first_kind, jacobi, third_kind
-from msahl.study.exact.motion import SAME, Motion, SingleBody, about, about_pivot
+from tests.support.closed_forms.elliptic import Jacobi, first_kind, jacobi, third_kind
+from tests.support.closed_forms.motion import SAME, Motion, SingleBody, about, about_pivot
 
 POLE = 1e-7
 """If 1 - |u| is below this value, the angles phi and psi are too ill-conditioned."""

@@ -5,7 +5,7 @@ the discrete form over a step of the midpoint element. The functions here call e
 the same order; schemes, start, study and diagnostics call nothing else. Gravity and gyroscopic
 moments are inertial and belong to ``elements.rigid_body``.
 
-    concentrated, drag     act on a point of a body and write to the rows of bodies
+    concentrated, point    act on a point of a body and write to the rows of bodies
     spring, compliance,    act along a coordinate; their loads are summed with the multipliers of
     friction, actuator     constraint equations and then distributed to the rows of bodies
 
@@ -35,32 +35,32 @@ from msahl.elements.constraints.coordinate_kinds import CoordinatesWorkspace, De
 from msahl.elements.constraints.scalar import ScalarConstraints, ScalarWorkspace
 from msahl.elements.constraints.scalar import differentiate as scalar_differentiate
 from msahl.elements.constraints.scalar import rates as scalar_rates
-from msahl.elements.forces import (
+from msahl.elements.frames import Frames, FramesWorkspace
+from msahl.elements.signals import Signals, SignalsWorkspace
+from msahl.jit.kernel import kernel, optional
+from msahl.ports import (
     actuator,
     compliance,
     concentrated,
     controlled,
-    drag,
     friction,
+    point,
     spring,
 )
-from msahl.elements.forces.actuator import Actuators
-from msahl.elements.forces.compliance import Compliances
-from msahl.elements.forces.concentrated import ConcentratedLoads, ConcentratedWorkspace
-from msahl.elements.forces.controlled import ControlledLoads, ControlledWorkspace
-from msahl.elements.forces.drag import Drags
-from msahl.elements.forces.friction import Frictions
-from msahl.elements.forces.spring import Springs
-from msahl.elements.frames import Frames, FramesWorkspace
-from msahl.elements.signals import Signals, SignalsWorkspace
-from msahl.jit.kernel import kernel, optional
+from msahl.ports.actuator import Actuators
+from msahl.ports.compliance import Compliances
+from msahl.ports.concentrated import ConcentratedLoads, ConcentratedWorkspace
+from msahl.ports.controlled import ControlledLoads, ControlledWorkspace
+from msahl.ports.friction import Frictions
+from msahl.ports.point import PointForces
+from msahl.ports.spring import Springs
 
 
 class Forces(NamedTuple):
     """The groups of all forces of a system, one of each kind."""
 
     concentrated: ConcentratedLoads
-    drag: Drags
+    point: PointForces | None
     spring: Springs
     compliance: Compliances | None
     friction: Frictions
@@ -80,7 +80,7 @@ class ForcesWorkspace(NamedTuple):
     motion: FramesWorkspace
     place: ScalarWorkspace  # coordinates and their rates; None where the system has none
     concentrated: ConcentratedWorkspace
-    drag: np.ndarray  # (d, 3) arms [m]
+    point: np.ndarray  # (k, 3) arms [m]
     reactions: np.ndarray  # (j, 6) the joints' reactions extrapolated to the step [N, N m]
     elastic: np.ndarray  # (s,) elastic energies of the springs [J]
     stretch: np.ndarray  # (s,) smoothed changes of the springs' coordinates, the state's own
@@ -105,7 +105,7 @@ def new_workspace(
         motion=motion,
         place=place,
         concentrated=concentrated.new_workspace(forces.concentrated),
-        drag=np.zeros_like(forces.drag.s),
+        point=point.new_arms(forces.point),
         reactions=np.zeros_like(reaction),
         elastic=np.zeros(forces.spring.coordinate.size),
         stretch=stretch,
@@ -127,7 +127,7 @@ def prepare(
     """Set what forces need of the configuration of ``start.motion``, and extrapolate the joints'
     ``reaction`` (j, 6) by its ``trend``.
     """
-    drag.prepare(forces.drag, start.motion.R, start.drag)
+    point.prepare(forces.point, start.motion.R, start.point)
     if scalar is None:
         return
     for j in range(reaction.shape[0]):
@@ -188,7 +188,7 @@ def add_forces(
         forces.controlled, start.controlled, start.signals, frames, start.motion.R, F
     )
     concentrated.add_force(forces.concentrated, start.concentrated, frames, F)
-    drag.add_force(forces.drag, start.drag, frames, start.motion, F)
+    point.add_force(forces.point, start.point, frames, start.motion, F)
 
 
 @kernel
@@ -205,7 +205,7 @@ def add_derivatives(
     """
     motion = start.motion
     concentrated.add_derivatives(forces.concentrated, start.concentrated, frames, out.by_place)
-    drag.add_derivatives(forces.drag, start.drag, frames, motion, out.by_place, out.by_rate)
+    point.add_derivatives(forces.point, start.point, frames, motion, out.by_place, out.by_rate)
     _differentiate_signals(forces.signals, start, scalar, frames, out)
     controlled.add_derivatives(forces.controlled, start.controlled, frames, out.by_place)
     _add_slopes(forces.signals, forces, start, scalar, frames, out)
@@ -235,7 +235,7 @@ def add_power(
     """
     concentrated.add_power(forces.concentrated, start.concentrated, start.motion, dt, work)
     controlled.add_power(forces.controlled, start.controlled, start.motion, dt, work)
-    drag.add_power(forces.drag, start.drag, start.motion, dt, work)
+    point.add_power(forces.point, start.point, start.motion, dt, work)
     if scalar is None:
         return
     spring.add_power(forces.spring, start.place.rate, dt, work)
@@ -422,7 +422,7 @@ def mean_residual(
         forces.controlled, start.controlled, start.signals, start.motion, (frames, dt2), Z, F
     )
     concentrated.mean_residual(forces.concentrated, start.concentrated, frames, dt2, Z, F)
-    drag.mean_residual(forces.drag, start.drag, frames, h, dt2, Z, F)
+    point.mean_residual(forces.point, start.point, frames, h, dt2, Z, F)
     signals.refuse_over_step(forces.signals, start.signals, F)
 
 
@@ -450,7 +450,7 @@ def mean_jacobian(
     controlled.mean_jacobian(forces.controlled, start.controlled, frames, dt2, Z, values)
     _add_mean_slopes(forces.signals, forces, start, scalar, frames, -dt2, values)
     concentrated.mean_jacobian(forces.concentrated, start.concentrated, frames, dt2, Z, values)
-    drag.mean_jacobian(forces.drag, start.drag, frames, h, dt2, Z, values)
+    point.mean_jacobian(forces.point, start.point, frames, h, dt2, Z, values)
 
 
 @kernel
@@ -466,7 +466,7 @@ def mean_work(
     """Add the work of all mean forces over the solved step to ``work`` (w,) [J]."""
     concentrated.mean_work(forces.concentrated, start.concentrated, frames, Z, work)
     controlled.mean_work(forces.controlled, start.controlled, frames, Z, work)
-    drag.mean_work(forces.drag, start.drag, frames, h, Z, work)
+    point.mean_work(forces.point, start.point, frames, h, Z, work)
     if scalar is None:
         return
     spring.mean_work(forces.spring, start.place.coordinates, h, work)
@@ -768,8 +768,7 @@ def signal_values(forces: Forces) -> int:
 
 def acts_at_points(forces: Forces) -> bool:
     """Return whether a force acts on a body from outside the system."""
-    at_points = [forces.drag.frame, *(group.frame for group in _concentrated(forces))]
-    return any(frame.size > 0 for frame in at_points)
+    return forces.point is not None or any(group.frame.size for group in _concentrated(forces))
 
 
 def _concentrated(forces: Forces) -> Iterator[ConcentratedLoads]:
@@ -833,7 +832,7 @@ def vectors(
         across.append(np.einsum("kij,kj->ki", R[group.m_axes], group.m))
         # The arm matters only where a force acts.
         in_plane += [of_forces, arms[of_forces.any(axis=1)]]
-    return (*in_plane, start.drag), tuple(across)
+    return (*in_plane, start.point), tuple(across)
 
 
 def work_scales(forces: Forces, length: np.ndarray) -> tuple[float, float]:
@@ -895,9 +894,10 @@ def numbers_at_points(
     """
     for k, column in enumerate(forces.concentrated.column):
         yield column, np.concatenate([np.ravel(part[k]) for part in start.concentrated])
-    for k, column in enumerate(forces.drag.column):
-        speed = np.linalg.norm(v[forces.drag.frame[k]])
-        yield column, np.array(forces.drag.coefficient[k] * speed**2)
+    if forces.point is not None:
+        group = forces.point
+        for k, column in enumerate(group.column):
+            yield column, np.array(point.load_of(group, k, tuple(v[group.frame[k]])))
 
 
 def numbers_along(forces: Forces, start: CoordinatesWorkspace) -> Iterator[tuple[int, np.ndarray]]:

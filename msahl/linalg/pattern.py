@@ -1,8 +1,10 @@
-"""Pattern of the Jacobian: its 3 x 3 blocks by row and column node, as the elements ask for them.
+"""Pattern of the Jacobian: its 3 x 3 blocks by row and column node.
 
 The values of the blocks stand one after the other in one array, 9 each; block 0 takes what belongs
 to the ground and is never read.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,8 +12,16 @@ SIZE = 9
 """Values of a block."""
 
 
+class Pattern(NamedTuple):
+    """Which entries of a matrix of m - 1 blocks are not always zero; block 0 is not one of it."""
+
+    nodes: int  # rows and columns of the matrix by three
+    blocks: np.ndarray  # (m, 2) row node and column node of each block
+    entries: np.ndarray  # (9 m,) which values of the blocks are not zero for ever
+
+
 class Blocks:
-    """The pattern while it grows. Blocks are numbered in the order in which they are asked for."""
+    """The pattern while elements ask for blocks, which are numbered in the order of asking."""
 
     def __init__(self, displacement: np.ndarray, rotation: np.ndarray) -> None:
         """Without blocks; the ground's nodes are the last of ``displacement`` and ``rotation``."""

@@ -10,9 +10,9 @@ from collections.abc import Callable
 import numpy as np
 
 from msahl.model import Model
-from msahl.study.exact import free, oscillator, pendulum, top
-from msahl.study.exact.motion import Form, SingleBody, publish, read_single_body
 from msahl.system.subsystems import split
+from tests.support.closed_forms import free, oscillator, pendulum, top
+from tests.support.closed_forms.motion import Form, SingleBody, publish, read_single_body
 
 FORMS: tuple[Callable[[SingleBody], Form | None], ...] = (
     free.recognise,

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msahl.study.exact.elliptic import first_kind, jacobi
-from msahl.study.exact.motion import Motion, SingleBody, about, about_pivot, parallel
+from tests.support.closed_forms.elliptic import first_kind, jacobi
+from tests.support.closed_forms.motion import Motion, SingleBody, about, about_pivot, parallel
 
 
 @dataclass(frozen=True)

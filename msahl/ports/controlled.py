@@ -1,6 +1,6 @@
 """Concentrated load whose factor is an expression of the motion.
 
-The law is that of ``elements.forces.concentrated`` with c = u(y, s), an expression of signals and
+The law is that of ``ports.concentrated`` with c = u(y, s), an expression of signals and
 auxiliary states (``elements.signals``), in place of a law of time. Over a step of the midpoint
 element u is evaluated once, at the means, so the load does the work of the concentrated load with
 the constant factor C = u. Its derivative has one more part: the load with factor 1 times du/dz.
@@ -12,11 +12,11 @@ import numpy as np
 
 from msahl.algebra.vector import at, matrix_at, put, scale, times
 from msahl.elements.constraints.products import Q_A, U_A
-from msahl.elements.forces import concentrated
-from msahl.elements.forces.concentrated import ConcentratedLoads, ConcentratedWorkspace, moment
 from msahl.elements.frames import Frames, FramesWorkspace, mean
 from msahl.elements.signals import SignalsWorkspace
 from msahl.jit.kernel import kernel, optional
+from msahl.ports import concentrated
+from msahl.ports.concentrated import ConcentratedLoads, ConcentratedWorkspace, moment
 
 
 class ControlledLoads(NamedTuple):

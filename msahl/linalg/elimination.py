@@ -1,7 +1,7 @@
-"""Find the order of elimination and the sparse LU factorisation of a system, once.
+"""Find the program of the sparse LU factorisation of a matrix, once.
 
-``node_order`` has the order. Pivots keep it whatever the values; a system for which it fails is
-left to the dense solver.
+``node_order`` finds the order of pivots. These keep it whatever the values; a system for which that
+fails is left to the dense solver.
 
 Column k of L and row k of U stand one after the other in the factor array, from ``base[k]``: the
 pivot (kept inverted), ``lower[k]`` entries of L, ``upper[k]`` of U. ``other`` says in which row or
@@ -13,10 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.system.arrays import System, node_count
-from msahl.system.node_order import node_order
-from msahl.system.supernodes import Supernodes, array_size, multiplications, supernodes
-from msahl.system.symbolic import Filled, fill, grouped, targets
+from msahl.linalg.pattern import Pattern
+from msahl.linalg.supernodes import Supernodes, array_size, multiplications, supernodes
+from msahl.linalg.symbolic import Filled, fill, grouped, targets
 
 
 class Elimination(NamedTuple):
@@ -41,19 +40,20 @@ class _Entries(NamedTuple):
     source: np.ndarray
 
 
-def eliminate(system: System, free: np.ndarray, nodes: np.ndarray | None = None) -> Elimination:
-    """The elimination of the ``free`` unknowns in the pattern of the system's blocks; ``nodes`` as
-    in ``node_order``, if known.
+def eliminate(
+    pattern: Pattern, free: np.ndarray, nodes: np.ndarray, by_panels: bool
+) -> Elimination:
+    """Return the elimination of the ``free`` unknowns of a matrix, in the order of its ``nodes``;
+    ``by_panels`` asks for ``supernodes``.
     """
-    nodes = node_order(system) if nodes is None else nodes
-    position = np.full(3 * node_count(system), -1)
+    position = np.full(3 * pattern.nodes, -1)
     position[free] = 0
     flat = (3 * nodes[:, None] + np.arange(3)).reshape(-1)
     order = flat[position[flat] == 0]
     position[order] = np.arange(order.size)
-    entries = _scalar_entries(system, position)
-    if system.beams is not None:
-        return _by_supernodes(order, entries, supernodes(system, order, *entries[:2]))
+    entries = _scalar_entries(pattern, position)
+    if by_panels:
+        return _by_supernodes(order, entries, supernodes(pattern, order, *entries[:2]))
     return _program(order, entries)
 
 
@@ -92,13 +92,13 @@ def products(lu: Elimination) -> int:
     return 0 if lu.target is None else lu.target.size
 
 
-def _scalar_entries(system: System, position: np.ndarray) -> _Entries:
+def _scalar_entries(pattern: Pattern, position: np.ndarray) -> _Entries:
     """The entries between free unknowns, by their ``position`` in the order, -1 for the others."""
-    source = np.flatnonzero(system.pattern)
+    source = np.flatnonzero(pattern.entries)
     block, within = np.divmod(source, 9)
     row, column = np.divmod(within, 3)
-    rows = position[3 * system.blocks[block, 0] + row]
-    columns = position[3 * system.blocks[block, 1] + column]
+    rows = position[3 * pattern.blocks[block, 0] + row]
+    columns = position[3 * pattern.blocks[block, 1] + column]
     free = (rows >= 0) & (columns >= 0)
     return _Entries(rows[free], columns[free], source[free])
 

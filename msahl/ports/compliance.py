@@ -41,8 +41,6 @@ from msahl.elements.constraints.coordinate_kinds import (
 )
 from msahl.elements.constraints.coordinates import part_frame, row_factor
 from msahl.elements.constraints.products import PARTS, U_A, U_B
-from msahl.elements.forces import spring
-from msahl.elements.forces.spring import Springs
 from msahl.elements.frames import (
     Frames,
     FramesWorkspace,
@@ -51,6 +49,8 @@ from msahl.elements.frames import (
     rotation_node,
 )
 from msahl.jit.kernel import kernel, optional
+from msahl.ports import spring
+from msahl.ports.spring import Springs
 
 
 class Compliances(NamedTuple):

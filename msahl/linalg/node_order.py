@@ -1,4 +1,4 @@
-"""Order in which the nodes of a system are eliminated.
+"""Order in which the nodes of a matrix are eliminated, by what couples the bodies of a system.
 
 **By bodies.** Bodies are eliminated in an order of smallest degree on the graph of bodies (the
 ground does not count): in a tree that takes the leaves first, without fill-in, from however many
@@ -25,11 +25,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.elements.frames import first_multiplier, moving_count
 from msahl.jit.by_size import LARGE, by_size
 from msahl.jit.kernel import kernel
-from msahl.system.arrays import System, node_count
-from msahl.system.symbolic import NO_LIMIT, Lists, grouped, product_count
+from msahl.linalg.pattern import Pattern
+from msahl.linalg.symbolic import NO_LIMIT, Lists, product_count
 
 TREE = 2
 """Most bodies of an element that can be eliminated together with one of them."""
@@ -40,27 +39,30 @@ GAIN = 1.5
 
 
 class Graph(NamedTuple):
-    """What couples the bodies of a system: elements with constraints, and forces."""
+    """What couples the n bodies that move: e elements with constraints, and forces."""
 
-    bodies: Lists  # moving frames of each joint, coupling or motion
-    elements: Lists  # likewise the elements of each moving frame
+    displacement: np.ndarray  # (n,) node of the displacement of each body
+    rotation: np.ndarray  # (n,) node of its rotation
+    bodies: Lists  # those of each joint, coupling or motion
+    elements: Lists  # likewise the elements of each body
     of_beam: np.ndarray  # (e,) whether it is one of a beam
     pushing: Lists  # nodes of each element's multipliers that depend on displacements
     rotational: Lists  # those that depend on rotations only
-    forced: np.ndarray  # (p, 2) pairs of frames that a force couples
+    coupled: np.ndarray  # (p, 2) pairs of bodies that an equation of an element contains
+    forced: np.ndarray  # (q, 2) pairs of bodies that a force couples
 
 
-def node_order(system: System) -> np.ndarray:
-    """Return the nodes of all multipliers and moving frames in order of elimination."""
-    graph = graph_of(system)
-    near, held = neighbours(system, graph)
-    bodies = smallest_degree(near, held) if system.beams is None else along_beams(graph, near, held)
-    nodes = by_bodies(system, graph, bodies)
-    if moving_count(system.frames) < LARGE or graph.forced.size or not _has_loops(graph):
+def node_order(graph: Graph, pattern: Pattern) -> np.ndarray:
+    """Return the nodes of all multipliers and moving bodies in order of elimination."""
+    near, held = neighbours(graph)
+    has_beams = graph.of_beam.any()
+    bodies = along_beams(graph, near, held) if has_beams else smallest_degree(near, held)
+    nodes = by_bodies(graph, bodies)
+    if graph.displacement.size < LARGE or graph.forced.size or not _has_loops(graph):
         return nodes
-    other = by_elements(system, graph)
-    limit = int(GAIN * block_products(system, other, NO_LIMIT))
-    return other if block_products(system, nodes, limit) > limit else nodes
+    other = by_elements(graph)
+    limit = int(GAIN * block_products(pattern, other, NO_LIMIT))
+    return other if block_products(pattern, nodes, limit) > limit else nodes
 
 
 def _has_loops(graph: Graph) -> bool:
@@ -71,17 +73,17 @@ def _has_loops(graph: Graph) -> bool:
     return bool(graph.bodies.items.size + grounded >= bodies + elements + 1)
 
 
-def block_products(system: System, nodes: np.ndarray, most: int) -> int:
+def block_products(pattern: Pattern, nodes: np.ndarray, most: int) -> int:
     """Return the multiplications of blocks with which all ``nodes`` are eliminated in their order;
     if they are more than ``most``, any number that is larger.
     """
-    position = np.full(node_count(system), -1)
+    position = np.full(pattern.nodes, -1)
     position[nodes] = np.arange(nodes.size)
-    rows, columns = position[system.blocks[1:]].T
+    rows, columns = position[pattern.blocks[1:]].T
     return product_count(nodes.size, rows, columns, most)
 
 
-def by_elements(system: System, graph: Graph) -> np.ndarray:
+def by_elements(graph: Graph) -> np.ndarray:
     """Return the nodes of all bodies, then those of all elements by smallest degree."""
     from scipy.sparse import csr_array, eye_array
     from scipy.sparse.linalg import splu
@@ -97,71 +99,21 @@ def by_elements(system: System, graph: Graph) -> np.ndarray:
         diag_pivot_thresh=0.0,
         options={"SymmetricMode": True},
     )
-    frames = system.frames
-    own = np.stack([frames.displacement[:bodies], frames.rotation[:bodies]], axis=1).reshape(-1)
+    moving = np.stack([graph.displacement, graph.rotation], axis=1).reshape(-1)
     rest = [
         lists.items[lists.first[e] : lists.first[e + 1]]
         for e in np.argsort(factors.perm_c).tolist()
         for lists in (graph.pushing, graph.rotational)
     ]
-    return np.concatenate([own, *rest])
+    return np.concatenate([moving, *rest])
 
 
-def graph_of(system: System) -> Graph:
-    """Return what couples the bodies; elements are numbered as their multipliers come."""
-    multipliers, ground = system.multipliers, moving_count(system.frames)
-    _, first, number = np.unique(
-        multipliers.element, return_index=True, return_inverse=True
-    )  # by the numbers of the model
-    rank = np.argsort(np.argsort(first))
-    element, count = rank[number.reshape(-1)], first.size
-    bodies, n = multipliers.bodies.reshape(-1), ground + 1
-    pairs = n * np.repeat(element, multipliers.bodies.shape[1]) + bodies
-    touched = np.stack(np.divmod(_sorted_set(pairs[bodies != ground]), n))
-    pushing, rotational = (
-        grouped(element[chosen], multipliers.node[chosen], count)
-        for chosen in (~multipliers.rotational, multipliers.rotational)
-    )
-    return Graph(
-        bodies=grouped(touched[0], touched[1], count),
-        elements=grouped(touched[1], touched[0], ground),
-        of_beam=multipliers.of_beam[first],
-        pushing=pushing,
-        rotational=rotational,
-        forced=_forced(system, ground),
-    )
-
-
-def _sorted_set(numbers: np.ndarray) -> np.ndarray:
-    """Return the different ``numbers``, sorted.
-
-    ``np.unique`` would import ``numpy.ma``, which takes 10 ms.
-    """
-    ordered = np.sort(numbers)
-    return ordered[np.diff(ordered, prepend=ordered[:1] - 1) != 0]
-
-
-def _forced(system: System, ground: int) -> np.ndarray:
-    blocks = system.blocks[1:]
-    frames = system.frames.of_node[blocks[(blocks < first_multiplier(system.frames)).all(axis=1)]]
-    pairs: np.ndarray = frames[(frames < ground).all(axis=1) & (frames[:, 0] != frames[:, 1])]
-    return pairs
-
-
-def neighbours(system: System, graph: Graph) -> tuple[list[set[int]], set[int]]:
+def neighbours(graph: Graph) -> tuple[list[set[int]], set[int]]:
     """Return the bodies that a force or an element couples each body with, and those that an
     element holds to the ground or to nothing.
     """
-    ground = moving_count(system.frames)
-    a, b = (
-        column.reshape(-1)
-        for column in np.broadcast_arrays(
-            system.multipliers.bodies[:, :, None], system.multipliers.bodies[:, None, :]
-        )
-    )
-    pairs = np.concatenate([np.stack([a, b], axis=1), graph.forced, graph.forced[:, ::-1]])
-    pairs = pairs[(pairs < ground).all(axis=1) & (pairs[:, 0] != pairs[:, 1])]
-    near: list[set[int]] = [set() for _ in range(ground)]
+    near: list[set[int]] = [set() for _ in range(graph.displacement.size)]
+    pairs = np.concatenate([graph.coupled, graph.forced, graph.forced[:, ::-1]])
     for first, second in pairs.tolist():
         near[first].add(second)
     single = np.flatnonzero(np.diff(graph.bodies.first) == 1)
@@ -223,10 +175,10 @@ def along_beams(graph: Graph, near: list[set[int]], held: set[int]) -> np.ndarra
     return np.array(order, dtype=np.int64)
 
 
-def by_bodies(system: System, graph: Graph, bodies: np.ndarray) -> np.ndarray:
+def by_bodies(graph: Graph, bodies: np.ndarray) -> np.ndarray:
     """Return the nodes in the order of their ``bodies``."""
-    frames = system.frames
-    count, size = graph.bodies.first.size - 1, 2 * bodies.size + system.multipliers.node.size
+    multipliers = graph.pushing.items.size + graph.rotational.items.size
+    count, size = graph.bodies.first.size - 1, 2 * bodies.size + multipliers
     order, forced = np.zeros(size, dtype=np.int64), np.zeros(bodies.size, dtype=bool)
     forced[graph.forced.reshape(-1)] = True
     missing = np.diff(graph.bodies.first)
@@ -240,7 +192,7 @@ def by_bodies(system: System, graph: Graph, bodies: np.ndarray) -> np.ndarray:
     by_size(_place_nodes, size)(
         graph,
         bodies,
-        (frames.displacement, frames.rotation),
+        (graph.displacement, graph.rotation),
         forced,
         progress,
         order,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from msahl.jit import by_size
-from msahl.system.symbolic import fill, grouped, targets, transposed
+from msahl.linalg.symbolic import fill, grouped, targets, transposed
 
 SIZES = (1, 2, 7, 30, 60)
 

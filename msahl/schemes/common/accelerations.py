@@ -19,7 +19,6 @@ from typing import NamedTuple
 import numpy as np
 
 from msahl.algebra.vector import add, at, copy, matrix_at, put, scale, times, transpose
-from msahl.elements import forces
 from msahl.elements.beams import instant as beams
 from msahl.elements.constraints import scalar
 from msahl.elements.frames import displacement_node, first_multiplier, moving_count, rotation_node
@@ -27,15 +26,18 @@ from msahl.elements.reactions import MOST_ROUNDS, is_unchanged, write_reactions
 from msahl.elements.rigid_body import write_accelerations
 from msahl.jit.kernel import apart, kernel, unit
 from msahl.linalg import dense, sparse_lu
-from msahl.schemes.midpoint import newton
-from msahl.schemes.midpoint.load_moments import NO_STEP
-from msahl.schemes.midpoint.workspace import Workspace
+from msahl.linalg.elimination import new_factor
+from msahl.ports import forces
+from msahl.schemes.common.workspace import Workspace
 from msahl.start.redundancy import INDEPENDENT
 from msahl.system import evaluate
 from msahl.system.arrays import State, System, SystemWorkspace, node_count
-from msahl.system.ordering import new_factor
 from msahl.system.reductions import all_unknowns
 from msahl.system.unknowns import Unknowns, choose
+
+NO_STEP = 1e-100
+"""Step size [s] of the limit in which the Jacobian contains only masses and constraints; its square
+is still a normal number."""
 
 
 class Instant(NamedTuple):
@@ -216,19 +218,6 @@ def write_instantaneous_reactions(workspace: Workspace, instant: Instant, row: i
         )
     copy(force, state.force)
     copy(reaction, state.reaction)
-
-
-@kernel
-def take_steps(
-    workspace: Workspace, instant: Instant, h: float, first: int, last: int, rows: np.ndarray
-) -> int:
-    """Take steps as ``newton.take_steps``, with reactions at the output times."""
-    for k in range(first, last):
-        if newton.take_steps(workspace, h, k, k + 1, rows) == k:
-            return k
-        if rows[k] >= 0:
-            write_instantaneous_reactions(workspace, instant, rows[k])
-    return last
 
 
 def solve_least(instant: Instant) -> None:

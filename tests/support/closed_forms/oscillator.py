@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from msahl.model.loads import JointSpring, SpringDamper
-from msahl.study.exact.motion import SAME, Motion, SingleBody, about, parallel
+from tests.support.closed_forms.motion import SAME, Motion, SingleBody, about, parallel
 
 
 @dataclass(frozen=True)

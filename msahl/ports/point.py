@@ -1,30 +1,24 @@
-"""Quadratic drag on a point of a body, against its velocity relative to the inertial axes.
+"""Forces at points of bodies by laws ``F = load(c, V)`` of the point's velocity (``msahl.laws``).
 
 At one configuration
 
-    F = -c |V| V                  force at the point [N]
-    M = r x F                     moment about the mass centre G [N m]
     V = v + W x r                 velocity of the point [m/s]
-    dF/dV = -c (|V| 1 + V V^T/|V|)
+    M = r x F                     moment about the mass centre G [N m]
     P = F . V                     power [W]
 
-c     drag coefficient [N s^2/m^2]
 r     arm from G to the point, fixed in the body, inertial axes [m]
 v, W  velocity of G [m/s], angular velocity [rad/s]
 
-Discrete form over a step of size h of the midpoint element: V = (u + dr)/h, the mean velocity of
-the point, and mean(r) in place of r. The work is F . (u + dr). Source: the law of Newton's drag in
-any textbook; the discrete form is ours.
+Over a step of size h of the midpoint element: V = (u + dr)/h, the mean velocity of the point, and
+mean(r) in place of r. The work is F . (u + dr).
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from msahl.algebra.rotation import rotation_change
 from msahl.algebra.vector import (
-    IDENTITY,
     Matrix,
     Vector,
     add,
@@ -32,7 +26,6 @@ from msahl.algebra.vector import (
     cross,
     dot,
     matrix_at,
-    multiple,
     product,
     put,
     scale,
@@ -51,78 +44,81 @@ from msahl.elements.frames import (
     push,
     rotation_increment,
 )
-from msahl.jit.kernel import kernel
+from msahl.jit.kernel import choice, kernel, optional
+from msahl.laws.registry import POINT_LAWS
 
 
-class Drags(NamedTuple):
-    """The group of all drags."""
+class PointForces(NamedTuple):
+    """The group of all forces at points."""
 
-    frame: np.ndarray  # (d,)
-    s: np.ndarray  # (d, 3) point from the mass centre, axes of the body [m]
-    coefficient: np.ndarray  # (d,) c
-    block: np.ndarray  # (d, 4) starts of (u, u), (u, Q), (Q, u), (Q, Q) of the body
-    column: np.ndarray  # (d,) of the table of work
-
-
-@kernel
-def force(c: float, V: Vector) -> Vector:
-    """Return F at the velocity V."""
-    return scale(-c * math.sqrt(dot(V, V)), V)
+    law: np.ndarray  # (k,) number in ``POINT_LAWS``
+    frame: np.ndarray  # (k,)
+    s: np.ndarray  # (k, 3) point from the mass centre, axes of the body [m]
+    constants: np.ndarray  # (k, p) numbers c of the law
+    block: np.ndarray  # (k, 4) starts of (u, u), (u, Q), (Q, u), (Q, Q) of the body
+    column: np.ndarray  # (k,) of the table of work
 
 
-@kernel
-def force_slope(c: float, V: Vector) -> Matrix:
-    """Return dF/dV at the velocity V."""
-    speed = math.sqrt(dot(V, V))
-    if speed == 0.0:
-        return ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    rows = (
-        add(scale(speed, IDENTITY[0]), scale(V[0] / speed, V)),
-        add(scale(speed, IDENTITY[1]), scale(V[1] / speed, V)),
-        add(scale(speed, IDENTITY[2]), scale(V[2] / speed, V)),
-    )
-    return multiple(-c, rows)
+load = choice(__name__, "load", [law.load for law in POINT_LAWS.values()])
+slope = choice(__name__, "slope", [law.slope for law in POINT_LAWS.values()])
+
+
+def new_arms(group: PointForces | None) -> np.ndarray:
+    """Return the array that ``prepare`` fills."""
+    return np.zeros((0, 3)) if group is None else np.zeros_like(group.s)
 
 
 @kernel
-def prepare(group: Drags, R: np.ndarray, arm: np.ndarray) -> None:
-    """Set the arms r (d, 3) in inertial axes."""
+def load_of(group: PointForces, k: int, V: Vector) -> Vector:
+    """Return force ``k`` at the velocity ``V`` of its point."""
+    return load(group.law[k], group.constants[k], V)
+
+
+@kernel
+def slope_of(group: PointForces, k: int, V: Vector) -> Matrix:
+    """Return the derivative of force ``k`` by the velocity ``V``."""
+    return slope(group.law[k], group.constants[k], V)
+
+
+@optional()
+def prepare(group: PointForces, R: np.ndarray, arm: np.ndarray) -> None:
+    """Set the arms r (k, 3) in inertial axes."""
     for k in range(group.frame.size):
         put(arm, k, times(matrix_at(R, group.frame[k]), at(group.s, k)))
 
 
 @kernel
-def velocity(group: Drags, arm: np.ndarray, motion: FramesWorkspace, k: int) -> Vector:
+def velocity(group: PointForces, arm: np.ndarray, motion: FramesWorkspace, k: int) -> Vector:
     """Return the velocity V of the point at one configuration."""
     b = group.frame[k]
     return add(at(motion.v, b), cross(at(motion.W, b), at(arm, k)))
 
 
-@kernel
+@optional()
 def add_force(
-    group: Drags, arm: np.ndarray, frames: Frames, motion: FramesWorkspace, F: np.ndarray
+    group: PointForces, arm: np.ndarray, frames: Frames, motion: FramesWorkspace, F: np.ndarray
 ) -> None:
-    """Add the drags by mass to the rows of their bodies."""
+    """Add the forces by mass to the rows of their bodies."""
     for k in range(group.frame.size):
-        f = force(group.coefficient[k], velocity(group, arm, motion, k))
+        f = load_of(group, k, velocity(group, arm, motion, k))
         add_force_by_mass(frames, F, group.frame[k], f, cross(at(arm, k), f))
 
 
-@kernel
+@optional()
 def add_derivatives(
-    group: Drags,
+    group: PointForces,
     arm: np.ndarray,
     frames: Frames,
     motion: FramesWorkspace,
     by_place: np.ndarray,
     by_rate: np.ndarray,
 ) -> None:
-    """Add the derivatives of the drags by mass by the places and by the rates."""
+    """Add the derivatives of the forces by mass by the places and by the rates."""
     for k in range(group.frame.size):
         b = group.frame[k]
         length, r = frames.length[b], skew(at(arm, k))
         V = velocity(group, arm, motion, k)
-        by_V, f = force_slope(group.coefficient[k], V), skew(force(group.coefficient[k], V))
+        by_V, f = slope_of(group, k, V), skew(load_of(group, k, V))
         c = frames.inverse_mass[b]
         by_W, lever = product(by_V, r), product(r, by_V)
         add_block(by_rate, group.block[k, 0], c, by_V)
@@ -135,22 +131,24 @@ def add_derivatives(
         add_block(by_place, group.block[k, 3], c / length**2, product(f, r))
 
 
-@kernel
+@optional()
 def add_power(
-    group: Drags,
+    group: PointForces,
     arm: np.ndarray,
     motion: FramesWorkspace,
     dt: float,
     total: np.ndarray,
 ) -> None:
-    """Add ``dt`` times the power [W] of each drag to its column of ``total`` [J]."""
+    """Add ``dt`` times the power [W] of each force to its column of ``total`` [J]."""
     for k in range(group.frame.size):
         V = velocity(group, arm, motion, k)
-        total[group.column[k]] += dot(force(group.coefficient[k], V), V) * dt
+        total[group.column[k]] += dot(load_of(group, k, V), V) * dt
 
 
 @kernel
-def displacement(group: Drags, arm: np.ndarray, frames: Frames, Z: np.ndarray, k: int) -> Vector:
+def displacement(
+    group: PointForces, arm: np.ndarray, frames: Frames, Z: np.ndarray, k: int
+) -> Vector:
     """Return the displacement u + dr of the point over the step."""
     b = group.frame[k]
     return add(
@@ -159,9 +157,9 @@ def displacement(group: Drags, arm: np.ndarray, frames: Frames, Z: np.ndarray, k
     )
 
 
-@kernel
+@optional()
 def mean_residual(
-    group: Drags,
+    group: PointForces,
     arm: np.ndarray,
     frames: Frames,
     h: float,
@@ -169,16 +167,16 @@ def mean_residual(
     Z: np.ndarray,
     F: np.ndarray,
 ) -> None:
-    """Subtract the mean drags from the equations of their bodies."""
+    """Subtract the mean forces from the equations of their bodies."""
     for k in range(group.frame.size):
         b = group.frame[k]
-        f = force(group.coefficient[k], scale(1.0 / h, displacement(group, arm, frames, Z, k)))
+        f = load_of(group, k, scale(1.0 / h, displacement(group, arm, frames, Z, k)))
         push(frames, dt2, F, b, f, cross(mean(frames, Z, b, at(arm, k)), f))
 
 
-@kernel
+@optional()
 def mean_jacobian(
-    group: Drags,
+    group: PointForces,
     arm: np.ndarray,
     frames: Frames,
     h: float,
@@ -190,13 +188,13 @@ def mean_jacobian(
     for k in range(group.frame.size):
         b = group.frame[k]
         V = scale(1.0 / h, displacement(group, arm, frames, Z, k))
-        by_V = force_slope(group.coefficient[k], V)
+        by_V = slope_of(group, k, V)
         T = end_tangent(frames, Z, b, at(arm, k))
         r = skew(mean(frames, Z, b, at(arm, k)))
         by_Q = product(by_V, T)
         c = dt2 * frames.inverse_mass[b]
         c_rotation = c / frames.length[b]
-        lever = skew_product(force(group.coefficient[k], V), T)
+        lever = skew_product(load_of(group, k, V), T)
         add_block(values, group.block[k, 0], -c / h, by_V)
         add_block(values, group.block[k, 1], c / h, by_Q)
         add_block(values, group.block[k, 2], -c_rotation / h, product(r, by_V))
@@ -204,12 +202,12 @@ def mean_jacobian(
         add_block(values, group.block[k, 3], -0.5 * c_rotation, lever)
 
 
-@kernel
+@optional()
 def mean_work(
-    group: Drags, arm: np.ndarray, frames: Frames, h: float, Z: np.ndarray, total: np.ndarray
+    group: PointForces, arm: np.ndarray, frames: Frames, h: float, Z: np.ndarray, total: np.ndarray
 ) -> None:
-    """Add the work [J] of each mean drag over the step to its column of ``total``."""
+    """Add the work [J] of each mean force over the step to its column of ``total``."""
     for k in range(group.frame.size):
         moved = displacement(group, arm, frames, Z, k)
-        f = force(group.coefficient[k], scale(1.0 / h, moved))
+        f = load_of(group, k, scale(1.0 / h, moved))
         total[group.column[k]] += dot(f, moved)

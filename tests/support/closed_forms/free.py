@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msahl.study.exact.elliptic import first_kind, jacobi, third_kind
-from msahl.study.exact.motion import Motion, SingleBody, about, parallel
+from tests.support.closed_forms.elliptic import first_kind, jacobi, third_kind
+from tests.support.closed_forms.motion import Motion, SingleBody, about, parallel
 
 SEPARATRIX = 1e-12
 """If 1 - m is below this value, the period is not defined by the given numbers."""

@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msahl.system.arrays import System, node_count
-from msahl.system.symbolic import fill
+from msahl.linalg.pattern import Pattern
+from msahl.linalg.symbolic import fill
 
 MOST = 9
 """Pivots of a supernode at most; more would be factored row by row, without the kernels of dense
@@ -70,7 +70,7 @@ class _Grouped(NamedTuple):
 
 
 def supernodes(
-    system: System, order: np.ndarray, rows: np.ndarray, columns: np.ndarray
+    pattern: Pattern, order: np.ndarray, rows: np.ndarray, columns: np.ndarray
 ) -> Supernodes:
     """Return the supernodes for the free unknowns in the ``order`` of elimination; ``rows`` and
     ``columns`` are those of the matrix's entries in that order.
@@ -78,7 +78,7 @@ def supernodes(
     nodes, begin = np.unique(order // 3, return_index=True)
     by_order = np.argsort(begin)
     nodes, begin = nodes[by_order], np.append(begin[by_order], order.size)
-    later = _later_nodes(system, nodes)
+    later = _later_nodes(pattern, nodes)
     grouped = _grouped(later, begin)
     start, column, width, lower = _places(grouped, rows, columns)
     update, updates = _updates(grouped)
@@ -94,13 +94,13 @@ def supernodes(
     )
 
 
-def _later_nodes(system: System, nodes: np.ndarray) -> list[np.ndarray]:
+def _later_nodes(pattern: Pattern, nodes: np.ndarray) -> list[np.ndarray]:
     """Return the later nodes that each of the ``nodes`` couples with when it is eliminated, all by
     their places in the order of elimination.
     """
-    position = np.full(node_count(system), -1)
+    position = np.full(pattern.nodes, -1)
     position[nodes] = np.arange(nodes.size)
-    a, b = position[system.blocks[1:]].T
+    a, b = position[pattern.blocks[1:]].T
     a, b = a[(a >= 0) & (b >= 0)], b[(a >= 0) & (b >= 0)]
     keys = np.unique(np.concatenate([a * nodes.size + b, b * nodes.size + a]))
     upper = fill(nodes.size, *np.divmod(keys, nodes.size)).upper

@@ -1,0 +1,1 @@
+"""Laws of forces, apart from where these act: at one configuration, in SI units."""

@@ -1,0 +1,1 @@
+"""Places where forces act, and the list of all forces of a system."""

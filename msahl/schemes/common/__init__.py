@@ -1,0 +1,1 @@
+"""What all schemes share: work arrays, criteria, accelerations at one time, tangents of steps."""

@@ -1,0 +1,3 @@
+"""The version of msahl."""
+
+VERSION = "0.1.0"

@@ -1,0 +1,73 @@
+"""What a kind of joint says of itself, and that no other part of the program says it."""
+
+import ast
+import re
+
+import numpy as np
+import pytest
+
+from msahl.joints.joint import CHILD, PARENT
+from msahl.joints.kind_properties import axis_sides, glyph
+from msahl.joints.registry import KINDS
+from tests.support.element_samples import JOINTS
+from tests.support.models import ROOT
+
+PACKAGE = ROOT / "msahl"
+NOT_A_JOINT = {
+    "deck/markers.py": {"distance"},
+    "deck/read.py": {"distance"},
+    "check/markers.py": {"distance"},
+    "system/names.py": {"distance"},
+    "post/scene/glyphs.py": {"distance"},
+    "run/column_units.py": {"distance"},
+    "system/topology.py": {"rigid"},
+}
+"""Files with the name of a kind as the name of something else: the distance of two markers, and
+strains of beams that cannot change."""
+CLOSED_FORMS = {
+    "study/exact/motion.py": {"spherical"},
+    "study/exact/oscillator.py": {"prismatic", "revolute"},
+}
+"""Closed forms hold for the mechanisms of textbooks, which have these joints."""
+
+
+def names_of_kinds():
+    """Names of kinds that stand as strings outside ``msahl/joints``, by file."""
+    found = {}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        if path.is_relative_to(PACKAGE / "joints"):
+            continue
+        nodes = ast.walk(ast.parse(path.read_text()))
+        texts = {n.value for n in nodes if isinstance(n, ast.Constant) and isinstance(n.value, str)}
+        if named := texts & set(KINDS):
+            found[str(path.relative_to(PACKAGE))] = named
+    return found
+
+
+def test_no_module_outside_joints_names_a_kind():
+    allowed = NOT_A_JOINT | CLOSED_FORMS
+    others = {file: names - allowed.get(file, set()) for file, names in names_of_kinds().items()}
+    assert not {file: names for file, names in others.items() if names}
+
+
+def test_no_script_of_the_viewer_names_a_kind():
+    for path in sorted((PACKAGE / "post" / "web").glob("*.js")):
+        if not path.name.endswith(".min.js"):
+            words = re.findall(r'"(\w+)"|^ *(\w+):', path.read_text(), flags=re.M)
+            assert not {text or key for text, key in words} & set(KINDS), path.name
+
+
+@pytest.mark.parametrize("name", [kind.name for kind in KINDS.values() if kind.axes == 1])
+def test_one_axis_for_both_sides_is_kept_on_both_or_used_on_one(name):
+    """Otherwise no deck could state a configuration in which the two axes differ."""
+    sides = axis_sides(KINDS[name])
+    rotations = [screw for screw in JOINTS[name].free if screw.rotating]
+    parallel = all(np.abs(np.cross(screw.axis, [0, 0, 1])).max() < 1e-12 for screw in rotations)
+    assert sides in [(PARENT,), (CHILD,)] or (sides == (PARENT, CHILD) and parallel)
+
+
+def test_glyphs_are_drawn_by_the_viewer():
+    script = (PACKAGE / "post" / "web" / "glyphs.js").read_text()
+    drawn = script.partition("const DRAWN = {")[2]
+    for kind in KINDS.values():
+        assert glyph(kind) == "roll" or f"\n  {glyph(kind)}: (" in drawn, kind.name
