@@ -1,12 +1,16 @@
 """Finds the time of an event by steps that are taken up to it."""
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
 MOST = 60
 """Most steps that are tried for one event: enough for bisection to the last digit."""
 ROUND_OFF = 4e-16
-"""Fraction of a time, and of the size of a margin, that is round-off."""
+"""Fraction of a time that is round-off."""
+NOISE = 1e-10
+"""Fraction of what a margin changes by in the interval, by its rate, below which a value that is more
+than half the last one is round-off: the secant gains more."""
 
 
 class NoStep(Exception):  # noqa: N818 - an outcome of the search
@@ -32,13 +36,16 @@ def time_of_zero(
     which the sign changes. The function is negative at ``low`` and positive at ``high``, up to the
     error of the dense output, and was called for the returned time last.
     """
-    t, last = guess if low < guess <= high else high, None
-    best: tuple[float, float] | None = None
+    t, best, noise = guess, (guess, math.inf), NOISE * abs(rate) * (high - low)
+    last: tuple[float, float] | None = None
+    if not low < guess <= high:
+        t = high
     for _ in range(MOST):
         value = function(t)
-        if best is None or abs(value) < abs(best[1]):
+        at_noise = last is not None and 0.5 * abs(last[1]) <= abs(value) <= noise
+        if abs(value) <= abs(best[1]):
             best = t, value
-        if value == 0.0:
+        if value == 0.0 or at_noise:
             break
         low, high = (t, high) if value < 0.0 else (low, t)
         if last is not None and last[0] != t and last[1] != value:
@@ -50,7 +57,6 @@ def time_of_zero(
         if abs(new - t) <= ROUND_OFF * abs(t) or not low < new < high:
             break
         t = new
-    assert best is not None
     if best[0] != t:
         function(best[0])
     return best[0]
