@@ -1,1 +1,1 @@
-"""Events: what is watched in a motion, by whom, and what follows when it happens."""
+"""Events: what can happen in a motion, who asks for it, and what follows when it does."""

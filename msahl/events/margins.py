@@ -1,4 +1,4 @@
-"""Margins: scalars of the motion that are watched, and the levels that they must not pass unseen.
+"""Margins: scalars of the motion, and the levels that they must not pass unseen.
 
 An event is that a scalar y of the motion reaches a level:
 

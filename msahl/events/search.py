@@ -9,7 +9,7 @@ MOST = 60
 ROUND_OFF = 4e-16
 """Fraction of a time that is round-off."""
 NOISE = 1e-10
-"""Fraction of what a margin changes by in the interval, by its rate, below which a value that is more
+"""Fraction of what a margin changes by in the interval, by its rate. A smaller value that is more
 than half the last one is round-off: the secant gains more."""
 
 

@@ -27,7 +27,7 @@ from msahl.run.report import COMPLETED, INTERRUPTED, NOT_CONVERGED, NOT_WRITTEN,
 from msahl.run.saved_run import restore_snapshot, take_snapshot
 from msahl.run.setup import RunSetup, build_setup, new_report
 from msahl.run.snapshot import SavedSteps, Snapshot, digest
-from msahl.run.stop import holds_at_start, margin_after, time_of_stop, words_of
+from msahl.run.stop import fulfilled_at_start, margin_after, time_of_stop, words_of
 from msahl.run.subsystem import SubsystemIntegrator
 from msahl.run.tables import ERROR, Sink
 from msahl.schemes.outcome import Stopped
@@ -172,7 +172,7 @@ class TimeLoop:
         at_start = OutputSchedule.at_ends(np.ones(1, dtype=bool))
         if self._finite_steps(1, at_start, np.zeros(1)) < 1:
             raise StartError(self.report.message)
-        if holds_at_start(setup.integrators):
+        if fulfilled_at_start(setup.integrators):
             raise StartError(stops_at_once(words_of(setup.model)))
         self.record = Record(setup.integrators, setup.output.grid.t_final)
         self.report.status = COMPLETED

@@ -16,7 +16,7 @@ from msahl.run.subsystem import SubsystemIntegrator
 from msahl.system.diagnostics import STOP
 
 
-def holds_at_start(integrators: Sequence[SubsystemIntegrator]) -> bool:
+def fulfilled_at_start(integrators: Sequence[SubsystemIntegrator]) -> bool:
     """Whether a condition holds in the first row of the monitors."""
     return any(of.workspace.monitor.rows[0, STOP] > 0.0 for of in integrators)
 

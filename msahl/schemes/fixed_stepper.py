@@ -25,7 +25,7 @@ from msahl.schemes.stepper import Advance, Chunk, Stepper
 from msahl.system import evaluate
 
 if TYPE_CHECKING:
-    from msahl.schemes.watching import Watching
+    from msahl.schemes.detection import Detection
 
 MAX_SUBDIVISIONS = 10
 LARGEST_DENSE = 300
@@ -41,7 +41,7 @@ class StepMethod(Protocol):
 
     workspace: Workspace
     degree: int  # of the polynomials; 0 for the schemes of order 2
-    watching: "Watching | None"  # None if the system has no margins
+    detection: "Detection | None"  # None if the system has no margins
 
     @property
     def kind(self) -> str:
@@ -165,14 +165,14 @@ class FixedStepper:
     def advance(self, chunk: Chunk, patience: float = math.inf) -> Advance:
         """See ``Stepper``."""
         k, outcome, event = chunk.first, Outcome(0.0, -1), None
-        began, watching = time.perf_counter(), self.method.watching
+        began, detection = time.perf_counter(), self.method.detection
         parts: dict[int, tuple[float, ...]] = {}
-        if watching:
-            watching.arm(self.armed)
+        if detection:
+            detection.arm(self.armed)
         while k < chunk.last:
             if self._uses_compiled_loop():
                 k = self.method.take_steps(chunk.h, k, chunk.last, chunk.schedule)
-                event = watching.event() if watching else None
+                event = detection.event() if detection else None
             if k < chunk.last:
                 if not (event and event.ends_run):
                     outcome, event, ends = self._take_single(chunk, k, event is None)
@@ -199,16 +199,16 @@ class FixedStepper:
         it, if it may), in parts if it has events, at whose fractions of the step these end. On
         failure, or if an event ends the run within the step, the state is as before.
         """
-        before, ends, watching = self._saved(), [0.0], self.method.watching
+        before, ends, detection = self._saved(), [0.0], self.method.detection
         self.reset_prediction()
         while True:
             rest, begin = 1.0 - ends[-1], self._saved()
-            if watching:
-                watching.begin()
+            if detection:
+                detection.begin()
             outcome = self._subdivide(rest * chunk.h, rest, tried and len(ends) == 1)
             if not outcome.converged:
                 break
-            event = watching.look() if watching and len(ends) < MAX_PARTS else None
+            event = detection.look() if detection and len(ends) < MAX_PARTS else None
             if event is None or event.ends_run:
                 break
             try:
@@ -229,8 +229,8 @@ class FixedStepper:
         """Take the part of a step ``h``, of which a fraction ``rest`` is left, that ends at the
         ``event``; return the fraction of the step that it is. Raises ``NoStep``.
         """
-        watching, since = self.method.watching, float(begin[0][0])
-        assert watching
+        detection, since = self.method.detection, float(begin[0][0])
+        assert detection
         sign = math.copysign(1.0, event.rate)
 
         def margin(tau: float) -> float:
@@ -238,7 +238,7 @@ class FixedStepper:
             self.reset_prediction()
             if not self._subdivide(tau * h, tau).converged:
                 raise NoStep
-            return sign * (watching.value(event.margin) - event.level)
+            return sign * (detection.value(event.margin) - event.level)
 
         guess = (event.guess - since) / h
         return time_of_zero(margin, guess, abs(event.rate) * h, 0.0, rest)

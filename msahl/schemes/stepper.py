@@ -29,8 +29,8 @@ A class that implements ``Stepper`` must
    solved along a path from shorter ones, and those divided;
 10. end a step, or a part of it, at every event that divides steps, and go on from there; and
     return an ``Event`` that ends the run, after ``arm``, in ``Advance.event``, with the steps
-    before the one in which it occurs. A system without margins (``events.margins``) is not
-    watched, and its steps cost nothing more.
+    before the one in which it occurs. Steps of a system without margins
+    (``events.margins``) cost nothing more.
 """
 
 import math

@@ -19,14 +19,14 @@ from tests.run.test_resume import advance as in_memory
 from tests.run.test_resume import bits, in_two_parts, same_run
 from tests.support.models import GROUND, body, build_model, simulate
 
-MASS, STIFFNESS, GAP = 2.0, 200.0, 0.3
+MASS, STIFFNESS, FREE = 2.0, 200.0, 0.3
 RATE = math.sqrt(STIFFNESS / MASS)
-HITS = GAP, GAP + math.pi / RATE
+HITS = FREE, FREE + math.pi / RATE
 
 
 def bouncing(count=1):
     """Bodies that slide at 1 m/s to springs 0.3 m away, which push and do not pull."""
-    table = Law("linear", (-1.0 - GAP, -GAP, -STIFFNESS, 0.0))
+    table = Law("linear", (-1.0 - FREE, -FREE, -STIFFNESS, 0.0))
     names = [f"Body {k}" for k in range(count)]
     bodies = [body(name, mass=MASS, velocity=(0.0, 0.0, -1.0)) for name in names]
     rails = [Joint(f"On {name}", "prismatic", GROUND.name, name, ZERO, ZERO) for name in names]
@@ -39,15 +39,15 @@ def bouncing(count=1):
 
 def exact(t):
     """The slide [m] at the times ``t``: free, half a period of the spring, free again."""
-    touching = -GAP - np.sin(RATE * (t - HITS[0])) / RATE
-    return np.select([t < HITS[0], t < HITS[1]], [-t, touching], t - HITS[1] - GAP)
+    touching = -FREE - np.sin(RATE * (t - HITS[0])) / RATE
+    return np.select([t < HITS[0], t < HITS[1]], [-t, touching], t - HITS[1] - FREE)
 
 
 @pytest.mark.parametrize(
     ("scheme", "order", "steps"), [("gauss2", 4, 0.05), ("gauss3", 6, 0.1), ("radau3", 5, 0.1)]
 )
 def test_given_steps_keep_their_order_at_breakpoints(scheme, order, steps):
-    """Without parts the error is that of a kink in the middle of a step, of order 2."""
+    """Without parts the error is that of a breakpoint in the middle of a step, of order 2."""
     errors = []
     for dt in (steps, 0.5 * steps):
         run = simulate(bouncing(), dt=dt, t_final=1.0, scheme=scheme, solver="newton", error="off")
@@ -142,7 +142,7 @@ def test_the_compiled_loop_is_left_at_events_only():
     assert integrator.workspace.tables.states[-1, 2] == pytest.approx(exact(1.0), abs=1e-9)
 
 
-def test_what_has_no_margins_is_not_watched():
+def test_what_has_no_margins_is_not_examined():
     model = bouncing()
     free = replace(model, loads=())
     _, advanced, calls = advance(free, "gauss", 3, 20)

@@ -47,7 +47,7 @@ from msahl.schemes.collocation import dense_output, newton
 from msahl.schemes.collocation.dense_output import StepEnd
 from msahl.schemes.collocation.newton import CollocationWorkspace
 from msahl.schemes.common.workspace import Workspace
-from msahl.schemes.step_events import Watch
+from msahl.schemes.step_events import Detector
 from msahl.system import evaluate
 from msahl.system.arrays import State
 from msahl.system.diagnostics import KINETIC, record_figures
@@ -145,7 +145,7 @@ def new_step_control(
 def take_pairs(
     subsystem: CollocationWorkspace,
     control: StepControl,
-    watch: Watch | None,
+    detector: Detector | None,
     order: int,
     last: int,
     times: np.ndarray,
@@ -160,13 +160,13 @@ def take_pairs(
     done, tried, figures = 0, 0, control.figures
     control.counts[ROWS] = 0
     if last == 0:
-        return int(try_pair(subsystem, control, watch, order, 0, False))
+        return int(try_pair(subsystem, control, detector, order, 0, False))
     while (tried + 2 <= last or done == 0) and control.counts[ROWS] < times.size:
         tried += 2
-        if try_pair(subsystem, control, watch, order, done, True):
+        if try_pair(subsystem, control, detector, order, done, True):
             done += 2
             write_rows(subsystem, control, times)
-        elif ends_run(watch) > 0.0 or figures[NEXT] < TOO_SMALL * figures[END]:
+        elif ends_run(detector) > 0.0 or figures[NEXT] < TOO_SMALL * figures[END]:
             break
     return done
 
@@ -175,7 +175,7 @@ def take_pairs(
 def try_pair(
     subsystem: CollocationWorkspace,
     control: StepControl,
-    watch: Watch | None,
+    detector: Detector | None,
     order: int,
     row: int,
     commit: bool,
@@ -190,14 +190,14 @@ def try_pair(
     h = pair_size(subsystem, figures[NEXT], left)
     copy_state(workspace.state, control.start)
     dense_output.save_end(subsystem.dense_output.begin, workspace)
-    begin_pair(watch, workspace)
-    if not take_pair(subsystem, control, watch, h, row):
+    begin_pair(detector, workspace)
+    if not take_pair(subsystem, control, detector, h, row):
         figures[NEXT] = figures[BEST] = 0.25 * h
         control.counts[REFUSED] += 1
         restore_start(subsystem, control)
         newton.reset_prediction(subsystem)
         return False
-    if commit and seek_event(watch, control, t, h) != NO_EVENT:
+    if commit and seek_event(detector, control, t, h) != NO_EVENT:
         restore_start(subsystem, control)
         restore_polynomials(subsystem, t, h)
         return False
@@ -205,7 +205,7 @@ def try_pair(
     good = choose_next_size(subsystem, control, order, h, error, round_off)
     if good and commit:
         accept_pair(control, row, h, error)
-        keep_margins(watch, workspace)
+        keep_margins(detector, workspace)
         if h == left and left < figures[END] - t:
             newton.reset_prediction(subsystem)
         return True
@@ -303,66 +303,66 @@ def largest_angular_speed(W: np.ndarray) -> float:
 
 
 @optional()
-def begin_pair(watch: Watch, workspace: Workspace) -> None:
+def begin_pair(detector: Detector, workspace: Workspace) -> None:
     """Save the margins at the start of a pair, if they are not known."""
-    watch.event[0] = -1
-    if watch.figures[step_events.KNOWN] != workspace.state.time[0]:
-        save_margins(watch, workspace, 0)
+    detector.event[0] = -1
+    if detector.figures[step_events.KNOWN] != workspace.state.time[0]:
+        save_margins(detector, workspace, 0)
 
 
 @optional()
-def save_margins(watch: Watch, workspace: Workspace, place: int) -> None:
+def save_margins(detector: Detector, workspace: Workspace, place: int) -> None:
     """Save the margins at the start (``place`` 0), the middle (1) or the end (2) of a pair."""
-    margins.set_values(watch.margins, workspace.system, workspace.start, watch.ends[place])
+    margins.set_values(detector.margins, workspace.system, workspace.start, detector.ends[place])
 
 
 @optional()
-def keep_margins(watch: Watch, workspace: Workspace) -> None:
+def keep_margins(detector: Detector, workspace: Workspace) -> None:
     """Let the margins at the end of an accepted pair be those at the start of the next one."""
-    for k in range(watch.low.size):
-        watch.ends[0, k] = watch.ends[2, k]
-    watch.figures[step_events.KNOWN] = workspace.state.time[0]
+    for k in range(detector.low.size):
+        detector.ends[0, k] = detector.ends[2, k]
+    detector.figures[step_events.KNOWN] = workspace.state.time[0]
 
 
 @optional(0.0)
-def ends_run(watch: Watch) -> float:
+def ends_run(detector: Detector) -> float:
     """1 if the run ends within the pair tried last."""
-    k = watch.event[0]
-    return 1.0 if k >= 0 and watch.margins.action[k] == END_OF_RUN else 0.0
+    k = detector.event[0]
+    return 1.0 if k >= 0 and detector.margins.action[k] == END_OF_RUN else 0.0
 
 
 @optional(0.0)
-def seek_event(watch: Watch, control: StepControl, t: float, h: float) -> float:
+def seek_event(detector: Detector, control: StepControl, t: float, h: float) -> float:
     """Look for an event in the pair of size ``h`` from ``t``, and set where the next one ends."""
-    figures, seen = control.figures, watch.figures
+    figures, seen = control.figures, detector.figures
     if control.counts[SOUGHT] > 0 and abs(t + h - figures[STOP]) <= REACHED * h:
-        return approach(watch, control, t)
-    output = watch.output
-    dense_output.copy_end(output.begin, watch.begin)
+        return approach(detector, control, t)
+    output = detector.output
+    dense_output.copy_end(output.begin, detector.begin)
     dense_output.copy_end(control.middle, output.end)
-    found = step_events.find_event(watch, 0)
+    found = step_events.find_event(detector, 0)
     if not found:
         dense_output.copy_end(control.middle, output.begin)
         dense_output.copy_end(control.end, output.end)
-        found = step_events.find_event(watch, 1)
-        dense_output.copy_end(watch.begin, output.begin)
+        found = step_events.find_event(detector, 1)
+        dense_output.copy_end(detector.begin, output.begin)
     if not found:
         return NO_EVENT
-    if ends_run(watch) > 0.0:
+    if ends_run(detector) > 0.0:
         return ENDS
     control.counts[SOUGHT] = 1
     figures[STOP] = seen[step_events.GUESS]
-    control.event[0] = watch.event[0]
+    control.event[0] = detector.event[0]
     return AGAIN
 
 
 @kernel
-def approach(watch: Watch, control: StepControl, t: float) -> float:
+def approach(detector: Detector, control: StepControl, t: float) -> float:
     """Set where the next pair from ``t`` ends after one that was to end at an event, unless that
     is at its level to round-off.
     """
-    figures, seen, k = control.figures, watch.figures, control.event[0]
-    end, value = control.end.time[0], watch.ends[2, k] - seen[step_events.LEVEL]
+    figures, seen, k = control.figures, detector.figures, control.event[0]
+    end, value = control.end.time[0], detector.ends[2, k] - seen[step_events.LEVEL]
     last_end, last = seen[step_events.LAST_TIME], seen[step_events.LAST_VALUE]
     near = value == 0.0
     if control.counts[SOUGHT] > 1 and end != last_end:
@@ -383,7 +383,7 @@ def approach(watch: Watch, control: StepControl, t: float) -> float:
 def take_pair(
     subsystem: CollocationWorkspace,
     control: StepControl,
-    watch: Watch | None,
+    detector: Detector | None,
     h: float,
     row: int,
 ) -> bool:
@@ -406,7 +406,7 @@ def take_pair(
             return False
         record_figures(system, state, start, 0.5 * h, workspace.monitor, row + half)
         dense_output.save_end(control.middle if half == 0 else control.end, workspace)
-        save_margins(watch, workspace, 1 + half)
+        save_margins(detector, workspace, 1 + half)
     return True
 
 

@@ -16,19 +16,19 @@ from msahl.events.margins import build_margins
 from msahl.jit.compiled import Call, compiled
 from msahl.jit.storage import Storage
 from msahl.model.scheme import COLLOCATION
-from msahl.schemes.collocation import dense_output, newton, step_control, watched_steps
+from msahl.schemes.collocation import dense_output, newton, step_control, steps_to_event
 from msahl.schemes.collocation.newton import CollocationWorkspace, new_collocation_workspace
 from msahl.schemes.collocation.step_control import ControlSettings
 from msahl.schemes.collocation.workspace import StageArrays
 from msahl.schemes.common.workspace import Workspace, kind_of
+from msahl.schemes.detection import Detection
 from msahl.schemes.outcome import Outcome, Requests
 from msahl.schemes.output_schedule import OutputSchedule
 from msahl.schemes.stepper import NO_TIMES, Advance, Chunk, Stepper
-from msahl.schemes.watching import Watching
 
 _take_steps = compiled(newton.take_steps)
 _record_step = compiled(newton.record_step)
-_take_watched_steps = compiled(watched_steps.take_steps)
+_take_steps_to_event = compiled(steps_to_event.take_steps)
 _take_pairs = compiled(step_control.take_pairs)
 
 NO_ROWS = np.zeros(0, dtype=np.int64)
@@ -51,7 +51,7 @@ class CollocationMethod:
         self.workspace, self.scheme = workspace, scheme
         self.storage = Storage() if storage is None else storage
         self.by_degree: dict[int, CollocationWorkspace] = {}
-        self.watched: dict[int, Watching | None] = {}
+        self.detections: dict[int, Detection | None] = {}
         self.set_degree(degree)
 
     @property
@@ -59,23 +59,23 @@ class CollocationMethod:
         """See ``StepMethod``."""
         kind = kind_of(self.workspace.system)
         friction = "" if self.subsystem.pressed is None else "-friction"
-        events = "-events" if self.watching else ""
+        events = "-events" if self.detection else ""
         return f"{kind}{friction}-collocation{events}"
 
     @property
     def calls(self) -> list[Call]:
         """See ``StepMethod``."""
         steps = 0.0, 0, 0, NO_ROWS, NO_TIMES
-        plain, watching = (_take_steps, (self.subsystem, *steps)), self.watching
-        if not watching:
+        plain, detection = (_take_steps, (self.subsystem, *steps)), self.detection
+        if not detection:
             return [plain]
         parts = (
             [plain, (_record_step, (self.subsystem, 0.0, 0, NO_ROWS, NO_TIMES))]
-            if watching.splits
+            if detection.splits
             else []
         )
-        watched = _take_watched_steps, (self.subsystem, watching.watch, *steps)
-        return [watched, *parts, *watching.calls]
+        given = _take_steps_to_event, (self.subsystem, detection.detector, *steps)
+        return [given, *parts, *detection.calls]
 
     @property
     def rare_calls(self) -> list[Call]:
@@ -105,12 +105,12 @@ class CollocationMethod:
         if degree not in self.by_degree:
             fresh = new_collocation_workspace(self.workspace, self.scheme, degree)
             self.by_degree[degree] = self.storage.place((self.scheme, degree), fresh)
-            self.watched[degree] = self._new_watching(self.by_degree[degree], degree)
-        self.subsystem, self.watching = self.by_degree[degree], self.watched[degree]
+            self.detections[degree] = self._new_detection(self.by_degree[degree], degree)
+        self.subsystem, self.detection = self.by_degree[degree], self.detections[degree]
         newton.reset_prediction(self.subsystem)
 
-    def _new_watching(self, subsystem: CollocationWorkspace, degree: int) -> Watching | None:
-        """What watches the margins, if there are any; steps of order 2 do not end at breakpoints,
+    def _new_detection(self, subsystem: CollocationWorkspace, degree: int) -> Detection | None:
+        """What detects events, if there can be any; steps of order 2 do not end at breakpoints,
         across which they have the same order.
         """
         splits = COLLOCATION[self.scheme].order(degree) > 2
@@ -118,13 +118,13 @@ class CollocationMethod:
         if margins is None:
             return None
         output, instant = subsystem.dense_output, subsystem.instant
-        return Watching(margins, self.workspace, output, instant, self.storage)
+        return Detection(margins, self.workspace, output, instant, self.storage)
 
     def take_steps(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:
         """See ``StepMethod``."""
-        if self.watching:
-            watched = self.subsystem, self.watching.watch, h, first, last
-            return int(_take_watched_steps(*watched, schedule.due, schedule.share))
+        if self.detection:
+            given = self.subsystem, self.detection.detector, h, first, last
+            return int(_take_steps_to_event(*given, schedule.due, schedule.share))
         return int(_take_steps(self.subsystem, h, first, last, schedule.due, schedule.share))
 
     def take_step(self, h: float, share: float) -> Outcome:
@@ -249,12 +249,12 @@ class AdaptiveStepper:
                 self.review = accepted + self.pause
                 self.pause = min(2 * self.pause, LONGEST_PAUSE)
             most = min(most, 2 * (self.review - accepted))
-        watching, event = self.method.watching, None
-        if watching:
-            watching.arm(self.armed)
+        detection, event = self.method.detection, None
+        if detection:
+            detection.arm(self.armed)
         done = self._take_pairs(max(2, most), chunk.times)
-        if watching:
-            seen = watching.event()
+        if detection:
+            seen = detection.event()
             event = seen if seen and seen.ends_run else None
         ends = self.control.ends[:done].copy()
         rows = int(self.control.counts[step_control.ROWS])
@@ -267,8 +267,8 @@ class AdaptiveStepper:
         return int(_take_pairs(*self._pairs(most, times)))
 
     def _pairs(self, most: int, times: np.ndarray) -> tuple[Any, ...]:
-        watch = self.method.watching.watch if self.method.watching else None
-        return self.method.subsystem, self.control, watch, self.order, most, times
+        detector = self.method.detection.detector if self.method.detection else None
+        return self.method.subsystem, self.control, detector, self.order, most, times
 
     @property
     def order(self) -> int:

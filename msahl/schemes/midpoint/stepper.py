@@ -17,7 +17,7 @@ from msahl.schemes.outcome import Outcome
 from msahl.schemes.output_schedule import OutputSchedule
 
 if TYPE_CHECKING:
-    from msahl.schemes.watching import Watching
+    from msahl.schemes.detection import Detection
 
 _take_steps = compiled(newton.take_steps)
 _take_step = compiled(newton.take_step)
@@ -42,23 +42,23 @@ class MidpointMethod:
         if instantaneous or workspace.tables.accelerations.shape[1]:
             instant = new_instant(workspace.system, publishes_reactions=instantaneous)
             self.instant = storage.place("instant", instant)
-        self.watching = _new_watching(workspace, storage)
+        self.detection = _new_detection(workspace, storage)
 
     @property
     def kind(self) -> str:
         """See ``StepMethod``."""
         kind = kind_of(self.workspace.system)
         kind += "-exponential" if self.workspace.system.frames.exponential else ""
-        kind += "-events" if self.watching else ""
+        kind += "-events" if self.detection else ""
         return kind if self.instant is None else f"{kind}-instantaneous"
 
     @property
     def calls(self) -> list[Call]:
         """See ``StepMethod``."""
         steps, rows = (0.0, 0, 0), np.zeros(0, dtype=np.int64)
-        if self.watching:
-            watched = self.workspace, self.instant, self.watching.watch, *steps, rows
-            return [(_watched_steps(), watched), *self.watching.calls]
+        if self.detection:
+            given = self.workspace, self.instant, self.detection.detector, *steps, rows
+            return [(_steps_to_event(), given), *self.detection.calls]
         if self.instant is None:
             return [(_take_steps, (self.workspace, *steps, rows))]
         return [(_take_steps_instantaneous, (self.workspace, self.instant, *steps, rows))]
@@ -91,9 +91,9 @@ class MidpointMethod:
     def take_steps(self, h: float, first: int, last: int, schedule: OutputSchedule) -> int:
         """See ``StepMethod``."""
         rows = schedule.ends()
-        if self.watching:
-            watched = self.workspace, self.instant, self.watching.watch, h, first, last, rows
-            return int(_watched_steps()(*watched))
+        if self.detection:
+            given = self.workspace, self.instant, self.detection.detector, h, first, last, rows
+            return int(_steps_to_event()(*given))
         if self.instant is None:
             return int(_take_steps(self.workspace, h, first, last, rows))
         return int(_take_steps_instantaneous(self.workspace, self.instant, h, first, last, rows))
@@ -134,22 +134,22 @@ class MidpointMethod:
             trend[:] = 0.0
 
 
-def _new_watching(workspace: Workspace, storage: Storage) -> "Watching | None":
-    """What watches the margins that end a run, if there are any: steps of order 2 have the same
+def _new_detection(workspace: Workspace, storage: Storage) -> "Detection | None":
+    """What detects the events that end a run, if there can be any: steps of order 2 have the same
     order across a breakpoint, and do not end there. The code is only loaded where it is needed.
     """
     margins = build_margins(workspace.system, splits=False)
     if margins is None:
         return None
     from msahl.schemes.collocation.dense_output import new_dense_output
-    from msahl.schemes.watching import Watching
+    from msahl.schemes.detection import Detection
 
     output = storage.place("dense output", new_dense_output(workspace, order=2, decays=False))
-    return Watching(margins, workspace, output, None, storage)
+    return Detection(margins, workspace, output, None, storage)
 
 
 @cache
-def _watched_steps() -> Any:
-    from msahl.schemes.midpoint.watched_steps import take_steps
+def _steps_to_event() -> Any:
+    from msahl.schemes.midpoint.steps_to_event import take_steps
 
     return compiled(take_steps)

@@ -5,13 +5,13 @@ import numpy as np
 from msahl.jit.kernel import kernel
 from msahl.schemes.collocation import newton
 from msahl.schemes.collocation.newton import CollocationWorkspace
-from msahl.schemes.step_events import Watch, begin_step, has_event
+from msahl.schemes.step_events import Detector, begin_step, has_event
 
 
 @kernel
 def take_steps(
     subsystem: CollocationWorkspace,
-    watch: Watch,
+    detector: Detector,
     h: float,
     first: int,
     last: int,
@@ -22,10 +22,10 @@ def take_steps(
     taken.
     """
     for step in range(first, last):
-        begin_step(watch, subsystem.workspace)
+        begin_step(detector, subsystem.workspace)
         if not newton.take_step(subsystem, h):
             return step
-        if has_event(watch, subsystem.workspace):
+        if has_event(detector, subsystem.workspace):
             newton.reset_prediction(subsystem)
             return step
         newton.record_step(subsystem, h, step, due, share)

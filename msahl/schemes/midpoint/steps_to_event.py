@@ -8,14 +8,14 @@ from msahl.schemes.common.accelerations import Instant
 from msahl.schemes.common.workspace import Workspace, record_step
 from msahl.schemes.midpoint import newton
 from msahl.schemes.outcome import TOLERANCE
-from msahl.schemes.step_events import Watch, begin_step, has_event
+from msahl.schemes.step_events import Detector, begin_step, has_event
 
 
 @kernel
 def take_steps(
     workspace: Workspace,
     instant: Instant | None,
-    watch: Watch,
+    detector: Detector,
     h: float,
     first: int,
     last: int,
@@ -25,9 +25,9 @@ def take_steps(
     return at a step with an event, which is not taken.
     """
     for k in range(first, last):
-        begin_step(watch, workspace)
+        begin_step(detector, workspace)
         residual, _ = newton.take_step(workspace, h, 1.0)
-        if not residual <= TOLERANCE or has_event(watch, workspace):
+        if not residual <= TOLERANCE or has_event(detector, workspace):
             return k
         record_step(workspace, h, k, rows[k])
         if rows[k] >= 0:
