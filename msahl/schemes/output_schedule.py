@@ -42,8 +42,8 @@ class OutputSchedule:
         return OutputSchedule(due, self.share[: due[-1]])
 
     def part(self, step: int, begin: float, end: float) -> "OutputSchedule":
-        """The rows from the fraction ``begin`` to the fraction ``end`` of a ``step``, as if this part
-        were the step.
+        """The rows from the fraction ``begin`` to ``end`` of a ``step``, as if this part were the
+        step.
         """
         due = self.due.copy()
         rows = self.share[due[step] : due[step + 1]]
